@@ -21,7 +21,7 @@ import numpy as np
 from pipeline.arrays import Floats
 from pipeline.flow.parameters import Curve, Number, Values, Vector, number_at
 from pipeline.formula import TIME, Expression, time_values
-from render.base.serialise import NOT_PLAIN
+from render.base.serialise import NOT_PLAIN, OMIT_DEFAULT
 
 Ease = Callable[[float], float]
 
@@ -203,6 +203,7 @@ class Envelope:
     normalise  loudest: its highest value is 1; full_scale: 1 is a sine of full scale
     interval   seconds between levels
     levels     from the beginning of the sound on, at least 0
+    silence    seconds that timestamps in the file leave empty
     """
 
     digest: str
@@ -212,6 +213,7 @@ class Envelope:
     normalise: Normalisation
     interval: float = field(compare=False, repr=False, metadata=NOT_PLAIN)
     levels: tuple[float, ...] = field(compare=False, repr=False, metadata=NOT_PLAIN)
+    silence: float = field(default=0.0, repr=False, metadata=OMIT_DEFAULT)
 
     @property
     def is_silent(self) -> bool:

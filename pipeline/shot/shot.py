@@ -15,7 +15,7 @@ from pipeline.errors import UsageError, shortened, suggestion
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.shot.camera_path import CameraPath, Shutter
 from pipeline.shot.motion import Loop, Motion
-from render.base.serialise import NOT_PLAIN
+from render.base.serialise import NOT_PLAIN, OMIT_DEFAULT
 from render.post.view import ACES, ColourView
 from render.scene.aovs import AOVS, EXTRA
 from render.scene.materials import Material
@@ -127,6 +127,7 @@ class SoundTrack:
     start              second of the shot or film at which it begins; a negative start cuts its beginning
     gain               decibels
     fade_in, fade_out  seconds
+    silence            seconds that timestamps in the file leave empty, before its sound and within
     """
 
     file: Path = field(metadata=NOT_PLAIN)
@@ -135,6 +136,7 @@ class SoundTrack:
     gain: float = 0.0
     fade_in: float = 0.0
     fade_out: float = 0.0
+    silence: float = field(default=0.0, metadata=OMIT_DEFAULT)
 
 
 @dataclass(frozen=True)

@@ -237,11 +237,14 @@ def _sounds(document: ShotDocument, context: ParseContext) -> tuple[SoundTrack, 
         return (document.sound.build(context.folder),)
     if document.sound == "off":
         return ()
-    starts: dict[str, tuple[float, Path]] = {}
-    for path, start in context.sounds:
-        digest = context.digests[path]
-        starts[digest] = min(starts.get(digest, (start, path)), (start, path))
-    return tuple(SoundTrack(path.absolute(), digest, start) for digest, (start, path) in starts.items())
+    earliest: dict[str, tuple[float, Path, float]] = {}
+    for sound in context.sounds:
+        digest = context.digests[sound[1]]
+        earliest[digest] = min(earliest.get(digest, sound), sound)
+    return tuple(
+        SoundTrack(path.absolute(), digest, start, silence=silence)
+        for digest, (start, path, silence) in earliest.items()
+    )
 
 
 def read_clock(source: YamlSource) -> tuple[Clock | None, list[Problem]]:

@@ -13,7 +13,6 @@ import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +20,14 @@ from numpy.typing import NDArray
 from render.base.input_files import require_input
 from render.base.limited_process import ParserError, answer_about_content, serve
 from render.base.render_errors import BadInputError
-from render.movie.movie_sound import MOST_BYTES, opened_sound, reading_error, resampled, unreadable
+from render.movie.movie_sound import (
+    MOST_BYTES,
+    TIMED,
+    SoundSource,
+    opened_sound,
+    reading_error,
+    unreadable,
+)
 
 SHORTEST_WINDOW, SHORTEST_HOP = 0.025, 0.005  # seconds
 
@@ -38,11 +44,13 @@ class BandLevel:
     interval  seconds
     levels    (N,) at least 0; a sine of full scale has the level 1
     seconds   length of the sound
+    silence   seconds of it that are in no file: before its sound and within; see `SoundSource`
     """
 
     interval: float
     levels: NDArray[np.float64]
     seconds: float
+    silence: float = 0.0
 
 
 def band_level(file: Path, digest: str, low: float, high: float) -> BandLevel:
@@ -55,7 +63,9 @@ def band_level(file: Path, digest: str, low: float, high: float) -> BandLevel:
     """
     require_input(file, MOST_BYTES)
     try:
-        text = answer_about_content("render.movie.band_level", file, digest, "av", repr(low), repr(high))
+        text = answer_about_content(
+            "render.movie.band_level", file, digest, "av", repr(low), repr(high), TIMED
+        )
     except ParserError as error:
         raise unreadable(file, error) from None
     answer = json.loads(text)
@@ -65,24 +75,24 @@ def band_level(file: Path, digest: str, low: float, high: float) -> BandLevel:
             f"{answer['rate'] / 2:g} Hz, and the band begins at {low:g} Hz; lower the band"
         )
     levels = np.array(answer["steps"], dtype=np.float64) * (answer["highest"] / STEPS)
-    return BandLevel(answer["interval"], levels, answer["seconds"])
+    return BandLevel(answer["interval"], levels, answer["seconds"], answer["silence"])
 
 
-def _analysed(file: str, low: str, high: str) -> bytes:
+def _analysed(file: str, low: str, high: str, _timed: str = TIMED) -> bytes:
     """Answer the levels of a band as JSON. Raises ValueError for a file that cannot be read."""
     try:
-        with opened_sound(Path(file)) as (container, stream):
-            return _levels(container, stream, float(low), float(high))
+        with opened_sound(Path(file)) as source:
+            return _levels(source, float(low), float(high))
     except Exception as error:
         raise ValueError(reading_error(error)) from None
 
 
-def _levels(container: Any, stream: Any, low: float, high: float) -> bytes:
-    rate = int(stream.rate)
+def _levels(source: SoundSource, low: float, high: float) -> bytes:
+    rate = int(source.stream.rate)
     window = max(SHORTEST_WINDOW, 8.0 / (high - low))
     size, hop = round(window * rate), round(max(SHORTEST_HOP, window / 8.0) * rate)
     weights = _weights(size, rate, low, high)
-    parts = resampled(container, stream, stream.layout, rate)
+    parts = source.resampled(source.stream.layout, rate)
     count, found = 0, []
     for windows, read in _windows(parts, size, hop):
         count = read
@@ -93,7 +103,7 @@ def _levels(container: Any, stream: Any, low: float, high: float) -> bytes:
     levels = np.sqrt(2.0 * np.concatenate(found))
     highest = float(f"{levels.max():.6g}")
     steps = np.rint(levels * (STEPS / highest)).astype(int) if highest else np.zeros(len(levels), int)
-    times = {"rate": rate, "interval": hop / rate, "seconds": count / rate}
+    times = {"rate": rate, "interval": hop / rate, "seconds": count / rate, "silence": source.silence}
     return json.dumps({**times, "highest": highest, "steps": steps.tolist()}).encode()
 
 

@@ -27,6 +27,12 @@ MOST_BYTES = 4 << 30  # size of the largest file
 _SLOWEST, _FASTEST = 1000, 768_000
 """Samples per second of a file; others are damaged, and resampling them takes forever."""
 
+TIMED = "with gaps"
+"""Part of questions about sounds: silence stands where timestamps leave a gap."""
+
+_SHORTEST_GAP, _LONGEST_GAP = 0.05, 86_400.0
+"""Seconds: timestamps of many containers are rounded, and what is beyond a day is damaged."""
+
 _CONTAINERS = {
     "format_whitelist": "wav,w64,aiff,au,caf,flac,mp3,ogg,aac,ac3,eac3,mov,matroska,asf,wv,tta,ape",
     "protocol_whitelist": "file",
@@ -61,9 +67,22 @@ def require_sound(file: Path) -> float:
     Raises MissingInputError where there is no such file, BadInputError where it holds no sound that can
     be read to its end.
     """
+    return _counts(file)[0] / RATE
+
+
+def silence_in(file: Path) -> float:
+    """Return the seconds of silence that a file's timestamps ask for, before its sound or within.
+
+    Raises as `require_sound`.
+    """
+    return _counts(file)[1]
+
+
+def _counts(file: Path) -> tuple[int, float]:
+    """Return the samples of a file, and the seconds without sound among them."""
     require_input(file, MOST_BYTES)
     facts = file.stat()
-    return _count_samples(file, facts.st_mtime_ns, facts.st_size) / RATE
+    return _measured(file, facts.st_mtime_ns, facts.st_size)
 
 
 def blocks(sound: Sound, seconds: Fraction) -> Iterator[Samples]:
@@ -99,10 +118,11 @@ def _placed(file: Path, start: int) -> Iterator[Samples]:
         yield from (np.zeros((2, min(BLOCK, start - n)), np.float32) for n in range(0, start, BLOCK))
     skip = max(0, -start)
     try:
-        for samples in _decoded(file):
-            kept = samples[:, skip:]
-            skip -= samples.shape[1] - kept.shape[1]
-            yield kept
+        with opened_sound(file) as source:
+            for samples in _decoded(source):
+                kept = samples[:, skip:]
+                skip -= samples.shape[1] - kept.shape[1]
+                yield kept
     except Exception as error:  # damaged files raise errors of FFmpeg, of numpy and others
         raise unreadable(file, reading_error(error)) from None
 
@@ -119,17 +139,16 @@ def _in_blocks(parts: Iterator[Samples], total: int) -> Iterator[Samples]:
         held, total = held[:, size:], total - size
 
 
-def _decoded(file: Path) -> Iterator[Samples]:
-    """Decode a sound file as stereo of 48 kHz."""
-    with opened_sound(file) as (container, stream):
-        layout = "mono" if stream.channels == 1 else "stereo"  # FFmpeg makes one channel in two quieter
-        for samples in resampled(container, stream, layout, RATE):
-            yield np.broadcast_to(samples, (2, samples.shape[1]))
+def _decoded(source: SoundSource) -> Iterator[Samples]:
+    """Decode a sound as stereo of 48 kHz."""
+    layout = "mono" if source.stream.channels == 1 else "stereo"  # FFmpeg makes one channel in two quieter
+    for samples in source.resampled(layout, RATE):
+        yield np.broadcast_to(samples, (2, samples.shape[1]))
 
 
 @contextmanager
-def opened_sound(file: Path) -> Iterator[tuple[Any, Any]]:
-    """Open a sound file; yield FFmpeg's container and its first stream of sound.
+def opened_sound(file: Path) -> Iterator[SoundSource]:
+    """Open a sound file; yield the first stream of sound in it.
 
     imageio reads no files without pictures, so FFmpeg does. Raises ValueError where there is no sound in it,
     or it was cut off, and errors of FFmpeg: call it in a process of its own (`render.base.limited_process`).
@@ -143,23 +162,67 @@ def opened_sound(file: Path) -> Iterator[tuple[Any, Any]]:
             stream = container.streams.audio[0]
             if not _SLOWEST <= stream.rate <= _FASTEST:
                 raise ValueError(f"it has {stream.rate} samples a second")
-            yield container, stream
+            yield SoundSource(container, stream)
 
 
-def resampled(container: Any, stream: Any, layout: Any, rate: int) -> Iterator[NDArray[np.float32]]:
-    """Yield the samples (channels, N) of a stream in a layout of channels, at a rate in samples per second.
+@dataclass
+class SoundSource:
+    """A stream of sound in FFmpeg's container. Its time 0 is where the container begins, as players have it.
 
-    Raises ValueError for samples that are not finite, and errors of FFmpeg.
+    silence  seconds without sound before it and within, as far as it was read
     """
-    resampler, count = av.AudioResampler(format="fltp", layout=layout, rate=rate), 0
-    for frame in itertools.chain(container.decode(stream), [None]):
-        for part in resampler.resample(frame):
-            samples = np.asarray(part.to_ndarray(), dtype=np.float32)
-            if not np.isfinite(samples).all():
-                bad = count + int(np.argmin(np.isfinite(samples).all(axis=0)))
-                raise ValueError(f"its sample at {bad / rate:.4g} s is not a finite number")
-            count += samples.shape[1]
-            yield samples
+
+    container: Any
+    stream: Any
+    silence: float = 0.0
+
+    def resampled(self, layout: str, rate: int) -> Iterator[NDArray[np.float32]]:
+        """Yield samples (channels, N) in a layout of channels, at a rate in samples per second.
+
+        Raises ValueError for samples that are not finite, and errors of FFmpeg.
+        """
+        resampler, count = av.AudioResampler(format="fltp", layout=layout, rate=rate), 0
+        for frame in itertools.chain(self._frames(), [None]):
+            for part in resampler.resample(frame):
+                samples = np.asarray(part.to_ndarray(), dtype=np.float32)
+                if not np.isfinite(samples).all():
+                    bad = count + int(np.argmin(np.isfinite(samples).all(axis=0)))
+                    raise ValueError(f"its sample at {bad / rate:.4g} s is not a finite number")
+                count += samples.shape[1]
+                yield samples
+
+    def _frames(self) -> Iterator[av.AudioFrame]:
+        """Yield the frames of the stream one after another, with silence where their timestamps leave gaps.
+
+        Where timestamps turn back, as in files that were joined, the sound goes on.
+        """
+        end: float | None = None
+        for frame in self.container.decode(self.stream):
+            if (time := frame.time) is not None:
+                if end is None or abs(time - end) > _SHORTEST_GAP:
+                    yield from self._silence(frame, self._begin(time) if end is None else end)
+                    end = time
+                end += frame.samples / frame.sample_rate
+            yield frame
+
+    def _begin(self, first: float) -> float:
+        """Return the time at which the container begins, or that of the first frame if it does not say."""
+        start = self.container.start_time
+        return first if start is None else float(start / av.time_base)
+
+    def _silence(self, frame: av.AudioFrame, end: float) -> Iterator[av.AudioFrame]:
+        """Yield silence between a time and a frame, in its form. Raises ValueError if it is over a day."""
+        rate, seconds = frame.sample_rate, max(0.0, frame.time - end)
+        if seconds > _LONGEST_GAP:
+            raise ValueError(f"it has nothing for {seconds:.4g} s")
+        count = round(seconds * rate)
+        self.silence += count / rate
+        for first in range(0, count, rate):
+            silent = av.AudioFrame(frame.format.name, frame.layout.name, min(rate, count - first))
+            silent.sample_rate, silent.time_base = rate, frame.time_base
+            for plane in silent.planes:
+                plane.update(bytes([128 if frame.format.name[:2] == "u8" else 0]) * plane.buffer_size)
+            yield silent
 
 
 def reading_error(error: Exception) -> str:
@@ -173,22 +236,26 @@ def unreadable(file: Path, reason: object) -> BadInputError:
 
 
 @lru_cache(maxsize=16)
-def _count_samples(file: Path, _modified: int, _size: int) -> int:
-    """Return the number of samples of a file, counted once for each content."""
+def _measured(file: Path, _modified: int, _size: int) -> tuple[int, float]:
+    """Return what `_counted` answers, asked once for each content."""
     try:
-        return int(answer_about_content("render.movie.movie_sound", file, digest_of_file(file), "av"))
+        answer = answer_about_content("render.movie.movie_sound", file, digest_of_file(file), "av", TIMED)
     except ParserError as error:
         raise unreadable(file, error) from None
+    count, silence = answer.split()
+    return int(count), float(silence)
 
 
-def _counted(file: str) -> bytes:
+def _counted(file: str, _timed: str = TIMED) -> bytes:
+    """Answer the number of samples of a file, and the seconds of silence among them."""
     try:
-        count = sum(part.shape[1] for part in _decoded(Path(file)))
+        with opened_sound(Path(file)) as source:
+            count = sum(part.shape[1] for part in _decoded(source))
     except Exception as error:
         raise ValueError(reading_error(error)) from None
     if not count:
         raise ValueError("it holds none")
-    return str(count).encode()
+    return f"{count} {source.silence:.6g}".encode()
 
 
 class AudioStream:

@@ -116,7 +116,7 @@ def _field(path: Path) -> None:
     read_samples((path,))
 
 
-def _decodable(path: Path, answer: Callable[[str], bytes], module: str, library: str) -> str:
+def _decodable(path: Path, answer: Callable[[str], bytes], module: str, library: str, *options: str) -> str:
     """Ask in this process what `answer_about_content` asks in another, and store the answer."""
     from importlib.metadata import version
 
@@ -127,7 +127,8 @@ def _decodable(path: Path, answer: Callable[[str], bytes], module: str, library:
     with parsing(path, "a file of its kind", ""):
         answered = answer(str(path))
     store_answer(
-        cache_path("parsed", [module, library, version(library), digest]), {"answer": answered.decode()}
+        cache_path("parsed", [module, library, version(library), digest, *options]),
+        {"answer": answered.decode()},
     )
     return digest
 
@@ -152,7 +153,7 @@ def _sound(path: Path) -> None:
 
     from render.movie import movie_sound as sound
 
-    _decodable(path, sound._counted, "render.movie.movie_sound", "av")
+    _decodable(path, sound._counted, "render.movie.movie_sound", "av", sound.TIMED)
     for _ in sound.blocks(sound.Sound(path, 0.1, fade_out=0.1), Fraction(2)):
         pass
 

@@ -531,10 +531,10 @@ def _counted(frames: Iterator[Frame], passed: Callable[[], None]) -> Iterator[Fr
 def audio_track(file: Path) -> AudioTrack:
     """Return a sound file as audio track. Raises MissingImageError or CorruptImageError."""
     from render.base.input_files import digest_of_file
-    from render.movie.movie_sound import require_sound
+    from render.movie.movie_sound import silence_in
 
-    require_sound(file)
-    return AudioTrack(str(file.absolute()), digest_of_file(file))
+    silence = silence_in(file)
+    return AudioTrack(str(file.absolute()), digest_of_file(file), silence=silence)
 
 
 def lost_frames(deliveries: Sequence[Delivery]) -> list[str]:

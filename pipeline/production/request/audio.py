@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from pipeline.errors import FrameError
 from pipeline.frames import FrameRate
 from render.base.input_files import digest_of_file
+from render.base.serialise import OMIT_DEFAULT, to_plain
 
 if TYPE_CHECKING:
     from pipeline.shot.shot import SoundTrack
@@ -24,6 +25,7 @@ class AudioTrack:
     start    seconds into the shot or film; below 0 its beginning is left out
     gain     decibels
     fade_in, fade_out  seconds
+    silence  seconds that timestamps in the file leave empty
     """
 
     file: str
@@ -32,6 +34,7 @@ class AudioTrack:
     gain: float = 0.0
     fade_in: float = 0.0
     fade_out: float = 0.0
+    silence: float = field(default=0.0, metadata=OMIT_DEFAULT)
 
     @classmethod
     def of(cls, track: SoundTrack) -> AudioTrack:
@@ -40,7 +43,7 @@ class AudioTrack:
     @property
     def content(self) -> dict[str, Any]:
         """All that decides the sound, which the place of the file does not."""
-        return {name: value for name, value in asdict(self).items() if name != "file"}
+        return {name: value for name, value in to_plain(self).items() if name != "file"}
 
     @property
     def is_unchanged(self) -> bool:

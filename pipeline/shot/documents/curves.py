@@ -117,9 +117,9 @@ class _FollowsSound(Document):
         from render.movie.band_level import band_level  # imports PyAV, which takes time
 
         path = context.file(self.audio)
-        context.sounds.append((path, self.start))
         low, high = BANDS[self.band] if isinstance(self.band, str) else self.band
         level = as_finding(lambda: band_level(path, context.digests[path], low, high))
+        context.sounds.append((self.start, path, level.silence))
         envelope = Envelope(
             digest=context.digests[path],
             band=(low, high),
@@ -128,6 +128,7 @@ class _FollowsSound(Document):
             normalise="full_scale" if self.normalise == "full_scale" else "loudest",
             interval=level.interval,
             levels=tuple(level.levels.tolist()),
+            silence=level.silence,
         )
         if envelope.is_silent:
             context.notes.append(

@@ -147,10 +147,15 @@ class SoundDocument(Document):
         return self
 
     def build(self, folder: Path) -> SoundTrack:
-        """Return the sound; its file is relative to `folder`. Raises MissingInputError."""
+        """Return the sound; its file is relative to `folder`.
+
+        Raises MissingInputError or BadInputError where it cannot be read.
+        """
+        from render.movie.movie_sound import silence_in
+
         file = (folder / self.file).absolute()
-        values = self.model_dump(exclude={"file"})
-        return SoundTrack(file, digest_of_file(file), **{name: float(v) for name, v in values.items()})
+        values = {name: float(value) for name, value in self.model_dump(exclude={"file"}).items()}
+        return SoundTrack(file, digest_of_file(file), **values, silence=silence_in(file))
 
 
 def _require_mapping(value: Any) -> Any:

@@ -37,14 +37,14 @@ class ParseContext:
     folder      of the shot file; files that it names are relative to it
     allow_code  True if Python files that it names may run
     digests     SHA-256 of the contents of the files that documents have opened
-    sounds      files that values follow, and the second of the shot at which each begins
+    sounds      of files that values follow: start in the shot (s), path, and silence that a track has (s)
     notes       remarks on files, for the user
     """
 
     folder: Path = Path()
     allow_code: bool = False
     digests: dict[Path, str] = field(default_factory=dict)
-    sounds: list[tuple[Path, float]] = field(default_factory=list)
+    sounds: list[tuple[float, Path, float]] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
     @classmethod
