@@ -20,6 +20,7 @@ from pipeline.mesh.read import model_files
 from pipeline.plugin import fault_of_plugin
 from pipeline.shot.yaml.messages import problems_of
 from pipeline.shot.yaml.named_files import is_folder, is_there, shown
+from pipeline.shot.yaml.number_order import in_order
 from pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource
 from render.base.input_files import digest_of_file, kind_of_path
 
@@ -79,7 +80,7 @@ class ParseContext:
         return path
 
     def files(self, name: str) -> tuple[Path, ...]:
-        """Return the path of a file, or the sorted paths that match a name whose last part has a *.
+        """Return the path of a file, or the paths in order that match a name whose last part has a *.
 
         Whoever reads the files hashes them and notes their digests.
         """
@@ -89,7 +90,7 @@ class ParseContext:
         try:
             if "**" in name:  # from Python 3.13 on, glob takes it for one *
                 raise ValueError
-            paths = sorted(path for path in folder.glob(Path(name).name) if is_there(path))
+            paths = [path for path in folder.glob(Path(name).name) if is_there(path)]
         except (OSError, ValueError):
             raise finding(
                 f"file {shown(name)} is not a name of a sequence; each * stands for any letters. "
@@ -97,7 +98,7 @@ class ParseContext:
             ) from None
         if not paths:
             raise finding(f"no file matches {shown(name)} in {shown(folder)}. Correct the name.")
-        return tuple(paths)
+        return in_order(paths, self.notes.append)
 
 
 def missing_file(name: str, path: Path, kind: str = "file") -> str:
