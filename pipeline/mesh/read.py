@@ -28,7 +28,7 @@ from pipeline.mesh.ply_files import read_polygon_file
 from pipeline.mesh.validation import twin_corners, validate
 from pipeline.mesh.winding import Winding, detached_corners, find_winding, link_sides
 from pipeline.plugin import named, plugins
-from render.base.input_files import digest_of_file, joint_digest, opened_input, require_input
+from render.base.input_files import digest_of_file, joint_digest, opened_input, other_content, require_input
 from render.scene.painted_faces import PaintReader
 
 _PLY = MeshFormat(  # a reader left out strips of triangles
@@ -118,6 +118,7 @@ def read_surface(path: str | Path, repair: bool = True, part: ScenePart | None =
     readers = {} if form is None else {suffix_of(path): _reader(form, part)}
     loaded = read_by_suffix(path, readers, "a mesh format", mesh_suffixes())
     if len(loaded.corners) == 0:
+        _require_own_content(path)
         rest = "".join(f"; {note}" for note in loaded.notes)
         raise MeshError(f"{path}: it has no faces; a surface needs at least one triangle{rest}")
     _require_cuttable(path, loaded)
@@ -231,14 +232,21 @@ def read_by_suffix(
     try:
         with np.errstate(all="ignore"):  # numbers that are not finite are reported with their position
             return readers[suffix](path)
-    except MeshError as error:
-        raise MeshError(f"{path}: {error}") from None
-    except FlowsculptError:
-        raise
     except Exception as error:  # readers raise whatever their parsers do
+        if isinstance(error, FlowsculptError) and not isinstance(error, MeshError):
+            raise
+        _require_own_content(path)
+        if isinstance(error, MeshError):
+            raise MeshError(f"{path}: {error}") from None
         raise MeshError(
             f"{path}: cannot be read as {suffix.upper()} ({reason_of(error)}). Copy or export it again."
         ) from error
+
+
+def _require_own_content(path: Path) -> None:
+    """Raise MeshError where the content of a file is that of files with other suffixes."""
+    if other := other_content(path):
+        raise MeshError(f"{path}: it is {other}, not a model in {path.suffix}. Download or export it again.")
 
 
 _DANGLING = 0.01

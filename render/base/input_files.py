@@ -9,6 +9,7 @@ from __future__ import annotations
 import errno
 import hashlib
 import os
+import re
 import shutil
 import stat
 from collections.abc import Iterator, Sequence
@@ -23,6 +24,31 @@ MOST_BYTES = 8 << 30
 """Size of the largest file that is read."""
 
 _MOST_HASHED = 1 << 40  # size of the largest file that is hashed; movies are of any length
+
+_POINTERS, _LARGEST_POINTER = (b"version https://git-lfs.github.com/spec/", b"version https://hawser."), 1024
+"""Beginnings of the pointers that Git LFS puts in place of files, and their largest size, bytes."""
+
+_CONTENTS = (
+    (rb"\s*(?:<!--.*?-->\s*)?<(?:!doctype\s+html|html)\b", "an HTML page", ()),
+    (rb"PK(?:\x03\x04|\x05\x06)", "a ZIP archive", ("3mf", "usdz", "npz")),
+    (rb"\x1f\x8b", "a gzip archive", ()),
+    (rb"7z\xbc\xaf\x27\x1c|Rar!\x1a", "a 7z or RAR archive", ()),
+    (rb"\0\x05\x16\x07", "a file that macOS writes beside another (AppleDouble)", ()),
+    (rb"bplist00", "a property list of macOS, as of a file that is only in iCloud", ()),
+    (rb"%PDF-", "a PDF", ()),
+    (rb"glTF", "a GLB", ("glb", "gltf")),
+    (rb"Kaydara FBX Binary", "an FBX", ("fbx",)),
+    (rb"PXR-USDC|#usda ", "a USD stage", ("usd", "usda", "usdc")),
+    (rb"BLENDER", "a file of Blender", ()),
+    (rb"ply\r?\n", "a PLY", ("ply",)),
+    (rb"\x89PNG|\xff\xd8\xff", "a PNG or JPEG", ("png", "jpg", "jpeg")),
+    (rb"\xabKTX ", "a KTX texture", ()),
+    (rb"....ftyp(?:avif|avis|heic|mif1)", "an AVIF or HEIC picture", ()),
+    (rb"\0+\Z", "nothing but bytes of 0, so its copy was not finished", ()),
+)
+"""Beginnings of contents that files have by mistake, what they are, and suffixes that they belong to."""
+
+_BEGINNING = 1 << 12  # bytes by which contents are known
 
 _KINDS = (
     (stat.S_ISDIR, "a folder"),
@@ -45,18 +71,22 @@ def kind_of_path(path: Path) -> str:
 def require_input(path: Path, most: int = MOST_BYTES) -> int:
     """Return the size of a regular file.
 
-    Raises MissingInputError where there is none, BadInputError where it has more than `most` bytes, and
-    MachineError where the disk fails.
+    Raises MissingInputError where there is none, or a pointer of Git LFS; BadInputError where it has more than
+    `most` bytes, and MachineError where the disk fails.
     """
     kind = kind_of_path(path)
     if kind:
         raise MissingInputError(f"{path}: it is {kind}; it must be a regular file. Name another.")
     try:
         size = path.stat().st_size
+        is_pointer = 0 < size <= _LARGEST_POINTER and path.read_bytes().startswith(_POINTERS)
     except FileNotFoundError:
         raise MissingInputError(f"{path}: file not found; check the path") from None
     except (OSError, ValueError) as error:
         raise _unreadable(path, error) from None
+    if is_pointer:
+        fact = "it is a pointer of Git LFS, and the file itself is not there"
+        raise MissingInputError(f"{path}: {fact}. Run git lfs pull.")
     if size > most:
         raise BadInputError(f"{path}: it has {size_of(size)}; files of up to {size_of(most)} are read")
     return size
@@ -119,6 +149,20 @@ def digest_of_file(path: Path) -> str:
     return digest.hexdigest()
 
 
+def other_content(path: Path) -> str:
+    """Return what the content of a file is where its suffix says otherwise: `an HTML page`; else nothing."""
+    try:
+        with opened_input(path) as (file, _):
+            head = file.read(_BEGINNING)
+    except FlowsculptError:
+        return ""
+    suffix = path.suffix.lower().lstrip(".")
+    for beginning, name, own in _CONTENTS:
+        if re.match(beginning, head, re.DOTALL | re.IGNORECASE):
+            return "" if suffix in own else name
+    return ""
+
+
 def joint_digest(digests: Sequence[str]) -> str:
     """Return the digest of several files: of one alone its own, else the SHA-256 of all digests."""
     return digests[0] if len(digests) == 1 else hashlib.sha256("\n".join(digests).encode()).hexdigest()
@@ -132,7 +176,9 @@ def parsing(path: Path, kind: str, remedy: str) -> Iterator[None]:
     except FlowsculptError:
         raise
     except Exception as error:  # parsers and decompressors raise anything
-        raise BadInputError(f"{path}: cannot be read as {kind} ({reason_of(error)}). {remedy}") from error
+        other = other_content(path)
+        reason = f"it is {other}" if other else reason_of(error)
+        raise BadInputError(f"{path}: cannot be read as {kind} ({reason}). {remedy}") from error
 
 
 def size_of(count: int) -> str:

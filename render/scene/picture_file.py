@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.input_files import parsing
+from render.base.input_files import other_content, parsing
 from render.base.render_errors import BadInputError, reason_of
 from render.scene.picture_layers import ExrPart, Layer, choose_layer
 from render.scene.rgb_spaces import RgbEncoding, encoding_of, encoding_of_icc, linear_of_srgb, power, same
@@ -410,6 +410,8 @@ def opened_picture(path: str, kinds: str, *options: Any) -> Iterator[OpenedPictu
             reason = last_message(oiio)
             if b"FORMAT=32-bit_rle_xyze" in _header_of(path):  # OpenImageIO finds no format in such a file
                 reason = "its pixels are in CIE XYZ"
+            elif other := other_content(Path(path)):
+                reason = f"it is {other}"
             raise BadInputError(f"{path}: it cannot be read as a picture ({reason}); write an {kinds}")
         try:
             yield OpenedPicture(file, path)

@@ -8,7 +8,7 @@ import trimesh
 
 from pipeline.errors import MachineError, MeshError, MissingInputError
 from pipeline.mesh import box, icosphere, read_mesh, require
-from pipeline.mesh.read import model_files
+from pipeline.mesh.read import mesh_suffixes, model_files
 from pipeline.plugins.interchange.mesh_writers import write_mesh
 from render.base.input_files import digest_of_file
 
@@ -98,3 +98,35 @@ def test_the_digest_of_a_model_moves_only_where_an_earlier_reader_misread_it(
     files = model_files(tmp_path / name)
     assert files.files == ((tmp_path / name, digest_of_file(tmp_path / name)),)
     assert (files.digest != digest_of_file(tmp_path / name)) == was_misread
+
+
+_POINTER = f"version https://git-lfs.github.com/spec/v1\noid sha256:{7:064}\nsize 12345\n".encode()
+
+
+@pytest.mark.parametrize("suffix", mesh_suffixes())
+def test_a_pointer_of_git_lfs_is_named_as_such_in_place_of_any_model(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"m.{suffix}"
+    path.write_bytes(_POINTER)
+    for read in read_mesh, model_files:
+        with pytest.raises(MissingInputError, match=r"pointer of Git LFS.*git lfs pull"):
+            read(path)
+
+
+@pytest.mark.parametrize(
+    ("content", "fact"),
+    [
+        (b"\n<!DOCTYPE html><title>404</title>", "an HTML page"),
+        (b"\x1f\x8b\x08\0\0\0\0\0", "a gzip archive"),
+        (b"PK\x03\x04\x14\0", "a ZIP archive"),
+        (b"\0\x05\x16\x07\0\x02\0\0Mac OS X", "a file that macOS writes beside another"),
+        (b"bplist00\xd1", "a property list of macOS"),
+        (bytes(4096), "nothing but bytes of 0"),
+    ],
+)
+@pytest.mark.parametrize("suffix", ["glb", "obj", "stl", "ply", "dae", "fbx"])
+def test_content_of_another_kind_is_named_in_place_of_a_model(
+    tmp_path: Path, suffix: str, content: bytes, fact: str
+) -> None:
+    (tmp_path / f"m.{suffix}").write_bytes(content)
+    with pytest.raises(MeshError, match=f"it is {fact}"):
+        read_mesh(tmp_path / f"m.{suffix}")
