@@ -71,8 +71,8 @@ def kind_of_path(path: Path) -> str:
 def require_input(path: Path, most: int = MOST_BYTES) -> int:
     """Return the size of a regular file.
 
-    Raises MissingInputError where there is none, or a pointer of Git LFS; BadInputError where it has more than
-    `most` bytes, and MachineError where the disk fails.
+    Raises MissingInputError where there is none, or a pointer of Git LFS, BadInputError where it has more
+    than `most` bytes, and MachineError where the disk fails.
     """
     kind = kind_of_path(path)
     if kind:

@@ -1,13 +1,18 @@
 """Models in 3MF packages, .3mf (3MF Consortium, Core Specification 1.3 and Production Extension 1.1).
 
 The triangles of the objects that the build names are read, in place. Colours, textures and slices are not.
+Slicers keep parts in a package that are no part of the shape: Bambu Studio, OrcaSlicer and PrusaSlicer list
+them in files beside the models, Cura in the metadata of objects. They are left out.
 """
 
 from __future__ import annotations
 
 import io
 import zipfile
+from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
 from typing import NamedTuple
 from urllib.parse import unquote
 
@@ -15,7 +20,7 @@ import numpy as np
 
 from pipeline.arrays import Floats
 from pipeline.errors import MeshError, brief, shortened
-from pipeline.mesh.mesh_formats import FileSurface, MeshFormat, reader_of
+from pipeline.mesh.mesh_formats import FileSurface, MeshFormat, ModelFiles, reader_of
 from pipeline.plugins.interchange.scene_readers import (
     PlacedMeshes,
     Polygons,
@@ -23,8 +28,13 @@ from pipeline.plugins.interchange.scene_readers import (
     one_file,
     require_vertices,
 )
-from pipeline.plugins.interchange.xml_elements import limited_parser, local_name, parse_elements
-from render.base.input_files import size_of
+from pipeline.plugins.interchange.xml_elements import (
+    Element,
+    limited_parser,
+    local_name,
+    parse_elements,
+)
+from render.base.input_files import joint_digest, size_of
 
 MOST_OBJECTS = 50_000  # objects that are visited; those of components count each time
 
@@ -47,7 +57,29 @@ _UNITS = {
 _HARMLESS = ("/core/", "/production/", "/material/", "/trianglesets/")
 """Parts of the namespaces of extensions that leave the shape as its triangles are."""
 
-_SUPPORTS = ("support", "solidsupport")
+_LEFT_OUT = {"support": "support", "solidsupport": "support", "other": "other object"}
+"""Types of objects that are not printed, or not as parts of the model, and what they are called."""
+
+_BAMBU, _PRUSA = "Metadata/model_settings.config", "Metadata/Slic3r_PE_model.config"
+"""The files in which slicers say what the parts of objects are."""
+
+_MODIFIER, _BLOCKER, _ENFORCER, _NEGATIVE = "modifier", "support blocker", "support enforcer", "negative part"
+
+_KINDS = {
+    "modifier_part": _MODIFIER,
+    "parametermodifier": _MODIFIER,
+    "negative_part": _NEGATIVE,
+    "negativevolume": _NEGATIVE,
+    "support_blocker": _BLOCKER,
+    "supportblocker": _BLOCKER,
+    "support_enforcer": _ENFORCER,
+    "supportenforcer": _ENFORCER,
+    "infill_mesh": _MODIFIER,
+    "cutting_mesh": _MODIFIER,
+    "support_mesh": "support",
+    "anti_overhang_mesh": _BLOCKER,
+}
+"""What slicers call parts that are no part of the shape, in small letters."""
 
 
 class _Reference(NamedTuple):
@@ -61,7 +93,10 @@ class _Reference(NamedTuple):
 
 @dataclass
 class _Object:
-    """An object: triangles, or components that place others."""
+    """An object: triangles, or components that place others.
+
+    setting  what a slicer has it for, where it is no part of the shape
+    """
 
     kind: str
     line: int
@@ -70,6 +105,7 @@ class _Object:
     materials: list[tuple[str | None, ...]] = field(default_factory=list)
     components: list[_Reference] = field(default_factory=list)
     lattices: int = 0
+    setting: str = ""
     polygons: Polygons | None = None
 
 
@@ -99,7 +135,16 @@ def read_threemf(content: bytes) -> FileSurface:
     return joined(package.placed.parts, package.notes())._replace(unit=_UNITS[part.unit])
 
 
-THREEMF = MeshFormat(reader_of(read_threemf), one_file(lambda path, digest: "z"), states_up=True)
+def _files(path: Path) -> ModelFiles:
+    """Return the one file of a model. A reader once took all parts of those with settings of a slicer."""
+    found = one_file(lambda path, digest: "z")(path)
+    with suppress(OSError, ValueError, zipfile.BadZipFile), zipfile.ZipFile(path) as archive:
+        if any(name in (_BAMBU, _PRUSA) or name.startswith("Cura/") for name in archive.namelist()):
+            return found._replace(digest=joint_digest(["parts of slicers", found.digest]))
+    return found
+
+
+THREEMF = MeshFormat(reader_of(read_threemf), _files, states_up=True)
 
 
 @dataclass
@@ -110,6 +155,37 @@ class _Package:
     placed: PlacedMeshes = field(default_factory=PlacedMeshes)
     _parts: dict[str, _ModelPart] = field(default_factory=dict)
     _visited: int = 0
+
+    @cached_property
+    def settings(self) -> dict[tuple[str, str], str]:
+        """What the components of objects are that are no part of the shape, by the ids of both."""
+        return {
+            (item.attributes.get("id", ""), part.attributes.get("id", "")): kind
+            for item in self._settings_of(_BAMBU)
+            for part in item.all("part")
+            if (kind := _KINDS.get(part.attributes.get("subtype", "").lower()))
+        }
+
+    @cached_property
+    def volumes(self) -> dict[str, list[tuple[int, int, str]]]:
+        """First and last triangle of what is no part of the shape, and what that is, by the object's id."""
+        found: dict[str, list[tuple[int, int, str]]] = {}
+        for item in self._settings_of(_PRUSA):
+            for volume in item.all("volume"):
+                given = {each.attributes.get("key"): each.attributes for each in volume.all("metadata")}
+                kind = _KINDS.get(given.get("volume_type", {}).get("value", "").lower())
+                if kind is None and given.get("modifier", {}).get("value") == "1":
+                    kind = _MODIFIER
+                if kind:
+                    first, last = (int(volume.attributes.get(name, -1)) for name in ("firstid", "lastid"))
+                    found.setdefault(item.attributes.get("id", ""), []).append((first, last, kind))
+        return found
+
+    def _settings_of(self, name: str) -> list[Element]:
+        """Return the objects of a file of settings; none where the package does not have it."""
+        if name not in self.archive.namelist():
+            return []
+        return list(parse_elements(self._read(name)).all("object"))
 
     def root(self) -> str:
         """Return the name of the part that the package begins with."""
@@ -154,22 +230,37 @@ class _Package:
         found = part.objects.get(reference.object_id)
         if found is None:
             raise MeshError(f"{place}: {name} has no object {shortened(reference.object_id)}")
-        if found.kind in _SUPPORTS:
-            self.placed.left_out["support"] += 1
+        if kind := found.setting or _LEFT_OUT.get(found.kind):
+            self.placed.left_out[kind] += 1
             return
         self.placed.left_out["beam lattice"] += found.lattices
         if found.polygons is None and not found.components and not found.lattices:
             self.placed.left_out["object without triangles"] += 1
         matrix = reference.matrix @ parent
         if found.polygons is not None:
-            self.placed.add(found.polygons, matrix)
+            self.placed.add(self._without_volumes(found.polygons, reference.object_id), matrix)
         for component in found.components:
-            self.add(component, name, matrix, depth + 1)
+            kind = self.settings.get((reference.object_id, component.object_id))
+            if kind:
+                self.placed.left_out[kind] += 1
+            else:
+                self.add(component, name, matrix, depth + 1)
+
+    def _without_volumes(self, polygons: Polygons, object_id: str) -> Polygons:
+        """Return the triangles of an object without those that are no part of the shape."""
+        dropped = np.zeros(len(polygons.sides), bool)
+        for first, last, kind in self.volumes.get(object_id, []):
+            dropped[max(first, 0) : max(last + 1, 0)] = True
+            self.placed.left_out[kind] += 1
+        return polygons.without(dropped) if dropped.any() else polygons
 
     def notes(self) -> list[str]:
         """Return lines about what was not read as other programs show it."""
         words = self.placed.left_out_words
-        return [f"left out, as only the triangles of models are read: {words}"] if words else []
+        notes = [f"left out, as only the triangles of models are read: {words}"] if words else []
+        if self.placed.left_out[_NEGATIVE]:
+            notes.append("negative parts are not subtracted; subtract them in the program that made the file")
+        return notes
 
 
 def _part_name(path: str) -> str:
@@ -179,12 +270,20 @@ def _part_name(path: str) -> str:
 def _parsed_part(name: str, content: bytes) -> _ModelPart:
     """Return a model part. Raises MeshError with part and line."""
     part = _ModelPart()
-    current, core = _Object("", 0), ""
+    current, core, setting = _Object("", 0), "", ""
+
+    def text(value: str) -> None:
+        if setting and value.strip().lower() in ("true", "1"):
+            current.setting = current.setting or _KINDS[setting]
 
     def read(tag: str, given: dict[str, str]) -> None:
-        nonlocal current, core
+        nonlocal current, core, setting
+        setting = ""
         if local_name(tag) == "model":
             core = tag.removesuffix("model")
+        elif local_name(tag) in ("metadata", "setting"):  # of an object of Cura
+            word = local_name(given.get("name", given.get("key", ""))).lower()
+            setting = word if word in _KINDS else ""
         elif local_name(tag) == "beamlattice":
             current.lattices += 1
         match tag.removeprefix(core):  # slices of extensions have vertices too
@@ -215,11 +314,14 @@ def _parsed_part(name: str, content: bytes) -> _ModelPart:
             raise MeshError(f"{name}, line {parser.CurrentLineNumber}: {fault}") from None
 
     def end(tag: str) -> None:
+        nonlocal setting
+        setting = ""
         if tag == f"{core}object":
             current.polygons = _polygons(current, name)
             current.points, current.triangles, current.materials = [], [], []
 
     parser = limited_parser(start, end)
+    parser.CharacterDataHandler = text
     parser.Parse(content, True)
     return part
 

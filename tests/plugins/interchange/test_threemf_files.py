@@ -12,6 +12,8 @@ import pytest
 
 from pipeline.errors import MeshError
 from pipeline.mesh.read import model_files, read_surface, usual_up
+from pipeline.plugins.interchange.threemf_files import read_threemf
+from render.base.input_files import digest_of_file
 
 RELATIONS = '<Relationships><Relationship Target="/3D/a.model" Type="http://x/3dmodel"/></Relationships>'
 CORNERS = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
@@ -35,12 +37,17 @@ def model_part(objects: str, items: str = '<item objectid="1"/>', given: str = "
     )
 
 
-def package(path: Any, **parts: str) -> Any:
-    """Write a package of model parts by name, `a` as the first, to a path or file; return which."""
+def package(path: Any, settings: tuple[str, str] | None = None, **parts: str) -> Any:
+    """Write a package of model parts by name, `a` as the first, to a path or file; return which.
+
+    settings  name and content of a slicer's file of settings
+    """
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("_rels/.rels", RELATIONS)
         for name, content in parts.items():
             archive.writestr(f"3D/{name}.model", content)
+        if settings is not None:
+            archive.writestr(f"Metadata/{settings[0]}.config", f"<config>{settings[1]}</config>")
     return path
 
 
@@ -85,6 +92,67 @@ def test_edges_between_materials_are_creases_and_supports_are_left_out(tmp_path:
     )
     read = read_surface(path)
     assert read.faces == 4 and "1 support" in read.notes[0]
+
+
+_TWO = '<object id="3"><components><component objectid="1"/><component objectid="2"/></components></object>'
+
+
+@pytest.mark.parametrize(
+    ("setting", "word"),
+    [
+        ("support_blocker", "support blocker"),
+        ("support_enforcer", "support enforcer"),
+        ("modifier_part", "modifier"),
+        ("negative_part", "negative part"),
+    ],
+)
+def test_parts_of_bambu_studio_that_are_no_part_of_the_shape_are_left_out(
+    tmp_path: Path, setting: str, word: str
+) -> None:
+    listed = f'<object id="3"><part id="1" subtype="normal_part"/><part id="2" subtype="{setting}"/></object>'
+    content = model_part(corner(1) + corner(2) + _TWO, '<item objectid="3"/>')
+    path = package(tmp_path / "a.3mf", ("model_settings", listed), a=content)
+    read = read_surface(path)
+    assert read.faces == 4 and f"1 {word}" in read.notes[0]
+    assert ("not subtracted" in read.notes[-1]) == (setting == "negative_part")
+    assert model_files(path).digest != digest_of_file(path), "its meshes were stored with all parts"
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "faces"),
+    [
+        ("volume_type", "ParameterModifier", 4),
+        ("volume_type", "SupportBlocker", 4),
+        ("volume_type", "NegativeVolume", 4),
+        ("modifier", "1", 4),
+        ("volume_type", "ModelPart", 8),
+    ],
+)
+def test_volumes_of_prusa_slicer_that_are_no_part_of_the_shape_are_left_out(
+    tmp_path: Path, key: str, value: str, faces: int
+) -> None:
+    second = f'<volume firstid="4" lastid="7"><metadata type="volume" key="{key}" value="{value}"/></volume>'
+    listed = f'<object id="1"><volume firstid="0" lastid="3"/>{second}</object>'
+    twice = corner(1, FACES + FACES)
+    path = package(tmp_path / "a.3mf", ("Slic3r_PE_model", listed), a=model_part(twice))
+    assert _faces_of(path) == faces
+
+
+@pytest.mark.parametrize("name", ["infill_mesh", "support_mesh", "anti_overhang_mesh", "cutting_mesh"])
+@pytest.mark.parametrize("value", ["True", "False"])
+def test_meshes_of_cura_that_are_no_part_of_the_shape_are_left_out(
+    tmp_path: Path, name: str, value: str
+) -> None:
+    setting = f'<metadatagroup><metadata name="cura:{name}">{value}</metadata></metadatagroup>'
+    second = corner(2).replace('<object id="2">', f'<object id="2">{setting}')
+    items = '<item objectid="1"/><item objectid="2" transform="1 0 0 0 1 0 0 0 1 9 0 0"/>'
+    path = package(tmp_path / "a.3mf", a=model_part(corner(1) + second, items))
+    assert _faces_of(path) == (4 if value == "True" else 8)
+
+
+def _faces_of(path: Path) -> int:
+    """Return the number of faces of a model, as its reader returns them."""
+    return len(read_threemf(path.read_bytes()).offsets) - 1
 
 
 def test_vertices_of_slices_and_lattices_are_no_vertices_of_the_mesh(tmp_path: Path) -> None:
