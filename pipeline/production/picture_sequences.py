@@ -12,12 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.errors import UsageError
 from pipeline.frames import FrameRange
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.frame_states import PICTURE_STAGES, picture_states
 from pipeline.production.planning.timings import render_seconds
 from pipeline.production.request.keys import PictureKeys
-from pipeline.production.request.lookup import is_quality
+from pipeline.production.request.lookup import is_quality, options_of
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.shot_source import ShotSource
 from pipeline.production.stages import STAGES
@@ -141,6 +142,25 @@ class SequenceGrid:
     sequences: tuple[PictureSequence, ...]
 
 
+def begun(project: Project, path: Path) -> Iterator[RenderRequest]:
+    """Yield the request of a shot at each quality, crop and scale that has a folder, as it was finished.
+
+    A crop that the shot's pictures of today cannot have is left out, with a note to the project.
+    """
+    home = project.root / Folders.of_shot(path.stem).home
+    for name in sorted(place.name for place in home.glob("*/") if is_quality(place.name)):
+        request = project.request(path, name)
+        try:
+            _ = request.quality
+        except UsageError:
+            project.notes.append(
+                f"{path.stem}: pictures of {options_of(name)} are left out; the shot's pictures have no "
+                "such part today. Repeat the --set that they were rendered with to include them."
+            )
+        else:
+            yield project.as_finished(request)
+
+
 @dataclass(frozen=True)
 class SequenceQuery:
     """A shot whose sequences are wanted, at these qualities; at all qualities if there are none."""
@@ -154,11 +174,8 @@ class SequenceQuery:
         return not self.qualities or quality in self.qualities
 
     def requests(self) -> Iterator[RenderRequest]:
-        """Yield the request of each quality that has finished frames, with the layers of these."""
-        home = self.project.root / Folders.of_shot(self.path.stem).home
-        for quality in sorted(place.parent.name for place in home.glob("*/frames")):
-            if is_quality(quality) and self.includes(quality):
-                yield self.project.as_finished(self.project.request(self.path, quality))
+        """Yield the request of each quality that was begun, with the layers of its finished frames."""
+        return (each for each in begun(self.project, self.path) if self.includes(each.quality_name))
 
     def rendered(self, request: RenderRequest, kind: str, label: str) -> PictureSequence:
         """Return the frames of a request that are rendered, and the faults of the others."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -97,3 +98,17 @@ def test_a_wedge_shows_pictures_of_several_shapes_side_by_side(there: Project) -
     sheet = read_png(there.root / path)
     vacant = np.count_nonzero((sheet == 38).all(axis=2))
     assert vacant == pytest.approx(2 * 65 * 48, rel=0.05), "places hold the largest of each side"
+
+
+def test_review_and_validate_leave_out_a_crop_of_pictures_that_were_larger(finished: ProjectFolder) -> None:
+    home = finished.path / "renders" / NAME
+    shutil.copytree(home / QUALITY, home / "draft.crop0-0-400-400")
+    (home / "tmp" / "frames").mkdir(parents=True)
+    reviewed = finished.call("review", NAME)
+    assert reviewed.code == 0 and "1 sequence, 6 pictures" in reviewed.out
+    assert reviewed.err.count("-q draft --crop 0,0,400,400 are left out") == 1
+    assert "Repeat the --set" in reviewed.err
+    assert finished.call("validate", NAME).code == 0
+    assert finished.call("--dry-run", "clean").code == 0
+    larger = finished.call("--dry-run", "review", NAME, "--set", "picture.size=[3840,3840]")
+    assert larger.code == 0 and "left out" not in larger.err

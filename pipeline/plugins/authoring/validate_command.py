@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Annotated, Any
 
 from pipeline.animation.flow_cost import flows_of
@@ -25,10 +24,9 @@ from pipeline.long_computations import Progress, reporting_to
 from pipeline.plugins.authoring.first_frame import FirstFrame, FirstFrames
 from pipeline.plugins.authoring.scene_rules import Finding, findings, loop_report
 from pipeline.production.execution.project import Project
-from pipeline.production.picture_sequences import light_notes, shown_picture, white
+from pipeline.production.picture_sequences import begun, light_notes, shown_picture, white
 from pipeline.production.request.keys import picture_keys
-from pipeline.production.request.lookup import NO_SHOTS, edit_names, find_edit, find_shot, shot_names
-from pipeline.production.store.paths import Folders
+from pipeline.production.request.lookup import NO_SHOTS, crop_of, edit_names, find_edit, find_shot, shot_names
 from pipeline.shot import Motion, Shot, read_film, read_shot
 from pipeline.shot.subject_checks import SubjectView, subject_views
 from pipeline.shot.yaml.inheritance import inherited
@@ -145,15 +143,13 @@ def _check(name: str, settings: tuple[str, ...], first_frames: FirstFrames) -> _
 def _light(common: Common, name: str, settings: tuple[str, ...]) -> list[str]:
     """Return what is to be said about the light of a shot, by up to LOOKED_AT of its finished frames.
 
-    They are those of its draft if there is one.
+    They are whole pictures, those of its draft if there are any.
     """
     project = Project(common.root, common.cores, settings=settings, profile=common.profile)
-    home = common.root / Folders.of_shot(Path(name).stem).home
-    qualities = sorted(place.parent.name for place in home.glob("*/frames"))
-    found = next((quality for quality in ("draft", *qualities) if quality in qualities), None)
-    if found is None:
+    whole = [each for each in begun(project, find_shot(name)) if crop_of(each.quality_name) is None]
+    if not whole:
         return []
-    request = project.as_finished(project.request(find_shot(name), found))
+    request = min(whole, key=lambda each: each.quality_name != "draft")
     keys = picture_keys(request, project.store)
     there = [n for n in sorted(request.angles) if (common.root / request.place("frame", n)).exists()]
     looked_at = there[:: -(-len(there) // LOOKED_AT) or 1]

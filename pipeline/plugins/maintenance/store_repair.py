@@ -16,10 +16,10 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
-from pipeline.errors import FlowsculptError, UsageError
+from pipeline.errors import FlowsculptError
 from pipeline.plugins.maintenance.verify import ShownFile, StoredFile, inode, shown_files
 from pipeline.production.execution.project import Project
-from pipeline.production.planning.frame_states import is_begun
+from pipeline.production.picture_sequences import begun
 from pipeline.production.planning.plan import Plan
 from pipeline.production.planning.planner import Planner
 from pipeline.production.request.edit import Edit
@@ -37,7 +37,7 @@ from pipeline.production.request.render_request import FORMS, RenderRequest
 from pipeline.production.store.paths import PLANS, RENDERS
 from pipeline.production.store.store import Key, Store
 from render.base.serialise import from_plain
-from render.scene.render_quality import QUALITIES
+from render.scene.render_quality import DEFAULT_QUALITY
 
 Film = tuple[Edit, list[RenderRequest]]
 """An edit at one quality, and the requests of its clips."""
@@ -50,19 +50,12 @@ def begun_requests(project: Project, warn: Callable[[str], object]) -> Iterator[
     """
     for name in shot_names():
         try:
-            read = project.at_qualities(find_shot(name))
-            requests = [project.as_finished(request) for request in read]
+            path = find_shot(name)
+            requests = list(begun(project, path)) or [project.request(path, DEFAULT_QUALITY)]
         except FlowsculptError as error:
             warn(str(error))
             continue
-        crops_and_scales = {*_qualities(project.root / RENDERS / name)} - {*QUALITIES}
-        for each in sorted(crops_and_scales):
-            with suppress(UsageError):  # a crop of pictures that had another shape
-                request = replace(read[0], quality_name=each)
-                _ = request.quality  # raises it
-                requests.append(project.as_finished(request))
-        begun = [request for request in requests if is_begun(request, project.store)]
-        yield from begun or requests[:1]
+        yield from requests
 
 
 def begun_films(project: Project) -> Iterator[Film]:

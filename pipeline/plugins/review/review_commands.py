@@ -75,7 +75,11 @@ def review(
             raise UsageError(f"{each}: --notes takes one file; write it before each file, shots without")
     project = options.project(common)
     search = Search(project, tuple(qualities or ()), History.of(common.root))
-    material = [search.shot(shot) for shot in dict.fromkeys(shots)]
+    try:
+        material = [search.shot(shot) for shot in dict.fromkeys(shots)]
+    finally:
+        for note in dict.fromkeys(project.notes):
+            print_warning(note)
     folder = NotesFolder(common.root)
     added = folder.add(notes or (), common.dry_run)
     written = merged(*(folder.notes(shot.request.name) for shot in material))
