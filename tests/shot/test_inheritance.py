@@ -217,7 +217,7 @@ SET = [
     ("camera.azimuth={keys: {99: 3}}",
      "key 99 is outside of the shot, which has frames 1-49 (2.042 s). Move it inside."),
     ("nonsense", "not a setting; it must be name=value, such as flows.0.twist.amount=90"),
-    ("title.first=3", "title is A, not a mapping with first. Set title={first: …}."),
+    ("title.first=3", "title is A, not a mapping with first. Set title={first: …} in its place."),
     ("lights.exposure=big",
      "lights.exposure: 'big' is not a number"),
     (f"{KEYS}.1.5s=x",
@@ -228,7 +228,11 @@ SET = [
     (f"{KEYS}.1s.value=1", f"{KEYS} has no 1s. There are: 1, 25, 49. Set a new key as a whole."),
     (f"{KEYS}.25.5s.ease=linear", f"{KEYS} has no 25.5s. There are: 1, 25, 49. Set a new key as a whole."),
     ("flows.1.twist.amount.keys.0.5s=1",
-     "flows.1.twist.amount is 2, not a mapping with keys. Set flows.1.twist.amount={keys: …}."),
+     "flows.1.twist.amount is 2, not a mapping with keys. Set flows.1.twist.amount={keys: …} in its "
+     "place."),
+    ("subject.solid.size=3", "subject.solid is box, not a mapping with size. Set subject.solid={size: …} in "
+                             "its place, or subject.size next to it."),
+    ("lights.key=0", "lights.key: unknown name. Did you mean 'lights.intensity.key'?"),
     ("title=[", "'[' is not YAML. Quote it for the shell, and look at its brackets."),
     ("camra.azimuth=2", "camra: unknown name. Did you mean 'camera'?"),
     ("extends=B", "only a file can say what its shot extends; settings come on top of both. Write "
@@ -239,6 +243,30 @@ SET = [
 @pytest.mark.parametrize(("setting", "message"), SET, ids=[setting for setting, _ in SET])
 def test_a_setting_that_cannot_be_is_told_in_its_own_words(folder: Path, setting: str, message: str) -> None:
     assert told(folder, "A", setting) == [f"--set {setting}: {message}".replace("2.042", "2")]
+
+
+@pytest.mark.parametrize(
+    ("text", "setting", "as_written"),
+    [
+        ("lights: lacquer", "lights.exposure=0.5", "lights: {rig: lacquer, exposure: 0.5}"),
+        ("lights: duotone", "lights.intensity.red=2", "lights: {rig: duotone, intensity: {red: 2}}"),
+        ("lights: duotone", "lights.sun.elevation=20", "lights: {rig: duotone, sun: {elevation: 20}}"),
+        ("look: chrome", "look.roughness=0.3", "look: {material: chrome, roughness: 0.3}"),
+        ("look: chrome", "look.material=clay", "look: clay"),
+        ("look: ink", "look.roughness=0.3", "look: {material: ink, roughness: 0.3}"),
+        ("look: ink", "looks.ink.roughness=0.3", "look: {material: ink, roughness: 0.3}"),
+        ("stage: plinth", "stage.width=3", "stage: {kind: plinth, width: 3}"),
+        ("overrides: [{frames: 4-9, look: chrome}]", "overrides.0.look.roughness=0.3",
+         "overrides: [{frames: 4-9, look: {material: chrome, roughness: 0.3}}]"),
+    ],
+)  # fmt: skip
+def test_a_setting_below_a_name_keeps_what_the_name_stands_for(
+    folder: Path, text: str, setting: str, as_written: str
+) -> None:
+    (folder / "defaults.yaml").write_text("looks: {ink: glaze}\n")
+    for name, entry in (("D", text), ("E", as_written)):
+        (folder / f"{name}.yaml").write_text(f"extends: A\n{entry}\n")
+    assert read(folder, "D", setting).picture == read(folder, "E").picture != read(folder, "D").picture
 
 
 def test_a_plan_goes_by_the_files_as_they_were(folder: Path) -> None:

@@ -3,7 +3,7 @@
 import dataclasses
 import math
 import re
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr, ValidationInfo, model_validator
 
@@ -293,6 +293,8 @@ class LightsDocument(Document):
     """A light rig of the registry, softboxes, and one light from all directions."""
 
     example = "{rig: studio}"
+    named: ClassVar = {name: "intensity" for rig in LIGHTS.values() for name in rig.names}
+    """Names of single lights, and the setting that each is a name of."""
 
     rig: Annotated[str, one_of(LIGHTS, "light rig")] | None = optional(
         "lights by name; studio if no lights are written out"

@@ -19,7 +19,7 @@ from typing import Any
 from pipeline.errors import MissingInputError, ShotError, UsageError, brief, shortened, suggestion
 from pipeline.shot.motion import Clock, parse_frames, parse_rate
 from pipeline.shot.yaml.named_files import DEFAULTS, is_there, shown, text_of
-from pipeline.shot.yaml.yaml_source import HEX_COLOUR, Spot, Where, YamlSource, in_yaml, quoted
+from pipeline.shot.yaml.yaml_source import HEX_COLOUR, Spot, Where, YamlSource, dotted, in_yaml, quoted
 
 OPTION = "--set"
 
@@ -33,6 +33,7 @@ def with_settings(source: YamlSource, settings: Iterable[str]) -> YamlSource:
 
     A value is YAML, as in the file. Mappings on the way to it are added where they are missing, but for flows
     and keys, which have to be there.
+    A setting below the name of a look, of a light rig or of a stage keeps what the name stands for.
     Under `keys` a time is one name, also with a decimal point: `keys.0.5s=2`; a new one is sorted in. Raises
     ShotError, with the setting in place of a line, where one has no form or no place in the shot; the
     document checks its value.
@@ -76,10 +77,12 @@ def _yaml_of(text: str) -> str:
 def _put(data: Any, steps: list[str], value: Any, place: str) -> Where:
     """Put a value where the steps lead, and return its path with the keys as they are in the data."""
     where: Where = ()
-    holder, steps = data, list(steps)
+    parent, holder, steps = data, data, list(steps)
     while steps:
         name = ".".join(map(str, where)) or "the shot"
         step = _take(steps, holder, in_keys=where[-1:] == ("keys",))
+        if isinstance(holder, str) and (base_name := _base_name(where)):
+            parent[where[-1]] = holder = {base_name: holder}
         if isinstance(holder, list):
             if not step.isdigit() or int(step) >= len(holder):
                 raise ShotError(f"{place}: {name} has no item {step}. {_items(name, holder, step, steps)}")
@@ -93,8 +96,11 @@ def _put(data: Any, steps: list[str], value: Any, place: str) -> Where:
             if steps and holder[key] is None:
                 holder[key] = {}
         else:
+            has_siblings = len(where) > 1 and isinstance(holder, str)
+            beside = f", or {dotted((*where[:-1], step))} next to it" if has_siblings else ""
             raise ShotError(
-                f"{place}: {name} is {in_yaml(holder)}, not a mapping with {step}. Set {name}={{{step}: …}}."
+                f"{place}: {name} is {in_yaml(holder)}, not a mapping with {step}. Set {name}={{{step}: …}} "
+                f"in its place{beside}."
             )
         where = (*where, key)
         if not steps:
@@ -102,8 +108,16 @@ def _put(data: Any, steps: list[str], value: Any, place: str) -> Where:
                 holder.clear()
             holder[key] = value
         else:
-            holder = holder[key]
+            parent, holder = holder, holder[key]
     return where
+
+
+def _base_name(where: Where) -> str | None:
+    """Return the setting that says what a look, a light rig or a stage is based on; None elsewhere."""
+    for names, entry, base_name in (*NAMED_SETTINGS, ("", "stage", "kind")):
+        if where[-1:] == (entry,) or (len(where) == 2 and where[0] == names):
+            return base_name
+    return None
 
 
 def _items(name: str, holder: list[Any], step: str, steps: list[str]) -> str:
