@@ -68,6 +68,26 @@ def test_a_shot_is_delivered_once_and_found_again(there):
     assert not any(each["up_to_date"] for each in json.loads(other.out)["deliverables"])
 
 
+@pytest.mark.parametrize("form", ["h264", "prores4444", "gif"])
+def test_a_deliverable_that_somebody_wrote_into_is_handed_out_whole_again(there, form):
+    words = ("deliver", NAME, "-q", QUALITY, "--as", form, "--json")
+    (path,) = (Path(each["path"]) for each in json.loads(there.call(*words).out)["deliverables"])
+    whole = path.read_bytes()
+    (stored,) = (
+        file
+        for file in there.path.glob(f".flowsculpt/store/*/*/*{path.suffix}")
+        if file.read_bytes() == whole
+    )
+    for file in (path, stored):
+        file.chmod(0o644)
+        with file.open("r+b") as damaged:
+            damaged.seek(len(whole) // 2)
+            damaged.write(b"damage")
+        assert there.call(*words).code == 0
+        assert path.read_bytes() == whole
+        assert stored.read_bytes() == whole
+
+
 def test_only_what_is_asked_for_is_rendered_and_no_other_movie_made(project):
     done = project.run("deliver", NAME, "-q", QUALITY, "-f", "2-3", "--as", "h264", "--slate", "apart")
     assert done.code == 0, done.err

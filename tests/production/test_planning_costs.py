@@ -35,9 +35,7 @@ def film(tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[str]]:
         Path("shots/film.yaml").write_text(f"title: Planned\nrate: 24\nshots: [{', '.join(names)}]\n")
         fill(planned())
         project = Project(folder, CORES)
-        for link in planned().links:
-            Path(link.target).parent.mkdir(parents=True, exist_ok=True)
-            Path(link.target).hardlink_to(project.store.path(link.kind, link.key))
+        planned().restore_links(project.store)
         yield names
 
 

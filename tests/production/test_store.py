@@ -1,4 +1,4 @@
-"""The store: whole files or none, found again by key, shown as links."""
+"""The store: whole files or none, found again by key, shown as links and copies."""
 
 import os
 import platform
@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import MachineError
+from pipeline.production.store.paths import SUFFIXES
 from pipeline.production.store.store import Store, sweep
 
 pytestmark = pytest.mark.quick
@@ -87,6 +88,46 @@ def test_where_links_cannot_be_made_copies_serve(store, monkeypatch):
     assert store.shows("cameras", KEY, Path("renders/copy.json"))
     assert not store.path("cameras", KEY).samefile(store.root / "renders/copy.json")
     assert [p.name for p in (store.root / "renders").iterdir()] == ["copy.json"]
+
+
+@pytest.mark.parametrize("kind", SUFFIXES)
+def test_nobody_can_damage_the_store_by_writing_into_what_is_shown(store, kind):
+    content = bytes(range(256)) * 1024
+    stored = store.put(kind, KEY, lambda path: path.write_bytes(content))
+    target = Path(f"renders/shown{SUFFIXES[kind]}")
+    store.link(kind, KEY, target)
+    shown = store.root / target
+    assert store.shows(kind, KEY, target)
+    assert not stored.stat().st_mode & 0o222
+    if not shown.stat().st_mode & 0o222:
+        assert shown.samefile(stored), "a link, which takes no space"
+        return
+    with shown.open("r+b") as file:
+        file.seek(len(content) // 2)
+        file.write(b"edited")
+    assert stored.read_bytes() == content
+    store.link(kind, KEY, target)
+    assert shown.read_bytes() == content, "also where size and ends are the same"
+
+
+def test_a_movie_that_an_earlier_version_linked_becomes_a_copy(store):
+    stored = store.put("movie", KEY, lambda path: path.write_bytes(b"frames"))
+    (store.root / "a.mp4").hardlink_to(stored)
+    assert not store.shows("movie", KEY, Path("a.mp4"))
+    store.link("movie", KEY, Path("a.mp4"))
+    assert store.shows("movie", KEY, Path("a.mp4"))
+    assert not stored.samefile(store.root / "a.mp4")
+
+
+def test_where_the_disk_copies_no_blocks_movies_are_copied_all_the_same(store, monkeypatch):
+    def refuse(*_: object) -> int:
+        raise OSError(95, "Operation not supported")
+
+    for copy in (refuse, lambda *_: 0):
+        monkeypatch.setattr(os, "copy_file_range", copy)
+        store.put("movie", KEY, lambda path: path.write_bytes(b"frames"))
+        store.link("movie", KEY, Path("a.mp4"), replace=True)
+        assert (store.root / "a.mp4").read_bytes() == b"frames"
 
 
 def test_a_copy_is_known_whatever_the_clock_said(store):

@@ -407,7 +407,7 @@ class Delivery:
             kind, key = _KINDS[encode.suffix], self._key(encode, part)
             count = self._slate_frames if part == "slate" else self.source.count + self._leader
             passes = 2 if _measures_light(encode) or encode.suffix == GIF.suffix else 1
-            reused = self.store.bring(kind, key)
+            reused = self.store.holds_whole(kind, key)
             if not reused:
                 self.store.put(kind, key, partial(self._write, encode, part, bar(path.name, passes * count)))
             self.store.link(kind, key, path)

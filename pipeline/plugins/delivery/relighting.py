@@ -144,7 +144,7 @@ class RelitFrames:
         request = self.request
         rate, bits = FrameRate.of(request.manifest.rate), movie_bits(request.quality_name)
         key = key_of(RELIGHT.recipe, request.movie_key([self.key(n) for n in self.numbers]))
-        if not self.store.bring("movie", key):
+        if not self.store.holds_whole("movie", key):
             shown = in_loop(request, self.numbers, partial(self._shown, passed), mix_frames)
             frames, encode = prefetch(shown), movie_encode(bits)
             options: Any = {"projection": request.projection, "loops": request.loop is not None}

@@ -17,7 +17,7 @@ from pipeline.production.request.keys import picture_keys
 from pipeline.production.request.render_request import FORMS, RenderRequest
 from pipeline.production.store.event_log import RUNS
 from pipeline.production.store.paths import DONE, EVENTS, LOGS, PLANS, RENDERS
-from pipeline.production.store.store import Key, Store, sweep_drafts
+from pipeline.production.store.store import COPIED, Key, Store, sweep_drafts
 
 
 @dataclass(frozen=True)
@@ -41,8 +41,9 @@ class Collected:
 def collect_garbage(store: Store, requests: Iterable[RenderRequest], keep: int, dry_run: bool) -> Collected:
     """Remove stored files that neither `requests` nor the last `keep` runs of each shot need.
 
-    Files that renders/ shows stay; copies of them become links where the disk has links. What plug-ins need
-    no more goes too. Unless `dry_run`, only the holder of the root's lock may call this.
+    Files that renders/ shows stay; copies of them become links where the disk has links, but for COPIED
+    kinds. What plug-ins need no more goes too. Unless `dry_run`, only the holder of the root's lock may call
+    this.
     """
     requests = (*requests, *last_requests(store.root, keep))
     copies = _shown_copies(store)
@@ -129,6 +130,8 @@ def _link_copies(store: Store, copies: Mapping[Path, tuple[str, Key]]) -> tuple[
     """Replace copies by links, unless the disk has none; return how many, and the bytes freed."""
     freed = []
     for place, name in copies.items():
+        if name[0] in COPIED:
+            continue
         size = (store.root / place).stat().st_size
         with contextlib.suppress(MachineError):  # a full disk; the rest of `clean` frees it
             store.link(*name, place, replace=True)

@@ -86,8 +86,8 @@ def freeze(
     """Lay the frames and the movie of a version at `final`, with its provenance and notes.
 
     Frames are links to the files of the store, which take no space, or to `files` by number. They are copies
-    where links fail, and with `copy`. The movie is a copy: the store's stays writable, for Snakemake makes no
-    protected file again. Raises MachineError where the disk refuses; then nothing is left of it.
+    where links fail, and with `copy`. The movie is a copy. All files are read-only. Raises MachineError where
+    the disk refuses; then nothing is left of it.
     """
     draft = final.with_name(f"{_DRAFT}{final.name}.{uuid.uuid4().hex[:8]}")
     freeze_frame = _copy if copy else _link

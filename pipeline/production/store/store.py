@@ -85,8 +85,8 @@ DAMAGED = (CorruptFileError, CorruptImageError, MissingImageError, FileNotFoundE
 """Errors that readers raise for a file that must be made again."""
 
 
-WRITABLE = ("movie",)
-"""Kinds whose links are outputs of rules: Snakemake refuses to make a write-protected file again."""
+COPIED = ("movie", "mov", "mkv", "webp", "avif", "gif")
+"""Kinds that are shown as copies, for people to edit and hand on; others are links, which are read-only."""
 
 ENDS = 65536
 """Bytes at each end of a file that are compared with those of another of its size: pictures have their keys
@@ -164,7 +164,7 @@ class Store:
             digest = self.remote.fetch(kind, key, draft)
             if digest is None:
                 return False
-            draft.chmod(_mode(kind))
+            draft.chmod(STORED)
             self.digests.add_known(final, digest)
             with atomic_write(final, draft):
                 pass  # fetched already
@@ -172,6 +172,15 @@ class Store:
             with contextlib.suppress(OSError):
                 draft.unlink()
         return True
+
+    def holds_whole(self, kind: str, key: Key) -> bool:
+        """Bring the file of `key` and compare its digest; tell whether it is here. Evict a damaged one.
+
+        Raises MachineError where the disk refuses.
+        """
+        if self.bring(kind, key) and not self.is_whole(self.path(kind, key)):
+            self.discard(kind, key)
+        return self.bring(kind, key)
 
     def bring_all(self, names: Collection[tuple[str, Key]]) -> int:
         """Fetch files that are not here, given by kind and key, side by side; return how many came."""
@@ -211,12 +220,12 @@ class Store:
         Raises MachineError where the disk refuses; nothing half-written is left.
         """
         final = self.path(kind, key)
-        if not replace and self.bring(kind, key):
+        if not replace and (self.holds_whole if kind in COPIED else self.bring)(kind, key):
             return final
         with atomic_write(final, self._stored_draft(kind)) as draft:
             with _named(draft, final):
                 write(draft)
-            draft.chmod(_mode(kind))
+            draft.chmod(STORED)
             digest = self.digests.add(final, draft)
         upload(self, (kind, key), digest, replace)
         return final
@@ -238,18 +247,25 @@ class Store:
     def link(self, kind: str, key: Key, target: Path, replace: bool = False) -> None:
         """Show the file of `key` at `target` under the root.
 
-        It is a hard link, a symbolic link where the store is on another disk, a copy where links fail.
+        It is a copy for COPIED kinds. Else it is a hard link, a symbolic link where the store is on another
+        disk, a copy where links fail.
 
         replace  link it even if `target` seems to show it
 
         Raises FrameError where the remote store alone had the file, and has lost it.
         """
-        if not replace and self.shows(kind, key, target):
+        if not replace and self.shows(kind, key, target) and self._is_same(kind, key, target):
             return
         if self.remote is not None and not self.bring(kind, key):
             raise FrameError(f"{target} could not be fetched from {self.url}; run again to make it again")
         source, place = self.path(kind, key), self.root / target
         self.digests.add_copy(place, source)
+        if kind in COPIED:
+            with atomic_write(
+                place, place.with_name(f".{self.draft(place.suffix).name}"), flush=False
+            ) as draft:
+                _copy(source, draft)
+            return
         try:
             with atomic_write(place, self.draft(), flush=False) as draft:
                 draft.hardlink_to(source)
@@ -260,6 +276,7 @@ class Store:
     def shows(self, kind: str, key: Key | None, target: Path | str) -> bool:
         """Tell whether `target` is the file of `key`: the same inode, or a copy by its size and both ends.
 
+        Of COPIED kinds the same inode shows nothing: what is written to it would damage the store.
         Times tell nothing: clocks of hosts differ, and Snakemake sets the times of what it has checked.
         """
         if key is None:
@@ -268,10 +285,15 @@ class Store:
         try:
             one, other = os.stat(ours), os.stat(theirs)  # noqa: PTH116  # a Path is slow to make
             if os.path.samestat(one, other):
-                return True
+                return kind not in COPIED
             return one.st_size == other.st_size and _ends(ours, one.st_size) == _ends(theirs, one.st_size)
         except OSError:
             return False
+
+    def _is_same(self, kind: str, key: Key, target: Path) -> bool:
+        """Compare a file that shows that of `key` with it, byte by byte unless they are one."""
+        source, place = self.path(kind, key), self.root / target
+        return place.samefile(source) or digest_of(place) == digest_of(source)
 
     def read(self, kind: str, key: Key, target: Path, reader: Callable[[Path], T]) -> T:
         """Read the file of `key` whole; compare its digest.
@@ -347,9 +369,18 @@ def _link_or_copy(source: Path, draft: Path) -> None:
         shutil.copy2(source, draft)
 
 
-def _mode(kind: str) -> int:
-    """Return the permissions of a stored file."""
-    return 0o644 if kind in WRITABLE else 0o444
+STORED, SHOWN = 0o444, 0o644
+"""Permissions of stored files, and of copies that are shown."""
+
+
+def _copy(source: Path, draft: Path) -> None:
+    """Copy a file for people to write to; some disks share its blocks until one is written."""
+    with contextlib.suppress(AttributeError, OSError), source.open("rb") as one, draft.open("wb") as other:
+        while os.copy_file_range(one.fileno(), other.fileno(), 1 << 30):
+            pass
+    if not draft.exists() or draft.stat().st_size != source.stat().st_size:
+        shutil.copyfile(source, draft)
+    draft.chmod(SHOWN)
 
 
 def _ends(path: str, size: int) -> bytes:
