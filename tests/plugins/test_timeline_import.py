@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.errors import FlowsculptError, MissingInputError, ShotError, UsageError
-from pipeline.plugins.delivery.timeline_import import ImportedEdit
+from pipeline.plugins.delivery.imported_edit import ImportedEdit
 from tests.plugins.test_timeline import NAME, REEL, exported, seen
 
 FPS = 24

@@ -9,8 +9,8 @@ import opentimelineio as otio
 import pytest
 
 from pipeline.errors import ShotError
+from pipeline.plugins.delivery.imported_edit import ImportedEdit
 from pipeline.plugins.delivery.timeline import Timeline
-from pipeline.plugins.delivery.timeline_import import ImportedEdit
 from pipeline.production.execution.project import Project
 from pipeline.production.request.audio import samples_of
 from pipeline.production.request.edit import Edit

@@ -25,6 +25,7 @@ from pipeline.cli.options import Common, Quality, ShotOptions, output_option, re
 from pipeline.cli.output import print_result
 from pipeline.errors import UsageError
 from pipeline.frames import FrameRange
+from pipeline.plugins.delivery.imported_sound import LEVELS
 from pipeline.production.request.audio import AudioClip, AudioTrack
 from pipeline.production.request.edit import Edit, EditItem
 from pipeline.production.request.lookup import FILM, find_edit
@@ -33,9 +34,6 @@ from pipeline.production.store.store import Store
 from render.base.plural import plural
 from render.movie.codecs import ENCODES, FILM_START, NAME_ENDS, Encode
 from render.scene.render_quality import DEFAULT_QUALITY
-
-LEVELS = ("gain", "fade_in", "fade_out")
-"""Settings of a sound that stand in the metadata of its clip, by their names in the edit."""
 
 
 @dataclass(frozen=True)
