@@ -145,7 +145,7 @@ class Shot:
 
     files     the files that it was read from except shot files, and the SHA-256 of their contents
     sounds    what is heard while it plays
-    notes     remarks on its sounds, for the user
+    notes     remarks on its sounds and on the materials of its models, for the user
     entries   what it writes for plug-ins, as their pydantic models, by names such as `marbling.mist`
     subject   the name of its subject, if it is one of several of a shot file
     subjects  the shot with each of its subjects alone, if it has several. Its own motion then has the flows

@@ -147,12 +147,15 @@ def _read(source: YamlSource, allow_code: bool) -> Shot:
         shot = _with_subjects(shot, document, clock, source.path.parent)
         _require_room(shot, source)
         parts = tuple(_with_materials(part, source, digests) for part in shot.subjects)
-        shot = replace(shot, subjects=parts, picture=replace(shot.picture, look=parts[0].picture.look))
+        notes = tuple(dict.fromkeys(note for part in parts for note in part.notes))
+        picture = replace(shot.picture, look=parts[0].picture.look)
+        shot = replace(shot, subjects=parts, picture=picture, notes=notes)
     return _with_files(_with_materials(shot, source, digests), digests)
 
 
 def _with_materials(shot: Shot, source: YamlSource, digests: dict[Path, str]) -> Shot:
-    """Return a shot of one subject whose look `model` has the materials of its model; note their files.
+    """Return a shot of one subject whose look `model` has the materials of its model, and their notes.
+    Note their files.
 
     Raises MissingInputError for a file of them that is not there, ShotError for one that cannot be read.
     """
@@ -164,18 +167,20 @@ def _with_materials(shot: Shot, source: YamlSource, digests: dict[Path, str]) ->
         return shot
     place = source.place(("subjects", shot.subject, "model") if shot.subject else ("subject", "model"))
     try:
-        parts, files = read_paint(subject.path, lambda reader: reader.materials, subject.part)
+        materials = read_paint(subject.path, lambda reader: reader.materials, subject.part)
     except MissingInputError as error:
         raise MissingInputError(f"{place}: {error}") from None
     except (MeshError, BadInputError) as error:
         raise ShotError(f"{place}: {error}") from None
-    digests.update(files)
+    digests.update(materials.files)
 
     def painted(look: L) -> L:
-        return replace(look, parts=parts) if isinstance(look, Painted) else look
+        return replace(look, parts=materials.parts) if isinstance(look, Painted) else look
 
     overrides = tuple(replace(each, look=painted(each.look)) for each in picture.overrides)
-    return replace(shot, picture=replace(picture, look=painted(picture.look), overrides=overrides))
+    picture = replace(picture, look=painted(picture.look), overrides=overrides)
+    notes = (f"model {subject.path.name}: {note}" for note in materials.notes)
+    return replace(shot, picture=picture, notes=(*shot.notes, *notes))
 
 
 def _checked(checks: Checks, clock: Clock | None) -> list[Problem]:

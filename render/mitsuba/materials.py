@@ -29,6 +29,7 @@ from render.scene.materials import (
 )
 from render.scene.painted_faces import material_weight
 from render.scene.patterns import Measure, Pigment
+from render.scene.textures import REPEATED
 
 Description = dict[str, Any]
 
@@ -143,9 +144,9 @@ def _with_normals(
         from render.mitsuba.custom_plugins import NORMALS, PAINTED  # needs a compiled variant
 
         def mapped(part: PatternedMaterial) -> Description:
-            if part.normal_texture is None:
+            if (normals := part.normal_texture) is None:
                 return {"type": "srgb", "color": [0.0, 0.0, 1.0]}
-            return bitmap(part.normal_texture.normals(), coordinates, part.projection)
+            return bitmap(normals.normals(), coordinates, part.projection, normals.wrap)
 
         maps = {name: mapped(part) for name, part in shown.items()}
         normals = {"type": NORMALS, "map": {"type": PAINTED, **maps}}
@@ -155,7 +156,8 @@ def _with_normals(
         if part.normal_texture is None:
             return body
         colours = [0.5 + 0.5 * part.normal_texture.normals() * (1.0, up, 1.0) for up in (1.0, -1.0)]
-        maps = (bitmap(each, coordinates, part.projection) for each in colours)
+        wrap = part.normal_texture.wrap
+        maps = (bitmap(each, coordinates, part.projection, wrap) for each in colours)
         return _blend(MIRRORED, *({"type": "normalmap", "normalmap": each, "body": body} for each in maps))
 
     whole = turned(shown.pop("otherwise"))
@@ -184,9 +186,10 @@ def opacity_texture(
     from render.mitsuba.custom_plugins import PAINTED  # needs a compiled variant
 
     def fractions(part: PatternedMaterial) -> Description:
-        whole = np.ones((1, 1, 1), np.float32)
-        pixels = whole if part.opacity is None else part.opacity.fractions()
-        return bitmap(pixels, coordinates, part.projection)
+        whole, held = np.ones((1, 1, 1), np.float32), part.opacity
+        pixels = whole if held is None else held.fractions()
+        wrap = held.texture.wrap if held is not None and held.texture is not None else REPEATED
+        return bitmap(pixels, coordinates, part.projection, wrap)
 
     assert isinstance(material, Painted | PatternedMaterial), f"{material.model} has no holes"
     parts = material.parts if isinstance(material, Painted) else (material,)
@@ -203,7 +206,8 @@ def _number(part: PatternedMaterial, name: str, coordinates: TextureCoordinates)
     """Return the roughness or metalness of a model's material as a texture."""
     texture = getattr(part, f"{name}_texture", None)
     if texture is not None:
-        return bitmap(np.clip(texture.numbers(), _MIN_ROUGHNESS, 1.0), coordinates, part.projection)
+        numbers = np.clip(texture.numbers(), _MIN_ROUGHNESS, 1.0)
+        return bitmap(numbers, coordinates, part.projection, texture.wrap)
     return {"type": "uniform", "value": float(getattr(part, name, 0.0))}
 
 
@@ -339,7 +343,8 @@ def _colour(
     material: PatternedMaterial, attributes: Collection[str], coordinates: TextureCoordinates
 ) -> Description:
     if material.colour_texture is not None:
-        return bitmap(material.colour_pixels(), coordinates, material.projection)
+        wrap = material.colour_texture.wrap
+        return bitmap(material.colour_pixels(), coordinates, material.projection, wrap)
     if material.pigment is not None and is_compiled():
         from render.mitsuba.pattern_textures import pattern_texture  # needs a compiled variant
 
@@ -380,7 +385,7 @@ def _opaque(material: PatternedMaterial, colour: Description, coordinates: Textu
         metallic: Any = material.metallic
         if material.metallic_texture is not None:
             numbers = np.clip(material.metallic_texture.numbers(), 0.0, 1.0)
-            metallic = bitmap(numbers, coordinates, material.projection)
+            metallic = bitmap(numbers, coordinates, material.projection, material.metallic_texture.wrap)
         return {
             "type": "principled",
             "base_color": colour,
@@ -406,4 +411,5 @@ def _roughness(material: Glossy, coordinates: TextureCoordinates, is_squared: bo
     if material.roughness_texture is None:
         return max(material.roughness, _MIN_ROUGHNESS)
     numbers = np.clip(material.roughness_texture.numbers(), _MIN_ROUGHNESS, 1.0)
-    return bitmap(np.sqrt(numbers) if is_squared else numbers, coordinates, material.projection)
+    numbers = np.sqrt(numbers) if is_squared else numbers
+    return bitmap(numbers, coordinates, material.projection, material.roughness_texture.wrap)

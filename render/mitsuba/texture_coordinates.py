@@ -33,6 +33,7 @@ from render.scene.materials import Material
 from render.scene.patterns import Pigment
 from render.scene.surface import Surface
 from render.scene.texture_projection import TextureProjection, project_texture
+from render.scene.textures import BLACK, MIRROR, REPEAT, REPEATED
 from render.scene.vertex_colours import vertex_phases
 
 Floats = NDArray[np.float64]
@@ -158,20 +159,75 @@ def _unit(vectors: Floats) -> Floats:
     return np.where(length > 1e-30, vectors / np.maximum(length, 1e-30), 0.0)
 
 
+MOST_TEXELS = 1 << 26
+"""Texels of a picture that is repeated along one side for Mitsuba, which repeats both or none."""
+
+
 def bitmap(
-    pixels: NDArray[np.floating], coordinates: TextureCoordinates, projection: TextureProjection
+    pixels: NDArray[np.floating],
+    coordinates: TextureCoordinates,
+    projection: TextureProjection,
+    wrap: tuple[str, str] = REPEATED,
 ) -> dict[str, Any]:
-    """Return a Mitsuba texture of pixels (H, W, k), linear colours or data. Needs a started engine."""
+    """Return a Mitsuba texture of pixels (H, W, k), linear colours or data. Needs a started engine.
+
+    Raises BadInputError where it would have over MOST_TEXELS.
+    """
     import mitsuba as mi
 
+    transform = to_uv(coordinates, projection, pixels.shape[1] / pixels.shape[0])
+    if wrap != REPEATED:
+        matrix = np.array(transform.matrix)
+        pixels, placed = _unwrapped(pixels, coordinates.values @ matrix[:2, :2].T + matrix[:2, 2], wrap)
+        transform = mi.ScalarTransform3f((placed @ matrix).astype(np.float32))
     return {
         "type": "bitmap",
         "bitmap": mi.Bitmap(np.array(pixels, dtype=np.float32, order="C")),
         "raw": True,
         "filter_type": "bilinear",
-        "wrap_mode": "repeat",
-        "to_uv": to_uv(coordinates, projection, pixels.shape[1] / pixels.shape[0]),
+        "wrap_mode": "repeat" if wrap in _REPEATING else "clamp",
+        "to_uv": transform,
     }
+
+
+_REPEATING = tuple((across, up) for across in (REPEAT, MIRROR) for up in (REPEAT, MIRROR))
+
+
+def _unwrapped(
+    pixels: NDArray[np.floating], places: Floats, wrap: tuple[str, str]
+) -> tuple[NDArray[np.floating], Floats]:
+    """Return pixels that repeat or end alike at all sides, and the matrix (3, 3) that places them.
+
+    A mirrored side is there twice, one that black surrounds gets a border of it, and one that repeats beside
+    one that ends is there as often as it is seen.
+
+    places  (V, 2) where the picture is seen, from its upper left
+    """
+    matrix = np.eye(3)
+    for axis, mode in (1, wrap[0]), (0, wrap[1]):
+        along = 1 - axis
+        first, count, size = 0, 1, pixels.shape[axis]
+        if mode == MIRROR:
+            pixels, count = np.concatenate([pixels, np.flip(pixels, axis)], axis), 2
+        if mode in (REPEAT, MIRROR) and wrap not in _REPEATING:
+            low, high = places[:, along].min(initial=0.0), places[:, along].max(initial=1.0)
+            first, last = count * math.floor(low / count), count * math.ceil(high / count)
+            if (last - first) * size * pixels.shape[along] > MOST_TEXELS:
+                raise BadInputError(
+                    f"a picture of its materials repeats {last - first} times along one side and not along "
+                    "the other, which takes too much memory; make the picture smaller"
+                )
+            pixels = np.concatenate([pixels] * ((last - first) // count), axis)
+            count = last - first
+        matrix[along] /= count
+        matrix[along, 2] -= first / count
+        if mode == BLACK:
+            border = [(0, 0)] * 3
+            border[axis] = (1, 1)
+            pixels = np.pad(pixels, border)
+            matrix[along] *= size / (size + 2.0)
+            matrix[along, 2] += 1.0 / (size + 2.0)
+    return pixels, matrix
 
 
 def to_uv(coordinates: TextureCoordinates, projection: TextureProjection, aspect: float = 1.0) -> Any:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from render.post.image import jpeg_bytes
 from render.scene.rgb_spaces import srgb_of_linear
-from render.scene.textures import Texture, read_picture
+from render.scene.textures import REPEATED, Texture, read_picture
 
 Levels = NDArray[np.uint8]
 
@@ -24,10 +24,11 @@ _KINDS = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg"}
 
 
 class EmbeddedPicture(NamedTuple):
-    """A PNG or a JPEG: its media type and its bytes."""
+    """A PNG or a JPEG: its media type, its bytes, and what is shown beyond its sides, as of `Texture`."""
 
     kind: str
     content: bytes
+    wrap: tuple[str, str] = REPEATED
 
 
 def embedded(texture: Texture, widest: int, is_colour: bool) -> EmbeddedPicture:
@@ -43,11 +44,11 @@ def embedded(texture: Texture, widest: int, is_colour: bool) -> EmbeddedPicture:
     if kind is not None and max(pixels.shape[:2]) <= widest:
         is_same = hashlib.sha256(content).hexdigest() == texture.digest
         if is_same and _shows(texture.path, _levels(encode(pixels))):
-            return EmbeddedPicture(kind, content)
+            return EmbeddedPicture(kind, content, texture.wrap)
     shown = _levels(encode(at_most(pixels, widest)))
     if kind == "image/jpeg" and is_colour:
-        return EmbeddedPicture(kind, jpeg_bytes(shown))
-    return png(shown)
+        return EmbeddedPicture(kind, jpeg_bytes(shown), texture.wrap)
+    return png(shown)._replace(wrap=texture.wrap)
 
 
 def embedded_numbers(planes: Sequence[NDArray[np.float32] | None], widest: int) -> EmbeddedPicture:

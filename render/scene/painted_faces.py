@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,12 +91,25 @@ Files = Mapping[Path, str]
 """SHA-256 of files, by their paths."""
 
 
+class ModelMaterials(NamedTuple):
+    """The materials of a model.
+
+    parts  by number
+    files  all files that they are read from
+    notes  lines to tell the user about what is not shown as the file has it
+    """
+
+    parts: tuple[PatternedMaterial, ...]
+    files: Files
+    notes: tuple[str, ...] = ()
+
+
 @dataclass(frozen=True)
 class PaintReader:
     """The reader of the paint of models of a format.
 
     files      returns the files that paint is read from besides those of the surface
-    materials  returns the materials of a model, by number, and all files that they are read from
+    materials  returns the materials of a model
     paint      returns the paint
     of_part    returns the reader of a `ScenePart` of scenes; None where parts have no names
 
@@ -104,6 +117,6 @@ class PaintReader:
     """
 
     files: Callable[[Path], Files]
-    materials: Callable[[Path], tuple[tuple[PatternedMaterial, ...], Files]]
+    materials: Callable[[Path], ModelMaterials]
     paint: Callable[[Path], Paint]
     of_part: Callable[[Any], PaintReader] | None = None

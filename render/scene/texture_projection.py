@@ -7,13 +7,13 @@ seam of a cylindrical texture or where the sides of a box meet, the surface is s
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from render.base.render_errors import BadInputError
-from render.base.serialise import Triple
+from render.base.serialise import OMIT_DEFAULT, Triple
 from render.scene.painted_faces import PaintedFaces
 from render.scene.render_camera import unit
 from render.scene.surface import Surface
@@ -40,6 +40,9 @@ class TextureProjection:
     repeats  copies of a cylindrical or spherical texture around the axis
     turn     radians: anticlockwise in the texture's plane, or about the axis
     offset   shift to the right and up, in widths and heights of the texture
+
+    keeps_place  True where a texture shows something else beyond its sides than itself again, so that
+                 coordinates of "model" must not be moved by whole textures
     """
 
     kind: str = "box"
@@ -49,6 +52,7 @@ class TextureProjection:
     repeats: int = 1
     turn: float = 0.0
     offset: tuple[float, float] = (0.0, 0.0)
+    keeps_place: bool = field(default=False, metadata=OMIT_DEFAULT)
 
     def __post_init__(self) -> None:
         if self.kind not in PROJECTIONS:
@@ -81,7 +85,8 @@ class TextureProjection:
                     "look takes the texture coordinates of the subject, which has none; take a solid, "
                     "or a model with paint: on"
                 )
-            return paint.near_origin() - 0.5, paint.groups
+            placed = paint.coordinates if self.keeps_place else paint.near_origin()
+            return placed - 0.5, paint.groups
         corners = (np.asarray(points, dtype=np.float64) - self.centre)[faces]
         if self.kind in _WRAPPED:
             return self._wrapped(corners)

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from difflib import get_close_matches
 from functools import cache, lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +41,12 @@ ALPHA = 3
 """The channel of a picture's alpha."""
 
 
+REPEAT, CLAMP, MIRROR, BLACK = "repeat", "clamp", "mirror", "black"
+"""What is shown beyond the sides of a picture: it again, its border, it mirrored in turn, or black."""
+
+REPEATED = (REPEAT, REPEAT)
+
+
 @dataclass(frozen=True)
 class Texture:
     """A picture that covers a surface.
@@ -51,6 +58,7 @@ class Texture:
     reading  what `reading_of` returns
     factor   on red, green and blue, linear Rec.709, or on numbers, or on right, up and out of normals
     channel  0, 1 or 2: the one that holds numbers; ALPHA; None for the mean of all
+    wrap     what is shown beyond its left and right sides, and beyond its lower and upper ones
 
     working_space  the space that colours are converted to
     """
@@ -62,6 +70,7 @@ class Texture:
     reading: str = field(default="", metadata=OMIT_DEFAULT)
     factor: Triple = field(default=WHOLE, metadata=OMIT_DEFAULT)
     channel: int | None = field(default=None, metadata=OMIT_DEFAULT)
+    wrap: tuple[str, str] = field(default=REPEATED, metadata=OMIT_DEFAULT)
 
     def pixels(self) -> Pixels:
         """Return pixels (H, W, 3) of the working space from 0 to 1, or data as stored. Raises as
@@ -86,6 +95,20 @@ class Texture:
         stored = read_picture(self.path, self.digest, "data")
         normals = (2.0 * stored - 1.0) * np.array(self.factor, np.float32)
         return np.maximum(normals, (-np.inf, -np.inf, 1e-3), dtype=np.float32)
+
+
+def texels_at(
+    pixels: NDArray[Any], across: NDArray[np.floating], down: NDArray[np.floating], wrap: tuple[str, str]
+) -> NDArray[Any]:
+    """Return those of pixels (H, W, k) at places (…) from the upper left, 0 to 1 within the picture."""
+    indices, is_there = [], np.ones(across.shape, bool)
+    for places, count, mode in (down, pixels.shape[0], wrap[1]), (across, pixels.shape[1], wrap[0]):
+        if mode == BLACK:
+            is_there &= (places >= 0.0) & (places <= 1.0)
+        if mode in (REPEAT, MIRROR):
+            places = places % 1.0 if mode == REPEAT else 1.0 - np.abs(places % 2.0 - 1.0)
+        indices.append(np.clip((places * count).astype(int), 0, count - 1))
+    return np.where(is_there[..., None], pixels[indices[0], indices[1]], 0)
 
 
 @lru_cache(maxsize=6)

@@ -16,6 +16,7 @@ from render.scene.patterns import Measure, looked_up
 from render.scene.render_camera import Camera
 from render.scene.scene_stage import StagePlacement
 from render.scene.surface import Surface
+from render.scene.textures import texels_at
 
 Floats = NDArray[np.float64]
 
@@ -80,16 +81,13 @@ def _texture_colours(surface: Surface, material: PatternedMaterial) -> Floats:
     corners, _ = material.projection.coordinates(rest, faces, surface.paint)
     coordinates = np.zeros((len(rest), 2))
     coordinates[faces.reshape(-1)] = corners.reshape(-1, 2)
-    pixels = material.colour_pixels()
+    pixels, texture = material.colour_pixels(), material.colour_texture
+    assert texture is not None
     height, width = pixels.shape[:2]
     right, up = material.projection.offset
     across = coordinates[:, 0] + 0.5 - right
     down = 0.5 + up - coordinates[:, 1] * (width / height if material.projection.keeps_shape else 1.0)
-    rows, columns = (
-        np.minimum((place % 1.0 * count).astype(int), count - 1)
-        for place, count in ((down, height), (across, width))
-    )
-    return np.asarray(pixels[rows, columns], dtype=np.float64)
+    return texels_at(pixels, across, down, texture.wrap).astype(np.float64)
 
 
 def shaded_colours(

@@ -241,7 +241,7 @@ class ModelTemplate:
 def _is_painted(file: Path, is_copy: bool) -> bool:
     """Tell whether a shot can show a model's paint: a copy of the file alone lacks those that it names."""
     try:
-        materials, files = read_paint(file, lambda reader: reader.materials)
+        materials, files, _ = read_paint(file, lambda reader: reader.materials)
     except FlowsculptError:
         return False
     has_textures = any(each.colour_texture or each.colour_from for each in materials)

@@ -124,7 +124,8 @@ def _with_alpha(part: Material, mask: Texture, widest: int) -> EmbeddedPicture:
         colours = at_most(replace(part, colour_texture=plain).colour_pixels(), widest)
     height, width = np.maximum(alpha.shape[:2], colours.shape[:2])
     planes = [resized(plane, height, width) for plane in (srgb_of_linear(colours), alpha)]
-    return png(np.rint(255.0 * np.concatenate(planes, axis=2)).astype(np.uint8))
+    wrap = (getattr(part, "colour_texture", None) or mask).wrap
+    return png(np.rint(255.0 * np.concatenate(planes, axis=2)).astype(np.uint8))._replace(wrap=wrap)
 
 
 def _numbers(
@@ -142,7 +143,10 @@ def _numbers(
     held = [None, planes.get("roughness"), planes.get("metallic")]
     roughness = 1.0 if "roughness" in planes else surface.roughness
     metallic = 1.0 if "metallic" in planes else surface.metallic
-    return embedded_numbers(held, widest), surface._replace(roughness=roughness, metallic=metallic)
+    wrap = next(texture.wrap for texture in (rough, metal) if texture is not None)
+    return embedded_numbers(held, widest)._replace(wrap=wrap), surface._replace(
+        roughness=roughness, metallic=metallic
+    )
 
 
 def _fits(part: Material) -> bool:

@@ -31,7 +31,6 @@ from pipeline.plugins.interchange.fbx_files import (
 from pipeline.plugins.interchange.model_paint import ModelPaint
 from pipeline.plugins.interchange.painted_materials import (
     GREY,
-    Materials,
     mask_of,
     opacity_of,
     painted,
@@ -42,15 +41,15 @@ from pipeline.plugins.interchange.scene_readers import PlacedMeshes, Polygons, a
 from render.base.input_files import digest_of_file, read_input, require_input
 from render.base.limited_process import MEMORY, allow_memory, answer_about_content, serve
 from render.scene.materials import Opacity, PatternedMaterial
-from render.scene.painted_faces import Files, PaintReader
+from render.scene.painted_faces import Files, ModelMaterials, PaintReader
 from render.scene.rgb_spaces import linear_of_srgb
-from render.scene.textures import Texture
+from render.scene.textures import CLAMP, REPEAT, Texture
 
 if TYPE_CHECKING:
     import ufbx
 
 _MODULE = "pipeline.plugins.interchange.fbx_paint"
-MATERIALS = "materials 3"
+MATERIALS = "materials 4"
 """The question for materials, with the version of the answers, which are stored by it."""
 
 _SHOWN = {
@@ -69,6 +68,9 @@ _MAX_COLOUR = "3dsMax|main|basecolor"
 """The colour of a PBR material of 3ds Max, whose name ufbx does not have."""
 
 _FILE = 0  # by ufbx's TextureType
+_WRAPS = (REPEAT, CLAMP)
+"""What is shown beyond the sides of a picture, by ufbx's WrapMode."""
+
 _NO_INDEX = 0xFFFFFFFF
 _FIRST_SET = ("", "default")
 """Names of texture coordinates that stand for the first."""
@@ -78,7 +80,7 @@ def _no_files(path: Path) -> Files:
     return {}
 
 
-def _materials(path: Path) -> Materials:
+def _materials(path: Path) -> ModelMaterials:
     """Return the materials of a file in the order of its paint, and the files of their pictures.
 
     Raises MissingInputError where one is not there, MeshError for what is not read.
@@ -86,17 +88,16 @@ def _materials(path: Path) -> Materials:
     require_ufbx()
     answer = answer_about_content(_MODULE, path, digest_of_file(path), "ufbx", MATERIALS)
     files: dict[Path, str] = {}
-    return tuple(
-        _material(path, facts, files) for facts in json.loads(content_of(answer.encode(), path))
-    ), files
+    found = json.loads(content_of(answer.encode(), path))
+    return ModelMaterials(tuple(_material(path, facts, files) for facts in found), files)
 
 
 def _material(path: Path, facts: dict[str, Any], files: dict[Path, str]) -> PatternedMaterial:
     """Return the material of what `_facts_of` found; note the files of its pictures."""
-    textures = {
-        name: _texture(path, found, files, None if name == "base_color" else "data")
-        for name, found in facts["pictures"].items()
-    }
+    textures = {}
+    for name, found in facts["pictures"].items():
+        texture = _texture(path, found, files, None if name == "base_color" else "data")
+        textures[name] = replace(texture, wrap=(found["wrap"][0], found["wrap"][1]))
     colour, mask = textures.pop("base_color", None), textures.pop("opacity", None)
     named: dict[str, Any] = {"opacity": _opacity(facts, mask)}
     if colour is not None:
@@ -418,6 +419,7 @@ def _picture_facts(texture: ufbx.Texture) -> dict[str, Any]:
     return {
         "names": [relative or absolute, absolute],
         "digest": hashlib.sha256(content).hexdigest() if content else "",
+        "wrap": [_WRAPS[int(mode)] for mode in (texture.wrap_u, texture.wrap_v)],
     }
 
 

@@ -22,15 +22,18 @@ from pipeline.plugins.interchange.meshopt_encoder import encode_attributes, enco
 from render.base.atomic_write import disk_errors
 from render.post.embedded_textures import EmbeddedPicture
 from render.scene.materials import Material
-from render.scene.textures import WIDEST
+from render.scene.textures import BLACK, CLAMP, MIRROR, REPEAT, WIDEST
 
 FLOAT, SHORT, WIDE, UNSIGNED = 5126, 5122, 5125, 5123  # component types
 _VERTICES, _INDICES = 34962, 34963  # targets of buffer views
 
 _MESHOPT = "EXT_meshopt_compression"
 
-_SAMPLER = {"magFilter": 9729, "minFilter": 9987, "wrapS": 10497, "wrapT": 10497}
-"""Linear, with mipmaps; textures repeat."""
+_FILTERS = {"magFilter": 9729, "minFilter": 9987}
+"""Of samplers: linear, with mipmaps."""
+
+_WRAPS = {REPEAT: 10497, CLAMP: 33071, MIRROR: 33648, BLACK: 33071}
+"""What is shown beyond the sides of a picture; glTF has no black there."""
 
 _LARGEST_FILE = 2**32 - 1  # bytes that the header of a GLB can state
 
@@ -247,11 +250,15 @@ class GltfContent:
     def _texture(self, picture: EmbeddedPicture) -> int:
         """Add a texture, unless it is there; return its number."""
         if picture not in self._textures:
-            if not self._textures:
-                self.append("samplers", dict(_SAMPLER))
+            wraps = zip(("wrapS", "wrapT"), (_WRAPS[mode] for mode in picture.wrap), strict=True)
+            sampler = {**_FILTERS, **dict(wraps)}
+            if sampler not in self.lists["samplers"]:
+                self.append("samplers", sampler)
             view = self.raw(np.frombuffer(picture.content, np.uint8))
             image = self.append("images", {"bufferView": view, "mimeType": picture.kind})
-            self._textures[picture] = self.append("textures", {"sampler": 0, "source": image})
+            self._textures[picture] = self.append(
+                "textures", {"sampler": self.lists["samplers"].index(sampler), "source": image}
+            )
         return self._textures[picture]
 
     def append(self, kind: str, entry: dict[str, Any]) -> int:

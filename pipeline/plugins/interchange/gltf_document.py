@@ -11,14 +11,16 @@ import re
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
-from math import isfinite
 from pathlib import Path
+from sys import float_info
 from typing import Any, BinaryIO
 from urllib.parse import unquote, unquote_to_bytes
 
 from pipeline.errors import MeshError, brief
 from pipeline.mesh.mesh_formats import early_end
 from render.base.input_files import opened_input, read_input, size_of
+
+_LARGEST = float_info.max
 
 _BINARY = ("binary_glTF", "KHR_binary_glTF")  # names of the buffer that a GLB holds itself
 _MOST_PRIMITIVES = 1_000_000  # most primitives of the meshes that nodes join
@@ -176,11 +178,18 @@ class JsonObject:
     def numbers(self, name: str, count: int | None = None) -> list[float]:
         """Return a list of finite numbers, `count` of them."""
         values = self.items(name)
-        if not all(isinstance(v, int | float) and not isinstance(v, bool) and isfinite(v) for v in values):
+        if not all(
+            isinstance(v, int | float) and not isinstance(v, bool) and abs(v) <= _LARGEST for v in values
+        ):
             raise self._wrong(name, "finite numbers")
         if count is not None and len(values) != count:
             raise self._wrong(name, f"{count} numbers")
         return values
+
+    def number(self, name: str, default: float) -> float:
+        """Return a finite number."""
+        (value,) = JsonObject({name: [self.values.get(name, default)]}, self.place).numbers(name)
+        return float(value)
 
     def text(self, name: str, default: str = "") -> str:
         value = self.values.get(name, default)

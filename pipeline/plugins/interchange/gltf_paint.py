@@ -19,14 +19,13 @@ from urllib.parse import unquote
 import numpy as np
 
 from pipeline.arrays import AnyArray, Floats
-from pipeline.errors import MeshError
+from pipeline.errors import MeshError, brief
 from pipeline.plugins.interchange.gltf_document import MOST_BYTES, GltfDocument, JsonObject
 from pipeline.plugins.interchange.gltf_files import SceneArrays, Triangles, files_of_buffers, placed
 from pipeline.plugins.interchange.gltf_scene import DefaultScene, PlacedPrimitive
 from pipeline.plugins.interchange.model_paint import ModelPaint
 from pipeline.plugins.interchange.painted_materials import (
     GREY,
-    Materials,
     alpha_of,
     opacity_of,
     painted,
@@ -36,10 +35,34 @@ from pipeline.plugins.interchange.painted_materials import (
 from render.base.input_files import digest_of_file, require_input
 from render.base.limited_process import MEMORY, allow_memory, answer_of, serve
 from render.scene.materials import PatternedMaterial
-from render.scene.painted_faces import Files, PaintReader
-from render.scene.textures import Texture
+from render.scene.painted_faces import Files, ModelMaterials, PaintReader
+from render.scene.textures import CLAMP, MIRROR, REPEAT, REPEATED, Texture
 
 _TRANSFORM = "KHR_texture_transform"
+_GLOSSINESS = "KHR_materials_pbrSpecularGlossiness"
+_UNLIT = "KHR_materials_unlit"
+
+_SOURCES = {"EXT_texture_webp": True, "MSFT_texture_dds": True}
+_SOURCES |= {"EXT_texture_avif": False, "KHR_texture_basisu": False}
+"""Extensions that name other pictures of textures, and whether these are read."""
+
+_WRAPS = {10497: REPEAT, 33071: CLAMP, 33648: MIRROR}
+"""What is shown beyond the sides of a picture, by the numbers of glTF."""
+
+_NOT_SHOWN = {
+    _GLOSSINESS: "its specular colour is",
+    _UNLIT: "it is lit by the shot's lights: its being unlit is",
+    "KHR_materials_transmission": "light passing through it is",
+    "KHR_materials_diffuse_transmission": "light passing through it is",
+    "KHR_materials_clearcoat": "its coat is",
+    "KHR_materials_sheen": "its sheen is",
+    "KHR_materials_iridescence": "its iridescence is",
+    "KHR_materials_anisotropy": "the direction of its highlights is",
+}
+"""Extensions of materials that change what other programs show, and what is not shown of each."""
+
+_DARKEST_MIRROR = 0.1
+"""Specular colours up to this are taken for that of a dielectric."""
 
 
 class PaintedScene(DefaultScene):
@@ -96,7 +119,7 @@ def _coordinates_of(texture: JsonObject) -> tuple[str, JsonObject]:
 
 def _textures_of(material: JsonObject) -> Iterator[JsonObject]:
     """Yield the textures of a material that are shown, the colour's first."""
-    surface = material.entry("pbrMetallicRoughness")
+    surface = _surface_of(material)
     for name in ("baseColorTexture", "metallicRoughnessTexture"):
         if name in surface:
             yield surface.entry(name)
@@ -172,6 +195,43 @@ def _transformed(coordinates: Floats, transform: JsonObject) -> Floats:
     return coordinates[:, :2] * (1.0, -1.0) + (0.0, 1.0)
 
 
+def _surface_of(material: JsonObject) -> JsonObject:
+    """Return the metalness and roughness of a material, as glTF 2.0 names their numbers and textures.
+
+    Of a material of specular colour and gloss they are those of its diffuse part.
+    """
+    surface, glossy = material.entry("pbrMetallicRoughness"), material.extension(_GLOSSINESS)
+    if glossy is not None:
+        gloss = min(max(glossy.number("glossinessFactor", 1.0), 0.0), 1.0)
+        names = {"diffuseFactor": "baseColorFactor", "diffuseTexture": "baseColorTexture"}
+        held = {new: glossy.values[name] for name, new in names.items() if name in glossy}
+        values = {**held, "metallicFactor": 0.0, "roughnessFactor": 1.0 - gloss}
+        return JsonObject(values, glossy.place)
+    if material.extension(_UNLIT) is not None:
+        shown = {name: surface.values[name] for name in surface.values if name.startswith("baseColor")}
+        return JsonObject({**shown, "metallicFactor": 0.0}, surface.place)
+    return surface
+
+
+def _notes(material: JsonObject) -> Iterator[str]:
+    """Yield lines about what a material has that is not shown."""
+    there = material.entry("extensions")
+    words = [words for name, words in _NOT_SHOWN.items() if name in there and _shows(there.entry(name), name)]
+    if any(material.numbers("emissiveFactor")):
+        words.append("its glow is")
+    place = brief(material.values.get("name") or material.place)
+    yield from (f"material {place}: {each} not shown" for each in dict.fromkeys(words))
+
+
+def _shows(extension: JsonObject, name: str) -> bool:
+    """Tell whether an extension of a material changes what is shown."""
+    if name == _GLOSSINESS:
+        specular = extension.numbers("specularFactor", 3) if "specularFactor" in extension else [1.0] * 3
+        return "specularGlossinessTexture" in extension or max(specular) > _DARKEST_MIRROR
+    numbers = [value for key, value in extension.values.items() if key.endswith(("Factor", "Strength"))]
+    return name == _UNLIT or any(value not in (0, 0.0, [0, 0, 0]) for value in numbers)
+
+
 def _factor(material: JsonObject) -> list[float]:
     """Return the base colour of a material, red, green, blue and alpha, linear."""
     return [min(max(part, 0.0), 1.0) for part in _numbers_of(material, "baseColorFactor", [1.0] * 4)]
@@ -183,7 +243,7 @@ def _is_cut_out(material: JsonObject) -> bool:
 
 
 def _numbers_of(material: JsonObject, name: str, otherwise: list[float]) -> list[float]:
-    surface = material.entry("pbrMetallicRoughness")
+    surface = _surface_of(material)
     return surface.numbers(name, len(otherwise)) if name in surface else otherwise
 
 
@@ -191,31 +251,31 @@ def _files(path: Path) -> Files:
     return {file: digest_of_file(file) for file in files_of_buffers(PaintedScene.read(path))}
 
 
-def _materials(path: Path) -> Materials:
-    """Return the materials of a file by number, with the default one last, and the files of their pictures.
+def _materials(path: Path) -> ModelMaterials:
+    """Return the materials of a file by number, with the default one last.
 
     Raises MissingInputError where one is not there, MeshError for a picture that is not read.
     """
-    scene, files = PaintedScene.read(path), dict[Path, str]()
+    scene, files, notes = PaintedScene.read(path), dict[Path, str](), dict[str, None]()
     count = len(scene.document.root.items("materials")) + 1
     found: list[PatternedMaterial] = [painted(GREY, None)] * count
     for part in scene.parts:
         number, material = scene.material_of(part)
         has_colours = "COLOR_0" in part.primitive.entry("attributes")
         found[number] = _material(scene.document, material, files, has_colours)
+        notes |= dict.fromkeys(_notes(material))
     is_default_used = any("material" not in part.primitive for part in scene.parts)
-    return tuple(found if is_default_used else found[:-1]), files
+    return ModelMaterials(tuple(found if is_default_used else found[:-1]), files, tuple(notes))
 
 
 def _material(
     document: GltfDocument, material: JsonObject, files: dict[Path, str], has_colours: bool
 ) -> PatternedMaterial:
     """Return a material. Raises MeshError where vertex colours and a texture are to be multiplied."""
-    surface, texture_of = material.entry("pbrMetallicRoughness"), partial(_texture, document, files=files)
+    surface, texture_of = _surface_of(material), partial(_texture, document, files=files)
     red, green, blue, alpha = _factor(material)
     metallic, roughness = (
-        min(max(float(surface.values.get(f"{name}Factor", 1.0)), 0.0), 1.0)
-        for name in ("metallic", "roughness")
+        min(max(surface.number(f"{name}Factor", 1.0), 0.0), 1.0) for name in ("metallic", "roughness")
     )
     colour = texture_of(surface.entry("baseColorTexture")) if "baseColorTexture" in surface else None
     if colour is not None:
@@ -246,15 +306,48 @@ def _texture(
 ) -> Texture:
     """Return a texture, and note its file where it has one of its own."""
     entry = document.item("textures", texture.values.get("index"), texture.place)
-    image = document.item("images", entry.values.get("source"), entry.place)
+    wrap = _wrap_of(document, entry)
+    image = document.item("images", _source_of(entry), entry.place)
     address = image.values.get("uri")
     if isinstance(address, str) and not address.startswith("data:"):
-        return picture(document.path, unquote(address), files, space)
+        return replace(picture(document.path, unquote(address), files, space), wrap=wrap)
     content = document.embedded_content(image) if address else _content_of_view(document, image, files)
     digest = hashlib.sha256(content).hexdigest()
-    suffix = ".jpg" if content[:2] == b"\xff\xd8" else ".png"
-    name = f"image {entry.values['source']}{suffix}"
-    return picture_within(document.path, name, digest, lambda: content, space)
+    suffix = next((suffix for start, suffix in _SUFFIXES.items() if content.startswith(start)), ".png")
+    name = f"{image.place}{suffix}"
+    return replace(picture_within(document.path, name, digest, lambda: content, space), wrap=wrap)
+
+
+_SUFFIXES = {b"\xff\xd8": ".jpg", b"RIFF": ".webp", b"DDS ": ".dds"}
+"""Suffixes of pictures by their beginning."""
+
+
+def _source_of(texture: JsonObject) -> object:
+    """Return the picture of a texture: the plain one, else the first of an extension that is read.
+
+    Raises MeshError, with the extension, where there is none.
+    """
+    if "source" in texture:
+        return texture.values["source"]
+    there = texture.entry("extensions")
+    named = [name for name in _SOURCES if name in there]
+    for name in named:
+        if _SOURCES[name]:
+            return there.entry(name).values.get("source")
+    if not (named or there.values):
+        raise MeshError(f"{texture.place} names no picture. Export it again, or write paint: off.")
+    raise MeshError(
+        f"{texture.place} has its picture only by the extension {brief(min(named or there.values))}, which "
+        "is not read. Export it with PNG or JPEG, or write paint: off."
+    )
+
+
+def _wrap_of(document: GltfDocument, texture: JsonObject) -> tuple[str, str]:
+    if "sampler" not in texture:
+        return REPEATED
+    sampler = document.item("samplers", texture.values["sampler"], texture.place)
+    across, up = (_WRAPS.get(sampler.whole(name, 10497), REPEAT) for name in ("wrapS", "wrapT"))
+    return across, up
 
 
 def _content_of_view(document: GltfDocument, image: JsonObject, files: dict[Path, str]) -> bytes:

@@ -17,14 +17,14 @@ from typing import Any
 import numpy as np
 
 from pipeline.errors import MeshError, brief
-from pipeline.file_contents import text_content
+from pipeline.file_contents import number_fault, text_content
 from pipeline.mesh.mesh_formats import MOST_BYTES
 from pipeline.plugins.interchange.model_paint import ModelPaint
 from pipeline.plugins.interchange.obj_files import statements
 from pipeline.plugins.interchange.painted_materials import (
     GREY,
-    Materials,
     file_beside,
+    found_beside,
     mask_of,
     opacity_of,
     painted,
@@ -32,9 +32,9 @@ from pipeline.plugins.interchange.painted_materials import (
 )
 from render.base.input_files import digest_of_file, read_input
 from render.scene.materials import Opacity, PatternedMaterial
-from render.scene.painted_faces import Files, PaintReader
+from render.scene.painted_faces import Files, ModelMaterials, PaintReader
 from render.scene.rgb_spaces import linear_of_srgb
-from render.scene.textures import ALPHA
+from render.scene.textures import ALPHA, CLAMP, Texture
 
 _NAMES = re.compile(rb"^[ \t]*(usemtl|mtllib)[ \t]+([^\r\n]*)", re.MULTILINE)
 
@@ -119,10 +119,10 @@ def _index(word: bytes, count: int) -> int:
     return number - 1 if number > 0 else count + number
 
 
-def _materials(path: Path) -> Materials:
-    """Return the materials of a file in the order of its paint, and the files that they are read from.
+def _materials(path: Path) -> ModelMaterials:
+    """Return the materials of a file in the order of its paint.
 
-    Raises MissingInputError where one is not there.
+    Raises MissingInputError where none of the files that it names is there, MeshError for damaged numbers.
     """
     content = text_content(read_input(path, MOST_BYTES))
     used: dict[bytes, None] = {}
@@ -141,42 +141,115 @@ def _materials(path: Path) -> Materials:
             libraries[name] = None
     known: dict[bytes, tuple[Path, dict[bytes, list[bytes]]]] = {}
     files: dict[Path, str] = {}
-    for name in libraries:
-        library = file_beside(path, name.decode("utf-8", "replace"), "materials")
+    found, missing = _libraries(path, [name.decode("utf-8", "replace") for name in libraries])
+    for library in found:
         files[library] = digest_of_file(library)
         for material, entries in _entries(library):
             known.setdefault(material, (library, entries))
+    notes = [f"it names its materials {brief(name)}, which is not there" for name in missing]
+    unknown = [name for name in used if name and name not in known]
+    for name in unknown[:_MOST_NOTES]:
+        notes.append(f"its material {_text(name)} is in none of its files of materials; it is grey here")
     has_colours = bool(re.search(rb"^[ \t]*v(?:[ \t]+[^\s]+){6}", content, re.MULTILINE))
-    return tuple(_material(*known.get(name, (path, {})), files, has_colours) for name in used), files
+    parts = []
+    for name in used:
+        library, entries = known.get(name, (path, {}))
+        parts.append(_material(library, _text(name), entries, files, has_colours))
+        notes += [f"material {_text(name)}: {note}" for note in _notes(entries)]
+    return ModelMaterials(tuple(parts), files, tuple(notes))
+
+
+_MOST_NOTES = 3  # of materials that no file defines
+
+
+def _text(name: bytes) -> str:
+    return brief(name.decode("utf-8", "replace"))
+
+
+def _libraries(model: Path, statements: list[str]) -> tuple[list[Path], list[str]]:
+    """Return the files of materials that statements name, and the names of those that are not there.
+
+    The name of a file may have spaces, and a statement name several files: the longest names of files that
+    are there count. Raises MissingInputError where none is there.
+    """
+    found, missing = list[Path](), list[str]()
+    for statement in statements:
+        words = [quoted or word for quoted, word in re.findall(r'"([^"]+)"|(\S+)', statement)]
+        if (whole := found_beside(model, statement.strip('"'))) is not None:
+            found.append(whole)
+            continue
+        first = 0
+        while first < len(words):
+            for end in range(len(words), first, -1):
+                if (path := found_beside(model, " ".join(words[first:end]))) is not None:
+                    found.append(path)
+                    break
+            else:
+                missing.append(words[first])
+            first = end
+    if missing and not found:
+        file_beside(model, statements[0].strip('"'), "materials")
+    return found, missing
 
 
 def _entries(library: Path) -> Iterator[tuple[bytes, dict[bytes, list[bytes]]]]:
-    """Yield the materials of an MTL file: names, and the words of each statement by its first."""
+    """Yield the materials of an MTL file: names, and the words of each statement by its first, in small
+    letters, as programs write them in both ways."""
     entries: dict[bytes, list[bytes]] = {}
     for _, words in statements(text_content(read_input(library, MOST_BYTES)), 1):
         if words[0] == b"newmtl":
             entries = {}
             yield b" ".join(words[1:]), entries
         else:
-            entries[words[0]] = words[1:]
+            entries[words[0].lower()] = words[1:]
+
+
+_NOT_SHOWN = {
+    b"map_ke": "the picture of its glow",
+    b"map_ks": "the picture of its highlights",
+    b"map_ns": "the picture of its shininess",
+    b"map_pr": "the picture of its roughness",
+    b"map_pm": "the picture of its metalness",
+    b"map_bump": "its bump map",
+    b"bump": "its bump map",
+    b"disp": "its displacement",
+}
+"""Statements of an MTL file that other programs show."""
+
+
+def _notes(entries: dict[bytes, list[bytes]]) -> Iterator[str]:
+    """Yield lines about what a material has that is not shown."""
+    if lost := dict.fromkeys(words for name, words in _NOT_SHOWN.items() if name in entries):
+        yield f"{' and '.join(lost)} {'is' if len(lost) == 1 else 'are'} not shown"
+    if any(_colour(entries, b"ke") or ()):
+        yield "its glow, Ke, is not shown"
+    if entries.get(b"kd") and _colour(entries, b"kd") is None:
+        yield f"its colour, Kd {brief(b' '.join(entries[b'kd']).decode('utf-8', 'replace'))}, is not read"
 
 
 def _material(
-    library: Path, entries: dict[bytes, list[bytes]], files: dict[Path, str], has_colours: bool
+    library: Path, name: str, entries: dict[bytes, list[bytes]], files: dict[Path, str], has_colours: bool
 ) -> PatternedMaterial:
-    """Return the material of the statements of an MTL file; note the pictures that it names."""
-    colour = _colour(entries, b"Kd") or GREY
+    """Return the material of the statements of an MTL file; note the pictures that it names.
+
+    Raises MeshError for numbers with commas.
+    """
+    for key in _NUMBERS:
+        fault = number_fault(entries.get(key, []))
+        if "point" in fault:
+            raise MeshError(f"{library.name}, material {name}: {key.decode()}: {fault}")
+    colour = _colour(entries, b"kd") or GREY
     texture = normals = None
-    if words := entries.get(b"map_Kd"):
-        texture = picture(library, _picture_name(words), files)
+    if words := entries.get(b"map_kd"):
+        texture = _picture(library, words, files)
     if words := entries.get(b"norm"):
-        normals = picture(library, _picture_name(words), files, "data")
+        normals = _picture(library, words, files, "data")
         strength = {b"-bm": words[words.index(b"-bm") + 1 :]} if b"-bm" in words else {}
         scale = _number(strength, b"-bm", 1.0)
         normals = replace(normals, factor=(scale, scale, 1.0))
     more: dict[str, Any] = {"normal_texture": normals, "opacity": _opacity(library, entries, files)}
-    specular, shine = _colour(entries, b"Ks"), _number(entries, b"Ns", 0.0)
-    metallic, roughness = _number(entries, b"Pm", 0.0), _number(entries, b"Pr", -1.0)
+    specular, shine = _colour(entries, b"ks"), _number(entries, b"ns", 0.0)
+    metallic, roughness = _number(entries, b"pm", 0.0), _number(entries, b"pr", -1.0)
     if roughness < 0.0:
         is_matt = not metallic and (not specular or not any(specular) or not shine)
         roughness = 1.0 if is_matt else (2.0 / (max(shine, 0.0) + 2.0)) ** 0.25
@@ -186,10 +259,13 @@ def _material(
     return painted(colour, texture, roughness, metallic, has_colours, **more)
 
 
+_NUMBERS = (b"kd", b"ks", b"ns", b"pm", b"pr", b"d", b"tr")
+
+
 def _opacity(library: Path, entries: dict[bytes, list[bytes]], files: dict[Path, str]) -> Opacity | None:
     """Return the opacity of a material. Raises MeshError for a `Tr` that programs read in two ways."""
     dissolved = entries.get(b"d", [])[-1:]  # behind an option of halos
-    factor = _number({b"d": dissolved}, b"d", 1.0 - _number(entries, b"Tr", 0.0))
+    factor = _number({b"d": dissolved}, b"d", 1.0 - _number(entries, b"tr", 0.0))
     words, texture = entries.get(b"map_d"), None
     if factor == 0.0 and not dissolved:
         raise MeshError(
@@ -197,11 +273,18 @@ def _opacity(library: Path, entries: dict[bytes, list[bytes]], files: dict[Path,
             "paint: off."
         )
     if words is not None:
-        texture = picture(library, _picture_name(words), files, "data")
+        texture = _picture(library, words, files, "data")
         option = words[words.index(b"-imfchan") + 1 :] if b"-imfchan" in words else []
         channel = {b"r": 0, b"g": 1, b"b": 2, b"m": ALPHA}.get(option[0] if option else b"")
         texture = mask_of(texture) if channel is None else replace(texture, channel=channel)
     return opacity_of(factor, texture)
+
+
+def _picture(library: Path, words: list[bytes], files: dict[Path, str], space: str | None = None) -> Texture:
+    """Return the picture that a statement names; with `-clamp on` it does not repeat."""
+    texture = picture(library, _picture_name(words), files, space)
+    option = words[words.index(b"-clamp") + 1 :][:1] if b"-clamp" in words else []
+    return replace(texture, wrap=(CLAMP, CLAMP)) if option == [b"on"] else texture
 
 
 def _picture_name(words: list[bytes]) -> str:

@@ -14,11 +14,9 @@ from render.base.render_errors import BadInputError
 from render.base.serialise import Colour
 from render.base.user_cache import writable_cache
 from render.scene.materials import Diffuse, Opacity, PatternedMaterial, Satin
-from render.scene.painted_faces import VERTEX_COLOURS, Files
+from render.scene.painted_faces import VERTEX_COLOURS
 from render.scene.texture_projection import MODEL, TextureProjection
-from render.scene.textures import ALPHA, WHOLE, Texture, texture_of
-
-Materials = tuple[tuple[PatternedMaterial, ...], Files]
+from render.scene.textures import ALPHA, REPEATED, WHOLE, Texture, texture_of
 
 GREY = (0.604, 0.604, 0.604)
 """The colour of what a file leaves white: linear Rec.709 of sRGB 0.8, as Blender's."""
@@ -40,7 +38,8 @@ def painted(
     opacity      where the surface has holes, or None
     textures     of normals, roughness and metalness, by the names of `Satin`
     """
-    placed = TextureProjection(MODEL)
+    held = (texture, opacity and opacity.texture, *textures.values())
+    placed = TextureProjection(MODEL, keeps_place=any(each.wrap != REPEATED for each in held if each))
     source: dict[str, Any] = {"colour_texture": texture, "projection": placed, "opacity": opacity}
     if texture is None and has_colours:
         source["colour_from"] = VERTEX_COLOURS
@@ -69,16 +68,22 @@ def alpha_of(texture: Texture) -> Texture:
     return replace(texture, space="data", factor=WHOLE, channel=ALPHA)
 
 
-def file_beside(model: Path, name: str, kind: str) -> Path:
+def found_beside(model: Path, name: str) -> Path | None:
     """Return the file that a model names, or the one of its name beside the model: paths of other machines
-    end there. Raises MissingInputError where there is neither."""
+    end there. None where there is neither."""
     written = name.replace("\\", "/")
-    paths = [model.parent / written, model.parent / Path(written).name]
-    for path in paths:
-        if path.is_file():
-            return path
+    paths = (model.parent / written, model.parent / Path(written).name)
+    return next((path for path in paths if path.is_file()), None)
+
+
+def file_beside(model: Path, name: str, kind: str) -> Path:
+    """Return the file that `found_beside` finds. Raises MissingInputError where there is none."""
+    path = found_beside(model, name)
+    if path is not None:
+        return path
+    place = model.parent / Path(name.replace("\\", "/")).name
     raise MissingInputError(
-        f"{model}: it names its {kind} {name}, which is not there; it is looked for as {paths[-1]}. Copy it "
+        f"{model}: it names its {kind} {name}, which is not there; it is looked for as {place}. Copy it "
         "there, or write paint: off"
     )
 

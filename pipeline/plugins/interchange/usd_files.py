@@ -22,7 +22,6 @@ from pipeline.errors import MissingInputError
 from pipeline.mesh.mesh_formats import FileSurface, MeshFormat, ModelFiles, ScenePart
 from pipeline.plugins.interchange.model_paint import ModelPaint
 from pipeline.plugins.interchange.painted_materials import (
-    Materials,
     opacity_of,
     painted,
     picture,
@@ -33,14 +32,14 @@ from render.base.input_files import digest_of_file, joint_digest
 from render.base.limited_process import allow_memory, serve
 from render.base.user_cache import cache_path, load_answer, store_answer
 from render.scene.materials import PatternedMaterial
-from render.scene.painted_faces import Files, PaintReader
-from render.scene.textures import Texture
+from render.scene.painted_faces import Files, ModelMaterials, PaintReader
+from render.scene.textures import BLACK, CLAMP, REPEAT, Texture
 
 _MODULE = "pipeline.plugins.interchange.usd_files"
 
 _VERSION = 1  # goes up when the process answers otherwise about the same files
 
-_PAINT_VERSION = 3  # the same for answers about materials
+_PAINT_VERSION = 4  # the same for answers about materials
 
 _WHOLE = ScenePart()
 
@@ -87,7 +86,7 @@ def _no_files(path: Path) -> Files:
     return {}  # layers are files of the surface
 
 
-def _materials(path: Path, part: ScenePart = _WHOLE) -> Materials:
+def _materials(path: Path, part: ScenePart = _WHOLE) -> ModelMaterials:
     """Return the materials of a part of a stage in the order of its paint, and the files of their pictures.
 
     Raises MissingInputError where one is not there, MeshError for what is not read.
@@ -104,12 +103,16 @@ def _materials(path: Path, part: ScenePart = _WHOLE) -> Materials:
         known = {"materials": json.loads(_asked("materials", path, part))}
         store_answer(cached, known)
     files: dict[Path, str] = {}
-    return tuple(_material(path, facts, files) for facts in known["materials"]), files
+    parts = tuple(_material(path, facts, files) for facts in known["materials"])
+    return ModelMaterials(parts, files)
 
 
 def _material(path: Path, facts: dict[str, Any], files: dict[Path, str]) -> PatternedMaterial:
     """Return the material of what the process found; note the files of its pictures."""
-    textures = {name: _texture(path, found, files) for name, found in facts["pictures"].items()}
+    textures = {
+        name: replace(_texture(path, found, files), wrap=_wrap(found["wrap"], name, facts["is_beyond"]))
+        for name, found in facts["pictures"].items()
+    }
     colour, roughness = textures.get("diffuseColor"), facts["roughness"]
     more: dict[str, Any] = {"normal_texture": textures.get("normal")}
     factor = 1.0 if "opacity" in textures else facts["opacity"]
@@ -119,6 +122,17 @@ def _material(path: Path, facts: dict[str, Any], files: dict[Path, str]) -> Patt
     return painted(
         tuple(facts["colour"]), colour, roughness, facts["metalness"], facts["has_colours"], **more
     )
+
+
+def _wrap(stated: list[str], name: str, is_beyond: bool) -> tuple[str, str]:
+    """Return what is shown beyond the sides of a picture: black where nothing is stated (UsdUVTexture).
+
+    is_beyond  tells whether any of it shows; otherwise the picture is read as one that repeats
+    """
+    across, up = (mode or (BLACK if is_beyond else REPEAT) for mode in stated)
+    if name == "normal":  # black is no direction
+        across, up = (CLAMP if mode == BLACK else mode for mode in (across, up))
+    return across, up
 
 
 def _texture(path: Path, found: dict[str, Any], files: dict[Path, str]) -> Texture:

@@ -13,9 +13,22 @@ from typing import Any
 from pxr import Gf, Sdf, Usd, UsdShade
 
 from pipeline.plugins.interchange.exported_frame import preview_surface
+from pipeline.plugins.interchange.exported_materials import parts_of
 from pipeline.plugins.interchange.openpbr import LENGTHS, openpbr_inputs
 from pipeline.plugins.interchange.usd_prims import sample
-from render.scene.materials import Material, PatternedMaterial
+from render.scene.materials import Material, Opacity, PatternedMaterial
+from render.scene.textures import BLACK, CLAMP, MIRROR, REPEAT, REPEATED, Texture
+
+_TEXTURES = {
+    "diffuseColor": "colour_texture",
+    "roughness": "roughness_texture",
+    "metallic": "metallic_texture",
+    "normal": "normal_texture",
+}
+"""Textures of materials by the inputs of a preview surface."""
+
+_ADDRESSES = {REPEAT: "periodic", CLAMP: "clamp", MIRROR: "mirror", BLACK: "constant"}
+"""What is shown beyond the sides of a picture, as MaterialX names it."""
 
 MATERIALX = "1.39"
 """The version of MaterialX whose nodes are written."""
@@ -50,6 +63,15 @@ def add_material(
     return material
 
 
+def _wrap_of(look: Material, name: str) -> tuple[str, str]:
+    """Return what is shown beyond the sides of the picture for an input of the preview surface of a look."""
+    (part, *_) = parts_of(look)
+    opacity: Opacity | None = getattr(part, "opacity", None)
+    owner, attribute = (opacity, "texture") if name == "opacity" else (part, _TEXTURES[name])
+    texture: Texture | None = getattr(owner, attribute, None)
+    return REPEATED if texture is None else texture.wrap
+
+
 def _add_preview_surface(
     stage: Usd.Stage,
     material: UsdShade.Material,
@@ -77,6 +99,8 @@ def _add_preview_surface(
     for name, file in pictures.items():
         output = "rgb" if name in ("diffuseColor", "normal") else "r"
         reader = _picture_reader(stage, path, file, "picture" if name == "diffuseColor" else name, output)
+        for setting, mode in zip(("wrapS", "wrapT"), _wrap_of(look, name), strict=True):
+            _set(reader, setting, "Token", mode)
         if name == "normal":
             shader.CreateInput(name, Sdf.ValueTypeNames.Normal3f)
             for setting, value in (("scale", 2.0), ("bias", -1.0)):
@@ -111,6 +135,8 @@ def _add_openpbr(
         if of_preview not in pictures:
             continue
         source = _image(stage, path, pictures[of_preview], name, kind, value_type)
+        for setting, mode in zip(("uaddressmode", "vaddressmode"), _wrap_of(look, of_preview), strict=True):
+            _set(source, setting, "String", _ADDRESSES[mode])
         if of_preview == "normal":
             source = _turning(stage, f"{path}_normals", source)
         if of_preview == "opacity":
@@ -129,11 +155,9 @@ def _add_openpbr(
 
 
 def _image(stage: Usd.Stage, path: str, file: str, name: str, kind: str, value_type: str) -> UsdShade.Shader:
-    """Add the node that reads a linear picture, which repeats, by texture coordinates."""
+    """Add the node that reads a linear picture by texture coordinates."""
     image = _shader(stage, f"{path}_{name}", f"ND_image_{kind}")
     _set(image, "file", "Asset", Sdf.AssetPath(f"./{file}"))
-    for setting in ("uaddressmode", "vaddressmode"):
-        _set(image, setting, "String", "periodic")
     _connect(image, "texcoord", "Float2", _vertex_value(stage, path, "st", "vector2", "Float2"))
     image.CreateOutput("out", getattr(Sdf.ValueTypeNames, value_type))
     return image
@@ -183,13 +207,12 @@ def connect_opacity(stage: Usd.Stage, path: str) -> None:
 
 
 def _picture_reader(stage: Usd.Stage, path: str, picture: str, name: str, output: str) -> UsdShade.Shader:
-    """Add the shader that reads a linear picture, which repeats, by texture coordinates: its colours, `rgb`,
-    or numbers, `r`."""
+    """Add the shader that reads a linear picture by texture coordinates: its colours, `rgb`, or numbers,
+    `r`."""
     coordinates = _primvar_reader(stage, f"{path}/coordinates", 2, "st")
     reader = _shader(stage, f"{path}/{name}", "UsdUVTexture")
     _set(reader, "file", "Asset", Sdf.AssetPath(f"./{picture}"))
-    for setting, value in (("wrapS", "repeat"), ("wrapT", "repeat"), ("sourceColorSpace", "raw")):
-        _set(reader, setting, "Token", value)
+    _set(reader, "sourceColorSpace", "Token", "raw")
     coordinate = reader.CreateInput("st", Sdf.ValueTypeNames.Float2)
     coordinate.ConnectToSource(coordinates.ConnectableAPI(), "result")
     reader.CreateOutput(output, Sdf.ValueTypeNames.Float3 if output == "rgb" else Sdf.ValueTypeNames.Float)

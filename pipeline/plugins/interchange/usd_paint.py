@@ -39,7 +39,12 @@ _CHANNELS = {"rgb": None, "r": 0, "g": 1, "b": 2, "a": ALPHA}
 _OPACITY = (("opacity", 1.0), ("opacityThreshold", 0.0))
 """Inputs of opacity, and what they are where nothing is said."""
 
+_WRAPS = ("black", "clamp", "repeat", "mirror")
+"""Ways to show what is beyond the sides of a picture; others leave it to the picture's file."""
+
 _SPACES = {"sRGB": "srgb", "raw": "linear"}
+
+_BEYOND = 1e-4  # of a texture: what coordinates may reach beyond its sides without showing it
 
 _DARKEST_MIRROR = 0.1
 """Specular colours up to this are taken for that of a dielectric; brighter ones may be metals."""
@@ -162,6 +167,8 @@ class PaintedStage(StageMeshes):
             index = {"vertex": corners[at], "varying": corners[at], "uniform": faces[at], "faceVarying": at}
             index["constant"] = np.zeros(len(at), np.int64)
             coordinates[at] = self._coordinates(prim, surfaces[number], index)
+            beyond = np.abs(coordinates[at] - 0.5).max(initial=0.0) > 0.5 + _BEYOND
+            surfaces[number].facts["is_beyond"] |= bool(beyond)
             if (dye := surfaces[number].dye) is not None:
                 values = self._primvar(prim, dye, 3, index)
                 surfaces[number].facts["has_colours"] |= values is not None
@@ -238,7 +245,7 @@ def _path_of(material: UsdShade.Material) -> str:
 
 def _facts(colour: tuple[float, ...], roughness: float | None, metalness: float) -> dict[str, Any]:
     facts = {"colour": colour, "roughness": roughness, "metalness": metalness}
-    return {**facts, **dict(_OPACITY), "has_colours": False, "pictures": {}}
+    return {**facts, **dict(_OPACITY), "has_colours": False, "is_beyond": False, "pictures": {}}
 
 
 def _bare() -> _Surface:
@@ -331,7 +338,10 @@ class _Reader:
                 "shown, or write paint: off."
             )
         shown = _SPACES.get(space) if name == "diffuseColor" else "data"
-        return {"factor": scale, "channel": _CHANNELS[output], "space": shown} | self._file(node, place)
+        stated = (str(self._value(node, side, "")) for side in ("wrapS", "wrapT"))
+        wrap = [mode if mode in _WRAPS else "" for mode in stated]
+        facts = {"factor": scale, "channel": _CHANNELS[output], "space": shown, "wrap": wrap}
+        return facts | self._file(node, place)
 
     def _file(self, node: UsdShade.Shader, place: str) -> dict[str, Any]:
         """Return the path of a texture's file, or of a picture within a package its digest and name too."""

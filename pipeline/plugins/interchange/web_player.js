@@ -343,9 +343,11 @@ class Player {
     };
   }
 
-  /** A picture that covers a surface, and repeats. */
-  async #picture([type, number], colorSpace) {
+  /** A picture that covers a surface, and what shows beyond its sides; for black it is the border. */
+  async #picture([type, number, across, up], colorSpace) {
     const { THREE } = this;
+    const wraps = { repeat: THREE.RepeatWrapping, mirror: THREE.MirroredRepeatWrapping };
+    const [wrapS, wrapT] = [across, up].map((mode) => wraps[mode] ?? THREE.ClampToEdgeWrapping);
     if (!this.images.has(number)) {
       const content = new Blob([await bytesOf(number)], { type });
       const asStored = { colorSpaceConversion: "none", premultiplyAlpha: "none" };
@@ -354,7 +356,7 @@ class Player {
     const texture = new THREE.Texture(this.images.get(number));
     const anisotropy = this.renderer.capabilities.getMaxAnisotropy();
     return Object.assign(texture, {
-      wrapS: THREE.RepeatWrapping, wrapT: THREE.RepeatWrapping, flipY: false, colorSpace, anisotropy, needsUpdate: true,
+      wrapS, wrapT, flipY: false, colorSpace, anisotropy, needsUpdate: true,
     });
   }
 

@@ -143,13 +143,13 @@ class _Blobs:
         self.packed: list[str] = []
         self._pictures: dict[EmbeddedPicture, int] = {}
 
-    def picture(self, picture: EmbeddedPicture | None) -> tuple[str, int] | None:
-        """Add a picture, unless it is there; return its media type and its number."""
+    def picture(self, picture: EmbeddedPicture | None) -> tuple[str, int, str, str] | None:
+        """Add a picture, unless it is there; return its media type, its number and its wrap."""
         if picture is None:
             return None
         if picture not in self._pictures:
             self._pictures[picture] = self.add(picture.content)
-        return picture.kind, self._pictures[picture]
+        return picture.kind, self._pictures[picture], *picture.wrap
 
     def add(self, content: AnyArray | bytes) -> int:
         """Add an array, little-endian, or text; return its number."""

@@ -8,6 +8,7 @@ from pipeline.arrays import AnyArray, Floats
 from render.scene.materials import Painted
 from render.scene.painted_faces import PaintedFaces
 from render.scene.surface import Surface
+from render.scene.textures import REPEATED, texels_at
 
 
 def _pieces(across: int) -> Floats:
@@ -36,13 +37,10 @@ def without_holes(surface: Surface, look: Painted, paint: PaintedFaces) -> Surfa
     for number, part in enumerate(look.parts):
         which = paint.materials == number
         if part.opacity is not None and which.any():
-            fractions = part.opacity.fractions()[..., 0]
-            across, up = np.moveaxis(middles[which] % 1.0, 2, 0)
-            places = ((1.0 - up, across)[axis] * fractions.shape[axis] for axis in (0, 1))
-            rows, columns = (
-                np.minimum(p.astype(int), n - 1) for p, n in zip(places, fractions.shape, strict=True)
-            )
-            is_there[which] = fractions[rows, columns] > _THRESHOLDS
+            texture, (across, up) = part.opacity.texture, np.moveaxis(middles[which], 2, 0)
+            wrap = REPEATED if texture is None else texture.wrap
+            fractions = texels_at(part.opacity.fractions(), across, 1.0 - up, wrap)
+            is_there[which] = fractions[..., 0] > _THRESHOLDS
     whole = is_there.all(axis=1)
     face, piece = np.nonzero(is_there & ~np.asarray(whole)[:, None])
     weights = PIECES[piece]

@@ -197,7 +197,8 @@ class Painted(Material):
 
     @property
     def texture_projection(self) -> TextureProjection | None:
-        return TextureProjection(MODEL) if self.parts else None
+        keeps_place = any(part.projection.keeps_place for part in self.parts)
+        return TextureProjection(MODEL, keeps_place=keeps_place) if self.parts else None
 
     @property
     def has_normal_map(self) -> bool:

@@ -66,7 +66,7 @@ def test_what_readers_would_see_otherwise_is_encoded_again(tmp_path: Path) -> No
     linear = texture(stored(tmp_path / "linear.png", noise()), "linear")
     floats = texture(stored(tmp_path / "a.exr", np.full((2, 3, 3), 0.25, np.float32)))
     for each in (turned, linear, floats):
-        kind, content = embedded(each, 2048, is_colour=True)
+        kind, content, _ = embedded(each, 2048, is_colour=True)
         assert content != Path(each.path).read_bytes()
         shown, pixels = iio.imread(io.BytesIO(content)) / 255.0, each.pixels()
         assert kind == ("image/jpeg" if each is turned else "image/png")
@@ -78,7 +78,7 @@ def test_what_readers_would_see_otherwise_is_encoded_again(tmp_path: Path) -> No
 def test_large_pictures_are_averaged_in_light(tmp_path: Path) -> None:
     stripes = np.zeros((2, 64, 3), np.uint8)
     stripes[:, ::2] = 255
-    kind, content = embedded(texture(stored(tmp_path / "a.png", stripes)), 32, is_colour=True)
+    kind, content, _ = embedded(texture(stored(tmp_path / "a.png", stripes)), 32, is_colour=True)
     shown = iio.imread(io.BytesIO(content))
     assert (kind, shown.shape) == ("image/png", (1, 32, 3)) and (shown == 188).all()
 

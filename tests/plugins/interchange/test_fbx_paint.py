@@ -112,7 +112,7 @@ def test_a_picture_within_an_fbx_file_is_read(tmp_path: Path) -> None:
     (tmp_path / "atlas.png").unlink()
     within = video(6, "atlas.png", content)
     path = write(tmp_path / "box.fbx", painted_box(within), [*LINKS, (6, 5)])
-    (atlas, _), files = FBX_PAINT.materials(path)
+    (atlas, _), files, _ = FBX_PAINT.materials(path)
     assert atlas.colour_texture is not None and not files
     assert Path(atlas.colour_texture.path).read_bytes() == content
 
@@ -131,7 +131,7 @@ def test_roughness_and_metalness_of_blender_and_their_pictures_are_read(tmp_path
     links = [*LINKS[:4], (5, 3, "ShininessExponent"), (6, 3, "ReflectionFactor")]
     objects = painted_box(texture(6, "rough.png"), first=metal, name="rough.png")
     path = write(tmp_path / "box.fbx", objects, links, creator=BLENDER)
-    (found, _), files = FBX_PAINT.materials(path)
+    (found, _), files, _ = FBX_PAINT.materials(path)
     assert isinstance(found, Satin) and found.roughness_texture is not None
     assert found.metallic_texture is not None and found.colour == (0.5, 0.5, 0.5)
     assert found.roughness_texture.numbers()[0, 0, 0] == pytest.approx(0.25, abs=3e-3)
@@ -144,7 +144,7 @@ def test_normal_maps_of_an_fbx_are_read_with_their_strength(tmp_path: Path) -> N
     picture(tmp_path / "atlas.png", (0.5, 0.5, 1.0))
     links = [*LINKS[:4], (5, 3, "NormalMap")]
     path = write(tmp_path / "box.fbx", painted_box(first=material(3, "Phong", BumpFactor=0.5)), links)
-    (found, _), files = FBX_PAINT.materials(path)
+    (found, _), files, _ = FBX_PAINT.materials(path)
     assert isinstance(found, Satin | Diffuse) and found.normal_texture is not None
     assert found.normal_texture.factor == (0.5, 0.5, 1.0) and found.has_normal_map
     assert [file.name for file in files] == ["atlas.png"]
@@ -188,7 +188,7 @@ def test_vertex_colours_of_an_fbx_are_srgb_and_for_materials_without_a_picture(t
     plain = [box_geometry(7), model(8, "plain", Lcl__Translation=(5.0, 0.0, 0.0))]
     objects = painted_box(*plain, layers=[colours])
     path = write(tmp_path / "box.fbx", objects, [*LINKS, (8, 0), (7, 8), (4, 8)])
-    (atlas, red), _ = FBX_PAINT.materials(path)
+    (atlas, red), _, _ = FBX_PAINT.materials(path)
     assert atlas.colour_from is None and red.colour_from == VERTEX_COLOURS
     paint = FBX_PAINT.paint(path)
     found = paint.colours  # type: ignore[attr-defined]

@@ -146,7 +146,7 @@ def test_mirrors_turned_faces_holes_and_instances_keep_their_paint(tmp_path: Pat
     middles = corners.mean(axis=1) - np.where(is_left, -5, 5)[:, None] * (1, 0, 0)
     outwards = 1 if hand == "rightHanded" else -1
     assert (outwards * np.einsum("fx,fx->f", turn, middles) > 0).all()
-    materials, _ = USD_PAINT.materials(tmp_path / "box.usda")
+    materials, _, _ = USD_PAINT.materials(tmp_path / "box.usda")
     assert len(materials) == 2 and len(np.unique(paint.materials[is_left])) == 1  # type: ignore[attr-defined]
     assert [each.colour_texture is not None for each in materials] == [True, False]
 
@@ -165,7 +165,7 @@ def test_display_colours_are_vertex_colours(
     tmp_path: Path, values: str, shown: set[tuple[float, ...]]
 ) -> None:
     path = write(tmp_path, box(f"color3f[] primvars:displayColor = {values}"))
-    (bare,), files = USD_PAINT.materials(path)
+    (bare,), files, _ = USD_PAINT.materials(path)
     assert isinstance(bare, Diffuse) and bare.colour_from == VERTEX_COLOURS and not files
     colours = USD_PAINT.paint(path).colours  # type: ignore[attr-defined]
     assert {tuple(row) for row in colours.reshape(-1, 3).tolist()} == shown
@@ -201,7 +201,7 @@ def test_maps_of_numbers_and_normals_and_transforms_are_read(tmp_path: Path) -> 
     one = material("one", rough, bumps, "float inputs:metallic = 0.75", nodes=turned)
     picture(tmp_path / "atlas.png")
     path = write(tmp_path, box(COORDINATES, BIND), one)
-    (found,), _ = USD_PAINT.materials(path)
+    (found,), _, _ = USD_PAINT.materials(path)
     assert isinstance(found, Satin) and found.metallic == 0.75 and found.colour == (0.18,) * 3
     assert found.roughness_texture is not None and found.normal_texture is not None
     assert found.roughness_texture.numbers()[0, 0, 0] == pytest.approx(0.4, abs=3e-3)
@@ -218,7 +218,7 @@ def test_maps_of_light_of_a_stage_are_not_opened(tmp_path: Path) -> None:
     more = "float inputs:occlusion.connect = </world/one/picture.outputs:g>", "float inputs:clearcoat = 1"
     plain = "color3f inputs:diffuseColor = (0, 0, 1)"
     path = write(tmp_path, box(COORDINATES, BIND), material("one", plain, light, *more, nodes=PICTURE))
-    (found,), files = USD_PAINT.materials(path)
+    (found,), files, _ = USD_PAINT.materials(path)
     assert found.colour == (0.0, 0.0, 1.0) and not files, "no picture is there"
 
 
@@ -226,7 +226,7 @@ def test_a_picture_within_a_package_is_read_and_named_where_it_is_damaged(tmp_pa
     path = painted_box(tmp_path)
     assert UsdUtils.CreateNewUsdzPackage(str(path), str(tmp_path / "box.usdz"))
     content = (tmp_path / "atlas.png").read_bytes()
-    (atlas, _), files = USD_PAINT.materials(tmp_path / "box.usdz")
+    (atlas, _), files, _ = USD_PAINT.materials(tmp_path / "box.usdz")
     assert atlas.colour_texture is not None and not files
     assert Path(atlas.colour_texture.path).read_bytes() == content
     (tmp_path / "atlas.png").write_bytes(content[:60] + b"broken")
@@ -241,7 +241,7 @@ def test_a_part_of_a_stage_has_the_paint_of_that_part(tmp_path: Path) -> None:
     one = material("one", "color3f inputs:diffuseColor = (0, 1, 0)")
     red = material("red", "color3f inputs:diffuseColor = (1, 0, 0)")
     path = write(tmp_path, box(BIND), second, one, red)
-    (found,), _ = read_paint(path, lambda reader: reader.materials, ScenePart("/world/second"))
+    (found,), _, _ = read_paint(path, lambda reader: reader.materials, ScenePart("/world/second"))
     assert found.colour == (1.0, 0.0, 0.0)
 
 
