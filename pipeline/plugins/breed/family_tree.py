@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import AfterValidator, BaseModel, Field, ValidationError
 
-from pipeline.errors import FlowsculptError
+from pipeline.errors import FlowsculptError, UsageError
+from pipeline.shot.yaml.named_files import name_fault
 from render.graphics.contact_sheet import FONT, GROUND, INK, QUIET
 from render.graphics.typesetting import cut_short, write
 from render.post.image import read_png
@@ -50,13 +52,57 @@ class Row:
     favourites: tuple[str, ...] = ()
 
 
-def read_record(folder: Path) -> dict[str, Any] | None:
-    """Return what a folder says of its generation; None where it has none."""
+def _checked(name: str) -> str:
+    """Return a name from which paths are made. Raises ValueError for one that no shot can have."""
+    if fault := name_fault(name):
+        raise ValueError(fault)
+    return name
+
+
+Name = Annotated[str, AfterValidator(_checked)]
+
+
+class _Parent(BaseModel):
+    name: str = ""
+    folder: Annotated[str, Field(pattern=r"^[^\x00]*$")] = ""
+
+
+class _Child(BaseModel):
+    name: Name
+
+
+class GenerationRecord(BaseModel):
+    """What is read of RECORD, which may be of somebody else."""
+
+    name: Name
+    generation: int
+    seed: int
+    change: float
+    parents: list[_Parent]
+    favourites: list[str] = []
+    children: Annotated[list[_Child], Field(min_length=1)]
+
+
+def read_record(folder: Path) -> GenerationRecord | None:
+    """Return what a folder says of its generation; None where it has none.
+
+    Raises UsageError for what `breed` cannot have written.
+    """
     try:
-        record = json.loads((folder / RECORD).read_text(encoding="utf-8"))
+        return GenerationRecord.model_validate_json((folder / RECORD).read_bytes())
+    except ValidationError as error:
+        fault = error.errors()[0]
+        place = ".".join(map(str, fault["loc"])) or "record"
+        message = fault["msg"].removeprefix("Value error, ")
+        raise UsageError(f"{folder / RECORD}: {place}: {message}; flowsculpt breed writes it") from None
     except (OSError, ValueError):
         return None
-    return record if isinstance(record, dict) and record.keys() >= {"parents", "children"} else None
+
+
+def _known(folder: Path) -> GenerationRecord | None:
+    with suppress(UsageError):
+        return read_record(folder)
+    return None
 
 
 def rows_of(folder: Path, place: Path) -> list[Row]:
@@ -65,30 +111,30 @@ def rows_of(folder: Path, place: Path) -> list[Row]:
     folder  its files
     place   the folder that its record means by relative paths
     """
-    found: dict[Path, tuple[dict[str, Any], Path]] = {}
+    found: dict[Path, tuple[GenerationRecord, Path]] = {}
     first: dict[str, Pixels | None] = {}
     waiting = [(folder, place)]
     while waiting:
         files, home = waiting.pop()
-        record = read_record(files)
+        record = _known(files)
         if record is None or home.resolve() in found:
             continue
         found[home.resolve()] = (record, files)
-        for number, parent in enumerate(record["parents"], 1):
-            before = Path(os.path.normpath(home / parent["folder"]))  # home may not be there yet
-            if read_record(before) is not None:
+        for number, parent in enumerate(record.parents, 1):
+            before = Path(os.path.normpath(home / parent.folder))  # home may not be there yet
+            if _known(before) is not None:
                 waiting.append((before, before))
             else:
-                first.setdefault(parent["name"], _picture(files, f"parent_{number}"))
-    generations = sorted(found.values(), key=lambda item: (item[0]["generation"], item[0]["name"]))
+                first.setdefault(parent.name, _picture(files, f"parent_{number}"))
+    generations = sorted(found.values(), key=lambda item: (item[0].generation, item[0].name))
     return [Row("", first), *(_row(record, files) for record, files in generations)]
 
 
-def _row(record: dict[str, Any], files: Path) -> Row:
-    names = [child["name"] for child in record["children"]]
-    heading = f"{record['name']}   seed {record['seed']}, change {record['change']:g}"
-    parents = tuple(parent["name"] for parent in record["parents"])
-    return Row(heading, {n: _picture(files, n) for n in names}, parents, tuple(record["favourites"]))
+def _row(record: GenerationRecord, files: Path) -> Row:
+    names = [child.name for child in record.children]
+    heading = f"{record.name}   seed {record.seed}, change {record.change:g}"
+    parents = tuple(parent.name for parent in record.parents)
+    return Row(heading, {n: _picture(files, n) for n in names}, parents, tuple(record.favourites))
 
 
 def _picture(files: Path, name: str) -> Pixels | None:

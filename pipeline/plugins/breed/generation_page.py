@@ -76,7 +76,7 @@ def page_text(
 def next_name(name: str) -> str:
     """Return the name of the generation after one: A010_cube_2 after A010_cube_1."""
     stem, _, number = name.rpartition("_")
-    return f"{stem}_{int(number) + 1}" if stem and number.isdigit() else f"{name}_2"
+    return f"{stem}_{int(number) + 1}" if stem and number.isdecimal() else f"{name}_2"
 
 
 def _encoded(pictures: NDArray[np.uint8]) -> list[str]:
@@ -120,7 +120,7 @@ def read_choice(text: str) -> PageChoice:
             f"{place}: {folder} is not a generation: it has no {RECORD}. Run this in the folder in which "
             "it was bred"
         )
-    names = [child["name"] for child in record["children"]]
+    names = [child.name for child in record.children]
     parents = _numbered(given.get("parents", ""), names, place)
     if len(parents) not in (1, 2):
         raise UsageError(f"{place}: {len(parents)} parents; choose one child on the page, or two to cross")
@@ -131,13 +131,13 @@ def read_choice(text: str) -> PageChoice:
         raise UsageError(f"{place}: change and seed are numbers, as in {FORM}") from None
     favourites = tuple(_numbered(given.get("favourites", ""), names, place))
     paths = tuple(Path(folder) / f"{name}.yaml" for name in parents)
-    return PageChoice(paths, favourites, change, seed, given.get("name", "") or next_name(record["name"]))
+    return PageChoice(paths, favourites, change, seed, given.get("name", "") or next_name(record.name))
 
 
 def _numbered(text: str, names: Sequence[str], place: str) -> list[str]:
     """Return the names of children with these numbers, each once."""
     numbers = list(dict.fromkeys(word for word in text.split(",") if word))
     for number in numbers:
-        if not (number.isdigit() and 1 <= int(number) <= len(names)):
+        if not (number.isdecimal() and 1 <= int(number) <= len(names)):
             raise UsageError(f"{place}: child {shortened(number)} does not exist; they are 1 to {len(names)}")
     return [names[int(number) - 1] for number in numbers]
