@@ -13,7 +13,7 @@ from pipeline.plugin import plugins
 from pipeline.resample.thresholds import DEFAULT_RATIO, HIGHEST_RATIO
 from pipeline.shot.documents.field_types import is_number, is_triple
 from pipeline.shot.documents.flow_documents import DOCUMENTS
-from pipeline.shot.motion import Clock
+from pipeline.shot.motion import FURTHEST, Clock
 from pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource, dotted
 from render.base.plural import plural
 
@@ -34,31 +34,40 @@ _ANY = Clock(FrameRange.of([1]), FrameRate.of(24))
 
 
 def check_keys(source: YamlSource, clock: Clock | None) -> Iterator[Problem]:
-    """Check that keys are frames or seconds, ascend, and lie within the shot, and the form of handles."""
+    """Check that keys are frames or seconds and ascend, and the form of handles."""
     for where, mapping in source.mappings():
         inner = mapping.get("keys")
         if isinstance(inner, dict):
-            yield from _times(inner, (*where, "keys"), clock, in_flows=where[:1] == ("flows",))
+            yield from _times(inner, (*where, "keys"), clock or _ANY)
             yield from _handles(mapping, (*where, "keys"), clock or _ANY)
 
 
-def _times(keys: dict[Any, Any], where: Where, clock: Clock | None, in_flows: bool) -> Iterator[Problem]:
+def outside_note(source: YamlSource, clock: Clock) -> str | None:
+    """Return the line about keys outside of the shot, which still shape their curves; None for none."""
+    outside = [
+        (*where, "keys", key)
+        for where, mapping in source.mappings()
+        for key in (mapping["keys"] if isinstance(mapping.get("keys"), dict) else ())
+        if not clock.holds(seconds := clock.seconds(key) or 0.0)
+        and not ("flows" in where[:3] and clock.flow_holds(seconds))
+    ]
+    if not outside:
+        return None
+    count, place = plural(len(outside), "key is", "keys are"), source.place(min(outside, key=source.order))
+    return f"{place}: {count} outside of the shot, which has frames {clock.frames}; curves keep their shape."
+
+
+def _times(keys: dict[Any, Any], where: Where, clock: Clock) -> Iterator[Problem]:
     before: tuple[Any, float] | None = None
     for key in keys:
-        place, seconds = (*where, key), (clock or _ANY).seconds(key)
-        if seconds is None:
+        place, seconds = (*where, key), clock.seconds(key)
+        if seconds is None or not abs(seconds) < FURTHEST:
             yield (
                 place,
                 f"key {shortened(key)} is not a time; write a frame, such as 12, or seconds, such as 0.5s",
             )
             continue
-        if clock and not clock.holds(seconds) and not (in_flows and clock.flow_holds(seconds)):
-            yield (
-                place,
-                f"key {_shown(key)} is outside of the shot, which has frames {clock.frames} "
-                f"({clock.duration:.4g} s). Move it inside.",
-            )
-        elif before and math.isclose(seconds, before[1], rel_tol=0, abs_tol=1e-9):
+        if before and math.isclose(seconds, before[1], rel_tol=0, abs_tol=1e-9):
             yield (
                 place,
                 f"key {_shown(key)} is at the same time as key {_shown(before[0])}; a time has one value. "

@@ -243,7 +243,7 @@ def check_light_groups(source: YamlSource) -> Iterator[Problem]:
 
 def _unknown_light(light: str, names: tuple[str, ...]) -> str:
     """Return the message about a light that a shot lacks; one of another rig is not a misspelt name."""
-    cutoff = 1.0 if light in LightsDocument.named else 0.66
+    cutoff = 1.0 if light in LightsDocument.names_within else 0.66
     return f"{light} is not a light here. {suggestion(light, names, cutoff)}"
 
 

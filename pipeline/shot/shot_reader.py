@@ -130,7 +130,9 @@ def _read(source: YamlSource, allow_code: bool) -> Shot:
     parse_context = ParseContext(source.path.parent, allow_code)
     context = {"clock": clock, "parse_context": parse_context}
     document = validated(checks, ShotDocument, missing, context=context)
-    assert clock is not None, "without problems there is a clock"
+    assert clock is not None and retimed is not None, "without problems there is a clock"
+    if outside := motion_checks.outside_note(source, retimed):
+        parse_context.notes.append(outside)
     shot = Shot(
         name=source.path.stem,
         title=document.title,

@@ -296,6 +296,12 @@ def test_entries_that_contradict_themselves_are_refused(entry: str, fact: str) -
     assert fact in told(f"become: {entry}")
 
 
+def test_one_that_begins_before_the_shot_is_warned_of() -> None:
+    text = SHOT.format(flows="become: {solid: box, from: -9, to: 9}", subject="{solid: icosphere}")
+    (note,) = read_shot("a.yaml", text).notes
+    assert "become begins before frame 1, in which the subject is at rest, so it does not arrive" in note
+
+
 def test_one_flow_begins_where_the_one_before_it_arrives() -> None:
     last = shot("become: {solid: box, to: 6}}, {become: {solid: rod, from: 6}")
     assert last.start is not None and last.start.name == "the box" and last.target.name == "the rod"

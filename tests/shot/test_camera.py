@@ -189,7 +189,7 @@ def test_a_camera_that_cannot_be_is_told_at_its_line(camera: str, message: str) 
     assert caught.value.messages[0].partition("a.yaml:")[2] == message
 
 
-def test_keys_beyond_the_shot_are_told_once(tmp_path: Path) -> None:
+def test_keys_that_are_no_times_are_told_once(tmp_path: Path) -> None:
     with pytest.raises(ShotError) as caught:
-        path_of("{position: {keys: {99: [1, 2, 3], soon: [0, 0, 0]}}, target: [0, 0, 0]}")
+        path_of("{position: {keys: {late: [1, 2, 3], soon: [0, 0, 0]}}, target: [0, 0, 0]}")
     assert len(caught.value.messages) == 2

@@ -146,8 +146,6 @@ WRONG = [
       "curvature, camera, and this has formula and curvature. Write one."]),
     ("{curvature: {tolerance: 1, finest: 3, coarsest: 2}}",
      ["a.yaml:4:56: finest 3 is longer than coarsest 2; it must not be. Exchange them."]),
-    ("{keys: {1: 0.2, 40: 0.1}}",
-     ["a.yaml:4:45: key 40 is outside of the shot, which has frames 1-25 (1 s). Move it inside."]),
     ("{keys: {1: 0.2, 20: 0.1}}, min_edge_length: 0.06",
      ["a.yaml:4:45: min_edge_length 0.06 is 60% of max_edge_length 0.1; it must be below 50%, "
       "or splitting and collapsing undo each other. Try 0.04."]),

@@ -172,7 +172,7 @@ ROOM = "copies: {count: 5, region: {sphere: {radius: 1}}}"
         ("solid: box, copies: {count: 2, region: {half_space: {}}}", "half_space gives it none"),
         ("solid: box, look: symbolics_1990", "shows one subject. Take another look."),
         ("solid: sheet, look: glass", "4:30: look glass is for closed surfaces"),
-        ("solid: box, flows: [{twist: {amount: {keys: {1: 0, 9: 3}}}}]", "4:67: key 9 is outside"),
+        ("solid: box, flows: [{twist: {amount: {keys: {1: 0, x: 3}}}}]", "4:67: key 'x' is not a time"),
     ],
 )
 def test_a_mistake_in_a_subject_has_one_message_with_its_place(settings: str, said: str) -> None:

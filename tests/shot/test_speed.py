@@ -173,9 +173,10 @@ def test_keys_of_the_speed_that_are_close_are_fine_and_those_at_infinity_are_tol
 
 def test_at_twice_the_speed_the_flow_has_keys_beyond_the_last_frame() -> None:
     assert shot("2", **{"25: 90": "49: 90"}).motion.clock.flow_time(25) == 2.0
+    assert not shot("2", **{"25: 90": "49: 90"}).notes
     for speed, last in (("2", 50), ("1", 26)):
-        with pytest.raises(ShotError, match=f"key {last} is outside of the shot"):
-            shot(speed, **{"25: 90": f"{last}: 90"})
+        (note,) = shot(speed, **{"25: 90": f"{last}: 90"}).notes
+        assert "1 key is outside of the shot, which has frames 1-25" in note
 
 
 @pytest.mark.parametrize("handle", ["5", "{solid: box}", "[-2, [b]]", "[]"])

@@ -102,13 +102,40 @@ def test_a_key_changed_leaves_the_curve_before_the_key_before_it() -> None:
         assert all(same[: until + 1]) and not same[until + 6]
 
 
+TRIMMED = """\
+title: Trimmed
+frames: 1-58
+subject: {solid: box}
+resample: {max_edge_length: {keys: {1: 0.3, 58: 0.2}}}
+flows:
+  - vortex: {strength: {ease: bezier, keys: {1: 0, 12.5: 2, 58: 4}}}
+  - within: {region: {sphere: {radius: {keys: {1: 1, 58: 3}}}}, flows: [twist: {amount: 2}]}
+camera: {azimuth: {ease: bezier, keys: {1: -30, 20: 10, 58: 0}}, roll: {keys: {1: 0, 3: 4}, before: loop}}
+speed: {keys: {1: 1, 58: 2}}
+"""
+
+
+def test_keys_outside_of_a_trimmed_shot_shape_its_curves_as_before() -> None:
+    whole, kept = (read_shot("a.yaml", TRIMMED.replace("1-58", frames)) for frames in ("1-58", "30-40"))
+    assert not whole.notes
+    assert kept.notes == (
+        "a.yaml:4:37: 14 keys are outside of the shot, which has frames 30-40; curves keep their shape.",
+    )
+    for frame in range(30, 41):
+        before, now = whole.motion.clock.time(frame), kept.motion.clock.time(frame)
+        for name in ("azimuth", "roll"):
+            of_whole, of_kept = (getattr(each.picture.camera, name) for each in (whole, kept))
+            assert number_at(of_kept, now) == pytest.approx(number_at(of_whole, before), abs=1e-12)
+        assert number_at(kept.motion.speed, now) == pytest.approx(number_at(whole.motion.speed, before))
+        lengths = [each.motion.resampling_at(frame).thresholds for each in (whole, kept)]
+        assert lengths[0].max_edge_length == pytest.approx(lengths[1].max_edge_length, abs=1e-12)
+
+
 BAD = [
     ("strength: {keys: {1: 0, 25: 3, 1s: 1}}",
      "6:45: key 1s is at the same time as key 25; a time has one value. Remove one of them."),
     ("strength: {keys: {1: 0, 36: 3, 1s: 1}}",
      "6:45: key 1s comes after key 36; keys go forward in time. Sort them."),
-    ("strength: {keys: {0.5: 0, 36: 3}}",
-     "6:32: key 0.5 is outside of the shot, which has frames 1-49 (2 s). Move it inside."),
     ("strength: {keys: {1: 0, 2 sec: 3}}",
      "6:38: key '2 sec' is not a time; write a frame, such as 12, or seconds, such as 0.5s"),
     ("strength: {keys: {1: 0, .nan: 3}}",

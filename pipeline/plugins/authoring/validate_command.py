@@ -28,9 +28,11 @@ from pipeline.production.picture_sequences import begun, light_notes, shown_pict
 from pipeline.production.request.keys import picture_keys
 from pipeline.production.request.lookup import NO_SHOTS, crop_of, edit_names, find_edit, find_shot, shot_names
 from pipeline.shot import Motion, Shot, read_film, read_shot
+from pipeline.shot.motion import Clock
+from pipeline.shot.motion_checks import outside_note
 from pipeline.shot.subject_checks import SubjectView, subject_views
 from pipeline.shot.yaml.inheritance import inherited
-from pipeline.shot.yaml.yaml_source import YamlSource
+from pipeline.shot.yaml.yaml_source import YamlSource, dotted
 
 
 def validate(
@@ -132,12 +134,36 @@ def _check(name: str, settings: tuple[str, ...], first_frames: FirstFrames) -> _
     except FlowsculptError as error:
         check.add_error(error)
         return check
-    check.notes += [f"{name}: {line}" for line in shot.notes]
+    outside = outside_note(source, shot.motion.clock)
+    check.warnings += [" ".join([outside, *_of_outer_keys(source, shot.motion.clock)])] if outside else []
+    check.notes += [f"{name}: {line}" for line in shot.notes if line != outside]
     views = {view.name: view for view in subject_views(source)}
     for part in shot.parts:
         _check_scene(check, part, source, views.get(part.subject), first_frames)
     check.notes = list(dict.fromkeys(check.notes))
     return check
+
+
+def _of_outer_keys(source: YamlSource, clock: Clock) -> Iterator[str]:
+    """Yield what keys outside of the shot mean for it: still curves, and motion that is left out."""
+    still, is_early = list[str](), False
+    for where, mapping in source.mappings():
+        if not isinstance(keys := mapping.get("keys"), dict):
+            continue
+        times = [clock.seconds(key) or 0.0 for key in keys]
+        of_flow = "flows" in where[:3]
+        inside = any(clock.holds(time) or (of_flow and clock.flow_holds(time)) for time in times)
+        is_one_side = min(times) > 0.0 or max(times) < 0.0
+        held = mapping.get("before" if min(times) > 0.0 else "after") in (None, "hold")
+        still += [dotted(where)] if len(keys) > 1 and not inside and is_one_side and held else []
+        is_early |= of_flow and min(times) < 0.0
+    if still:
+        yield f"Nothing moves in {', '.join(still)}, whose keys are all outside. Move them into the shot."
+    if is_early:
+        yield (
+            f"The flows begin with the subject at rest in frame {clock.frames.first}. To show a part of a "
+            f"longer motion, keep its frames and write {{shot: {source.path.stem}, frames: …}} in the edit."
+        )
 
 
 def _light(common: Common, name: str, settings: tuple[str, ...]) -> list[str]:

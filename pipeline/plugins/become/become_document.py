@@ -100,6 +100,11 @@ class BecomeDocument(OneOfSeveral, FlowParameters):
                 raise bad_value(f"{name}: {at} is not a time. Write a frame, such as 24, or seconds as 1s.")
         if self._times(clock)[0] >= self._times(clock)[1]:
             raise bad_value("become arrives before it begins. Write from below to.")
+        if self._times(clock)[0] < 0.0:
+            ParseContext.of(info).notes.append(
+                f"become begins before frame {clock.frames.first}, in which the subject is at rest, so it "
+                "does not arrive. Write a later from; or keep the frames, and choose some in the edit."
+            )
 
     def _times(self, clock: Clock) -> tuple[float, float]:
         first = clock.seconds(clock.frames.first if self.begin is None else self.begin)

@@ -293,7 +293,7 @@ class LightsDocument(Document):
     """A light rig of the registry, softboxes, and one light from all directions."""
 
     example = "{rig: studio}"
-    named: ClassVar = {name: "intensity" for rig in LIGHTS.values() for name in rig.names}
+    names_within: ClassVar = {name: "intensity" for rig in LIGHTS.values() for name in rig.names}
     """Names of single lights, and the setting that each is a name of."""
 
     rig: Annotated[str, one_of(LIGHTS, "light rig")] | None = optional(

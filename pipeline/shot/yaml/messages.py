@@ -196,7 +196,9 @@ def _hint(mapping: _Mapping, name: Any, found: UnknownNames) -> str:
     if (sentence := plugins().lacking(str(name))) is not None:
         return sentence
     fields = field_names(mapping.models)
-    if owner := next(filter(None, (getattr(each, "named", {}).get(name) for each in mapping.models)), None):
+    if owner := next(
+        filter(None, (getattr(each, "names_within", {}).get(name) for each in mapping.models)), None
+    ):
         return f"Did you mean {dotted((*mapping.where, owner, name))!r}?"
     spelt = re.split(r"[:={]|\s+(?=[-\d{])", str(name).lstrip("- "))[0]
     if (meant := synonym(spelt, fields)) is not None:

@@ -311,6 +311,20 @@ def test_validate_reports_scenes_by_line_and_as_data(project: ProjectFolder) -> 
     assert broken["errors"][0].startswith("shots/broken.yaml:3:11: ")
 
 
+def test_validate_warns_of_keys_outside_of_a_shot_in_one_line(project: ProjectFolder) -> None:
+    (project.path / "shots" / "late.yaml").write_text(
+        "title: A box\nframes: 30-40\nsubject: {solid: box}\nresample: {max_edge_length: 0.08}\n"
+        "flows: [{twist: {amount: {keys: {1: 0, 58: 40}}}}]\n"
+        "camera: {azimuth: {keys: {1: 0, 20: 40}}, elevation: {keys: {41: 0, 50: 9}, before: continue}}\n"
+    )
+    (checked,) = json.loads(project.call("--json", "validate", "late").out)
+    (warning,) = checked["warnings"]
+    assert warning.startswith("shots/late.yaml:5:34: 6 keys are outside of the shot, which has frames 30-40;")
+    assert "Nothing moves in camera.azimuth, whose keys are all outside." in warning
+    assert "write {shot: late, frames: …} in the edit" in warning
+    assert not [note for note in checked["notes"] if "outside" in note]
+
+
 def test_validate_and_sheets_tell_frames_without_highlights_or_light(
     finished: ProjectFolder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
