@@ -269,6 +269,23 @@ def test_what_cannot_be_delivered_is_told_in_one_line(there, words, code, says):
     assert len(done.err.strip().splitlines()) == 1
 
 
+@pytest.mark.parametrize(
+    ("words", "warns"),
+    [
+        (("--as", "phone,review"), "phone: T010_tiny has 96 × 54 pixels, and such screens usually"),
+        (("--as", "review,hlg"), "Use -q final for 1920 × 1080."),
+        (("--as", "phone", "-q", "final", "--scale", "50%"), "-q final, without --scale, for 1920 × 1080."),
+        (("--as", "phone", "--set", "picture.size=[192,108]", "-q", "final"), "larger picture: {size: …}"),
+        (("--as", "phone", "-q", "final"), ""),
+        (("--as", "review,h264,prores4444,gif"), ""),
+    ],
+)
+def test_pictures_smaller_than_the_screens_of_a_deliverable_are_warned_of(there, words, warns):
+    done = there.call("--dry-run", "deliver", NAME, "-q", QUALITY, *words)
+    assert done.code == 0
+    assert warns in done.err and len(done.err.splitlines()) == bool(warns)
+
+
 def test_a_dry_run_delivers_nothing(there):
     done = there.call("--dry-run", "deliver", NAME, "-q", QUALITY, "--as", "av1")
     assert done.code == 0, done.err

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -46,14 +46,17 @@ from pipeline.plugins.delivery.gain_map import is_gain_map, require_gain_maps
 from pipeline.plugins.delivery.relighting import RelitFrames, relit_version
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import Plan
-from pipeline.production.request.lookup import edit_names, find_edit
+from pipeline.production.request.lookup import base_of, crop_of, edit_names, find_edit
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.shot.yaml.named_files import is_edit
 from render.base.plural import plural
 from render.graphics.typesetting import FIELDS, BurnIn
-from render.movie.codecs import encode_named
+from render.movie.codecs import Encode, encode_named
 from render.post.hdr import HDR_DISPLAYS
 from render.scene.render_quality import DEFAULT_QUALITY
+
+USUAL_SIDES = dict.fromkeys(("phone", "hdr10", "hdr10-av1", "hlg"), 1080)
+"""Pixels along the shorter side that the screens of deliverables usually show, by their names."""
 
 
 def deliver(
@@ -127,6 +130,8 @@ def deliver(
         wanted.require_hdr()
     if any(is_gain_map(encode) for encode in order.encodes):
         wanted.require_stills(slate)
+    for warning in wanted.small_pictures(order.encodes):
+        print_warning(warning)
     if common.dry_run:
         report_plan(common, wanted.plan())
         if not common.json:
@@ -187,6 +192,24 @@ class _Wanted:
             require_gain_maps(sum(len(request.requested) for request in self._requests(name)))
         if slate is not None:
             raise UsageError("gain-map holds one frame, and a slate is more; leave out --slate")
+
+    def small_pictures(self, encodes: Sequence[Encode]) -> Iterator[str]:
+        """Yield a line for each shot or edit with pictures smaller than screens of its deliverables show."""
+        for name in self.names:
+            request = self._requests(name)[0]
+            width, height = request.quality.rendered_size
+            small = [e.name for e in encodes if min(width, height) < USUAL_SIDES.get(e.name, 0)]
+            if not small or crop_of(self.quality):
+                continue
+            whole = replace(request, quality_name="final").quality
+            remedy = "Write a larger picture: {size: …} in the shot."
+            if whole.width > width:
+                also = ", without --scale," if base_of(self.quality) == "final" else ""
+                remedy = f"Use -q final{also} for {whole.width} × {whole.height}."
+            yield (
+                f"{', '.join(small)}: {name} has {width} × {height} pixels, and such screens usually show "
+                f"{USUAL_SIDES[small[0]]} or more along the shorter side. {remedy}"
+            )
 
     def _all_requests(self) -> list[RenderRequest]:
         return [request for name in self.names for request in self._requests(name)]
