@@ -18,7 +18,7 @@ plan = PlannedWorkflow(workflow, config)
 
 DONE, LOGS = ".flowsculpt/done", ".flowsculpt/logs/jobs"
 # A message takes the place of the line `rule NAME:` in Snakemake's log, and so begins with it.
-TASK = f"exec {JOB_PROCESS} {{params.job}} --threads {{threads}} >{{log:q}} 2>&1"
+TASK = f"exec {JOB_PROCESS} {{params.job}} --threads {{threads}} --log {{log:q}}"
 
 
 wildcard_constraints:

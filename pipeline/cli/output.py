@@ -32,6 +32,7 @@ from rich.table import Table
 from pipeline.production.store.event_log import poll
 from render.base.atomic_write import disk_errors
 from render.base.plural import plural
+from render.base.root_files import make_folder
 
 LINE_SECONDS = 10.0
 """Time between two lines, and before the first: what is done sooner says nothing."""
@@ -125,7 +126,7 @@ def exit_with(code: int) -> None:
 def make_folder_of(path: Path) -> None:
     """Create the folder of an output file before the work starts. Raises MachineError."""
     with disk_errors(path.parent):
-        path.parent.mkdir(parents=True, exist_ok=True)
+        make_folder(path.parent)
 
 
 def duration(seconds: float) -> str:

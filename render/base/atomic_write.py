@@ -19,6 +19,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from render.base.render_errors import MachineError
+from render.base.root_files import held
 
 _AT_FDCWD, _RENAME_EXCHANGE = -100, 2
 """Constants of Linux: paths are relative to the working folder; both are renamed to each other."""
@@ -116,8 +117,8 @@ def atomic_write(
         with atomic_write(path) as draft:
             draft.write_text(text)
 
-    Missing folders are made. The temporary path has the suffix of `path`. Threads, processes and hosts may
-    write one path at once: the last one wins.
+    Missing folders are made, and below a root no link is followed (`root_files`). The temporary path has the
+    suffix of `path`. Threads, processes and hosts may write one path at once: the last one wins.
 
     draft    temporary path, on the file system of `path`; by default a hidden file next to it
     flush    write through to the disk first, so that `path` survives a power failure; caches need not
@@ -129,25 +130,26 @@ def atomic_write(
     if draft is None:
         unique = f"{os.getpid()}-{secrets.token_hex(4)}"
         draft = path.with_name(f".{path.stem[:_LETTERS]}.tmp{unique}{path.suffix}")
+    place, folder, name = path.parent, draft.parent, draft.name
     try:
-        with disk_errors(path):
-            path.parent.mkdir(parents=True, exist_ok=True)
-            draft.parent.mkdir(parents=True, exist_ok=True)
-            yield draft
-            if flush:
-                with draft.open("rb") as file:
-                    os.fsync(file.fileno())
-            if is_same is None:
-                draft.replace(path)
-            else:
-                replace_unchanged(draft, path, is_same)
+        with disk_errors(path), held(place, make=True) as place, held(folder, make=True) as folder:
+            draft = folder / name
+            try:
+                yield draft
+                if flush:
+                    with draft.open("rb") as file:
+                        os.fsync(file.fileno())
+                if is_same is None:
+                    draft.replace(place / path.name)
+                else:
+                    replace_unchanged(draft, place / path.name, is_same)
+            finally:
+                with suppress(OSError):  # not there, or its folder is a file
+                    draft.unlink()
     except MachineError as error:  # of a writer that knows only the draft
         renamed = MachineError(str(error).replace(str(draft), str(path)))
         renamed.full_disk = path if error.full_disk else None
         raise renamed from error
-    finally:
-        with suppress(OSError):  # not there, or its folder is a file
-            draft.unlink()
 
 
 @contextmanager

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from render.base.atomic_write import atomic_write
 from render.base.render_errors import MachineError
+from render.base.root_files import remove
 
 SECONDS = 10.0
 """Least time between two checkpoints: a frame that takes less has none and pays nothing."""
@@ -83,4 +84,4 @@ class Checkpoint:
     def remove(self) -> None:
         """Remove the file. One that cannot be removed is left to the next run."""
         with contextlib.suppress(OSError):
-            self.path.unlink(missing_ok=True)
+            remove(self.path)

@@ -51,6 +51,7 @@ from pipeline.production.store.paths import STATE
 from pipeline.shot import Shot
 from render.base.atomic_write import atomic_write, disk_errors
 from render.base.python_process import ForkedProcess, may_fork
+from render.base.root_files import held, remove_tree
 from render.graphics.contact_sheet import FONT, ContactSheet
 from render.graphics.typesetting import wrap
 from render.post.image import write_png
@@ -127,7 +128,7 @@ class Breeding:
         """
         place = self.litter.folder
         with _draft_folder(place) as draft:
-            litter = replace(self.litter, folder=draft)
+            litter = replace(self.litter, folder=place.with_name(draft.name))
             numbers = range(1, self.candidates + 1)
             made = {number: child_of(litter, number, f"{place.name}_{number:02}") for number in numbers}
             children = {number: child for number, child in made.items() if child is not None}
@@ -140,7 +141,7 @@ class Breeding:
             names = [f"{place.name}_{k:02}" for k in range(1, len(found) + 1)]
             pairs = [(children[n], trial) for n in found if (trial := trials[n]) is not None]
             self._fill(draft, names, pairs, [trial for trial in parents if trial is not None], left_out)
-        shutil.rmtree(self._cache, ignore_errors=True)
+        remove_tree(self._cache)
         return Bred(place, tuple(names), left_out)
 
     def _try_all(self, children: Mapping[int, Child], bars: Bars) -> None:
@@ -314,13 +315,12 @@ def _half(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
 @contextmanager
 def _draft_folder(place: Path) -> Iterator[Path]:
     """Yield a folder beside a place, which is renamed to it when the block ends; if it raises, it goes."""
-    with disk_errors(place):
-        place.parent.mkdir(parents=True, exist_ok=True)
-        draft = Path(tempfile.mkdtemp(prefix=DRAFT, dir=place.parent))
+    with disk_errors(place), held(place.parent, make=True) as home:
+        draft = Path(tempfile.mkdtemp(prefix=DRAFT, dir=home))
         draft.chmod(0o755)
         try:
             yield draft
-            draft.rename(place)
+            draft.rename(home / place.name)
         finally:
             shutil.rmtree(draft, ignore_errors=True)
 
@@ -339,4 +339,4 @@ def forget_interrupted(root: Path, generations: Path) -> None:
     for folder in (*(root / TRIALS).glob("*"), *generations.glob(f"{DRAFT}*")):
         with suppress(OSError):
             if time.time() - folder.stat().st_mtime > KEPT_SECONDS:
-                shutil.rmtree(folder, ignore_errors=True)
+                remove_tree(folder)

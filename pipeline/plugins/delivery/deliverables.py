@@ -36,6 +36,7 @@ from pipeline.production.store.store import Key, Store, key_of
 from pipeline.production.tasks.encoding import cut_together, in_loop, loop_dissolve
 from render.base.atomic_write import disk_errors
 from render.base.plural import plural
+from render.base.root_files import make_folder
 from render.base.serialise import to_plain
 from render.graphics.cards import Screen, Slate, failure_card
 from render.graphics.typesetting import BurnIn
@@ -400,7 +401,7 @@ class Delivery:
         made = []
         place = self.store.root / self._folder
         with disk_errors(place):
-            place.mkdir(parents=True, exist_ok=True)
+            make_folder(place)
         if not os.access(place, os.W_OK):
             raise MachineError(f"{place}: permission denied; choose another folder with -o")
         for encode, path, part in self._files():

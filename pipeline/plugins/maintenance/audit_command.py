@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import math
 import os
-import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -28,6 +27,7 @@ from pipeline.production.store.remote_store import VARIABLE
 from pipeline.production.store.store import Store
 from render.base.plural import plural
 from render.base.render_errors import RenderError
+from render.base.root_files import remove_tree
 from render.post.image import read_exr
 from render.scene.render_quality import DEFAULT_QUALITY
 
@@ -64,12 +64,12 @@ def audit(
         report_plan(inside, audited.plan(chosen))
         return
     with making(project.root, audited.lock, common.wait):
-        shutil.rmtree(audited.home, ignore_errors=True)
+        remove_tree(audited.home)
         outcome = execute(inside, lambda: audited.plan(chosen))
         compared = audited.compared(chosen)
         is_same = all(frame.is_same for frame in compared)
         if is_same:
-            shutil.rmtree(audited.home, ignore_errors=True)
+            remove_tree(audited.home)
     facts = {
         "shot": of_shot.name,
         "quality": of_shot.quality_name,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import shutil
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache
@@ -18,6 +17,7 @@ from pipeline.production.request.render_request import FORMS, RenderRequest
 from pipeline.production.store.event_log import RUNS
 from pipeline.production.store.paths import DONE, EVENTS, LOGS, PLANS, RENDERS
 from pipeline.production.store.store import COPIED, Key, Store, sweep_drafts
+from render.base.root_files import remove, remove_folder, remove_tree
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ def collect_garbage(store: Store, requests: Iterable[RenderRequest], keep: int, 
     removed: list[Path] = []
     kept = 0
     for kind, key, path in store.entries():
-        facts = path.stat()
+        facts = path.lstat()
         if (kind, key) in needed or (facts.st_dev, facts.st_ino) in shown:
             kept += 1
             continue
@@ -68,7 +68,7 @@ def collect_garbage(store: Store, requests: Iterable[RenderRequest], keep: int, 
         for folder in (DONE, LOGS / "jobs"):  # Snakemake finds out anew what is done
             for path in (store.root / folder).glob("*"):
                 if path.name != "renders":  # by which keys Snakemake knows movies
-                    shutil.rmtree(path, ignore_errors=True)
+                    remove_tree(path)
     return Collected(tuple(removed), kept, freed, linked, _others(store.root, requests, dry_run))
 
 
@@ -82,10 +82,10 @@ def _others(root: Path, requests: Iterable[RenderRequest], dry_run: bool) -> dic
             with contextlib.suppress(FileNotFoundError):  # another root's `clean` was faster
                 sizes.append(path.stat().st_size)
             if not dry_run:
-                path.unlink(missing_ok=True)
+                remove(path)
                 with contextlib.suppress(OSError):  # others are in it
                     for folder in path.parents:
-                        folder.rmdir()
+                        remove_folder(folder)
         if sizes:
             others[what] = (len(sizes), sum(sizes))
     return others
@@ -152,7 +152,4 @@ def _forget_runs(root: Path, keep: int) -> None:
     """Remove the plans, event logs and messages of all but the last runs."""
     for folder in (PLANS, EVENTS, LOGS):
         for path in sorted((root / folder).glob("2*"))[:-keep]:
-            with contextlib.suppress(OSError):
-                for inner in path.glob("*") if path.is_dir() else ():
-                    inner.unlink()
-                path.rmdir() if path.is_dir() else path.unlink()
+            remove_tree(path)

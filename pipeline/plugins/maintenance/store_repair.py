@@ -36,6 +36,7 @@ from pipeline.production.request.lookup import (
 from pipeline.production.request.render_request import FORMS, RenderRequest
 from pipeline.production.store.paths import PLANS, RENDERS
 from pipeline.production.store.store import Key, Store
+from render.base.root_files import remove
 from render.base.serialise import from_plain
 from render.scene.render_quality import DEFAULT_QUALITY
 
@@ -124,7 +125,7 @@ def evict(store: Store, damaged: Sequence[StoredFile], shown: Sequence[ShownFile
         is_link = inode(path) in inodes
         if is_link or digests & set(known):
             if is_link or path in faulty:
-                path.unlink(missing_ok=True)
+                remove(path)
             lost.append(path.relative_to(store.root))
         elif path in faulty:
             place = path.relative_to(store.root)
@@ -132,7 +133,7 @@ def evict(store: Store, damaged: Sequence[StoredFile], shown: Sequence[ShownFile
             if name := next((links[digest] for digest in reversed(known) if digest in links), None):
                 store.link(*name, place, replace=True)
             elif folder is not None and folder[0].command is None:
-                path.unlink()
+                remove(path)
             else:
                 altered.append(place)
     for file in damaged:

@@ -33,6 +33,7 @@ from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.history import History
 from pipeline.production.store.store import Store, key_of
 from render.base.atomic_write import disk_errors
+from render.base.root_files import make_folder, remove
 from render.graphics.three_js import FETCH, three_js
 from render.scene.render_quality import DEFAULT_QUALITY
 
@@ -139,7 +140,7 @@ class ReviewPage:
         """
         with disk_errors(self.folder):
             for name in ("pictures", "scopes", "models", "layers", "page"):
-                (self.folder / name).mkdir(parents=True, exist_ok=True)
+                make_folder(self.folder / name)
         shots = {material.request.name: self._shot(material, tell, began) for material in self.shots}
         sequences = [self._sequence(sequence, tell) for sequence in self.sequences]
         script = three_js()
@@ -274,7 +275,7 @@ def _keep(folder: Path, names: set[str]) -> None:
     """Remove all other files from a folder of the page."""
     for path in folder.iterdir():
         if path.name not in names and path.is_file():
-            path.unlink(missing_ok=True)
+            remove(path)
 
 
 _OMITTED = frozenset({"frame"})  # entries that differ between frames by definition

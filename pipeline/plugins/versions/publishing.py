@@ -63,6 +63,7 @@ from pipeline.production.tasks.encoding import in_loop, loop_dissolve
 from render.base.atomic_write import disk_errors
 from render.base.input_files import digest_of_file
 from render.base.render_errors import RenderError
+from render.base.root_files import held, remove_tree
 from render.movie.codecs import movie_encode
 from render.movie.encode import write_movie
 from render.movie.movie_frames import Frame, mix_frames
@@ -89,9 +90,9 @@ def freeze(
     where links fail, and with `copy`. The movie is a copy. All files are read-only. Raises MachineError where
     the disk refuses; then nothing is left of it.
     """
-    draft = final.with_name(f"{_DRAFT}{final.name}.{uuid.uuid4().hex[:8]}")
     freeze_frame = _copy if copy else _link
-    with disk_errors(final):
+    with disk_errors(final), held(final.parent, make=True) as home:
+        draft = home / f"{_DRAFT}{final.name}.{uuid.uuid4().hex[:8]}"
         try:
             for number, frame in record.frames.items():
                 source = (files or {}).get(number) or store.path("frame", frame.frame)
@@ -104,7 +105,7 @@ def freeze(
                     (draft / name).write_bytes(content)
                     _settle(draft / name)
             store.digests.add(final / FILE, draft / FILE)
-            draft.rename(final)
+            draft.rename(home / final.name)
         finally:
             shutil.rmtree(draft, ignore_errors=True)
 
@@ -112,7 +113,7 @@ def freeze(
 def sweep(home: Path) -> None:
     """Remove drafts of killed processes. Only the holder of the lock may call this."""
     for draft in home.glob(f"{_DRAFT}*"):
-        shutil.rmtree(draft, ignore_errors=True)
+        remove_tree(draft)
 
 
 def _link(source: Path, place: Path) -> None:

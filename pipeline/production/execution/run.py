@@ -28,6 +28,7 @@ from pipeline.production.store.locks import is_at_work, making, start_of, writin
 from pipeline.production.store.paths import EVENTS
 from pipeline.production.store.store import Store, remove_checkpoints, sweep, upload_missed
 from render.base.atomic_write import disk_errors
+from render.base.root_files import touch
 from render.base.work_clock import cpu_seconds
 
 ROUNDS = 6
@@ -283,8 +284,7 @@ class _Rounds:
         log, clock = self.root / EVENTS / f"{plan.name}.jsonl", self.clock
         plan.freeze(self.root)
         with disk_errors(log):  # events that cannot be written are lost, and failures with them
-            log.parent.mkdir(parents=True, exist_ok=True)
-            log.touch()
+            touch(log)
         where = {"host": plan.host, "farm": not self.profile.is_local, "started": start_of(os.getpid())}
         EventLog(log).write("run", time=round(clock.began, 3), cores=cores, **where)
         try:

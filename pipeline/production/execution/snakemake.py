@@ -34,6 +34,7 @@ from pipeline.production.tasks.job_server import job_server
 from render.base import python_process
 from render.base.atomic_write import PROBE, REMEDIES, disk_errors, machine_error
 from render.base.python_process import ForkedProcess, may_fork
+from render.base.root_files import forbid_links, guard, held, open_file
 from render.base.user_cache import user_number
 
 RULES = {stage.name: "stills" for stage in STILLS}
@@ -87,7 +88,7 @@ def refusal(root: Path, log: Path) -> str | None:
             return str(machine_error(root / path, OSError(int(number), "")))
     for folder in (root / STATE, Path(gettempdir())):
         try:
-            with disk_errors(folder), TemporaryFile(dir=folder) as file:
+            with disk_errors(folder), held(folder) as place, TemporaryFile(dir=place) as file:
                 file.write(bytes(PROBE))
         except MachineError as error:
             return str(error)
@@ -109,10 +110,11 @@ def running(plan: Plan, root: Path, cores: int, profile: Profile) -> Iterator[Fo
         _require_root_for_farm(root)
     log = root / log_of(plan)
     with disk_errors(log):
-        log.parent.mkdir(parents=True, exist_ok=True)
-        output = log.open("w")
-    with output:
-        process = _start(root, output.fileno(), _words(plan, cores, profile), profile.is_local)
+        output = open_file(log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+    try:
+        process = _start(root, output, _words(plan, cores, profile), profile.is_local)
+    finally:
+        os.close(output)
     try:
         yield process
     except BaseException:
@@ -228,6 +230,8 @@ def main(words: list[str]) -> None:
         from snakemake.cli import main as snakemake  # while the server loads
 
         python_process.distrust_working_folder()
+        guard(Path.cwd())
+        forbid_links()
         try:
             snakemake(words)
         finally:

@@ -37,6 +37,7 @@ from pipeline.production.store.paths import DONE, PLANS
 from pipeline.production.store.remote_store import remote_stores, store_url
 from pipeline.production.store.store import Key, Store
 from render.base.atomic_write import atomic_write
+from render.base.root_files import remove, set_time
 from render.base.serialise import NOT_PLAIN, from_plain, to_plain
 
 
@@ -71,9 +72,9 @@ def check_done_files(plan: Plan, store: Store) -> None:
         # Keys of pictures are unknown until their cameras are known.
         is_motion = not STAGES[job.stage].per_quality
         if job.output in plan.manifests or (is_motion and _is_true(job, path, store)):
-            os.utime(path, (1, 1))
+            set_time(path, 1.0)
         else:
-            path.unlink(missing_ok=True)
+            remove(path)
 
 
 def _is_true(job: Job, path: Path, store: Store) -> bool:

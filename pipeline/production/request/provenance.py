@@ -170,6 +170,9 @@ def _require_whole(record: Provenance) -> None:
     known = is_quality(record.quality) and record.source.name == record.shot
     if not (named and known and record.frames and isinstance(record.source.text, str)):
         raise ValueError
+    files = [record.movie["file"], *(frame.file for frame in record.frames.values())]
+    if any(Path(file).is_absolute() or ".." in Path(file).parts for file in files):
+        raise ValueError
     is_patch = set(record.patch) in (set(), {"version", "frames", "sha256"})
     if not {"file", "key", "sha256"} <= set(record.movie) or not is_patch:
         raise KeyError

@@ -39,6 +39,7 @@ from pipeline.production.store.store import Store, key_of
 from pipeline.shot.yaml.named_files import DEFAULTS, is_there, text_of
 from render.base.atomic_write import atomic_write
 from render.base.render_errors import BadInputError
+from render.base.root_files import make_folder, remove, set_time
 from render.base.serialise import NOT_PLAIN, from_plain, to_plain
 from render.base.user_cache import writable_cache
 
@@ -133,8 +134,8 @@ def _entry(path: str) -> Any:
             return None
         plain = json.loads(text)
         if time.time() - os.stat(path).st_mtime > KEPT_SECONDS / 2.0:  # noqa: PTH116
-            with contextlib.suppress(OSError):  # of a folder that is only read
-                os.utime(path)
+            with contextlib.suppress(OSError, MachineError):  # of a folder that is only read
+                set_time(Path(path), time.time())
     except (OSError, ValueError):
         return None
     return plain
@@ -158,7 +159,7 @@ def _prune(folder: str) -> None:
         for entry in entries:
             with contextlib.suppress(OSError):
                 if entry.stat().st_mtime < oldest:
-                    Path(entry.path).unlink()
+                    remove(Path(entry.path))
 
 
 def _digest(text: str) -> str:
@@ -269,8 +270,8 @@ class ShotSource:
         if not notes or self.cache.get(bool, *told_of):
             return ()
         if self.cache.root is not None:
-            with contextlib.suppress(OSError):
-                (self.cache.root / STATE).mkdir(parents=True, exist_ok=True)
+            with contextlib.suppress(OSError, MachineError):
+                make_folder(self.cache.root / STATE)
         self.cache.put(True, *told_of)
         return notes
 

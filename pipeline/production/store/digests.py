@@ -20,6 +20,7 @@ from pathlib import Path
 
 from pipeline.production.store.paths import DIGESTS
 from render.base.atomic_write import atomic_write, disk_errors
+from render.base.root_files import appended, remove
 
 SUFFIX = ".b2"
 
@@ -109,7 +110,7 @@ class Digests:
                 last = {line[DIGITS + 2 :]: line for line in lines}
                 kept = [line for name, line in last.items() if (folder / os.fsdecode(name)).is_file()]
                 if not kept:
-                    record.unlink()
+                    remove(record)
                 elif len(kept) < len(lines):
                     with atomic_write(record, flush=False) as draft:
                         draft.write_bytes(b"".join(line + b"\n" for line in kept))
@@ -119,14 +120,12 @@ class Digests:
         if home is None or not digests:
             return
         record, name = home / f"{platform.node()}{SUFFIX}", os.fsencode(path.name)
-        with disk_errors(record):
-            home.mkdir(parents=True, exist_ok=True)
-            with record.open("a+b", buffering=0) as file:
-                lines = b"".join(b"%s  %s\n" % (digest.encode(), name) for digest in digests)
-                if file.tell() and file.seek(-1, os.SEEK_END) >= 0 and file.read(1) != b"\n":
-                    lines = b"\n" + lines  # a full disk cut the last line short
-                while (file.write(lines) or 0) < len(lines):  # it fills up; the next try raises the error
-                    lines = b"\n" + lines.lstrip()
+        with disk_errors(record), appended(record) as file:
+            lines = b"".join(b"%s  %s\n" % (digest.encode(), name) for digest in digests)
+            if file.tell() and file.seek(-1, os.SEEK_END) >= 0 and file.read(1) != b"\n":
+                lines = b"\n" + lines  # a full disk cut the last line short
+            while (file.write(lines) or 0) < len(lines):  # it fills up; the next try raises the error
+                lines = b"\n" + lines.lstrip()
 
     def _records(self, folder: Path) -> list[Path]:
         home = self._home(folder)

@@ -37,6 +37,7 @@ from typing import Any
 
 from pipeline.production.store.paths import EVENTS
 from render.base.atomic_write import machine_error
+from render.base.root_files import appended
 
 Event = dict[str, Any]
 
@@ -62,12 +63,10 @@ class EventLog:
         facts = {"time": round(time.time(), 3), "event": event, "job": self.job, **facts}
         line = json.dumps(facts).encode() + b"\n"
         for _ in range(TRIES):
-            with contextlib.suppress(OSError):
-                self.path.parent.mkdir(parents=True, exist_ok=True)
-                with self.path.open("ab", buffering=0) as file:
-                    if file.write(line) == len(line):
-                        return
-                    line = b"\n" + line.lstrip()  # after a part of it, with which readers can do nothing
+            with contextlib.suppress(OSError), appended(self.path) as file:
+                if file.write(line) == len(line):
+                    return
+                line = b"\n" + line.lstrip()  # after a part of it, with which readers can do nothing
 
 
 @dataclass

@@ -14,7 +14,6 @@ from __future__ import annotations
 import contextlib
 import json
 import platform
-import shutil
 import time
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
@@ -30,6 +29,7 @@ from pipeline.production.store.locks import command_of, is_at_work, lock_name, o
 from pipeline.production.store.paths import LOGS, STATE
 from pipeline.production.store.remote_store import LOG
 from render.base.atomic_write import atomic_write, machine_error
+from render.base.root_files import remove, remove_tree
 
 HISTORY = STATE / "history"
 
@@ -329,8 +329,8 @@ def _rotated(root: Path, logs: Sequence[Path]) -> Iterator[Path]:
             yield log
             continue
         for path in log.parent.glob(f"{log.stem}.*jsonl"):
-            path.unlink(missing_ok=True)
-        shutil.rmtree(root / LOGS / log.stem, ignore_errors=True)
+            remove(path)
+        remove_tree(root / LOGS / log.stem)
 
 
 def _has_ended(log: Path) -> bool:

@@ -24,6 +24,7 @@ from pathlib import Path
 from pipeline.errors import MachineError
 from pipeline.production.store.paths import STATE
 from render.base.atomic_write import disk_errors
+from render.base.root_files import open_file, remove, require_own_folders
 from render.base.user_cache import user_number
 
 
@@ -96,6 +97,7 @@ def writing(root: Path, wait: bool = False) -> Iterator[None]:
 
     Raises MachineError where `clean` or `verify` holds it alone, unless this is to `wait` for them.
     """
+    require_own_folders(root)
     try:
         with _held(root / ROOT, shared=True, wait=(lambda: None) if wait else None):
             yield
@@ -108,6 +110,7 @@ def writing(root: Path, wait: bool = False) -> Iterator[None]:
 @contextmanager
 def exclusive(root: Path) -> Iterator[None]:
     """Hold the lock of `root` alone. Raises MachineError where anybody writes to it."""
+    require_own_folders(root)
     try:
         with _held(root / ROOT):
             yield
@@ -156,9 +159,8 @@ def _held(
 
     kind = LockFlags.SHARED if shared else LockFlags.EXCLUSIVE
     with disk_errors(path):
-        path.parent.mkdir(parents=True, exist_ok=True)
         while True:
-            descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+            descriptor = open_file(path, os.O_RDWR | os.O_CREAT)
             try:
                 lock(descriptor, kind | LockFlags.NON_BLOCKING)
             except AlreadyLocked:
@@ -190,7 +192,7 @@ def _held(
             _OPEN.remove(descriptor)
             if not shared and path.name != ROOT.name:
                 with suppress(PermissionError):  # Windows keeps files that are open; it holds nobody up
-                    path.unlink(missing_ok=True)
+                    remove(path)
             os.close(descriptor)
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.errors import MachineError
+from render.base.root_files import guard
 
 STATE = Path(".flowsculpt")
 STORE = STATE / "store"
@@ -114,7 +115,11 @@ def film(quality: str, name: str) -> Path:
 
 
 def require_store(root: Path) -> None:
-    """Raise MachineError where the store of a root is a link to a folder that is not there."""
+    """Raise MachineError where the store of a root is a link to a folder that is not there.
+
+    From now on, what changes below the root follows no other link.
+    """
+    guard(root)
     store = root / STORE
     if store.is_symlink() and not store.is_dir():
         raise MachineError(

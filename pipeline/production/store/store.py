@@ -54,6 +54,7 @@ from pipeline.production.store.remote_store import (
 from render.base.atomic_write import atomic_write, disk_errors
 from render.base.plural import plural
 from render.base.render_errors import CorruptImageError, FlowsculptError, MissingImageError
+from render.base.root_files import guard, held, remove, touch
 
 if TYPE_CHECKING:
     from render.frame.checkpoint import Checkpoint
@@ -103,6 +104,9 @@ class Store:
     root: Path
     url: str | None = field(default_factory=store_url)
 
+    def __post_init__(self) -> None:
+        guard(self.root)
+
     @property
     def remote(self) -> RemoteStore | None:
         """The remote store. Raises UsageError and MachineError for an address that cannot be used."""
@@ -143,8 +147,9 @@ class Store:
         return self.remote is not None and not self.is_here(kind, key) and self.remote.holds(kind, key)
 
     def is_here(self, kind: str, key: Key) -> bool:
-        """Tell whether the file of `key` is on this disk."""
-        return os.path.exists(self._name(kind, key))  # noqa: PTH110  # a Path is slow to make
+        """Tell whether the file of `key` is on this disk. A link in its place is not of ours."""
+        name = self._name(kind, key)
+        return os.path.isfile(name) and not os.path.islink(name)  # noqa: PTH113, PTH114  # a Path is slow
 
     def stored_at(self, kind: str, key: Key) -> int:
         """Return when the file of `key` was stored here, nanoseconds since the epoch; 0 if it is not here."""
@@ -159,18 +164,21 @@ class Store:
             return True
         if self.remote is None or not self.remote.holds(kind, key):
             return False
-        final, draft = self.path(kind, key), self._stored_draft(kind)
-        try:
-            digest = self.remote.fetch(kind, key, draft)
-            if digest is None:
-                return False
-            draft.chmod(STORED)
-            self.digests.add_known(final, digest)
-            with atomic_write(final, draft):
-                pass  # fetched already
-        finally:
-            with contextlib.suppress(OSError):
-                draft.unlink()
+        final = self.path(kind, key)
+        with disk_errors(final), held(self.inner_scratch, make=True) as folder:
+            draft = folder / self._stored_draft(kind).name
+            try:
+                with _named(draft, final):
+                    digest = self.remote.fetch(kind, key, draft)
+                if digest is None:
+                    return False
+                draft.chmod(STORED)
+                self.digests.add_known(final, digest)
+                with atomic_write(final, draft):
+                    pass  # fetched already
+            finally:
+                with contextlib.suppress(OSError):
+                    draft.unlink()
         return True
 
     def holds_whole(self, kind: str, key: Key) -> bool:
@@ -341,7 +349,7 @@ class Store:
     def discard(self, kind: str, key: Key) -> None:
         """Evict a damaged file; the next run that needs it makes it again."""
         with disk_errors(self.path(kind, key)):
-            self.path(kind, key).unlink(missing_ok=True)
+            remove(self.path(kind, key))
 
 
 @contextlib.contextmanager
@@ -409,12 +417,12 @@ def sweep(store: Store) -> None:
         with contextlib.suppress(OSError):
             for path in sorted(folder.iterdir()):
                 if _left_behind(path, now):
-                    path.unlink(missing_ok=True)
+                    remove(path)
     oldest = now - KEPT_CHECKPOINT
     for path in _checkpoints(store):
         with contextlib.suppress(OSError):
             if store.is_here("raw", path.stem.rpartition(".")[2]) or path.stat().st_mtime < oldest:
-                path.unlink()
+                remove(path)
 
 
 def sweep_drafts(folder: Path, pattern: str = "") -> None:
@@ -424,7 +432,7 @@ def sweep_drafts(folder: Path, pattern: str = "") -> None:
         now = _disk_time(folder) if drafts else 0.0
         for path in drafts:
             if _left_behind(path, now):
-                path.unlink(missing_ok=True)
+                remove(path)
 
 
 _DRAFT = re.compile(r"\..+\+\d+\+[0-9a-f]{32}(\.\w+)?")
@@ -434,7 +442,7 @@ _DRAFT = re.compile(r"\..+\+\d+\+[0-9a-f]{32}(\.\w+)?")
 def _disk_time(folder: Path) -> float:
     """Return the time of the clock that dates files in a folder, which may be a file server's."""
     try:
-        with tempfile.TemporaryFile(dir=folder) as file:
+        with held(folder) as place, tempfile.TemporaryFile(dir=place) as file:
             return os.fstat(file.fileno()).st_mtime
     except OSError:
         return time.time()
@@ -461,7 +469,7 @@ def remove_checkpoints(store: Store, targets: Iterable[Path], keep: Path | None 
     for path in paths:
         if path != keep and path.stem.rpartition(".")[0] in names:
             with contextlib.suppress(OSError):
-                path.unlink()
+                remove(path)
 
 
 def _checkpoints(store: Store) -> list[Path]:
@@ -505,11 +513,10 @@ def upload(store: Store, name: Name, digest: str, replace: bool = False) -> bool
         return False
     mark = _mark(store.root, name)
     with disk_errors(mark):
-        mark.parent.mkdir(parents=True, exist_ok=True)
-        mark.touch()
+        touch(mark)
     sent = store.remote.send(*name, store.path(*name), digest, replace)
     if sent:
-        mark.unlink(missing_ok=True)
+        remove(mark)
     return sent
 
 
@@ -540,7 +547,7 @@ def upload_all(store: Store, names: Iterable[Name]) -> Uploaded:
         except OSError:
             digest = ""
         if digest not in store.digests.known(path):
-            _mark(store.root, name).unlink(missing_ok=True)
+            remove(_mark(store.root, name))
             return None
         return upload(store, name, digest)
 

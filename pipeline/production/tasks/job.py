@@ -26,6 +26,7 @@ from pipeline.production.store.paths import EVENTS
 from pipeline.production.store.remote_store import LOG
 from pipeline.production.store.store import Key, Store
 from render.base.atomic_write import atomic_write
+from render.base.root_files import guard, set_time
 from render.base.work_clock import Timing, WorkClock, cpu_seconds
 
 if TYPE_CHECKING:
@@ -79,6 +80,7 @@ class Context:
     @classmethod
     def of(cls, root: Path, plan: Plan, job_name: str) -> Context:
         """Return the context of a job that writes to the plan's event log."""
+        guard(root)
         return cls(root, plan, plan.job(job_name), EventLog(root / EVENTS / plan.log_name, job_name))
 
     # What happened before
@@ -140,7 +142,7 @@ class Context:
         for path in (self.root / output for output in self.plan.all_inputs(self.job)):
             with suppress(OSError):
                 if path.stat().st_mtime > now:
-                    os.utime(path)
+                    set_time(path, now)
 
     # What the job makes
 

@@ -37,6 +37,7 @@ from pipeline.production.tasks.supervisor import (
 )
 from render.base.atomic_write import machine_error
 from render.base.python_process import ENDING, postpone_collection
+from render.base.root_files import open_file
 from render.mitsuba.engine import GPU_VARIANTS, available_cores
 
 
@@ -48,6 +49,7 @@ def main(
     threads: int | None = None,
     key: str | None = None,
     process: int | None = None,
+    log: str | None = None,
 ) -> int:
     """Do one job; return 0 if all of it went well, 1 if something failed and the event log says what.
 
@@ -57,9 +59,15 @@ def main(
     threads  the threads that Snakemake gave the job, by default those of the plan
     key      the key by which Snakemake knows a movie
     process  the process that stands for this one (see `job_server`), by default this one
+    log      the file, relative to the root, for what the job prints
     """
     root, process = Path.cwd(), process or os.getpid()
     context = Context.of(root, Plan.thaw(root / plan_path), job_name)
+    if log:
+        output = open_file(root / log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+        os.dup2(output, 1)
+        os.dup2(output, 2)
+        os.close(output)
     job = context.job
     context = replace(context, job=replace(job, threads=threads or job.threads, key=key or job.key))
     if settled is not None:
@@ -216,9 +224,9 @@ def _exit_code(work: Callable[[], int]) -> int:
         return work()
     except KeyboardInterrupt:
         return INTERRUPTED
-    except OSError as error:
+    except (OSError, MachineError) as error:
         with suppress(OSError):
-            print(machine_error(Path(error.filename or Path.cwd()), error, "used"), file=sys.stderr)
+            print(_as_failure(error, Path.cwd()), file=sys.stderr)
         return ENVIRONMENT
 
 
@@ -228,6 +236,7 @@ def _arguments(words: Sequence[str]) -> dict[str, Any]:
     parser.add_argument("job_name")
     parser.add_argument("--threads", type=int)
     parser.add_argument("--key")
+    parser.add_argument("--log")
     parser.add_argument("--child", type=int, dest="settled")
     return vars(parser.parse_args(words))
 

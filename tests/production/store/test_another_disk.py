@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import shlex
 import shutil
+import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -65,11 +67,17 @@ def test_frames_are_made_damaged_and_made_again_across_disks(moved: ProjectFolde
     assert second.resolve().is_file()
 
 
-def test_a_root_on_another_disk_than_its_state_makes_movies_by_snakemake(
+def test_a_new_store_on_another_disk_is_used_once_it_says_whose_it_is(
     project: ProjectFolder, disk: Path
 ) -> None:
     disk.mkdir()
-    (project.path / ".flowsculpt").symlink_to(disk)
+    state = project.path / ".flowsculpt"
+    state.mkdir()
+    (state / "store").symlink_to(disk)
+    refused = project.call("render", NAME, "-q", QUALITY, "-f", "1-2")
+    assert refused.code == 4 and "a link to" in refused.err and not [*disk.iterdir()]
+    remedy = refused.err.partition("if it is this show's store, run: ")[2]
+    assert subprocess.run(shlex.split(remedy), check=False).returncode == 0
     done = project.run("render", NAME, "-q", QUALITY, "-f", "1-2")
     assert done.code == 0, done.err
     assert all(frame.resolve().is_relative_to(disk) for frame in project.frames())
