@@ -8,10 +8,16 @@ imported when used.
 
 from __future__ import annotations
 
+import locale
 import logging
+import os
 import re
+import signal
+import sys
 import traceback
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass, field, fields
 from functools import cache
 from importlib import import_module
@@ -193,7 +199,7 @@ class Plugins:
                 name = part if is_whole else f"{plugin.name}.{part}"
                 try:
                     found[name] = make(plugin, name, named(place))
-                except (Exception, SystemExit) as error:  # a stranger's module may raise anything
+                except Exception as error:
                     LOG.warning(f"plug-in {plugin.name}: {name} is left out: {_told(error)}")
         return found
 
@@ -309,7 +315,7 @@ def plugins() -> Plugins:
         try:
             _LOADING.append(entry.value)
             plugin = _loaded(entry)
-        except (Exception, SystemExit) as error:  # a stranger's module may raise anything
+        except Exception as error:
             faults.append(f"plug-in {entry.name} ({entry.value}) is left out: {_told(error)}")
             continue
         finally:
@@ -329,7 +335,42 @@ def named(place: str) -> Any:
     module, _, name = place.partition(":")
     if not name:
         raise ValueError(f'{place!r} is not "module:name"')
-    return getattr(import_module(module), name)
+    with _strangers_code(module):
+        return getattr(import_module(module), name)
+
+
+@contextmanager
+def _strangers_code(module: str) -> Iterator[None]:
+    """Let a module be imported; one of a stranger may do anything, and changes nothing of this process.
+
+    What it prints goes to standard error, since standard output may be JSON. What it raises is an Exception.
+    """
+    if module.startswith("pipeline."):
+        yield
+        return
+    folder, language = Path.cwd(), locale.setlocale(locale.LC_ALL)
+    try:
+        with redirect_stdout(sys.stderr), warnings.catch_warnings():
+            yield
+    except BaseException as error:
+        if isinstance(error, Exception) or is_of_user(error):
+            raise
+        raise StrangersError(_told(error)) from error
+    finally:
+        os.chdir(folder)
+        locale.setlocale(locale.LC_ALL, language)
+
+
+class StrangersError(Exception):
+    """What a stranger's module has raised that is no Exception, such as SystemExit."""
+
+
+def is_of_user(error: BaseException) -> bool:
+    """Tell whether an error is Ctrl-C, and none that a plug-in raises: after it, signals are ignored."""
+    handlers = {signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)}
+    return isinstance(error, KeyboardInterrupt) and bool(
+        handlers & {signal.SIG_IGN, signal.default_int_handler}
+    )
 
 
 @cache
@@ -337,14 +378,14 @@ def _function(plugin: str, place: str) -> Any:
     """Return a function of a plug-in; None, with a warning the first time, where it cannot be imported."""
     try:
         return named(place)
-    except (Exception, SystemExit) as error:  # a stranger's module may raise anything
+    except Exception as error:
         if place.startswith("pipeline."):
             raise
         LOG.warning(f"plug-in {plugin}: {place} is left out: {_told(error)}")
         return None
 
 
-def fault_of_plugin(error: Exception) -> MachineError | None:
+def fault_of_plugin(error: BaseException) -> MachineError | None:
     """Return an error raised by the code of a plug-in as one that names its line; None for any other."""
     frames = traceback.extract_tb(error.__traceback__)
     lines = [(frame.filename, frame.lineno) for frame in frames]
@@ -353,7 +394,7 @@ def fault_of_plugin(error: Exception) -> MachineError | None:
     owners = {str(file): plugin.name for plugin in plugins() for file in plugin.sources}
     for file, line in reversed(lines):
         if file in owners:
-            return MachineError(f"{file}:{line}: plug-in {owners[file]}: {_reason(error)}")
+            return MachineError(f"{file}:{line}: plug-in {owners[file]}: {reason_of_plugin(error)}")
     return None
 
 
@@ -362,14 +403,23 @@ _NUMBA_LINES = ("Failed in nopython mode", "During: ")  # around what is wrong
 
 def _told(error: BaseException) -> str:
     """Return what a stranger's module raised, in one line, with the line of it that did."""
+    if isinstance(error, StrangersError):
+        return str(error)
     last = traceback.extract_tb(error.__traceback__)[-1]
     is_theirs = Path(last.filename).is_file() and Path(last.filename) != Path(__file__)
-    return f"{_reason(error)} ({last.filename}:{last.lineno})" if is_theirs else _reason(error)
+    return (
+        f"{reason_of_plugin(error)} ({last.filename}:{last.lineno})" if is_theirs else reason_of_plugin(error)
+    )
 
 
-def _reason(error: BaseException) -> str:
-    lines = [line for line in str(error).splitlines() if not line.startswith(_NUMBA_LINES)]
-    line = " ".join(f"{type(error).__name__}: {' '.join(lines)}".split())
+def reason_of_plugin(error: BaseException) -> str:
+    """Return what a stranger's code raised, in one line."""
+    try:
+        text = str(error)
+    except Exception:
+        text = "its text cannot be written"
+    lines = [line for line in text.splitlines() if not line.startswith(_NUMBA_LINES)]
+    line = " ".join(f"{type(error).__name__}: {' '.join(lines)}".split()).removesuffix(":")
     of_api = isinstance(error, ImportError) and error.name == "pipeline.api"
     if of_api or line.startswith("TypeError: Plugin.__init__() got an unexpected keyword"):
         return f"{line}; a later flowsculpt may have it"
@@ -383,7 +433,8 @@ def _order(entry: EntryPoint) -> tuple[bool, bool, str]:
 
 def _loaded(entry: EntryPoint) -> Plugin:
     """Return the plug-in of an entry point. Raises TypeError for what is none, and what importing raises."""
-    plugin = entry.load()
+    with _strangers_code(entry.module):
+        plugin = entry.load()
     if not isinstance(plugin, Plugin):
         raise TypeError(f"{entry.value} is not a pipeline.plugin.Plugin")
     return plugin
@@ -393,9 +444,12 @@ _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
 
 def _each(values: Any, kind: type) -> bool:
-    """Return whether `values` is a mapping of names to values of a kind."""
+    """Return whether `values` is a mapping of names to values of a kind, whose fields are text or numbers."""
     return isinstance(values, Mapping) and all(
-        isinstance(name, str) and isinstance(value, kind) for name, value in values.items()
+        isinstance(name, str)
+        and isinstance(value, kind)
+        and (kind is str or all(isinstance(part, str | int) for part in vars(value).values()))
+        for name, value in values.items()
     )
 
 

@@ -65,6 +65,31 @@ def test_a_command_and_a_format_of_an_installed_plug_in_are_called_like_those_of
     assert (environment.folder / "A010.txt").read_text() == "A010"
 
 
+MEDDLING = """\
+import locale, os, sys, warnings
+from pipeline.plugin import Plugin
+os.chdir("/")
+locale.setlocale(locale.LC_ALL, "C")
+warnings.simplefilter("error")
+print("a greeting")
+PLUGIN = Plugin("meddler", "1", schemas={"odd": "meddler:odd"})
+def odd(): pass
+"""
+
+
+def test_a_plug_in_that_meddles_when_it_is_imported_changes_nothing(environment):
+    environment.install("meddler", MEDDLING)
+    done = environment.run("status", "--json")
+    assert (done.returncode, done.stdout, done.stderr) == (0, "[]\n", "a greeting\n")
+
+
+def test_a_schema_that_is_a_function_is_refused_with_the_name_of_its_plug_in(environment):
+    environment.install("meddler", MEDDLING)
+    done = environment.run("schema", "odd")
+    said = "plug-in meddler: meddler:odd, its schema odd, is not a pydantic model\n"
+    assert done.returncode == 4 and done.stderr.endswith(said) and done.stdout == ""
+
+
 MARBLING = """\
 from pipeline.plugin import Plugin
 
@@ -331,6 +356,17 @@ def plugin(name: str = "greeter", rest: str = "") -> str:
             'its field flows is not a dict of names and "module:name"',
         ),
         ("comma", plugin("comma", ", watchers=('comma:watch')"), 'watchers is not a tuple of "module:name"'),
+        (
+            "called",
+            plugin("called", ", commands={'wave': Command(print, '')}"),
+            "its field commands is not a dict of names and Commands",
+        ),
+        ("wordless", "raise ValueError", "ValueError ("),
+        ("mute_error", "class E(Exception):\n    __str__ = None\nraise E", "E: its text cannot be written ("),
+        ("leaving", "raise SystemExit('bye')", "SystemExit: bye ("),
+        ("closing", "raise GeneratorExit", "GeneratorExit ("),
+        ("keys", "raise KeyboardInterrupt", "KeyboardInterrupt ("),
+        ("endless", "def f():\n    f()\nf()", "RecursionError: maximum recursion depth exceeded"),
         ("none", "PLUGIN = 3", "none:PLUGIN is not a pipeline.plugin.Plugin"),
         (
             "twin",

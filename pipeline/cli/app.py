@@ -19,6 +19,7 @@ import typer
 from typer.core import TyperArgument, TyperCommand, TyperGroup
 
 from pipeline.cli.options import (
+    INTERRUPTED,
     REFERENCE,
     CommonOptions,
     parameters_of,
@@ -29,10 +30,10 @@ from pipeline.cli.options import (
     with_options,
     with_parameters,
 )
-from pipeline.cli.output import print_error, print_warning
+from pipeline.cli.output import WIDTH_OF_HELP, out, print_error, print_warning
 from pipeline.cli.standard_streams import READER_LEFT, OutputError, discard_output
 from pipeline.errors import FlowsculptError, MachineError
-from pipeline.plugin import Command, fault_of_plugin, named, plugins
+from pipeline.plugin import Command, fault_of_plugin, named, plugins, reason_of_plugin
 from render.base.atomic_write import REMEDIES, machine_error
 from render.base.python_process import ENDING, distrust_working_folder
 
@@ -91,6 +92,12 @@ class _WithoutTypes:
                 param.display_type_rich = lambda ctx: None
         return params
 
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        from typer import rich_utils  # takes time to import
+
+        rich_utils.MAX_WIDTH = out.options.max_width if out.file.isatty() else WIDTH_OF_HELP
+        super().format_help(ctx, formatter)  # type: ignore[misc]  # of the command mixed in
+
 
 class _Command(_WithoutTypes, TyperCommand):
     """A command of the command line."""
@@ -129,7 +136,7 @@ def command_named(words: str) -> Any:
     except Exception as error:  # a stranger's module may raise anything
         if command.function.startswith("pipeline."):
             raise
-        raise MachineError(f"{words}: its plug-in does not load: {type(error).__name__}: {error}") from error
+        raise MachineError(f"{words}: its plug-in does not load: {reason_of_plugin(error)}") from error
     alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
     text = function.__doc__ or command.summary  # PYTHONOPTIMIZE=2 strips docstrings
     alone.command(form or name, cls=_Command, help=_unwrapped(text), epilog=REFERENCE)(with_options(function))
@@ -233,6 +240,8 @@ def main() -> None:
             typer.echo(VERSION)  # imports no plug-in
             return
         command_line()()
+    except KeyboardInterrupt:  # before a command has begun
+        sys.exit(INTERRUPTED)
     except OutputError as error:
         discard_output()
         if error.exit_code != READER_LEFT:
@@ -247,8 +256,8 @@ def main() -> None:
         file = Path(os.fsdecode(error.filename or "a file"))  # closing one has no name
         print_error(str(machine_error(file, error, "used")))
         sys.exit(MachineError.exit_code)
-    except Exception as error:
-        if (fault := fault_of_plugin(error)) is None:
+    except BaseException as error:
+        if isinstance(error, SystemExit) or (fault := fault_of_plugin(error)) is None:
             raise
         print_error(str(fault))
         sys.exit(fault.exit_code)

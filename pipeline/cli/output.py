@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import logging
+import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -16,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import typer
-from rich.console import Console, RenderableType
+from rich.console import Console, ConsoleOptions, RenderableType
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
@@ -73,8 +74,22 @@ def done_words(task: Task, of: str) -> str:
     return f"{int(task.completed)}{of}{task.total or 0:.0f}"
 
 
-out = Console(highlight=False, emoji=False, soft_wrap=True, markup=False)  # names of files may hold [red]
-err = Console(stderr=True, highlight=False, emoji=False, soft_wrap=True, markup=False)
+WIDTH_OF_HELP = 160
+"""Characters in a line of the help where no terminal shows it."""
+
+
+class _Console(Console):
+    """A console that cuts nothing where no terminal shows it: programs read the tables that a pipe gets."""
+
+    @property
+    def options(self) -> ConsoleOptions:
+        options = super().options
+        width = (options.max_width or 80) if self.file.isatty() else sys.maxsize  # COLUMNS may be 0
+        return options.update(width=width)
+
+
+out = _Console(highlight=False, emoji=False, soft_wrap=True, markup=False)  # names of files may hold [red]
+err = _Console(stderr=True, highlight=False, emoji=False, soft_wrap=True, markup=False)
 
 
 def print_result(words: str | RenderableType, facts: Any, as_json: bool) -> None:
@@ -113,7 +128,7 @@ def table(*headings: str) -> Table:
     """Return an empty table with these columns."""
     empty = Table(box=None, pad_edge=False)
     for heading in headings:
-        empty.add_column(heading)
+        empty.add_column(heading, overflow="fold")
     return empty
 
 

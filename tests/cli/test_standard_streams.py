@@ -7,10 +7,13 @@ import json
 import os
 import subprocess
 import sys
+from io import StringIO
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 
+from pipeline.cli.output import table
 from pipeline.cli.standard_streams import LIKENESS, write_similar
 from tests.conftest import new_project
 
@@ -105,3 +108,20 @@ def test_python_that_strips_docstrings_runs_commands(show: Path) -> None:
 def test_numba_that_may_not_compile_is_named(show: Path) -> None:
     code, told = in_shell(show, "NUMBA_DISABLE_JIT=1 fs simulate T010_tiny")
     assert code == 4 and told.startswith("NUMBA_DISABLE_JIT is set") and told.count("\n") == 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("variables", [{}, {"COLUMNS": "30"}, {"COLUMNS": "0"}, {"FORCE_COLOR": "1"}])
+def test_a_pipe_gets_tables_in_full(show: Path, variables: dict[str, str]) -> None:
+    code, told = in_shell(show, "fs flows | cat; fs preview --help | cat", {**os.environ, **variables})
+    assert code == 0 and "Narrows a waist and drives its material out to both sides, like a gripp" in told
+    assert "flows.0.vortex.strength=2" in told
+
+
+def test_on_a_narrow_terminal_names_are_wrapped_and_no_character_is_lost() -> None:
+    narrow = Console(width=10, file=StringIO())
+    rows = table("shot", "done")
+    rows.add_row("SHOT_0123456789", "12")
+    narrow.print(rows)
+    told = narrow.file.getvalue()
+    assert "…" not in told and "".join(line[:4] for line in told.splitlines()).startswith("shotSHOT")

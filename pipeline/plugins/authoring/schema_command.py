@@ -8,12 +8,13 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from pydantic import BaseModel
 from rich.console import Group
 from rich.text import Text
 
 from pipeline.cli.options import Common, output_option, require_one_of
 from pipeline.cli.output import print_result, table
-from pipeline.errors import FlowsculptError
+from pipeline.errors import FlowsculptError, MachineError
 from pipeline.plugin import named, plugins
 from pipeline.plugins.authoring.shot_schemas import (
     default_text,
@@ -81,7 +82,11 @@ def _schema_of(kind: str, folder: Path) -> dict[str, Any]:
     if kind == "shot":
         return shot_schema(defaults_of(folder))
     if kind in (others := plugins().schemas):
-        return dict(named(others[kind]).model_json_schema())
+        model = named(others[kind])
+        if not (isinstance(model, type) and issubclass(model, BaseModel)):
+            owner = next(plugin.name for plugin in plugins() if kind in plugin.schemas)
+            raise MachineError(f"plug-in {owner}: {others[kind]}, its schema {kind}, is not a pydantic model")
+        return model.model_json_schema()
     return film_schema() if kind == "film" else defaults_schema()
 
 

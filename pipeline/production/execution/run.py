@@ -17,11 +17,13 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from pipeline.errors import FrameError, MachineError
+from pipeline.plugin import plugins
 from pipeline.production.execution import snakemake
 from pipeline.production.execution.snakemake import end_family
 from pipeline.production.planning.plan import Plan
 from pipeline.production.planning.profile import Profile
 from pipeline.production.request.shot_source import PlanningCache
+from pipeline.production.stages import STAGES
 from pipeline.production.store.event_log import Event, EventLog, EventReader, poll
 from pipeline.production.store.history import summarise
 from pipeline.production.store.locks import is_at_work, making, start_of, writing
@@ -69,7 +71,7 @@ class RetryPolicy:
             self.cores //= 2
             may_help = True
         else:
-            self.failures += [_failure(e, "with nothing beside it. Is there memory enough?") for e in killed]
+            self.failures += [_failure(e, f"with nothing beside it. {_doubt(e)}") for e in killed]
         return may_help and self._rounds < ROUNDS
 
     def _may_try_again(self, event: Event) -> bool:
@@ -79,6 +81,16 @@ class RetryPolicy:
             return True
         self.failures.append(_failure(event, "once more. If it is only slow, --timeout gives it longer."))
         return False
+
+
+def _doubt(killed: Event) -> str:
+    """Return what may have ended the process of a job."""
+    stage = STAGES.get(str(killed.get("stage")))
+    if stage is not None and stage.plugin is not None:
+        return f"Plug-in {stage.plugin[0]}, whose stage it is, ends the process."
+    strangers = [plugin.name for plugin in plugins() if plugin.sources]
+    also = f" Or does plug-in {' or '.join(strangers)} end the process?" if strangers else ""
+    return f"Is there memory enough?{also}"
 
 
 def _failure(event: Event, more: str) -> Event:

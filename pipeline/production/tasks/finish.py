@@ -12,7 +12,7 @@ import numpy as np
 
 from pipeline.errors import FrameError
 from pipeline.frames import FrameRate
-from pipeline.plugin import named, plugins
+from pipeline.plugin import is_of_user, named, plugins, reason_of_plugin
 from pipeline.production.request.cameras import camera_file
 from pipeline.production.request.keys import FrameKeys, PictureKeys
 from pipeline.production.request.render_request import RenderRequest
@@ -70,7 +70,7 @@ def plugin_stage(context: Context) -> bool:
     def work(number: int) -> bool:
         def write(path: Path) -> None:
             frame, header = read_source(context, keys[number], number, before=stage.name)
-            made = _made_by(task, place, frame, settings, number)
+            made = _made_by(task, f"plug-in {plugin.name}: {place}", frame, settings, number)
             header |= {"key": keys[number].staged[stage.name]}
             header |= {"stages": {**header.get("stages", {}), stage.name: stage.recipe}}
             header |= {"entries": {**header.get("entries", {}), stage.name: request.stages[stage.name]}}
@@ -93,8 +93,10 @@ def _made_by(
         made = task(frame, settings, number)
     except FrameError:
         raise
-    except (Exception, SystemExit) as error:  # a stranger's function may raise anything
-        raise FrameError(f"{place} raised {type(error).__name__}: {error}", number) from error
+    except BaseException as error:  # a stranger's function may raise anything
+        if is_of_user(error):
+            raise
+        raise FrameError(f"{place} raised {reason_of_plugin(error)}", number) from error
     if not isinstance(made, RenderedFrame):
         raise FrameError(f"{place} returned {type(made).__name__}; a stage returns a RenderedFrame", number)
     for name, shape in shapes.items():

@@ -20,7 +20,7 @@ from types import FrameType
 from typing import Any
 
 from pipeline.errors import FlowsculptError, FrameError, MachineError
-from pipeline.plugin import fault_of_plugin
+from pipeline.plugin import fault_of_plugin, is_of_user
 from pipeline.production.planning.plan import Plan, write_manifest
 from pipeline.production.planning.profile import VariantError, require_variant
 from pipeline.production.stages import STAGES
@@ -159,7 +159,9 @@ def work(context: Context) -> int:
         return RESTART_WORKER
     except FlowsculptError as error:
         context.fail(error)
-    except Exception as error:
+    except BaseException as error:  # a stranger's function may raise anything
+        if is_of_user(error):
+            raise
         with suppress(OSError):  # the job's log may lie on a full disk
             traceback.print_exc()
         on_gpu = job.stage == "render" and context.request.variant in GPU_VARIANTS
