@@ -2,28 +2,36 @@
 
 Other distributions have packages of the same names. Installers overwrite files silently, and the package
 that comes first in the search path is the one that is imported. So this module, whose name is ours alone,
-looks before anything of them runs.
+looks before anything of them runs. Modules are imported where Ctrl-C ends the command without a traceback.
 """
 
 from __future__ import annotations
 
-import base64
-import hashlib
+import os
 import sys
-from importlib.machinery import PathFinder
-from importlib.metadata import PackageNotFoundError, distribution, packages_distributions
-from pathlib import Path
 
-HOME = Path(__file__).resolve().parent
-"""The folder that holds this module and both packages."""
+TYPE_CHECKING = False  # its own module takes time to import
+if TYPE_CHECKING:
+    from pathlib import Path
 
 PACKAGES = ("pipeline", "render")
 
-EXIT_CODE = 4
+EXIT_CODE, INTERRUPTED = 4, 130
 
 
 def main() -> None:
     """Run the command line, or say that a package is another project's and exit with 4."""
+    try:
+        _start()
+    except KeyboardInterrupt:  # until `_end` is set
+        os._exit(INTERRUPTED)
+
+
+def _start() -> None:
+    import signal
+
+    if signal.getsignal(signal.SIGINT) == signal.default_int_handler:
+        signal.signal(signal.SIGINT, _end)
     for name in PACKAGES:
         fault = foreign(name)
         if fault:
@@ -36,14 +44,27 @@ def main() -> None:
     from pipeline.cli.standard_streams import prepare_streams
 
     prepare_streams()
-    start()
+    try:
+        start()
+    finally:
+        if signal.getsignal(signal.SIGINT) != signal.SIG_IGN:
+            signal.signal(signal.SIGINT, _end)
+
+
+def _end(number: int, frame: object) -> None:
+    """End at once on Ctrl-C: nothing has begun yet, or everything is done."""
+    os._exit(INTERRUPTED)
 
 
 def foreign(name: str) -> str | None:
     """Return what is wrong with a package if it is not this project's, else None."""
+    from importlib.machinery import PathFinder
+    from pathlib import Path
+
+    home = Path(__file__).resolve().parent  # of this module and both packages
     found = PathFinder.find_spec(name)
     origin = Path(found.origin).resolve() if found is not None and found.origin else None
-    if origin == HOME / name / "__init__.py" and not _overwritten(origin):
+    if origin == home / name / "__init__.py" and not _overwritten(origin):
         return None
     return (
         f"{origin or name}: this is not flowsculpt's package {name}{_owners(name)}; Python imports only one "
@@ -53,6 +74,10 @@ def foreign(name: str) -> str | None:
 
 def _overwritten(file: Path) -> bool:
     """Tell whether an installed file differs from the record of the installation; editable ones have none."""
+    import base64
+    import hashlib
+    from importlib.metadata import PackageNotFoundError, distribution
+
     try:
         record = distribution("flowsculpt").read_text("RECORD") or ""
     except PackageNotFoundError:
@@ -66,5 +91,7 @@ def _overwritten(file: Path) -> bool:
 
 
 def _owners(name: str) -> str:
+    from importlib.metadata import packages_distributions
+
     others = sorted(set(packages_distributions().get(name, ())) - {"flowsculpt"})
     return f", but that of {', '.join(others)}" if others else ""

@@ -134,6 +134,15 @@ def distrust_working_folder() -> None:
     os.environ.update(environment())
 
 
+def prefer_installed_packages() -> None:
+    """Have what is installed come before PYTHONPATH, which may hold other versions of the same packages.
+
+    Houdini, Maya and ROS name their own numpy there, for every Python.
+    """
+    named = {os.path.abspath(entry) for entry in _named()} - {str(PACKAGE_ROOT)}  # noqa: PTH100  # as `site`
+    sys.path.sort(key=lambda entry: entry in named)
+
+
 def postpone_collection() -> None:
     """Have Python first look for garbage when this process has loaded what it needs, and then as usual.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -59,3 +60,31 @@ def test_an_account_without_a_home_gets_one_that_holds_nothing(monkeypatch: pyte
         monkeypatch.setenv("HOME", home)
         name_a_home()
         assert os.environ["HOME"] == named
+
+
+OURS = "import flowsculpt, sys; sys.argv = ['flowsculpt', *sys.argv[1:]]; flowsculpt.main()"
+ROOT = Path(__file__).parents[2]
+
+
+def test_packages_that_another_program_names_in_pythonpath_are_passed_over(tmp_path: Path) -> None:
+    for name in ("numpy", "pydantic", "rich", "ruamel", "typer", "yaml"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "__init__.py").write_text("raise ImportError('of another Python')")
+    code = "import render, sys, numpy, pydantic, rich, typer, yaml; print(sys.path[-1])"
+    paths = {**os.environ, "PYTHONPATH": f"{ROOT}{os.pathsep}{tmp_path}"}
+    done = subprocess.run([sys.executable, "-c", code], env=paths, capture_output=True, text=True)
+    assert (done.stdout, done.stderr) == (f"{tmp_path}\n", ""), "plug-ins there are found"
+
+
+@pytest.mark.slow
+def test_ctrl_c_while_the_command_starts_says_nothing_and_exits_with_130(tmp_path: Path) -> None:
+    for module in ("signal", "pathlib", "importlib.metadata", "render", "rich.console", "typer.main"):
+        words = [sys.executable, "-X", "importtime", "-c", OURS, "status"]
+        with subprocess.Popen(words, cwd=ROOT, stderr=subprocess.PIPE, text=True) as process:
+            assert process.stderr is not None
+            for line in process.stderr:  # until it has imported so much
+                if line.rstrip().endswith(module):
+                    break
+            process.send_signal(signal.SIGINT)
+            told = process.stderr.read()
+        assert process.returncode == 130 and "Traceback" not in told, (module, told[-2000:])
