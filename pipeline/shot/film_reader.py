@@ -19,7 +19,7 @@ from pipeline.shot.shot import Card, Clip, Film, Shot
 from pipeline.shot.shot_reader import read_rate, read_shot
 from pipeline.shot.yaml.document_validation import Checks, unforeseen, validated
 from pipeline.shot.yaml.inheritance import OPTION
-from pipeline.shot.yaml.named_files import DEFAULTS, is_edit, is_there, name_fault, shown
+from pipeline.shot.yaml.named_files import is_edit, is_there, name_fault, shot_files, shown
 from pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource
 from render.base.plural import plural
 from render.scene.render_camera import Projection
@@ -116,7 +116,7 @@ def _shot(folder: Path, name: str, place: str, settings: tuple[str, ...]) -> Sho
     file = folder / f"{name}.yaml"
     if is_there(file):
         return read_shot(file, settings=settings)
-    known = sorted(f.stem for f in folder.glob("*.yaml") if not is_edit(f) and f.name != DEFAULTS)
+    known = [shot.stem for shot in shot_files(folder) if not is_edit(shot)]
     hint = suggestion(name, known) if known else "No shot is beside the edit; flowsculpt new NAME makes one."
     bare = name.rpartition("/")[2].removesuffix(".yaml")
     if bare in known:
@@ -224,7 +224,8 @@ def _words(projection: Projection) -> str:
 def _missing_sound(source: YamlSource, folder: Path) -> Iterator[Problem]:
     name = source.get("sound", "file")
     if isinstance(name, str) and not is_there(folder / name):
-        known = sorted(file.name for file in folder.glob("*") if file.suffix.lower() in SUFFIXES)
+        files = (file.name for file in folder.glob("*") if file.suffix.lower() in SUFFIXES)
+        known = sorted(name for name in files if not name.startswith("."))
         remedy = "and no other beside the edit. Put it there, or remove sound."
         if known:
             remedy = f"which is looked for beside the edit. {suggestion(name, known)}"

@@ -34,7 +34,7 @@ from pipeline.plugins.authoring.shot_templates import (
 from pipeline.production.request.lookup import FILM, SHOTS, find_shot, shot_names
 from pipeline.shot import read_shot
 from pipeline.shot.documents.flow_documents import DOCUMENTS
-from pipeline.shot.yaml.named_files import DEFAULTS, is_edit, name_fault, text_of
+from pipeline.shot.yaml.named_files import is_edit, name_fault, shot_files, text_of
 from render.base.atomic_write import atomic_write, disk_errors
 
 MODELS = "models"
@@ -214,9 +214,7 @@ def _begin_show(common: Common, folder: Path, source: str) -> None:
     """Write the files of a show that are not there yet, and report them and those that stay."""
     if folder.exists() and not folder.is_dir():
         raise UsageError(f"{folder} is a file; name the folder of the show, or a new one")
-    paths = [
-        path for path in sorted((folder / SHOTS).glob("*.yaml")) if path.name not in (FILM.name, DEFAULTS)
-    ]
+    paths = [path for path in shot_files(folder / SHOTS) if path.name != FILM.name]
     shots = [path.stem for path in paths if not is_edit(path)]
     files: dict[Path, Callable[[Path], Any]] = {}
     for name, text in show_files(folder.absolute().name, shots or [FIRST_SHOT]).items():

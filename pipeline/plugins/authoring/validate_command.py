@@ -26,7 +26,15 @@ from pipeline.plugins.authoring.scene_rules import Finding, findings, loop_repor
 from pipeline.production.execution.project import Project
 from pipeline.production.picture_sequences import begun, light_notes, shown_picture, white
 from pipeline.production.request.keys import picture_keys
-from pipeline.production.request.lookup import NO_SHOTS, crop_of, edit_names, find_edit, find_shot, shot_names
+from pipeline.production.request.lookup import (
+    NO_SHOTS,
+    crop_of,
+    edit_names,
+    find_edit,
+    find_shot,
+    passed_over,
+    shot_names,
+)
 from pipeline.shot import Motion, Shot, read_film, read_shot
 from pipeline.shot.motion import Clock
 from pipeline.shot.motion_checks import outside_note
@@ -51,6 +59,8 @@ def validate(
     at too.
     """
     edits, given = edit_names(), tuple(settings or ())
+    for warning in () if shots else passed_over().values():
+        print_warning(warning)
     names = shots or [*shot_names(), *edits]
     if not names:
         raise UsageError(NO_SHOTS)

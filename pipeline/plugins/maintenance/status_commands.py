@@ -12,12 +12,12 @@ import typer
 from rich.console import Group
 
 from pipeline.cli.options import Common, Quality, Settings, Shot, project_of, shots_argument
-from pipeline.cli.output import duration, exit_with, print_error, print_result, table
+from pipeline.cli.output import duration, exit_with, print_error, print_result, print_warning, table
 from pipeline.errors import FlowsculptError
 from pipeline.plugins.maintenance.run_report import LABELS, RunReport, named_run
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.frame_states import FrameStates, is_begun, mesh_states, picture_states
-from pipeline.production.request.lookup import find_shot, shot_names
+from pipeline.production.request.lookup import find_shot, passed_over, shot_names
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.history import History
 from render.base.plural import plural
@@ -44,6 +44,8 @@ def status(
     history = History.of(common.root)
     rows: list[FrameStates] = []
     errors: list[FlowsculptError] = []
+    for warning in () if shots else passed_over().values():
+        print_warning(warning)
     for shot in shots or shot_names():
         try:
             requests = project.at_qualities(find_shot(shot))

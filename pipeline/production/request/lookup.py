@@ -16,7 +16,7 @@ from pathlib import Path
 
 from pipeline.errors import MissingInputError, UsageError, suggestion
 from pipeline.plugin import plugins
-from pipeline.shot.yaml.named_files import DEFAULTS, is_edit, is_there, name_fault, shown
+from pipeline.shot.yaml.named_files import is_edit, is_there, name_fault, shot_files, shown
 from pipeline.shot.yaml.synonyms import value_meant
 from render.base.input_files import kind_of_path
 from render.scene.render_quality import FORMER_NAMES, QUALITIES, Crop, Quality
@@ -229,6 +229,8 @@ def find_shot(name: str) -> Path:
     if path == Path(name):
         hint = f"did you mean {path.stem}?" if path.stem in shot_names() else "flowsculpt new makes one"
         raise MissingInputError(f"{shown(name)}: no such shot file; {hint}")
+    if name in (known := passed_over()):
+        raise MissingInputError(f"{shown(path)}: no such shot; {known[name]}")
     _require_shots()
     raise MissingInputError(
         f"{shown(path)}: no such shot; {_near(name, shot_names(), 'flowsculpt new makes one')}"
@@ -286,11 +288,18 @@ def _near(name: str, known: list[str], otherwise: str) -> str:
 def shot_names() -> list[str]:
     """Return the names of the shots of the working folder."""
     edits = {FILM.stem, *edit_names()}
-    return sorted(
-        path.stem for path in SHOTS.glob("*.yaml") if path.stem not in edits and path.name != DEFAULTS
-    )
+    return [path.stem for path in shot_files(SHOTS) if path.stem not in edits]
 
 
 def edit_names() -> list[str]:
     """Return the names of the edits of the working folder; `film` is always an edit."""
-    return sorted(path.stem for path in SHOTS.glob("*.yaml") if path == FILM or is_edit(path))
+    return [path.stem for path in shot_files(SHOTS) if path == FILM or is_edit(path)]
+
+
+def passed_over() -> dict[str, str]:
+    """Return the files of the working folder that are no shots for their suffix alone, and how to mend it."""
+    return {
+        path.stem: f"{shown(path)} is passed over: shots end in .yaml. Rename it to {path.stem}.yaml."
+        for path in sorted(SHOTS.glob("[!.]*"))
+        if path.suffix != ".yaml" and path.suffix.lower() in (".yaml", ".yml")
+    }

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, TypeVar
+from unicodedata import normalize
 
 from pydantic import BaseModel, ValidationError, ValidationInfo
 from pydantic_core import PydanticCustomError
@@ -90,7 +91,8 @@ class ParseContext:
         try:
             if "**" in name:  # from Python 3.13 on, glob takes it for one *
                 raise ValueError
-            paths = [path for path in folder.glob(Path(name).name) if is_there(path)]
+            found, last = folder.glob(Path(name).name), Path(name).name
+            paths = [path for path in found if is_there(path) and _is_meant(path.name, last)]
         except (OSError, ValueError):
             raise finding(
                 f"file {shown(name)} is not a name of a sequence; each * stands for any letters. "
@@ -99,6 +101,11 @@ class ParseContext:
         if not paths:
             raise finding(f"no file matches {shown(name)} in {shown(folder)}. Correct the name.")
         return in_order(paths, self.notes.append)
+
+
+def _is_meant(name: str, written: str) -> bool:
+    """Tell whether a name may be meant by one in a shot file: hidden files are of other programs."""
+    return not name.startswith(".") or written.startswith(".")
 
 
 def missing_file(name: str, path: Path, kind: str = "file") -> str:
@@ -126,8 +133,15 @@ def _similar_file(name: str, path: Path) -> str | None:
     """
     try:
         names = sorted(item.name for item in path.parent.iterdir() if item.is_file())
+        names = [item for item in names if _is_meant(item, path.name)]
     except (OSError, ValueError):
         return None
+    composed = normalize("NFC", path.name)
+    if any(normalize("NFC", item) == composed for item in names if item != path.name):
+        return (
+            "A file is there whose name looks the same but has other Unicode characters: an é may be one, or "
+            "two, as macOS stores it. Copy the name of the file."
+        )
     same = [name for name in names if Path(name).stem.lower() == path.stem.lower()]
     close = same or get_close_matches(path.name, names, n=1, cutoff=0.8)
     if not close or close[0] == path.name:

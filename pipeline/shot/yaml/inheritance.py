@@ -18,7 +18,7 @@ from typing import Any
 
 from pipeline.errors import MissingInputError, ShotError, UsageError, brief, shortened, suggestion
 from pipeline.shot.motion import Clock, parse_frames, parse_rate
-from pipeline.shot.yaml.named_files import DEFAULTS, is_there, shown, text_of
+from pipeline.shot.yaml.named_files import DEFAULTS, is_there, shot_files, shown, text_of
 from pipeline.shot.yaml.yaml_source import HEX_COLOUR, Spot, Where, YamlSource, dotted, in_yaml, quoted
 
 OPTION = "--set"
@@ -56,17 +56,18 @@ def _set(source: YamlSource, setting: str) -> YamlSource:
             "Write extends there, or set the values themselves."
         )
     try:
-        value = YamlSource.read(Path(OPTION), _yaml_of(match[2].strip())).data
+        given = YamlSource.read(Path(OPTION), _yaml_of(match[2].strip()))
     except ShotError:
         raise ShotError(
             f"{place}: {shortened(match[2])} is not YAML. Quote it for the shell, and look at its brackets."
         ) from None
     data = copy.deepcopy(source.data)
-    where = _put(data, match[1].split("."), value, place)
+    where = _put(data, match[1].split("."), given.data, place)
     _sort_keys(source, data, where)
     new = [where[:i] for i in range(1, len(where) + 1) if i == len(where) or where[:i] not in source.places]
     kept = source.without_places(lambda path: path[: len(where)] == where)
-    return replace(kept, data=data, places={**kept.places, **dict.fromkeys(new, Spot(place, 0, 0))})
+    spot = Spot(place, 0, 0, written=given.spot_of(()).written)
+    return replace(kept, data=data, places={**kept.places, **dict.fromkeys(new, spot)})
 
 
 def _yaml_of(text: str) -> str:
@@ -293,7 +294,7 @@ def _extended(source: YamlSource, read_text: ReadText, chain: tuple[str, ...]) -
         raise ShotError(f"{place}: {circle}; a shot cannot extend itself. Take one of them out.")
     text = read_text(name) if "/" not in parent else None
     if text is None:
-        known = sorted(p.stem for p in source.path.parent.glob("*.yaml") if p.name not in (*chain, DEFAULTS))
+        known = [file.stem for file in shot_files(source.path.parent) if file.name not in chain]
         hint = suggestion(parent, known) if known else "No other shot is there; remove extends."
         if Path(parent).name.removesuffix(".yaml") in known:
             hint = f"Write {Path(parent).name.removesuffix('.yaml')}, its name without folder and suffix."

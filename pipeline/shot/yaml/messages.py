@@ -347,7 +347,8 @@ def problems_of(
                 message = f"column {column} of the formula: {message}"
             problems.append((spot or where, message))
         else:
-            problems.append((where, _message(details, where, document)))
+            written = source.spot_of(where).written
+            problems.append((where, _message(details, where, document, written)))
     return list(dict.fromkeys(problems)), unknown.supplied
 
 
@@ -371,7 +372,7 @@ def _in_file(source: YamlSource, loc: Where) -> Where:
     return where
 
 
-def _message(details: ErrorDetails, where: Where, document: type[BaseModel]) -> str:
+def _message(details: ErrorDetails, where: Where, document: type[BaseModel], written: str) -> str:
     kind, value, context = details["type"], details["input"], details.get("ctx", {})
     value = value[:_MOST_READ] if isinstance(value, str) else value
     name = dotted(where) or "the file"
@@ -389,7 +390,7 @@ def _message(details: ErrorDetails, where: Where, document: type[BaseModel]) -> 
     if kind == "literal_error":
         return f"{name}: {_wrong_word(value, context['expected'], _other_forms(details['loc'], document))}"
     if kind in _WANTED:
-        return f"{name}: {_wrong_type(kind, value, details['loc'], document)}"
+        return f"{name}: {_wrong_type(kind, value, details['loc'], document, written)}"
     if kind == "invalid_key":
         also = "; a decimal has a point, as in 0.5" if isinstance(value, int) else ""
         return f"{name}: a name must be text{also}"
@@ -406,8 +407,11 @@ def _wrong_word(value: Any, expected: str, mappings: list[type[BaseModel]]) -> s
     return f"{rule}. {hint}" if hint.startswith("Did") else rule
 
 
-def _wrong_type(kind: str, value: Any, loc: Where, document: type[BaseModel]) -> str:
-    """Return fact and rule for a value of the wrong type, and the number in a text that means one."""
+def _wrong_type(kind: str, value: Any, loc: Where, document: type[BaseModel], written: str) -> str:
+    """Return fact and rule for a value of the wrong type, and the number in a text that means one.
+
+    written  the value as the file has it without quotes; empty for others
+    """
     wanted, models = _WANTED[kind], []
     if kind.startswith("model"):
         models = models_in(types_at(document, loc))
@@ -415,6 +419,10 @@ def _wrong_type(kind: str, value: Any, loc: Where, document: type[BaseModel]) ->
         models = _other_forms(loc, document)
     if models:
         wanted += f"{' or a mapping' if kind == 'string_type' else ''}, such as {example_of(models)}"
+    is_meant = value is not None or _is_required(loc, document)
+    if kind == "string_type" and written and is_meant and not isinstance(value, str):
+        read = "empty" if value is None else "yes or no" if isinstance(value, bool) else "a number"
+        return f"YAML reads {written} as {read}; it must be {wanted}. Did you mean '{written}', in quotes?"
     if value is None:
         also = "" if _is_required(loc, document) else ", or leave the name out for the default"
         return f"empty; it must be {wanted}{also}"
@@ -423,8 +431,6 @@ def _wrong_type(kind: str, value: Any, loc: Where, document: type[BaseModel]) ->
         return f"{fact}. Did you mean {number}?"
     if isinstance(value, float) and kind.startswith("int") and math.isfinite(value):
         return f"{fact}. Did you mean {math.ceil(value)}?"
-    if isinstance(value, int | float) and kind == "string_type" and not models:
-        return f"{fact}. Did you mean '{str(value).lower()}'?"
     return fact
 
 

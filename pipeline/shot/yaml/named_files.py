@@ -59,6 +59,15 @@ def is_folder(path: Path) -> bool:
         return False
 
 
+def shot_files(folder: Path) -> list[Path]:
+    """Return the files of the shots and edits of a folder, sorted.
+
+    Hidden ones are of other programs: `._A.yaml` of macOS on a share, `.#A.yaml` of Emacs.
+    """
+    files = (file for file in folder.glob("*.yaml") if file.name != DEFAULTS)
+    return sorted(file for file in files if not file.name.startswith("."))
+
+
 def name_fault(name: str, kind: str = "shot") -> str | None:
     """Return rule and remedy for a name that a shot or an edit cannot have; None for a good one."""
     example = "showreel" if kind == "edit" else "A010_cube"

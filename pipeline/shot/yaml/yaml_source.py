@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import math
 import re
+import unicodedata
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
@@ -27,6 +28,11 @@ from pipeline.shot.yaml.named_files import MOST_BYTES, text_of
 
 HEX_COLOUR = re.compile(r"#(?:[0-9a-fA-F]{3}){1,2}(?![0-9a-zA-Z])")
 """A colour as web pages have it. Outside of quotes YAML takes it as a comment."""
+
+_LOST_COLOUR = re.compile(r"(?:[:,]\s+|[\[{]\s*)(#[0-9a-fA-F]{3,8})\b")
+
+_UNSEEN = re.compile(r"[\u00a0\u00ad\u1680\u2000-\u200f\u2028-\u202f\u205f-\u2064\u3000\ufeff]")
+"""Spaces of other programs and characters without width, which YAML takes for letters."""
 
 _MOST_CHARACTERS = 1000
 """Characters of a line that are read: nobody writes more, and patterns take long on more."""
@@ -65,7 +71,7 @@ def syntax_fault(error: YAMLError, text: str) -> str:
         line, column = before.count("\n"), error.position - before.rfind("\n") - 1
         code = f"U+{ord(text[error.position]):04X}"
         return f"{line + 1}:{column + 1}: the character {code} is not printable; YAML allows none. Remove it."
-    lines = [line[:_MOST_CHARACTERS] for line in [*text.splitlines(), ""]]
+    lines = [line[:_MOST_CHARACTERS] for line in [*re.split(r"\r\n?|\n", text), ""]]
     line, column, message = _fault(error, lines)
     return f"{line + 1}:{column + 1}: {message}"
 
@@ -79,12 +85,19 @@ def _fault(error: YAMLError, lines: list[str]) -> tuple[int, int, str]:
         problem = str(error.problem or error.context)
     line, column = (mark.line, mark.column) if mark else (0, 0)
     begin = (context.line, context.column) if context else (line, column)
+    for number in sorted({begin[0], min(line, len(lines) - 1)}):
+        if unseen := _UNSEEN.search(lines[number]):
+            return number, unseen.start(), unseen_fault(unseen[0])
     for number in {min(line, len(lines) - 1), max(min(line, len(lines)) - 1, 0)}:
         indent = re.match(r"\s*", lines[number])
         if indent and "\t" in indent[0]:
             return number, indent[0].index("\t"), "a tab indents this line; YAML takes spaces only"
     if context and "end of stream" in problem:
         return *begin, f"this quote is never closed; write {quoted(lines[begin[0]][begin[1] + 1 :])}"
+    for number, text in enumerate(lines[: line + 1]):
+        if colour := _LOST_COLOUR.search(text):
+            message = f"# begins a comment in YAML; put the colour in quotes: '{colour[1]}'"
+            return number, colour.start(1), message
     if "expected ',' or" in problem:
         return _open_bracket(lines, line, column, begin, problem)
     if found := re.search(r"(?:found|got) '([]},])'", problem):
@@ -105,14 +118,16 @@ def _open_bracket(
 ) -> tuple[int, int, str]:
     """Return the fault of an entry in brackets that neither a comma nor the closing bracket follows."""
     text = lines[begin[0]][begin[1] :]
-    comment = re.search(r"\s(#.*)$", text)
-    if comment and (colour := HEX_COLOUR.match(comment[1])):
-        message = f"# begins a comment in YAML; put the colour in quotes: '{colour[0]}'"
-        return begin[0], begin[1] + comment.start(1), message
     if line > begin[0] or re.search(r"(?:found|got) '[]}]'", problem):
         return *begin, f"this {text[:1]} is never closed; add {'}' if text[:1] == '{' else ']'}"
     words = re.search(r"([\w.]+)\s*$", lines[line][:column])
     return line, column, f"a comma is missing before {words[1] if words else 'this'}"
+
+
+def unseen_fault(character: str) -> str:
+    """Return fact and remedy for a character that nobody sees where YAML has a space or the end of a name."""
+    name = unicodedata.name(character, "a character").lower()
+    return f"here is {name} (U+{ord(character):04X}), a letter to YAML. Write a plain space, or remove it."
 
 
 def quoted(text: str) -> str:
@@ -132,7 +147,7 @@ _TOO_DEEP = (
     "that never close."
 )
 
-_COMMENT = re.compile(r"\s*:\s+(#.*)$")
+_COMMENT = re.compile(r"\s*:?\s+(#.*)$")
 
 _FOLD = "\a"
 """ruamel's mark for the line ends of folded text (`>`)."""
@@ -147,13 +162,15 @@ Problem = tuple[Where, str]
 class Spot(NamedTuple):
     """The position of a key (or list item) in a file; line and column from 1, or 0 for a setting.
 
-    text  line and column of the first character of a text that stands unchanged in one line
+    text     line and column of the first character of a text that stands unchanged in one line
+    written  a value without quotes, as the file has it: YAML reads 010 as a number
     """
 
     file: str
     line: int
     column: int
     text: tuple[int, int] | None = None
+    written: str = ""
 
 
 @dataclass(frozen=True)
@@ -198,12 +215,12 @@ class YamlSource:
 
     def place(self, where: Where) -> str:
         """Return `file:line:column` of a path, or of the nearest mapping or list around it."""
-        file, line, column, _ = self.spot_of(where)
+        file, line, column, *_ = self.spot_of(where)
         return f"{file}:{line}:{column}" if line else file
 
     def order(self, where: Where) -> tuple[bool, str, int, int]:
         """Return a sort key that orders paths by position, those of the file itself first."""
-        file, line, column, _ = self.spot_of(where)
+        file, line, column, *_ = self.spot_of(where)
         return file != str(self.path), file, line, column
 
     def spot_of(self, where: Where) -> Spot:
@@ -279,12 +296,18 @@ class _Reader:
         if isinstance(node, MappingNode):
             return self._mapping(node, where, (*parents, node))
         if isinstance(node, SequenceNode):
-            items = enumerate(node.value)
-            return [self.value(item, (*where, index), (*parents, node)) for index, item in items]
+            above, items = (*parents, node), enumerate(node.value)
+            return [self._item(item, (*where, index), above) for index, item in items]
         if not isinstance(node, ScalarNode):
             return None
         self._note_text(node, where)
         return scalar(node)
+
+    def _item(self, node: Node, where: Where, parents: tuple[Node, ...]) -> Any:
+        value = self.value(node, where, parents)
+        if colour := self._lost_colour(node.start_mark, node):
+            self.problems.append((where, f"{dotted(where)}: {_lost(colour)}"))
+        return colour or value
 
     def _count(self, node: Node, depth: int) -> None:
         """Raise ShotError where the values, of aliases again each time, become too many or too deep."""
@@ -303,7 +326,9 @@ class _Reader:
         return Spot(self.file, node.start_mark.line + 1, node.start_mark.column + 1)
 
     def _note_text(self, node: ScalarNode, where: Where) -> None:
-        """Note the position of a text's first character, if the file writes its characters one by one."""
+        """Note how a value is written, and where its text begins if its characters stand there one by one."""
+        written = "" if node.style else node.value
+        self.places[where] = self.places[where]._replace(written=written)
         start, end = node.start_mark, node.end_mark
         quotes = 1 if node.style in ("'", '"') else 0
         if start.line == end.line and end.column - start.column == len(node.value) + 2 * quotes:
@@ -319,6 +344,10 @@ class _Reader:
                 self.problems.append((place, "a list or mapping is not a name; names are text"))
                 continue
             key = scalar(key_node)
+            if not key_node.style and (unseen := _UNSEEN.search(key_node.value)):
+                mark = key_node.start_mark
+                spot = f"{self.file}:{mark.line + 1}:{mark.column + 1}"
+                raise ShotError(f"{spot}: {dotted((*where, key))}: {unseen_fault(unseen[0])}")
             if key in values:
                 line = self.places[(*where, key)].line
                 problem = (
@@ -329,19 +358,23 @@ class _Reader:
                 continue
             self.places[(*where, key)] = self._spot(key_node)
             values[key] = self.value(value_node, (*where, key), parents)
-            if colour := self._lost_colour(key_node, value_node):
-                fact = f"{key}: empty, since # begins a comment in YAML"
-                self.problems.append(((*where, key), f"{fact}. Put the colour in quotes: '{colour}'."))
+            if colour := self._lost_colour(key_node.end_mark, value_node):
+                self.problems.append(((*where, key), f"{key}: {_lost(colour)}"))
                 values[key] = colour
         return values
 
-    def _lost_colour(self, key: Node, value: Node) -> str | None:
-        """Return the colour that stands as a comment in place of a value; None if there is none."""
+    def _lost_colour(self, before: Any, value: Node) -> str | None:
+        """Return the colour that stands as a comment after a mark, in place of a value; None if none does."""
         if not isinstance(value, ScalarNode) or value.style or value.value:
             return None
-        comment = _COMMENT.match(self.lines[key.end_mark.line], key.end_mark.column)
+        line = self.lines[before.line] if before.line < len(self.lines) else ""
+        comment = _COMMENT.match(line, before.column)
         colour = HEX_COLOUR.match(comment[1]) if comment else None
         return colour[0] if colour else None
+
+
+def _lost(colour: str) -> str:
+    return f"empty, since # begins a comment in YAML. Put the colour in quotes: '{colour}'."
 
 
 class _Scanner(RoundTripScanner):
