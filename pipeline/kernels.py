@@ -10,11 +10,11 @@ would hang on its place in a block: numba is told not to take it (see `pipeline/
 from __future__ import annotations
 
 import ctypes
-import functools
 import importlib
 import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import cached_property
 from typing import Any, TypeVar
 
 import numba
@@ -24,7 +24,7 @@ from numba.core.ccallback import CFunc
 from numpy.typing import NDArray
 
 from pipeline.errors import MachineError
-from render.base.kernel_cache import KernelCache, cached_kernel, use_kernel_cache
+from render.base.kernel_cache import KernelCache, cached_kernel, one_at_a_time, use_kernel_cache
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -43,26 +43,9 @@ def kernel(signature: Any, **options: Any) -> Callable[[F], F]:
         # Left to itself numba compiles a kernel anew for each literal, unsigned or writable argument.
         dispatcher.get_call_template = lambda args, kws: resolve(arguments, {})
         DECLARED.append((dispatcher, arguments))
-        return _one_at_a_time(dispatcher) if options.get("parallel") else dispatcher
+        return one_at_a_time(dispatcher) if options.get("parallel") else dispatcher
 
     return decorate
-
-
-_STARTS_THREADS = threading.Lock()
-
-
-def _one_at_a_time(function: F) -> F:
-    """Have one thread at a time call a kernel that starts threads.
-
-    Where numba finds no OpenMP, two such kernels at once end the process.
-    """
-
-    @functools.wraps(function)
-    def call(*arguments: Any) -> Any:
-        with _STARTS_THREADS:
-            return function(*arguments)
-
-    return call  # type: ignore[return-value]
 
 
 def only_read(kind: Any) -> Any:
@@ -111,30 +94,32 @@ BLOCK_SIGNATURE = f"void({_FLOATS}, i8, {', '.join([_FLOATS] * 3)}, f8, {', '.jo
 """numbers, how many points, x, y, z, time in seconds, and u, v, w, to which the velocities are added."""
 
 
+_COMPILES = threading.Lock()
+
+
 class BlockKernel:
     """A function of BLOCK_SIGNATURE, called by its address; compiled or loaded when first used."""
 
     def __init__(self, function: Callable[..., None]) -> None:
         self._function = function
-        self._callback: Any = None
-        self._compiling = threading.Lock()  # a second function would take the place of one in use
 
     @property
     def module(self) -> str:
         """The dotted name of the module that holds it."""
         return self._function.__module__
 
-    @property
+    @cached_property
     def _compiled(self) -> Any:
-        with self._compiling:
-            if self._callback is None:
-                use_kernel_cache()
-                signature = sigutils.normalize_signature(BLOCK_SIGNATURE)
-                callback: Any = CFunc(self._function, signature, {}, {"error_model": "numpy"})
-                callback._cache = KernelCache(self._function)
-                callback.compile()
-                self._callback = callback
-            return self._callback
+        use_kernel_cache()
+        with _COMPILES:
+            if "_compiled" in vars(self):  # by another thread, which may be calling it
+                return vars(self)["_compiled"]
+            signature = sigutils.normalize_signature(BLOCK_SIGNATURE)
+            callback: Any = CFunc(self._function, signature, {}, {"error_model": "numpy"})
+            callback._cache = KernelCache(self._function)
+            callback.compile()
+            vars(self)["_compiled"] = callback
+            return callback
 
     @property
     def address(self) -> int:

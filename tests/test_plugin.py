@@ -416,7 +416,10 @@ def test_an_installation_older_than_the_code_is_told_with_its_remedy(environment
     info = environment.folder / "flowsculpt-0.0.9.dist-info"  # comes before the one that is installed
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: flowsculpt\nVersion: 0.0.9\n")
-    done = environment.run("status")
+    code = (
+        f"import render, sys; sys.path.insert(0, {str(environment.folder)!r}); import pipeline.cli.__main__"
+    )
+    done = subprocess.run([sys.executable, "-c", code, "status"], capture_output=True, text=True)
     assert done.returncode == 4 and "install it again: make setup" in done.stderr
     assert len(done.stderr.splitlines()) == 1
 

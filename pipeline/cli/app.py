@@ -30,7 +30,7 @@ from pipeline.cli.options import (
     with_options,
     with_parameters,
 )
-from pipeline.cli.output import WIDTH_OF_HELP, out, print_error, print_warning
+from pipeline.cli.output import out, print_error, print_warning
 from pipeline.cli.standard_streams import READER_LEFT, OutputError, discard_output
 from pipeline.errors import FlowsculptError, MachineError
 from pipeline.plugin import Command, fault_of_plugin, named, plugins, reason_of_plugin
@@ -95,7 +95,7 @@ class _WithoutTypes:
     def format_help(self, ctx: Any, formatter: Any) -> None:
         from typer import rich_utils  # takes time to import
 
-        rich_utils.MAX_WIDTH = out.options.max_width if out.file.isatty() else WIDTH_OF_HELP
+        rich_utils.MAX_WIDTH = out.options.max_width if out.file.isatty() else 160
         super().format_help(ctx, formatter)  # type: ignore[misc]  # of the command mixed in
 
 

@@ -74,10 +74,6 @@ def done_words(task: Task, of: str) -> str:
     return f"{int(task.completed)}{of}{task.total or 0:.0f}"
 
 
-WIDTH_OF_HELP = 160
-"""Characters in a line of the help where no terminal shows it."""
-
-
 class _Console(Console):
     """A console that cuts nothing where no terminal shows it: programs read the tables that a pipe gets."""
 

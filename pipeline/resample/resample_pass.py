@@ -163,7 +163,7 @@ class ResamplePass:
         self.changes = changes_of(mesh)
         reset(self.changes)
         self.vertices, self.faces = (int(size) for size in mesh.sizes)  # before this pass
-        self._rings, self._stack = (new_ring(), new_ring()), np.empty(MAX_STACK + 1, np.int32)
+        self._scratch = (new_ring(), new_ring()), np.empty(MAX_STACK + 1, np.int32)
         self._dead = work_list(0), work_list(0)  # removed faces and vertices, still in the arrays
         # 1 if no face looked inwards at rest after the last pass: then only changed ones can
         self._all_upright, self._tangled = mesh.scratch(_ALL_UPRIGHT, 1), 0
@@ -255,14 +255,9 @@ class ResamplePass:
         return self.mesh.scratch("dead faces", 1 + faces), self.mesh.scratch("dead vertices", 1 + vertices)
 
     def _collapse_and_flip(self) -> None:
+        rings, stack = self._scratch
         collapses, flips = collapse_and_flip(
-            self.mesh.arrays,
-            self.limits,
-            self._rings,
-            self.changes,
-            self._dead,
-            self.obtuse_edges,
-            self._stack,
+            self.mesh.arrays, self.limits, rings, self.changes, self._dead, self.obtuse_edges, stack
         )
         self.collapses += collapses
         self.flips += flips
@@ -303,7 +298,9 @@ class ResamplePass:
             return
         self.changes.edge_states[refused] = QUEUED
         slack = self.limits._replace(squared_slack=_SLACK**2)
-        self.collapses += collapse_queued(self.mesh.arrays, slack, self._rings, self.changes, *self._dead)
+        self.collapses += collapse_queued(
+            self.mesh.arrays, slack, self._scratch[0], self.changes, *self._dead
+        )
         self.long_edges = work_list(3 * int(self.changes.fresh[0]))
         list_long_edges(self.mesh.arrays, self.limits, self.changes, self.long_edges)
         self.split_long_edges()

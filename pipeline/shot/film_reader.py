@@ -224,8 +224,7 @@ def _words(projection: Projection) -> str:
 def _missing_sound(source: YamlSource, folder: Path) -> Iterator[Problem]:
     name = source.get("sound", "file")
     if isinstance(name, str) and not is_there(folder / name):
-        files = (file.name for file in folder.glob("*") if file.suffix.lower() in SUFFIXES)
-        known = sorted(name for name in files if not name.startswith("."))
+        known = sorted(file.name for file in folder.glob("[!.]*") if file.suffix.lower() in SUFFIXES)
         remedy = "and no other beside the edit. Put it there, or remove sound."
         if known:
             remedy = f"which is looked for beside the edit. {suggestion(name, known)}"

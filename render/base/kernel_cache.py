@@ -18,9 +18,10 @@ import os
 import pickle
 import re
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from functools import cache
+from functools import cache, wraps
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -89,6 +90,23 @@ def cached_kernel(function: F, **options: Any) -> F:
     dispatcher: Any = numba.njit(nogil=True, no_cfunc_wrapper=True, **options)(function)
     dispatcher._cache = KernelCache(function)
     return dispatcher
+
+
+_STARTS_THREADS = threading.Lock()
+
+
+def one_at_a_time(function: F) -> F:
+    """Have one thread at a time call a kernel that starts threads.
+
+    Where numba finds no OpenMP, two such kernels at once end the process.
+    """
+
+    @wraps(function)
+    def call(*arguments: Any) -> Any:
+        with _STARTS_THREADS:
+            return function(*arguments)
+
+    return call  # type: ignore[return-value]
 
 
 def use_kernel_cache() -> None:

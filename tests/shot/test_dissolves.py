@@ -98,7 +98,7 @@ def test_the_first_shot_may_dissolve_from_the_title(folder: Path) -> None:
             "",
             r"film\.yaml:4:17: shots.1.second: unknown name.*'seconds'",
         ),
-        ("  - A\n  - {card: 2}", "", r"film\.yaml:4:6: .*card: 2 is not text"),
+        ("  - A\n  - {card: 2}", "", r"film\.yaml:4:6: .*card: YAML reads 2 as a number"),
         (
             "  - A\n  - {card: Two, seconds: 0.01}",
             "",

@@ -23,7 +23,6 @@ from pipeline.production.execution.snakemake import end_family
 from pipeline.production.planning.plan import Plan
 from pipeline.production.planning.profile import Profile
 from pipeline.production.request.shot_source import PlanningCache
-from pipeline.production.stages import STAGES
 from pipeline.production.store.event_log import Event, EventLog, EventReader, poll
 from pipeline.production.store.history import summarise
 from pipeline.production.store.locks import is_at_work, making, start_of, writing
@@ -85,12 +84,11 @@ class RetryPolicy:
 
 def _doubt(killed: Event) -> str:
     """Return what may have ended the process of a job."""
-    stage = STAGES.get(str(killed.get("stage")))
-    if stage is not None and stage.plugin is not None:
-        return f"Plug-in {stage.plugin[0]}, whose stage it is, ends the process."
-    strangers = [plugin.name for plugin in plugins() if plugin.sources]
-    also = f" Or does plug-in {' or '.join(strangers)} end the process?" if strangers else ""
-    return f"Is there memory enough?{also}"
+    plugin, _, its_own = str(killed.get("stage")).partition(".")
+    if its_own:
+        return f"Plug-in {plugin}, whose stage it is, ends the process."
+    others = " or ".join(plugin.name for plugin in plugins() if plugin.sources)
+    return "Is there memory enough?" + (f" Or does plug-in {others} end the process?" if others else "")
 
 
 def _failure(event: Event, more: str) -> Event:

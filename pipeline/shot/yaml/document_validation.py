@@ -91,8 +91,8 @@ class ParseContext:
         try:
             if "**" in name:  # from Python 3.13 on, glob takes it for one *
                 raise ValueError
-            found, last = folder.glob(Path(name).name), Path(name).name
-            paths = [path for path in found if is_there(path) and _is_meant(path.name, last)]
+            found = folder.glob(Path(name).name)  # hidden files are of other programs
+            paths = [path for path in found if is_there(path) and not path.name.startswith(".")]
         except (OSError, ValueError):
             raise finding(
                 f"file {shown(name)} is not a name of a sequence; each * stands for any letters. "
@@ -101,11 +101,6 @@ class ParseContext:
         if not paths:
             raise finding(f"no file matches {shown(name)} in {shown(folder)}. Correct the name.")
         return in_order(paths, self.notes.append)
-
-
-def _is_meant(name: str, written: str) -> bool:
-    """Tell whether a name may be meant by one in a shot file: hidden files are of other programs."""
-    return not name.startswith(".") or written.startswith(".")
 
 
 def missing_file(name: str, path: Path, kind: str = "file") -> str:
@@ -132,12 +127,10 @@ def _similar_file(name: str, path: Path) -> str | None:
     It has the folder that the shot file writes.
     """
     try:
-        names = sorted(item.name for item in path.parent.iterdir() if item.is_file())
-        names = [item for item in names if _is_meant(item, path.name)]
+        names = sorted(item.name for item in path.parent.glob("[!.]*") if item.is_file())
     except (OSError, ValueError):
         return None
-    composed = normalize("NFC", path.name)
-    if any(normalize("NFC", item) == composed for item in names if item != path.name):
+    if normalize("NFC", path.name) in [normalize("NFC", item) for item in names if item != path.name]:
         return (
             "A file is there whose name looks the same but has other Unicode characters: an é may be one, or "
             "two, as macOS stores it. Copy the name of the file."

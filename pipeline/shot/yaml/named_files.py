@@ -60,12 +60,8 @@ def is_folder(path: Path) -> bool:
 
 
 def shot_files(folder: Path) -> list[Path]:
-    """Return the files of the shots and edits of a folder, sorted.
-
-    Hidden ones are of other programs: `._A.yaml` of macOS on a share, `.#A.yaml` of Emacs.
-    """
-    files = (file for file in folder.glob("*.yaml") if file.name != DEFAULTS)
-    return sorted(file for file in files if not file.name.startswith("."))
+    """Return the files of shots and edits of a folder, sorted. Hidden ones are of other programs."""
+    return sorted(file for file in folder.glob("[!.]*.yaml") if file.name != DEFAULTS)
 
 
 def name_fault(name: str, kind: str = "shot") -> str | None:

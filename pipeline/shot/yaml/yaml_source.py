@@ -287,7 +287,8 @@ class _Reader:
     values: int = 0
     characters: int = 0
 
-    def value(self, node: Node, where: Where, parents: tuple[Node, ...]) -> Any:
+    def value(self, node: Node, where: Where, parents: tuple[Node, ...], before: Any = None) -> Any:
+        """Convert a node. before: the mark where its name ends, if it has one."""
         self._count(node, len(parents))
         self.places.setdefault(where, self._spot(node))
         if any(node is parent for parent in parents):
@@ -296,18 +297,15 @@ class _Reader:
         if isinstance(node, MappingNode):
             return self._mapping(node, where, (*parents, node))
         if isinstance(node, SequenceNode):
-            above, items = (*parents, node), enumerate(node.value)
-            return [self._item(item, (*where, index), above) for index, item in items]
+            items = enumerate(node.value)
+            return [self.value(item, (*where, index), (*parents, node)) for index, item in items]
         if not isinstance(node, ScalarNode):
             return None
         self._note_text(node, where)
-        return scalar(node)
-
-    def _item(self, node: Node, where: Where, parents: tuple[Node, ...]) -> Any:
-        value = self.value(node, where, parents)
-        if colour := self._lost_colour(node.start_mark, node):
-            self.problems.append((where, f"{dotted(where)}: {_lost(colour)}"))
-        return colour or value
+        if colour := self._lost_colour(before or node.start_mark, node):
+            fact = f"{dotted(where)}: empty, since # begins a comment in YAML"
+            self.problems.append((where, f"{fact}. Put the colour in quotes: '{colour}'."))
+        return colour or scalar(node)
 
     def _count(self, node: Node, depth: int) -> None:
         """Raise ShotError where the values, of aliases again each time, become too many or too deep."""
@@ -357,24 +355,17 @@ class _Reader:
                 self.problems.append(((*where, key, "again"), problem))
                 continue
             self.places[(*where, key)] = self._spot(key_node)
-            values[key] = self.value(value_node, (*where, key), parents)
-            if colour := self._lost_colour(key_node.end_mark, value_node):
-                self.problems.append(((*where, key), f"{key}: {_lost(colour)}"))
-                values[key] = colour
+            values[key] = self.value(value_node, (*where, key), parents, key_node.end_mark)
         return values
 
-    def _lost_colour(self, before: Any, value: Node) -> str | None:
+    def _lost_colour(self, before: Any, value: ScalarNode) -> str | None:
         """Return the colour that stands as a comment after a mark, in place of a value; None if none does."""
-        if not isinstance(value, ScalarNode) or value.style or value.value:
+        if value.style or value.value:
             return None
         line = self.lines[before.line] if before.line < len(self.lines) else ""
         comment = _COMMENT.match(line, before.column)
         colour = HEX_COLOUR.match(comment[1]) if comment else None
         return colour[0] if colour else None
-
-
-def _lost(colour: str) -> str:
-    return f"empty, since # begins a comment in YAML. Put the colour in quotes: '{colour}'."
 
 
 class _Scanner(RoundTripScanner):
