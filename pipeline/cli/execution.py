@@ -335,7 +335,7 @@ def _folders(targets: Sequence[str]) -> list[str]:
 def _failure(event: dict[str, Any]) -> str:
     frame = event.get("frame")
     message = str(event["message"]).removeprefix(f"frame {frame}: ")
-    shot = event.get("shot", event["job"])  # a job that was killed before its first frame has only a name
+    shot = event.get("shot") or event["job"]  # a job that was killed before its first frame has only a name
     return f"{shot} frame {frame}: {message}" if frame is not None else f"{shot}: {message}"
 
 

@@ -83,6 +83,8 @@ def complaint(log: Path) -> str | None:
 
 def refusal(root: Path, log: Path) -> str | None:
     """Return why Snakemake could not write what it needs itself: by its log, or as a disk is full."""
+    if refused := re.search(rf"^(?:\w+\.)*{MachineError.__name__}: (.+)$", _said(log), re.MULTILINE):
+        return refused[1]
     for number, path in re.findall(r"Error: \[Errno (\d+)\] [^\n:]+: '([^'\n]+)'", _said(log)):
         if int(number) in REMEDIES:
             return str(machine_error(root / path, OSError(int(number), "")))
