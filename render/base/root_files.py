@@ -135,12 +135,6 @@ def remove_tree(path: Path) -> None:
             place.unlink()
 
 
-def move(path: Path, to: Path) -> None:
-    """Rename a file or a folder. Raises as `held` does."""
-    with held(path.parent) as before, held(to.parent) as after:
-        (before / path.name).replace(after / to.name)
-
-
 def require_own_folders(root: Path) -> None:
     """Raise MachineError where a folder that runs change is a link; let the store be known."""
     with suppress(OSError):  # of a disk that is full or only read

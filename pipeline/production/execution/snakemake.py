@@ -34,7 +34,7 @@ from pipeline.production.tasks.job_server import job_server
 from render.base import python_process
 from render.base.atomic_write import PROBE, REMEDIES, disk_errors, machine_error
 from render.base.python_process import ForkedProcess, may_fork
-from render.base.root_files import forbid_links, guard, held, open_file
+from render.base.root_files import forbid_links, guard, held, open_file, require_own_folders
 from render.base.user_cache import user_number
 
 RULES = {stage.name: "stills" for stage in STILLS}
@@ -90,6 +90,7 @@ def refusal(root: Path, log: Path) -> str | None:
             return str(machine_error(root / path, OSError(int(number), "")))
     for folder in (root / STATE, Path(gettempdir())):
         try:
+            require_own_folders(root)
             with disk_errors(folder), held(folder) as place, TemporaryFile(dir=place) as file:
                 file.write(bytes(PROBE))
         except MachineError as error:
