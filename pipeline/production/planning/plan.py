@@ -288,7 +288,11 @@ class Plan:
     @classmethod
     def thaw(cls, path: Path) -> Plan:
         """Read a frozen plan: all but links, targets and the like, which concern the process that plans."""
-        return from_plain(cls, json.loads(path.read_text(encoding="utf-8")))
+        plan = from_plain(cls, json.loads(path.read_text(encoding="utf-8")))
+        names = (plan.name, *(job.output for job in plan.jobs), *(r.home or "" for r in plan.requests))
+        if any(Path(name).is_absolute() or ".." in Path(name).parts for name in names):
+            raise ValueError("a file outside of the root")
+        return plan
 
     def job(self, name: str) -> Job:
         """Return the job of a name; with `:3,17` after it, a job of just these frames.

@@ -526,7 +526,7 @@ def missed_uploads(root: Path) -> list[Name]:
     if not folder.is_dir():
         return []
     names = (path.name.partition(".") for path in sorted(folder.iterdir()))
-    return [(kind, key) for kind, _, key in names]
+    return [(kind, key) for kind, _, key in names if kind in SUFFIXES]
 
 
 def upload_missed(store: Store) -> Uploaded:
