@@ -18,6 +18,7 @@ import os
 import secrets
 import shlex
 import shutil
+import stat
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext, suppress
@@ -108,9 +109,8 @@ def touch(path: Path) -> None:
 def set_time(path: Path, when: float) -> None:
     """Set the times of a file, or of the link in its place, in seconds since the epoch. Raises as `held`."""
     with held(path.parent) as folder:
-        os.utime(
-            folder / path.name, (when, when), follow_symlinks=os.utime not in os.supports_follow_symlinks
-        )
+        follow = os.utime not in os.supports_follow_symlinks
+        os.utime(folder / path.name, (when, when), follow_symlinks=follow)
 
 
 def remove(path: Path) -> None:
@@ -162,9 +162,9 @@ def _identify_store(store: Path) -> None:
 
 def _identity(folder: Path) -> bytes:
     """Return what the file of a folder says; nothing where it has none, or a link."""
-    place = folder / IDENTITY
     with suppress(OSError):
-        return place.read_bytes() if place.is_file() and not place.is_symlink() else b""
+        if stat.S_ISREG((folder / IDENTITY).lstat().st_mode):
+            return (folder / IDENTITY).read_bytes()
     return b""
 
 
@@ -203,29 +203,26 @@ def _refusal(path: Path, link: Path) -> MachineError:
     return MachineError(f"{path} is a link to {target}; flowsculpt changes nothing through links; {remedy}")
 
 
-_CHANGES = {
-    **dict.fromkeys(("open", "os.chmod", "os.mkdir", "os.remove", "os.rmdir", "os.truncate", "os.utime"), 1),
-    **dict.fromkeys(("os.link", "os.rename", "os.symlink"), 2),
-    **dict.fromkeys(("shutil.rmtree", "sqlite3.connect"), 1),
-}
-"""Audit events of changes to files, with how many paths each begins with."""
-
 _THROUGH = ("open", "os.truncate", "sqlite3.connect")
-"""Those that follow a link in place of the file."""
+"""Audit events of changes to a file that follow a link in its place."""
+
+_IN_FOLDERS = ("os.chmod", "os.mkdir", "os.remove", "os.rmdir", "os.utime", "shutil.rmtree")
+"""Those that change an entry of a folder; _OF_TWO are of two folders."""
+
+_OF_TWO = ("os.link", "os.rename", "os.symlink")
 
 
 def forbid_links() -> None:
     """Have libraries that change files themselves raise MachineError where they would follow a link."""
 
     def check(event: str, about: tuple[Any, ...]) -> None:
-        is_reading = event == "open" and not about[2] & (os.O_WRONLY | os.O_RDWR | os.O_CREAT)
-        for path in about[: 0 if is_reading else _CHANGES.get(event, 0)]:
-            if (
-                not isinstance(path, int)
-                and len(names := (placed := _placed(Path(os.fsdecode(path))))[1]) > 1
-            ):
-                with suppress(OSError), held(placed[0].joinpath(*names[:-1])) as folder:
-                    if event in _THROUGH and (folder / names[-1]).is_symlink():
-                        raise _refusal(placed[0].joinpath(*names), folder / names[-1])
+        if event == "open" and not about[2] & (os.O_WRONLY | os.O_RDWR | os.O_CREAT):
+            return
+        count = 2 if event in _OF_TWO else int(event in _THROUGH or event in _IN_FOLDERS)
+        for path in (Path(os.fsdecode(path)) for path in about[:count] if not isinstance(path, int)):
+            if len(_placed(path)[1]) > 1:
+                with suppress(OSError), held(path.parent) as folder:
+                    if event in _THROUGH and (folder / path.name).is_symlink():
+                        raise _refusal(path, folder / path.name)
 
     sys.addaudithook(check)

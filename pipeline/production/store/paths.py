@@ -115,10 +115,7 @@ def film(quality: str, name: str) -> Path:
 
 
 def require_store(root: Path) -> None:
-    """Raise MachineError where the store of a root is a link to a folder that is not there.
-
-    From now on, what changes below the root follows no other link.
-    """
+    """Guard a root. Raise MachineError where its store is a link to a folder that is not there."""
     guard(root)
     store = root / STORE
     if store.is_symlink() and not store.is_dir():

@@ -29,6 +29,7 @@ import os
 import platform
 import re
 import shutil
+import stat
 import tempfile
 import time
 import uuid
@@ -148,8 +149,10 @@ class Store:
 
     def is_here(self, kind: str, key: Key) -> bool:
         """Tell whether the file of `key` is on this disk. A link in its place is not of ours."""
-        name = self._name(kind, key)
-        return os.path.isfile(name) and not os.path.islink(name)  # noqa: PTH113, PTH114  # a Path is slow
+        try:
+            return stat.S_ISREG(os.lstat(self._name(kind, key)).st_mode)  # a Path is slow to make
+        except OSError:
+            return False
 
     def stored_at(self, kind: str, key: Key) -> int:
         """Return when the file of `key` was stored here, nanoseconds since the epoch; 0 if it is not here."""

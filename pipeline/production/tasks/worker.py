@@ -64,10 +64,8 @@ def main(
     root, process = Path.cwd(), process or os.getpid()
     context = Context.of(root, Plan.thaw(root / plan_path), job_name)
     if log:
-        output = open_file(root / log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
-        os.dup2(output, 1)
-        os.dup2(output, 2)
-        os.close(output)
+        os.dup2(open_file(root / log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), 1)
+        os.dup2(1, 2)
     job = context.job
     context = replace(context, job=replace(job, threads=threads or job.threads, key=key or job.key))
     if settled is not None:
