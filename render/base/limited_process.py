@@ -2,19 +2,26 @@
 
 Libraries that decode pictures, sound and scenes may crash, hang or fill the memory on a damaged file. With
 limits, a process of its own takes the damage, and the caller gets an error. It costs the time to import the
-library.
+library, or hundredths of a second where it can be forked from a process that has it.
 """
 
 from __future__ import annotations
 
 import json
+import math
+import multiprocessing
 import os
+import select
+import signal
 import subprocess
 import sys
+import time
+import warnings
 from collections.abc import Callable
 from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
+from typing import BinaryIO
 
 from render.base import python_process
 from render.base.input_files import require_input
@@ -54,11 +61,58 @@ def answer_of(module: str, path: Path, *options: str) -> bytes:
         raise ParserError(f"its reader took over {seconds:.0f} seconds") from None
     except OSError as error:
         raise MachineError(f"no process can be started to read a file ({error.strerror})") from None
-    if done.stdout.startswith(_PARSED):
-        return done.stdout.removeprefix(_PARSED)
-    if done.stdout.startswith(_REFUSED):
-        raise ParserError(done.stdout.removeprefix(_REFUSED).decode("utf-8", "replace"))
-    raise ParserError("its reader crashed or ran out of memory")
+    return _parsed(done.stdout, done.returncode)
+
+
+def _parsed(output: bytes, code: int) -> bytes:
+    """Return the answer in what a process wrote. Raises ParserError where there is none."""
+    if output.startswith(_PARSED) and code == 0:
+        return output.removeprefix(_PARSED)
+    if output.startswith(_REFUSED):
+        raise ParserError(output.removeprefix(_REFUSED).decode("utf-8", "replace"))
+    is_late = code == -getattr(signal, "SIGXCPU", 0) != 0
+    raise ParserError("its reader took too long" if is_late else "its reader crashed or ran out of memory")
+
+
+def answer_of_fork(answer: Callable[..., bytes], path: Path, *options: str) -> bytes:
+    """Return what a function answers in a fork of this process, which has loaded what the function needs.
+
+    The function takes no locks that another thread of this process may hold: it computes, and neither prints
+    nor imports. Where there are no forks its module is asked as by `answer_of`. Raises as that.
+    """
+    seconds = SECONDS + require_input(path) / 2**20
+    if sys.platform != "linux" or multiprocessing.current_process().daemon:
+        return answer_of(answer.__module__, path, *options)
+    reading, writing = os.pipe()
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+
+    def work() -> None:
+        _write_answer(answer, os.fdopen(writing, "wb"), seconds, str(path), *options)
+
+    with warnings.catch_warnings(action="ignore", category=DeprecationWarning):  # of forks with threads
+        process = python_process.ForkedProcess(work, nowhere)
+    os.close(writing)
+    os.close(nowhere)
+    try:
+        content = _content(reading, seconds)
+    except BaseException:
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        raise
+    finally:
+        os.close(reading)
+    return _parsed(content, process.wait())
+
+
+def _content(pipe: int, seconds: float) -> bytes:
+    """Return what comes out of a pipe until its end. Raises ParserError where that takes longer."""
+    end, parts, waiting = time.monotonic() + seconds, [], select.poll()
+    waiting.register(pipe, select.POLLIN)
+    while waiting.poll(max(1000.0 * (end - time.monotonic()), 0.0)):
+        parts.append(os.read(pipe, 1 << 20))
+        if not parts[-1]:
+            return b"".join(parts)
+    raise ParserError(f"its reader took over {seconds:.0f} seconds")
 
 
 def answer_about_content(module: str, path: Path, digest: str, library: str, *options: str) -> str:
@@ -83,14 +137,19 @@ def serve(answer: Callable[..., bytes]) -> None:
     """Answer about the path, and options, on stdin within limits. What libraries print goes to stderr."""
     output = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
-    seconds, path, *options = json.loads(sys.stdin.buffer.read())
+    _write_answer(answer, output, *json.loads(sys.stdin.buffer.read()))
+
+
+def _write_answer(
+    answer: Callable[..., bytes], output: BinaryIO, seconds: float, path: str, *options: str
+) -> None:
+    """Write the answer about a path, or why there is none, and end this process."""
     _limit(seconds)
     try:
         result = _PARSED + answer(path, *options)
-    except MemoryError:
-        result = _REFUSED + b"its reader needed too much memory"
-    except Exception as error:  # parsers raise anything
-        result = _REFUSED + reason_of(error).encode()
+    except Exception as error:  # parsers raise anything, and those in C++ lack memory in their own words
+        is_full = isinstance(error, MemoryError) or "bad_alloc" in str(error)
+        result = _REFUSED + (b"its reader needed too much memory" if is_full else reason_of(error).encode())
     output.write(result)
     output.flush()
     os._exit(0)  # destructors of a library that met a damaged file may crash
@@ -103,6 +162,15 @@ def allow_memory(count: int) -> None:
 
         used = int(Path("/proc/self/statm").read_text(encoding="utf-8").split()[0]) * resource.getpagesize()
         resource.setrlimit(resource.RLIMIT_AS, (used + count, resource.RLIM_INFINITY))
+
+
+def allow_seconds(count: float) -> None:
+    """Set the seconds of a core that this process may take in addition to what it has taken."""
+    with suppress(ImportError, OSError, ValueError):
+        import resource
+
+        _, most = resource.getrlimit(resource.RLIMIT_CPU)
+        resource.setrlimit(resource.RLIMIT_CPU, (math.ceil(time.process_time() + count), most))
 
 
 def _limit(seconds: float) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
@@ -16,10 +15,9 @@ from pipeline.shot.documents.field_types import LARGEST, Positive, optional
 from pipeline.shot.documents.subject_kinds import SubjectKind
 from pipeline.shot.yaml.document_validation import bad_value
 from render.base.input_files import digest_of_file
-from render.base.plural import plural
 
 if TYPE_CHECKING:  # the libraries of outlines take time to import, and most shots have none
-    from pipeline.plugins.lettering.outlines import OutlineShape
+    from pipeline.plugins.lettering.outline_process import Outlines
 
 Index = Annotated[int, Field(ge=1)]
 
@@ -50,20 +48,19 @@ class OutlineKind(SubjectKind):
         return {"anyOf": [handler(core), {"type": "string"}]}
 
     @abstractmethod
-    def shapes(self, folder: Path) -> Sequence[OutlineShape]:
-        """Return what is extruded. Raises UsageError where the settings name nothing."""
+    def outlines(self, folder: Path) -> Outlines:
+        """Return what is extruded. Raises UsageError where no such font is installed."""
 
     def surface(self, folder: Path) -> TriangleMesh:
-        """Return the solids of all shapes; those that overlap are one."""
         if 2.0 * self.bevel >= self.depth:
             raise UsageError(
                 f"two bevels of {self.bevel:g} leave nothing of a depth of {self.depth:g}. "
                 f"Write bevel: {0.1 * self.depth:.2g}, or raise depth."
             )
-        from pipeline.plugins.lettering.extrusion import Section, solids
+        from pipeline.plugins.lettering.extrusion import Section
 
         profile = Section(float(self.depth), float(self.bevel), self.profile, self.steps)
-        return solids(self.shapes(folder), profile)
+        return self.outlines(folder).solid(profile)
 
 
 class TextKind(OutlineKind):
@@ -106,31 +103,29 @@ class TextKind(OutlineKind):
             self._digests.append(digest_of_file(Path(font_file(self.font))))
         return self
 
-    def shapes(self, folder: Path) -> Sequence[OutlineShape]:
+    def outlines(self, folder: Path) -> Outlines:
         from pipeline.plugins.lettering.fonts import font_file
-        from pipeline.plugins.lettering.text_outlines import TextSettings, letters
+        from pipeline.plugins.lettering.outline_process import Outlines
 
-        settings = TextSettings(
-            font=folder / font_file(self.font),
-            face=self.face,
-            axes=tuple((tag, float(value)) for tag, value in self.axes.items()),
-            size=float(self.size),
-            tracking=float(self.tracking),
-            kerning=self.kerning == "on",
-            align=self.align,
-            leading=float(self.leading),
-            tolerance=float(self.tolerance),
-        )
-        return _chosen(letters(self.text, settings), self.letter, "letter")
+        settings = {
+            "text": self.text,
+            "face": self.face,
+            "axes": [(tag, float(value)) for tag, value in self.axes.items()],
+            "size": float(self.size),
+            "tracking": float(self.tracking),
+            "kerning": self.kerning == "on",
+            "align": self.align,
+            "leading": float(self.leading),
+            "tolerance": float(self.tolerance),
+        }
+        return Outlines(folder / font_file(self.font), settings, "letter", self.letter)
 
 
 class StartKind(TextKind):
     """Start shapes of letters: drops, and rings with as many holes, of the same volume and place."""
 
     def surface(self, folder: Path) -> TriangleMesh:
-        from pipeline.plugins.lettering.starts import starts
-
-        return starts(self.shapes(folder), float(self.depth))
+        return self.outlines(folder).start(float(self.depth))
 
 
 class SvgKind(OutlineKind):
@@ -138,7 +133,7 @@ class SvgKind(OutlineKind):
 
     bare = "file"
 
-    file: str = Field(description="an SVG beside the shot file")
+    file: str = Field(description="an SVG or SVGZ beside the shot file")
     path: Index | None = optional("the path to keep, from 1, where it is in the drawing")
     size: Positive = Field(
         2.0, description="the largest extent of the drawing, with its middle at the origin (units)"
@@ -147,18 +142,8 @@ class SvgKind(OutlineKind):
     def files(self) -> tuple[str | Path, ...]:
         return (self.file,)
 
-    def shapes(self, folder: Path) -> Sequence[OutlineShape]:
-        from pipeline.plugins.lettering.svg_outlines import drawn_shapes
+    def outlines(self, folder: Path) -> Outlines:
+        from pipeline.plugins.lettering.outline_process import Outlines
 
-        drawn = drawn_shapes(folder / self.file, float(self.size), float(self.tolerance))
-        return _chosen(drawn, self.path, "path")
-
-
-def _chosen(shapes: Sequence[OutlineShape], number: int | None, noun: str) -> Sequence[OutlineShape]:
-    """Return the shape of a number, from 1, or all. Raises UsageError for a number beyond the last."""
-    if number is None:
-        return shapes
-    if number > len(shapes):
-        has = f"it has {plural(len(shapes), noun)}"
-        raise UsageError(f"{noun} {number} is beyond the last: {has}. Write {noun}: {len(shapes)}.")
-    return shapes[number - 1 : number]
+        settings = {"size": float(self.size), "tolerance": float(self.tolerance)}
+        return Outlines(folder / self.file, settings, "path", self.path)

@@ -94,7 +94,7 @@ def letters(
     if from_drops and "become" not in DOCUMENTS:
         raise UsageError("--from-drops needs the plug-in become, which is not installed; leave it out")
     written = TextKind.model_construct(text=text, font=font)
-    shapes = written.shapes(SHOTS)
+    shapes = written.outlines(SHOTS).shapes()
     if from_drops and (several := [shape.name for shape in shapes if shape.region.geom_type != "Polygon"]):
         fact = f"become carries a surface of one part, and {several[0]} has several"
         raise UsageError(f"{fact}. Write capitals, or leave --from-drops out.")

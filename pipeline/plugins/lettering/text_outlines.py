@@ -7,7 +7,6 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
@@ -68,7 +67,6 @@ class TextSettings:
     tolerance: float = 0.001
 
 
-@lru_cache(maxsize=32)
 def letters(text: str, settings: TextSettings) -> tuple[OutlineShape, ...]:
     """Return the letters of a text, in the order in which it is written; spaces are left out.
 
@@ -91,7 +89,6 @@ def letters(text: str, settings: TextSettings) -> tuple[OutlineShape, ...]:
     return tuple(found)
 
 
-@lru_cache(maxsize=8)
 def _face(path: Path, number: int) -> Any:
     blob = hb.Blob(read_input(path, MOST_BYTES))
     face = hb.Face(blob, number)

@@ -79,7 +79,7 @@ def fault_of(tmp_path: Path, subject: str) -> str:
 def drawing(tmp_path: Path, body: str, attributes: str = 'viewBox="0 0 100 100"') -> tuple:
     path = tmp_path / "logo.svg"
     path.write_text(f'<svg xmlns="http://www.w3.org/2000/svg" {attributes}>{body}</svg>', encoding="utf-8")
-    return drawn_shapes.__wrapped__(path, 100.0, 0.01)
+    return drawn_shapes(path, 100.0, 0.01)
 
 
 @settings(max_examples=25, deadline=None)
