@@ -96,12 +96,21 @@ class TextKind(OutlineKind):
         return (font_file(self.font),) if self.font else ()
 
     @model_validator(mode="after")
-    def _count_default_font(self) -> Self:
+    def _count_font(self) -> Self:
         if not self.font:
             from pipeline.plugins.lettering.fonts import font_file
 
             self._digests.append(digest_of_file(Path(font_file(self.font))))
+        elif face := self._face:
+            self._digests.append(f"face {face}")
         return self
+
+    @property
+    def _face(self) -> int:
+        """The number of the face of an installed family, where none is set."""
+        from pipeline.plugins.lettering.fonts import face_of_family
+
+        return 0 if self.face else face_of_family(self.font)
 
     def outlines(self, folder: Path) -> Outlines:
         from pipeline.plugins.lettering.fonts import font_file
@@ -109,7 +118,7 @@ class TextKind(OutlineKind):
 
         settings = {
             "text": self.text,
-            "face": self.face,
+            "face": self.face or self._face,
             "axes": [(tag, float(value)) for tag, value in self.axes.items()],
             "size": float(self.size),
             "tracking": float(self.tracking),

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import io
 import os
 import sys
+import unicodedata
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from pipeline.errors import UsageError, shortened
+from fontTools.ttLib.sfnt import SFNTReader
+
+from pipeline.errors import UsageError, reason_of, shortened
 from pipeline.plugins.lettering.outlines import OutlineShape, PolylinePen, filled
+from pipeline.plugins.lettering.text_direction import visual_runs
 from render.base.input_files import read_input
 
 
@@ -38,6 +43,22 @@ with _own_symbols_first():
     import uharfbuzz as hb
 
 MOST_BYTES = 1 << 28  # of a font
+MOST_CHARACTERS = 1000  # of a text
+SFNT = (b"\0\1\0\0", b"OTTO", b"true", b"ttcf")
+OUTLINES = {"glyf", "CFF ", "CFF2"}
+FOREIGN = (
+    (b"wOF", "is compressed for the web. Convert it to TTF or OTF"),
+    (b"version https://git-lfs", "is a Git LFS pointer. Write git lfs pull"),
+    (b"%!", "is a PostScript font. Convert it to OTF"),
+    (b"\x80\1", "is a PostScript font. Convert it to OTF"),
+    (b"STARTFONT", "has no outlines, only pictures of letters. Choose another font"),
+    (b"\1fcp", "has no outlines, only pictures of letters. Choose another font"),
+    (b"<", "is a web page or a drawing. Fetch it again"),
+    (b"PK\3\4", "is a ZIP archive. Unpack it"),
+    (b"\x1f\x8b", "is compressed by gzip. Unpack it"),
+)
+"""How files of other kinds begin, and what they are."""
+
 _CAPITALS = 0.72
 """Height of capitals over the size in fonts that do not say it."""
 
@@ -75,6 +96,7 @@ def letters(text: str, settings: TextSettings) -> tuple[OutlineShape, ...]:
 
     Raises UsageError for a file that is not a font, an axis that it lacks, a character that it cannot draw.
     """
+    _require_characters(text)
     face = _face(settings.font, settings.face)
     font, scale = _font(face, settings), settings.size / face.upem
     lines = text.split("\n")
@@ -89,13 +111,44 @@ def letters(text: str, settings: TextSettings) -> tuple[OutlineShape, ...]:
     return tuple(found)
 
 
+def _require_characters(text: str) -> None:
+    if len(text) > MOST_CHARACTERS:
+        fact = f"the text has {len(text)} characters; the most is {MOST_CHARACTERS}"
+        raise UsageError(f"{fact}. Write a shorter one.")
+    control = next((c for c in text if c != "\n" and unicodedata.category(c) in ("Cc", "Cs")), None)
+    if control is not None:
+        raise UsageError(f"the text has {control!r}, which is not a character to set. Leave it out.")
+
+
 def _face(path: Path, number: int) -> Any:
-    blob = hb.Blob(read_input(path, MOST_BYTES))
-    face = hb.Face(blob, number)
+    content = read_input(path, MOST_BYTES)
+    for start, fact in FOREIGN:
+        if content.startswith(start):
+            raise UsageError(f"font {path.name} {fact}.")
+    if content[:4] in SFNT:
+        _require_whole(path.name, content, number)
+    face = hb.Face(hb.Blob(content), number)
     if not face.glyph_count:
         have = "has no such face" if number else "is not a TrueType or OpenType font"
         raise UsageError(f"font {path.name} {have}. Choose another{', or face: 0' if number else ''}.")
     return face
+
+
+def _require_whole(name: str, content: bytes, number: int) -> None:
+    """Raise UsageError for a font whose tables end after the file does, and for one without outlines."""
+    try:
+        tables = SFNTReader(io.BytesIO(content), fontNumber=number).tables
+        end = max(table.offset + table.length for table in tables.values())
+    except Exception as error:  # the parser raises whatever it stumbles over
+        if number:
+            raise UsageError(f"font {name} has no such face. Choose another, or face: 0.") from error
+        raise UsageError(f"font {name} is damaged: {reason_of(error)}. Fetch it again.") from error
+    if end > len(content):
+        raise UsageError(
+            f"font {name} is cut short: it is of {end} bytes and has {len(content)}. Fetch it again."
+        )
+    if not OUTLINES & tables.keys():
+        raise UsageError(f"font {name} has no outlines, only pictures of letters. Choose another font.")
 
 
 def _font(face: Any, settings: TextSettings) -> Any:
@@ -117,11 +170,14 @@ class _Line:
 
     def __init__(self, font: Any, text: str, settings: TextSettings) -> None:
         self.font, self.text, self.settings = font, text, settings
-        buffer = hb.Buffer()
-        buffer.add_str(text)
-        buffer.guess_segment_properties()
-        hb.shape(font, buffer, {"kern": settings.kerning})
-        self.glyphs = list(zip(buffer.glyph_infos, buffer.glyph_positions, strict=True))
+        self.glyphs: list[Any] = []
+        for run in visual_runs(text):
+            buffer = hb.Buffer()
+            buffer.add_str(text, run.start, run.end - run.start)
+            buffer.guess_segment_properties()
+            buffer.direction = "rtl" if run.is_leftwards else "ltr"
+            hb.shape(font, buffer, {"kern": settings.kerning})
+            self.glyphs += zip(buffer.glyph_infos, buffer.glyph_positions, strict=True)
         self.clusters = sorted({info.cluster for info, _ in self.glyphs})
         self.gap = settings.tracking * font.face.upem
 
