@@ -168,6 +168,22 @@ def _view(path: Path) -> None:
     view.view_of(str(path), None, None, "LINEAR", digest)
 
 
+def _lettering(path: Path, settings: dict[str, Any]) -> None:
+    """Read outlines and extrude them as their own process does, but in this one."""
+    from pipeline.plugins.lettering import outline_process
+
+    outlines = outline_process.Outlines(path, settings, "letter")
+    outline_process.mesh_bytes(outline_process.read_outlines(outlines), {"depth": 0.25, "bevel": 0.001})
+
+
+def _drawing(path: Path) -> None:
+    _lettering(path, {"size": 2.0, "tolerance": 0.001})
+
+
+def _font(path: Path) -> None:
+    _lettering(path, {"text": "Ag1", "axes": []})
+
+
 def _flow(path: Path) -> None:
     from pipeline.shot import read_shot
 
@@ -188,6 +204,8 @@ READERS: dict[str, Callable[[Path], None]] = {
     "sky": _sky,
     "sound": _sound,
     "view": _view,
+    "drawing": _drawing,
+    "font": _font,
     "flow": _flow,
 }
 

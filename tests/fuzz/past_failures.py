@@ -131,6 +131,16 @@ _LAUGHS = (
 )
 
 
+_DOUBLED = '<g id="g0"/>' + "".join(
+    f'<g id="g{n + 1}"><use href="#g{n}"/><use href="#g{n}"/></g>' for n in range(30)
+)
+_ARC = '<path d="M0 0a5 6 30 9" style="transform-box: fill-box; transform: scale(2)"/>'
+
+
+def _svg(body: str) -> str:
+    return f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 9 9">{body}</svg>'
+
+
 def _usda(body: str, head: str = "") -> str:
     return f'#usda 1.0\n(\n    defaultPrim = "A"\n{head})\n{body}\n'
 
@@ -379,6 +389,17 @@ PAST_FAILURES = (  # one line each, however long
         "is not an OpenColorIO config",
     ),
     PastFailure("view", "long.ocio", _bytes("x: {src: %s}" % ("a" * 3000)), "is not an OpenColorIO config"),
+    PastFailure("drawing", "uses.svg", _bytes(_svg(_DOUBLED)), "shows over 100000 elements"),
+    PastFailure("drawing", "laughs.svg", _bytes(_LAUGHS + _svg("&a12;")), "amplification"),
+    PastFailure("drawing", "digits.svg", _bytes(_svg(f"<rect width='{'1' * 200_000}x'/>")), "a length of"),
+    PastFailure("drawing", "number.svg", _bytes(_svg("<path d='M0 0H1e308V1e308Z'/>")), "reaches beyond"),
+    PastFailure("drawing", "stroke.svg", _bytes(_svg("<path d='M0 0H9' stroke-width='-4'/>")), "below 0"),
+    PastFailure("drawing", "comments.svg", _bytes(_svg(f"<style>{'/*' * 10**5}</style>")), "shows nothing"),
+    PastFailure("drawing", "rules.svg", _bytes(_svg(f"<style>{'a' * 10**5}</style>")), "shows nothing"),
+    PastFailure("drawing", "box.svg", _bytes(_svg("<svg viewBox='0 0 0 0'/>")), "within the drawing"),
+    PastFailure("drawing", "arc.svg", _bytes(_svg(_ARC)), "is not valid"),
+    PastFailure("font", "pointer.ttf", _bytes("version https://git-lfs.github.com/spec/v1"), "Git LFS"),
+    PastFailure("font", "short.ttf", _bytes(b"\0\1\0\0" + bytes(20)), "is damaged"),
     PastFailure("flow", "minus.py", _bytes("-" * 100_000 + "1"), "this is not Python"),
     PastFailure("flow", "brackets.py", _bytes("(" * 100_000), "this is not Python"),
     PastFailure("flow", "sum.py", _bytes("+".join("1" * 50_000)), "this is not Python"),

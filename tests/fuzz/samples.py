@@ -18,6 +18,7 @@ from pxr import Sdf, UsdUtils
 from pipeline.mesh import box, icosphere, split_at_creases
 from pipeline.plugins.interchange.exported_frame import ExportedFrame
 from pipeline.plugins.interchange.model_export import write_glb, write_obj, write_ply
+from pipeline.plugins.lettering.fonts import font_file
 from render.scene.materials import LOOKS
 from render.scene.rgb_spaces import ACESCG
 from tests.plugins.interchange.fbx_writer import N, binary, box_geometry, layer, model, scene, text
@@ -138,6 +139,22 @@ def Xform "World"
 """
 
 
+DRAWING = """<?xml version="1.0" encoding="UTF-8"?>
+<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 100 100" width="200" height="200"><style>
+.a{fill:none;stroke:red;stroke-width:3px}@media screen and (min-width:10px){.b{fill:blue !important}}
+@media print{.a{display:none}}@layer x{#c{opacity:.5}}</style><defs>
+<g id="g"><circle cx="5" cy="5" r="4"/><rect width="9" height="3" rx="1"/></g>
+<symbol id="s"><ellipse rx="3" ry="5"/></symbol></defs>
+<g transform="translate(10,20) rotate(30 5 5) scale(2)" style="transform-origin:center;
+transform-box:fill-box">
+<path class="a" d="M10 10h30v5.5e0l-4 4c1 2 3 4 5 6s2 3 9 9q1 2 8 8t2 2a5 6 30 01 9 9z"
+stroke-dasharray="0 0"/>
+</g><switch><g systemLanguage="de"><path d="M0 0h9v9z"/></g><use href="#g" x="40" y="3"/></switch>
+<polygon class="b" points="1,2 30,4 12,40"/><use href="#s" x="70" y="70"/>
+<polyline fill="none" stroke="#000f" stroke-linecap="square" points="50 50 60 80 90 55"/></svg>
+"""
+
+
 class Sample(NamedTuple):
     """kind: the reader that takes it, one of `files.READERS`."""
 
@@ -216,6 +233,8 @@ def _contents(folder: Path) -> Iterator[tuple[str, str, bytes]]:
     write_glb(folder / "export.glb", exported(), LOOKS["clay"])
     yield "scene", "export.glb", (folder / "export.glb").read_bytes()
     yield "flow", "flow.py", FLOW.encode()
+    yield "drawing", "rich.svg", DRAWING.encode()
+    yield "font", "bold.ttf", Path(font_file("")).read_bytes()
     yield "view", "view.ocio", VIEW.encode()
     points = np.random.default_rng(0).normal(size=(24, 3))
     yield "points", "cloud.xyz", "\n".join(f"{x:.4f}, {y:.4f} {z:.4f} 7" for x, y, z in points).encode()

@@ -126,16 +126,16 @@ def _answer(path: str, digest: str, settings: str, noun: str, number: str, wante
     key = outlines.path, digest, settings
     try:
         is_known = key in _known
-        shapes = _known[key] if is_known else _read(outlines)
+        shapes = _known[key] if is_known else read_outlines(outlines)
         allow_seconds(EXTRUDING)
-        mesh = _mesh(outlines._chosen(shapes), **json.loads(wanted))
+        mesh = mesh_bytes(outlines._chosen(shapes), **json.loads(wanted))
     except UsageError as error:
         return json.dumps({"fault": str(error)}).encode()
     sent = None if is_known else [(shape.name, shapely.to_wkb(shape.region, hex=True)) for shape in shapes]
     return json.dumps({"shapes": sent}).encode() + b"\n" + mesh
 
 
-def _read(outlines: Outlines) -> tuple[OutlineShape, ...]:
+def read_outlines(outlines: Outlines) -> tuple[OutlineShape, ...]:
     """Return all shapes of a font or drawing. Raises UsageError where they cannot be made."""
     given = dict(outlines.settings)
     if "text" in given:
@@ -150,7 +150,7 @@ def _read(outlines: Outlines) -> tuple[OutlineShape, ...]:
     return shapes
 
 
-def _mesh(
+def mesh_bytes(
     shapes: Sequence[OutlineShape], profile: Mapping[str, Any] | None = None, start: float | None = None
 ) -> bytes:
     """Return solids or start shapes of shapes as npz; nothing where neither is wanted."""

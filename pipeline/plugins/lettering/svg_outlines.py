@@ -132,17 +132,21 @@ class DrawnPath:
 
     def outline(self, matrix: Transform, tolerance: float) -> PolylinePen:
         pen = PolylinePen(matrix, tolerance)
+        self.draw(pen)
+        reach = max((float(np.abs(points).max()) for points in pen.contours if len(points)), default=0.0)
+        if not reach <= LARGEST:
+            raise UsageError(f"{self.name} reaches beyond {LARGEST:g} units. Scale it down.")
+        return pen
+
+    def draw(self, pen: Any) -> None:
+        """Draw the path, in its own coordinates, with a pen of fontTools. Raises UsageError as `region`."""
         try:
             if _NO_DATA.search(self.data):
                 raise ValueError("letters that mean nothing")
             parse_path(_with_plain_numbers(self.data), pen)
-            reach = max((float(np.abs(points).max()) for points in pen.contours if len(points)), default=0.0)
         except Exception as error:  # the parser raises whatever it stumbles over
             fact = f"its path data {shortened(self.data)} is not valid"
             raise UsageError(f"{self.name}: {fact}. Export the drawing again.") from error
-        if not reach <= LARGEST:
-            raise UsageError(f"{self.name} reaches beyond {LARGEST:g} units. Scale it down.")
-        return pen
 
     def _fill(self, tolerance: float) -> Iterator[Any]:
         rule = self.properties["fill-rule"]
@@ -330,7 +334,7 @@ class SvgDrawing:
             self._add(element, name, Transform(), properties, depth)
             pens = [(BoundsPen(None), path) for path in self.paths]
             for pen, path in pens:
-                parse_path(path.data, TransformPen(pen, path.matrix))
+                path.draw(TransformPen(pen, path.matrix))
         finally:
             self.paths = before
         bounds = np.array([pen.bounds for pen, _ in pens if pen.bounds])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from pipeline.errors import UsageError
@@ -59,8 +61,7 @@ def test_lines_are_ordered_as_uax_9_says(text, seen):
 
 
 def test_digits_in_a_hebrew_line_are_set_rightwards_and_letters_keep_their_numbers():
-    settings = TextSettings(font=__import__("pathlib").Path(font_file("")))
-    shapes = letters("אב 12", settings)
+    shapes = letters("אב 12", TextSettings(Path(font_file(""))))
     assert [shape.name for shape in shapes] == ["'א'", "'ב'", "'1'", "'2'"]
     alef, bet, one, two = (shape.region.centroid.x for shape in shapes)
     assert one < two < bet < alef
