@@ -9,38 +9,17 @@ from __future__ import annotations
 from pathlib import Path
 from typing import BinaryIO, Literal, NamedTuple
 
-Order = Literal["little", "big"]
-
-
-class _Layout(NamedTuple):
-    """Chunks of a container: the first one's place, the bytes of a name and of a size, and their order.
-
-    align    chunks begin at multiples of so many bytes
-    samples  the name of the chunk of samples begins with it
-    empty    the size of that chunk without samples
-    total    place of the size of all chunks, and what it counts from; 0 if there is none
-    """
-
-    first: int
-    name: int
-    size: int
-    order: Order
-    align: int
-    samples: bytes
-    empty: int
-    total: tuple[int, int]
-
-
-_RIFF = _Layout(12, 4, 4, "little", 2, b"data", 0, (4, 8))
-_LAYOUTS = {
-    b"RIFF": _RIFF,
-    b"RF64": _RIFF,
-    b"BW64": _RIFF,
-    b"RIFX": _RIFF._replace(order="big"),
-    b"FORM": _RIFF._replace(order="big", samples=b"SSND", empty=8),
-    b"riff": _Layout(40, 16, 8, "little", 8, b"data", 24, (16, 0)),  # Wave64: sizes with their headers
-    b"caff": _Layout(8, 4, 8, "big", 1, b"data", 0, (0, 0)),
+_LAYOUTS: dict[bytes, tuple[int, int, int, Literal["little", "big"], int, bytes, int]] = {
+    b"RIFF": (12, 4, 4, "little", 2, b"data", 0),
+    b"RIFX": (12, 4, 4, "big", 2, b"data", 0),
+    b"RF64": (12, 4, 4, "little", 2, b"data", 0),
+    b"BW64": (12, 4, 4, "little", 2, b"data", 0),
+    b"FORM": (12, 4, 4, "big", 2, b"SSND", 8),
+    b"riff": (40, 16, 8, "little", 8, b"data", 24),  # Wave64, where sizes count their chunk's header
+    b"caff": (8, 4, 8, "big", 1, b"data", 0),
 }
+"""By the first bytes of a file: the place of its first chunk, the bytes of a chunk's name and size, their
+order, what chunks are aligned to, how the name of the samples begins, and their size if there are none."""
 
 _UNKNOWN = (1 << 31, 1 << 32, 0x7F000000)
 """Programs announce these, less or more a header, where they do not know the size (SoX: the last)."""
@@ -53,15 +32,15 @@ class _Size(NamedTuple):
 
     place: int
     width: int
-    order: Order
+    order: Literal["little", "big"]
     begin: int
     value: int
-    empty: int = 0
+    empty: int
 
     @property
-    def is_unknown(self) -> bool:
-        placeholder = any(abs(self.value - size) < _LONGEST_HEADER for size in _UNKNOWN)
-        return self.value <= self.empty or self.value >= 1 << 62 or placeholder
+    def is_known(self) -> bool:
+        is_placeholder = any(abs(self.value - size) < _LONGEST_HEADER for size in _UNKNOWN)
+        return self.empty < self.value < 1 << 62 and not is_placeholder
 
     @property
     def end(self) -> int:
@@ -75,45 +54,41 @@ def corrected_sizes(file: Path) -> dict[int, bytes]:
     """
     size = file.stat().st_size
     with file.open("rb") as opened:
-        total, samples = _sizes(opened)
-        opened.seek(0)
-        head = opened.read(16)
+        total, samples = _sizes(opened, opened.read(24))
     sizes = [each for each in (total, samples) if each is not None]
-    known = [each for each in sizes if not each.is_unknown]
+    known = [each for each in sizes if each.is_known]
     if known and known[0].end > size + 1:
         raise ValueError(f"it is cut off: it has {size} bytes of {known[0].end}")
     if samples is None or samples in known or samples.empty < samples.value <= size - samples.begin:
         return {}
     if total in known and known[0].end >= size - 1:
         raise ValueError("it holds none")
-    count = {22: bytes(4)} if head[:4] == b"FORM" and head[12:] == b"COMM" else {}  # of frames; 0 is unknown
-    return {each.place: (size - each.begin).to_bytes(each.width, each.order) for each in sizes} | count
+    return {each.place: (size - each.begin).to_bytes(each.width, each.order) for each in sizes}
 
 
-def _sizes(file: BinaryIO) -> tuple[_Size | None, _Size | None]:
+def _sizes(file: BinaryIO, head: bytes) -> tuple[_Size | None, _Size | None]:
     """Return the sizes of all chunks and of the samples; None where a file has no such size."""
 
-    def size_at(place: int, width: int, order: Order, begin: int, empty: int = 0) -> _Size:
+    def size_at(place: int, width: int, begin: int, empty: int = 0) -> _Size:
         file.seek(place)
         return _Size(place, width, order, begin, int.from_bytes(file.read(width), order), empty)
 
-    head = file.read(16)
+    order: Literal["little", "big"] = "big"
     if head[:4] == b".snd":  # AU: the place of the samples, and their size
-        return None, size_at(8, 4, "big", int.from_bytes(head[4:8], "big"))
-    layout = _LAYOUTS.get(head[:4])
-    if layout is None:
+        return None, size_at(8, 4, int.from_bytes(head[4:8], "big"))
+    if head[:4] not in _LAYOUTS:
         return None, None
-    place, name, width, order, align, samples, empty, (at, begin) = layout
-    is_long = head[:2] != b"RI" and head[12:] == b"ds64"  # RF64, BW64: sizes stand in the first chunk
-    total = size_at(20, 8, order, 8) if is_long else size_at(at, width, order, begin) if at else None
+    place, name, width, order, align, samples, empty = _LAYOUTS[head[:4]]
+    is_long = head[2:4] == b"64" and head[12:16] == b"ds64"  # sizes stand in the first chunk
+    total = size_at(20, 8, 8) if is_long else size_at(name, width, 0 if name == 16 else 8)
     for _ in range(_MOST_CHUNKS):
-        found = size_at(place + name, width, order, place if name == 16 else place + name + width, empty)
+        content = place + name + width
+        found = size_at(place + name, width, place if name == 16 else content, empty)
         file.seek(place)
         if file.read(len(samples)) == samples:
-            return total, size_at(28, 8, order, found.begin) if is_long else found
-        place = max(place + name + width, -(-found.end // align) * align)
-        if place >= 1 << 62:
-            break
+            found = size_at(28, 8, content) if is_long else found
+            return None if head[:4] == b"caff" else total, found
+        place = min(max(content, -(-found.end // align) * align), 1 << 62)
     return total, None
 
 

@@ -76,7 +76,7 @@ def test_a_sound_of_a_shot_that_was_moved_is_refused(timeline: otio.schema.Timel
     gap = timeline.audio_tracks()[1][0]
     gap.source_range = otio.opentime.TimeRange(duration=gap.duration() + otio.opentime.RationalTime(2, 24))
     otio.adapters.write_to_file(timeline, "cut.otio")
-    with pytest.raises(ShotError, match=r"cut\.otio: a tone is not where shot T010_tiny has it"):
+    with pytest.raises(ShotError, match=r"cut\.otio: a tone is .*not where shot T010_tiny has it"):
         ImportedEdit(Path("cut.otio"), (NAME,), Path("shots")).text()
 
 

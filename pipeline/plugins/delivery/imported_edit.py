@@ -26,10 +26,10 @@ from pipeline.file_contents import as_utf8
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.plugins.delivery.imported_sound import ImportedSound
 from pipeline.plugins.delivery.timeline_times import (
+    fault_of,
     frames_in,
     is_on,
     media_offset,
-    require_plain,
     require_rate,
     span_of,
 )
@@ -37,14 +37,12 @@ from pipeline.shot.yaml.named_files import shown
 from render.base.input_files import read_input
 from render.base.limited_process import serve
 
-SUFFIX = ".otio"
-
 _FIRST_LINE = "# Made from {name} by flowsculpt film --edit, which replaces this file.\n"
 
 _OTHER_TRANSITIONS = re.compile("wipe|push|slide|iris|zoom|dip|additive|swap|spin|peel|flip|morph", re.I)
 """Words in names of transitions that programs call dissolves by their type, and are none."""
 
-_RANGE_IN_NAME = re.compile(r"\.\[?(-?\d+(?:-\d+)?(?:x\d+)?)\]?(?:_\w+)?\.")
+_RANGE_IN_NAME = re.compile(r"\.\[?(-?\d+)--?\d+\]?(?:_\w+)?\.")
 """The frames of a shot that a movie has, as `flowsculpt deliver` names it: A010.1-48.prores4444.mov."""
 
 
@@ -119,11 +117,8 @@ class ImportedEdit:
             raise self._refused(
                 f"it has {len(tracks)} tracks of pictures that are enabled; an edit has one. Flatten them."
             )
-        try:
-            for whole in (stack, tracks[0]):
-                require_plain(whole)
-        except UsageError as error:
-            raise self._refused(str(error)) from None
+        if fault := fault_of(stack) or fault_of(tracks[0]):
+            raise self._refused(fault)
         return tracks[0]
 
     @cached_property
@@ -208,25 +203,18 @@ class ImportedEdit:
             require_rate(reference.rate, self._rate)
             if reference.frame_step != 1:
                 raise UsageError(f"its media has one file for {reference.frame_step} frames; render all")
-            if offset is None and reference.start_frame:
-                raise _unplaced(f"its first picture is {reference.start_frame}")
-            return reference.start_frame + (start if offset is None else offset)
-        if isinstance(reference, schema.MissingReference | None) and offset is None:
+            first = reference.start_frame
+        elif isinstance(reference, schema.MissingReference | None):
             return start
-        if offset is None:
-            raise _unplaced("it is a movie")
-        named = _RANGE_IN_NAME.search(_media_name(reference))
-        if named is None and start == offset:
-            raise UsageError(
-                "its movie begins at time 0, and which frame of the shot that is stands nowhere; use frames, "
-                "or a movie with timecode"
-            )
-        if named is None:
-            return start
-        frames = FrameRange.parse(named[1]).numbers
-        if "-" in named[1].lstrip("-") and "x" in named[1]:
-            raise UsageError("its movie skips frames of the shot; use frames, or a movie of all")
-        return frames[0] + offset
+        else:
+            named = _RANGE_IN_NAME.search(_media_name(reference))
+            first = int(named[1]) if named else start - (offset or 0)  # timecode counts frames of the shot
+        if offset is None and first:
+            raise UsageError("its media has no available_range, which says where it begins; export it again")
+        if first == 0 and isinstance(reference, schema.ExternalReference) and not named:
+            fact = "its movie begins at time 0, and nothing says which frame of the shot that is"
+            raise UsageError(f"{fact}; use frames, or a movie with timecode")
+        return first + (start if offset is None else offset)
 
     def _step(self, clip: Any) -> int:
         """Return the frames from one picture of a clip to the next."""
@@ -258,10 +246,6 @@ class ImportedEdit:
 def _media_name(reference: Any) -> str:
     """Return the name of a file that a reference has; empty if it has none."""
     return Path(unquote(urlsplit(getattr(reference, "target_url", "") or "").path)).name
-
-
-def _unplaced(fact: str) -> UsageError:
-    return UsageError(f"its media has no available_range, and {fact}; export it with one")
 
 
 def _answer(_path: str, file: str, folder: str, *shots: str) -> bytes:

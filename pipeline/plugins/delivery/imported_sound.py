@@ -12,7 +12,7 @@ from urllib.parse import unquote, urlsplit
 from opentimelineio import schema
 
 from pipeline.errors import UsageError
-from pipeline.plugins.delivery.timeline_times import available_range, is_on, require_plain
+from pipeline.plugins.delivery.timeline_times import available_range, is_on
 from pipeline.shot.yaml.named_files import shown
 
 LEVELS = ("gain", "fade_in", "fade_out")
@@ -35,8 +35,7 @@ class ImportedSound:
         An edit without sound has those of its shots, so nothing is written of them. Raises UsageError for
         what an edit cannot say.
         """
-        tracks = self.timeline.audio_tracks()
-        clips = [clip for track in tracks for clip in track.find_clips()]
+        clips = [clip for track in self.timeline.audio_tracks() for clip in track.find_clips()]
         of_shots = [clip for clip in clips if _facts(clip).get("shot")]
         own = [clip for clip in clips if not _facts(clip).get("shot") and is_on(clip)]
         if own and of_shots:
@@ -47,62 +46,54 @@ class ImportedSound:
         moved = next((clip for clip in of_shots if not self._is_under_its_picture(clip)), None)
         if moved is not None:
             raise UsageError(
-                f"{shown(moved.name)} is not where shot {_facts(moved)['shot']} has it; an edit has the "
-                "sounds of its shots as they are. Move it back, or mix the sounds down to one file."
+                f"{shown(moved.name)} is disabled, or not where shot {_facts(moved)['shot']} has it; an edit "
+                "has the sounds of its shots as they are. Move it back, or mix the sounds down to one file."
             )
         if len(own) > 1:
             raise UsageError(f"it has {len(own)} pieces of sound; a film has one. Mix them down.")
         if not own:
             return {}
         (clip,) = own
-        try:
-            require_plain(clip.parent())
-            start = self._start(clip)
-        except UsageError as error:
-            raise UsageError(f"sound {shown(clip.name)}: {error}. Mix it down to one file.") from None
+        if fault := self._fault(clip):
+            raise UsageError(f"sound {shown(clip.name)}: {fault}. Mix it down to one file.")
         file = folder / unquote(urlsplit(clip.media_reference.target_url).path)
         facts = {name: float(_facts(clip)[name]) for name in LEVELS if _facts(clip).get(name)}
+        start = round(_begin(clip) - _skipped(clip), 6)
         return {"sound": {"file": os.path.relpath(file, edits), "start": start, **facts}}
 
-    def _start(self, clip: Any) -> float:
-        """Return the second of the film at which the file of a clip begins.
+    def _fault(self, clip: Any) -> str:
+        """Return why the film would have a sound otherwise than the timeline; empty if it has it so.
 
-        Raises UsageError where the film would have it at other times than the timeline: an edit plays a file
-        from its beginning, or that of the film, to its end or that of the film.
+        An edit plays a file from its beginning, or that of the film, to its end or that of the film.
         """
+        track, span, available = clip.parent(), clip.trimmed_range(), available_range(clip)
         if not isinstance(clip.media_reference, schema.ExternalReference):
-            raise UsageError(f"its media is a {type(clip.media_reference).__name__}, not a file")
-        if any(effect.enabled for effect in clip.effects):
-            raise UsageError("it has an effect, which an edit has not")
-        track = clip.parent()
-        if not isinstance(track, schema.Track) or any(
-            isinstance(part, schema.Transition) for part in track.neighbors_of(clip)
-        ):
-            raise UsageError("it is in a stack, or fades by a transition")
-        available, shown_range = available_range(clip), clip.trimmed_range()
-        if available is None and shown_range.start_time.value:
-            raise UsageError("its media has no available_range, so where it begins is unknown")
+            return f"its media is a {type(clip.media_reference).__name__}, not a file"
+        if not isinstance(track, schema.Track):
+            return "it is in a stack"
+        if any(effect.enabled for effect in (*clip.effects, *track.effects)):
+            return "it has an effect, which an edit has not"
+        if track.source_range or any(isinstance(it, schema.Transition) for it in track.neighbors_of(clip)):
+            return "its track is trimmed, or it fades by a transition"
+        if available is None and span.start_time.value:
+            return "its media has no available_range, so where it begins is unknown"
         begin, skipped, near = _begin(clip), _skipped(clip), 0.5 / self.rate
-        end = begin + shown_range.duration.to_seconds()
-        film_end = self.pictures.duration().to_seconds()
-        rest = 0.0 if available is None else available.duration.to_seconds() - skipped
+        length, film = span.duration.to_seconds(), self.pictures.duration().to_seconds()
         if begin > near and skipped > near:
-            raise UsageError("it begins within its file and within the film")
-        if end < film_end - near and end - begin < rest - near:
-            raise UsageError("it ends before its file and before the film")
-        return round(begin - skipped, 6)
+            return "it begins within its file and within the film"
+        whole = length if available is None else available.duration.to_seconds() - skipped
+        is_cut = length < min(whole, film - begin) - near
+        return "it ends before its file and before the film" if is_cut else ""
 
     def _is_under_its_picture(self, sound: Any) -> bool:
         """Tell whether the sound of a shot is heard at the frame of the shot at which the shot has it.
 
         Where clips dissolve, it begins before its clip: the frames beyond the cut are counted on.
         """
-        if not is_on(sound) or sound.effects:
-            return False
         facts = _facts(sound)
         expected = float(facts["first_frame"]) / self.rate + _skipped(sound) + float(facts["start"])
         for clip in self.pictures.find_clips():
-            if clip.effects or clip.name != facts["shot"]:
+            if clip.effects or clip.name != facts["shot"] or sound.effects or not is_on(sound):
                 continue
             seen = clip.trimmed_range().start_time.to_seconds() + _begin(sound) - _begin(clip)
             if abs(seen - expected) < 0.5 / self.rate:

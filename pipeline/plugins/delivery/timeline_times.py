@@ -68,12 +68,11 @@ def is_on(part: Any) -> bool:
     return part is None or (part.enabled and is_on(part.parent()))
 
 
-def require_plain(whole: Any) -> None:
-    """Raise UsageError for a track or a stack that is disabled, trimmed, or has effects."""
+def fault_of(whole: Any) -> str:
+    """Return why an edit cannot show a track or a stack as it is; empty if it can."""
     name = f"track {shown(whole.name)}" if whole.name else "its track"
-    if not whole.enabled:
-        raise UsageError(f"{name} is disabled; enable it")
     if any(effect.enabled for effect in whole.effects):
-        raise UsageError(f"{name} has an effect; an edit shows frames as they are")
-    if whole.source_range is not None and whole.source_range != whole.available_range():
-        raise UsageError(f"{name} is trimmed by its source_range; trim its clips")
+        return f"{name} has an effect; an edit shows frames as they are"
+    if whole.source_range not in (None, whole.available_range()):
+        return f"{name} is trimmed by its source_range; trim its clips"
+    return ""

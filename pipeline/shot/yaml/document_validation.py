@@ -21,9 +21,9 @@ from pipeline.mesh.read import model_files
 from pipeline.plugin import fault_of_plugin
 from pipeline.shot.yaml.messages import problems_of
 from pipeline.shot.yaml.named_files import is_folder, is_there, shown
-from pipeline.shot.yaml.number_order import in_order
 from pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource
 from render.base.input_files import digest_of_file, kind_of_path
+from render.base.number_order import in_order
 
 MOST_PROBLEMS = 50
 """The most problems of one file that are reported at once."""
