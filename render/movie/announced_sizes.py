@@ -63,7 +63,7 @@ def corrected_sizes(file: Path) -> dict[int, bytes]:
         return {}
     if total in known and known[0].end >= size - 1:
         raise ValueError("it holds none")
-    return {each.place: (size - each.begin).to_bytes(each.width, each.order) for each in sizes}
+    return {each.place: max(0, size - each.begin).to_bytes(each.width, each.order) for each in sizes}
 
 
 def _sizes(file: BinaryIO, head: bytes) -> tuple[_Size | None, _Size | None]:
@@ -88,7 +88,7 @@ def _sizes(file: BinaryIO, head: bytes) -> tuple[_Size | None, _Size | None]:
         if file.read(len(samples)) == samples:
             found = size_at(28, 8, content) if is_long else found
             return None if head[:4] == b"caff" else total, found
-        place = min(max(content, -(-found.end // align) * align), 1 << 62)
+        place = min(max(content, -(-found.end // align) * align), 1 << 40)
     return total, None
 
 

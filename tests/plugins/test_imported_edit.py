@@ -237,6 +237,8 @@ def test_a_sound_begins_where_the_timeline_has_it(sounds: Parts, start: float, t
     [
         ((sound(5, 20, None),), "sound music: its media has no available_range"),
         ((sound(86400, 1, LONG),), "it ends before its file and before the film"),
+        ((sound(1e308, 20, LONG),), "its times are out of range"),
+        ((sound(86400, float("nan"), LONG),), "its times are out of range"),
         ((schema.Gap("", span(0, 12)), sound(86402, 18, LONG)), "begins within its file and within the film"),
         ((sound(86400, 20, LONG, effects=[schema.Effect("reverb")]),), "it has an effect"),
         ((schema.Gap("", span(0, 9)), transition(), sound(86400, 20, LONG)), "fades by a transition"),

@@ -79,6 +79,8 @@ class ImportedSound:
             return "its media has no available_range, so where it begins is unknown"
         begin, skipped, near = _begin(clip), _skipped(clip), 0.5 / self.rate
         length, film = span.duration.to_seconds(), self.pictures.duration().to_seconds()
+        if not (abs(begin - skipped) < 86_400.0 and 0.0 < length < 86_400.0):
+            return "its times are out of range"
         if begin > near and skipped > near:
             return "it begins within its file and within the film"
         whole = length if available is None else available.duration.to_seconds() - skipped
