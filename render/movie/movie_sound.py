@@ -30,8 +30,9 @@ _SLOWEST, _FASTEST = 1000, 768_000
 TIMED = "with gaps"
 """Part of questions about sounds: silence stands where timestamps leave a gap."""
 
-_SHORTEST_GAP, _LONGEST_GAP = 0.05, 86_400.0
-"""Seconds: timestamps of many containers are rounded, and what is beyond a day is damaged."""
+_SHORTEST_GAP, _LONGEST_GAP, _LONGEST_OVERLAP = 0.05, 86_400.0, 1.0
+"""Seconds: timestamps of many containers are rounded, gaps over a day are damage, and time begins again where
+it turns back further than by an overlap."""
 
 _CONTAINERS = {
     "format_whitelist": "wav,w64,aiff,au,caf,flac,mp3,ogg,aac,ac3,eac3,mov,matroska,asf,wv,tta,ape",
@@ -194,12 +195,12 @@ class SoundSource:
     def _frames(self) -> Iterator[av.AudioFrame]:
         """Yield the frames of the stream one after another, with silence where their timestamps leave gaps.
 
-        Where timestamps turn back, as in files that were joined, the sound goes on.
+        Where timestamps turn back, as in files that were joined, or are unsteady, the sound goes on.
         """
         end: float | None = None
         for frame in self.container.decode(self.stream):
             if (time := frame.time) is not None:
-                if end is None or abs(time - end) > _SHORTEST_GAP:
+                if end is None or not -_LONGEST_OVERLAP < time - end <= _SHORTEST_GAP:
                     yield from self._silence(frame, self._begin(time) if end is None else end)
                     end = time
                 end += frame.samples / frame.sample_rate

@@ -96,12 +96,13 @@ class ImportedEdit:
             found = adapters.read_from_string(text, "otio_json")
         except FlowsculptError:
             raise
-        except RecursionError:
-            raise self._refused("it cannot be read as OpenTimelineIO (its brackets are too deep)") from None
         except Exception as error:  # of many kinds, by what the file holds
-            raise self._refused(f"it cannot be read as OpenTimelineIO ({reason_of(error)})") from None
+            reason = "too many brackets" if isinstance(error, RecursionError) else reason_of(error)
+            fault = f"it cannot be read as OpenTimelineIO ({reason}); export it again"
+            raise self._refused(fault) from None
         if not isinstance(found, schema.Timeline):
-            raise self._refused(f"it holds a {type(found).__name__}; export a timeline")
+            kind = found.schema_name() if hasattr(found, "schema_name") else "other JSON"
+            raise self._refused(f"it holds no timeline ({kind}); export one")
         return found
 
     @cached_property

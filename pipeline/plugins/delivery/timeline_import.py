@@ -22,7 +22,8 @@ def edit_of(timeline: Path, shots: Collection[str], folder: Path) -> tuple[Path,
     try:
         answer = answer_of("pipeline.plugins.delivery.imported_edit", timeline, *words)
     except ParserError as error:
-        raise ShotError(f"{shown(timeline)}: it cannot be read as OpenTimelineIO ({error})") from None
+        fault = f"it cannot be read as OpenTimelineIO ({error}); export it again"
+        raise ShotError(f"{shown(timeline)}: {fault}") from None
     text, kind, *messages = json.loads(answer)
     for error_type in _ERRORS:
         if kind == error_type.__name__:
