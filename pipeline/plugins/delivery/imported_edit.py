@@ -190,32 +190,43 @@ class ImportedEdit:
                 **({"subtitle": words["subtitle"]} if "subtitle" in words else {}),
                 "seconds": round((head + count + tail) / float(self._rate.fps), 6),
             }
-        first, step = self._first_frame(part, start), self._step(part)
+        shot, step = self._shot_of(part), self._step(part)
+        first = self._first_frame(part, start, shot)
         numbers = [first + step * n for n in range(-head, count + tail)]
         backwards = ",".join(map(str, numbers))  # a range would be in ascending order
         frames = str(FrameRange.of(numbers)) if step > 0 else backwards
-        return {"shot": self._shot_of(part), "frames": frames}
+        return {"shot": shot, "frames": frames}
 
-    def _first_frame(self, clip: Any, start: int) -> int:
+    def _first_frame(self, clip: Any, start: int, shot: str) -> int:
         """Return the frame of a shot that a clip begins with; `start` is the frame of its media's time."""
-        reference = clip.media_reference
-        offset = media_offset(clip, self._rate)
-        if isinstance(reference, schema.ImageSequenceReference):
+        reference, offset = clip.media_reference, media_offset(clip, self._rate)
+        is_sequence = isinstance(reference, schema.ImageSequenceReference)
+        if is_sequence:
             require_rate(reference.rate, self._rate)
             if reference.frame_step != 1:
                 raise UsageError(f"its media has one file for {reference.frame_step} frames; render all")
-            first = reference.start_frame
-        elif isinstance(reference, schema.MissingReference | None):
-            return start
-        else:
-            named = _RANGE_IN_NAME.search(_media_name(reference))
-            first = int(named[1]) if named else start - (offset or 0)  # timecode counts frames of the shot
-        if offset is None and first:
+        if offset is None:
+            if isinstance(reference, schema.MissingReference | None) or (
+                is_sequence and reference.start_frame == 0
+            ):
+                return start
             raise UsageError("its media has no available_range, which says where it begins; export it again")
-        if first == 0 and isinstance(reference, schema.ExternalReference) and not named:
-            fact = "its movie begins at time 0, and nothing says which frame of the shot that is"
-            raise UsageError(f"{fact}; use frames, or a movie with timecode")
-        return first + (start if offset is None else offset)
+        if is_sequence:
+            return int(reference.start_frame) + offset
+        if named := _RANGE_IN_NAME.search(_media_name(reference)):
+            return int(named[1]) + offset
+        frames = self._frames_of(shot)
+        return start if start - offset in frames else frames.first + offset
+
+    def _frames_of(self, shot: str) -> FrameRange:
+        """Return the frames of a shot. Raises ShotError where they cannot be read."""
+        from pipeline.shot.shot_reader import read_clock  # takes time, and only movies need it
+        from pipeline.shot.yaml.inheritance import inherited
+
+        clock, _ = read_clock(inherited(self.folder / f"{shot}.yaml", None, (), None))
+        if clock is None:
+            raise UsageError(f"the frames of shot {shot} cannot be read; flowsculpt validate {shot} says why")
+        return clock.frames
 
     def _step(self, clip: Any) -> int:
         """Return the frames from one picture of a clip to the next."""
