@@ -9,8 +9,10 @@ import av
 import numpy as np
 import pytest
 
+from pipeline.flow.keyframes import Envelope
 from pipeline.production.request.audio import AudioTrack
 from render.base.input_files import digest_of_file
+from render.base.serialise import to_plain
 from render.movie.band_level import band_level
 from render.movie.movie_sound import RATE, Sound, blocks, require_sound, silence_in
 from tests.sounds import sine, write_sound
@@ -79,5 +81,8 @@ def test_a_pause_in_the_timestamps_is_silent_and_what_follows_is_in_step(tmp_pat
 def test_the_key_of_a_sound_has_its_silence_only_where_it_has_some(tmp_path: Path) -> None:
     plain = write_sound(tmp_path / "a.wav", sine(400, 0.5))
     assert silence_in(plain) == 0.0
-    assert "silence" not in AudioTrack(str(plain), "").content
-    assert AudioTrack(str(plain), "", silence=0.5).content["silence"] == 0.5
+    for silence, is_in_key in ((0.0, False), (0.5, True)):
+        track = AudioTrack(str(plain), "", silence=silence)
+        envelope = Envelope("", (20.0, 250.0), 0.0, 0.0, "loudest", 0.005, (1.0,), silence)
+        assert ("silence" in track.content) is is_in_key
+        assert ("silence" in to_plain(envelope)) is is_in_key
