@@ -57,8 +57,9 @@ def corrected_sizes(file: Path) -> dict[int, bytes]:
         total, samples = _sizes(opened, opened.read(24))
     sizes = [each for each in (total, samples) if each is not None]
     known = [each for each in sizes if each.is_known]
-    if known and known[0].end > size + 1:
-        raise ValueError(f"it is cut off: it has {size} bytes of {known[0].end}")
+    end = min((each.end for each in known), default=0)  # programs count one of them wrong, or lose remarks
+    if end > size + 1:
+        raise ValueError(f"it is cut off: it has {size} bytes of {end}")
     if samples is None or samples in known or samples.empty < samples.value <= size - samples.begin:
         return {}
     if total in known and known[0].end >= size - 1:

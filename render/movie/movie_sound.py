@@ -35,7 +35,7 @@ _SHORTEST_GAP, _LONGEST_GAP, _LONGEST_OVERLAP = 0.05, 86_400.0, 1.0
 it turns back further than by an overlap."""
 
 _CONTAINERS = {
-    "format_whitelist": "wav,w64,aiff,au,caf,flac,mp3,ogg,aac,ac3,eac3,mov,matroska,asf,wv,tta,ape",
+    "format_whitelist": "wav,w64,aiff,au,caf,flac,mp3,ogg,aac,ac3,eac3,mov,matroska,mpegts,asf,wv,tta,ape",
     "protocol_whitelist": "file",
 }
 """Options of FFmpeg: formats that may be opened. Not playlists, which name other files and addresses."""

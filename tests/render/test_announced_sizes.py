@@ -61,6 +61,8 @@ def answer(path: Path, content: bytes) -> bytes:
     ("made", "data", "total"),
     [
         (wav, SIZE, SIZE + 36),
+        (wav, SIZE, SIZE + 44),
+        (wav, SIZE + 44, SIZE + 36),
         (wav, 0, 0),
         (wav, 0, 36),
         (wav, 2**32 - 1, 2**32 - 1),

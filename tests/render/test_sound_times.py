@@ -57,15 +57,22 @@ def heard(path: Path) -> tuple[float, float]:
 
 @pytest.mark.parametrize(
     ("name", "codec"),
-    [("a.mkv", "pcm_s16le"), ("b.mkv", "pcm_u8"), ("c.mov", "pcm_s16le"), ("d.mkv", "libopus")],
+    [
+        ("a.mkv", "pcm_s16le"),
+        ("b.mkv", "pcm_u8"),
+        ("c.mov", "pcm_s16le"),
+        ("d.mkv", "libopus"),
+        ("e.ts", "aac"),
+    ],
 )
 @pytest.mark.parametrize("start", [0.0, 0.5])
 def test_a_sound_begins_where_its_file_has_it_beside_the_pictures(
     name: str, codec: str, start: float, tmp_path: Path
 ) -> None:
     path = write_clip(tmp_path / name, codec, start)
-    assert heard(path)[0] == pytest.approx(start, abs=0.003)
-    assert silence_in(path) == pytest.approx(start, abs=0.002)
+    near = 0.022 if codec == "aac" else 0.003  # its encoder begins with a block of silence
+    assert heard(path)[0] == pytest.approx(start, abs=near)
+    assert silence_in(path) == pytest.approx(start, abs=near)
     level = band_level(path, digest_of_file(path), 20.0, 24000.0)
     assert (level.seconds, level.silence) == (pytest.approx(require_sound(path)), silence_in(path))
     if start:
