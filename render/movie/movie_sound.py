@@ -27,7 +27,7 @@ MOST_BYTES = 4 << 30  # size of the largest file
 _SLOWEST, _FASTEST = 1000, 768_000
 """Samples per second of a file; others are damaged, and resampling them takes forever."""
 
-TIMED = "with gaps"
+TIMED = "with its gaps"
 """Part of questions about sounds: silence stands where timestamps leave a gap."""
 
 _SHORTEST_GAP, _LONGEST_GAP, _LONGEST_OVERLAP = 0.05, 86_400.0, 1.0
@@ -256,7 +256,7 @@ def _counted(file: str, _timed: str = TIMED) -> bytes:
         raise ValueError(reading_error(error)) from None
     if not count:
         raise ValueError("it holds none")
-    return f"{count} {source.silence:.6g}".encode()
+    return f"{count} {source.silence!r}".encode()
 
 
 class AudioStream:
