@@ -55,12 +55,11 @@ def saved(folder: Path, *parts: Any, sounds: Parts = (), change: Callable[[Any],
         timeline.tracks[1].extend(sounds)
     change(timeline)
     otio.adapters.write_to_file(timeline, str(folder / "cut.otio"))
-    (folder / "A.yaml").write_text("frames: 1-48\n")
     return folder / "cut.otio"
 
 
 def text_of(file: Path) -> str:
-    return ImportedEdit(file, ("A", "B"), file.parent).text()
+    return ImportedEdit(file, ("A", "B"), file.parent, {"A": "1-48"}).text()
 
 
 def transition(kind: str = "SMPTE_Dissolve", name: str = "Cross Dissolve") -> schema.Transition:
@@ -253,6 +252,12 @@ def test_a_sound_that_an_edit_would_have_at_other_times_is_refused(
 ) -> None:
     with pytest.raises(ShotError, match=told):
         text_of(saved(tmp_path, clip(source=span(1, 48)), sounds=sounds))
+
+
+def test_movies_begin_with_the_frames_of_their_shots(tmp_path: Path) -> None:
+    (tmp_path / "A.yaml").write_text("frames: 11-20\n")
+    file = saved(tmp_path, clip(movie("A.mov", span(0, 10))))
+    assert "shot: A, frames: 13-15" in edit_of(file, ("A", "B"), tmp_path)[1]
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,8 @@ from __future__ import annotations
 import io
 import json
 import re
-from collections.abc import Collection
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -53,11 +53,13 @@ class ImportedEdit:
     file    the timeline
     shots   names of the shots that its clips may show
     folder  where the edit will lie; files are named relative to it
+    frames  of shots whose movies it may show, as their files write them
     """
 
     file: Path
     shots: Collection[str]
     folder: Path
+    frames: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def target(self) -> Path:
@@ -215,18 +217,10 @@ class ImportedEdit:
             return int(reference.start_frame) + offset
         if named := _RANGE_IN_NAME.search(_media_name(reference)):
             return int(named[1]) + offset
-        frames = self._frames_of(shot)
+        if shot not in self.frames:
+            raise UsageError(f"the frames of shot {shot} are unknown; flowsculpt validate {shot} says why")
+        frames = FrameRange.parse(self.frames[shot])
         return start if start - offset in frames else frames.first + offset
-
-    def _frames_of(self, shot: str) -> FrameRange:
-        """Return the frames of a shot. Raises ShotError where they cannot be read."""
-        from pipeline.shot.shot_reader import read_clock  # takes time, and only movies need it
-        from pipeline.shot.yaml.inheritance import inherited
-
-        clock, _ = read_clock(inherited(self.folder / f"{shot}.yaml", None, (), None))
-        if clock is None:
-            raise UsageError(f"the frames of shot {shot} cannot be read; flowsculpt validate {shot} says why")
-        return clock.frames
 
     def _step(self, clip: Any) -> int:
         """Return the frames from one picture of a clip to the next."""
@@ -260,10 +254,10 @@ def _media_name(reference: Any) -> str:
     return Path(unquote(urlsplit(getattr(reference, "target_url", "") or "").path)).name
 
 
-def _answer(_path: str, file: str, folder: str, *shots: str) -> bytes:
+def _answer(_path: str, file: str, folder: str, frames: str, *shots: str) -> bytes:
     """Answer the text of an edit, or the name of an error and its messages, as JSON."""
     try:
-        answer = [ImportedEdit(Path(file), shots, Path(folder)).text(), ""]
+        answer = [ImportedEdit(Path(file), shots, Path(folder), json.loads(frames)).text(), ""]
     except ShotError as error:
         answer = ["", type(error).__name__, *error.messages]
     except FlowsculptError as error:

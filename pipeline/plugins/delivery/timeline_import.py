@@ -7,10 +7,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Collection
+from contextlib import suppress
 from pathlib import Path
 
 from pipeline.errors import FlowsculptError, MissingInputError, ShotError, UsageError
+from pipeline.file_contents import as_utf8
 from pipeline.shot.yaml.named_files import shown
+from render.base.input_files import read_input
 from render.base.limited_process import ParserError, answer_of
 
 _ERRORS: tuple[type[FlowsculptError], ...] = (ShotError, MissingInputError, UsageError)
@@ -18,7 +21,8 @@ _ERRORS: tuple[type[FlowsculptError], ...] = (ShotError, MissingInputError, Usag
 
 def edit_of(timeline: Path, shots: Collection[str], folder: Path) -> tuple[Path, str]:
     """Return the file of a timeline's edit, and its text. Raises what `ImportedEdit.text` raises."""
-    words = [str(timeline), str(folder), *shots]
+    frames = _frames_of_movies(timeline, shots, folder)
+    words = [str(timeline), str(folder), json.dumps(frames), *shots]
     try:
         answer = answer_of("pipeline.plugins.delivery.imported_edit", timeline, *words)
     except ParserError as error:
@@ -29,3 +33,19 @@ def edit_of(timeline: Path, shots: Collection[str], folder: Path) -> tuple[Path,
         if kind == error_type.__name__:
             raise error_type(*messages)
     return folder / f"{timeline.stem}.yaml", text
+
+
+def _frames_of_movies(timeline: Path, shots: Collection[str], folder: Path) -> dict[str, str]:
+    """Return what shots write as their frames that a timeline names, if it has movies or sounds at all."""
+    frames: dict[str, str] = {}
+    with suppress(ValueError):  # whoever reads the timeline tells that it is damaged
+        content = as_utf8(read_input(timeline))
+        if b'"ExternalReference.' not in content:
+            return {}
+        from pipeline.shot.yaml.inheritance import inherited  # takes time
+
+        for shot in shots:
+            with suppress(FlowsculptError):  # whoever reads the edit tells what is wrong with it
+                if shot.encode() in content:
+                    frames[shot] = str(inherited(folder / f"{shot}.yaml", None, (), None).get("frames"))
+    return frames
