@@ -67,6 +67,26 @@ def _scene(path: Path) -> None:
         repair_surface(surface).mesh.triangulated()
 
 
+def _paint(path: Path) -> None:
+    """Read the paint and the materials of a glTF file, or those of an OBJ with a file of materials, here."""
+    from pipeline.plugins.interchange.gltf_paint import GLTF_PAINT, PaintArrays, PaintedScene
+    from pipeline.plugins.interchange.obj_paint import OBJ_PAINT
+    from render.base.input_files import parsing
+    from render.scene import textures
+
+    textures.require_decodable = lambda path, digest: None  # in this process
+    with parsing(path, "paint", ""):
+        if path.suffix == ".mtl":
+            model = path.with_suffix(".obj")
+            model.write_text(f"mtllib a.mtl {path.name}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl one\nf 1 2 3\n")
+            OBJ_PAINT.materials(model)
+        elif path.suffix == ".obj":
+            OBJ_PAINT.paint(path)
+        else:
+            PaintArrays(PaintedScene.read(path)).paint()
+            GLTF_PAINT.materials(path)
+
+
 def _stage(path: Path) -> None:
     """Read USD as `read_surface` does, but in this process; a crash there is a message to users."""
 
@@ -195,6 +215,7 @@ def _flow(path: Path) -> None:
 READERS: dict[str, Callable[[Path], None]] = {
     "model": _model,
     "scene": _scene,
+    "paint": _paint,
     "stage": _stage,
     "fbx": _fbx,
     "points": _points,

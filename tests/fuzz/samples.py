@@ -25,6 +25,7 @@ from tests.plugins.interchange.fbx_writer import N, binary, box_geometry, layer,
 from tests.plugins.interchange.gltf_scenes import GltfScene, with_instances
 from tests.plugins.interchange.test_collada_files import BOX, document, faces
 from tests.plugins.interchange.test_meshopt import STREAMS
+from tests.plugins.interchange.test_model_paint import gltf_box
 from tests.plugins.interchange.test_threemf_files import corner, model_part, package
 
 FLOW = """\
@@ -207,6 +208,22 @@ def _scene_of_features(path: Path) -> bytes:
     return scene.glb(path).read_bytes()
 
 
+def _painted(folder: Path) -> Iterator[tuple[str, bytes]]:
+    """Yield files with materials: glTF of gloss and of metalness, as one file and as JSON, OBJ and MTL."""
+    texture = {"index": 0, "extensions": {"KHR_texture_transform": {"scale": [2, 2], "rotation": 0.5}}}
+    glossy = {"diffuseFactor": [1, 0.5, 0, 1], "diffuseTexture": texture, "glossinessFactor": 0.3}
+    first = gltf_box(folder, extensions={"KHR_materials_pbrSpecularGlossiness": glossy})
+    surface = {"baseColorTexture": texture, "metallicRoughnessTexture": texture, "roughnessFactor": 0.5}
+    more = {"alphaMode": "MASK", "alphaCutoff": 0.25, "emissiveFactor": [0, 1, 0]}
+    second = gltf_box(folder, pbrMetallicRoughness=surface, **more)
+    second.json["textures"] = [{"extensions": {"EXT_texture_webp": {"source": 0}}, "sampler": 0}]
+    second.json["samplers"] = [{"wrapS": 33071, "wrapT": 33648}]
+    yield "gloss.glb", first.glb(folder / "gloss.glb").read_bytes()
+    yield "metal.gltf", second.gltf(folder / "metal.gltf").read_bytes()
+    yield "painted.obj", b"v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 0 1 0 0 0 1\nvt 0 2\nusemtl one\nf 1/1 2/1 3/1\n"
+    yield "one.mtl", b"newmtl one\nKd 1 0.5 0\nKs 1 1 1\nNs 40\nd 0.5\nPr 0.3\nPm 1\nKe 0 0 1\n"
+
+
 def _contents(folder: Path) -> Iterator[tuple[str, str, bytes]]:
     ball = trimesh.creation.icosphere(1)
     yield "model", "box.obj", OBJ.encode()
@@ -222,6 +239,7 @@ def _contents(folder: Path) -> Iterator[tuple[str, str, bytes]]:
     yield "model", "utf16.obj", OBJ.encode("utf-16")
     yield "scene", "ball.glb", trimesh.Scene([ball, trimesh.creation.box()]).export(file_type="glb")
     yield "scene", "features.glb", _scene_of_features(folder / "features.glb")
+    yield from (("paint", name, content) for name, content in _painted(folder))
     yield "stage", "box.usda", STAGE.encode()
     yield "model", "box.dae", collada().encode()
     yield "model", "two.3mf", _package()

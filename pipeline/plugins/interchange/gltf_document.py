@@ -243,7 +243,7 @@ class GltfDocument:
         text = _DATA.sub(cut, text)
         if len(text) > MOST_JSON:
             raise ValueError(f"its JSON has {size_of(len(text))}; up to {size_of(MOST_JSON)} are read")
-        root = JsonObject(json.loads(text), "the file")
+        root = JsonObject(_parsed_json(text), "the file")
         asset = root.entry("asset").values
         version, least = str(asset.get("version", "2.0")), str(asset.get("minVersion", "2.0"))
         if version.startswith("1") or isinstance(root.values.get("meshes"), dict):
@@ -307,6 +307,18 @@ class GltfDocument:
             return unquote_to_bytes(data)
         data = unquote_to_bytes(data).replace(b"\\/", b"/")
         return base64.b64decode(data + b"=" * (-len(data) % 4), altchars=b"-_" if b"-" in data else None)
+
+
+def _parsed_json(text: bytes) -> object:
+    """Return the value of JSON. Raises ValueError, also where it is nested too deeply to be read."""
+    try:
+        return json.loads(text)
+    except RecursionError:
+        raise ValueError("its JSON has brackets within brackets, too deep to be read") from None
+    except ValueError as error:
+        if "set_int_max_str_digits" in str(error):
+            raise ValueError("its JSON has a number of over 4300 digits") from None
+        raise
 
 
 def _places(file: BinaryIO, version: int, end: int) -> tuple[tuple[int, int], tuple[int, int] | None]:

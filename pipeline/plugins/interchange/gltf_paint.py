@@ -189,7 +189,7 @@ def _transformed(coordinates: Floats, transform: JsonObject) -> Floats:
     """Return texture coordinates (V, 2) upwards, as KHR_texture_transform moves them; glTF's go down."""
     if transform.values:
         scale, offset = transform.numbers("scale") or [1.0, 1.0], transform.numbers("offset") or [0.0, 0.0]
-        angle = float(transform.values.get("rotation", 0.0))
+        angle = transform.number("rotation", 0.0)
         c, s = math.cos(angle), math.sin(angle)
         coordinates = coordinates[:, :2] * scale @ np.array([[c, -s], [s, c]]) + offset
     return coordinates[:, :2] * (1.0, -1.0) + (0.0, 1.0)
@@ -283,7 +283,7 @@ def _material(
     more: dict[str, Any] = {}
     if _is_cut_out(material):
         is_mask = material.values["alphaMode"] == "MASK"
-        cutoff = float(material.values.get("alphaCutoff", 0.5)) if is_mask else None
+        cutoff = material.number("alphaCutoff", 0.5) if is_mask else None
         more["opacity"] = opacity_of(alpha, None if colour is None else alpha_of(colour), cutoff)
     if "metallicRoughnessTexture" in surface:
         both = texture_of(surface.entry("metallicRoughnessTexture"), space="data")
@@ -291,7 +291,7 @@ def _material(
         more["metallic_texture"] = replace(both, factor=(1.0, 1.0, metallic), channel=2)
     if "normalTexture" in material:
         normals = material.entry("normalTexture")
-        (scale,) = JsonObject({"scale": [normals.values.get("scale", 1.0)]}, normals.place).numbers("scale")
+        scale = normals.number("scale", 1.0)
         more["normal_texture"] = replace(texture_of(normals, space="data"), factor=(scale, scale, 1.0))
     if colour is not None and has_colours:
         raise MeshError(
