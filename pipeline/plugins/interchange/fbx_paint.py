@@ -7,7 +7,6 @@ Colours of materials are linear, as Blender and Maya write them, and those of ve
 from __future__ import annotations
 
 import hashlib
-import io
 import json
 from collections import Counter
 from dataclasses import dataclass, replace
@@ -28,7 +27,7 @@ from pipeline.plugins.interchange.fbx_files import (
     shown_meshes,
     uncollected,
 )
-from pipeline.plugins.interchange.model_paint import ModelPaint
+from pipeline.plugins.interchange.model_paint import ModelPaint, packed
 from pipeline.plugins.interchange.painted_materials import (
     GREY,
     mask_of,
@@ -145,8 +144,7 @@ def _texture(path: Path, found: dict[str, Any], files: dict[Path, str], space: s
 
 def _read(path: Path) -> ModelPaint:
     require_ufbx()
-    with np.load(io.BytesIO(asked(_MODULE, path, "paint"))) as arrays:
-        return ModelPaint.of(**arrays)
+    return ModelPaint.unpacked(asked(_MODULE, path, "paint"))
 
 
 FBX_PAINT = PaintReader(_no_files, _materials, _read)
@@ -165,9 +163,7 @@ def answer(path: str, question: str) -> bytes:
 
 @uncollected()
 def _packed_paint(content: bytes) -> bytes:
-    packed = io.BytesIO()
-    np.savez(packed, allow_pickle=False, **_PaintedScene.of(loaded_scene(content)).arrays())
-    return packed.getvalue()
+    return packed(_PaintedScene.of(loaded_scene(content)).arrays())
 
 
 @uncollected()

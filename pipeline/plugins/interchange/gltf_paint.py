@@ -7,7 +7,6 @@ the user's cache, by their contents, from where they are read as others.
 from __future__ import annotations
 
 import hashlib
-import io
 import math
 from collections.abc import Iterator
 from dataclasses import replace
@@ -23,7 +22,7 @@ from pipeline.errors import MeshError, brief
 from pipeline.plugins.interchange.gltf_document import MOST_BYTES, GltfDocument, JsonObject
 from pipeline.plugins.interchange.gltf_files import SceneArrays, Triangles, files_of_buffers, placed
 from pipeline.plugins.interchange.gltf_scene import DefaultScene, PlacedPrimitive
-from pipeline.plugins.interchange.model_paint import ModelPaint
+from pipeline.plugins.interchange.model_paint import ModelPaint, packed
 from pipeline.plugins.interchange.painted_materials import (
     GREY,
     alpha_of,
@@ -42,24 +41,14 @@ _TRANSFORM = "KHR_texture_transform"
 _GLOSSINESS = "KHR_materials_pbrSpecularGlossiness"
 _UNLIT = "KHR_materials_unlit"
 
-_SOURCES = {"EXT_texture_webp": True, "MSFT_texture_dds": True}
-_SOURCES |= {"EXT_texture_avif": False, "KHR_texture_basisu": False}
-"""Extensions that name other pictures of textures, and whether these are read."""
+_PICTURES = ("EXT_texture_webp", "MSFT_texture_dds")
+"""Extensions that name pictures of textures in other formats which are read."""
 
 _WRAPS = {10497: REPEAT, 33071: CLAMP, 33648: MIRROR}
 """What is shown beyond the sides of a picture, by the numbers of glTF."""
 
-_NOT_SHOWN = {
-    _GLOSSINESS: "its specular colour is",
-    _UNLIT: "it is lit by the shot's lights: its being unlit is",
-    "KHR_materials_transmission": "light passing through it is",
-    "KHR_materials_diffuse_transmission": "light passing through it is",
-    "KHR_materials_clearcoat": "its coat is",
-    "KHR_materials_sheen": "its sheen is",
-    "KHR_materials_iridescence": "its iridescence is",
-    "KHR_materials_anisotropy": "the direction of its highlights is",
-}
-"""Extensions of materials that change what other programs show, and what is not shown of each."""
+_SHOWN = ("_ior", "_specular", "_volume", "_dispersion", "_emissive_strength")
+"""Ends of extensions of materials that change little, or only what another one brings."""
 
 _DARKEST_MIRROR = 0.1
 """Specular colours up to this are taken for that of a dielectric."""
@@ -215,21 +204,22 @@ def _surface_of(material: JsonObject) -> JsonObject:
 
 def _notes(material: JsonObject) -> Iterator[str]:
     """Yield lines about what a material has that is not shown."""
-    there = material.entry("extensions")
-    words = [words for name, words in _NOT_SHOWN.items() if name in there and _shows(there.entry(name), name)]
+    place, there = brief(material.values.get("name") or material.place), material.entry("extensions")
+    for name in there.values:
+        if not name.endswith(_SHOWN) and _changes(there.entry(name), name):
+            what = f"the specular colour of {name}" if name == _GLOSSINESS else brief(name)
+            yield f"material {place}: {what} is not shown"
     if any(material.numbers("emissiveFactor")):
-        words.append("its glow is")
-    place = brief(material.values.get("name") or material.place)
-    yield from (f"material {place}: {each} not shown" for each in dict.fromkeys(words))
+        yield f"material {place}: its glow is not shown"
 
 
-def _shows(extension: JsonObject, name: str) -> bool:
-    """Tell whether an extension of a material changes what is shown."""
+def _changes(extension: JsonObject, name: str) -> bool:
+    """Tell whether an extension of a material changes what other programs show."""
     if name == _GLOSSINESS:
         specular = extension.numbers("specularFactor", 3) if "specularFactor" in extension else [1.0] * 3
         return "specularGlossinessTexture" in extension or max(specular) > _DARKEST_MIRROR
-    numbers = [value for key, value in extension.values.items() if key.endswith(("Factor", "Strength"))]
-    return name == _UNLIT or any(value not in (0, 0.0, [0, 0, 0]) for value in numbers)
+    factors = [value for key, value in extension.values.items() if key.endswith(("Factor", "Strength"))]
+    return not factors or any(value not in (0, [0, 0, 0]) for value in factors)
 
 
 def _factor(material: JsonObject) -> list[float]:
@@ -329,17 +319,11 @@ def _source_of(texture: JsonObject) -> object:
     """
     if "source" in texture:
         return texture.values["source"]
-    there = texture.entry("extensions")
-    named = [name for name in _SOURCES if name in there]
-    for name in named:
-        if _SOURCES[name]:
-            return there.entry(name).values.get("source")
-    if not (named or there.values):
-        raise MeshError(f"{texture.place} names no picture. Export it again, or write paint: off.")
-    raise MeshError(
-        f"{texture.place} has its picture only by the extension {brief(min(named or there.values))}, which "
-        "is not read. Export it with PNG or JPEG, or write paint: off."
-    )
+    if (other := texture.extension(*_PICTURES)) is not None:
+        return other.values.get("source")
+    named = brief(", ".join(texture.entry("extensions").values))
+    fact = f"its picture only by the extension {named}, which is not read" if named else "no picture"
+    raise MeshError(f"{texture.place} has {fact}. Export it with PNG or JPEG, or write paint: off.")
 
 
 def _wrap_of(document: GltfDocument, texture: JsonObject) -> tuple[str, str]:
@@ -362,8 +346,7 @@ def _content_of_view(document: GltfDocument, image: JsonObject, files: dict[Path
 
 def _read(path: Path) -> ModelPaint:
     PaintedScene.read(path)  # raises in this process what users can mend
-    with np.load(io.BytesIO(answer_of("pipeline.plugins.interchange.gltf_paint", path))) as arrays:
-        return ModelPaint.of(**arrays)
+    return ModelPaint.unpacked(answer_of("pipeline.plugins.interchange.gltf_paint", path))
 
 
 GLTF_PAINT = PaintReader(_files, _materials, _read)
@@ -374,9 +357,7 @@ def _answer(path: str) -> bytes:
     scene = PaintedScene.read(Path(path))
     files = (Path(path), *files_of_buffers(scene))
     allow_memory(MEMORY + 40 * sum(require_input(file, MOST_BYTES) for file in files))
-    packed = io.BytesIO()
-    np.savez(packed, allow_pickle=False, **PaintArrays(scene).paint())
-    return packed.getvalue()
+    return packed(PaintArrays(scene).paint())
 
 
 if __name__ == "__main__":

@@ -12,6 +12,7 @@ the texture coordinates that one position has there.
 
 from __future__ import annotations
 
+import io
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
@@ -85,6 +86,12 @@ class ModelPaint:
         of_corners = None if colours is None else colours[triangles].astype(np.float32)
         return cls(points, corners[triangles], coordinates[triangles], materials, of_corners, charts, points)
 
+    @classmethod
+    def unpacked(cls, content: bytes) -> ModelPaint:
+        """Return the paint whose arguments of `of` were turned into bytes by `packed`."""
+        with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
+            return cls.of(**arrays)
+
     def placed(self, place: Points) -> ModelPaint:
         """Return the paint with its points (V, 3) where a shot has them at rest."""
         return replace(self, place=place)
@@ -141,6 +148,13 @@ class ModelPaint:
             part = slice(first, first + _BLOCK)
             find_nearest(points[part], wanted[part], own.addresses, own.starts, found[part], shares[part])
         return own.triangles[own.first[wanted] + found], shares
+
+
+def packed(arrays: dict[str, AnyArray]) -> bytes:
+    """Return arrays as bytes, for the answer of a process."""
+    file = io.BytesIO()
+    np.savez(file, allow_pickle=False, **arrays)
+    return file.getvalue()
 
 
 class _Trees(NamedTuple):

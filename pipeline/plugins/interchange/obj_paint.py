@@ -38,18 +38,6 @@ from render.scene.textures import ALPHA, CLAMP, Texture
 
 _NAMES = re.compile(rb"^[ \t]*(usemtl|mtllib)[ \t]+([^\r\n]*)", re.MULTILINE)
 
-_OPTIONS = {
-    b"-blendu": 1,
-    b"-blendv": 1,
-    b"-bm": 1,
-    b"-boost": 1,
-    b"-cc": 1,
-    b"-clamp": 1,
-    b"-imfchan": 1,
-    b"-texres": 1,
-}
-"""Options of a texture that change nothing of its place, and how many words follow each."""
-
 _PLACES = {b"-o": "0", b"-s": "1", b"-t": "0"}
 """Options of up to three numbers that move a texture, and the numbers that move nothing."""
 
@@ -204,23 +192,14 @@ def _entries(library: Path) -> Iterator[tuple[bytes, dict[bytes, list[bytes]]]]:
             entries[words[0].lower()] = words[1:]
 
 
-_NOT_SHOWN = {
-    b"map_ke": "the picture of its glow",
-    b"map_ks": "the picture of its highlights",
-    b"map_ns": "the picture of its shininess",
-    b"map_pr": "the picture of its roughness",
-    b"map_pm": "the picture of its metalness",
-    b"map_bump": "its bump map",
-    b"bump": "its bump map",
-    b"disp": "its displacement",
-}
-"""Statements of an MTL file that other programs show."""
+_NOT_SHOWN = (b"map_ke", b"map_ks", b"map_ns", b"map_pr", b"map_pm", b"map_bump", b"bump", b"disp")
+"""Statements of an MTL file that name pictures which other programs show."""
 
 
 def _notes(entries: dict[bytes, list[bytes]]) -> Iterator[str]:
     """Yield lines about what a material has that is not shown."""
-    if lost := dict.fromkeys(words for name, words in _NOT_SHOWN.items() if name in entries):
-        yield f"{' and '.join(lost)} {'is' if len(lost) == 1 else 'are'} not shown"
+    if lost := [name.decode() for name in _NOT_SHOWN if name in entries]:
+        yield f"not shown: {', '.join(lost)}"
     if any(_colour(entries, b"ke") or ()):
         yield "its glow, Ke, is not shown"
     if entries.get(b"kd") and _colour(entries, b"kd") is None:
@@ -303,7 +282,7 @@ def _picture_name(words: list[bytes]) -> str:
                 )
             at = end
         else:
-            at += 1 + (2 if option == b"-mm" else _OPTIONS.get(option, 1))
+            at += 1 + (2 if option == b"-mm" else 1)
     return b" ".join(words[at:]).decode("utf-8", "replace")
 
 

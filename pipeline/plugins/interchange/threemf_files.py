@@ -63,23 +63,21 @@ _LEFT_OUT = {"support": "support", "solidsupport": "support", "other": "other ob
 _BAMBU, _PRUSA = "Metadata/model_settings.config", "Metadata/Slic3r_PE_model.config"
 """The files in which slicers say what the parts of objects are."""
 
-_MODIFIER, _BLOCKER, _ENFORCER, _NEGATIVE = "modifier", "support blocker", "support enforcer", "negative part"
+_NEGATIVE = "negative part"
 
-_KINDS = {
-    "modifier_part": _MODIFIER,
-    "parametermodifier": _MODIFIER,
-    "negative_part": _NEGATIVE,
-    "negativevolume": _NEGATIVE,
-    "support_blocker": _BLOCKER,
-    "supportblocker": _BLOCKER,
-    "support_enforcer": _ENFORCER,
-    "supportenforcer": _ENFORCER,
-    "infill_mesh": _MODIFIER,
-    "cutting_mesh": _MODIFIER,
-    "support_mesh": "support",
-    "anti_overhang_mesh": _BLOCKER,
-}
-"""What slicers call parts that are no part of the shape, in small letters."""
+_KINDS = (
+    (("modifier_part", "parametermodifier", "infill_mesh", "cutting_mesh"), "modifier"),
+    (("support_blocker", "supportblocker", "anti_overhang_mesh"), "support blocker"),
+    (("support_enforcer", "supportenforcer"), "support enforcer"),
+    (("negative_part", "negativevolume"), _NEGATIVE),
+    (("support_mesh",), "support"),
+)
+"""What slicers call parts that are no part of the shape, in small letters, and what notes call them."""
+
+
+def _kind_of(word: str) -> str:
+    """Return what a part is by the word of a slicer; empty for parts of the shape."""
+    return next((kind for words, kind in _KINDS if word.lower() in words), "")
 
 
 class _Reference(NamedTuple):
@@ -163,7 +161,7 @@ class _Package:
             (item.attributes.get("id", ""), part.attributes.get("id", "")): kind
             for item in self._settings_of(_BAMBU)
             for part in item.all("part")
-            if (kind := _KINDS.get(part.attributes.get("subtype", "").lower()))
+            if (kind := _kind_of(part.attributes.get("subtype", "")))
         }
 
     @cached_property
@@ -172,11 +170,10 @@ class _Package:
         found: dict[str, list[tuple[int, int, str]]] = {}
         for item in self._settings_of(_PRUSA):
             for volume in item.all("volume"):
-                given = {each.attributes.get("key"): each.attributes for each in volume.all("metadata")}
-                kind = _KINDS.get(given.get("volume_type", {}).get("value", "").lower())
-                if kind is None and given.get("modifier", {}).get("value") == "1":
-                    kind = _MODIFIER
-                if kind:
+                given = [each.attributes for each in volume.all("metadata")]
+                pairs = {each.get("key", ""): each.get("value", "") for each in given}
+                old = "modifier_part" if pairs.get("modifier") == "1" else ""
+                if kind := _kind_of(pairs.get("volume_type", old)):
                     first, last = (int(volume.attributes.get(name, -1)) for name in ("firstid", "lastid"))
                     found.setdefault(item.attributes.get("id", ""), []).append((first, last, kind))
         return found
@@ -274,7 +271,7 @@ def _parsed_part(name: str, content: bytes) -> _ModelPart:
 
     def text(value: str) -> None:
         if setting and value.strip().lower() in ("true", "1"):
-            current.setting = current.setting or _KINDS[setting]
+            current.setting = current.setting or _kind_of(setting)
 
     def read(tag: str, given: dict[str, str]) -> None:
         nonlocal current, core, setting
@@ -282,8 +279,7 @@ def _parsed_part(name: str, content: bytes) -> _ModelPart:
         if local_name(tag) == "model":
             core = tag.removesuffix("model")
         elif local_name(tag) in ("metadata", "setting"):  # of an object of Cura
-            word = local_name(given.get("name", given.get("key", ""))).lower()
-            setting = word if word in _KINDS else ""
+            setting = local_name(given.get("name", given.get("key", "")))
         elif local_name(tag) == "beamlattice":
             current.lattices += 1
         match tag.removeprefix(core):  # slices of extensions have vertices too

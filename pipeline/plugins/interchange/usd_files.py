@@ -7,7 +7,6 @@ USD opens any.
 
 from __future__ import annotations
 
-import io
 import json
 import os
 from dataclasses import astuple, replace
@@ -15,8 +14,6 @@ from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from pipeline.errors import MissingInputError
 from pipeline.mesh.mesh_formats import FileSurface, MeshFormat, ModelFiles, ScenePart
@@ -152,8 +149,7 @@ def _texture(path: Path, found: dict[str, Any], files: dict[Path, str]) -> Textu
 
 def _paint(path: Path, part: ScenePart = _WHOLE) -> ModelPaint:
     require_usd()
-    with np.load(io.BytesIO(_asked("paint", path, part))) as arrays:
-        return ModelPaint.of(**arrays)
+    return ModelPaint.unpacked(_asked("paint", path, part))
 
 
 def _paint_of_part(part: ScenePart) -> PaintReader:

@@ -16,16 +16,8 @@ from pipeline.plugins.interchange.exported_frame import preview_surface
 from pipeline.plugins.interchange.exported_materials import parts_of
 from pipeline.plugins.interchange.openpbr import LENGTHS, openpbr_inputs
 from pipeline.plugins.interchange.usd_prims import sample
-from render.scene.materials import Material, Opacity, PatternedMaterial
+from render.scene.materials import Material, PatternedMaterial
 from render.scene.textures import BLACK, CLAMP, MIRROR, REPEAT, REPEATED, Texture
-
-_TEXTURES = {
-    "diffuseColor": "colour_texture",
-    "roughness": "roughness_texture",
-    "metallic": "metallic_texture",
-    "normal": "normal_texture",
-}
-"""Textures of materials by the inputs of a preview surface."""
 
 _ADDRESSES = {REPEAT: "periodic", CLAMP: "clamp", MIRROR: "mirror", BLACK: "constant"}
 """What is shown beyond the sides of a picture, as MaterialX names it."""
@@ -66,9 +58,10 @@ def add_material(
 def _wrap_of(look: Material, name: str) -> tuple[str, str]:
     """Return what is shown beyond the sides of the picture for an input of the preview surface of a look."""
     (part, *_) = parts_of(look)
-    opacity: Opacity | None = getattr(part, "opacity", None)
-    owner, attribute = (opacity, "texture") if name == "opacity" else (part, _TEXTURES[name])
-    texture: Texture | None = getattr(owner, attribute, None)
+    if name == "opacity":
+        texture: Texture | None = getattr(getattr(part, "opacity", None), "texture", None)
+    else:
+        texture = getattr(part, f"{'colour' if name == 'diffuseColor' else name}_texture", None)
     return REPEATED if texture is None else texture.wrap
 
 

@@ -6,7 +6,6 @@ Materials are preview surfaces (UsdPreviewSurface 2.6), with textures and primva
 from __future__ import annotations
 
 import hashlib
-import io
 import json
 import math
 from dataclasses import dataclass, field
@@ -17,6 +16,7 @@ from pxr import Ar, Usd, UsdGeom, UsdShade
 
 from pipeline.arrays import AnyArray, Floats
 from pipeline.errors import MeshError, brief
+from pipeline.plugins.interchange.model_paint import packed
 from pipeline.plugins.interchange.painted_materials import GREY
 from pipeline.plugins.interchange.scene_readers import Polygons
 from pipeline.plugins.interchange.usd_reader import (
@@ -224,9 +224,7 @@ def answer_about_paint(stage: Usd.Stage, question: str, prim: str | None, time_c
     painted.add(start_of(stage, prim))
     if question == "materials":
         return json.dumps([surface.facts for surface in painted.surfaces.values()]).encode()
-    packed = io.BytesIO()
-    np.savez(packed, allow_pickle=False, **painted.arrays())
-    return packed.getvalue()
+    return packed(painted.arrays())
 
 
 def _bound(prim: Usd.Prim) -> UsdShade.Material:
