@@ -16,9 +16,11 @@ from numpy.typing import NDArray
 
 from render.post.image import jpeg_bytes
 from render.scene.rgb_spaces import srgb_of_linear
-from render.scene.textures import REPEATED, Texture, read_picture
+from render.scene.textures import BLACK, REPEATED, Texture, read_picture
 
 Levels = NDArray[np.uint8]
+
+_LEAST_BORDERED = 64  # pixels along the shorter side of a picture with a border
 
 _KINDS = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg"}
 
@@ -41,11 +43,11 @@ def embedded(texture: Texture, widest: int, is_colour: bool) -> EmbeddedPicture:
     pixels = read_picture(texture.path, texture.digest, texture.space if is_colour else "data")
     content = Path(texture.path).read_bytes()
     kind = next((kind for start, kind in _KINDS.items() if content.startswith(start)), None)
-    if kind is not None and max(pixels.shape[:2]) <= widest:
+    if kind is not None and max(pixels.shape[:2]) <= widest and BLACK not in texture.wrap:
         is_same = hashlib.sha256(content).hexdigest() == texture.digest
         if is_same and _shows(texture.path, _levels(encode(pixels))):
             return EmbeddedPicture(kind, content, texture.wrap)
-    shown = _levels(encode(at_most(pixels, widest)))
+    shown = bordered(_levels(encode(at_most(pixels, widest))), texture.wrap)
     if kind == "image/jpeg" and is_colour:
         return EmbeddedPicture(kind, jpeg_bytes(shown), texture.wrap)
     return png(shown)._replace(wrap=texture.wrap)
@@ -63,6 +65,21 @@ def embedded_numbers(planes: Sequence[NDArray[np.float32] | None], widest: int) 
         if plane is not None:
             pixels[..., channel] = resized(plane, height, width)[..., 0]
     return png(_levels(pixels))
+
+
+def bordered(levels: Levels, wrap: tuple[str, str]) -> Levels:
+    """Return levels (H, W, C) with a black border at sides beyond which black is shown.
+
+    Programs without that show the border there. Small pictures are enlarged, so that it stays thin.
+    """
+    if BLACK not in wrap:
+        return levels
+    height, width = levels.shape[:2]
+    factor = -(-_LEAST_BORDERED // min(height, width))
+    levels = resized(levels, factor * height, factor * width)
+    for axis in (axis for axis, mode in ((1, wrap[0]), (0, wrap[1])) if mode == BLACK):
+        np.moveaxis(levels, axis, 0)[[0, -1]] = 0
+    return levels
 
 
 def _shows(path: str, shown: Levels) -> bool:
@@ -93,7 +110,7 @@ def at_most(pixels: NDArray[np.float32], widest: int) -> NDArray[np.float32]:
     return pixels
 
 
-def resized(pixels: NDArray[np.floating], height: int, width: int) -> NDArray[np.floating]:
+def resized(pixels: NDArray[Any], height: int, width: int) -> NDArray[Any]:
     """Return pixels (H, W, C) repeated to another size."""
     rows = np.arange(height) * pixels.shape[0] // height
     columns = np.arange(width) * pixels.shape[1] // width

@@ -15,6 +15,7 @@ from pipeline.plugins.interchange.exported_frame import PreviewSurface, preview_
 from render.post.embedded_textures import (
     EmbeddedPicture,
     at_most,
+    bordered,
     embedded,
     embedded_numbers,
     png,
@@ -125,7 +126,8 @@ def _with_alpha(part: Material, mask: Texture, widest: int) -> EmbeddedPicture:
     height, width = np.maximum(alpha.shape[:2], colours.shape[:2])
     planes = [resized(plane, height, width) for plane in (srgb_of_linear(colours), alpha)]
     wrap = (getattr(part, "colour_texture", None) or mask).wrap
-    return png(np.rint(255.0 * np.concatenate(planes, axis=2)).astype(np.uint8))._replace(wrap=wrap)
+    levels = np.rint(255.0 * np.concatenate(planes, axis=2)).astype(np.uint8)
+    return png(bordered(levels, wrap))._replace(wrap=wrap)
 
 
 def _numbers(

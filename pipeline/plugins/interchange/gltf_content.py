@@ -33,7 +33,7 @@ _FILTERS = {"magFilter": 9729, "minFilter": 9987}
 """Of samplers: linear, with mipmaps."""
 
 _WRAPS = {REPEAT: 10497, CLAMP: 33071, MIRROR: 33648, BLACK: 33071}
-"""What is shown beyond the sides of a picture; glTF has no black there."""
+"""What is shown beyond the sides of a picture; black is the border (`bordered`)."""
 
 _LARGEST_FILE = 2**32 - 1  # bytes that the header of a GLB can state
 

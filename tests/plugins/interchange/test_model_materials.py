@@ -213,6 +213,8 @@ def test_what_is_shown_beyond_a_picture_is_read_and_exported(
     look = Painted((1.0, 1.0, 1.0), parts=(part,))
     (exported,) = exported_materials(look)
     assert exported.colour is not None and exported.colour.wrap == wrap
+    shown = iio.imread(exported.colour.content)
+    assert (shown[0, 0].max() == 0) == (wrap == ("black", "black")) and shown[5, 3].max() > 0
     content, numbers = GltfContent(plain=True), {"repeat": 10497, "clamp": 33071, "mirror": 33648}
     content._texture(exported.colour)
     (sampler,) = content.lists["samplers"]
