@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     import ufbx
 
 _MODULE = "pipeline.plugins.interchange.fbx_paint"
-MATERIALS = "materials 4"
+MATERIALS = "materials 5"
 """The question for materials, with the version of the answers, which are stored by it."""
 
 _SHOWN = {
@@ -88,7 +88,8 @@ def _materials(path: Path) -> ModelMaterials:
     answer = answer_about_content(_MODULE, path, digest_of_file(path), "ufbx", MATERIALS)
     files: dict[Path, str] = {}
     found = json.loads(content_of(answer.encode(), path))
-    return ModelMaterials(tuple(_material(path, facts, files) for facts in found), files)
+    notes = (f"material {brief(facts['name'])}: its glow is not shown" for facts in found if facts["glows"])
+    return ModelMaterials(tuple(_material(path, facts, files) for facts in found), files, tuple(notes))
 
 
 def _material(path: Path, facts: dict[str, Any], files: dict[Path, str]) -> PatternedMaterial:
@@ -338,7 +339,7 @@ def _facts_of(material: ufbx.Material | None) -> dict[str, Any]:
     if material is None:
         facts = {"colour": GREY, "factor": 1.0, "bump": 1.0}
         facts |= {"roughness": None, "metalness": 0.0, "pictures": {}}
-        return facts | {"name": "", "opacity": 1.0, "is_mask": True}
+        return facts | {"name": "", "opacity": 1.0, "is_mask": True, "glows": False}
     features, maps, textures = counted(material.features), counted(material.pbr), _pictures_of(material)
     place, kind = f"the material {brief(material.name)}", int(material.shader_type)
     colour = _base_colour(material)
@@ -368,6 +369,8 @@ def _facts_of(material: ufbx.Material | None) -> dict[str, Any]:
     return {
         "name": material.name,
         "opacity": _opacity_of(material),
+        "glows": _number(maps, "emission_factor", 1.0) * max(counted(maps.emission_color).value_vec4[:3])
+        > 0.0,
         "is_mask": counted(counted(maps.opacity).texture) is not None,
         "colour": tuple(factor * part for part in own),
         "factor": factor,

@@ -137,7 +137,7 @@ def _materials(path: Path) -> ModelMaterials:
     notes = [f"it names its materials {brief(name)}, which is not there" for name in missing]
     unknown = [name for name in used if name and name not in known]
     for name in unknown[:_MOST_NOTES]:
-        notes.append(f"its material {_text(name)} is in none of its files of materials; it is grey here")
+        notes.append(f"its material {_text(name)} is in none of its files of materials")
     has_colours = bool(re.search(rb"^[ \t]*v(?:[ \t]+[^\s]+){6}", content, re.MULTILINE))
     parts = []
     for name in used:

@@ -36,7 +36,7 @@ _MODULE = "pipeline.plugins.interchange.usd_files"
 
 _VERSION = 1  # goes up when the process answers otherwise about the same files
 
-_PAINT_VERSION = 4  # the same for answers about materials
+_PAINT_VERSION = 5  # the same for answers about materials
 
 _WHOLE = ScenePart()
 
@@ -101,7 +101,9 @@ def _materials(path: Path, part: ScenePart = _WHOLE) -> ModelMaterials:
         store_answer(cached, known)
     files: dict[Path, str] = {}
     parts = tuple(_material(path, facts, files) for facts in known["materials"])
-    return ModelMaterials(parts, files)
+    return ModelMaterials(
+        parts, files, tuple(note for facts in known["materials"] for note in facts["notes"])
+    )
 
 
 def _material(path: Path, facts: dict[str, Any], files: dict[Path, str]) -> PatternedMaterial:

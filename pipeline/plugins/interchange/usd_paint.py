@@ -44,6 +44,8 @@ _WRAPS = ("black", "clamp", "repeat", "mirror")
 
 _SPACES = {"sRGB": "srgb", "raw": "linear"}
 
+_NOT_SHOWN = ("emissiveColor", "clearcoat", "displacement")
+
 _BEYOND = 1e-4  # of a texture: what coordinates may reach beyond its sides without showing it
 
 _DARKEST_MIRROR = 0.1
@@ -243,7 +245,7 @@ def _path_of(material: UsdShade.Material) -> str:
 
 def _facts(colour: tuple[float, ...], roughness: float | None, metalness: float) -> dict[str, Any]:
     facts = {"colour": colour, "roughness": roughness, "metalness": metalness}
-    return {**facts, **dict(_OPACITY), "has_colours": False, "is_beyond": False, "pictures": {}}
+    return {**facts, **dict(_OPACITY), "has_colours": False, "is_beyond": False, "pictures": {}, "notes": []}
 
 
 def _bare() -> _Surface:
@@ -291,7 +293,12 @@ class _Reader:
         is_matt = self._is_specular() and not max(self._value(self.shader, "specularColor", (0.0,)))
         facts = _facts(colour, None if is_matt else roughness, 0.0 if self._is_specular() else metalness)
         facts |= {name: float(self._value(self.shader, name, otherwise)) for name, otherwise in _OPACITY}
+        lost = [name for name in _NOT_SHOWN if self._node(self.shader, name)[0] or self._is_set(name)]
+        facts["notes"] = [f"{self.place}: its {name} is not shown" for name in lost]
         return _Surface(facts | {"pictures": pictures}, self._coordinates, dye)
+
+    def _is_set(self, name: str) -> bool:
+        return bool(np.any(self._value(self.shader, name, 0.0)))
 
     def _is_specular(self) -> bool:
         """Tell whether it has a specular colour. Raises MeshError for one that may be a metal's."""

@@ -159,6 +159,29 @@ def test_what_is_not_shown_of_a_material_of_an_obj_is_noted(
     assert words in " ".join(notes) and bool(notes) == bool(words)
 
 
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [
+        ("color3f inputs:emissiveColor = (0, 1, 0)", "material /world/one: its emissiveColor is not shown"),
+        ("color3f inputs:emissiveColor = (0, 0, 0)", ""),
+        ("float inputs:clearcoat = 0.5", "its clearcoat is not shown"),
+    ],
+)
+def test_what_is_not_shown_of_a_material_of_a_stage_is_noted(tmp_path: Path, value: str, words: str) -> None:
+    box = test_usd_paint.box(test_usd_paint.BIND)
+    notes = materials(test_usd_paint.write(tmp_path, test_usd_paint.material("one", value), box)).notes
+    assert words in " ".join(notes) and bool(notes) == bool(words)
+
+
+@pytest.mark.parametrize("factor", [0.0, 1.0])
+def test_a_glow_of_an_fbx_material_is_noted(tmp_path: Path, factor: float) -> None:
+    glow = {"EmissiveColor": (0.0, 1.0, 0.0), "EmissiveFactor": factor}
+    first = fbx_writer.material(3, DiffuseColor=(0.5, 0.5, 0.5), **glow)
+    picture(tmp_path / "atlas.png")
+    path = test_fbx_paint.write(tmp_path / "box.fbx", test_fbx_paint.painted_box(first=first))
+    assert ("its glow is not shown" in " ".join(materials(path).notes)) == bool(factor)
+
+
 def _gltf(folder: Path, across: int, up: int) -> Path:
     scene = gltf_box(folder, pbrMetallicRoughness={"baseColorTexture": {"index": 0}})
     scene.json["samplers"] = [{"wrapS": across, "wrapT": up}]
