@@ -125,9 +125,9 @@ def answer_about_content(module: str, path: Path, digest: str, library: str, *op
     Raises as `answer_of`.
     """
     known = cache_path("parsed", [module, library, version(library), digest, *options])
-    stored = load_answer(known)
-    if stored is not None and isinstance(stored.get("answer"), str):
-        return str(stored["answer"])
+    stored = load_answer(known, lambda it: it["answer"])
+    if isinstance(stored, str):
+        return stored
     answer = answer_of(module, path, *options).decode()
     store_answer(known, {"answer": answer})
     return answer

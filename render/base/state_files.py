@@ -29,7 +29,7 @@ def read_state(path: Path, reader: Callable[[Any], T]) -> T | None:
     reader  takes plain data; it converts all that is used later, and raises one of UNUSABLE or a
             FlowsculptError for what it cannot use
     """
-    return usable(lambda: reader(plain_data(path.read_text(encoding="utf-8"))))
+    return usable(lambda: reader(plain_data(path.read_bytes())))
 
 
 def usable(read: Callable[[], T]) -> T | None:
@@ -40,7 +40,7 @@ def usable(read: Callable[[], T]) -> T | None:
         return None
 
 
-def plain_data(text: str) -> Any:
+def plain_data(text: str | bytes) -> Any:
     """Return the plain data of JSON, with finite numbers. Raises ValueError or RecursionError."""
     return json.loads(text, parse_int=_whole, parse_float=_finite, parse_constant=_finite)
 
@@ -50,6 +50,11 @@ def mapping(data: Any) -> dict[str, Any]:
     if not isinstance(data, dict):
         raise TypeError("not a JSON object")
     return data
+
+
+def numbers(data: Any) -> dict[str, int]:
+    """Return a JSON object of whole numbers. Raises TypeError or ValueError for other data."""
+    return {name: int(number) for name, number in mapping(data).items()}
 
 
 def _whole(digits: str) -> int:

@@ -13,16 +13,19 @@ import os
 import stat
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import platformdirs
 
 from render.base.atomic_write import atomic_write
 from render.base.render_errors import MachineError
+from render.base.state_files import mapping, read_state
+
+T = TypeVar("T")
 
 WARNED = "FLOWSCULPT_CACHE_WARNED"
 """The environment variable by which a process lets those it starts know that the user was warned."""
@@ -131,13 +134,9 @@ def cache_path(kind: str, depends_on: Sequence[str], suffix: str = ".json") -> P
     return readable_cache() / kind / f"{name}{suffix}"
 
 
-def load_answer(path: Path) -> dict[str, Any] | None:
-    """Return the stored answer, or None where there is none that can be read."""
-    try:
-        answer = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return None
-    return answer if isinstance(answer, dict) else None
+def load_answer(path: Path, reader: Callable[[dict[str, Any]], T]) -> T | None:
+    """Return what `reader`, as `read_state` takes it, makes of a stored answer; None where there is none."""
+    return read_state(path, lambda answer: reader(mapping(answer)))
 
 
 def store_answer(path: Path, answer: dict[str, Any]) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import time
 import zipfile
+import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from render.base.atomic_write import atomic_write
 from render.base.render_errors import MachineError
 from render.base.root_files import remove
+from render.base.state_files import UNUSABLE
 
 SECONDS = 10.0
 """Least time between two checkpoints: a frame that takes less has none and pays nothing."""
@@ -61,7 +63,7 @@ class Checkpoint:
             self.resumed = int(state["done"])
         except (FileNotFoundError, NotADirectoryError):
             return None
-        except (OSError, zipfile.BadZipFile, ValueError, KeyError, EOFError, AttributeError) as error:
+        except (*UNUSABLE, zipfile.BadZipFile, zlib.error, EOFError) as error:
             self.warn(f"{self.path} cannot be read ({error}); its picture is rendered from the start")
             self.remove()
             return None

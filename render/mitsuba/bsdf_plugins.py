@@ -59,13 +59,22 @@ def refusal(bsdf: Bsdf) -> Refusal | None:
     None also where the machine is too busy to ask: rendering will then report it.
     """
     path = cache_path("materials", [version("mitsuba"), bsdf.text, *(file.digest for file in bsdf.files)])
-    stored = load_answer(path)
-    answer = stored["refused"] if stored is not None and "refused" in stored else _ask_process(bsdf)
+    stored = load_answer(path, lambda known: _refusals(known["refused"]))
+    if stored is not None:
+        return next(iter(stored), None)
+    answer = _ask_process(bsdf)
     if answer is None:
         return None
-    if stored is None:
-        store_answer(path, {"refused": answer})
-    return (tuple(answer[0]), str(answer[1])) if answer else None
+    store_answer(path, {"refused": answer})
+    return next(iter(_refusals(answer)), None)
+
+
+def _refusals(answer: Any) -> list[Refusal]:
+    """Return the refusal in what `load_error` returned, if any. Raises TypeError or ValueError for others."""
+    if answer == []:
+        return []
+    names, reason = list(answer)
+    return [(tuple(map(str, names)), str(reason))]
 
 
 def parse_reason(message: str) -> Refusal:

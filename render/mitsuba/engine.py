@@ -169,9 +169,9 @@ def is_compiled() -> bool:
 def works(variant: str, library: LibLlvm | None = None) -> bool:
     """Tell whether one sample renders, in a process of its own. Cached by machine, version and library."""
     cached = _cache_file(variant, library)
-    known = load_answer(cached)
-    if known is not None and "works" in known:
-        return bool(known["works"])
+    known = load_answer(cached, lambda stored: stored["works"])
+    if isinstance(known, bool):
+        return known
     answer = _probe(variant, library)
     if answer is not None and (answer or variant not in GPU_VARIANTS):  # a driver may be installed later
         store_answer(cached, {"works": answer, "variant": variant, "library": str(library and library.path)})

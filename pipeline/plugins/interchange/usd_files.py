@@ -27,6 +27,7 @@ from pipeline.plugins.interchange.painted_materials import (
 from pipeline.plugins.interchange.scene_readers import answered, asked, require_package, unpacked_surface
 from render.base.input_files import digest_of_file, joint_digest
 from render.base.limited_process import allow_memory, serve
+from render.base.state_files import mapping
 from render.base.user_cache import cache_path, load_answer, store_answer
 from render.scene.materials import PatternedMaterial
 from render.scene.painted_faces import Files, ModelMaterials, PaintReader
@@ -55,15 +56,22 @@ def stage_files(path: Path) -> ModelFiles:
     require_usd()
     own, name = digest_of_file(path), str(path.absolute())
     cached = cache_path("parsed", ["usd", str(_VERSION), version("usd-core"), name, own])
-    known = load_answer(cached) or {}
-    digests: dict[str, str] = known.get("digests", {})
-    if not digests or any(_digest(Path(file)) != digest for file, digest in digests.items()):
+    known = load_answer(cached, _known_files)
+    if known is None:
         facts = json.loads(_asked("facts", path, _WHOLE))
-        digests = {name: own, **{file: digest_of_file(Path(file)) for file in facts["files"]}}
-        known = {"up": facts["up"], "digests": digests}
-        store_answer(cached, known)
+        known = facts["up"], {name: own, **{file: digest_of_file(Path(file)) for file in facts["files"]}}
+        store_answer(cached, dict(zip(("up", "digests"), known, strict=True)))
+    up, digests = known
     others = [(Path(file), digest) for file, digest in digests.items() if file != name]
-    return ModelFiles(joint_digest(list(digests.values())), ((path, own), *others), known["up"])
+    return ModelFiles(joint_digest(list(digests.values())), ((path, own), *others), up)
+
+
+def _known_files(answer: dict[str, Any]) -> tuple[Any, dict[str, str]]:
+    """Return the axis that is up, and the digests of files, if no file has changed. Raises ValueError."""
+    digests = mapping(answer["digests"])
+    if not digests or any(_digest(Path(file)) != digest for file, digest in digests.items()):
+        raise ValueError("a file has changed")
+    return answer["up"], digests
 
 
 def read_usd(path: Path, part: ScenePart = _WHOLE) -> FileSurface:
@@ -95,15 +103,18 @@ def _materials(path: Path, part: ScenePart = _WHOLE) -> ModelMaterials:
         *map(str, astuple(part)),
     ]
     cached = cache_path("parsed", ["usd paint", str(_PAINT_VERSION), *depends_on])
-    known = load_answer(cached)
-    if known is None:
-        known = {"materials": json.loads(_asked("materials", path, part))}
-        store_answer(cached, known)
-    files: dict[Path, str] = {}
-    parts = tuple(_material(path, facts, files) for facts in known["materials"])
-    return ModelMaterials(
-        parts, files, tuple(note for facts in known["materials"] for note in facts["notes"])
-    )
+
+    def made(answer: dict[str, Any]) -> ModelMaterials:
+        files: dict[Path, str] = {}
+        parts = tuple(_material(path, facts, files) for facts in answer["materials"])
+        notes = (note for facts in answer["materials"] for note in facts["notes"])
+        return ModelMaterials(parts, files, tuple(notes))
+
+    if (known := load_answer(cached, made)) is not None:
+        return known
+    answer = {"materials": json.loads(_asked("materials", path, part))}
+    store_answer(cached, answer)
+    return made(answer)
 
 
 def _material(path: Path, facts: dict[str, Any], files: dict[Path, str]) -> PatternedMaterial:

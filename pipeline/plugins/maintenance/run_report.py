@@ -96,7 +96,9 @@ class RunReport:
             name = PLANNING if all(job.began is None for job in ours) else UNENDED
             spent[name] = max(0.0, whole - sum(job.cpu for job in ours))
         waiting = {what: waited for what, waited in waiting.items() if is_counted and waited > 0.0}
-        made = Counter(str(e["stage"]) for e in events if e["event"] == "frame" and not e["found"])
+        made = Counter(
+            str(e["stage"]) for e in events if e["event"] == "frame" and "stage" in e and not e.get("found")
+        )
         return cls(run, seconds, cores, on_farm, is_counted, dict(spent), waiting, dict(made))
 
     @property
@@ -195,10 +197,10 @@ def _jobs(events: Iterable[Event], last: float, is_counted: bool) -> dict[str, _
             job.threads = int(event.get("threads", 1))
             job.began = float(event["time"]) if job.began is None else job.began
         elif what == "frame":
-            seconds = float(event["seconds"])
+            seconds = float(event.get("seconds", 0.0))
             job.frames.append((event, Timing(seconds, float(event.get("cpu", seconds * job.threads)))))
         elif what == "work":
-            job.work += float(event["cpu"])
+            job.work += float(event.get("cpu", 0.0))
         else:
             job.used += float(event.get("cpu", 0.0))
             if what == "end" and job.began is not None:
@@ -218,9 +220,9 @@ def _parts(root: Path, job: _Job) -> Iterator[tuple[str, Timing]]:
     """Yield what the time of a job's frames, and of the rest of its stage, went into."""
     yield job.stage, Timing(0.0, job.work)
     for event, taken in job.frames:
-        stage = str(event["stage"])
+        stage = job.stage
         statistics = None
-        if stage == "render" and not event["found"] and "quality" in event:
+        if stage == "render" and not event.get("found") and "quality" in event:
             statistics = read_statistics(_statistics_of(root, event))
         if statistics is None or not sum(statistics.seconds.values()):
             yield stage, taken

@@ -5,7 +5,6 @@ What a root holds output of is known by its shots of today, and by the plans of 
 
 from __future__ import annotations
 
-import json
 import re
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
@@ -38,6 +37,7 @@ from pipeline.production.store.paths import PLANS, RENDERS
 from pipeline.production.store.store import Key, Store
 from render.base.root_files import remove
 from render.base.serialise import from_plain
+from render.base.state_files import UNUSABLE, read_state
 from render.scene.render_quality import DEFAULT_QUALITY
 
 Film = tuple[Edit, list[RenderRequest]]
@@ -71,16 +71,17 @@ def last_requests(root: Path, count: int) -> Iterator[RenderRequest]:
     """Yield the requests of the last `count` runs of each shot at each quality, from their plans."""
     seen: Counter[tuple[Any, ...]] = Counter()
     for path in sorted((root / PLANS).glob("*.json"), reverse=True):
-        with suppress(OSError, ValueError, KeyError):
-            for data in json.loads(path.read_text(encoding="utf-8"))["requests"]:
+        for data in read_state(path, lambda plan: list(plan["requests"])) or ():
+            with suppress(*UNUSABLE, FlowsculptError):  # of an earlier version, or damaged
                 if not is_quality(data["quality_name"]):
                     continue  # a quality of an earlier version
                 if data["source"].get("subject"):
                     continue  # one of several subjects, whose shot is in the plan too
                 about = data["source"]["path"], data["quality_name"], str(data["turntable"]), data.get("home")
+                request = from_plain(RenderRequest, data)
                 seen[about] += 1
                 if seen[about] <= count:
-                    yield from_plain(RenderRequest, data)
+                    yield request
 
 
 def _qualities(folder: Path) -> list[str]:

@@ -32,6 +32,7 @@ from pipeline.shot.yaml.inheritance import OPTION, inherited
 from pipeline.shot.yaml.yaml_source import Where, YamlSource, in_yaml
 from render.base.render_errors import RenderError
 from render.base.serialise import from_plain
+from render.base.state_files import read_state
 from render.post.image import CONVENTION, read_header
 
 MISSING = object()
@@ -368,9 +369,6 @@ def _version(value: Any) -> str:
 
 def _source_in(plan: Path, request: RenderRequest) -> ShotSource | None:
     """Return the source of a request's shot at its quality in a frozen plan."""
-    with contextlib.suppress(OSError, ValueError, KeyError, RenderError):
-        for data in json.loads(plan.read_text(encoding="utf-8"))["requests"]:
-            planned = from_plain(RenderRequest, data)
-            if (planned.label, planned.home) == (request.label, request.home):
-                return planned.source
-    return None
+    planned = read_state(plan, lambda data: [from_plain(RenderRequest, each) for each in data["requests"]])
+    same = (each for each in planned or () if (each.label, each.home) == (request.label, request.home))
+    return next((each.source for each in same), None)

@@ -20,6 +20,7 @@ from pipeline.production.store import readers
 from pipeline.production.store.digests import CorruptFileError
 from pipeline.production.store.store import Key, Store, key_of
 from pipeline.statistics import self_intersections
+from render.base.state_files import mapping, read_state
 
 BINS = 48
 """Bins of a histogram."""
@@ -172,9 +173,11 @@ def _of_frame(
     try:
         store.bring("measures", key)
         store.digests.check(known)
-        return dict(json.loads(known.read_text(encoding="utf-8")))
-    except (CorruptFileError, OSError, ValueError):
-        store.discard("measures", key)
+        if (measured := read_state(known, mapping)) is not None:
+            return measured
+    except (CorruptFileError, OSError):
+        pass
+    store.discard("measures", key)
     try:
         store.digests.check(path)
         found = measures_of(readers.mesh_frame(mesh, number)(path), maximum, count_crossings)

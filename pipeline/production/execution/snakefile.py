@@ -132,7 +132,7 @@ class PlannedWorkflow:
         job = self._job(rule, wildcards)
         try:
             known = (self._root / movie_record(job.output)).read_text(encoding="utf-8")
-        except OSError:
+        except (OSError, ValueError):
             return job.key
         if job.present:
             return known

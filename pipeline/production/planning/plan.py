@@ -39,6 +39,7 @@ from pipeline.production.store.store import Key, Store
 from render.base.atomic_write import atomic_write
 from render.base.root_files import remove, set_time
 from render.base.serialise import NOT_PLAIN, from_plain, to_plain
+from render.base.state_files import read_state, usable
 
 
 def done_file(stage: str, shot: str, quality: str, frames: Sequence[int], key: str) -> str:
@@ -79,13 +80,9 @@ def check_done_files(plan: Plan, store: Store) -> None:
 
 def _is_true(job: Job, path: Path, store: Store) -> bool:
     """Tell whether a done-file names all that its job makes, and the store holds it."""
-    try:
-        manifest = json.loads(path.read_text(encoding="utf-8"))
-        kind, keys = manifest["kind"], manifest["keys"]
-    except (OSError, ValueError, KeyError, TypeError):
-        return False
     made = 1 if job.stage == "frame_camera" else len(job.frames)
-    return len(keys) == made and all(store.holds(kind, key) for key in keys)
+    kind, keys = read_state(path, lambda manifest: (manifest["kind"], list(manifest["keys"]))) or ("", [])
+    return len(keys) == made and bool(usable(lambda: all(store.holds(kind, key) for key in keys)))
 
 
 TIME_FORMAT = "%Y%m%d-%H%M%S"

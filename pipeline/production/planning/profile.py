@@ -31,6 +31,7 @@ from pipeline.errors import MachineError, MissingInputError, UsageError, suggest
 from pipeline.production.store.paths import STATE
 from render.base.atomic_write import atomic_write
 from render.base.python_process import command_line
+from render.base.state_files import mapping, read_state
 from render.mitsuba.engine import DEFAULT_ORDER, GPU_VARIANTS, VARIANTS, choose, works
 from render.mitsuba.llvm import OLDEST_VERSION
 
@@ -295,11 +296,9 @@ def avoid(root: Path, shot: str, variant: str, reason: str) -> bool:
 
 def _avoided(root: Path, shot: str) -> dict[str, str]:
     """Return the variants that failed on this shot and the reasons; a new Mitsuba gets a new chance."""
-    try:
-        memory = json.loads(_memory(root, shot).read_text(encoding="utf-8"))
-    except (FileNotFoundError, ValueError):
-        return {}
-    return dict(memory["avoid"]) if memory.get("mitsuba") == version("mitsuba") else {}
+    memory = read_state(_memory(root, shot), mapping) or {}
+    avoided = memory.get("avoid") if memory.get("mitsuba") == version("mitsuba") else None
+    return {name: str(why) for name, why in avoided.items()} if isinstance(avoided, dict) else {}
 
 
 def _memory(root: Path, shot: str) -> Path:

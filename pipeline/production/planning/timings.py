@@ -9,16 +9,15 @@ left out where they are missing or damaged: they inform, and decide no result.
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pipeline.production.stages import STAGES
 from pipeline.production.store.history import History
+from render.base.state_files import read_state
 
 if TYPE_CHECKING:
     from pipeline.production.request.render_request import RenderRequest
@@ -67,9 +66,9 @@ class RenderStatistics:
 
 def read_statistics(path: Path) -> RenderStatistics | None:
     """Read the statistics of one picture; None where they are missing or damaged."""
-    with suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
-        data = json.loads(path.read_text(encoding="utf-8"))
-        return RenderStatistics(
+    return read_state(
+        path,
+        lambda data: RenderStatistics(
             key=str(data["key"]),
             seconds={str(part): float(seconds) for part, seconds in data["seconds"].items()},
             threads=int(data["threads"]),
@@ -77,8 +76,8 @@ def read_statistics(path: Path) -> RenderStatistics | None:
             resumed_batches=int(data.get("resumed_batches", 0)),
             pixels=int(data.get("pixels", 0)),
             cpu_seconds={str(part): float(cpu) for part, cpu in data.get("cpu_seconds", {}).items()},
-        )
-    return None
+        ),
+    )
 
 
 def statistics_in(folder: Path) -> Iterator[RenderStatistics]:

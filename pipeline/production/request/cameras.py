@@ -20,6 +20,7 @@ from pipeline.production.store.digests import CorruptFileError
 from pipeline.production.store.store import Key, Store, key_of
 from render.base.render_errors import BadInputError
 from render.base.serialise import from_plain
+from render.base.state_files import mapping, read_state
 
 if TYPE_CHECKING:
     from pipeline.production.request.framing import Framing
@@ -137,11 +138,10 @@ class ShownCameras:
         path = request.folders.cameras()
         if noted is None or not store.shows("cameras", noted.key, path):
             return None
-        try:
-            data: dict[str, Any] = json.loads((store.root / path).read_text(encoding="utf-8"))
-            known = dict.fromkeys(number for number in request.angles if str(number) in data)
-        except (OSError, ValueError, TypeError):
+        data = read_state(store.root / path, mapping)
+        if data is None:
             return None
+        known = dict.fromkeys(number for number in request.angles if str(number) in data)
         before, now = noted.digests, FramingInputs.of(request)
         same = {n for n in known if before.inputs.get(n) == now.inputs[n]}
         return cls(

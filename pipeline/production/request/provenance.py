@@ -24,6 +24,7 @@ from pipeline.shot.yaml.named_files import NAME, is_there
 from render.base.input_files import digest_of_file
 from render.base.render_errors import BadInputError
 from render.base.serialise import from_plain, to_plain
+from render.base.state_files import UNUSABLE
 from render.mitsuba.engine import available_cores
 from render.post.image import read_exr
 
@@ -135,7 +136,7 @@ class Provenance:
             raise MissingInputError(
                 f"{path}: cannot be read ({error.strerror}); check its permissions"
             ) from None
-        except (KeyError, TypeError, ValueError, AttributeError, BadInputError):
+        except (*UNUSABLE, BadInputError):
             raise UsageError(
                 f"{path}: not the provenance of a published version, or cut short; use the one that "
                 "flowsculpt "

@@ -29,15 +29,17 @@ import contextlib
 import json
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import NoneType
 from typing import Any
 
 from pipeline.production.store.paths import EVENTS
 from render.base.atomic_write import machine_error
 from render.base.root_files import appended
+from render.base.state_files import plain_data
 
 Event = dict[str, Any]
 
@@ -116,10 +118,23 @@ class EventReader:
 def event_in(line: bytes) -> Event | None:
     """Return the event of a line; None where it is damaged, or was cut short by a full disk."""
     with contextlib.suppress(ValueError, RecursionError):
-        event = json.loads(line)
-        if isinstance(event, dict) and isinstance(event.get("event"), str):
-            return {"job": "", "time": 0.0, **event}
+        event = plain_data(line)
+        if isinstance(event, dict) and "event" in event:
+            event = {"job": "", "time": 0.0, **event}
+            if all(isinstance(value, _KINDS.get(name, object)) for name, value in event.items()):
+                return event
     return None
+
+
+_NUMBER, _COUNT, _TEXT = (int, float), (int, NoneType), (str, NoneType)
+
+_KINDS: Mapping[str, tuple[type, ...]] = {
+    **dict.fromkeys(("event", "job"), (str,)),
+    **dict.fromkeys(("stage", "shot", "quality", "message", "activity"), _TEXT),
+    **dict.fromkeys(("time", "seconds", "cpu", "share"), _NUMBER),
+    **dict.fromkeys(("frame", "threads", "cores", "process", "done", "most", "exit_code"), _COUNT),
+}
+"""What the facts of events are, by name. A line with others is damaged, or of somebody else."""
 
 
 def logs_of(root: Path) -> list[Path]:

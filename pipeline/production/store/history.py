@@ -30,6 +30,7 @@ from pipeline.production.store.paths import LOGS, STATE
 from pipeline.production.store.remote_store import LOG
 from render.base.atomic_write import atomic_write, machine_error
 from render.base.root_files import remove, remove_tree
+from render.base.state_files import UNUSABLE, numbers, plain_data, read_state, usable
 
 HISTORY = STATE / "history"
 
@@ -93,11 +94,11 @@ class StageHistory:
     def from_data(cls, data: Any) -> StageHistory:
         failed = {int(frame): str(message) for frame, message in data["failed"].items()}
         made = {
-            int(frame): Made(run, seconds, int(threads), *cpu)
+            int(frame): Made(run, float(seconds), int(threads), None if cpu in ([], [None]) else float(*cpu))
             for run, frames in data["made"].items()
             for frame, (seconds, threads, *cpu) in frames.items()
         }
-        return cls(data["pace"], failed, made)
+        return cls(None if data["pace"] is None else float(data["pace"]), failed, made)
 
 
 Place = tuple[str, str]
@@ -163,7 +164,7 @@ class History:
         run = _Run(self, log.stem)
         try:
             for event in EventReader(log).new():
-                with contextlib.suppress(KeyError, TypeError, ValueError):  # a damaged line
+                with contextlib.suppress(*UNUSABLE):  # a damaged line
                     run.add(event)
         except OSError as error:
             self._leave_out(Path(error.filename), error)
@@ -186,16 +187,15 @@ class History:
     def _summary_in(self, path: Path) -> dict[Place, dict[str, StageHistory]]:
         """Return the stages in a summary by their place; none where it is not there, or cannot be read."""
         try:
-            data = json.loads(path.read_text(encoding="utf-8"))
-            stages = {name: StageHistory.from_data(stage) for name, stage in data["stages"].items()}
-            return {(str(data["shot"]), str(data["quality"])): stages}
+            content = path.read_bytes()
         except FileNotFoundError:
             return {}
         except OSError as error:
             self._leave_out(path, error)
-        except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+            return {}
+        if (stages := usable(lambda: _stages(plain_data(content)))) is None:
             _warn(f"{path}: it is damaged; {LEFT_OUT}. The next run writes it again.")
-        return {}
+        return stages or {}
 
     def _leave_out(self, path: Path, error: OSError) -> None:
         self.is_whole = False
@@ -260,11 +260,15 @@ class _Run:
                 works.pop((job, frame))
 
 
+def _stages(data: Any) -> dict[Place, dict[str, StageHistory]]:
+    """Return the stages of a summary by their place. Raises one of UNUSABLE for other data."""
+    stages = {name: StageHistory.from_data(stage) for name, stage in data["stages"].items()}
+    return {(str(data["shot"]), str(data["quality"])): stages}
+
+
 def logs_added(root: Path) -> dict[str, int]:
     """Return the size that each log had when it was added to the summaries."""
-    with contextlib.suppress(OSError, ValueError):
-        return dict(json.loads((root / HISTORY / "logs.json").read_text(encoding="utf-8")))
-    return {}
+    return read_state(root / HISTORY / "logs.json", numbers) or {}
 
 
 @cache

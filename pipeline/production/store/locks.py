@@ -25,6 +25,7 @@ from pipeline.errors import MachineError
 from pipeline.production.store.paths import STATE
 from render.base.atomic_write import disk_errors
 from render.base.root_files import open_file, remove, require_own_folders
+from render.base.state_files import read_state
 from render.base.user_cache import user_number
 
 
@@ -223,15 +224,12 @@ def _myself(words: str) -> dict[str, str | int]:
 
 
 def _holder_in(path: Path) -> str:
-    try:
-        holder = json.loads(path.read_text(encoding="utf-8"))
-        return "{user} on {host}, process {process}, since {since}".format(**holder)
-    except (OSError, ValueError, KeyError, TypeError):
-        return "a process that has not said who it is"
+    words = "{user} on {host}, process {process}, since {since}"
+    return read_state(path, lambda holder: words.format(**holder)) or "a process that has not said who it is"
 
 
 def _holders(root: Path) -> Iterator[str]:
     """Yield what runs make now, and who they are."""
     for path in sorted((root / LOCKS).glob("*.lock")):
-        with contextlib.suppress(OSError, ValueError, KeyError):
-            yield f"{json.loads(path.read_text(encoding='utf-8'))['words']} by {_holder_in(path)}"
+        if (words := read_state(path, lambda holder: str(holder["words"]))) is not None:
+            yield f"{words} by {_holder_in(path)}"

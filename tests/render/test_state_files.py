@@ -1,0 +1,50 @@
+"""JSON that is kept between runs is used where it is what its reader expects, and else counts as none."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from render.base.state_files import mapping, numbers, read_state
+from render.base.user_cache import load_answer, store_answer
+
+pytestmark = pytest.mark.quick
+
+
+def test_what_was_written_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "answer.json"
+    store_answer(path, {"works": True, "é": [1, 2.5, None]})
+    assert load_answer(path, lambda answer: answer["é"]) == [1, 2.5, None]
+    path.write_text(json.dumps({"a": 1}))
+    assert read_state(path, numbers) == {"a": 1}
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        *(
+            "",
+            "[]",
+            "null",
+            '"x"',
+            "7" * 400,
+            '{"a": %s}' % ("7" * 5000),
+            "[" * 100_000,
+            '{"a": 1',
+            '{"a": "x"}',
+        ),
+        *('{"a": NaN}', '{"a": -Infinity}', '{"a": 1e999}', '{"a": [1]}', '{"a": null}', '{"a": 1} {}'),
+    ],
+)
+def test_what_no_run_has_written_counts_as_none(tmp_path: Path, content: str) -> None:
+    path = tmp_path / "state.json"
+    path.write_text(content)
+    assert read_state(path, numbers) is None
+
+
+def test_files_that_cannot_be_read_count_as_none(tmp_path: Path) -> None:
+    (tmp_path / "binary").write_bytes(b"\xff\xfe\x00{")
+    for path in (tmp_path, tmp_path / "missing", tmp_path / "binary", tmp_path / "binary" / "below"):
+        assert read_state(path, mapping) is None
