@@ -143,10 +143,7 @@ class SequenceGrid:
 
 
 def begun(project: Project, path: Path) -> Iterator[RenderRequest]:
-    """Yield the request of a shot at each quality, crop and scale that has a folder, as it was finished.
-
-    A crop that the shot's pictures of today cannot have is left out, with a note to the project.
-    """
+    """Yield the request of each quality, crop and scale with a folder; note crops that are left out."""
     home = project.root / Folders.of_shot(path.stem).home
     for name in sorted(place.name for place in home.glob("*/") if is_quality(place.name)):
         request = project.request(path, name)
