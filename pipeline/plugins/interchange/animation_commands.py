@@ -51,9 +51,10 @@ def gltf(
 
     `flowsculpt export gltf A010_cube` writes renders/A010_cube/models/A010_cube.glb: one mesh, with morph
     targets at as few keyframes as keep each frame within a quarter of an edge. It is compressed with
-    EXT_meshopt_compression, which three.js, Babylon.js and model-viewer read; `--plain` writes a larger file
-    that every program reads. Pictures of the look are in the file, compressed ones with at most 2048 pixels
-    on a side. With `--instances` rigid copies are nodes that share a mesh, in NAME.instances.glb.
+    EXT_meshopt_compression, which pages want, and three.js, Babylon.js, model-viewer and Blender from 5.2
+    read. For Blender before that and other programs, `--plain` writes a file that all read, about four times
+    as large. Pictures of the look are in the file, compressed ones with at most 2048 pixels on a side.
+    With `--instances` rigid copies are nodes that share a mesh, in NAME.instances.glb.
     """
     project, asked, folder = asked_for(common, shot, options, DEFAULT_QUALITY, "models")
     parts = tuple(Unification(part, project.store, options.vertices, options.until) for part in asked.parts)
@@ -132,6 +133,7 @@ def _export(common: Common, exports: list[AnimationExport]) -> None:
                 known = {"subjects": [mesh_facts(mesh) for mesh in meshes], "held": held}
             seconds = time.monotonic() - started
             words.append(f"{export.path}: {shown}, {size(export.bytes)}, in {seconds:.0f} s.")
+            words += [export.readers] if export.readers else []
             known |= {"path": str(export.path), "written": export.files.written, "bytes": export.bytes}
             facts.append(known | {"seconds": round(seconds, 2)})
     print_result("\n".join(words), facts[0] if len(facts) == 1 else facts, common.json)

@@ -70,6 +70,11 @@ class AnimationExport(ABC):
         """Write the files; return how the motion is held, in words."""
 
     @property
+    def readers(self) -> str:
+        """The programs that read the files, and what others need; empty where every program reads them."""
+        return ""
+
+    @property
     def name(self) -> str:
         """The name of the shot in files, with that of the subject where it is one of several."""
         return self.request.motion_folders.part_name
@@ -173,6 +178,12 @@ class GltfExport(AnimationExport):
     @property
     def facts(self) -> list[Any]:
         return [self.plain]
+
+    @property
+    def readers(self) -> str:
+        compressed = "It is compressed with EXT_meshopt_compression"
+        readers = "three.js, Babylon.js, model-viewer and Blender from 5.2 read"
+        return "" if self.plain else f"{compressed}, which {readers}. --plain writes one for every program."
 
     def write_files(self, meshes: list[OneMesh], began: Began) -> str:
         parts = self.moving(meshes, began)

@@ -81,6 +81,21 @@ def test_files_are_written_once_and_again_where_they_are_damaged(root: Path, for
     assert less["subjects"][0]["vertices"] == 320 and less["subjects"][0]["frames"] == [2, 3, 4, 5]
 
 
+def test_a_compressed_file_is_written_with_a_word_on_programs_that_lack_the_compression(
+    root: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(root)
+    for options, says in (((), True), (("--plain",), False)):
+        code, said = commanded(root, "export", "gltf", NAME, "-o", str(root / "words"), *options)
+        content = (root / "words" / f"{NAME}.glb").read_bytes()
+        assert code == 0
+        assert (
+            (b"EXT_meshopt_compression" in content)
+            == ("--plain writes one for every program" in said)
+            == says
+        )
+
+
 def test_a_dry_run_says_what_would_be_refined_and_writes_nothing(root: Path, tmp_path: Path) -> None:
     report = export(root, "gltf", NAME, "--dry-run", "-o", str(tmp_path / "there"), "--set", "rate=12")
     assert report["refining"] == {NAME: 0} or report["refining"][NAME] <= 6
