@@ -32,6 +32,17 @@ def test_every_key_press_is_one_frame(opened: Opened) -> None:
     assert look.number == 1
 
 
+def test_the_focus_of_the_keyboard_is_seen_on_bright_and_on_dark_pictures(opened: Opened) -> None:
+    look = opened()
+    for _ in range(4):
+        look.press("Tab")
+        style = look.ask(
+            "(({outlineStyle, outlineColor, boxShadow}) => [outlineStyle, outlineColor, boxShadow])"
+            "(getComputedStyle(document.activeElement))"
+        )
+        assert style[:2] == ["solid", "rgb(255, 255, 255)"] and style[2].startswith("rgb(0, 0, 0)")
+
+
 def test_playing_shows_every_frame_of_the_loop_in_turn(opened: Opened) -> None:
     look = opened(a="T010_tiny · daily.scale50", frame=3)
     look.press("[")
