@@ -12,7 +12,7 @@ import typer
 
 from pipeline.animation import FrameProgress
 from pipeline.animation.flow_cost import estimated_vertices, growth_warning
-from pipeline.cli.options import Common, Frames, Shot, ShotOptions, at_option, output_option
+from pipeline.cli.options import Common, ShotOptions, at_option, frames_option, output_option
 from pipeline.cli.output import err, frame_progress, make_folder_of, print_error, print_result, print_warning
 from pipeline.errors import FlowsculptError, UsageError
 from pipeline.flow.flow import require_permission
@@ -39,10 +39,14 @@ from render.scene.render_quality import DEFAULT_QUALITY
 
 def preview(
     common: Common,
-    shot: Shot,
+    shot: Annotated[
+        str, typer.Argument(metavar="SHOT", help="A shot or an edit: a name in shots/, or a path.")
+    ],
     options: ShotOptions,
     at: Annotated[int | None, at_option("Draw a still of this frame. Default: a movie.")] = None,
-    frames: Frames = None,
+    frames: Annotated[
+        str | None, frames_option("Draw a movie of these frames: 1-48, 1-48x2, 1-24,30. Default: all.")
+    ] = None,
     flow: Annotated[
         bool, typer.Option("--flow", help="Draw the flow: its streamlines at each frame, coloured by speed.")
     ] = False,
@@ -52,23 +56,23 @@ def preview(
         typer.Option(
             "--burn-in",
             metavar="FIELDS",
-            help="Burn into the picture: all, or some of shot,frame,timecode,key.",
+            help="Burn into the picture: all, or some of shot, frame, timecode, key.",
         ),
     ] = None,
     live: Annotated[
         bool,
-        typer.Option("--live", help="Open a page that shows the shot, follows edits of its file, and edits."),
+        typer.Option("--live", help="Open a page in the browser that shows the shot and edits its file."),
     ] = False,
     watch: Annotated[
         bool, typer.Option("--watch", help="Draw again whenever the shot file is saved, until Ctrl-C.")
     ] = False,
     port: Annotated[
         int,
-        typer.Option(min=0, max=65535, metavar="PORT", help="The port of the live page; 0 is any free one."),
+        typer.Option(metavar="PORT", help="The port of the live page. Default: any.", show_default=False),
     ] = 0,
-    browser: Annotated[
-        bool, typer.Option("--browser/--no-browser", help="Open the live page in a browser.")
-    ] = True,
+    no_browser: Annotated[
+        bool, typer.Option("--no-browser", help="Print the address of the live page, and open no browser.")
+    ] = False,
     output: Annotated[Path | None, output_option("Write this PNG or MP4.")] = None,
 ) -> None:
     """Draw a shot in seconds, without a path tracer: with its camera, lights and look, but no reflections.
@@ -88,7 +92,10 @@ def preview(
         raise UsageError("--at is for a still and --frames for a movie; give one of them")
     suffix = ".mp4" if at is None else ".png"
     if output is not None and output.suffix.lower() != suffix:
-        raise UsageError(f"{output} is no {suffix[1:].upper()}, as this preview is; end its name in {suffix}")
+        remedy = "add --at FRAME for a still, or end" if at is None else "leave --at out, or end"
+        raise UsageError(f"{output}: this preview is {suffix[1:].upper()}; {remedy} the name in {suffix}")
+    if not 0 <= port <= 65535:
+        raise UsageError(f"--port {port} is not a port; one is from 1 to 65535, and 0 is any free one")
     if at is not None and (live or watch):
         raise UsageError("--live and --watch show movies; leave --at out")
     fields = None if burn_in is None else BurnIn.parse(burn_in)
@@ -118,7 +125,7 @@ def preview(
     with SurfaceStream(store) as stream:
         if live:
             editor = ShotEditor(path, tuple(options.settings or ()), options.allow_code)
-            _serve(common, read, stream, target, editor, port, browser)
+            _serve(common, read, stream, target, editor, port, not no_browser)
         else:
             _redraw(common, read, stream, target, {path, *files_of(sketch.request.source)})
 
