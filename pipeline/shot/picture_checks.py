@@ -11,7 +11,7 @@ from pipeline.frames import FrameRange
 from pipeline.mesh.mesh_formats import suffix_of
 from pipeline.plugin import plugins
 from pipeline.shot.documents.field_types import is_number
-from pipeline.shot.documents.light_documents import ENVIRONMENTS, LightsDocument, softbox_name
+from pipeline.shot.documents.light_documents import ENVIRONMENTS, softbox_name
 from pipeline.shot.documents.look_documents import LOOKS, check_bsdf
 from pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource, dotted, listed
 from render.scene.materials import Material, Painted
@@ -197,7 +197,7 @@ def check_dimmed_lights(source: YamlSource) -> Iterator[Problem]:
     names = _light_names(source.get("lights"))
     for name in source.mapping("lights", "intensity"):
         if names and name not in names:
-            yield ("lights", "intensity", name), _unknown_light(str(name), names)
+            yield ("lights", "intensity", name), f"{name} is not a light here. {suggestion(str(name), names)}"
 
 
 def check_light_groups(source: YamlSource) -> Iterator[Problem]:
@@ -229,7 +229,7 @@ def check_light_groups(source: YamlSource) -> Iterator[Problem]:
                     "write visible: true for the sky.",
                 )
             elif light not in names:
-                yield where, _unknown_light(light, names)
+                yield where, f"{light} is not a light here. {suggestion(light, names)}"
             elif light in group_of:
                 yield where, f"{light} is in group {group_of[light]} already. Remove one of the two."
             group_of.setdefault(light, group)
@@ -239,12 +239,6 @@ def check_light_groups(source: YamlSource) -> Iterator[Problem]:
                 ("light_groups", group),
                 f"{group} is a light of no group, whose own group has this name. Take another name here.",
             )
-
-
-def _unknown_light(light: str, names: tuple[str, ...]) -> str:
-    """Return the message about a light that a shot lacks; one of another rig is not a misspelt name."""
-    cutoff = 1.0 if light in LightsDocument.names_within else 0.66
-    return f"{light} is not a light here. {suggestion(light, names, cutoff)}"
 
 
 def _light_names(lights: Any) -> tuple[str, ...]:

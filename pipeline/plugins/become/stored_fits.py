@@ -60,6 +60,9 @@ REFUSED, DOUBTFUL = 0.03, 0.01
 TOLERANCE = 2.5e-6
 """The error of a sub-step along a path, as a share of the cube's side."""
 
+DURATIONS: dict[Detail, str] = {"coarse": "half a minute", "medium": "1-2 minutes", "fine": "some minutes"}
+"""About how long a fit takes, for the names of its progress."""
+
 KEPT_PLANS = 256
 """Steps of a path whose tables of sub-steps are kept, about 10 kB each: more than a rest interval has."""
 
@@ -204,7 +207,8 @@ def fit_between(start: PlacedShape, target: PlacedShape, detail: Detail) -> Fit:
     with of_key(writable_cache(), path.stem, lambda: None):  # so that one of several processes computes it
         stored = _loaded(path, _Solution.of)
         if stored is None:
-            stored = _computed(path, rest, onto, detail, f"fitting {target.name}")
+            activity = f"fitting {target.name} once, {DURATIONS[detail]} of a core"
+            stored = _computed(path, rest, onto, detail, activity)
         else:
             with suppress(OSError):  # the cache of another user
                 os.utime(path)  # `clean` deletes what has not been used for long

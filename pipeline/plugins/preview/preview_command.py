@@ -16,6 +16,7 @@ from pipeline.cli.options import Common, ShotOptions, at_option, frames_option, 
 from pipeline.cli.output import err, frame_progress, make_folder_of, print_error, print_result, print_warning
 from pipeline.errors import FlowsculptError, UsageError
 from pipeline.flow.flow import require_permission
+from pipeline.long_computations import Progress, reporting_to
 from pipeline.plugins.preview.animatic import (
     Animatic,
     FrameCallback,
@@ -138,9 +139,9 @@ def _draw_once(common: Common, sketch: Sketch, store: Store, at: int | None, pat
             make_folder_of(path)
             animatic = Animatic(sketch, stream)
             played = animatic.played(numbers) if at is None else animatic.played_for_still(at)
-            if not all(stream.knows(sketch.request, number) for number in played):
-                _warn_of_growth(sketch.request, max(played))
             with _bars(common, [animatic], {"simulating": len(played), "drawing": len(numbers)}) as report:
+                if not all(stream.knows(sketch.request, number) for number in played):
+                    _warn_of_growth(sketch.request, max(played))
                 if at is None:
                     animatic.movie(path, report)
                 else:
@@ -264,6 +265,12 @@ def _bars(
             now = f"frame {within.frame} ({within.share:.0%}, {within.work})"
             progress.update(tasks["simulating"], completed=done["simulating"] + within.share, now=now)
 
+        def report_once(made: Progress) -> None:
+            if made.is_once:  # such as a fit, before the first frame
+                first = animatics[0].sketch.request.shot.frames.first
+                report(FrameProgress(first, made.done / made.total, made.activity, 0))
+
         for animatic in animatics:
             animatic.stream.callback = report
-        yield frame_done
+        with reporting_to(report_once):
+            yield frame_done
