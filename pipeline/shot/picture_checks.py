@@ -197,7 +197,7 @@ def check_dimmed_lights(source: YamlSource) -> Iterator[Problem]:
     names = _light_names(source.get("lights"))
     for name in source.mapping("lights", "intensity"):
         if names and name not in names:
-            yield ("lights", "intensity", name), f"{name} is not a light here. {suggestion(str(name), names)}"
+            yield ("lights", "intensity", name), f"{name} is not a light here. {suggestion(name, names, 0.7)}"
 
 
 def check_light_groups(source: YamlSource) -> Iterator[Problem]:
@@ -229,7 +229,7 @@ def check_light_groups(source: YamlSource) -> Iterator[Problem]:
                     "write visible: true for the sky.",
                 )
             elif light not in names:
-                yield where, f"{light} is not a light here. {suggestion(light, names)}"
+                yield where, f"{light} is not a light here. {suggestion(light, names, 0.7)}"
             elif light in group_of:
                 yield where, f"{light} is in group {group_of[light]} already. Remove one of the two."
             group_of.setdefault(light, group)

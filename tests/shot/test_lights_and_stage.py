@@ -221,7 +221,7 @@ def test_softboxes_of_a_shot_have_names(tmp_path: Path) -> None:
         ("lights: three_pint", "a.yaml:5:1: lights: 'three_pint' is not a light rig. Did you mean 'three_po"),
         ("lights: {rig: gallry}", "a.yaml:5:10: lights.rig: 'gallry' is not a light rig. Did you mean"),
         ("lights: {tun: 3}", "a.yaml:5:10: lights.tun: unknown name. Did you mean 'turn'?"),
-        ("lights: {intensity: {kee: 2}}", "a.yaml:5:22: kee is not a light here. Did you mean 'key'?"),
+        ("lights: {intensity: {keyy: 2}}", "a.yaml:5:22: keyy is not a light here. Did you mean 'key'?"),
         ("lights: {sun: {}, intensity: {key: 2}}", "key is not a light here. There are: sun, sky."),
         ("lights: {intensity: -1}", "lights.intensity: -1 is out of range; it must be at least 0"),
         ("lights: {softboxes: []}", "it must have at least 1 item"),

@@ -97,8 +97,8 @@ def _put(data: Any, steps: list[str], value: Any, place: str) -> Where:
             if steps and holder[key] is None:
                 holder[key] = {}
         else:
-            has_siblings = len(where) > 1 and isinstance(holder, str)
-            beside = f", or {dotted((*where[:-1], step))} next to it" if has_siblings else ""
+            is_inner = len(where) > 1 and isinstance(holder, str)
+            beside = f", or {dotted((*where[:-1], step))} next to it" if is_inner else ""
             raise ShotError(
                 f"{place}: {name} is {in_yaml(holder)}, not a mapping with {step}. Set {name}={{{step}: …}} "
                 f"in its place{beside}."

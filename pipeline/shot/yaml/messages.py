@@ -196,10 +196,8 @@ def _hint(mapping: _Mapping, name: Any, found: UnknownNames) -> str:
     if (sentence := plugins().lacking(str(name))) is not None:
         return sentence
     fields = field_names(mapping.models)
-    if owner := next(
-        filter(None, (getattr(each, "names_within", {}).get(name) for each in mapping.models)), None
-    ):
-        return f"Did you mean {dotted((*mapping.where, owner, name))!r}?"
+    if owners := [own for m in mapping.models if (own := getattr(m, "names_within", {}).get(name))]:
+        return f"Did you mean {dotted((*mapping.where, owners[0], name))!r}?"
     spelt = re.split(r"[:={]|\s+(?=[-\d{])", str(name).lstrip("- "))[0]
     if (meant := synonym(spelt, fields)) is not None:
         found.supplied.add((*mapping.where, meant))
