@@ -86,8 +86,8 @@ def test_a_plan_of_an_edited_shot_reads_that_shot_alone(film: list[str], calls: 
 def test_status_looks_at_each_file_and_at_what_shows_it(film: list[str], calls: Counter[str]) -> None:
     project, history = Project(Path.cwd(), CORES), History.of(Path.cwd())
     for name in film:
-        requests = project.at_qualities(Path(f"shots/{name}.yaml"))
-        rows = states(project, requests, history)
+        request = project.request(Path(f"shots/{name}.yaml"), "draft")
+        rows = states(project, request, history)
         assert [(row.what, len(row.done)) for row in rows] == [("meshes", FRAMES), ("draft", FRAMES)]
     assert calls["looks"] <= 5 * SHOTS * FRAMES + A_SHOT * SHOTS
     assert calls["digests"] <= A_SHOT * SHOTS
@@ -100,8 +100,8 @@ def test_status_of_a_shot_of_which_nothing_was_made_finds_no_keys(
     (name,) = write_shots(1, FRAMES)
     monkeypatch.setattr("pipeline.production.request.manifest.mesh_keys", lambda motion: pytest.fail())
     project = Project(tmp_path, CORES)
-    requests = project.at_qualities(Path(f"shots/{name}.yaml"))
-    (row,) = states(project, requests, History.of(tmp_path))
+    request = project.request(Path(f"shots/{name}.yaml"), "draft")
+    (row,) = states(project, request, History.of(tmp_path))
     assert (row.what, len(row.missing)) == ("meshes", FRAMES)
 
 

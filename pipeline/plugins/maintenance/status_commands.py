@@ -6,6 +6,7 @@ They list which frames are done, where the time of a run went, and why a frame w
 from __future__ import annotations
 
 import shlex
+from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -16,12 +17,12 @@ from pipeline.cli.output import duration, exit_with, print_error, print_result, 
 from pipeline.errors import FlowsculptError
 from pipeline.plugins.maintenance.run_report import LABELS, RunReport, named_run
 from pipeline.production.execution.project import Project
-from pipeline.production.planning.frame_states import FrameStates, is_begun, mesh_states, picture_states
+from pipeline.production.planning.frame_states import FrameStates, mesh_states, picture_states
 from pipeline.production.request.lookup import find_shot, passed_over, shot_names
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.history import History
 from render.base.plural import plural
-from render.scene.render_quality import DEFAULT_QUALITY
+from render.scene.render_quality import DEFAULT_QUALITY, QUALITIES
 
 if TYPE_CHECKING:
     from pipeline.plugins.maintenance.why import Explanation
@@ -48,8 +49,8 @@ def status(
         print_warning(warning)
     for shot in shots or shot_names():
         try:
-            requests = project.at_qualities(find_shot(shot))
-            rows += states(project, requests, history)
+            request = project.request(find_shot(shot), DEFAULT_QUALITY)
+            rows += states(project, request, history)
         except FlowsculptError as error:
             errors.append(error)
             print_error(str(error))
@@ -58,15 +59,15 @@ def status(
     exit_with(max((error.exit_code for error in errors), default=0))
 
 
-def states(project: Project, requests: list[RenderRequest], history: History) -> list[FrameStates]:
+def states(project: Project, shot: RenderRequest, history: History) -> list[FrameStates]:
     """Return the states of a shot's meshes, and of its pictures at every quality that was begun.
 
-    requests  of one shot, one a quality. Stale frames are compared with every convention of layers
+    Stale frames are compared with every convention of layers.
     """
     store = project.store
-    found = [mesh_states(requests[0], store, history)]
-    for request in requests:
-        if is_begun(request, store):
+    found = [mesh_states(shot, store, history)]
+    for request in (replace(shot, quality_name=name) for name in QUALITIES):
+        if (store.root / request.folders.home / request.quality_name).exists():
             row = picture_states(request, store, history)
             found.append(picture_states(project.as_finished(request), store, history) if row.stale else row)
     return found

@@ -30,7 +30,7 @@ from pipeline.production.store import paths
 from pipeline.production.store.history import History
 from pipeline.production.store.paths import STATE
 from pipeline.production.store.store import Store
-from render.scene.render_quality import CONVENTIONS, DEFAULT_QUALITY, QUALITIES
+from render.scene.render_quality import CONVENTIONS, DEFAULT_QUALITY
 
 States = Callable[[RenderRequest, Store, History], FrameStates]
 
@@ -263,11 +263,6 @@ class Project:
             )
         chosen = variant or self.variant_of(source.name)
         return RenderRequest(source, quality, chosen, tuple(dict.fromkeys(requested)))
-
-    def at_qualities(self, path: Path) -> list[RenderRequest]:
-        """Return the requests of a whole shot file at each quality; it is read once."""
-        request = self.request(path, DEFAULT_QUALITY)
-        return [replace(request, quality_name=name) for name in QUALITIES]
 
     def variant_of(self, shot: str) -> str:
         """Return the variant that renders a shot: one asked for, that of the profile, or one that works.

@@ -58,11 +58,6 @@ class FrameStates:
         return {"shot": self.shot, "what": self.what, **lists, "seconds_left": left}
 
 
-def is_begun(request: RenderRequest, store: Store) -> bool:
-    """Tell whether pictures of a request were ever asked for at its quality."""
-    return (store.root / request.folders.home / request.quality_name).exists()
-
-
 def mesh_states(request: RenderRequest, store: Store, history: History) -> FrameStates:
     """Return the states of the meshes of a request."""
 

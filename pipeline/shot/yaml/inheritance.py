@@ -82,7 +82,8 @@ def _put(data: Any, steps: list[str], value: Any, place: str) -> Where:
     while steps:
         name = ".".join(map(str, where)) or "the shot"
         step = _take(steps, holder, in_keys=where[-1:] == ("keys",))
-        if isinstance(holder, str) and (base_name := _base_name(where)):
+        bases = (b for names, entry, b in NAMED_SETTINGS if where[-1:] == (entry,) or where[:-1] == (names,))
+        if isinstance(holder, str) and (base_name := next(bases, None)):
             parent[where[-1]] = holder = {base_name: holder}
         if isinstance(holder, list):
             if not step.isdigit() or int(step) >= len(holder):
@@ -97,11 +98,10 @@ def _put(data: Any, steps: list[str], value: Any, place: str) -> Where:
             if steps and holder[key] is None:
                 holder[key] = {}
         else:
-            is_inner = len(where) > 1 and isinstance(holder, str)
-            beside = f", or {dotted((*where[:-1], step))} next to it" if is_inner else ""
+            inner = dotted((*where[:-1], step)) if len(where) > 1 and isinstance(holder, str) else ""
             raise ShotError(
                 f"{place}: {name} is {in_yaml(holder)}, not a mapping with {step}. Set {name}={{{step}: …}} "
-                f"in its place{beside}."
+                f"in its place{inner and f', or {inner} next to it'}."
             )
         where = (*where, key)
         if not steps:
@@ -111,14 +111,6 @@ def _put(data: Any, steps: list[str], value: Any, place: str) -> Where:
         else:
             parent, holder = holder, holder[key]
     return where
-
-
-def _base_name(where: Where) -> str | None:
-    """Return the setting that says what a look, a light rig or a stage is based on; None elsewhere."""
-    for names, entry, base_name in (*NAMED_SETTINGS, ("", "stage", "kind")):
-        if where[-1:] == (entry,) or (len(where) == 2 and where[0] == names):
-            return base_name
-    return None
 
 
 def _items(name: str, holder: list[Any], step: str, steps: list[str]) -> str:
@@ -205,8 +197,8 @@ def inherited(
     return with_named_settings(with_settings(source, settings))
 
 
-NAMED_SETTINGS = (("looks", "look", "material"), ("rigs", "lights", "rig"))
-"""Names of settings, where these stand, and which of their names says what they are based on."""
+NAMED_SETTINGS = (("looks", "look", "material"), ("rigs", "lights", "rig"), ("", "stage", "kind"))
+"""Names of settings, if any, where these stand, and which of their names says what they are based on."""
 
 _ALTERNATIVES = frozenset({"colour", "pigment", "measure"}), frozenset({"sky", "sun", "hdri"})
 """Settings of a look, and of lights: each replaces the others of its set."""
