@@ -122,9 +122,13 @@ SHOWN = {
         "colour": ["model_paint:materials_of_an_obj_are_read"],
         "roughness, metalness": ["model_paint:roughness_and_metalness_of_an_obj"],
         "normals": ["model_paint:a_normal_map_of_an_obj"],
+        "beyond a picture": ["model_materials:what_is_shown_beyond_a_picture"],
         "opacity": ["opacity:the_opacity_of_an_obj_is_a_number", "opacity:a_picture_of_an_obj_is_its_alpha"],
         "files": ["model_paint:a_path_of_another_machine", "model_paint:pictures_lie_beside_the_materials"],
-        "not shown": ["model_paint:roughness_and_metalness_of_an_obj"],
+        "not shown": [
+            "model_paint:roughness_and_metalness_of_an_obj",
+            "model_materials:what_is_not_shown_of_a_material_of_an_obj",
+        ],
         "refused": ["model_paint:a_moved_texture_of_an_obj"],
     },
     "glTF 2.0": {
@@ -139,9 +143,13 @@ SHOWN = {
         "colour": ["model_paint:a_picture_within_a_gltf_file"],
         "roughness, metalness": ["model_paint:a_picture_within_a_gltf_file"],
         "normals": ["model_paint:a_normal_map_of_a_gltf_file"],
+        "beyond a picture": ["model_materials:what_is_shown_beyond_a_picture"],
         "opacity": ["opacity:gltf_masks_and_blends"],
         "files": ["model_paint:a_picture_within_a_gltf_file"],
-        "not shown": ["model_paint:maps_of_light_and_opacity_of_a_gltf_file"],
+        "not shown": [
+            "model_paint:maps_of_light_and_opacity_of_a_gltf_file",
+            "model_materials:what_is_not_shown_of_a_material_of_a_gltf",
+        ],
         "refused": ["model_paint:paint_of_gltf_1_is_refused"],
     },
     "FBX with materials": {
@@ -156,9 +164,10 @@ SHOWN = {
             "fbx_paint:metalness_and_roughness_of_3ds_max",
         ],
         "normals": ["fbx_paint:normal_maps_of_an_fbx_are_read"],
+        "beyond a picture": ["model_materials:what_is_shown_beyond_a_picture"],
         "opacity": ["opacity:the_opacity_of_an_fbx", "opacity:a_picture_of_an_fbx_needs_alpha"],
         "files": ["fbx_paint:a_picture_within_an_fbx", "fbx_paint:a_missing_picture_of_an_fbx"],
-        "not shown": ["fbx_paint:maps_of_bumps_and_light"],
+        "not shown": ["fbx_paint:maps_of_bumps_and_light", "model_materials:a_glow_of_an_fbx"],
         "refused": ["fbx_paint:what_is_not_read_of_an_fbx"],
     },
     "USD with preview surfaces": {
@@ -170,9 +179,13 @@ SHOWN = {
         "colour": ["usd_paint:corners_of_a_stage_take"],
         "roughness, metalness": ["usd_paint:maps_of_numbers_and_normals"],
         "normals": ["usd_paint:maps_of_numbers_and_normals"],
+        "beyond a picture": ["model_materials:what_is_shown_beyond_a_picture"],
         "opacity": ["opacity:usd_has_a_channel_and_a_threshold"],
         "files": ["usd_paint:a_picture_within_a_package", "usd_paint:a_missing_picture_and_missing"],
-        "not shown": ["usd_paint:maps_of_light_of_a_stage_are_not_opened"],
+        "not shown": [
+            "usd_paint:maps_of_light_of_a_stage_are_not_opened",
+            "model_materials:what_is_not_shown_of_a_material_of_a_stage",
+        ],
         "refused": [
             "usd_paint:materials_that_would_be_shown_wrong",
             "usd_paint:a_stage_with_materials_of_other_renderers",
