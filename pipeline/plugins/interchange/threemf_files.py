@@ -270,17 +270,17 @@ def _parsed_part(name: str, content: bytes) -> _ModelPart:
     current, core, setting = _Object("", 0), "", ""
 
     def text(value: str) -> None:
-        if setting and value.strip().lower() in ("true", "1"):
+        if value.strip().lower() in ("true", "1"):
             current.setting = current.setting or _kind_of(setting)
 
     def read(tag: str, given: dict[str, str]) -> None:
         nonlocal current, core, setting
-        setting = ""
-        if local_name(tag) == "model":
+        word = local_name(tag)
+        if word == "model":
             core = tag.removesuffix("model")
-        elif local_name(tag) in ("metadata", "setting"):  # of an object of Cura
-            setting = local_name(given.get("name", given.get("key", "")))
-        elif local_name(tag) == "beamlattice":
+        elif word in ("metadata", "setting"):  # of an object of Cura
+            setting, parser.CharacterDataHandler = local_name(given.get("name", given.get("key", ""))), text
+        elif word == "beamlattice":
             current.lattices += 1
         match tag.removeprefix(core):  # slices of extensions have vertices too
             case "vertex":
@@ -310,14 +310,12 @@ def _parsed_part(name: str, content: bytes) -> _ModelPart:
             raise MeshError(f"{name}, line {parser.CurrentLineNumber}: {fault}") from None
 
     def end(tag: str) -> None:
-        nonlocal setting
-        setting = ""
+        parser.CharacterDataHandler = None
         if tag == f"{core}object":
             current.polygons = _polygons(current, name)
             current.points, current.triangles, current.materials = [], [], []
 
     parser = limited_parser(start, end)
-    parser.CharacterDataHandler = text
     parser.Parse(content, True)
     return part
 
