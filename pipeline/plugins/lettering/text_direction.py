@@ -6,6 +6,7 @@ overrides and isolates. Numbers of its rules are in brackets.
 
 from __future__ import annotations
 
+import re
 import unicodedata
 from typing import NamedTuple
 
@@ -13,9 +14,11 @@ from fontTools.unicodedata import Mirrored, script
 
 from pipeline.errors import UsageError
 
+KINDS = {"AL": "A", "EN": "E", "AN": "N", "ES": "+", "ET": "%", "CS": ",", "NSM": "M", "L": "L", "R": "R"}
+"""One letter for each bidirectional class; o stands for the neutral ones."""
+
 EXPLICIT = ("LRE", "RLE", "LRO", "RLO", "PDF", "LRI", "RLI", "FSI", "PDI")
-NEUTRAL = ("B", "S", "WS", "ON", "BN")
-STRONG = {"L": "L", "R": "R", "EN": "R", "AN": "R"}
+STRONG = {"L": "L", "R": "R", "E": "R", "N": "R"}
 """Directions that neutral characters take from their neighbours (N1)."""
 
 MOST_OPEN = 63
@@ -60,82 +63,42 @@ def embedding_levels(line: str) -> list[int]:
     if control := next((c for c, kind in zip(line, given, strict=True) if kind in EXPLICIT), None):
         raise UsageError(f"the text has U+{ord(control):04X}, a control of direction. Leave it out.")
     base = next((int(kind != "L") for kind in given if kind in ("L", "R", "AL")), 0)  # [P2, P3]
-    outer = "LR"[base]
-    kinds = _with_strong_neutrals(line, _with_strong_numbers(given, outer), outer)
-    levels = [base + ((kind != "L") if base == 0 else (kind != "R")) for kind in kinds]  # [I1, I2]
-    if base == 0:
-        levels = [2 if kind in ("EN", "AN") else level for kind, level in zip(kinds, levels, strict=True)]
-    for i in range(len(line) - 1, -1, -1):  # [L1]
-        if given[i] not in ("WS", "BN", "S", "B"):
-            break
-        levels[i] = base
+    kinds = _resolved(line, "".join(KINDS.get(kind, "o") for kind in given), "LR"[base])
+    steps = {"L": (0, 1), "R": (1, 0), "E": (2, 1), "N": (2, 1)}  # [I1, I2]
+    trailing = len(line) - len(line.rstrip())  # [L1]
+    levels = [base + steps[kind][base] for kind in kinds[: len(line) - trailing]] + [base] * trailing
     return [base if kind in ("S", "B") else level for kind, level in zip(given, levels, strict=True)]
 
 
-def _with_strong_numbers(given: list[str], outer: str) -> list[str]:
-    """Resolve marks, numbers and their separators [W1 to W7]."""
-    kinds = list(given)
-    strong = before = outer
-    for i, kind in enumerate(kinds):
-        if kind in ("NSM", "BN"):
-            kinds[i] = before if kind == "NSM" else kind  # [W1]
-        elif kind == "EN" and strong == "AL":
-            kinds[i] = "AN"  # [W2]
-        if kind in ("L", "R", "AL"):
-            strong = kind
-        before = kinds[i] if kind != "BN" else before
-    kinds = ["R" if kind == "AL" else kind for kind in kinds]  # [W3]
-    for i in range(1, len(kinds) - 1):  # [W4]
-        before, after = kinds[i - 1], kinds[i + 1]
-        if before == after and (
-            (kinds[i] in ("ES", "CS") and before == "EN") or (kinds[i] == "CS" and before == "AN")
-        ):
-            kinds[i] = before
-    _spread(kinds, "ET", "EN")  # [W5]
-    kinds = ["ON" if kind in ("ES", "ET", "CS") else kind for kind in kinds]  # [W6]
-    strong = outer
-    for i, kind in enumerate(kinds):  # [W7]
-        strong = kind if kind in ("L", "R") else strong
-        kinds[i] = "L" if kind == "EN" and strong == "L" else kind
-    return kinds
+def _resolved(line: str, kinds: str, outer: str) -> str:
+    """Return L, R, E or N for each character, by the kinds of all; `outer` is the direction of the line."""
+    kinds = outer + kinds
+    kinds = re.sub(r"(.)(M+)", lambda m: m[1] * (1 + len(m[2])), kinds)  # [W1]
+    kinds = re.sub(r"A[^LR]*", lambda m: m[0].replace("E", "N"), kinds).replace("A", "R")  # [W2, W3]
+    kinds = re.sub(r"(?<=E)[+,](?=E)", "E", re.sub(r"(?<=N),(?=N)", "N", kinds))  # [W4]
+    kinds = re.sub(r"%*E[E%]*", lambda m: "E" * len(m[0]), kinds)  # [W5]
+    kinds = re.sub(r"[+%,]", "o", kinds)  # [W6]
+    kinds = re.sub(r"L[^R]*", lambda m: m[0].replace("E", "L"), kinds)  # [W7]
+    resolved = list(kinds)
+    for opened, closed in _bracket_pairs(line, kinds[1:]):  # [N0]
+        inside = {STRONG[kind] for kind in resolved[opened + 2 : closed + 1] if kind in STRONG}
+        before = next(STRONG[kind] for kind in resolved[opened::-1] if kind in STRONG)
+        if inside:
+            resolved[opened + 1] = resolved[closed + 1] = outer if outer in inside else before
+
+    def neutral(match: re.Match[str]) -> str:  # [N1, N2]
+        before, after = STRONG[match[1]], STRONG[match[3]]
+        return match[1] + (before if before == after else outer) * len(match[2])
+
+    return re.sub(r"([LREN])(o+)(?=([LREN]))", neutral, "".join(resolved) + outer)[1:-1]
 
 
-def _spread(kinds: list[str], weak: str, number: str) -> None:
-    """Turn sequences of a weak kind beside a number into numbers."""
-    for order in (range(1, len(kinds)), range(len(kinds) - 2, -1, -1)):
-        for i in order:
-            neighbour = kinds[i - 1 if order.step == 1 else i + 1]
-            if kinds[i] == weak and neighbour == number:
-                kinds[i] = number
-
-
-def _with_strong_neutrals(line: str, kinds: list[str], outer: str) -> list[str]:
-    """Resolve brackets by what is between them, and other neutrals by their neighbours [N0 to N2]."""
-    for opened, closed in _bracket_pairs(line, kinds):
-        inside = {STRONG[kind] for kind in kinds[opened + 1 : closed] if kind in STRONG}
-        if outer in inside:
-            kinds[opened] = kinds[closed] = outer
-        elif inside:
-            before = next((STRONG[kind] for kind in kinds[:opened][::-1] if kind in STRONG), outer)
-            kinds[opened] = kinds[closed] = before
-    i = 0
-    while i < len(kinds):
-        j = i
-        while j < len(kinds) and kinds[j] in NEUTRAL:
-            j += 1
-        before = STRONG[kinds[i - 1]] if i else outer
-        after = STRONG[kinds[j]] if j < len(kinds) else outer
-        kinds[i:j] = [before if before == after else outer] * (j - i)
-        i = j + 1
-    return kinds
-
-
-def _bracket_pairs(line: str, kinds: list[str]) -> list[tuple[int, int]]:
+def _bracket_pairs(line: str, kinds: str) -> list[tuple[int, int]]:
     """Return the places of paired brackets, by those of the opening ones [BD16]."""
     pairs: list[tuple[int, int]] = []
     waiting: list[tuple[str, int]] = []
     for i, character in enumerate(line):
-        if kinds[i] != "ON":
+        if kinds[i] != "o":
             continue
         bracket = unicodedata.normalize("NFD", character)
         form = unicodedata.category(character)
