@@ -81,10 +81,12 @@ class StyleSheets:
         found: dict[str, tuple[Priority, str]] = {}
         for name in self._attributes.intersection(element.keys()):
             found[name] = (False, -1.0, 0, 0), element.get(name, "").strip().lower()
-        marks = {"", f"#{element.get('id')}", *(f".{part}" for part in element.get("class", "").split())}
-        for selector in ((name, mark) for name in ("", tag) for mark in marks):
-            _merge(found, self._rules.get(selector, {}))
-        _merge(found, self._declarations(element.get("style", ""), *STYLE_ATTRIBUTE))
+        if self._rules:
+            marks = {"", f"#{element.get('id')}", *(f".{part}" for part in element.get("class", "").split())}
+            for selector in ((name, mark) for name in ("", tag) for mark in marks):
+                _merge(found, self._rules.get(selector, {}))
+        if style := element.get("style"):
+            _merge(found, self._declarations(style, *STYLE_ATTRIBUTE))
         return {name: value for name, (_, value) in found.items() if value}
 
     def _declarations(

@@ -11,8 +11,9 @@ import io
 import math
 import re
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element, ParseError, TreeBuilder, XMLParser, fromstring
@@ -25,6 +26,7 @@ from fontTools.pens.transformPen import TransformPen
 from fontTools.svgLib.path import parse_path
 from shapely import affinity
 
+from pipeline.arrays import AnyArray
 from pipeline.errors import UsageError, shortened
 from pipeline.plugins.lettering.outlines import OutlineShape, PolylinePen, filled
 from pipeline.plugins.lettering.strokes import Stroke, stroked
@@ -133,10 +135,12 @@ class DrawnPath:
     def outline(self, matrix: Transform, tolerance: float) -> PolylinePen:
         pen = PolylinePen(matrix, tolerance)
         self.draw(pen)
-        reach = max((float(np.abs(points).max()) for points in pen.contours if len(points)), default=0.0)
-        if not reach <= LARGEST:
-            raise UsageError(f"{self.name} reaches beyond {LARGEST:g} units. Scale it down.")
         return pen
+
+    def require_near(self, contours: Sequence[AnyArray]) -> None:
+        """Raise UsageError where contours have numbers that are not finite, or too large."""
+        if not all(np.abs(points).max(initial=0.0) <= LARGEST for points in contours):
+            raise UsageError(f"{self.name} reaches beyond {LARGEST:g} units. Scale it down.")
 
     def draw(self, pen: Any) -> None:
         """Draw the path, in its own coordinates, with a pen of fontTools. Raises UsageError as `region`."""
@@ -166,6 +170,7 @@ class DrawnPath:
             raise UsageError(f"{self.name} has a stroke with dashes or of fixed width. Convert it to a path.")
         a, b, c, d, *_ = self.matrix
         pen = self.outline(Transform(), tolerance / max((a * a + b * b + c * c + d * d) ** 0.5, 1e-300))
+        self.require_near(pen.contours)
         limit = length(given["stroke-miterlimit"], self.name)
         stroke = Stroke(0.5 * width, given["stroke-linecap"], given["stroke-linejoin"], limit)
         covered = stroked(pen, stroke)
@@ -181,12 +186,14 @@ class DrawnPath:
         return any(dashes) and min(dashes) >= 0.0
 
 
+@lru_cache(maxsize=256)
 def is_zero(opacity: str) -> bool:
     """Tell whether an opacity, as `0.5` or `50%`, is 0."""
     match = re.fullmatch(rf"({DECIMAL})\s*%?", opacity)
     return match is not None and float(match[1]) <= 0.0
 
 
+@lru_cache(maxsize=256)
 def is_clear(colour: str) -> bool:
     """Tell whether a colour is not seen: `none`, `transparent`, or with an alpha of 0."""
     parts = re.split(r"[\s,/]+", colour.partition("(")[2].rstrip(") "))
@@ -226,8 +233,12 @@ class SvgDrawing:
     @property
     def fine(self) -> float:
         """A tolerance that is fine for this drawing, by the points of its paths."""
-        contours = [part for each in self.paths for part in each.outline(each.matrix, math.inf).contours]
+        outlines = [each.outline(each.matrix, math.inf).contours for each in self.paths]
+        contours = [part for outline in outlines for part in outline]
         extent = float(np.ptp(np.concatenate(contours), axis=0).max()) if contours else 0.0
+        if not extent <= 0.5 * LARGEST:
+            for each, outline in zip(self.paths, outlines, strict=True):
+                each.require_near(outline)
         return FINE * extent or 1.0
 
     def shown(self, tolerance: float) -> list[tuple[str, Any]]:
