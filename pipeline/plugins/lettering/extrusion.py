@@ -192,7 +192,9 @@ def creased(mesh: PolygonMesh, sides: AnyArray) -> TriangleMesh:
 
 
 def joined(parts: Sequence[TriangleMesh]) -> TriangleMesh:
-    """Return one mesh of several."""
+    """Return one mesh of several. Raises UsageError for none."""
+    if not parts:
+        raise UsageError("the outlines have no area at this size. Write another size.")
     first = np.cumsum([0, *(len(part.vertices) for part in parts)])
     numbered = list(zip(parts, first, strict=False))
     return TriangleMesh(

@@ -17,6 +17,9 @@ from pipeline.plugins.lettering.outlines import PolylinePen
 CAPS = {"butt": "flat", "round": "round", "square": "square"}
 JOINS = {"round": "round", "bevel": "bevel"}
 
+FINEST = 1e-8
+"""Finest tolerance of round caps and joins over half the width of their stroke."""
+
 
 @dataclass(frozen=True)
 class Stroke:
@@ -44,7 +47,7 @@ def stroked(pen: PolylinePen, stroke: Stroke) -> Any:
 
 def _stroke(points: AnyArray, is_closed: bool, stroke: Stroke, tolerance: float) -> Iterator[Any]:
     half = stroke.half
-    quarter = math.ceil(0.25 * math.pi / math.acos(1.0 - min(tolerance / half, 0.5)))
+    quarter = math.ceil(0.25 * math.pi / math.acos(1.0 - min(max(tolerance / half, FINEST), 0.5)))
     cap, join = CAPS.get(stroke.cap, "flat"), JOINS.get(stroke.join, "mitre")
 
     def buffered(line: Any, ends: str) -> Any:

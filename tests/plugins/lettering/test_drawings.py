@@ -249,6 +249,20 @@ def test_ctrl_c_is_heard_while_a_drawing_is_read(tmp_path):
     assert not any(Path(f"/proc/{child}").exists() for child in found)
 
 
+def test_a_size_at_the_edge_of_numbers_is_refused(tmp_path):
+    (tmp_path / "a.svg").write_text(f"{OPEN.format('')}{WIDE}</svg>", encoding="utf-8")
+    with pytest.raises(UsageError, match="the outlines have no area at this size"):
+        SvgKind.model_construct(file="a.svg", size=1e-300, bevel=0.0).surface(tmp_path)
+
+
+@pytest.mark.parametrize("tolerance", [1e-300, 1e300])
+def test_strokes_of_any_tolerance_are_read(tmp_path, tolerance):
+    line = '<path d="M1 1L80 80L20 60" fill="none" stroke="red" stroke-linejoin="round"/>'
+    path = tmp_path / "a.svg"
+    path.write_text(f"{OPEN.format('')}{line}</svg>", encoding="utf-8")
+    assert drawn_shapes(path, 2.0, tolerance)
+
+
 def test_a_process_that_cannot_be_forked_reads_the_same(tmp_path, monkeypatch):
     (tmp_path / "a.svg").write_text(f"{OPEN.format('')}{WIDE}</svg>", encoding="utf-8")
     kind = SvgKind.model_construct(file="a.svg")
