@@ -196,7 +196,7 @@ def _open_inner(outer: Path, root: Path, names: Sequence[str], make: bool) -> in
 
 
 def _refusal(path: Path, link: Path) -> MachineError:
-    target, remedy = link.readlink(), "remove the link"
+    target, remedy = link.readlink(), "remove the link, or mount that folder there"
     if path.parts[-2:] == STORE:
         copy = shlex.join(["cp", str(path.with_name(IDENTITY)), str(path.parent / target)])
         remedy += f", or, if it is this show's store, run: {copy}"
