@@ -8,9 +8,14 @@ The public names, each imported from its module when first used:
 from importlib import import_module
 from typing import Any
 
-from render.base.python_process import import_numba_elsewhere, prefer_installed_packages
+from render.base.python_process import (
+    forget_unreadable_settings,
+    import_numba_elsewhere,
+    prefer_installed_packages,
+)
 
 prefer_installed_packages()
+forget_unreadable_settings()
 import_numba_elsewhere()
 
 _MODULES = {

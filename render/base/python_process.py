@@ -15,6 +15,7 @@ import shlex
 import signal
 import sys
 import threading
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import chdir, contextmanager, suppress
 from pathlib import Path
@@ -158,6 +159,14 @@ def postpone_collection() -> None:
 
     gc.callbacks.append(restore)
     gc.set_threshold(LOADED_OBJECTS, *usual[1:])
+
+
+def forget_unreadable_settings() -> None:
+    """Leave out settings of numba that it cannot read, as another program or version of it may have."""
+    threads = os.environ.get("NUMBA_NUM_THREADS", "1")
+    if not threads.isdecimal() or not int(threads):
+        del os.environ["NUMBA_NUM_THREADS"]
+    warnings.filterwarnings("ignore", "Environment variable 'NUMBA_", RuntimeWarning)
 
 
 def import_numba_elsewhere() -> None:

@@ -88,3 +88,17 @@ def test_ctrl_c_while_the_command_starts_says_nothing_and_exits_with_130(tmp_pat
             process.send_signal(signal.SIGINT)
             told = process.stderr.read()
         assert process.returncode == 130 and "Traceback" not in told, (module, told[-2000:])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "setting", ["NUM_THREADS=0", "NUM_THREADS=abc", "OPT=9", "DEBUG=x", "THREADING_LAYER_PRIORITY=x"]
+)
+def test_settings_of_numba_that_it_cannot_read_are_passed_over(setting: str) -> None:
+    name, _, value = setting.partition("=")
+    code = "import pipeline.resample, numba; numba.set_num_threads(1)"
+    settings = {**os.environ, f"NUMBA_{name}": value}
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=settings, capture_output=True, text=True, cwd=ROOT
+    )
+    assert (done.returncode, done.stderr) == (0, "")
