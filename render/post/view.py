@@ -9,7 +9,7 @@ from typing import Any
 
 from render.base.limited_process import ParserError, answer_about_content, serve
 from render.base.render_errors import BadInputError, suggestion
-from render.scene.picture_file import DEFAULT_CONFIG, last_message
+from render.scene.picture_file import DEFAULT_CONFIG
 from render.scene.rgb_spaces import REC709
 
 BUILT_IN = "ocio://"
@@ -22,6 +22,8 @@ LINEAR_REC709 = (
     "lin_srgb",
 )
 """Names of linear Rec.709, the space of pictures, in common configs."""
+
+_MOST_SAID = 300
 
 _MOST_TRIED = 64  # views whose tables are read before a config is used
 
@@ -129,10 +131,19 @@ def _read(config: str, digest: str) -> Any:
     opened = oiio.ColorConfig(config)
     if not opened.getNumDisplays():
         raise BadInputError(
-            f"{config} is not an OpenColorIO config with a display ({last_message(opened)}); "
+            f"{config} is not an OpenColorIO config with a display ({_reason(opened, config)}); "
             f"name a file, or a built-in config such as {DEFAULT_CONFIG}"
         )
     return opened
+
+
+def _reason(opened: Any, config: str) -> str:
+    """Return why OpenColorIO refuses a config, such as its version, without its path, said three times."""
+    try:
+        said = str(opened.geterror()).rpartition("' failed. ")[2].replace(f"'{config}'", "")
+    except UnicodeDecodeError:  # it quotes the file
+        return "its text is not UTF-8"
+    return " ".join(said.split())[:_MOST_SAID]
 
 
 def _require_known(kind: str, name: str, names: list[str], config: str) -> None:

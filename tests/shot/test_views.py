@@ -112,6 +112,15 @@ def test_light_is_computed_in_the_space_that_a_shot_names(tmp_path):
     assert "Did you mean 'acescg'?" in told(tmp_path, "working_space: ACEScg\n")
 
 
+def test_a_config_of_a_later_opencolorio_is_refused_for_its_version(folder: Path) -> None:
+    (folder / "later.ocio").write_text(
+        CONFIG.replace("ocio_profile_version: 2", "ocio_profile_version: 2.99")
+    )
+    found = told(folder, "view: {config: later.ocio}\n")
+    assert "is version 2.99. This version of the OpenColorIO library (" in found
+    assert found.count("later.ocio") == 1 and "\n" not in found
+
+
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-16-be"])
 def test_tables_of_a_config_of_another_encoding_are_known(folder: Path, encoding: str) -> None:
     said = "view: {config: studio.ocio, view: Graded, space: LINEAR}\n"
