@@ -131,8 +131,7 @@ def _read(source: YamlSource, allow_code: bool) -> Shot:
     context = {"clock": clock, "parse_context": parse_context}
     document = validated(checks, ShotDocument, missing, context=context)
     assert clock is not None and retimed is not None, "without problems there is a clock"
-    if outside := motion_checks.outside_note(source, retimed):
-        parse_context.notes.append(outside)
+    parse_context.notes.extend(filter(None, [motion_checks.outside_note(source, retimed)]))
     shot = Shot(
         name=source.path.stem,
         title=document.title,

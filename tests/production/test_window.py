@@ -63,6 +63,7 @@ def test_every_part_of_some_size_is_found_again_in_its_name(shares, of, scale):
         ("a,b,c,d", None, "write the left, upper, right and lower edge"),
         ("nan,0,1,1", None, "write the left, upper, right and lower edge"),
         (None, "0", "is out of range"),
+        (None, "10", r"--scale 10 is out of range \(1–400%\). Write 10%."),
         (None, "1e9%", "is out of range"),
         (None, "half", "is out of range"),
         (None, "nan", "is out of range"),

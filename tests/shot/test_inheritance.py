@@ -229,6 +229,7 @@ SET = [
      "place."),
     ("subject.solid.size=3", "subject.solid is box, not a mapping with size. Set subject.solid={size: …} in "
                              "its place, or subject.size next to it."),
+    ("name=B", "name: unknown name. Did you mean 'title'?"),
     ("lights.key=0", "lights.key: unknown name. Did you mean 'lights.intensity.key'?"),
     ("title=[", "'[' is not YAML. Quote it for the shell, and look at its brackets."),
     ("camra.azimuth=2", "camra: unknown name. Did you mean 'camera'?"),

@@ -259,7 +259,8 @@ class _Frame:
             return "the store has it; the next run links it again without rendering"
         if self.store.holds("raw", keys[self.number].raw):
             return "it is rendered and not denoised yet"
-        return "it was rendered with settings other than the shot file's"
+        is_other = (self.store.root / self.request.place("raw", self.number)).exists()
+        return "it was rendered with other settings" if is_other else "it is not rendered yet"
 
     def _reasons(self, header: Mapping[str, Any], parts: tuple[Difference, ...]) -> Iterator[str]:
         """Yield what differs, from the mesh to the picture; what follows from another reason is left out."""

@@ -138,7 +138,8 @@ def _per_cent(text: str) -> float:
     except ValueError:
         number = math.nan
     if not LEAST <= number <= MOST:
-        raise UsageError(f"--scale {text} is out of range ({LEAST:g}–{MOST:g}%). Write 50%, or 0.5.")
+        meant = f"{text}%" if MOST < number <= 100.0 * MOST and "%" not in text else "50%, or 0.5"
+        raise UsageError(f"--scale {text} is out of range ({LEAST:g}–{MOST:g}%). Write {meant}.")
     return float(f"{number:.4g}")
 
 

@@ -201,7 +201,7 @@ def _hint(mapping: _Mapping, name: Any, found: UnknownNames) -> str:
     spelt = re.split(r"[:={]|\s+(?=[-\d{])", str(name).lstrip("- "))[0]
     if (meant := synonym(spelt, fields)) is not None:
         found.supplied.add((*mapping.where, meant))
-        if meant in mapping.values:
+        if meant in mapping.values and not mapping.source.place((*mapping.where, name)).startswith("--set "):
             return f"Did you mean {meant!r}? It is there already."
         return f"Did you mean {meant!r}{', with a space after its colon' if ':' in str(name) else ''}?"
     if (meant := _as_value(mapping, name)) is not None:

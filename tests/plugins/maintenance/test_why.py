@@ -333,6 +333,8 @@ def test_why_a_frame_is_made_again(finished: Any, monkeypatch: pytest.MonkeyPatc
 
     finished.shot.write_text(text)
     finished.frames()[3].unlink()
+    never = finished.call("why", NAME, "4", "-q", "daily")
+    assert "daily/frames/T010_tiny.0004.exr is missing" in never.out and "it is not rendered yet" in never.out
     gone = ask(finished, 4)
     assert gone.state == "missing" and "without rendering" in gone.reasons[0]
 
