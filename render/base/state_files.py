@@ -52,11 +52,6 @@ def mapping(data: Any) -> dict[str, Any]:
     return data
 
 
-def numbers(data: Any) -> dict[str, int]:
-    """Return a JSON object of whole numbers. Raises TypeError or ValueError for other data."""
-    return {name: int(number) for name, number in mapping(data).items()}
-
-
 def _whole(digits: str) -> int:
     if len(digits) > MOST_DIGITS:
         raise ValueError("a number is too large")

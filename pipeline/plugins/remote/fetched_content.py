@@ -1,19 +1,22 @@
 """Checks that a fetched file has content of its kind, made for the requested key.
 
 The digest in a file's name shows that it arrived as it was sent, not that an honest machine sent it: who may
-write to the remote store names it as he likes. Pictures and arrays hold their keys; of other kinds only the
-form can be checked. What `flowsculpt audit` finds is whether the values are right.
+write to the remote store names it as he likes. Surfaces and cameras are read as jobs read them; arrays and
+pictures hold their keys; of other kinds only the form can be checked. What `flowsculpt audit` finds is
+whether the values are right.
 """
 
 from __future__ import annotations
 
-import json
 import re
 from pathlib import Path
 from zipfile import ZipFile
 
+from pipeline.mesh.meshes import require_existing
 from pipeline.production.store.paths import SUFFIXES
 from pipeline.production.store.store import Key
+from render.base.serialise import from_plain
+from render.base.state_files import mapping, plain_data
 
 KERNELS = "kernels"
 """The kind of archives of compiled kernels, which stores of roots do not have."""
@@ -41,14 +44,19 @@ def fault_of(kind: str, key: Key, path: Path) -> str | None:
     suffix = suffix_of(kind)
     try:
         if suffix == ".json":
-            json.loads(path.read_bytes())
+            read = mapping(plain_data(path.read_bytes()))
+            if kind == "cameras":
+                _require_cameras(read)
         elif suffix == ".zip":
             with ZipFile(path) as packed:
                 if (damaged := packed.testzip()) is not None:
                     return f"is damaged at {damaged}"
         elif suffix in (".exr", ".npz"):
             found = _key_of_picture(path) if suffix == ".exr" else _key_of_arrays(path)
-            return None if found == key else f"is the content of another file, {found}"
+            if found != key:
+                return f"is the content of another file, {found}"
+            if suffix == ".npz":
+                _require_surface(kind, key, path)
         else:
             with path.open("rb") as file:
                 if not re.match(_BEGINNINGS[suffix], file.read(16), re.DOTALL):
@@ -68,3 +76,30 @@ def _key_of_arrays(path: Path) -> Key:
     from pipeline.production.store.readers import key_in
 
     return key_in(path)
+
+
+def _require_surface(kind: str, key: Key, path: Path) -> None:
+    """Read a file of arrays to its end. Raises any error where it is not what its kind says."""
+    from pipeline.production.store import readers
+
+    if kind == "mesh":
+        readers.mesh_frame(key)(path)
+        return
+    arrays = (readers.shading if kind == "normals" else readers.arrays)(key)(path)
+    if kind != "normals":
+        return
+    count = len(arrays["vertices"])
+    vectors = ["vertices", "material", *(() if "radii" in arrays else ("normals",))]
+    if any(arrays[name].shape != (count, 3) for name in vectors) or len(arrays["source_vertex"]) != count:
+        raise ValueError("its arrays are not of one surface")
+    if "radii" not in arrays:
+        require_existing(arrays["faces"].reshape(-1, 3), count)
+
+
+def _require_cameras(data: dict[str, object]) -> None:
+    """Read the cameras of all frames. Raises BadInputError for what is not a camera."""
+    from pipeline.production.request.framing import Framing
+
+    for number, camera in data.items():
+        if number.isdecimal():
+            from_plain(Framing, camera)

@@ -55,7 +55,7 @@ class CameraFile(Mapping[int, "Framing"]):
             try:
                 self._built[number] = from_plain(Framing, self.data[str(number)])
             except (ValueError, TypeError, AttributeError, KeyError, BadInputError) as error:
-                self._store.discard("cameras", self.key)
+                self._store.reject("cameras", self.key)
                 raise FrameError("its camera cannot be read; run again to frame the shot again") from error
         return self._built[number]
 

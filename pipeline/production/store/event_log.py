@@ -33,7 +33,6 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import NoneType
 from typing import Any
 
 from pipeline.production.store.paths import EVENTS
@@ -126,13 +125,10 @@ def event_in(line: bytes) -> Event | None:
     return None
 
 
-_NUMBER, _COUNT, _TEXT = (int, float), (int, NoneType), (str, NoneType)
-
-_KINDS: Mapping[str, tuple[type, ...]] = {
-    **dict.fromkeys(("event", "job"), (str,)),
-    **dict.fromkeys(("stage", "shot", "quality", "message", "activity"), _TEXT),
-    **dict.fromkeys(("time", "seconds", "cpu", "share"), _NUMBER),
-    **dict.fromkeys(("frame", "threads", "cores", "process", "done", "most", "exit_code"), _COUNT),
+_KINDS: Mapping[str, Any] = {
+    **dict.fromkeys(("event", "job", "stage", "shot", "quality", "message"), str | None),
+    **dict.fromkeys(("time", "seconds", "cpu", "share"), int | float),
+    **dict.fromkeys(("frame", "threads", "cores", "process"), int | None),
 }
 """What the facts of events are, by name. A line with others is damaged, or of somebody else."""
 

@@ -30,7 +30,7 @@ from pipeline.production.store.paths import LOGS, STATE
 from pipeline.production.store.remote_store import LOG
 from render.base.atomic_write import atomic_write, machine_error
 from render.base.root_files import remove, remove_tree
-from render.base.state_files import UNUSABLE, numbers, plain_data, read_state, usable
+from render.base.state_files import UNUSABLE, mapping, plain_data, read_state, usable
 
 HISTORY = STATE / "history"
 
@@ -268,7 +268,8 @@ def _stages(data: Any) -> dict[Place, dict[str, StageHistory]]:
 
 def logs_added(root: Path) -> dict[str, int]:
     """Return the size that each log had when it was added to the summaries."""
-    return read_state(root / HISTORY / "logs.json", numbers) or {}
+    sizes = read_state(root / HISTORY / "logs.json", mapping) or {}
+    return {log: size for log, size in sizes.items() if isinstance(size, int)}
 
 
 @cache

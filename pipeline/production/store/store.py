@@ -185,10 +185,7 @@ class Store:
         return True
 
     def holds_whole(self, kind: str, key: Key) -> bool:
-        """Bring the file of `key` and compare its digest; tell whether it is here. Evict a damaged one.
-
-        Raises MachineError where the disk refuses.
-        """
+        """Bring the file of `key`, evict a damaged one, and tell whether it is here. Raises as `bring`."""
         if self.bring(kind, key) and not self.is_whole(self.path(kind, key)):
             self.discard(kind, key)
         return self.bring(kind, key)
@@ -218,6 +215,10 @@ class Store:
         """Return a new path for an unfinished file, named after the host and the process."""
         return self.scratch / f"{platform.node()}+{os.getpid()}+{uuid.uuid4().hex}{suffix}"
 
+    def _draft_beside(self, path: Path) -> Path:
+        """Return a new path for an unfinished file next to a shown one, where `sweep_drafts` finds it."""
+        return path.with_name(f".{self.draft(path.suffix).name}")
+
     def _stored_draft(self, kind: str) -> Path:
         return self.inner_scratch / self.draft(SUFFIXES[kind]).name
 
@@ -244,13 +245,13 @@ class Store:
     def write(self, path: Path, write: Callable[[Path], object], flush: bool = True) -> str:
         """Write a file that is shown and not stored by `write(draft)`, whole or not at all.
 
-        Return its digest. The draft is a hidden file next to it, which `sweep_drafts` finds.
+        Return its digest.
 
         flush  as `atomic_write` takes it
 
         Raises MachineError where the disk refuses.
         """
-        with atomic_write(path, path.with_name(f".{self.draft(path.suffix).name}"), flush=flush) as draft:
+        with atomic_write(path, self._draft_beside(path), flush=flush) as draft:
             with _named(draft, path):
                 write(draft)
             return self.digests.add(path, draft)
@@ -272,9 +273,7 @@ class Store:
         source, place = self.path(kind, key), self.root / target
         self.digests.add_copy(place, source)
         if kind in COPIED:
-            with atomic_write(
-                place, place.with_name(f".{self.draft(place.suffix).name}"), flush=False
-            ) as draft:
+            with atomic_write(place, self._draft_beside(place), flush=False) as draft:
                 _copy(source, draft)
             return
         try:
@@ -327,9 +326,7 @@ class Store:
         try:
             content = self._read(kind, key, reader)
         except DAMAGED:
-            self.discard(kind, key)
-            if not is_read_only():
-                self.remote.reject(kind, key)
+            self.reject(kind, key)
             raise damaged from None
         if (self.root / target).exists():
             self.link(kind, key, target, replace=True)
@@ -348,6 +345,12 @@ class Store:
         except (CorruptFileError, OSError):
             return False
         return path.is_file()
+
+    def reject(self, kind: str, key: Key) -> None:
+        """Evict a file that cannot be read though it is as it was written, from the remote store too."""
+        self.discard(kind, key)
+        if self.remote is not None and not is_read_only():
+            self.remote.reject(kind, key)
 
     def discard(self, kind: str, key: Key) -> None:
         """Evict a damaged file; the next run that needs it makes it again."""
@@ -380,8 +383,8 @@ def _link_or_copy(source: Path, draft: Path) -> None:
         shutil.copy2(source, draft)
 
 
-STORED, SHOWN = 0o444, 0o644
-"""Permissions of stored files, and of copies that are shown."""
+STORED = 0o444
+"""Permissions of stored files."""
 
 
 def _copy(source: Path, draft: Path) -> None:
@@ -391,7 +394,6 @@ def _copy(source: Path, draft: Path) -> None:
             pass
     if not draft.exists() or draft.stat().st_size != source.stat().st_size:
         shutil.copyfile(source, draft)
-    draft.chmod(SHOWN)
 
 
 def _ends(path: str, size: int) -> bytes:

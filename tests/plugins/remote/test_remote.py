@@ -50,7 +50,7 @@ def stores(tmp_path, url):
 
 def content_of(key):
     """The content of a key's file: the same whoever makes it."""
-    return json.dumps([f"made from {key}"] * 5000).encode()
+    return json.dumps({"made from": [key] * 5000}).encode()
 
 
 def fill(store, key=KEY):
@@ -383,12 +383,55 @@ def test_files_that_begin_as_their_kind_does_are_used(stores, kind, content):
     assert theirs.bring(kind, KEY)
 
 
-@pytest.mark.parametrize("kind", ["mesh", "raw"])
+ARRAYS = {
+    "vertices": np.zeros((3, 3), np.float32),
+    "normals": np.ones((3, 3), np.float32),
+    "material": np.zeros((3, 3), np.float32),
+    "faces": np.array([[0, 1, 2]], np.int32),
+    "source_vertex": np.arange(3, dtype=np.int32),
+}
+
+
+@pytest.mark.parametrize(
+    ("kind", "content"),
+    [
+        *(("cameras", text) for text in (b"[]", b"null", b'{"1": []}', b'{"1": {"camera": 3}}', b"[" * 9999)),
+        *(("measures", text) for text in (b"[]", b"3")),
+        ("mesh", ARRAYS),
+        ("mesh", {"vertices": ARRAYS["vertices"]}),
+        *(("normals", {name: v for name, v in ARRAYS.items() if name != left_out}) for left_out in ARRAYS),
+        ("normals", {**ARRAYS, "faces": np.array([[0, 1, 9]], np.int32)}),
+        ("normals", {**ARRAYS, "normals": np.ones((2, 3), np.float32)}),
+    ],
+)
+def test_content_that_its_reader_refuses_is_not_used_and_is_made_here(stores, share, caplog, kind, content):
+    ours, theirs = stores
+
+    def write(path: Path) -> None:
+        path.write_bytes(content) if isinstance(content, bytes) else write_npz(path, with_key(KEY, content))
+
+    ours.put(kind, KEY, write)
+    assert not theirs.bring(kind, KEY) and not theirs.holds(kind, KEY)
+    assert (
+        "cannot be read" in warnings(caplog)[-1] and "replaced once it is made again" in warnings(caplog)[-1]
+    )
+    (there,) = (path for path in share.rglob("*") if path.is_file())
+    theirs.put(kind, KEY, lambda path: path.write_bytes(b"{}"))
+    assert not there.exists() and theirs.holds(kind, KEY)
+
+
+def test_shading_that_its_reader_takes_is_used(stores):
+    ours, theirs = stores
+    ours.put("normals", KEY, lambda path: write_npz(path, with_key(KEY, ARRAYS)))
+    assert theirs.bring("normals", KEY)
+
+
+@pytest.mark.parametrize("kind", ["refined", "raw"])
 def test_the_content_of_another_key_is_not_used(stores, caplog, kind):
     ours, theirs = stores
 
     def write(path: Path) -> None:
-        if kind == "mesh":
+        if kind == "refined":
             write_npz(path, with_key(OTHER, {"vertices": np.zeros((3, 3))}))
         else:
             write_exr(path, RenderedFrame({"beauty": np.zeros((2, 2, 3), np.float16)}), {"key": OTHER})
