@@ -42,7 +42,7 @@ def usable(read: Callable[[], T]) -> T | None:
 
 def plain_data(text: str | bytes) -> Any:
     """Return the plain data of JSON, with finite numbers. Raises ValueError or RecursionError."""
-    return json.loads(text, parse_int=_whole, parse_float=_finite, parse_constant=_finite)
+    return _DECODER.decode(text.decode("utf-8") if isinstance(text, bytes) else text)
 
 
 def mapping(data: Any) -> dict[str, Any]:
@@ -63,3 +63,6 @@ def _finite(digits: str) -> float:
     if not math.isfinite(number):
         raise ValueError("a number is not finite")
     return number
+
+
+_DECODER = json.JSONDecoder(parse_int=_whole, parse_float=_finite, parse_constant=_finite)
