@@ -83,7 +83,7 @@ def _require_surface(kind: str, key: Key, path: Path) -> None:
     from pipeline.production.store import readers
 
     if kind == "mesh":
-        readers.mesh_frame(key)(path)
+        readers.mesh_frame(key, number=0)(path)  # the number is the business of shots
         return
     arrays = (readers.shading if kind == "normals" else readers.arrays)(key)(path)
     if kind != "normals":
