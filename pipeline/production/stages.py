@@ -175,16 +175,6 @@ STAGES = {
 }
 """The stages that jobs do, by name, each after those that it rests on."""
 
-DELIVER = PipelineStage(
-    "deliver", version=2, packages=("av", "OpenImageIO"), doing="encoding deliverables", makes="movie"
-)
-RELIGHT = PipelineStage("relight", version=1, packages=("OpenImageIO",), doing="relighting", makes="frame")
-TURNTABLE_SHEET = PipelineStage(
-    "turntable_sheet", version=2, packages=("av", "OpenImageIO"), doing="laying out sheets", makes="png"
-)
-EXPORT = PipelineStage("export", version=3, doing="exporting", makes="geometry", per_quality=False)
-MEASURE = PipelineStage("measure", version=2, doing="measuring", makes="measures", per_quality=False)
-
 
 def forced_with(stages: Iterable[str]) -> frozenset[str]:
     """Return stages with all that read what they make, directly or not."""

@@ -18,7 +18,7 @@ import pytest
 from pipeline.production.execution import run
 from pipeline.production.execution.run import ROUNDS, RetryPolicy, Watchdog, watched
 from pipeline.production.store.event_log import EventLog, EventReader, poll
-from pipeline.production.store.locks import start_of
+from render.base.processes import start_of
 from tests.processes import process_numbered, wait_until
 
 pytestmark = pytest.mark.quick

@@ -29,7 +29,7 @@ from pipeline.production.request.edit import Edit
 from pipeline.production.request.keys import PictureKeys, picture_keys
 from pipeline.production.request.provenance import Provenance, records
 from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.stages import DELIVER
+from pipeline.production.stages import PipelineStage
 from pipeline.production.store import paths, readers
 from pipeline.production.store.history import History
 from pipeline.production.store.store import Key, Store, key_of
@@ -46,6 +46,10 @@ from render.movie.movie_frames import Frame, dissolve, mix_frames, prefetch
 from render.post.colour import quantise, to_display
 from render.post.hdr import HDR_DISPLAYS, ContentLight, hdr_graphics
 from render.scene.render_camera import Projection
+
+DELIVER = PipelineStage(
+    "deliver", version=2, packages=("av", "OpenImageIO"), doing="encoding deliverables", makes="movie"
+)
 
 LabelledFrame = tuple[Frame, Mapping[str, str | int]]
 """A display frame, and the values that can be burnt in."""

@@ -39,7 +39,7 @@ from pipeline.production.request.cameras import camera_file
 from pipeline.production.request.keys import PictureKeys, picture_keys
 from pipeline.production.request.lookup import find_shot, movie_bits, options_of
 from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.stages import RELIGHT
+from pipeline.production.stages import PipelineStage
 from pipeline.production.store import readers
 from pipeline.production.store.locks import writing
 from pipeline.production.store.store import Key, Store, key_of
@@ -60,6 +60,8 @@ from render.post.image import read_header, write_exr
 from render.scene.aovs import RenderedFrame
 from render.scene.render_quality import DEFAULT_QUALITY
 from render.scene.scene_lights import BACKGROUND, LightGroup, LightRig, groups_in, mixed
+
+RELIGHT = PipelineStage("relight", version=1, packages=("OpenImageIO",), doing="relighting", makes="frame")
 
 if TYPE_CHECKING:
     from pipeline.production.request.framing import Framing

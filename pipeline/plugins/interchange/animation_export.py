@@ -16,7 +16,7 @@ from pipeline.plugin import Animation
 from pipeline.plugins.interchange.alembic_export import write_alembic
 from pipeline.plugins.interchange.animated_gltf import Moving, quantized_animation, write_animated_gltf
 from pipeline.plugins.interchange.drawn_mesh import DrawnMesh, KeyPoses
-from pipeline.plugins.interchange.exported_frame import KeyedFiles
+from pipeline.plugins.interchange.exported_frame import EXPORT, KeyedFiles
 from pipeline.plugins.interchange.exported_materials import pictures_recipe
 from pipeline.plugins.interchange.one_mesh import OneMesh
 from pipeline.plugins.interchange.point_caches import even_step
@@ -27,7 +27,6 @@ from pipeline.plugins.interchange.web_player import PARTS, WebPage, require_thre
 from pipeline.production.request.cameras import camera_file
 from pipeline.production.request.framing import Framing
 from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.stages import EXPORT
 from pipeline.production.store.store import Key, Store, key_of
 from render.base.plural import plural
 from render.base.serialise import to_plain

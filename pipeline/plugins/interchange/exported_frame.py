@@ -29,14 +29,15 @@ from pipeline.production.request.shading import (
     radii,
     vertex_motion,
 )
-from pipeline.production.stages import EXPORT
+from pipeline.production.stages import PipelineStage
 from pipeline.production.store import readers
 from pipeline.production.store.digests import digest_of
 from pipeline.production.store.locks import of_key
 from pipeline.production.store.remote_store import LOG
-from pipeline.production.store.store import Key, Store, key_of, sweep_drafts
+from pipeline.production.store.store import Key, Store, key_of
 from pipeline.shot import Shot
 from pipeline.shot.subjects import Model, Solid
+from render.base.drafts import sweep_hidden_drafts
 from render.base.serialise import Colour, to_plain
 from render.base.state_files import mapping, read_state
 from render.scene.materials import (
@@ -57,6 +58,8 @@ from render.scene.patterns import SPEED
 from render.scene.surface import Surface
 from render.scene.textures import Texture
 from render.scene.vertex_colours import vertex_colours
+
+EXPORT = PipelineStage("export", version=3, doing="exporting", makes="geometry", per_quality=False)
 
 
 @dataclass(eq=False)
@@ -116,7 +119,7 @@ class KeyedFiles:
         with of_key(self.store.root, key_of("export", str(path.absolute())), self._wait_and_tell()):
             self.__dict__.pop("_noted", None)  # another export may have written them meanwhile
             self._found.clear()
-            sweep_drafts(self.folder)
+            sweep_hidden_drafts(self.folder)
             try:
                 yield
             finally:

@@ -27,6 +27,7 @@ from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdShade, Vt
 from pipeline.arrays import AnyArray
 from pipeline.errors import FrameError
 from pipeline.plugins.interchange.exported_frame import (
+    EXPORT,
     ExportedFrame,
     KeyedFiles,
     colour_texture,
@@ -48,7 +49,6 @@ from pipeline.plugins.interchange.usd_prims import (
 from pipeline.production.request.cameras import camera_file
 from pipeline.production.request.framing import Framing
 from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.stages import EXPORT
 from pipeline.production.store.store import Key, Store, key_of
 from pipeline.shot import Picture, Shot
 from render.base.atomic_write import cannot_write

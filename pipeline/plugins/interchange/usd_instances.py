@@ -19,10 +19,9 @@ from pxr import Gf, Sdf, UsdGeom, Vt
 
 from pipeline.arrays import AnyArray, Points
 from pipeline.plugins.interchange.copy_instances import Instances, PlacedCopies
-from pipeline.plugins.interchange.exported_frame import KeyedFiles
+from pipeline.plugins.interchange.exported_frame import EXPORT, KeyedFiles
 from pipeline.plugins.interchange.usd_export import write_layer
 from pipeline.plugins.interchange.usd_one_mesh import OneMeshFile, OneMeshStage, add_mesh
-from pipeline.production.stages import EXPORT
 from pipeline.production.store.store import key_of
 
 SHAPE = "shape"

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from pxr import Sdf
 
-from pipeline.plugins.interchange.exported_frame import KeyedFiles
+from pipeline.plugins.interchange.exported_frame import EXPORT, KeyedFiles
 from pipeline.plugins.interchange.one_mesh import OneMesh
 from pipeline.plugins.interchange.refining import Began
 from pipeline.plugins.interchange.unifying import Unification, exported
@@ -28,7 +28,6 @@ from pipeline.plugins.interchange.usd_export import (
     usd_array,
     write_layer,
 )
-from pipeline.production.stages import EXPORT
 from pipeline.production.store.store import key_of
 
 _SAMPLED = ("points", "primvars:normals", "extent")  # what differs from frame to frame

@@ -16,7 +16,8 @@ from pipeline.production.request.keys import picture_keys
 from pipeline.production.request.render_request import FORMS, RenderRequest
 from pipeline.production.store.event_log import RUNS
 from pipeline.production.store.paths import DONE, EVENTS, LOGS, PLANS, RENDERS
-from pipeline.production.store.store import COPIED, Key, Store, sweep_drafts
+from pipeline.production.store.store import COPIED, Key, Store
+from render.base.drafts import sweep_hidden_drafts
 from render.base.root_files import remove, remove_folder, remove_tree
 
 
@@ -62,7 +63,7 @@ def collect_garbage(store: Store, requests: Iterable[RenderRequest], keep: int, 
         if not dry_run:
             store.discard(kind, key)
     if not dry_run:
-        sweep_drafts(store.root / RENDERS, "**/")
+        sweep_hidden_drafts(store.root / RENDERS, "**/")
         _forget_runs(store.root, max(keep, RUNS))
         store.digests.prune()
         for folder in (DONE, LOGS / "jobs"):  # Snakemake finds out anew what is done

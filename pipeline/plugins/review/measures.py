@@ -15,12 +15,14 @@ from pipeline.animation import MeshFrame
 from pipeline.arrays import Floats
 from pipeline.mesh import TriangleMesh
 from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.stages import MEASURE
+from pipeline.production.stages import PipelineStage
 from pipeline.production.store import readers
 from pipeline.production.store.digests import CorruptFileError
 from pipeline.production.store.store import Key, Store, key_of
 from pipeline.statistics import self_intersections
 from render.base.state_files import mapping, read_state
+
+MEASURE = PipelineStage("measure", version=2, doing="measuring", makes="measures", per_quality=False)
 
 BINS = 48
 """Bins of a histogram."""

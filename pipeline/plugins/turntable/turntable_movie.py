@@ -39,7 +39,7 @@ from pipeline.production.planning.plan import Plan
 from pipeline.production.request.keys import PictureKeys, picture_keys
 from pipeline.production.request.lookup import SHOTS, cropped_name, find_shot, movie_bits
 from pipeline.production.request.render_request import TURNS, RenderRequest, Turntable
-from pipeline.production.stages import TURNTABLE_SHEET
+from pipeline.production.stages import PipelineStage
 from pipeline.production.store.paths import Folders
 from pipeline.production.store.store import Store, key_of
 from pipeline.shot.documents.look_documents import LOOKS
@@ -54,6 +54,10 @@ from render.movie.encode import write_movie
 from render.movie.movie_frames import prefetch
 from render.post.image import write_png
 from render.scene.render_quality import DEFAULT_QUALITY
+
+TURNTABLE_SHEET = PipelineStage(
+    "turntable_sheet", version=2, packages=("av", "OpenImageIO"), doing="laying out sheets", makes="png"
+)
 
 BOTH = "both"
 

@@ -31,6 +31,7 @@ from typing import Any
 from pipeline.errors import FlowsculptError, FrameError, MissingInputError, UsageError
 from pipeline.frames import FrameRange
 from pipeline.plugin import plugins
+from pipeline.plugins.versions.reproduction import pixels_of, restored
 from pipeline.production.picture_sequences import (
     PLAIN,
     PictureDisplay,
@@ -49,10 +50,8 @@ from pipeline.production.request.provenance import (
     Provenance,
     host,
     packages,
-    pixels_of,
     portable,
     records,
-    restored,
     stage_versions,
 )
 from pipeline.production.request.render_request import RenderRequest

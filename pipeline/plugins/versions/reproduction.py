@@ -6,26 +6,67 @@ was rendered before, and nothing of these is touched.
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
-from pipeline.errors import MachineError, UsageError
+from pipeline.errors import MachineError, MissingInputError, UsageError
 from pipeline.frames import FrameRange
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import Plan
 from pipeline.production.planning.profile import variant_for
 from pipeline.production.request.keys import PictureKeys, picture_keys
-from pipeline.production.request.provenance import Provenance, pixels_of, restored
+from pipeline.production.request.provenance import Provenance
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.shot_source import ShotSource
 from pipeline.production.store.paths import repeated
 from pipeline.production.store.store import Store
+from pipeline.shot.yaml.named_files import is_there
 from render.base.input_files import digest_of_file
 from render.base.render_errors import RenderError
 from render.post.image import read_exr
+
+
+def pixels_of(path: Path) -> str:
+    """Return the SHA-256 of all values of a picture. Raises what `render.post.image.read_exr` raises."""
+    layers, _ = read_exr(path)
+    digest = hashlib.sha256()
+    for name in sorted(layers.arrays):
+        array = np.ascontiguousarray(layers[name], dtype="<f4")
+        digest.update(f"{name}{array.shape}".encode())
+        digest.update(array.tobytes())
+    return digest.hexdigest()
+
+
+def restored(record: Provenance, allow_code: bool) -> ShotSource:
+    """Return the source of a version, to be read in the working folder.
+
+    allow_code  whether its Python files may run: the caller decides, not the provenance
+
+    Raises UsageError or MissingInputError where files that it reads are gone or not what they were.
+    """
+    gone, changed = [], []
+    for place, digest in record.source.inputs or ():
+        if not is_there(Path(place)):
+            gone.append(place)
+        elif digest_of_file(Path(place)) != digest:
+            changed.append(place)
+    of = f"{record.shot} {record.version}"
+    if gone:
+        raise MissingInputError(
+            f"{', '.join(gone)}: missing, and {of} was made from it; restore it. Relative paths start at "
+            "the working folder."
+        )
+    if changed:
+        raise UsageError(
+            f"{', '.join(changed)}: changed since {of} was made from it (its digest differs); restore the "
+            "earlier file"
+        )
+    source = replace(record.source, path=record.source.path.absolute(), allow_code=allow_code, inputs=None)
+    return source.with_inputs()
 
 
 @dataclass(frozen=True)

@@ -25,10 +25,11 @@ from pipeline.production.planning.profile import Profile
 from pipeline.production.request.shot_source import PlanningCache
 from pipeline.production.store.event_log import Event, EventLog, EventReader, poll
 from pipeline.production.store.history import summarise
-from pipeline.production.store.locks import is_at_work, making, start_of, writing
+from pipeline.production.store.locks import making, writing
 from pipeline.production.store.paths import EVENTS
 from pipeline.production.store.store import Store, remove_checkpoints, sweep, upload_missed
 from render.base.atomic_write import disk_errors
+from render.base.processes import is_at_work, start_of
 from render.base.root_files import touch
 from render.base.work_clock import cpu_seconds
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 import platform
@@ -13,7 +12,6 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import psutil
 
 from pipeline.errors import MissingInputError, UsageError
@@ -21,12 +19,10 @@ from pipeline.production.request.lookup import is_quality, today_name
 from pipeline.production.request.shot_source import ShotSource
 from pipeline.production.stages import ASSEMBLE, FINISH, FRAME_CAMERA, RENDER, SIMULATE, SMOOTH_NORMALS
 from pipeline.shot.yaml.named_files import NAME, is_there
-from render.base.input_files import digest_of_file
 from render.base.render_errors import BadInputError
 from render.base.serialise import from_plain, to_plain
 from render.base.state_files import UNUSABLE
 from render.mitsuba.engine import available_cores
-from render.post.image import read_exr
 
 FILE = "provenance.json"
 FORMAT = 2
@@ -181,17 +177,6 @@ def _require_whole(record: Provenance) -> None:
         raise KeyError
 
 
-def pixels_of(path: Path) -> str:
-    """Return the SHA-256 of all values of a picture. Raises what `render.post.image.read_exr` raises."""
-    layers, _ = read_exr(path)
-    digest = hashlib.sha256()
-    for name in sorted(layers.arrays):
-        array = np.ascontiguousarray(layers[name], dtype="<f4")
-        digest.update(f"{name}{array.shape}".encode())
-        digest.update(array.tobytes())
-    return digest.hexdigest()
-
-
 def portable(source: ShotSource) -> ShotSource:
     """Return the source with paths relative to the working folder, so that a project may be moved."""
     inputs = tuple((_within(Path(path)), digest) for path, digest in source.inputs or ())
@@ -201,35 +186,6 @@ def portable(source: ShotSource) -> ShotSource:
 def _within(path: Path) -> str:
     plain = Path(os.path.normpath(path.absolute()))
     return (plain.relative_to(Path.cwd()) if plain.is_relative_to(Path.cwd()) else plain).as_posix()
-
-
-def restored(record: Provenance, allow_code: bool) -> ShotSource:
-    """Return the source of a version, to be read in the working folder.
-
-    allow_code  whether its Python files may run: the caller decides, not the provenance
-
-    Raises UsageError or MissingInputError where files that it reads are gone or not what they were.
-    """
-    gone, changed = [], []
-    for place, digest in record.source.inputs or ():
-        if not is_there(Path(place)):
-            gone.append(place)
-        elif digest_of_file(Path(place)) != digest:
-            changed.append(place)
-    of = f"{record.shot} {record.version}"
-    if gone:
-        raise MissingInputError(
-            f"{', '.join(gone)}: missing, and {of} was made from it; restore it. Relative paths start at "
-            "the working "
-            "folder."
-        )
-    if changed:
-        raise UsageError(
-            f"{', '.join(changed)}: changed since {of} was made from it (its digest differs); restore the "
-            "earlier file"
-        )
-    source = replace(record.source, path=record.source.path.absolute(), allow_code=allow_code, inputs=None)
-    return source.with_inputs()
 
 
 def records(folder: Path) -> Iterator[tuple[Path, Provenance | UsageError | MissingInputError]]:

@@ -25,10 +25,11 @@ from typing import Any, NamedTuple
 from pipeline.errors import MachineError
 from pipeline.production.stages import STAGES
 from pipeline.production.store.event_log import RUNS, Event, EventReader, event_in, logs_of
-from pipeline.production.store.locks import command_of, is_at_work, lock_name, of_key
+from pipeline.production.store.locks import lock_name, of_key
 from pipeline.production.store.paths import LOGS, STATE
 from pipeline.production.store.remote_store import LOG
 from render.base.atomic_write import atomic_write, machine_error
+from render.base.processes import command_of, is_at_work
 from render.base.root_files import remove, remove_tree
 from render.base.state_files import UNUSABLE, mapping, plain_data, read_state, usable
 

@@ -26,13 +26,8 @@ import errno
 import hashlib
 import json
 import os
-import platform
-import re
 import shutil
 import stat
-import tempfile
-import time
-import uuid
 from collections.abc import Callable, Collection, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
@@ -42,7 +37,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from pipeline.errors import FrameError, MachineError
 from pipeline.production.store.digests import CorruptFileError, Digests, digest_of
-from pipeline.production.store.locks import is_at_work
 from pipeline.production.store.paths import CHECKPOINTS, STATE, STORE, SUFFIXES
 from pipeline.production.store.remote_store import (
     LOG,
@@ -53,6 +47,7 @@ from pipeline.production.store.remote_store import (
     store_url,
 )
 from render.base.atomic_write import atomic_write, disk_errors
+from render.base.drafts import disk_time, draft_name, sweep_drafts
 from render.base.plural import plural
 from render.base.render_errors import CorruptImageError, FlowsculptError, MissingImageError
 from render.base.root_files import guard, held, remove, touch
@@ -213,10 +208,10 @@ class Store:
 
     def draft(self, suffix: str = "") -> Path:
         """Return a new path for an unfinished file, named after the host and the process."""
-        return self.scratch / f"{platform.node()}+{os.getpid()}+{uuid.uuid4().hex}{suffix}"
+        return self.scratch / draft_name(suffix)
 
     def _draft_beside(self, path: Path) -> Path:
-        """Return a new path for an unfinished file next to a shown one, where `sweep_drafts` finds it."""
+        """Return a new path for an unfinished file next to a shown one; see `sweep_hidden_drafts`."""
         return path.with_name(f".{self.draft(path.suffix).name}")
 
     def _stored_draft(self, kind: str) -> Path:
@@ -404,9 +399,6 @@ def _ends(path: str, size: int) -> bytes:
         return first + file.read(ENDS)
 
 
-OLD_DRAFT = 24 * 3600.0
-"""Seconds after which a draft of another host counts as left behind."""
-
 KEPT_CHECKPOINT = 7 * 24 * 3600.0
 """Seconds for which a checkpoint is kept for a picture that nobody goes on with."""
 
@@ -414,43 +406,16 @@ KEPT_CHECKPOINT = 7 * 24 * 3600.0
 def sweep(store: Store) -> None:
     """Remove drafts that killed processes left in `tmp/`, and checkpoints of no more use.
 
-    Those are drafts of dead processes of this host, and old ones of other hosts: a farm's nodes may be at
-    work though nobody holds the root's lock. A checkpoint goes when its picture is done, or it is old.
+    A farm's nodes may be at work though nobody holds the root's lock. A checkpoint goes when its picture is
+    done, or it is old.
     """
-    now = _disk_time(store.scratch)
     for folder in (store.scratch, store.inner_scratch):
-        with contextlib.suppress(OSError):
-            for path in sorted(folder.iterdir()):
-                if _left_behind(path, now):
-                    remove(path)
-    oldest = now - KEPT_CHECKPOINT
+        sweep_drafts(folder)
+    oldest = disk_time(store.scratch) - KEPT_CHECKPOINT
     for path in _checkpoints(store):
         with contextlib.suppress(OSError):
             if store.is_here("raw", path.stem.rpartition(".")[2]) or path.stat().st_mtime < oldest:
                 remove(path)
-
-
-def sweep_drafts(folder: Path, pattern: str = "") -> None:
-    """Remove drafts of `Store.write` that killed processes left in a folder; by `**/` in those below too."""
-    with contextlib.suppress(OSError):
-        drafts = [path for path in folder.glob(f"{pattern}.*+*+*") if _DRAFT.fullmatch(path.name)]
-        now = _disk_time(folder) if drafts else 0.0
-        for path in drafts:
-            if _left_behind(path, now):
-                remove(path)
-
-
-_DRAFT = re.compile(r"\..+\+\d+\+[0-9a-f]{32}(\.\w+)?")
-"""The names of drafts of `Store.write`."""
-
-
-def _disk_time(folder: Path) -> float:
-    """Return the time of the clock that dates files in a folder, which may be a file server's."""
-    try:
-        with held(folder) as place, tempfile.TemporaryFile(dir=place) as file:
-            return os.fstat(file.fileno()).st_mtime
-    except OSError:
-        return time.time()
 
 
 def checkpoint_of(
@@ -484,14 +449,6 @@ def _checkpoints(store: Store) -> list[Path]:
 def _checkpoint_name(target: Path) -> str:
     """Return `renders/A010/final/raw/A010.0040.exr` as one word."""
     return "+".join(target.with_suffix("").parts[1:])
-
-
-def _left_behind(draft: Path, now: float) -> bool:
-    host, _, rest = draft.name.lstrip(".").partition("+")  # a writer's own draft of it begins with a point
-    number = rest.partition("+")[0]
-    if host == platform.node() and number.isdecimal():
-        return int(number) == os.getpid() or not is_at_work(int(number))
-    return not number or now - draft.stat().st_mtime > OLD_DRAFT
 
 
 class Uploaded(NamedTuple):

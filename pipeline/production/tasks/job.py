@@ -21,11 +21,11 @@ from pipeline.production.request.keys import picture_keys
 from pipeline.production.request.shot_source import PlanningCache
 from pipeline.production.stages import STAGES
 from pipeline.production.store.event_log import Event, EventLog, EventReader
-from pipeline.production.store.locks import start_of
 from pipeline.production.store.paths import EVENTS
 from pipeline.production.store.remote_store import LOG
 from pipeline.production.store.store import Key, Store
 from render.base.atomic_write import atomic_write
+from render.base.processes import start_of
 from render.base.root_files import guard, set_time
 from render.base.work_clock import Timing, WorkClock, cpu_seconds
 

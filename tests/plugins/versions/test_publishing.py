@@ -15,8 +15,9 @@ import pytest
 from pipeline.errors import FrameError, MachineError, UsageError
 from pipeline.plugins.review.review_notes import read_notes
 from pipeline.plugins.versions import publishing
+from pipeline.plugins.versions.reproduction import pixels_of
 from pipeline.production.request.keys import picture_keys
-from pipeline.production.request.provenance import FILE, Provenance, pixels_of
+from pipeline.production.request.provenance import FILE, Provenance
 from pipeline.production.store.locks import exclusive
 from render.base.input_files import digest_of_file
 from tests.plugins.review.note_cases import TIMES, document, note
