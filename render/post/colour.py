@@ -133,16 +133,15 @@ def _ocio_display(light: Floats, view: ColourView, display: str) -> Floats:
 def _lut(view: ColourView, display: str) -> Floats:
     """Return the table (65, 65, 65, 3) of a view, by red, green, blue; from the user's cache, or baked."""
     recipe = f"{oiio.__version__} {sorted(view.recipe.items())} {display} {_SIDE} {_TOE} {_WHITE}"
-    file = cache_path("views", [recipe], ".npy")
-    try:
-        lut = np.load(file)
+    file = cache_path("views", [recipe], ".npz")
+    with suppress(Exception):  # numpy and zipfile raise a dozen kinds for what is damaged
+        with file.open("rb") as content, np.load(content) as stored:  # which has a checksum
+            lut = stored["table"]
         if lut.shape == (_SIDE, _SIDE, _SIDE, 3) and lut.dtype == np.float32:
             return np.asarray(lut)
-    except (OSError, ValueError, EOFError):
-        pass
     lut = _bake(view, display, _WHITE)
     with suppress(MachineError), atomic_write(file, flush=False) as draft, draft.open("wb") as stream:
-        np.save(stream, lut)
+        np.savez(stream, table=lut)
     return lut
 
 

@@ -66,10 +66,12 @@ def test_a_damaged_cache_is_baked_again(tmp_path: Path, monkeypatch: pytest.Monk
     monkeypatch.setattr(colour, "_bake", lambda *_: np.full((65, 65, 65, 3), 0.25, np.float32))
     (tmp_path / "views").mkdir()
     fresh = colour._lut.__wrapped__(ACES, ACES.still)
-    file = next((tmp_path / "views").glob("*.npy"))
-    file.write_bytes(file.read_bytes()[:1000])
-    assert np.array_equal(colour._lut.__wrapped__(ACES, ACES.still), fresh)
-    assert file.stat().st_size > 1000
+    (file,) = (tmp_path / "views").iterdir()
+    whole = file.read_bytes()
+    for damaged in (whole[:1000], whole[:5000] + bytes(len(whole) - 9000) + whole[-4000:], b"", b"[]"):
+        file.write_bytes(damaged)
+        assert np.array_equal(colour._lut.__wrapped__(ACES, ACES.still), fresh)
+        assert file.read_bytes() == whole
 
 
 def test_dithering_keeps_the_mean_of_a_slow_gradient() -> None:

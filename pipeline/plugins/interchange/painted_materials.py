@@ -12,6 +12,7 @@ from render.base.atomic_write import atomic_write
 from render.base.input_files import digest_of_file
 from render.base.render_errors import BadInputError
 from render.base.serialise import Colour
+from render.base.state_files import usable
 from render.base.user_cache import writable_cache
 from render.scene.materials import Diffuse, Opacity, PatternedMaterial, Satin
 from render.scene.painted_faces import VERTEX_COLOURS
@@ -108,10 +109,10 @@ def picture_within(
     """
     suffix = Path(name.replace("\\", "/")).suffix.lower()
     cached = writable_cache() / "textures" / f"{digest}{suffix if suffix[1:].isalnum() else '.png'}"
-    if not cached.is_file():
+    if usable(lambda: digest_of_file(cached)) != digest:  # missing, or damaged
         with atomic_write(cached, flush=False) as draft:
             draft.write_bytes(content())
     try:
-        return picture(model, str(cached), {}, space)
+        return texture_of(str(cached), digest, space)
     except BadInputError as error:
         raise BadInputError(str(error).replace(str(cached), f"{model}: its picture {brief(name)}")) from None

@@ -341,6 +341,22 @@ def test_a_picture_within_a_gltf_file_is_read(tmp_path: Path) -> None:
     assert paint_of(shot, frame).coordinates == pytest.approx(expected, abs=1e-6)
 
 
+def test_a_damaged_copy_of_a_picture_in_the_cache_is_written_again(tmp_path: Path) -> None:
+    model = gltf_box(tmp_path, pbrMetallicRoughness={"baseColorTexture": {"index": 0}}).glb(
+        tmp_path / "a.glb"
+    )
+    cached, whole = Path(), b""
+    for damage in (lambda content: content, lambda content: content[:-20], lambda content: b""):
+        look = shot_of(model, last=1).picture.look
+        assert isinstance(look, Painted) and isinstance(look.parts[0], Satin)
+        texture = look.parts[0].colour_texture
+        assert texture is not None
+        cached = Path(texture.path)
+        whole = whole or cached.read_bytes()
+        assert cached.read_bytes() == whole
+        cached.write_bytes(damage(whole))
+
+
 def test_a_normal_map_of_a_gltf_file_is_read_with_its_scale(tmp_path: Path) -> None:
     model = gltf_box(tmp_path, normalTexture={"index": 0, "scale": -2}).glb(tmp_path / "side.glb")
     shot = shot_of(model, last=1)
