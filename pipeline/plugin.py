@@ -8,16 +8,11 @@ imported when used.
 
 from __future__ import annotations
 
-import locale
 import logging
-import os
 import re
-import signal
-import sys
 import traceback
-import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager, redirect_stdout
+from contextlib import nullcontext
 from dataclasses import dataclass, field, fields
 from functools import cache
 from importlib import import_module
@@ -26,6 +21,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, TypeVar
 
+from render.base.foreign_code import foreign_code, located_reason, reason_of_foreign
 from render.base.render_errors import MachineError
 
 T = TypeVar("T")
@@ -200,7 +196,7 @@ class Plugins:
                 try:
                     found[name] = make(plugin, name, named(place))
                 except Exception as error:
-                    LOG.warning(f"plug-in {plugin.name}: {name} is left out: {_told(error)}")
+                    LOG.warning(f"plug-in {plugin.name}: {name} is left out: {located_reason(error)}")
         return found
 
     def lacking(self, name: str) -> str | None:
@@ -316,7 +312,7 @@ def plugins() -> Plugins:
             _LOADING.append(entry.value)
             plugin = _loaded(entry)
         except Exception as error:
-            faults.append(f"plug-in {entry.name} ({entry.value}) is left out: {_told(error)}")
+            faults.append(f"plug-in {entry.name} ({entry.value}) is left out: {located_reason(error)}")
             continue
         finally:
             _LOADING.pop()
@@ -335,42 +331,8 @@ def named(place: str) -> Any:
     module, _, name = place.partition(":")
     if not name:
         raise ValueError(f'{place!r} is not "module:name"')
-    with _strangers_code(module):
+    with nullcontext() if module.startswith("pipeline.") else foreign_code():
         return getattr(import_module(module), name)
-
-
-@contextmanager
-def _strangers_code(module: str) -> Iterator[None]:
-    """Let a module be imported; one of a stranger may do anything, and changes nothing of this process.
-
-    What it prints goes to standard error, since standard output may be JSON. What it raises is an Exception.
-    """
-    if module.startswith("pipeline."):
-        yield
-        return
-    folder, language = Path.cwd(), locale.setlocale(locale.LC_ALL)
-    try:
-        with redirect_stdout(sys.stderr), warnings.catch_warnings():
-            yield
-    except BaseException as error:
-        if isinstance(error, Exception) or is_of_user(error):
-            raise
-        raise StrangersError(_told(error)) from error
-    finally:
-        os.chdir(folder)
-        locale.setlocale(locale.LC_ALL, language)
-
-
-class StrangersError(Exception):
-    """What a stranger's module has raised that is no Exception, such as SystemExit."""
-
-
-def is_of_user(error: BaseException) -> bool:
-    """Tell whether an error is Ctrl-C, and none that a plug-in raises: after it, signals are ignored."""
-    handlers = {signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)}
-    return isinstance(error, KeyboardInterrupt) and bool(
-        handlers & {signal.SIG_IGN, signal.default_int_handler}
-    )
 
 
 @cache
@@ -381,7 +343,7 @@ def _function(plugin: str, place: str) -> Any:
     except Exception as error:
         if place.startswith("pipeline."):
             raise
-        LOG.warning(f"plug-in {plugin}: {place} is left out: {_told(error)}")
+        LOG.warning(f"plug-in {plugin}: {place} is left out: {located_reason(error)}")
         return None
 
 
@@ -394,36 +356,8 @@ def fault_of_plugin(error: BaseException) -> MachineError | None:
     owners = {str(file): plugin.name for plugin in plugins() for file in plugin.sources}
     for file, line in reversed(lines):
         if file in owners:
-            return MachineError(f"{file}:{line}: plug-in {owners[file]}: {reason_of_plugin(error)}")
+            return MachineError(f"{file}:{line}: plug-in {owners[file]}: {reason_of_foreign(error)}")
     return None
-
-
-_NUMBA_LINES = ("Failed in nopython mode", "During: ")  # around what is wrong
-
-
-def _told(error: BaseException) -> str:
-    """Return what a stranger's module raised, in one line, with the line of it that did."""
-    if isinstance(error, StrangersError):
-        return str(error)
-    last = traceback.extract_tb(error.__traceback__)[-1]
-    is_theirs = Path(last.filename).is_file() and Path(last.filename) != Path(__file__)
-    return (
-        f"{reason_of_plugin(error)} ({last.filename}:{last.lineno})" if is_theirs else reason_of_plugin(error)
-    )
-
-
-def reason_of_plugin(error: BaseException) -> str:
-    """Return what a stranger's code raised, in one line."""
-    try:
-        text = str(error)
-    except Exception:
-        text = "its text cannot be written"
-    lines = [line for line in text.splitlines() if not line.startswith(_NUMBA_LINES)]
-    line = " ".join(f"{type(error).__name__}: {' '.join(lines)}".split()).removesuffix(":")
-    of_api = isinstance(error, ImportError) and error.name == "pipeline.api"
-    if of_api or line.startswith("TypeError: Plugin.__init__() got an unexpected keyword"):
-        return f"{line}; a later flowsculpt may have it"
-    return line
 
 
 def _order(entry: EntryPoint) -> tuple[bool, bool, str]:
@@ -433,7 +367,7 @@ def _order(entry: EntryPoint) -> tuple[bool, bool, str]:
 
 def _loaded(entry: EntryPoint) -> Plugin:
     """Return the plug-in of an entry point. Raises TypeError for what is none, and what importing raises."""
-    with _strangers_code(entry.module):
+    with nullcontext() if entry.module.startswith("pipeline.") else foreign_code():
         plugin = entry.load()
     if not isinstance(plugin, Plugin):
         raise TypeError(f"{entry.value} is not a pipeline.plugin.Plugin")

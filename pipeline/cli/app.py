@@ -33,8 +33,9 @@ from pipeline.cli.options import (
 from pipeline.cli.output import out, print_error, print_warning
 from pipeline.cli.standard_streams import READER_LEFT, OutputError, discard_output
 from pipeline.errors import FlowsculptError, MachineError
-from pipeline.plugin import Command, fault_of_plugin, named, plugins, reason_of_plugin
+from pipeline.plugin import Command, fault_of_plugin, named, plugins
 from render.base.atomic_write import REMEDIES, machine_error
+from render.base.foreign_code import reason_of_foreign
 from render.base.python_process import ENDING, distrust_working_folder
 
 HELP = """Films of shapes that flow like putty, from a shot file to a finished film.
@@ -136,7 +137,7 @@ def command_named(words: str) -> Any:
     except Exception as error:  # a stranger's module may raise anything
         if command.function.startswith("pipeline."):
             raise
-        raise MachineError(f"{words}: its plug-in does not load: {reason_of_plugin(error)}") from error
+        raise MachineError(f"{words}: its plug-in does not load: {reason_of_foreign(error)}") from error
     alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
     text = function.__doc__ or command.summary  # PYTHONOPTIMIZE=2 strips docstrings
     alone.command(form or name, cls=_Command, help=_unwrapped(text), epilog=REFERENCE)(with_options(function))

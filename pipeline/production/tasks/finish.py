@@ -12,12 +12,13 @@ import numpy as np
 
 from pipeline.errors import FrameError
 from pipeline.frames import FrameRate
-from pipeline.plugin import is_of_user, named, plugins, reason_of_plugin
+from pipeline.plugin import named, plugins
 from pipeline.production.request.cameras import camera_file
 from pipeline.production.request.keys import FrameKeys, PictureKeys
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.stages import FINISH, STAGES
 from pipeline.production.tasks.job import Context
+from render.base.foreign_code import is_of_user, reason_of_foreign
 from render.movie.codecs import timecode
 from render.post.compositing import LayerInputs, Viewpoint, compositing_layers, mattes_header
 from render.post.denoise import FilmDenoiser, RawFrame
@@ -96,7 +97,7 @@ def _made_by(
     except BaseException as error:  # a stranger's function may raise anything
         if is_of_user(error):
             raise
-        raise FrameError(f"{place} raised {reason_of_plugin(error)}", number) from error
+        raise FrameError(f"{place} raised {reason_of_foreign(error)}", number) from error
     if not isinstance(made, RenderedFrame):
         raise FrameError(f"{place} returned {type(made).__name__}; a stage returns a RenderedFrame", number)
     for name, shape in shapes.items():

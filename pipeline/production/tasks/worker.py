@@ -20,7 +20,7 @@ from types import FrameType
 from typing import Any
 
 from pipeline.errors import FlowsculptError, FrameError, MachineError
-from pipeline.plugin import fault_of_plugin, is_of_user
+from pipeline.plugin import fault_of_plugin
 from pipeline.production.planning.plan import Plan, write_manifest
 from pipeline.production.planning.profile import VariantError, require_variant
 from pipeline.production.stages import STAGES
@@ -36,6 +36,7 @@ from pipeline.production.tasks.supervisor import (
     renderer,
 )
 from render.base.atomic_write import machine_error
+from render.base.foreign_code import is_of_user
 from render.base.python_process import ENDING, postpone_collection
 from render.base.root_files import open_file
 from render.mitsuba.engine import GPU_VARIANTS, available_cores

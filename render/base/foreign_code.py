@@ -1,0 +1,79 @@
+"""Run code of others, such as plug-ins, which may print, raise and change anything."""
+
+from __future__ import annotations
+
+import locale
+import os
+import signal
+import sys
+import traceback
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager, redirect_stdout
+from pathlib import Path
+
+from render.base.python_process import PACKAGE_ROOT
+
+
+class ForeignError(Exception):
+    """Code of others has raised what is not an Exception, such as SystemExit."""
+
+
+@contextmanager
+def foreign_code() -> Iterator[None]:
+    """Let code of others run; the working folder, the locale and the filters of warnings stay as they are.
+
+    What it prints goes to standard error, since standard output may be JSON. What it raises is an Exception,
+    or the user's Ctrl-C.
+    """
+    folder, language = Path.cwd(), locale.setlocale(locale.LC_ALL)
+    try:
+        with redirect_stdout(sys.stderr), warnings.catch_warnings():
+            yield
+    except BaseException as error:
+        if isinstance(error, Exception) or is_of_user(error):
+            raise
+        raise ForeignError(located_reason(error)) from error
+    finally:
+        os.chdir(folder)
+        locale.setlocale(locale.LC_ALL, language)
+
+
+def is_of_user(error: BaseException) -> bool:
+    """Tell whether an error is Ctrl-C, and not a KeyboardInterrupt that code of others raises.
+
+    Once a user has pressed Ctrl-C, our handlers are gone: signals are ignored.
+    """
+    handlers = {signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)}
+    return isinstance(error, KeyboardInterrupt) and bool(
+        handlers & {signal.SIG_IGN, signal.default_int_handler}
+    )
+
+
+def located_reason(error: BaseException) -> str:
+    """Return what code of others raised, in one line, with the line of it that did."""
+    if isinstance(error, ForeignError):
+        return str(error)
+    last, reason = traceback.extract_tb(error.__traceback__)[-1], reason_of_foreign(error)
+    is_theirs = Path(last.filename).is_file() and Path(last.filename) != _REGISTRY
+    return f"{reason} ({last.filename}:{last.lineno})" if is_theirs else reason
+
+
+_REGISTRY = PACKAGE_ROOT / "pipeline" / "plugin.py"
+"""The module that finds faults of plug-ins itself, at no line of theirs."""
+
+_NUMBA_LINES = ("Failed in nopython mode", "During: ")  # around what is wrong
+
+
+def reason_of_foreign(error: BaseException) -> str:
+    """Return what code of others raised, in one line."""
+    try:
+        text = str(error)
+    except Exception:
+        text = "its text cannot be written"
+    lines = [line for line in text.splitlines() if not line.startswith(_NUMBA_LINES)]
+    line = " ".join(f"{type(error).__name__}: {' '.join(lines)}".split()).removesuffix(":")
+    of_api = isinstance(error, ImportError) and error.name == "pipeline.api"
+    if of_api or line.startswith("TypeError: Plugin.__init__() got an unexpected keyword"):
+        return f"{line}; a later flowsculpt may have it"
+    return line
