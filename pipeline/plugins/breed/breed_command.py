@@ -92,7 +92,7 @@ def breed(
         raise UsageError(f"--change {change:g} is out of range; it is from 0, nearly the same, to 1")
     folder = output or common.root / GENERATIONS / name
     if fault := name_fault(name if output is None else folder.name):
-        raise UsageError(f"{name if output is None else folder}: {fault}")
+        raise UsageError(fault if output is None else f"{folder}: {fault}")
     if len(folder.name) > LONGEST_NAME:
         raise UsageError(f"{folder.name} is too long for a generation; use at most {LONGEST_NAME} letters")
     if folder.exists():
