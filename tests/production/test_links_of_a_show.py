@@ -5,11 +5,14 @@ from __future__ import annotations
 import os
 import shutil
 import time
+from contextlib import chdir
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from pipeline.plugins.breed.generation import DRAFT, TRIALS
+from pipeline.production.execution.project import Project
 from pipeline.production.store.history import HISTORY
 from pipeline.production.store.locks import LOCKS, ROOT
 from pipeline.production.store.paths import CHECKPOINTS, DIGESTS, DONE, EVENTS, LOGS, PLANS, STATE, STORE
@@ -80,6 +83,16 @@ def link(place: Path, home: Path) -> None:
     place.unlink(missing_ok=True)
     place.parent.mkdir(parents=True, exist_ok=True)
     place.symlink_to(home)
+
+
+@pytest.mark.parametrize("name", ["../../x", "/tmp/x"])
+def test_a_plan_that_leads_out_of_the_root_is_none(project: ProjectFolder, name: str) -> None:
+    with chdir(project.path):
+        plan = replace(Project(project.path, 1).pictures([NAME], QUALITY, "1"), name=name)
+    file = project.path / "plan.json"
+    plan.write(file)
+    told = project.call("task", str(file), "simulate")
+    assert told.code == 2 and "plan.json: not a plan" in told.err, told.out + told.err
 
 
 def test_no_command_changes_what_a_folder_of_state_links_to(project: ProjectFolder, home: Path) -> None:

@@ -41,6 +41,9 @@ def test_a_version_is_read_only_and_tells_all_that_it_was_made_from(published: D
     files = [path for path in folder.rglob("*") if path.is_file()]
     assert len(files) == 4 + 2 and all(path.stat().st_mode & 0o222 == 0 for path in files)
     assert Provenance.from_data(json.loads(json.dumps(record.as_data()))) == record
+    for file in ("../../x.mp4", "/tmp/x.mp4"):  # of somebody else: a patch would copy its frames there
+        with pytest.raises(ValueError):
+            Provenance.from_data(record.as_data() | {"movie": {**record.movie, "file": file}})
 
 
 def test_the_same_content_is_published_once(desk: Desk) -> None:
