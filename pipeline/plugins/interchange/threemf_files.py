@@ -1,7 +1,7 @@
 """Models in 3MF packages, .3mf (3MF Consortium, Core Specification 1.3 and Production Extension 1.1).
 
 The triangles of the objects that the build names are read, in place. Colours, textures and slices are not.
-Slicers keep parts in a package that are no part of the shape: Bambu Studio, OrcaSlicer and PrusaSlicer list
+Slicers keep parts in a package that do not belong to the shape: Bambu Studio, OrcaSlicer and PrusaSlicer list
 them in files beside the models, Cura in the metadata of objects. They are left out.
 """
 
@@ -72,7 +72,7 @@ _KINDS = (
     (("negative_part", "negativevolume"), _NEGATIVE),
     (("support_mesh",), "support"),
 )
-"""What slicers call parts that are no part of the shape, in small letters, and what notes call them."""
+"""What slicers call parts that do not belong to the shape, in small letters, and what notes call them."""
 
 
 def _kind_of(word: str) -> str:
@@ -93,7 +93,7 @@ class _Reference(NamedTuple):
 class _Object:
     """An object: triangles, or components that place others.
 
-    setting  what a slicer has it for, where it is no part of the shape
+    setting  what a slicer has it for, where it does not belong to the shape
     """
 
     kind: str
@@ -156,7 +156,7 @@ class _Package:
 
     @cached_property
     def settings(self) -> dict[tuple[str, str], str]:
-        """What the components of objects are that are no part of the shape, by the ids of both."""
+        """What the components of objects are that do not belong to the shape, by the ids of both."""
         return {
             (item.attributes.get("id", ""), part.attributes.get("id", "")): kind
             for item in self._settings_of(_BAMBU)
@@ -166,7 +166,7 @@ class _Package:
 
     @cached_property
     def volumes(self) -> dict[str, list[tuple[int, int, str]]]:
-        """First and last triangle of what is no part of the shape, and what that is, by the object's id."""
+        """First and last triangle of what does not belong to the shape, and what it is, by object."""
         found: dict[str, list[tuple[int, int, str]]] = {}
         for item in self._settings_of(_PRUSA):
             for volume in item.all("volume"):
@@ -244,7 +244,7 @@ class _Package:
                 self.add(component, name, matrix, depth + 1)
 
     def _without_volumes(self, polygons: Polygons, object_id: str) -> Polygons:
-        """Return the triangles of an object without those that are no part of the shape."""
+        """Return the triangles of an object without those that do not belong to the shape."""
         dropped = np.zeros(len(polygons.sides), bool)
         for first, last, kind in self.volumes.get(object_id, []):
             dropped[max(first, 0) : max(last + 1, 0)] = True
