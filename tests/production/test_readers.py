@@ -80,6 +80,9 @@ def test_a_mesh_that_is_another_or_broken_is_found_out(tmp_path: Path) -> None:
         lambda path: cut(path, 0.0),
         lambda path: write_npz(path, readers.with_key(OTHER, frame.to_arrays())),
         lambda path: write_npz(path, readers.with_key(KEY, {"report": np.array("{}")})),
+        lambda path: write_npz(
+            path, readers.with_key(KEY, {**frame.to_arrays(), "report": np.array("[" * 9999)})
+        ),
     )
     for damage in damages:
         shutil.copy(good, path)

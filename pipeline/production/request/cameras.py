@@ -86,7 +86,7 @@ def camera_file(request: RenderRequest, store: Store) -> CameraFile | None:
         return cameras
     except FileNotFoundError:
         return None
-    except (CorruptFileError, ValueError, AttributeError):
+    except (CorruptFileError, ValueError, AttributeError, RecursionError):
         store.discard("cameras", key)
         return None
 

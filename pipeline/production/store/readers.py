@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pipeline.arrays import AnyArray, Points
-from pipeline.errors import MeshError, UsageError
+from pipeline.errors import FlowsculptError
 from pipeline.mesh.placed_copies import COPIES, Placements, all_copies, extremes
 from pipeline.production.store.digests import CorruptFileError
 from pipeline.production.store.store import Key
+from render.base.state_files import UNUSABLE
 from render.post.image import read_exr
 from render.scene.aovs import RenderedFrame
 
@@ -69,7 +70,7 @@ def mesh_frame(key: Key, number: int) -> Callable[[Path], MeshFrame]:
             freeze(values)
         try:
             return MeshFrame.from_arrays(named, number)
-        except (UsageError, MeshError) as error:
+        except (FlowsculptError, *UNUSABLE) as error:
             raise CorruptFileError(f"{path}: {error}") from error
 
     return read
