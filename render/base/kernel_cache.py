@@ -92,7 +92,17 @@ def cached_kernel(function: F, **options: Any) -> F:
     return dispatcher
 
 
-_STARTS_THREADS = threading.Lock()
+_starting = threading.Lock()
+
+
+def _renew_lock() -> None:
+    """Let a fork begin with a free lock, since a thread that holds it is not in the fork."""
+    global _starting
+    _starting = threading.Lock()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_renew_lock)
 
 
 def one_at_a_time(function: F) -> F:
@@ -103,7 +113,7 @@ def one_at_a_time(function: F) -> F:
 
     @wraps(function)
     def call(*arguments: Any) -> Any:
-        with _STARTS_THREADS:
+        with _starting:
             return function(*arguments)
 
     return call  # type: ignore[return-value]
