@@ -215,7 +215,7 @@ def test_a_file_changed_meanwhile_is_not_overwritten_and_its_edits_not_undone(sh
         (ValueEdit("set", ("resample", "max_edge_length"), -1), "must be above 0"),
         (ValueEdit("set", ("look",), "clya"), "Did you mean 'clay'"),
         (ValueEdit("set", ("flows", 0, "sum", 0, "vortex", "foo"), 1), "foo: unknown name"),
-        (ValueEdit("set", ("camera", "elevation"), {"keys": {99: 1}}), "99"),
+        (ValueEdit("set", ("camera", "elevation"), {"keys": {"soon": 1}}), "soon"),
         (ValueEdit("remove", ("frames",)), "frames: missing"),
     ],
 )
