@@ -92,7 +92,10 @@ AT_LINK = """\
 import os, signal, sys
 
 def watch(event, given):
-    if event in ("os.link", "os.rename") and os.fsdecode(given[1]).endswith({name!r}):
+    if event not in ("os.link", "os.rename"):
+        return
+    folder, name = os.path.split(os.fsdecode(given[1]))  # the folder may be held by its descriptor
+    if os.path.basename(os.path.realpath(folder)) + "/" + name == {name!r}:
         try:
             os.mkdir({done!r})
         except FileExistsError:

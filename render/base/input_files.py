@@ -44,7 +44,7 @@ _CONTENTS = (
     (rb"\x89PNG|\xff\xd8\xff", "a PNG or JPEG", ("png", "jpg", "jpeg")),
     (rb"\xabKTX ", "a KTX texture", ()),
     (rb"....ftyp(?:avif|avis|heic|mif1)", "an AVIF or HEIC picture", ()),
-    (rb"\0+\Z", "nothing but bytes of 0, so its copy was not finished", ()),
+    (rb"\0{128,}\Z", "nothing but bytes of 0, so its copy was not finished", ()),
 )
 """Beginnings of contents that files have by mistake, what they are, and suffixes that they belong to."""
 

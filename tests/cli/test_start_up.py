@@ -83,7 +83,7 @@ def test_ctrl_c_while_the_command_starts_says_nothing_and_exits_with_130(tmp_pat
         with subprocess.Popen(words, cwd=ROOT, stderr=subprocess.PIPE, text=True) as process:
             assert process.stderr is not None
             for line in process.stderr:  # until it has imported so much
-                if line.rstrip().endswith(module):
+                if line.rpartition("|")[2].strip() == module:
                     break
             process.send_signal(signal.SIGINT)
             told = process.stderr.read()

@@ -125,7 +125,9 @@ class KeyedFiles:
             finally:
                 if len(self.written) > before:
                     text = json.dumps(self._noted, indent=1, sort_keys=True) + "\n"
-                    self.store.write(path, lambda draft: draft.write_text(text, "utf-8"), flush=False)
+                    self.store.write(
+                        path, lambda draft: draft.write_text(text, encoding="utf-8"), flush=False
+                    )
 
     def _wait_and_tell(self) -> Callable[[], None]:
         """Return what is called while another export writes these files: it says so once."""

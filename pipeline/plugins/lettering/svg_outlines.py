@@ -404,8 +404,6 @@ def _root(path: Path) -> Element:
                 content = file.read(MOST_BYTES + 1)
             if len(content) > MOST_BYTES:
                 raise ValueError(f"compressed by gzip, it has over {size_of(MOST_BYTES)}")
-        if content.startswith(b"version https://git-lfs"):
-            raise ValueError("it is a Git LFS pointer; write git lfs pull")
         root = _parsed(content)
     except (ParseError, ValueError, LookupError, OSError, EOFError, zlib.error) as error:
         raise UsageError(f"{path.name} is not SVG: {error}. Export it again.") from None

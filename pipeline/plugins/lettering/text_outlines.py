@@ -48,7 +48,6 @@ SFNT = (b"\0\1\0\0", b"OTTO", b"true", b"ttcf")
 OUTLINES = {"glyf", "CFF ", "CFF2"}
 FOREIGN = (
     (b"wOF", "is compressed for the web. Convert it to TTF or OTF"),
-    (b"version https://git-lfs", "is a Git LFS pointer. Write git lfs pull"),
     (b"%!", "is a PostScript font. Convert it to OTF"),
     (b"\x80\1", "is a PostScript font. Convert it to OTF"),
     (b"STARTFONT", "has no outlines, only pictures of letters. Choose another font"),

@@ -59,7 +59,6 @@ def without_outlines() -> bytes:
         (lambda: PLAIN[:40], "is damaged: "),
         (without_outlines, "has no outlines, only pictures of letters"),
         (lambda: b"wOF2" + bytes(60), "is compressed for the web. Convert it to TTF or OTF"),
-        (lambda: b"version https://git-lfs.github.com/spec/v1\n", "is a Git LFS pointer"),
         (lambda: b"%!PS-AdobeFont-1.0", "is a PostScript font"),
         (lambda: b"<!DOCTYPE html>", "is a web page"),
         (lambda: b"", "is not a TrueType or OpenType font"),
