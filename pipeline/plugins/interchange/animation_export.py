@@ -228,19 +228,25 @@ class VertexTextureExport(AnimationExport):
     def names(self) -> tuple[str, ...]:
         return tuple(f"{self.name}.{end}" for end in ("glb", "positions.exr", "normals.png", "json"))
 
+    @property
+    def facts(self) -> list[Any]:
+        return ["round"] if self._is_round else []
+
+    @property
+    def _is_round(self) -> bool:
+        return self.request.is_round and self.request.is_whole
+
     def write_files(self, meshes: list[OneMesh], began: Began) -> str:
         drawn = DrawnMesh.of(meshes[0])
-        is_round = self.request.is_round and self.request.is_whole
         passed = began("exporting", len(drawn.mesh.frames))
-        textures = VertexTextures.of(drawn, passed, is_round)
+        textures = VertexTextures.of(drawn, passed, self._is_round)
         look = self.parts[0].request.shot.picture.look
         mesh, positions, normals, facts = self.names
         named = {"mesh": mesh, "positions": positions, "normals": normals}
         self.files.write(mesh, self.key, lambda draft: textures.write_mesh(draft, look))
         self.files.write(positions, self.key, textures.write_positions)
         self.files.write(normals, self.key, textures.write_normals)
-        key = key_of(self.key, "round") if is_round else self.key
-        self.files.write(facts, key, lambda draft: textures.write_facts(draft, named))
+        self.files.write(facts, self.key, lambda draft: textures.write_facts(draft, named))
         return f"textures of {textures.layout.width} × {textures.layout.height} texels"
 
 

@@ -83,6 +83,14 @@ def test_a_byte_changed_in_an_exported_file_has_it_written_again(root: Path, tmp
     assert file.read_bytes() == whole
 
 
+def test_textures_of_a_shot_that_loops_are_current_until_it_changes(root: Path, tmp_path: Path) -> None:
+    words = ("-o", str(tmp_path), "--set", "loop=true")
+    for _ in range(2):
+        before = {path.name: path.stat().st_mtime_ns for path in tmp_path.iterdir()}
+        export(root, "vat", *words)
+    assert {path.name: path.stat().st_mtime_ns for path in tmp_path.iterdir()} == before
+
+
 def test_the_second_of_two_exports_at_once_waits_and_keeps_the_files_of_the_first(tmp_path: Path) -> None:
     first, second = (KeyedFiles(tmp_path / "out", "a.keys.json", Store(tmp_path)) for _ in range(2))
     second.is_current("a.bin", "key")  # found none yet
