@@ -27,7 +27,7 @@ from tests.fuzz.mutations import mutated
 from tests.fuzz.samples import samples
 
 MOST_SECONDS, MOST_BYTES, MOST_WORDS = 60.0, 512 << 20, 1200
-CRASHING, CRASHED = ("stage", "fbx"), "its reader crashed"
+CRASHING, CRASHED = ("stage", "fbx", "timeline"), "its reader crashed"
 """Kinds whose library may crash on a damaged file, and what the message then says."""
 
 PATIENCE = 600.0
@@ -204,6 +204,17 @@ def _font(path: Path) -> None:
     _lettering(path, {"text": "Ag1", "axes": []})
 
 
+def _timeline(path: Path) -> None:
+    """Read a timeline as its own process does, but in this one; of several faults the first is judged."""
+    from pipeline.errors import ShotError
+    from pipeline.plugins.delivery.imported_edit import ImportedEdit
+
+    try:
+        ImportedEdit(path, ("A",), path.parent, {"A": "1-24"}).text()
+    except ShotError as error:
+        raise ShotError(error.messages[0]) from None
+
+
 def _flow(path: Path) -> None:
     from pipeline.shot import read_shot
 
@@ -227,6 +238,7 @@ READERS: dict[str, Callable[[Path], None]] = {
     "view": _view,
     "drawing": _drawing,
     "font": _font,
+    "timeline": _timeline,
     "flow": _flow,
 }
 

@@ -224,6 +224,23 @@ def _painted(folder: Path) -> Iterator[tuple[str, bytes]]:
     yield "one.mtl", b"newmtl one\nKd 1 0.5 0\nKs 1 1 1\nNs 40\nd 0.5\nPr 0.3\nPm 1\nKe 0 0 1\n"
 
 
+def _timeline(folder: Path) -> Path:
+    """Write a timeline with frames, a movie, a dissolve, a clip at twice its speed, and a sound."""
+    from opentimelineio import schema
+
+    from tests.plugins.test_imported_edit import clip, frames, movie, saved, span, transition
+
+    marked = clip(frames(available=span(0, 24)))
+    marked.markers.append(schema.Marker("look", span(2, 1)))
+    marked.effects.append(schema.LinearTimeWarp("twice", time_scalar=2.0))
+    film = movie("file:///films/A.1-24.prores4444.mov", span(86400, 24))
+    sound = schema.Clip(
+        "music", schema.ExternalReference("a.wav", span(0, 96_000, 48_000)), span(0, 48_000, 48_000)
+    )
+    shown = (clip(frames(available=span(0, 24))), transition(), clip(film, span(86402, 3)), marked)
+    return saved(folder, *shown, sounds=(sound,))
+
+
 def _contents(folder: Path) -> Iterator[tuple[str, str, bytes]]:
     ball = trimesh.creation.icosphere(1)
     yield "model", "box.obj", OBJ.encode()
@@ -241,6 +258,7 @@ def _contents(folder: Path) -> Iterator[tuple[str, str, bytes]]:
     yield "scene", "features.glb", _scene_of_features(folder / "features.glb")
     yield from (("paint", name, content) for name, content in _painted(folder))
     yield "stage", "box.usda", STAGE.encode()
+    yield "timeline", "cut.otio", _timeline(folder).read_bytes()
     yield "model", "box.dae", collada().encode()
     yield "model", "two.3mf", _package()
     for form, write in (("text", text), ("binary", binary)):
