@@ -107,6 +107,10 @@ class _Command(_WithoutTypes, TyperCommand):
         require_options(args, {name for param in self.params for name in param.opts})
         return super().parse_args(ctx, args)
 
+    def invoke(self, ctx: Any) -> Any:
+        _handle_signals(_end_at_once, _interrupt_once)
+        return super().invoke(ctx)
+
 
 class _Commands(_WithoutTypes, TyperGroup):
     """Imports a command when it is called; until then a placeholder stands for it."""
@@ -220,6 +224,11 @@ def name_a_home() -> None:
         os.environ["HOME"] = os.devnull
 
 
+def _end_at_once(number: int, frame: FrameType | None) -> None:
+    """End this process, in which no command has begun: imports may take an interrupt for a fault."""
+    os._exit(INTERRUPTED)
+
+
 def _interrupt_once(number: int, frame: FrameType | None) -> None:
     """Interrupt this process, and let no further signal disturb how it ends its jobs and says so."""
     for other in ENDING:
@@ -227,11 +236,17 @@ def _interrupt_once(number: int, frame: FrameType | None) -> None:
     raise KeyboardInterrupt
 
 
+def _handle_signals(before: Any, handler: Any) -> None:
+    """Give `handler` the signals that `before` had; for None, all that are not ignored."""
+    for number in ENDING:
+        had = signal.getsignal(number)
+        if had == before or (before is None and had != signal.SIG_IGN):
+            signal.signal(number, handler)
+
+
 def main() -> None:
     """Run the command line. Errors that a user can mend are told without a traceback."""
-    for number in ENDING:
-        if signal.getsignal(number) != signal.SIG_IGN:  # as under nohup, and in the background of a script
-            signal.signal(number, _interrupt_once)
+    _handle_signals(None, _end_at_once)  # some are ignored under nohup, and in the background of a script
     keep_freed_memory()
     distrust_working_folder()
     name_a_home()
@@ -258,6 +273,8 @@ def main() -> None:
         print_error(str(machine_error(file, error, "used")))
         sys.exit(MachineError.exit_code)
     except BaseException as error:
+        if isinstance(error.__cause__, KeyboardInterrupt):  # which Python 3.11 wraps while it makes a class
+            sys.exit(INTERRUPTED)
         if isinstance(error, SystemExit) or (fault := fault_of_plugin(error)) is None:
             raise
         print_error(str(fault))
