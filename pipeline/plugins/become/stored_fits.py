@@ -292,7 +292,7 @@ class _Solution(NamedTuple):
 def _state_of(arrays: Mapping[str, AnyArray]) -> State:
     """Return the state of stored arrays. Raises one of UNUSABLE or MeshError where they are not of one."""
     points, faces = arrays["points"], arrays["faces"]
-    TriangleMesh(points, faces.astype(np.int32))  # refuses what is no mesh
+    TriangleMesh(points, faces.astype(np.int32))  # refuses anything but a mesh
     return State(int(arrays["done"]), _legs(arrays), FittedSurface(points, faces))
 
 

@@ -38,14 +38,14 @@ def edit_of(timeline: Path, shots: Collection[str], folder: Path) -> tuple[Path,
 def _frames_of_movies(timeline: Path, shots: Collection[str], folder: Path) -> dict[str, str]:
     """Return what shots write as their frames that a timeline names, if it has movies or sounds at all."""
     frames: dict[str, str] = {}
-    with suppress(ValueError):  # whoever reads the timeline tells that it is damaged
+    with suppress(ValueError):  # the reader of the timeline reports its faults
         content = as_utf8(read_input(timeline))
         if b'"ExternalReference.' not in content:
             return {}
         from pipeline.shot.yaml.inheritance import inherited  # takes time
 
         for shot in shots:
-            with suppress(FlowsculptError):  # whoever reads the edit tells what is wrong with it
+            with suppress(FlowsculptError):  # the reader of the edit reports its faults
                 if shot.encode() in content:
                     frames[shot] = str(inherited(folder / f"{shot}.yaml", None, (), None).get("frames"))
     return frames

@@ -15,7 +15,7 @@ _NEAR, _SAME_RATE = 0.03, 1e-4
 
 
 def frames_in(time: Any, rate: FrameRate) -> int:
-    """Return a time as frames. Raises UsageError where it lies between two frames, or is no time."""
+    """Return a time as frames. Raises UsageError where it lies between two frames, or is not a time."""
     is_counted = _is_same(time.rate, rate)
     frames = float((time if is_counted else time.rescaled_to(float(rate.fps))).value)
     if not (time.rate > 0 and abs(frames) < _MOST_FRAMES):

@@ -140,7 +140,7 @@ def _wrap(stated: list[str], name: str, is_beyond: bool) -> tuple[str, str]:
     is_beyond  tells whether any of it shows; otherwise the picture is read as one that repeats
     """
     across, up = (mode or (BLACK if is_beyond else REPEAT) for mode in stated)
-    if name == "normal":  # black is no direction
+    if name == "normal":  # black is not a direction
         across, up = (CLAMP if mode == BLACK else mode for mode in (across, up))
     return across, up
 

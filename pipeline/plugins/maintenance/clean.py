@@ -42,7 +42,7 @@ class Collected:
 def collect_garbage(store: Store, requests: Iterable[RenderRequest], keep: int, dry_run: bool) -> Collected:
     """Remove stored files that neither `requests` nor the last `keep` runs of each shot need.
 
-    Files that renders/ shows stay; copies of them become links where the disk has links, but for COPIED
+    Files that renders/ shows stay; copies of them become links where the disk has links, except COPIED
     kinds. What plug-ins need no more goes too. Unless `dry_run`, only the holder of the root's lock may call
     this.
     """

@@ -298,7 +298,7 @@ def edit_names() -> list[str]:
 
 
 def passed_over() -> dict[str, str]:
-    """Return the files of the working folder that are no shots for their suffix alone, and how to mend it."""
+    """Return files that only their suffix keeps from being shots, with the remedy."""
     return {
         path.stem: f"{shown(path)} is passed over: shots end in .yaml. Rename it to {path.stem}.yaml."
         for path in sorted(SHOTS.glob("[!.]*"))
