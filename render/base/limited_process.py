@@ -78,7 +78,7 @@ def answer_of_fork(answer: Callable[..., bytes], path: Path, *options: str) -> b
     """Return what a function answers in a fork of this process, which has loaded what the function needs.
 
     The function takes no locks that another thread of this process may hold: it computes, and neither prints
-    nor imports. Where there are no forks its module is asked as by `answer_of`. Raises as that.
+    nor imports. Where there are no forks, `answer_of` asks its module. Raises what `answer_of` raises.
     """
     seconds = SECONDS + require_input(path) / 2**20
     if sys.platform != "linux" or multiprocessing.current_process().daemon:

@@ -16,7 +16,7 @@ _INTEGER, _DECIMAL = (re.compile(rf"((?:(?<![^\W_])-)?[0-9]+{rest})") for rest i
 def in_order(paths: Iterable[Path], note: Callable[[str], object]) -> tuple[Path, ...]:
     """Return paths by the numbers in their names, which may be decimal and negative.
 
-    `note` is told of the first two files that could be the other way round: 1 and 01, or 1.10 and 1.9.
+    note  called with a line about the first two files whose order is doubtful: 1 and 01, or 1.10 and 1.9
     """
     files = sorted(paths, key=lambda path: (_parts(_DECIMAL, path), path.name))
     for first, second in pairwise(files):

@@ -244,7 +244,7 @@ OWN_FOLDERS = {
 
 
 def changes_of(source: str) -> Iterator[tuple[int, str]]:
-    """Yield line and name of the calls that change files, but for those of drafts."""
+    """Yield line and name of the calls that change files, except those of drafts."""
     for node in ast.walk(ast.parse(source)):
         if not (isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute | ast.Name)):
             continue

@@ -32,7 +32,7 @@ from pipeline.production.request.lookup import (
     edit_names,
     find_edit,
     find_shot,
-    passed_over,
+    misnamed_shots,
     shot_names,
 )
 from pipeline.shot import Motion, Shot, read_film, read_shot
@@ -59,7 +59,7 @@ def validate(
     at too.
     """
     edits, given = edit_names(), tuple(settings or ())
-    for warning in () if shots else passed_over().values():
+    for warning in () if shots else misnamed_shots().values():
         print_warning(warning)
     names = shots or [*shot_names(), *edits]
     if not names:

@@ -18,7 +18,7 @@ from pipeline.errors import FlowsculptError
 from pipeline.plugins.maintenance.run_report import LABELS, RunReport, named_run
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.frame_states import FrameStates, mesh_states, picture_states
-from pipeline.production.request.lookup import find_shot, passed_over, shot_names
+from pipeline.production.request.lookup import find_shot, misnamed_shots, shot_names
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.history import History
 from render.base.plural import plural
@@ -45,7 +45,7 @@ def status(
     history = History.of(common.root)
     rows: list[FrameStates] = []
     errors: list[FlowsculptError] = []
-    for warning in () if shots else passed_over().values():
+    for warning in () if shots else misnamed_shots().values():
         print_warning(warning)
     for shot in shots or shot_names():
         try:

@@ -71,7 +71,7 @@ class RetryPolicy:
             self.cores //= 2
             may_help = True
         else:
-            self.failures += [_failure(e, f"with nothing beside it. {_doubt(e)}") for e in killed]
+            self.failures += [_failure(e, f"with nothing beside it. {_likely_cause(e)}") for e in killed]
         return may_help and self._rounds < ROUNDS
 
     def _may_try_again(self, event: Event) -> bool:
@@ -83,13 +83,13 @@ class RetryPolicy:
         return False
 
 
-def _doubt(killed: Event) -> str:
+def _likely_cause(killed: Event) -> str:
     """Return what may have ended the process of a job."""
     plugin, _, its_own = str(killed.get("stage")).partition(".")
     if its_own:
         return f"Plug-in {plugin}, whose stage it is, ends the process."
     others = " or ".join(plugin.name for plugin in plugins() if plugin.sources)
-    return "Is there memory enough?" + (f" Or does plug-in {others} end the process?" if others else "")
+    return "It may be out of memory" + (f", or plug-in {others} ends the process." if others else ".")
 
 
 def _failure(event: Event, more: str) -> Event:

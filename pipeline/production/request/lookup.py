@@ -230,7 +230,7 @@ def find_shot(name: str) -> Path:
     if path == Path(name):
         hint = f"did you mean {path.stem}?" if path.stem in shot_names() else "flowsculpt new makes one"
         raise MissingInputError(f"{shown(name)}: no such shot file; {hint}")
-    if name in (known := passed_over()):
+    if name in (known := misnamed_shots()):
         raise MissingInputError(f"{shown(path)}: no such shot; {known[name]}")
     _require_shots()
     raise MissingInputError(
@@ -297,7 +297,7 @@ def edit_names() -> list[str]:
     return [path.stem for path in shot_files(SHOTS) if path == FILM or is_edit(path)]
 
 
-def passed_over() -> dict[str, str]:
+def misnamed_shots() -> dict[str, str]:
     """Return files that only their suffix keeps from being shots, with the remedy."""
     return {
         path.stem: f"{shown(path)} is passed over: shots end in .yaml. Rename it to {path.stem}.yaml."

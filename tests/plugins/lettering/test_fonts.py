@@ -1,4 +1,4 @@
-"""Fonts: families that are installed now, faces of collections, and files that are no fonts to set."""
+"""Fonts: families that are installed now, faces of collections, and files that cannot be set as fonts."""
 
 from __future__ import annotations
 
