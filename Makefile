@@ -31,8 +31,9 @@ check: .venv/ready-dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/snakefmt --check Snakefile
+	$(BIN)/python tests/checks/type_stubs.py
 	$(BIN)/mypy
-	$(BIN)/lint-imports --no-logo
+	$(BIN)/python tests/checks/import_layers.py --no-logo
 	$(BIN)/codespell
 
 bench: .venv/ready-bench
@@ -98,7 +99,7 @@ PIP := --quiet --no-compile --require-hashes -r requirements-pip.lock
 		{ $(BIN)/python -m ensurepip >/dev/null && $(BIN)/python -m pip install $(PIP); }
 	@$(BIN)/python -m pip install --quiet --no-compile --no-deps --require-hashes -r requirements.lock
 	@$(BIN)/python -m pip install --quiet --no-compile --no-deps --no-build-isolation -e .
-	@$(BIN)/python -m compileall -q -j $(CORES) -x '$(UNCOMPILED)' .venv/lib pipeline render
+	@$(BIN)/python -m compileall -q -j $(CORES) -x '$(UNCOMPILED)' .venv/lib flowsculpt pipeline render
 	@echo "2 of 2: the renderer and kernels, on all cores (about a minute on two)"
 	@$(BIN)/flowsculpt -j $(CORES) doctor --prepare
 	@touch $@

@@ -30,16 +30,16 @@ from benchmarks.errors import put, shown
 from benchmarks.measured_shots import copy_shots
 from benchmarks.raw_files import as_read
 from benchmarks.report import Row, Target, keep, show
-from pipeline.arrays import AnyArray
-from pipeline.production.planning.plan import Plan
-from pipeline.production.request.cameras import camera_file
-from pipeline.production.tasks.job import Context
-from pipeline.production.tasks.render import ShownFrame
-from render.frame.render_frame import render_frame
-from render.mitsuba.engine import choose
-from render.post.denoise import denoise
-from render.scene.render_quality import QUALITIES
-from render.scene.scene import Scene
+from flowsculpt.pipeline.arrays import AnyArray
+from flowsculpt.pipeline.production.planning.plan import Plan
+from flowsculpt.pipeline.production.request.cameras import camera_file
+from flowsculpt.pipeline.production.tasks.job import Context
+from flowsculpt.pipeline.production.tasks.render import ShownFrame
+from flowsculpt.render.frame.render_frame import render_frame
+from flowsculpt.render.mitsuba.engine import choose
+from flowsculpt.render.post.denoise import denoise
+from flowsculpt.render.scene.render_quality import QUALITIES
+from flowsculpt.render.scene.scene import Scene
 
 FRAMES = {"A010_cube": 40, "A020_lorenz": 50, "B050_glass": 201, "B030_marble": 141}
 UNIFORM = 64
@@ -55,7 +55,7 @@ T = TypeVar("T")
 def scene_of(root: Path, shot: str, frame: int) -> Scene:
     """Return the scene of a frame, after a small draft of it in `root`, which simulates and frames it."""
     words = ["--no-progress", "--root", str(root), "render", shot, "-f", str(frame), "--scale", "25%"]
-    subprocess.run([sys.executable, "-m", "pipeline.cli", *words], check=True, stdout=subprocess.DEVNULL)
+    subprocess.run([sys.executable, "-m", "flowsculpt", *words], check=True, stdout=subprocess.DEVNULL)
     with chdir(root):
         plan = Plan.thaw(max((root / ".flowsculpt" / "plans").glob("*.json"), key=os.path.getmtime))
         job = next(job for job in plan.jobs if job.stage == "render")

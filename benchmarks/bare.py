@@ -29,11 +29,11 @@ import numpy as np
 
 from benchmarks.first_film import CHECKOUT, run
 from benchmarks.report import OUT, Row, Target, keep, show
-from pipeline.arrays import AnyArray
+from flowsculpt.pipeline.arrays import AnyArray
 
 if TYPE_CHECKING:  # the script imports what it needs, as one does
-    from pipeline.production.request.framing import Framing
-    from pipeline.production.request.render_request import RenderRequest
+    from flowsculpt.pipeline.production.request.framing import Framing
+    from flowsculpt.pipeline.production.request.render_request import RenderRequest
 
 SHOTS = ("A010_cube", "A020_lorenz", "A030_taffy", "B100_torus")
 QUALITY = "draft"
@@ -69,8 +69,8 @@ def make_movie(path: Path, movie: Path, count: int | None) -> None:
     """Make the movie of a shot's first pictures, as a script would."""
     import imageio.v3 as iio
 
-    from render.mitsuba.engine import choose
-    from render.post.colour import quantise, to_display
+    from flowsculpt.render.mitsuba.engine import choose
+    from flowsculpt.render.post.colour import quantise, to_display
 
     choose().start()
     with iio.imopen(movie, "w", plugin="pyav") as file:
@@ -85,12 +85,12 @@ def pictures(path: Path, count: int | None) -> Iterator[AnyArray]:
     import mitsuba as mi
     import pyoidn
 
-    from pipeline.animation import animate
-    from pipeline.production.request.framing import frame_all, with_stage_in_view
-    from pipeline.production.request.manifest import thresholds_at
-    from pipeline.production.request.render_request import RenderRequest
-    from pipeline.production.request.shading import Shading
-    from pipeline.production.request.shot_source import ShotSource
+    from flowsculpt.pipeline.animation import animate
+    from flowsculpt.pipeline.production.request.framing import frame_all, with_stage_in_view
+    from flowsculpt.pipeline.production.request.manifest import thresholds_at
+    from flowsculpt.pipeline.production.request.render_request import RenderRequest
+    from flowsculpt.pipeline.production.request.shading import Shading
+    from flowsculpt.pipeline.production.request.shot_source import ShotSource
 
     source = ShotSource(path.read_text(encoding="utf-8"), path).with_inputs()
     request = RenderRequest(source, QUALITY, mi.variant(), ()).whole()
@@ -115,12 +115,12 @@ def mitsuba_scene(
     """Return Mitsuba's scene of a frame, and its `path` with albedo and normals as AOVs."""
     import mitsuba as mi
 
-    from render.mitsuba import emitters, materials
-    from render.mitsuba.sensor import sensor
-    from render.mitsuba.shapes import mesh, stage_shapes
-    from render.mitsuba.texture_coordinates import texture_coordinates
-    from render.scene.scene import Scene
-    from render.scene.surface import Surface
+    from flowsculpt.render.mitsuba import emitters, materials
+    from flowsculpt.render.mitsuba.sensor import sensor
+    from flowsculpt.render.mitsuba.shapes import mesh, stage_shapes
+    from flowsculpt.render.mitsuba.texture_coordinates import texture_coordinates
+    from flowsculpt.render.scene.scene import Scene
+    from flowsculpt.render.scene.surface import Surface
 
     picture = request.picture(number)
     surface = Surface(arrays["vertices"], arrays["normals"], arrays["faces"], {}, arrays["material"])

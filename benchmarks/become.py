@@ -20,19 +20,19 @@ from typing import Any, get_args
 import matplotlib
 import numpy as np
 
-from pipeline.animation import animate
-from pipeline.mesh.meshes import PolygonMesh, TriangleMesh
-from pipeline.mesh.normals import NORMAL
-from pipeline.plugins.become import stored_fits
-from pipeline.plugins.become.fitting import Detail
-from pipeline.plugins.become.stored_fits import PlacedShape, fit_between
-from pipeline.plugins.interchange.mesh_writers import write_mesh
-from pipeline.plugins.lettering.kinds import TextKind
-from pipeline.plugins.lettering.starts import starts
-from pipeline.shot import read_shot
-from pipeline.shot.subjects import Model, Solid
-from pipeline.statistics import self_intersections
-from render.base.input_files import digest_of_file
+from flowsculpt.pipeline.animation import animate
+from flowsculpt.pipeline.mesh.meshes import PolygonMesh, TriangleMesh
+from flowsculpt.pipeline.mesh.normals import NORMAL
+from flowsculpt.pipeline.plugins.become import stored_fits
+from flowsculpt.pipeline.plugins.become.fitting import Detail
+from flowsculpt.pipeline.plugins.become.stored_fits import PlacedShape, fit_between
+from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
+from flowsculpt.pipeline.plugins.lettering.kinds import TextKind
+from flowsculpt.pipeline.plugins.lettering.starts import starts
+from flowsculpt.pipeline.shot import read_shot
+from flowsculpt.pipeline.shot.subjects import Model, Solid
+from flowsculpt.pipeline.statistics import self_intersections
+from flowsculpt.render.base.input_files import digest_of_file
 
 ORIGIN = (0.0, 0.0, 0.0)
 FONTS = Path(matplotlib.get_data_path()) / "fonts" / "ttf"

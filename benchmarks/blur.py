@@ -24,20 +24,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.raw_files import as_read
-from pipeline.mesh.solids import icosphere
-from render.frame.render_frame import ShutterInterval, render_frame
-from render.mitsuba.engine import Engine, choose
-from render.mitsuba.mitsuba_scene import build_scene
-from render.post.colour import quantise, to_display
-from render.post.denoise import denoise
-from render.post.image import write_png
-from render.scene.materials import LOOKS
-from render.scene.render_camera import Camera
-from render.scene.render_quality import QUALITIES, Quality
-from render.scene.scene import MotionSample, Scene
-from render.scene.scene_lights import LIGHTS
-from render.scene.scene_stage import STAGES, StagePlacement
-from render.scene.surface import Surface
+from flowsculpt.pipeline.mesh.solids import icosphere
+from flowsculpt.render.frame.render_frame import ShutterInterval, render_frame
+from flowsculpt.render.mitsuba.engine import Engine, choose
+from flowsculpt.render.mitsuba.mitsuba_scene import build_scene
+from flowsculpt.render.post.colour import quantise, to_display
+from flowsculpt.render.post.denoise import denoise
+from flowsculpt.render.post.image import write_png
+from flowsculpt.render.scene.materials import LOOKS
+from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.render_quality import QUALITIES, Quality
+from flowsculpt.render.scene.scene import MotionSample, Scene
+from flowsculpt.render.scene.scene_lights import LIGHTS
+from flowsculpt.render.scene.scene_stage import STAGES, StagePlacement
+from flowsculpt.render.scene.surface import Surface
 
 CAMERA = Camera((0.0, 2.0, 9.0), (0.0, 1.0, 0.0))
 

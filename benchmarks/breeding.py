@@ -38,7 +38,7 @@ def bred(shot: Path) -> tuple[float, float, dict[str, int]]:
     """Breed a shot; return wall seconds, CPU seconds, and how many candidates were left out by the reason."""
     with tempfile.TemporaryDirectory() as folder:
         words = ["breed", str(shot), "-j", str(CORES), "--json", "--root", folder]
-        command = [sys.executable, "-P", "-m", "pipeline.cli", *words]
+        command = [sys.executable, "-P", "-m", "flowsculpt", *words]
         began, used = time.perf_counter(), cpu_seconds()
         environment = {**os.environ, "NUMBA_NUM_THREADS": str(CORES)}
         answer = subprocess.run(command, env=environment, check=True, capture_output=True, text=True).stdout

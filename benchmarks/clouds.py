@@ -12,15 +12,15 @@ import sys
 
 import numpy as np
 
-from render.frame.render_frame import render_frame
-from render.mitsuba.engine import choose
-from render.scene.materials import LOOKS
-from render.scene.render_camera import Camera
-from render.scene.render_quality import QUALITIES
-from render.scene.scene import Scene
-from render.scene.scene_lights import LIGHTS
-from render.scene.scene_stage import STAGES, StagePlacement
-from render.scene.surface import Spheres
+from flowsculpt.render.frame.render_frame import render_frame
+from flowsculpt.render.mitsuba.engine import choose
+from flowsculpt.render.scene.materials import LOOKS
+from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.render_quality import QUALITIES
+from flowsculpt.render.scene.scene import Scene
+from flowsculpt.render.scene.scene_lights import LIGHTS
+from flowsculpt.render.scene.scene_stage import STAGES, StagePlacement
+from flowsculpt.render.scene.surface import Spheres
 
 CAMERA = Camera((0.0, 2.0, 9.0), (0.0, 1.0, 0.0))
 

@@ -40,19 +40,24 @@ from benchmarks.errors import put, shown
 from benchmarks.flicker import CAMERA, subject
 from benchmarks.raw_files import as_read
 from benchmarks.report import OUT, Row, Target, show
-from pipeline.arrays import AnyArray
-from render.frame.render_frame import render_frame
-from render.mitsuba.emitters import daylight_exposure, daylight_irradiances, daylight_map, gradient_map
-from render.mitsuba.engine import Engine, choose
-from render.mitsuba.mitsuba_scene import build_scene
-from render.post.denoise import denoise
-from render.post.image import read_exr
-from render.scene.materials import LOOKS, Glass, Material
-from render.scene.render_quality import Quality
-from render.scene.scene import Scene
-from render.scene.scene_lights import LIGHTS, LightRig, Softbox
-from render.scene.scene_stage import STAGES, Stage, StagePlacement
-from render.scene.surface import Surface
+from flowsculpt.pipeline.arrays import AnyArray
+from flowsculpt.render.frame.render_frame import render_frame
+from flowsculpt.render.mitsuba.emitters import (
+    daylight_exposure,
+    daylight_irradiances,
+    daylight_map,
+    gradient_map,
+)
+from flowsculpt.render.mitsuba.engine import Engine, choose
+from flowsculpt.render.mitsuba.mitsuba_scene import build_scene
+from flowsculpt.render.post.denoise import denoise
+from flowsculpt.render.post.image import read_exr
+from flowsculpt.render.scene.materials import LOOKS, Glass, Material
+from flowsculpt.render.scene.render_quality import Quality
+from flowsculpt.render.scene.scene import Scene
+from flowsculpt.render.scene.scene_lights import LIGHTS, LightRig, Softbox
+from flowsculpt.render.scene.scene_stage import STAGES, Stage, StagePlacement
+from flowsculpt.render.scene.surface import Surface
 
 HOME = Path(os.environ.get("BLENDER_MODULE", Path(sys.prefix) / "cycles"))
 LOOK_NAMES, RIG_NAMES = ("clay", "glaze", "chrome", "glass"), ("studio", "gallery", "daylight")

@@ -25,10 +25,10 @@ import numpy as np
 from benchmarks.errors import put, shown
 from benchmarks.measured_shots import copy_shots
 from benchmarks.report import Row, Target, keep, show
-from pipeline.arrays import AnyArray
-from render.post.denoise import denoise
-from render.post.image import read_exr
-from render.scene.aovs import DENOISER, RenderedFrame
+from flowsculpt.pipeline.arrays import AnyArray
+from flowsculpt.render.post.denoise import denoise
+from flowsculpt.render.post.image import read_exr
+from flowsculpt.render.scene.aovs import DENOISER, RenderedFrame
 
 FRAMES = {
     "A010_cube": 40,
@@ -71,7 +71,7 @@ def measure(root: Path, shot: str, reference: int) -> list[Row]:
 def raw_picture(root: Path, shot: str, frame: int, quality: str, setting: str) -> RenderedFrame:
     """Render a frame in a project at `root`; return its raw picture as it is read from its file."""
     words = ["render", shot, "-f", str(frame), "-q", quality, "--scale", SCALES[quality], "--set", setting]
-    command = [sys.executable, "-m", "pipeline.cli", "--no-progress", "-j", "1", *words]
+    command = [sys.executable, "-m", "flowsculpt", "--no-progress", "-j", "1", *words]
     subprocess.run(command, cwd=root, check=True, stdout=subprocess.DEVNULL)
     (path,) = (root / "renders" / shot).glob(f"{quality}*/raw/{shot}.{frame:04d}.exr")
     return read_exr(path)[0]

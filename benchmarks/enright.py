@@ -15,9 +15,9 @@ from benchmarks.measures import exactness, volume
 from benchmarks.play import PLACEMENTS, Moment, play, warm, with_normals
 from benchmarks.report import Row, Target, keep, show
 from benchmarks.works import Film, enright
-from pipeline.errors import MeshError
-from pipeline.mesh import TriangleMesh, require
-from pipeline.resample import Curvature, Thresholds
+from flowsculpt.pipeline.errors import MeshError
+from flowsculpt.pipeline.mesh import TriangleMesh, require
+from flowsculpt.pipeline.resample import Curvature, Thresholds
 
 DENSITY = Thresholds(Curvature(4e-4, 0.0115, 0.05, hard_angle=math.pi), gradation=1.0)
 """Edge lengths by curvature, nearly half as long at the rims as in the other runs; at most 9,500 vertices."""

@@ -22,17 +22,17 @@ from benchmarks.errors import flip, psnr, put
 from benchmarks.flicker import CAMERA, subject
 from benchmarks.raw_files import as_read
 from benchmarks.report import Row, Target, keep, show
-from pipeline.arrays import AnyArray
-from render.frame.render_frame import render_frame
-from render.mitsuba.engine import Engine, choose
-from render.mitsuba.mitsuba_scene import SceneRenderer, build_scene
-from render.mitsuba.sensor import sensor
-from render.post.denoise import denoise
-from render.scene.materials import LOOKS
-from render.scene.render_quality import Quality
-from render.scene.scene import Scene
-from render.scene.scene_lights import LIGHTS
-from render.scene.scene_stage import STAGES, StagePlacement
+from flowsculpt.pipeline.arrays import AnyArray
+from flowsculpt.render.frame.render_frame import render_frame
+from flowsculpt.render.mitsuba.engine import Engine, choose
+from flowsculpt.render.mitsuba.mitsuba_scene import SceneRenderer, build_scene
+from flowsculpt.render.mitsuba.sensor import sensor
+from flowsculpt.render.post.denoise import denoise
+from flowsculpt.render.scene.materials import LOOKS
+from flowsculpt.render.scene.render_quality import Quality
+from flowsculpt.render.scene.scene import Scene
+from flowsculpt.render.scene.scene_lights import LIGHTS
+from flowsculpt.render.scene.scene_stage import STAGES, StagePlacement
 
 SHOWN = ("glaze", "clay")
 DEPTH, PASS, REPEATS = 6, 16, 5

@@ -11,9 +11,9 @@ import numpy as np
 
 from benchmarks.peers import found
 from benchmarks.report import OUT
-from pipeline.arrays import AnyArray
-from render.post.colour import quantise, to_display
-from render.post.image import write_png
+from flowsculpt.pipeline.arrays import AnyArray
+from flowsculpt.render.post.colour import quantise, to_display
+from flowsculpt.render.post.image import write_png
 
 
 def shown(light: AnyArray) -> AnyArray:

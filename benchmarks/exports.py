@@ -22,8 +22,8 @@ from pathlib import Path
 from benchmarks.first_film import CHECKOUT, run
 from benchmarks.measured_shots import copy_shots
 from benchmarks.report import Row, Target, keep, show
-from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.request.shot_source import SourceCache
+from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt.pipeline.production.request.shot_source import SourceCache
 
 SHOTS = ("A010_cube", "A020_lorenz", "B020_dough", "B030_marble", "B120_pillars")
 """A box with creases, an attractor, dough over 240 frames, marble with colours, three subjects and copies."""

@@ -15,9 +15,9 @@ from benchmarks.measures import creases_kept, exactness, pop, quality, volume
 from benchmarks.play import PLACEMENTS, play, warm, with_normals
 from benchmarks.report import Row, Target, keep, show
 from benchmarks.works import Film, cube, lorenz
-from pipeline.mesh import require
-from pipeline.resample import Curvature, Thresholds
-from pipeline.resample.thresholds import DEFAULT_ROUNDNESS
+from flowsculpt.pipeline.mesh import require
+from flowsculpt.pipeline.resample import Curvature, Thresholds
+from flowsculpt.pipeline.resample.thresholds import DEFAULT_ROUNDNESS
 
 EVERY = 8
 """Frames between measurements of pop."""

@@ -18,14 +18,14 @@ import numpy as np
 
 from benchmarks.flicker import CAMERA, subject
 from benchmarks.report import Row, Target, keep, show
-from render.frame.render_frame import render_frame
-from render.mitsuba.engine import Engine, choose
-from render.scene.materials import LOOKS
-from render.scene.render_camera import Camera
-from render.scene.render_quality import Quality
-from render.scene.scene import Scene
-from render.scene.scene_lights import LIGHTS
-from render.scene.scene_stage import STAGES, StagePlacement
+from flowsculpt.render.frame.render_frame import render_frame
+from flowsculpt.render.mitsuba.engine import Engine, choose
+from flowsculpt.render.scene.materials import LOOKS
+from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.render_quality import Quality
+from flowsculpt.render.scene.scene import Scene
+from flowsculpt.render.scene.scene_lights import LIGHTS
+from flowsculpt.render.scene.scene_stage import STAGES, StagePlacement
 
 DEPTH = 10
 MOST = {16: 0.5, 64: 0.1}

@@ -30,7 +30,7 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks.report import Row, Target, keep, show
-from pipeline.mesh import torus
+from flowsculpt.pipeline.mesh import torus
 
 CHECKOUT = Path(__file__).parents[1]
 
@@ -52,11 +52,11 @@ flows:
 
 SCRIPT = """
 import sys
-from render.mitsuba.engine import choose
+from flowsculpt.render.mitsuba.engine import choose
 choose().start()
 import mitsuba as mi
-from pipeline.animation import animate
-from pipeline.shot import read_shot
+from flowsculpt.pipeline.animation import animate
+from flowsculpt.pipeline.shot import read_shot
 frames = [frame.mesh for frame in animate(read_shot(sys.argv[1]))]
 mesh = frames[0]
 shapes = {}

@@ -23,21 +23,21 @@ import numpy as np
 from benchmarks.errors import put
 from benchmarks.raw_files import as_read
 from benchmarks.report import Row, Target, keep, show
-from pipeline.arrays import AnyArray
-from pipeline.mesh.normals import split_at_creases
-from pipeline.mesh.solids import torus
-from render.frame.render_frame import render_frame
-from render.mitsuba.engine import Engine, choose
-from render.post.colour import to_display
-from render.post.denoise import FilmDenoiser, RawFrame, denoise
-from render.scene.aovs import RenderedFrame
-from render.scene.materials import LOOKS
-from render.scene.render_camera import Camera
-from render.scene.render_quality import Quality
-from render.scene.scene import Scene
-from render.scene.scene_lights import LIGHTS
-from render.scene.scene_stage import STAGES, StagePlacement
-from render.scene.surface import Surface
+from flowsculpt.pipeline.arrays import AnyArray
+from flowsculpt.pipeline.mesh.normals import split_at_creases
+from flowsculpt.pipeline.mesh.solids import torus
+from flowsculpt.render.frame.render_frame import render_frame
+from flowsculpt.render.mitsuba.engine import Engine, choose
+from flowsculpt.render.post.colour import to_display
+from flowsculpt.render.post.denoise import FilmDenoiser, RawFrame, denoise
+from flowsculpt.render.scene.aovs import RenderedFrame
+from flowsculpt.render.scene.materials import LOOKS
+from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.render_quality import Quality
+from flowsculpt.render.scene.scene import Scene
+from flowsculpt.render.scene.scene_lights import LIGHTS
+from flowsculpt.render.scene.scene_stage import STAGES, StagePlacement
+from flowsculpt.render.scene.surface import Surface
 
 FRAMES, TURN = 8, math.radians(0.5)
 CAMERA = Camera((2.2, 2.6, 6.0), (0.0, 0.75, 0.0))

@@ -20,17 +20,17 @@ from numba import prange
 
 from benchmarks.measures import told
 from benchmarks.report import Row, Target, keep, show
-from pipeline.arrays import Points
-from pipeline.flow import Streamlines, Sum, VelocityField
-from pipeline.flow.catalogue import FLOWS
-from pipeline.flow.catalogue.basic import Expansion, Rotation, Strain
-from pipeline.flow.catalogue.vortices import Vortex
-from pipeline.flow.kernels import field_kernels as fields
-from pipeline.flow.kernels import instructions as op
-from pipeline.flow.kernels import streamline_kernels as kernels
-from pipeline.flow.kernels.region_kernels import ball_weight
-from pipeline.flow.parameters import shot_name
-from pipeline.flow.velocity import Instruction, Program, grouped, opcodes_of, table_of
+from flowsculpt.pipeline.arrays import Points
+from flowsculpt.pipeline.flow import Streamlines, Sum, VelocityField
+from flowsculpt.pipeline.flow.catalogue import FLOWS
+from flowsculpt.pipeline.flow.catalogue.basic import Expansion, Rotation, Strain
+from flowsculpt.pipeline.flow.catalogue.vortices import Vortex
+from flowsculpt.pipeline.flow.kernels import field_kernels as fields
+from flowsculpt.pipeline.flow.kernels import instructions as op
+from flowsculpt.pipeline.flow.kernels import streamline_kernels as kernels
+from flowsculpt.pipeline.flow.kernels.region_kernels import ball_weight
+from flowsculpt.pipeline.flow.parameters import shot_name
+from flowsculpt.pipeline.flow.velocity import Instruction, Program, grouped, opcodes_of, table_of
 
 POINTS, SUBSTEPS, STEP, REPEATS = 640_000, 4, 0.01, 5
 FRAME, TOLERANCES = 1 / 24, (1e-5, 1e-9, 1e-11)

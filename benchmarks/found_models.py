@@ -30,16 +30,16 @@ import numpy as np
 
 from benchmarks.report import OUT, Row, Target, keep, show
 from benchmarks.sample_models import MODELS, UNUSABLE, UNUSUAL
-from pipeline.errors import FlowsculptError
-from pipeline.mesh.read import format_of, read_polygons
-from pipeline.plugins.authoring.first_frame import FirstFrames
-from pipeline.plugins.authoring.scene_rules import findings
-from pipeline.plugins.authoring.shot_templates import model_template, shot_of_flow
-from pipeline.plugins.preview.animatic import Animatic
-from pipeline.plugins.preview.sketch import Sketch
-from pipeline.plugins.preview.surface_stream import SurfaceStream
-from pipeline.production.execution.project import Project
-from pipeline.shot import read_shot
+from flowsculpt.pipeline.errors import FlowsculptError
+from flowsculpt.pipeline.mesh.read import format_of, read_polygons
+from flowsculpt.pipeline.plugins.authoring.first_frame import FirstFrames
+from flowsculpt.pipeline.plugins.authoring.scene_rules import findings
+from flowsculpt.pipeline.plugins.authoring.shot_templates import model_template, shot_of_flow
+from flowsculpt.pipeline.plugins.preview.animatic import Animatic
+from flowsculpt.pipeline.plugins.preview.sketch import Sketch
+from flowsculpt.pipeline.plugins.preview.surface_stream import SurfaceStream
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.shot import read_shot
 
 FLOWS = {
     "twist": "twist: {axis: y, amount: {keys: {1: 0, 24: 90}}}",

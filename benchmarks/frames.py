@@ -19,8 +19,8 @@ from benchmarks.limit import best_of, edge_pass
 from benchmarks.measures import edges_of, told
 from benchmarks.play import warm
 from benchmarks.report import Row, Target, keep, show
-from pipeline.mesh import TriangleMesh
-from pipeline.resample import Resampler, Thresholds
+from flowsculpt.pipeline.mesh import TriangleMesh
+from flowsculpt.pipeline.resample import Resampler, Thresholds
 
 REPEATS = 7
 PASSES = 40

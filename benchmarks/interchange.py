@@ -16,13 +16,13 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.report import Row, Target, keep, show
-from pipeline.flow import Streamlines
-from pipeline.flow.catalogue.attractors import Lorenz
-from pipeline.mesh import TriangleMesh, box, icosphere, split_at_creases, torus
-from pipeline.plugins.interchange.exported_frame import ExportedFrame
-from pipeline.plugins.interchange.model_export import write_ply
-from pipeline.plugins.interchange.usd_export import sampled_attributes, write_clip
-from pipeline.plugins.interchange.usd_files import require_usd
+from flowsculpt.pipeline.flow import Streamlines
+from flowsculpt.pipeline.flow.catalogue.attractors import Lorenz
+from flowsculpt.pipeline.mesh import TriangleMesh, box, icosphere, split_at_creases, torus
+from flowsculpt.pipeline.plugins.interchange.exported_frame import ExportedFrame
+from flowsculpt.pipeline.plugins.interchange.model_export import write_ply
+from flowsculpt.pipeline.plugins.interchange.usd_export import sampled_attributes, write_clip
+from flowsculpt.pipeline.plugins.interchange.usd_files import require_usd
 
 REPEATS = 9
 

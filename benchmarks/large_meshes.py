@@ -90,7 +90,7 @@ def measure(kind: str, commands: Sequence[Sequence[str]], checkout: Path) -> Ite
 
 def run(checkout: Path, root: Path, command: Sequence[str], shot: str) -> dict[str, float]:
     """Run a command for a shot; return its seconds, CPU seconds and the peak of its largest process."""
-    words = [sys.executable, "-m", "pipeline.cli", *command, shot, "--no-progress"]
+    words = [sys.executable, "-m", "flowsculpt", *command, shot, "--no-progress"]
     started, before = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)
     process = psutil.Popen(words, cwd=root, env=os.environ | {"PYTHONPATH": str(checkout)}, stdout=2)
     peak = 0

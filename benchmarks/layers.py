@@ -11,8 +11,8 @@ import tempfile
 import time
 from pathlib import Path
 
-from render.post.image import read_exr, write_exr
-from render.scene.aovs import RenderedFrame
+from flowsculpt.render.post.image import read_exr, write_exr
+from flowsculpt.render.scene.aovs import RenderedFrame
 
 
 def main(frame: Path) -> None:

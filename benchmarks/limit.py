@@ -8,7 +8,7 @@ from typing import TypeVar, cast
 
 import numba
 
-from pipeline.arrays import Indices, Points
+from flowsculpt.pipeline.arrays import Indices, Points
 
 F = TypeVar("F", bound=Callable[..., object])
 

@@ -31,12 +31,12 @@ from queue import SimpleQueue
 from typing import Any
 
 from benchmarks.report import Row, Target, keep, show
-from pipeline.plugins.preview.live_server import actions_of, serving
-from pipeline.plugins.preview.live_session import READY, LiveFeed, LiveSession, Message
-from pipeline.plugins.preview.shot_editor import ShotEditor
-from pipeline.plugins.preview.sketch import Sketch
-from pipeline.plugins.preview.surface_stream import SurfaceStream
-from pipeline.production.execution.project import Project
+from flowsculpt.pipeline.plugins.preview.live_server import actions_of, serving
+from flowsculpt.pipeline.plugins.preview.live_session import READY, LiveFeed, LiveSession, Message
+from flowsculpt.pipeline.plugins.preview.shot_editor import ShotEditor
+from flowsculpt.pipeline.plugins.preview.sketch import Sketch
+from flowsculpt.pipeline.plugins.preview.surface_stream import SurfaceStream
+from flowsculpt.pipeline.production.execution.project import Project
 
 STEPS, TIMES = 5, 3
 """Pictures of a drag, and drags of each value."""

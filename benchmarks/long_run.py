@@ -20,10 +20,10 @@ import psutil
 
 from benchmarks.report import Row, Target, keep, show
 from benchmarks.sitting import PLAN, Sitting
-from pipeline.production.planning.plan import Plan
-from pipeline.production.store.event_log import EventLog
-from pipeline.production.store.paths import PLANS
-from render.mitsuba.engine import choose
+from flowsculpt.pipeline.production.planning.plan import Plan
+from flowsculpt.pipeline.production.store.event_log import EventLog
+from flowsculpt.pipeline.production.store.paths import PLANS
+from flowsculpt.render.mitsuba.engine import choose
 
 SHOT = """\
 title: A box, wrung to and fro

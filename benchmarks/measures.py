@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Faces, Floats, Indices, Points, Vectors
-from pipeline.mesh import TriangleMesh
+from flowsculpt.pipeline.arrays import AnyArray, Faces, Floats, Indices, Points, Vectors
+from flowsculpt.pipeline.mesh import TriangleMesh
 
 if TYPE_CHECKING:
     from benchmarks.works import Film

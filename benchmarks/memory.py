@@ -26,8 +26,8 @@ import psutil
 from benchmarks.measures import edges_of, lengths_of, told
 from benchmarks.play import warm
 from benchmarks.report import Row, Target, keep, show
-from pipeline.mesh import TriangleMesh, icosphere
-from pipeline.resample import Resampler, Thresholds
+from flowsculpt.pipeline.mesh import TriangleMesh, icosphere
+from flowsculpt.pipeline.resample import Resampler, Thresholds
 
 FREQUENCY = 708
 """Frequency of the geodesic sphere: 10 n² + 2 vertices, 5,012,642."""
@@ -116,7 +116,7 @@ def _stages(quality: str, samples: str) -> Row:
     largest = 0
     with tempfile.TemporaryDirectory() as folder:
         copytree(SHOTS, Path(folder) / "shots")
-        command = [sys.executable, "-m", "pipeline.cli", "--no-progress", *words]
+        command = [sys.executable, "-m", "flowsculpt", "--no-progress", *words]
         with psutil.Popen(command, cwd=folder, stdout=subprocess.DEVNULL) as running:
             while running.poll() is None:
                 for child in running.children(recursive=True):

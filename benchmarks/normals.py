@@ -16,19 +16,19 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.animation import MeshFrame, animate
-from pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
-from pipeline.flow import Flow, Streamlines
-from pipeline.flow.catalogue.attractors import Lorenz
-from pipeline.flow.catalogue.basic import Enright
-from pipeline.flow.flow_map import FrameStep
-from pipeline.frames import FrameRange, FrameRate
-from pipeline.mesh import ShadedMesh, TriangleMesh, icosphere, split_at_creases, vertex_normals
-from pipeline.mesh.analytic_surfaces import AnalyticSurface, SphereSurface
-from pipeline.mesh.normals import carried_normals, tangents, trusted_normals, unit
-from pipeline.resample import Thresholds
-from pipeline.shot import Motion, Resampling
-from pipeline.shot.subjects import Subject
+from flowsculpt.pipeline.animation import MeshFrame, animate
+from flowsculpt.pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
+from flowsculpt.pipeline.flow import Flow, Streamlines
+from flowsculpt.pipeline.flow.catalogue.attractors import Lorenz
+from flowsculpt.pipeline.flow.catalogue.basic import Enright
+from flowsculpt.pipeline.flow.flow_map import FrameStep
+from flowsculpt.pipeline.frames import FrameRange, FrameRate
+from flowsculpt.pipeline.mesh import ShadedMesh, TriangleMesh, icosphere, split_at_creases, vertex_normals
+from flowsculpt.pipeline.mesh.analytic_surfaces import AnalyticSurface, SphereSurface
+from flowsculpt.pipeline.mesh.normals import carried_normals, tangents, trusted_normals, unit
+from flowsculpt.pipeline.resample import Thresholds
+from flowsculpt.pipeline.shot import Motion, Resampling
+from flowsculpt.pipeline.shot.subjects import Subject
 
 OUT = Path(__file__).parent / "out"
 EVERY = 10

@@ -22,17 +22,17 @@ import trimesh
 from benchmarks import peers
 from benchmarks.measured_shots import gallery, shot_file
 from benchmarks.report import Row, Target, keep, show
-from pipeline.animation import MeshFrame, animate
-from pipeline.arrays import AnyArray, Floats, Points
-from pipeline.mesh import TriangleMesh, face_normals
-from pipeline.mesh.normals import split_at_creases
-from pipeline.plugins.interchange.one_mesh import OneMesh
-from pipeline.plugins.interchange.refining import Refined, Refiner
-from pipeline.plugins.interchange.unifying import one_mesh
-from pipeline.production.request.manifest import thresholds_at
-from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.request.shot_source import SourceCache
-from pipeline.production.store.store import Store
+from flowsculpt.pipeline.animation import MeshFrame, animate
+from flowsculpt.pipeline.arrays import AnyArray, Floats, Points
+from flowsculpt.pipeline.mesh import TriangleMesh, face_normals
+from flowsculpt.pipeline.mesh.normals import split_at_creases
+from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh
+from flowsculpt.pipeline.plugins.interchange.refining import Refined, Refiner
+from flowsculpt.pipeline.plugins.interchange.unifying import one_mesh
+from flowsculpt.pipeline.production.request.manifest import thresholds_at
+from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt.pipeline.production.request.shot_source import SourceCache
+from flowsculpt.pipeline.production.store.store import Store
 
 LOOKS = 10  # frames of each shot that are compared
 SAMPLES = 3000  # points of each surface

@@ -29,19 +29,19 @@ from pathlib import Path
 from typing import NamedTuple
 
 from benchmarks.report import Target, keep, show
-from pipeline.production.execution import snakemake
-from pipeline.production.execution.project import Project
-from pipeline.production.planning.plan import Plan
-from pipeline.production.planning.profile import Profile
-from pipeline.production.request.framing import Framing
-from pipeline.production.request.keys import picture_keys
-from pipeline.production.store.event_log import RUNS
-from pipeline.production.store.history import summarise
-from pipeline.production.store.paths import EVENTS, STATE
-from pipeline.production.store.store import Store
-from render.base.serialise import to_plain
-from render.scene.render_camera import Camera
-from render.scene.scene_stage import StagePlacement
+from flowsculpt.pipeline.production.execution import snakemake
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.planning.plan import Plan
+from flowsculpt.pipeline.production.planning.profile import Profile
+from flowsculpt.pipeline.production.request.framing import Framing
+from flowsculpt.pipeline.production.request.keys import picture_keys
+from flowsculpt.pipeline.production.store.event_log import RUNS
+from flowsculpt.pipeline.production.store.history import summarise
+from flowsculpt.pipeline.production.store.paths import EVENTS, STATE
+from flowsculpt.pipeline.production.store.store import Store
+from flowsculpt.render.base.serialise import to_plain
+from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.scene_stage import StagePlacement
 
 CORES = 2
 FEW, MANY = 10, 100
@@ -206,7 +206,7 @@ def command(*words: str) -> None:
 
 def command_line(*words: str) -> list[str]:
     """Return the arguments of the process of a command of flowsculpt."""
-    return [sys.executable, "-m", "pipeline.cli", "--no-progress", "-j", str(CORES), *words]
+    return [sys.executable, "-m", "flowsculpt", "--no-progress", "-j", str(CORES), *words]
 
 
 def environment() -> dict[str, str]:

@@ -22,9 +22,9 @@ from benchmarks.measures import exactness, quality, volume
 from benchmarks.play import play, warm, with_normals
 from benchmarks.report import Row, keep, show
 from benchmarks.works import Film, abc, enright, lorenz, turned
-from pipeline.mesh import require
-from pipeline.resample import Thresholds
-from pipeline.statistics import self_intersections
+from flowsculpt.pipeline.mesh import require
+from flowsculpt.pipeline.resample import Thresholds
+from flowsculpt.pipeline.statistics import self_intersections
 
 ORIENTATIONS = 8
 ALL = 1 << 30

@@ -33,10 +33,10 @@ import numpy as np
 from benchmarks.measures import told
 from benchmarks.report import Row, Target, keep, show
 from benchmarks.sitting import Sitting
-from pipeline.production.store.digests import Digests
-from render.mitsuba.engine import Engine, choose
-from render.post import denoise
-from render.post.colour import prepare
+from flowsculpt.pipeline.production.store.digests import Digests
+from flowsculpt.render.mitsuba.engine import Engine, choose
+from flowsculpt.render.post import denoise
+from flowsculpt.render.post.colour import prepare
 
 SHOT = """\
 title: A box of 50,000 vertices, twisted
@@ -78,8 +78,8 @@ class Watch:
         import drjit as dr
         import mitsuba as mi
 
-        from render.integrator.feature_tracer import FeatureTracer
-        from render.integrator.path_tracer import PathTracer
+        from flowsculpt.render.integrator.feature_tracer import FeatureTracer
+        from flowsculpt.render.integrator.path_tracer import PathTracer
 
         render, follow, filtered = mi.render, PathTracer.render, denoise._filtered
         features = FeatureTracer.render

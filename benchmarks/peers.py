@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.measures import Nearest
-from pipeline.arrays import AnyArray, Faces, Points
-from pipeline.mesh import TriangleMesh
+from flowsculpt.pipeline.arrays import AnyArray, Faces, Points
+from flowsculpt.pipeline.mesh import TriangleMesh
 
 Remesher = Callable[[TriangleMesh, float], tuple[TriangleMesh, float]]
 """(mesh, maximum edge length) -> the mesh remeshed once, and the seconds of the call alone."""

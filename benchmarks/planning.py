@@ -32,10 +32,10 @@ import platformdirs
 
 from benchmarks.orchestration import CORES, fill, graph_line
 from benchmarks.report import Row, Target, keep, show
-from pipeline.production.execution.project import Project
-from pipeline.production.planning.plan import Plan
-from pipeline.production.store.paths import STATE
-from pipeline.production.store.store import Store
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.planning.plan import Plan
+from flowsculpt.pipeline.production.store.paths import STATE
+from flowsculpt.pipeline.production.store.store import Store
 
 HERE = Path(__file__).parents[1]
 
@@ -71,7 +71,7 @@ class Commands:
     def __init__(self, checkout: Path, cache: Path) -> None:
         """Run the code of `checkout`; `cache` becomes the user's cache folder, with the kernels of now."""
         python = sys.executable if checkout == HERE else checkout / ".venv/bin/python"
-        self._line = [str(python), "-m", "pipeline.cli", "--no-progress", "-j", str(CORES)]
+        self._line = [str(python), "-m", "flowsculpt", "--no-progress", "-j", str(CORES)]
         self._environment = {**os.environ, "PYTHONPATH": str(checkout), "XDG_CACHE_HOME": str(cache)}
         self._cache = cache / "flowsculpt"
         self._cache.mkdir(parents=True, exist_ok=True)

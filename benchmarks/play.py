@@ -9,11 +9,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from benchmarks.works import Film
-from pipeline.arrays import Points
-from pipeline.mesh import TriangleMesh, icosphere
-from pipeline.mesh.normals import NORMAL, carried_normals
-from pipeline.resample import Chord, Curved, Exact, Placement, Report, Resampler, Thresholds
-from pipeline.resample.thresholds import DEFAULT_ROUNDNESS
+from flowsculpt.pipeline.arrays import Points
+from flowsculpt.pipeline.mesh import TriangleMesh, icosphere
+from flowsculpt.pipeline.mesh.normals import NORMAL, carried_normals
+from flowsculpt.pipeline.resample import Chord, Curved, Exact, Placement, Report, Resampler, Thresholds
+from flowsculpt.pipeline.resample.thresholds import DEFAULT_ROUNDNESS
 
 PLACEMENTS = ("chord", "curved", "exact")
 

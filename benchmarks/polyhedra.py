@@ -16,10 +16,10 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from pipeline.arrays import Points
-from pipeline.mesh import PolygonMesh, TriangleMesh
-from pipeline.plugins.polyhedra.polyhedral_resampler import PolyhedralResampler
-from pipeline.resample import Report, Resampler, Thresholds
+from flowsculpt.pipeline.arrays import Points
+from flowsculpt.pipeline.mesh import PolygonMesh, TriangleMesh
+from flowsculpt.pipeline.plugins.polyhedra.polyhedral_resampler import PolyhedralResampler
+from flowsculpt.pipeline.resample import Report, Resampler, Thresholds
 
 FRAMES, COARSE, FINE = 60, 0.2, 0.11
 SHOWN = (0, 10, 20, 40, 60)

@@ -24,16 +24,16 @@ from typing import Any
 import numpy as np
 
 from benchmarks.report import Row, Target, keep, show
-from pipeline.mesh import TriangleMesh, icosphere, vertex_normals
-from pipeline.plugins.preview.live_session import LiveFeed, LiveSession, Message
-from pipeline.plugins.preview.sketch import Sketch
-from pipeline.plugins.preview.surface_stream import SurfaceStream
-from pipeline.production.execution.project import Project
-from render.raster import Shape, StageSetup, preview
-from render.scene.materials import LOOKS
-from render.scene.render_camera import Camera
-from render.scene.scene_lights import LIGHTS
-from render.scene.scene_stage import STAGES, StagePlacement
+from flowsculpt.pipeline.mesh import TriangleMesh, icosphere, vertex_normals
+from flowsculpt.pipeline.plugins.preview.live_session import LiveFeed, LiveSession, Message
+from flowsculpt.pipeline.plugins.preview.sketch import Sketch
+from flowsculpt.pipeline.plugins.preview.surface_stream import SurfaceStream
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.render.raster import Shape, StageSetup, preview
+from flowsculpt.render.scene.materials import LOOKS
+from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.scene_lights import LIGHTS
+from flowsculpt.render.scene.scene_stage import STAGES, StagePlacement
 
 SHOT = """\
 title: A ball between two vortices
@@ -99,7 +99,7 @@ def raster() -> tuple[float, float]:
 def animatic(root: Path) -> tuple[float, float]:
     """Return the seconds by the clock, and of all cores together."""
     before, started = _spent(), time.perf_counter()
-    command = [sys.executable, "-m", "pipeline.cli", "--no-progress", "preview", "ball"]
+    command = [sys.executable, "-m", "flowsculpt", "--no-progress", "preview", "ball"]
     subprocess.run(command, cwd=root, check=True, capture_output=True, env={**os.environ})
     return time.perf_counter() - started, _spent() - before
 

@@ -7,11 +7,11 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from pipeline.production.request.keys import picture_header
-from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.request.shot_source import ShotSource
-from render.post.image import read_exr, write_exr
-from render.scene.aovs import RenderedFrame
+from flowsculpt.pipeline.production.request.keys import picture_header
+from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt.pipeline.production.request.shot_source import ShotSource
+from flowsculpt.render.post.image import read_exr, write_exr
+from flowsculpt.render.scene.aovs import RenderedFrame
 
 SHOT = "title: Header\nframes: 1-2\nsubject: {solid: box, size: [2, 2, 2]}\nresample: {max_edge_length: 1}\n"
 

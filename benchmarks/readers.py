@@ -22,8 +22,8 @@ import numpy as np
 import trimesh
 
 from benchmarks.report import Row, Target, keep, show
-from pipeline.arrays import AnyArray, Points
-from pipeline.mesh import icosphere
+from flowsculpt.pipeline.arrays import AnyArray, Points
+from flowsculpt.pipeline.mesh import icosphere
 
 REPEATS, MORE_REPEATS, SHORT = 3, 21, 0.2
 """Times that a file is read; more often where that takes less than SHORT seconds."""
@@ -40,7 +40,7 @@ if sys.argv[2] == "trimesh":
     import trimesh
     read = lambda path: trimesh.load(path, process=False)
 else:
-    from pipeline.mesh.read import _READERS
+    from flowsculpt.pipeline.mesh.read import _READERS
     read = lambda path: _READERS[path.suffix[1:]](path)
 def cpu():
     used = map(resource.getrusage, (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))

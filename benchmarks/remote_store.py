@@ -25,14 +25,14 @@ from moto.s3.models import s3_backends
 
 from benchmarks.orchestration import CORES, command, fill, write_shots
 from benchmarks.report import Row, keep, show
-from pipeline.plugins.remote.push_command import upload_lacking
-from pipeline.plugins.remote.remote_files import RemoteFiles
-from pipeline.production.execution.project import Project
-from pipeline.production.request.keys import picture_keys
-from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.store.digests import digest_of
-from pipeline.production.store.paths import STATE
-from pipeline.production.store.store import Store
+from flowsculpt.pipeline.plugins.remote.push_command import upload_lacking
+from flowsculpt.pipeline.plugins.remote.remote_files import RemoteFiles
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.request.keys import picture_keys
+from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt.pipeline.production.store.digests import digest_of
+from flowsculpt.pipeline.production.store.paths import STATE
+from flowsculpt.pipeline.production.store.store import Store
 from tests.plugins.remote.s3 import BUCKET, CREDENTIALS, Proxy, serving
 
 LATENCIES = (0.0, 0.05)

@@ -14,11 +14,11 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.normals import Ball, Row, angles, back, exact_normals, films
-from pipeline.animation import MeshFrame, animate
-from pipeline.arrays import Floats
-from pipeline.mesh import split_at_creases
-from pipeline.mesh.normals import unit
-from pipeline.shot import Motion
+from flowsculpt.pipeline.animation import MeshFrame, animate
+from flowsculpt.pipeline.arrays import Floats
+from flowsculpt.pipeline.mesh import split_at_creases
+from flowsculpt.pipeline.mesh.normals import unit
+from flowsculpt.pipeline.shot import Motion
 
 OUT = Path(__file__).parent / "out"
 NEVER = 1000

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Indices, Points
-from pipeline.mesh import TriangleMesh, box, icosphere, torus
-from pipeline.plugins.interchange.mesh_writers import write_mesh
+from flowsculpt.pipeline.arrays import AnyArray, Indices, Points
+from flowsculpt.pipeline.mesh import TriangleMesh, box, icosphere, torus
+from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
 
 Polygons = Sequence[Sequence[int]]
 

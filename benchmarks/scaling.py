@@ -18,11 +18,11 @@ from pathlib import Path
 
 from benchmarks import planning
 from benchmarks.report import Row, keep, show
-from pipeline.plugins.maintenance.run_report import named_run
-from pipeline.production.planning.plan import Plan
-from pipeline.production.planning.planner import batches
-from pipeline.production.store.event_log import EventReader
-from pipeline.production.store.paths import EVENTS, PLANS
+from flowsculpt.pipeline.plugins.maintenance.run_report import named_run
+from flowsculpt.pipeline.production.planning.plan import Plan
+from flowsculpt.pipeline.production.planning.planner import batches
+from flowsculpt.pipeline.production.store.event_log import EventReader
+from flowsculpt.pipeline.production.store.paths import EVENTS, PLANS
 
 HOP = 14.0
 """Seconds that a job of a farm waits: queue, start, and until its end is noticed (measured: 13 to 15)."""

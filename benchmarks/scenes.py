@@ -17,18 +17,18 @@ from typing import Any
 import numpy as np
 
 from benchmarks.report import Row, Target, keep, show
-from pipeline.mesh.solids import icosphere
-from render.mitsuba.emitters import emitters
-from render.mitsuba.engine import choose
-from render.mitsuba.mitsuba_scene import build_scene
-from render.mitsuba.shapes import mesh, stage_shapes
-from render.scene.materials import LOOKS
-from render.scene.render_camera import Camera
-from render.scene.render_quality import Quality
-from render.scene.scene import Scene
-from render.scene.scene_lights import LIGHTS
-from render.scene.scene_stage import STAGES, StagePlacement
-from render.scene.surface import Surface
+from flowsculpt.pipeline.mesh.solids import icosphere
+from flowsculpt.render.mitsuba.emitters import emitters
+from flowsculpt.render.mitsuba.engine import choose
+from flowsculpt.render.mitsuba.mitsuba_scene import build_scene
+from flowsculpt.render.mitsuba.shapes import mesh, stage_shapes
+from flowsculpt.render.scene.materials import LOOKS
+from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.render_quality import Quality
+from flowsculpt.render.scene.scene import Scene
+from flowsculpt.render.scene.scene_lights import LIGHTS
+from flowsculpt.render.scene.scene_stage import STAGES, StagePlacement
+from flowsculpt.render.scene.surface import Surface
 
 FREQUENCIES = {"50k": 71, "1M": 316}
 """Frequencies of the spheres: 10 n² + 2 vertices."""

@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.report import Row, Target, keep, show
-from pipeline.animation import animate
-from pipeline.arrays import Floats, Points
-from pipeline.shot import read_shot
+from flowsculpt.pipeline.animation import animate
+from flowsculpt.pipeline.arrays import Floats, Points
+from flowsculpt.pipeline.shot import read_shot
 
 REPEATS = 3
 MOST = 1.3

@@ -19,9 +19,9 @@ import numpy as np
 
 from benchmarks.play import warm
 from benchmarks.report import Row, keep, show
-from pipeline.animation import MeshFrame, animate
-from pipeline.shot import read_shot
-from pipeline.statistics import mesh_statistics
+from flowsculpt.pipeline.animation import MeshFrame, animate
+from flowsculpt.pipeline.shot import read_shot
+from flowsculpt.pipeline.statistics import mesh_statistics
 
 SHOT = """\
 title: Cube in a pair of vortices

@@ -9,16 +9,16 @@ from pathlib import Path
 
 import numba
 
-from pipeline.production.planning.plan import Job, Plan
-from pipeline.production.planning.planner import Planner
-from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.request.shot_source import ShotSource
-from pipeline.production.store.event_log import EventLog
-from pipeline.production.store.paths import Folders
-from pipeline.production.store.store import Store
-from pipeline.production.tasks.job import Context
-from pipeline.production.tasks.worker import task_of
-from render.mitsuba.engine import Engine
+from flowsculpt.pipeline.production.planning.plan import Job, Plan
+from flowsculpt.pipeline.production.planning.planner import Planner
+from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt.pipeline.production.request.shot_source import ShotSource
+from flowsculpt.pipeline.production.store.event_log import EventLog
+from flowsculpt.pipeline.production.store.paths import Folders
+from flowsculpt.pipeline.production.store.store import Store
+from flowsculpt.pipeline.production.tasks.job import Context
+from flowsculpt.pipeline.production.tasks.worker import task_of
+from flowsculpt.render.mitsuba.engine import Engine
 
 NAME, PLAN = "T010_sitting", "sitting"
 

@@ -21,27 +21,27 @@ from benchmarks.equal_quality import one_pass
 from benchmarks.errors import put, shown
 from benchmarks.normals import angles
 from benchmarks.report import Row, Target, keep, show
-from pipeline.animation import MeshFrame, animate
-from pipeline.arrays import AnyArray
-from pipeline.flow import Streamlines
-from pipeline.flow.catalogue.basic import Rotation
-from pipeline.frames import FrameRange, FrameRate
-from pipeline.production.request.shading import Shading
-from pipeline.resample import Report, ThresholdFormula, Thresholds
-from pipeline.shot import Motion, Resampling, Solid
-from render.mitsuba import emitters, materials
-from render.mitsuba.engine import choose
-from render.mitsuba.mitsuba_scene import SceneRenderer, build_scene
-from render.mitsuba.sensor import sensor
-from render.mitsuba.shapes import stage_shapes
-from render.mitsuba.texture_coordinates import TextureCoordinates
-from render.scene.materials import LOOKS
-from render.scene.render_camera import Camera
-from render.scene.render_quality import BATCH_SAMPLES, Quality
-from render.scene.scene import Scene
-from render.scene.scene_lights import LIGHTS
-from render.scene.scene_stage import STAGES, StagePlacement
-from render.scene.surface import Surface
+from flowsculpt.pipeline.animation import MeshFrame, animate
+from flowsculpt.pipeline.arrays import AnyArray
+from flowsculpt.pipeline.flow import Streamlines
+from flowsculpt.pipeline.flow.catalogue.basic import Rotation
+from flowsculpt.pipeline.frames import FrameRange, FrameRate
+from flowsculpt.pipeline.production.request.shading import Shading
+from flowsculpt.pipeline.resample import Report, ThresholdFormula, Thresholds
+from flowsculpt.pipeline.shot import Motion, Resampling, Solid
+from flowsculpt.render.mitsuba import emitters, materials
+from flowsculpt.render.mitsuba.engine import choose
+from flowsculpt.render.mitsuba.mitsuba_scene import SceneRenderer, build_scene
+from flowsculpt.render.mitsuba.sensor import sensor
+from flowsculpt.render.mitsuba.shapes import stage_shapes
+from flowsculpt.render.mitsuba.texture_coordinates import TextureCoordinates
+from flowsculpt.render.scene.materials import LOOKS
+from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.render_quality import BATCH_SAMPLES, Quality
+from flowsculpt.render.scene.scene import Scene
+from flowsculpt.render.scene.scene_lights import LIGHTS
+from flowsculpt.render.scene.scene_stage import STAGES, StagePlacement
+from flowsculpt.render.scene.surface import Surface
 
 Way = Literal["chord", "curved", "exact"]
 Normals = Literal["carried", "geometric"]

@@ -21,8 +21,8 @@ import numpy as np
 
 from benchmarks.report import Row, keep, show
 from benchmarks.sitting import Sitting
-from pipeline.cli.app import keep_freed_memory
-from render.mitsuba.engine import choose
+from flowsculpt.pipeline.cli.app import keep_freed_memory
+from flowsculpt.render.mitsuba.engine import choose
 
 HERE = Path(__file__).resolve().parents[1]
 ROUNDS = 3

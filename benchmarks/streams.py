@@ -9,7 +9,7 @@ from typing import TypeVar, cast
 import numba
 import numpy as np
 
-from pipeline.arrays import Points
+from flowsculpt.pipeline.arrays import Points
 
 F = TypeVar("F", bound=Callable[..., object])
 
@@ -53,7 +53,7 @@ def enright(x: float, y: float, z: float, t: float) -> tuple[float, float, float
 
 @compiled
 def abc(x: float, y: float, z: float, t: float) -> tuple[float, float, float]:
-    """The ABC flow with period 4 along each axis, and speeds as in `pipeline.flow.catalogue.basic`."""
+    """The ABC flow with period 4 along each axis, and speeds as in `pipeline/flow/catalogue/basic.py`."""
     k, a, b, c = math.pi / 2, 1.0, math.sqrt(2.0 / 3.0), math.sqrt(1.0 / 3.0)
     x, y, z = k * x, k * y, k * z
     return (

@@ -20,9 +20,9 @@ import numba
 
 from benchmarks.play import warm
 from benchmarks.report import Row, keep, show
-from pipeline.production.execution.project import Project
-from pipeline.production.tasks.job import Context
-from pipeline.production.tasks.worker import task_of
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.tasks.job import Context
+from flowsculpt.pipeline.production.tasks.worker import task_of
 
 ROUNDS = 7
 COPIES = 12

@@ -18,14 +18,14 @@ import numpy as np
 from benchmarks.flicker import CAMERA, subject
 from benchmarks.report import Row, keep, show
 from benchmarks.variance import DEPTH, MIN_LUMINANCE, Pictures
-from pipeline.arrays import AnyArray
-from render.mitsuba.engine import choose
-from render.mitsuba.mitsuba_scene import build_scene
-from render.scene.materials import LOOKS, Material, Subsurface
-from render.scene.render_quality import Quality
-from render.scene.scene import Scene
-from render.scene.scene_lights import LIGHTS
-from render.scene.scene_stage import STAGES, StagePlacement
+from flowsculpt.pipeline.arrays import AnyArray
+from flowsculpt.render.mitsuba.engine import choose
+from flowsculpt.render.mitsuba.mitsuba_scene import build_scene
+from flowsculpt.render.scene.materials import LOOKS, Material, Subsurface
+from flowsculpt.render.scene.render_quality import Quality
+from flowsculpt.render.scene.scene import Scene
+from flowsculpt.render.scene.scene_lights import LIGHTS
+from flowsculpt.render.scene.scene_stage import STAGES, StagePlacement
 
 RADII = {
     "clay": (0.02, 0.02, 0.02),

@@ -32,21 +32,21 @@ import numpy as np
 
 from benchmarks.flicker import CAMERA, subject
 from benchmarks.report import Row, Target, keep, show
-from pipeline.arrays import AnyArray
-from render.frame.render_frame import render_frame
-from render.mitsuba import emitters, materials
-from render.mitsuba.engine import Engine, choose
-from render.mitsuba.mitsuba_scene import build_scene
-from render.mitsuba.sensor import sensor
-from render.mitsuba.shapes import mesh, stage_shapes
-from render.mitsuba.texture_coordinates import texture_coordinates
-from render.scene.materials import LOOKS
-from render.scene.render_quality import Quality
-from render.scene.scene import Scene
-from render.scene.scene_lights import LIGHTS, LightRig
-from render.scene.scene_stage import STAGES, StagePlacement
-from render.scene.sky import Environment
-from render.scene.surface import Surface
+from flowsculpt.pipeline.arrays import AnyArray
+from flowsculpt.render.frame.render_frame import render_frame
+from flowsculpt.render.mitsuba import emitters, materials
+from flowsculpt.render.mitsuba.engine import Engine, choose
+from flowsculpt.render.mitsuba.mitsuba_scene import build_scene
+from flowsculpt.render.mitsuba.sensor import sensor
+from flowsculpt.render.mitsuba.shapes import mesh, stage_shapes
+from flowsculpt.render.mitsuba.texture_coordinates import texture_coordinates
+from flowsculpt.render.scene.materials import LOOKS
+from flowsculpt.render.scene.render_quality import Quality
+from flowsculpt.render.scene.scene import Scene
+from flowsculpt.render.scene.scene_lights import LIGHTS, LightRig
+from flowsculpt.render.scene.scene_stage import STAGES, StagePlacement
+from flowsculpt.render.scene.sky import Environment
+from flowsculpt.render.scene.surface import Surface
 
 MATERIALS = ("clay", "glaze", "chrome", "glass", "marble")
 RIGS = ("studio", "gallery", "daylight", "HDRI")

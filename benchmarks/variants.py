@@ -19,7 +19,7 @@ import numpy as np
 from benchmarks.first_film import CHECKOUT, run
 from benchmarks.measured_shots import shot_file
 from benchmarks.report import Row, keep, show
-from render.post.image import read_exr
+from flowsculpt.render.post.image import read_exr
 
 FRAMES = (
     "A010_cube@44",

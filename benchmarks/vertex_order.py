@@ -13,8 +13,8 @@ import numpy as np
 from benchmarks.measures import edges_of, lengths_of
 from benchmarks.play import warm
 from benchmarks.report import Row, keep, show
-from pipeline.mesh import icosphere
-from pipeline.resample import Resampler, Thresholds, resampler
+from flowsculpt.pipeline.mesh import icosphere
+from flowsculpt.pipeline.resample import Resampler, Thresholds, resampler
 
 FREQUENCY = 126
 """Frequency of the geodesic sphere: 10 n² + 2 vertices, 158,762."""

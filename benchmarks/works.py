@@ -14,8 +14,8 @@ import numpy as np
 
 from benchmarks import streams
 from benchmarks.measures import edges_of, lengths_of
-from pipeline.arrays import Floats, Points
-from pipeline.mesh import TriangleMesh, box, icosphere
+from flowsculpt.pipeline.arrays import Floats, Points
+from flowsculpt.pipeline.mesh import TriangleMesh, box, icosphere
 
 SHARE_OUT = 0.05
 RATIO = 0.4
@@ -102,7 +102,7 @@ def lorenz() -> Film:
 def enright() -> Film:
     """A ball of 2562 vertices stretched to a thin curled sheet until half time, and back.
 
-    Source: `pipeline.flow.catalogue.basic`.
+    Source: `flowsculpt.pipeline.flow.catalogue.basic`.
     """
     ball, at = _Ball(0.15, (0.35, 0.35, 0.35)), streams.following(streams.enright, 3 / 150)
     subject = icosphere(16, ball.radius, ball.centre)

@@ -12,7 +12,7 @@ from typing import Any
 
 from typer.main import get_command
 
-from pipeline.cli.app import EPILOG, all_commands, command_line, command_named, command_words
+from flowsculpt.pipeline.cli.app import EPILOG, all_commands, command_line, command_named, command_words
 
 PAGE = Path(__file__).with_suffix(".md")
 

@@ -11,8 +11,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from pipeline.plugins.authoring.shot_schemas import Schema, schema_of
-from pipeline.shot.documents.shot_documents import FilmDocument, ShotDocument
+from flowsculpt.pipeline.plugins.authoring.shot_schemas import Schema, schema_of
+from flowsculpt.pipeline.shot.documents.shot_documents import FilmDocument, ShotDocument
 
 PAGE = Path(__file__).with_suffix(".md")
 

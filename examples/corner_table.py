@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from examples.drawing import COOL, GREY, INK, WARM, dots, outline, page, save
-from pipeline.arrays import Indices, Points
-from pipeline.mesh import HalfedgeMesh, TriangleMesh
+from flowsculpt.pipeline.arrays import Indices, Points
+from flowsculpt.pipeline.mesh import HalfedgeMesh, TriangleMesh
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -6,11 +6,11 @@ import numpy as np
 
 from examples.drawing import COOL, INK, WARM, page, save
 from examples.film import displace_film, edge_lengths, resample_film
-from pipeline.arrays import Floats
-from pipeline.flow import Flow, Streamlines, Sum
-from pipeline.flow.catalogue.vortices import Vortex
-from pipeline.mesh import icosphere
-from pipeline.resample import Resampler, Thresholds
+from flowsculpt.pipeline.arrays import Floats
+from flowsculpt.pipeline.flow import Flow, Streamlines, Sum
+from flowsculpt.pipeline.flow.catalogue.vortices import Vortex
+from flowsculpt.pipeline.mesh import icosphere
+from flowsculpt.pipeline.resample import Resampler, Thresholds
 
 FRAMES, LONGEST = 500, 0.16
 SUBJECT = icosphere(12)

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pipeline.arrays import AnyArray
-from pipeline.mesh import PolygonMesh, TriangleMesh
-from render.graphics import plot
+from flowsculpt.pipeline.arrays import AnyArray
+from flowsculpt.pipeline.mesh import PolygonMesh, TriangleMesh
+from flowsculpt.render.graphics import plot
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,10 +7,10 @@ import numpy as np
 from examples.density import vortex_flow
 from examples.drawing import COOL, FAINT, OCHRE, WARM, page, save
 from examples.film import resample_film
-from pipeline.arrays import Floats
-from pipeline.mesh import PolygonMesh
-from pipeline.plugins.polyhedra.polyhedral_resampler import PolyhedralResampler
-from pipeline.resample import Thresholds
+from flowsculpt.pipeline.arrays import Floats
+from flowsculpt.pipeline.mesh import PolygonMesh
+from flowsculpt.pipeline.plugins.polyhedra.polyhedral_resampler import PolyhedralResampler
+from flowsculpt.pipeline.resample import Thresholds
 
 FRAMES, LONGEST = 120, 0.25
 CUBE = PolygonMesh(

@@ -6,10 +6,10 @@ from collections import deque
 
 from examples.drawing import page, save
 from examples.film import displace_film, resample_film
-from pipeline.flow import Flow, Streamlines, Sum
-from pipeline.flow.catalogue.vortices import Vortex
-from pipeline.mesh import TriangleMesh, box
-from pipeline.resample import Resampler, Thresholds
+from flowsculpt.pipeline.flow import Flow, Streamlines, Sum
+from flowsculpt.pipeline.flow.catalogue.vortices import Vortex
+from flowsculpt.pipeline.mesh import TriangleMesh, box
+from flowsculpt.pipeline.resample import Resampler, Thresholds
 
 FRAMES, EDGE, LONGEST = 34, 0.25, 0.2
 SIZE = (940, 610)

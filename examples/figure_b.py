@@ -8,11 +8,11 @@ import numpy as np
 
 from examples.drawing import COOL, WARM, draw_edge_lines, page, save
 from examples.film import displace_film, resample_film
-from pipeline.flow import Flow, Streamlines, Sum
-from pipeline.flow.catalogue.basic import Expansion
-from pipeline.mesh import PolygonMesh, TriangleMesh
-from pipeline.plugins.polyhedra.polyhedral_resampler import PolyhedralResampler
-from pipeline.resample import Resampler, Thresholds
+from flowsculpt.pipeline.flow import Flow, Streamlines, Sum
+from flowsculpt.pipeline.flow.catalogue.basic import Expansion
+from flowsculpt.pipeline.mesh import PolygonMesh, TriangleMesh
+from flowsculpt.pipeline.plugins.polyhedra.polyhedral_resampler import PolyhedralResampler
+from flowsculpt.pipeline.resample import Resampler, Thresholds
 
 SWELLING, SHRINKING, RADIUS = (0.36, 0.36, 0.0), (-0.36, -0.36, 0.0), 0.62
 FRAMES, MESHES, LONGEST = 28, 24, 0.125

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from examples.drawing import WARM, arrows, dots, outline, page, save
-from pipeline.mesh import TriangleMesh
-from pipeline.resample import Report, Thresholds, resample
+from flowsculpt.pipeline.mesh import TriangleMesh
+from flowsculpt.pipeline.resample import Report, Thresholds, resample
 
 PAIR = TriangleMesh([(-1, 0.1, 0), (0.05, -0.72, 0), (1, -0.1, 0), (-0.1, 0.75, 0)], [(0, 1, 2), (0, 2, 3)])
 """Two triangles; the edge between them is the longest."""

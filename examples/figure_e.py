@@ -7,9 +7,9 @@ import math
 import numpy as np
 
 from examples.drawing import COOL, WARM, arrows, dots, outline, page, save
-from pipeline.arrays import AnyArray
-from pipeline.mesh import TriangleMesh
-from pipeline.resample import Thresholds, resample
+from flowsculpt.pipeline.arrays import AnyArray
+from flowsculpt.pipeline.mesh import TriangleMesh
+from flowsculpt.pipeline.resample import Thresholds, resample
 
 THRESHOLDS = Thresholds(max_edge_length=2.0, min_edge_length=0.5)
 SHORT = (3, 4)

@@ -5,12 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 from examples.drawing import page, save
-from pipeline.animation import animate
-from pipeline.mesh import TriangleMesh
-from pipeline.shot import read_shot
-from render.scene.materials import LOOKS
-from render.scene.scene_lights import LIGHTS
-from render.scene.scene_stage import Stage
+from flowsculpt.pipeline.animation import animate
+from flowsculpt.pipeline.mesh import TriangleMesh
+from flowsculpt.pipeline.shot import read_shot
+from flowsculpt.render.scene.materials import LOOKS
+from flowsculpt.render.scene.scene_lights import LIGHTS
+from flowsculpt.render.scene.scene_stage import Stage
 
 SHOT = Path(__file__).resolve().parent.parent / "shots" / "A010_cube.yaml"
 FRAME, SIZE = 44, (1200, 675)

@@ -7,11 +7,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from pipeline.arrays import Floats, Points
-from pipeline.flow import Flow
-from pipeline.mesh import PolygonMesh, TriangleMesh
-from pipeline.plugins.polyhedra.polyhedral_resampler import PolyhedralResampler
-from pipeline.resample import Report, Resampler
+from flowsculpt.pipeline.arrays import Floats, Points
+from flowsculpt.pipeline.flow import Flow
+from flowsculpt.pipeline.mesh import PolygonMesh, TriangleMesh
+from flowsculpt.pipeline.plugins.polyhedra.polyhedral_resampler import PolyhedralResampler
+from flowsculpt.pipeline.resample import Report, Resampler
 
 RATE = 24
 """Frames per second."""

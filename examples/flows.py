@@ -12,15 +12,22 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from examples.drawing import COOL, FAINT, INK, PICTURES, WARM, save
-from pipeline.arrays import AnyArray, Points
-from pipeline.flow import Streamlines, VelocityField, keyed
-from pipeline.flow.catalogue import FLOWS
-from pipeline.flow.catalogue.attractors import Attractor
-from pipeline.flow.catalogue.basic import DoubleGyre, Rotation, Scaling, Squeeze, Strain, Translation
-from pipeline.flow.catalogue.deformations import Bend, Deformation
-from pipeline.flow.catalogue.external_fields import Attraction, FormulaField, Sampled, Target, Wind
-from pipeline.flow.catalogue.vortices import CurlNoise
-from pipeline.flow.samples import read_samples
+from flowsculpt.pipeline.arrays import AnyArray, Points
+from flowsculpt.pipeline.flow import Streamlines, VelocityField, keyed
+from flowsculpt.pipeline.flow.catalogue import FLOWS
+from flowsculpt.pipeline.flow.catalogue.attractors import Attractor
+from flowsculpt.pipeline.flow.catalogue.basic import (
+    DoubleGyre,
+    Rotation,
+    Scaling,
+    Squeeze,
+    Strain,
+    Translation,
+)
+from flowsculpt.pipeline.flow.catalogue.deformations import Bend, Deformation
+from flowsculpt.pipeline.flow.catalogue.external_fields import Attraction, FormulaField, Sampled, Target, Wind
+from flowsculpt.pipeline.flow.catalogue.vortices import CurlNoise
+from flowsculpt.pipeline.flow.samples import read_samples
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,8 +9,8 @@ import numpy as np
 from examples.density import LONGEST, SUBJECT, vortex_flow
 from examples.drawing import COOL, INK, WARM, dots, page, save
 from examples.film import edge_lengths, resample_film
-from pipeline.resample import Resampler, Thresholds
-from pipeline.resample.thresholds import DEFAULT_RATIO
+from flowsculpt.pipeline.resample import Resampler, Thresholds
+from flowsculpt.pipeline.resample.thresholds import DEFAULT_RATIO
 
 FRAMES = 240
 RATIOS = (0.2, 0.25, 0.3, 0.35, 0.4, 0.45, 0.49)

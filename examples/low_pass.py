@@ -6,10 +6,10 @@ import math
 
 from examples.drawing import COOL, GREY, WARM, page, save
 from examples.film import resample_film, sphericity
-from pipeline.flow import Flow, Sequence, keyed
-from pipeline.flow.catalogue.deformations import Twist
-from pipeline.mesh import TriangleMesh, box
-from pipeline.resample import Resampler, Thresholds
+from flowsculpt.pipeline.flow import Flow, Sequence, keyed
+from flowsculpt.pipeline.flow.catalogue.deformations import Twist
+from flowsculpt.pipeline.mesh import TriangleMesh, box
+from flowsculpt.pipeline.resample import Resampler, Thresholds
 
 EDGE, LONGEST, ROUNDS = 0.3, 0.4, 12
 AXES = ((0.0, 1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))

@@ -9,10 +9,10 @@ import numpy as np
 from examples.density import LONGEST, SUBJECT, vortex_flow
 from examples.drawing import COOL, WARM, page, save
 from examples.film import displace_film, resample_film
-from pipeline.arrays import Floats
-from pipeline.mesh import TriangleMesh
-from pipeline.resample import Resampler, Thresholds
-from pipeline.statistics import mesh_statistics
+from flowsculpt.pipeline.arrays import Floats
+from flowsculpt.pipeline.mesh import TriangleMesh
+from flowsculpt.pipeline.resample import Resampler, Thresholds
+from flowsculpt.pipeline.statistics import mesh_statistics
 
 FRAMES = 360
 

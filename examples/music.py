@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.atomic_write import atomic_write
+from flowsculpt.render.base.atomic_write import atomic_write
 
 RATE, BEAT, BARS = 48_000, 2.0 / 3.0, 9
 """Samples per second, seconds, and bars of four beats."""

@@ -9,10 +9,10 @@ import numpy as np
 from examples.drawing import COOL, OCHRE, WARM, page, save
 from examples.figure_a import vortex_flow
 from examples.film import RATE
-from pipeline.arrays import Floats, Points
-from pipeline.flow.flow_map import FlowMap, FrameStep
-from pipeline.mesh import TriangleMesh, icosphere
-from pipeline.resample import Chord, Curved, Exact, Placement, Resampler, Thresholds
+from flowsculpt.pipeline.arrays import Floats, Points
+from flowsculpt.pipeline.flow.flow_map import FlowMap, FrameStep
+from flowsculpt.pipeline.mesh import TriangleMesh, icosphere
+from flowsculpt.pipeline.resample import Chord, Curved, Exact, Placement, Resampler, Thresholds
 
 FRAMES, LONGEST, EVERY = 60, 0.15, 6
 STEP = 1e-6

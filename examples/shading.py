@@ -9,20 +9,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from examples.drawing import INK
-from pipeline.arrays import AnyArray
-from pipeline.mesh import PolygonMesh, TriangleMesh, split_at_creases
-from pipeline.production.request.framing import Framing, frame_all
-from pipeline.shot.camera_path import View
-from render.frame.render_frame import render_frame
-from render.mitsuba.engine import choose
-from render.post.colour import quantise, to_display
-from render.post.denoise import denoise
-from render.scene.materials import LOOKS, Material
-from render.scene.render_quality import Quality
-from render.scene.scene import Scene
-from render.scene.scene_lights import LIGHTS, LightRig
-from render.scene.scene_stage import Stage
-from render.scene.surface import Surface
+from flowsculpt.pipeline.arrays import AnyArray
+from flowsculpt.pipeline.mesh import PolygonMesh, TriangleMesh, split_at_creases
+from flowsculpt.pipeline.production.request.framing import Framing, frame_all
+from flowsculpt.pipeline.shot.camera_path import View
+from flowsculpt.render.frame.render_frame import render_frame
+from flowsculpt.render.mitsuba.engine import choose
+from flowsculpt.render.post.colour import quantise, to_display
+from flowsculpt.render.post.denoise import denoise
+from flowsculpt.render.scene.materials import LOOKS, Material
+from flowsculpt.render.scene.render_quality import Quality
+from flowsculpt.render.scene.scene import Scene
+from flowsculpt.render.scene.scene_lights import LIGHTS, LightRig
+from flowsculpt.render.scene.scene_stage import Stage
+from flowsculpt.render.scene.surface import Surface
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -10,9 +10,9 @@ from examples.density import LONGEST, SUBJECT, vortex_flow
 from examples.drawing import COOL, WARM, page, save
 from examples.film import edge_lengths, resample_film
 from examples.placements import centres, distances, simulate
-from pipeline.arrays import Floats
-from pipeline.resample import Curvature, Report, Resampler, Thresholds
-from pipeline.resample.resampler import Splits
+from flowsculpt.pipeline.arrays import Floats
+from flowsculpt.pipeline.resample import Curvature, Report, Resampler, Thresholds
+from flowsculpt.pipeline.resample.resampler import Splits
 
 FRAMES, STIRRED = 240, 45
 UNIFORM = (0.3, 0.2, 0.14, 0.1)

@@ -9,10 +9,10 @@ import numpy as np
 
 from examples.drawing import COOL, WARM, outline, page, save
 from examples.film import RATE, resample_film, volume
-from pipeline.flow import Streamlines
-from pipeline.flow.catalogue.basic import Strain
-from pipeline.mesh import TriangleMesh, rod
-from pipeline.resample import Resampler, Thresholds
+from flowsculpt.pipeline.flow import Streamlines
+from flowsculpt.pipeline.flow.catalogue.basic import Strain
+from flowsculpt.pipeline.mesh import TriangleMesh, rod
+from flowsculpt.pipeline.resample import Resampler, Thresholds
 
 FRAMES, LONGEST, RADIUS, PULL = 72, 0.1, 0.15, 1.5
 FLOW = Streamlines(Strain(rate=PULL))

@@ -11,4 +11,4 @@ os.environ["NUMBA_DISABLE_INTEL_SVML"] = "1"  # looked at when numba is first im
 # work beside, a kernel for a hundred points then takes 10 ms, not 5 µs. It looks once, when it is loaded.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
-import render  # noqa: F401  # reads no settings of numba from the working folder; after what numba looks at
+import flowsculpt.render  # noqa: F401  # reads no settings of numba from the working folder; after what numba looks at

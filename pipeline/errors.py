@@ -6,16 +6,16 @@ A message says place, fact, rule and remedy, in that order and in one line:
 
 from __future__ import annotations
 
-from render.base.render_errors import MOST_QUOTED as MOST_QUOTED
-from render.base.render_errors import FlowsculptError as FlowsculptError
-from render.base.render_errors import MachineError as MachineError
-from render.base.render_errors import MissingInputError as MissingInputError
-from render.base.render_errors import brief as brief
-from render.base.render_errors import printable as printable
-from render.base.render_errors import readable as readable
-from render.base.render_errors import reason_of as reason_of
-from render.base.render_errors import shortened as shortened
-from render.base.render_errors import suggestion as suggestion
+from flowsculpt.render.base.render_errors import MOST_QUOTED as MOST_QUOTED
+from flowsculpt.render.base.render_errors import FlowsculptError as FlowsculptError
+from flowsculpt.render.base.render_errors import MachineError as MachineError
+from flowsculpt.render.base.render_errors import MissingInputError as MissingInputError
+from flowsculpt.render.base.render_errors import brief as brief
+from flowsculpt.render.base.render_errors import printable as printable
+from flowsculpt.render.base.render_errors import readable as readable
+from flowsculpt.render.base.render_errors import reason_of as reason_of
+from flowsculpt.render.base.render_errors import shortened as shortened
+from flowsculpt.render.base.render_errors import suggestion as suggestion
 
 
 class UsageError(FlowsculptError):

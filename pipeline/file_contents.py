@@ -11,12 +11,12 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from pipeline.errors import shortened
+from flowsculpt.pipeline.errors import shortened
 
 if TYPE_CHECKING:  # planning reads text, and does without numpy
     import numpy as np
 
-    from pipeline.arrays import AnyArray
+    from flowsculpt.pipeline.arrays import AnyArray
 
 _MARKS = (
     (codecs.BOM_UTF32_LE, "utf-32-le"),  # begins as UTF-16 does

@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pipeline.arrays import Floats
-from pipeline.errors import UsageError, brief, shortened, suggestion
-from render.base.plural import plural
+from flowsculpt.pipeline.arrays import Floats
+from flowsculpt.pipeline.errors import UsageError, brief, shortened, suggestion
+from flowsculpt.render.base.plural import plural
 
 _PARSING = threading.Lock()  # whoever ends last would put back the filters of another thread
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 
-from pipeline.errors import UsageError, brief, shortened
+from flowsculpt.pipeline.errors import UsageError, brief, shortened
 
 MOST_FRAMES = 100_000
 """Frames in one range: over an hour at 24 frames per second."""

@@ -1,7 +1,8 @@
 """The decorators that compile the kernels of the pipeline.
 
-Compiled code lies in a cache whose folders are named by the sources (see `render.base.kernel_cache`): only an
-edited source compiles (`flowsculpt doctor --prepare`, done at set-up), nothing else ever does.
+Compiled code lies in a cache whose folders are named by the sources (see
+`flowsculpt.render.base.kernel_cache`): only an edited source compiles (`flowsculpt doctor --prepare`, done at
+set-up), nothing else ever does.
 
 Intel's SVML has other sines and exponentials for vectors than for single numbers, so that a point's bits
 would hang on its place in a block: numba is told not to take it (see `pipeline/__init__.py`).
@@ -23,8 +24,8 @@ from numba.core import sigutils
 from numba.core.ccallback import CFunc
 from numpy.typing import NDArray
 
-from pipeline.errors import MachineError
-from render.base.kernel_cache import KernelCache, cached_kernel, one_at_a_time, use_kernel_cache
+from flowsculpt.pipeline.errors import MachineError
+from flowsculpt.render.base.kernel_cache import KernelCache, cached_kernel, one_at_a_time, use_kernel_cache
 
 F = TypeVar("F", bound=Callable[..., Any])
 

@@ -21,8 +21,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, TypeVar
 
-from render.base.foreign_code import foreign_code, located_reason, reason_of_foreign
-from render.base.render_errors import MachineError
+from flowsculpt.render.base.foreign_code import foreign_code, located_reason, reason_of_foreign
+from flowsculpt.render.base.render_errors import MachineError
 
 T = TypeVar("T")
 
@@ -155,7 +155,7 @@ class Plugin:
         doors = (self.flows, self.looks, self.subjects, self.layouts, self.documents)
         places = (*(place for door in doors for place in door.values()), *tasks)
         tops = {place.partition(":")[0].partition(".")[0] for place in places}
-        specs = [find_spec(top) for top in sorted(tops - {"pipeline", "render"})]
+        specs = [find_spec(top) for top in sorted(tops - {"flowsculpt"})]
         found: list[Path] = []
         for spec in filter(None, specs):
             if spec.submodule_search_locations:
@@ -191,7 +191,7 @@ class Plugins:
         found = {}
         for plugin in self:
             for part, place in getattr(plugin, door).items():
-                is_whole = part == plugin.name and place.startswith("pipeline.")
+                is_whole = part == plugin.name and place.startswith("flowsculpt.")
                 name = part if is_whole else f"{plugin.name}.{part}"
                 try:
                     found[name] = make(plugin, name, named(place))
@@ -331,7 +331,7 @@ def named(place: str) -> Any:
     module, _, name = place.partition(":")
     if not name:
         raise ValueError(f'{place!r} is not "module:name"')
-    with nullcontext() if module.startswith("pipeline.") else foreign_code():
+    with nullcontext() if module.startswith("flowsculpt.") else foreign_code():
         return getattr(import_module(module), name)
 
 
@@ -341,7 +341,7 @@ def _function(plugin: str, place: str) -> Any:
     try:
         return named(place)
     except Exception as error:
-        if place.startswith("pipeline."):
+        if place.startswith("flowsculpt."):
             raise
         LOG.warning(f"plug-in {plugin}: {place} is left out: {located_reason(error)}")
         return None
@@ -362,15 +362,19 @@ def fault_of_plugin(error: BaseException) -> MachineError | None:
 
 def _order(entry: EntryPoint) -> tuple[bool, bool, str]:
     """Return what sorts the core before the plug-ins that come with it, and these before others."""
-    return not entry.module.startswith("pipeline.cli"), not entry.module.startswith("pipeline."), entry.name
+    return (
+        not entry.module.startswith("flowsculpt.pipeline.cli"),
+        not entry.module.startswith("flowsculpt."),
+        entry.name,
+    )
 
 
 def _loaded(entry: EntryPoint) -> Plugin:
     """Return the plug-in of an entry point. Raises TypeError for what is none, and what importing raises."""
-    with nullcontext() if entry.module.startswith("pipeline.") else foreign_code():
+    with nullcontext() if entry.module.startswith("flowsculpt.") else foreign_code():
         plugin = entry.load()
     if not isinstance(plugin, Plugin):
-        raise TypeError(f"{entry.value} is not a pipeline.plugin.Plugin")
+        raise TypeError(f"{entry.value} is not a flowsculpt.pipeline.plugin.Plugin")
     return plugin
 
 

@@ -7,9 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.mesh import TriangleMesh
-from pipeline.mesh.kernels.face_measures import cosines_at_edges, count_ascending, lengths_and_areas
-from pipeline.mesh.kernels.intersections import bounding_boxes, count_crossings, fill_grid
+from flowsculpt.pipeline.mesh import TriangleMesh
+from flowsculpt.pipeline.mesh.kernels.face_measures import (
+    cosines_at_edges,
+    count_ascending,
+    lengths_and_areas,
+)
+from flowsculpt.pipeline.mesh.kernels.intersections import bounding_boxes, count_crossings, fill_grid
 
 COUNTED_FRAMES = 8
 """Crossings are counted in the first frame of a shot and in every such frame after it."""

@@ -114,8 +114,8 @@ def _load() -> None:
     """Load what the commands of tests load."""
     import snakemake.cli  # noqa: F401
 
-    from pipeline.cli import commands, render_commands  # noqa: F401
-    from pipeline.production.tasks import job_server
+    from flowsculpt.pipeline.cli import commands, render_commands  # noqa: F401
+    from flowsculpt.pipeline.production.tasks import job_server
 
     job_server._load_what_jobs_need()
 

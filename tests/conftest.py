@@ -19,12 +19,12 @@ import psutil
 import pytest
 from hypothesis import HealthCheck, settings
 
-from render.base import python_process
+from flowsculpt.render.base import python_process
 from tests.command_server import CommandServer
 from tests.processes import wait_until
 
 if TYPE_CHECKING:
-    from pipeline.production.planning.plan import Plan
+    from flowsculpt.pipeline.production.planning.plan import Plan
 
 # Containers often tell Python to write no bytecode. Then each of a thousand commands compiles flowsculpt
 # again, and each run compiles all tests.
@@ -128,8 +128,8 @@ def commanded(root: Path, *words: str) -> tuple[int, str]:
     """Exit code and words of a command, in this process; raises what no user should see."""
     from typer.testing import CliRunner
 
-    from pipeline.cli.app import command_line
-    from pipeline.errors import FlowsculptError
+    from flowsculpt.pipeline.cli.app import command_line
+    from flowsculpt.pipeline.errors import FlowsculptError
 
     asked = ["--no-progress", "--root", str(root), *words]
     said = CliRunner().invoke(command_line(), asked)
@@ -142,8 +142,8 @@ def commanded(root: Path, *words: str) -> tuple[int, str]:
 
 def done(root: Path, plan: Plan) -> None:
     """Do the jobs of a plan in this process, each after those that make what it reads."""
-    from pipeline.production.tasks.job import Context
-    from pipeline.production.tasks.worker import task_of
+    from flowsculpt.pipeline.production.tasks.job import Context
+    from flowsculpt.pipeline.production.tasks.worker import task_of
 
     waiting, missing = list(plan.jobs), {job.output for job in plan.jobs}
     while waiting:
@@ -165,7 +165,7 @@ class ProjectFolder:
 
     def run(self, *words: str, cores: int = 1) -> Run:
         """Run the command, by default on one core: on two, two renderers start for a few frames."""
-        command = python_process.command("pipeline.cli", "--no-progress", "-j", str(cores), *words)
+        command = python_process.command("flowsculpt", "--no-progress", "-j", str(cores), *words)
         done = COMMANDS.run(command, self.path, timeout=900)
         assert "Traceback" not in done.stdout + done.stderr, done.stderr
         return Run(done.returncode, done.stdout, done.stderr)
@@ -174,8 +174,8 @@ class ProjectFolder:
         """Run the command in this process, where a test needs no process of its own: Python starts slowly."""
         import OpenImageIO  # noqa: F401 sets where its fonts are, which the patched environment would lose
 
-        from pipeline.cli.app import main
-        from render.base.python_process import ENDING
+        from flowsculpt.pipeline.cli.app import main
+        from flowsculpt.render.base.python_process import ENDING
 
         out, err = StringIO(), StringIO()
         handlers = [(number, signal.getsignal(number)) for number in ENDING]
@@ -200,7 +200,7 @@ class ProjectFolder:
         self, frames: str | None = None, *, settings: tuple[str, ...] = (), quality: str = QUALITY
     ) -> Plan:
         """Render frames of the shot in this process, stage after stage; return the plan that was followed."""
-        from pipeline.production.execution.project import Project
+        from flowsculpt.pipeline.production.execution.project import Project
 
         with chdir(self.path):
             plan = Project(self.path, 1, settings=settings).pictures([self.shot.stem], quality, frames)
@@ -212,7 +212,7 @@ class ProjectFolder:
 
         at_raw  a statement that the process which renders a frame executes when it shows the raw frame, once
         """
-        command = python_process.command("pipeline.cli", "--no-progress", "-j", "2", *words)
+        command = python_process.command("flowsculpt", "--no-progress", "-j", "2", *words)
         environment = dict(os.environ)
         if at_raw is not None:
             number, statement = at_raw

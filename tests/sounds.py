@@ -7,7 +7,7 @@ from pathlib import Path
 import av
 import numpy as np
 
-from pipeline.arrays import Floats
+from flowsculpt.pipeline.arrays import Floats
 
 RATE = 48_000
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from benchmarks import same_results
-from render.post.image import write_png
+from flowsculpt.render.post.image import write_png
 
 HOME = Path(__file__).parents[1]
 APART = {"__main__", "blender"}

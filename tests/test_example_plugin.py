@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from render.post.image import read_exr
+from flowsculpt.render.post.image import read_exr
 from tests.plugins.remote.s3 import BUCKET, CREDENTIALS, serving
 from tests.production.farm.test_clusters import SUBMIT
 
@@ -62,7 +62,7 @@ class Installed:
         self.pip("install", "--no-index", "--no-deps", "--no-build-isolation", *words)
 
     def run(self, *words: str, **variables: str) -> subprocess.CompletedProcess[str]:
-        command = [str(self.environment / "bin" / "python"), "-m", "pipeline.cli", "--no-progress", *words]
+        command = [str(self.environment / "bin" / "python"), "-m", "flowsculpt", "--no-progress", *words]
         environment = {**os.environ, "COLUMNS": "150", **variables}
         return subprocess.run(
             command, cwd=self.show, env=environment, capture_output=True, text=True, timeout=300

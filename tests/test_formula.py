@@ -10,8 +10,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.errors import UsageError
-from pipeline.formula import FUNCTIONS, MOST_CHARACTERS, PLACE, TIME, Expression, FormulaError, time_values
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.formula import (
+    FUNCTIONS,
+    MOST_CHARACTERS,
+    PLACE,
+    TIME,
+    Expression,
+    FormulaError,
+    time_values,
+)
 
 NAMES = ("x", "y", "z", "time")
 X, Y = np.array([-1.5, 0.0, 0.5, 2.0]), np.array([3.0, 1.0, -2.0, 0.25])

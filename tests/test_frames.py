@@ -8,7 +8,7 @@ import fileseq
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.frames import FrameRange, FrameRate
+from flowsculpt.pipeline.frames import FrameRange, FrameRate
 
 RATES = ("24", "23.976", "29.97", "60", "1000/7")
 

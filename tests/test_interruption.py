@@ -12,15 +12,15 @@ from threading import Thread, current_thread, main_thread
 import numba
 import pytest
 
-from pipeline.long_computations import interruptible
-from pipeline.mesh import icosphere
-from pipeline.resample import Thresholds, resample, resample_pass
+from flowsculpt.pipeline.long_computations import interruptible
+from flowsculpt.pipeline.mesh import icosphere
+from flowsculpt.pipeline.resample import Thresholds, resample, resample_pass
 
 pytestmark = pytest.mark.quick
 
 SLEEPING = """
 import ctypes
-from pipeline.long_computations import interruptible
+from flowsculpt.pipeline.long_computations import interruptible
 interruptible(lambda: (print("begins", flush=True), ctypes.CDLL(None).sleep(3600)))
 """
 

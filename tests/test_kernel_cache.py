@@ -10,16 +10,16 @@ import tempfile
 
 import pytest
 
-from pipeline.plugins.maintenance.kernel_build import build_kernels, kernel_calls
-from render.base import kernel_cache, user_cache
-from render.base.render_errors import MachineError
+from flowsculpt.pipeline.plugins.maintenance.kernel_build import build_kernels, kernel_calls
+from flowsculpt.render.base import kernel_cache, user_cache
+from flowsculpt.render.base.render_errors import MachineError
 
 SCENE = """
 from pathlib import Path
-from pipeline import kernels
-from pipeline.animation import animate
-from pipeline.mesh import split_at_creases
-from pipeline.shot import read_shot
+from flowsculpt.pipeline import kernels
+from flowsculpt.pipeline.animation import animate
+from flowsculpt.pipeline.mesh import split_at_creases
+from flowsculpt.pipeline.shot import read_shot
 
 shot = read_shot(Path({path!r}))
 for frame in animate(shot):
@@ -41,7 +41,7 @@ def test_a_whole_shot_runs_on_what_set_up_has_compiled(project):
 
 
 PREPARE = """
-from pipeline import kernels
+from flowsculpt.pipeline import kernels
 kernels.compile_module({module!r})
 """
 
@@ -55,7 +55,7 @@ print(dict(deform.stats.cache_misses), len(deform.stats.cache_hits))
 
 @pytest.mark.slow
 def test_a_call_finds_what_set_up_has_compiled_in_an_empty_cache(tmp_path):
-    module = "pipeline.flow.kernels.deformation_kernels"
+    module = "flowsculpt.pipeline.flow.kernels.deformation_kernels"
     environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
     said = []
     for step in (PREPARE, CALL):
@@ -69,7 +69,10 @@ def test_a_call_finds_what_set_up_has_compiled_in_an_empty_cache(tmp_path):
 @pytest.mark.slow
 def test_a_kernel_is_compiled_after_all_that_it_calls_and_once_for_all_its_callers(tmp_path):
     calls = kernel_calls()
-    called, caller = "pipeline.flow.kernels.instructions", "pipeline.flow.kernels.deformation_kernels"
+    called, caller = (
+        "flowsculpt.pipeline.flow.kernels.instructions",
+        "flowsculpt.pipeline.flow.kernels.deformation_kernels",
+    )
     assert calls[caller] == {called}
     code = BUILD.format(calls={called: set(), caller: {called}})
     environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
@@ -83,14 +86,15 @@ def test_a_kernel_is_compiled_after_all_that_it_calls_and_once_for_all_its_calle
 
 
 BUILD = """
-from pipeline.plugins.maintenance.kernel_build import build_kernels
+from flowsculpt.pipeline.plugins.maintenance.kernel_build import build_kernels
 if __name__ == "__main__":
     build_kernels({calls!r}, 2, lambda: None)
 """
 
 
 def test_no_vector_library_with_other_bits_is_taken():
-    code = "import pipeline.kernels, numba.core.config as c; print(c.DISABLE_INTEL_SVML, c.USING_SVML)"
+    code = "import flowsculpt.pipeline.kernels, numba.core.config as c\n"
+    code += "print(c.DISABLE_INTEL_SVML, c.USING_SVML)"
     environment = {name: value for name, value in os.environ.items() if "SVML" not in name}
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
     assert done.stdout.split() == ["1", "False"], done.stderr
@@ -121,7 +125,7 @@ def digest(tmp_path, monkeypatch):
 
     def digest_now(module):
         kernel_cache.source_digest.cache_clear()
-        return kernel_cache.source_digest(tmp_path.joinpath(*module.split(".")).with_suffix(".py"))
+        return kernel_cache.source_digest(kernel_cache.source_of(module))
 
     yield digest_now
     kernel_cache.source_digest.cache_clear()
@@ -134,7 +138,7 @@ def test_an_edit_of_a_source_compiles_the_kernels_that_depend_on_it_and_no_other
     assert len(KERNELS) > 20
     before = {module: digest(module) for module in KERNELS}
     for edited, *dependants in CALLS:
-        file = tmp_path.joinpath(*edited.split(".")).with_suffix(".py")
+        file = kernel_cache.source_of(edited)
         file.write_bytes(file.read_bytes() + b"# edited")
         changed = [module for module in KERNELS if digest(module) != before[module]]
         assert set(dependants) <= set(changed)
@@ -144,27 +148,26 @@ def test_an_edit_of_a_source_compiles_the_kernels_that_depend_on_it_and_no_other
 
 CALLS = [
     (
-        "pipeline.flow.kernels.region_kernels",
-        "pipeline.flow.kernels.field_kernels",
-        "pipeline.flow.kernels.streamline_kernels",
+        "flowsculpt.pipeline.flow.kernels.region_kernels",
+        "flowsculpt.pipeline.flow.kernels.field_kernels",
+        "flowsculpt.pipeline.flow.kernels.streamline_kernels",
     ),
-    ("pipeline.resample.kernels.pass_state", "pipeline.resample.kernels.collapse"),
-    ("render.raster.raster_shapes", "render.raster.triangles"),
+    ("flowsculpt.pipeline.resample.kernels.pass_state", "flowsculpt.pipeline.resample.kernels.collapse"),
+    ("flowsculpt.render.raster.raster_shapes", "flowsculpt.render.raster.triangles"),
 ]
 """A module, and kernels that call or use it."""
 
 
 def test_every_kernel_is_filed_by_its_module_and_its_sources(tmp_path, digest):
     for module in KERNELS:
-        file = tmp_path.joinpath(*module.split(".")).with_suffix(".py")
-        folder = kernel_cache._folder_of.__wrapped__(str(file))
+        folder = kernel_cache._folder_of.__wrapped__(str(kernel_cache.source_of(module)))
         assert folder == f"{module}-{digest(module)[:16]}"
 
 
 WHERE = """
 from pathlib import Path
-from render.base.kernel_cache import cache_folder
-from render.raster.triangles import draw_triangles
+from flowsculpt.render.base.kernel_cache import cache_folder
+from flowsculpt.render.raster.triangles import draw_triangles
 print(Path(draw_triangles.stats.cache_path).relative_to(cache_folder()))
 """
 
@@ -284,7 +287,7 @@ def test_a_cache_that_may_only_be_read_is_read_and_what_it_lacks_is_kept_elsewhe
     """As in the image of a container, whose cache belongs to root."""
     place, other = tmp_path / "cache", tmp_path / "temporary"
     other.mkdir()
-    call = CALL.format(module="pipeline.flow.kernels.deformation_kernels")
+    call = CALL.format(module="flowsculpt.pipeline.flow.kernels.deformation_kernels")
     run_code(call, place, other)
     subprocess.run(["chmod", "-R", "a-w", place], check=True)
     before = sorted(place.rglob("*"))
@@ -292,7 +295,7 @@ def test_a_cache_that_may_only_be_read_is_read_and_what_it_lacks_is_kept_elsewhe
     assert not [*other.rglob("*.kernel")]
 
 
-DEFORM = CALL.format(module="pipeline.flow.kernels.deformation_kernels")
+DEFORM = CALL.format(module="flowsculpt.pipeline.flow.kernels.deformation_kernels")
 
 
 @pytest.fixture(scope="module")
@@ -314,9 +317,8 @@ def test_what_two_processes_have_compiled_at_once_is_whole(filled, tmp_path):
 
 @pytest.mark.slow
 def test_shipped_kernels_are_used_without_compiling_or_copying_them(filled, tmp_path):
-    shipped = (
-        f"import render.base.user_cache as c; c.SHIPPED = c.Path({str(filled / 'flowsculpt/kernels')!r})"
-    )
+    kernels = str(filled / "flowsculpt/kernels")
+    shipped = f"import flowsculpt.render.base.user_cache as c; c.SHIPPED = c.Path({kernels!r})"
     assert run_code(f"{shipped}\n{DEFORM}", tmp_path / "cache", tmp_path) == "{} 1"
     assert not [*tmp_path.rglob("*.kernel")]
 
@@ -386,7 +388,7 @@ def test_a_full_disk_costs_time_and_no_result(tmp_path):
     file = tmp_path / "twice.py"
     file.write_text(
         "import resource\n"
-        "from render.base.kernel_cache import compiled\n"
+        "from flowsculpt.render.base.kernel_cache import compiled\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (10, resource.RLIM_INFINITY))\n"
         "@compiled()\n"
         "def twice(number):\n"
@@ -401,7 +403,7 @@ def test_a_full_disk_costs_time_and_no_result(tmp_path):
 @pytest.mark.slow
 def test_set_up_refuses_a_disk_that_takes_no_kernels(tmp_path):
     code = "import resource\nresource.setrlimit(resource.RLIMIT_FSIZE, (10, resource.RLIM_INFINITY))\n"
-    code += PREPARE.format(module="pipeline.mesh.kernels.face_measures")
+    code += PREPARE.format(module="flowsculpt.pipeline.mesh.kernels.face_measures")
     environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path / "cache")}
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
     assert "MachineError" in done.stderr and "compiled kernels cannot be stored there" in done.stderr

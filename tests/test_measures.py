@@ -8,7 +8,7 @@ import pytest
 from benchmarks.cycles import Truth
 from benchmarks.equal_quality import Best
 from benchmarks.errors import psnr, shown
-from render.scene.surface import Surface
+from flowsculpt.render.scene.surface import Surface
 
 
 def test_the_time_to_an_error_lies_on_the_line_of_logarithms() -> None:

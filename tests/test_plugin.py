@@ -11,11 +11,11 @@ from pathlib import Path
 
 import pytest
 
-from pipeline import api
-from pipeline.plugin import API, Plugin, Plugins
+from flowsculpt.pipeline import api
+from flowsculpt.pipeline.plugin import API, Plugin, Plugins
 
 GREETER = """\
-from pipeline.plugin import Command, Plugin
+from flowsculpt.pipeline.plugin import Command, Plugin
 
 PLUGIN = Plugin("greeter", "1.2", commands={"greet": Command("greeter:greet", "Greet a shot.", "Look")},
                 exporters={"txt": Command("greeter:txt", "The name of a shot.")})
@@ -48,7 +48,7 @@ class Environment:
     def run(self, *words: str) -> subprocess.CompletedProcess[str]:
         environment = {**os.environ, "PYTHONPATH": str(self.folder), "COLUMNS": "120"}
         environment["PYTHONDONTWRITEBYTECODE"] = "1"  # of text that is replaced by as much within a second
-        call = [sys.executable, "-m", "pipeline.cli", *words]
+        call = [sys.executable, "-m", "flowsculpt", *words]
         return subprocess.run(call, cwd=self.folder, env=environment, capture_output=True, text=True)
 
 
@@ -67,7 +67,7 @@ def test_a_command_and_a_format_of_an_installed_plug_in_are_called_like_those_of
 
 MEDDLING = """\
 import locale, os, sys, warnings
-from pipeline.plugin import Plugin
+from flowsculpt.pipeline.plugin import Plugin
 os.chdir("/")
 locale.setlocale(locale.LC_ALL, "C")
 warnings.simplefilter("error")
@@ -91,7 +91,7 @@ def test_a_schema_that_is_a_function_is_refused_with_the_name_of_its_plug_in(env
 
 
 MARBLING = """\
-from pipeline.plugin import Plugin
+from flowsculpt.pipeline.plugin import Plugin
 
 FLOWS, LOOKS = {"swirl": "marbling_parts:Swirl"}, {"ink": "marbling_parts:INK"}
 PLUGIN = Plugin("marbling", "1.0", flows=FLOWS, looks=LOOKS)
@@ -100,10 +100,10 @@ PARTS = """\
 from dataclasses import dataclass
 from typing import Annotated
 
-from pipeline.flow.parameters import Number, ParameterDoc, number_at
-from pipeline.flow.velocity import ExternalField
-from pipeline.kernels import block_kernel
-from render.scene.materials.models import Plastic
+from flowsculpt.pipeline.flow.parameters import Number, ParameterDoc, number_at
+from flowsculpt.pipeline.flow.velocity import ExternalField
+from flowsculpt.pipeline.kernels import block_kernel
+from flowsculpt.render.scene.materials.models import Plastic
 
 INK = Plastic((0.02, 0.05, 0.2), roughness=0.1)
 
@@ -240,7 +240,7 @@ def test_a_flow_that_lacks_a_method_is_left_out_with_the_name_of_the_method(marb
 STONE = """
 import numpy as np
 from pydantic import Field
-from pipeline.api import SubjectKind, TriangleMesh, UsageError, icosphere
+from flowsculpt.pipeline.api import SubjectKind, TriangleMesh, UsageError, icosphere
 
 
 class Stone(SubjectKind):
@@ -298,7 +298,7 @@ def test_a_subject_of_a_plug_in_is_placed_keyed_by_its_files_and_refused_at_its_
 
 
 def plugin(name: str = "greeter", rest: str = "") -> str:
-    return f"from pipeline.plugin import Command, Plugin\nPLUGIN = Plugin({name!r}, '1'{rest})\n"
+    return f"from flowsculpt.pipeline.plugin import Command, Plugin\nPLUGIN = Plugin({name!r}, '1'{rest})\n"
 
 
 @pytest.mark.slow
@@ -310,14 +310,14 @@ def plugin(name: str = "greeter", rest: str = "") -> str:
         ("named", plugin("my-plug.in"), "its name 'my-plug.in' is not a letter followed by"),
         (
             "idle",
-            "from pipeline.plugin import PictureStage, Plugin\n"
+            "from flowsculpt.pipeline.plugin import PictureStage, Plugin\n"
             "WAIT = PictureStage('idle:wait', 1, 'waiting', makes='')\n"
             "PLUGIN = Plugin('idle', '1', stages={'wait': WAIT})",
             "its stage wait makes nothing; a stage makes raw of raw",
         ),
         (
             "mute",
-            "from pipeline.plugin import PictureStage, Plugin\n"
+            "from flowsculpt.pipeline.plugin import PictureStage, Plugin\n"
             "PLUGIN = Plugin('mute', '1', stages={'hush': PictureStage('mute:hush', 1, 'hushing')})",
             "its stage hush has no entry among documents, so no shot could ask for it",
         ),
@@ -325,7 +325,7 @@ def plugin(name: str = "greeter", rest: str = "") -> str:
         ("placed", "one = 1\nraise ValueError('one')", "placed.py:2)"),
         (
             "eager",
-            "from pipeline.api import Plugin, read_shot\nPLUGIN = Plugin('eager', '1')",
+            "from flowsculpt.pipeline.api import Plugin, read_shot\nPLUGIN = Plugin('eager', '1')",
             "eager imports what itself needs the plug-ins, such as read_shot; import that in the functions",
         ),
         (
@@ -333,11 +333,11 @@ def plugin(name: str = "greeter", rest: str = "") -> str:
             plugin("wider", ", lenses={}"),
             "keyword argument 'lenses'; a later flowsculpt may have it",
         ),
-        ("newer", "from pipeline.api import Lens", "; a later flowsculpt may have it"),
+        ("newer", "from flowsculpt.pipeline.api import Lens", "; a later flowsculpt may have it"),
         ("number", plugin("number", ", api='1'"), "its field api is not a whole number"),
         (
             "nameless",
-            "from pipeline.api import Plugin\nPLUGIN = Plugin(3, '1')",
+            "from flowsculpt.pipeline.api import Plugin\nPLUGIN = Plugin(3, '1')",
             "its field name is not text",
         ),
         (
@@ -367,7 +367,7 @@ def plugin(name: str = "greeter", rest: str = "") -> str:
         ("closing", "raise GeneratorExit", "GeneratorExit ("),
         ("keys", "raise KeyboardInterrupt", "KeyboardInterrupt ("),
         ("endless", "def f():\n    f()\nf()", "RecursionError: maximum recursion depth exceeded"),
-        ("none", "PLUGIN = 3", "none:PLUGIN is not a pipeline.plugin.Plugin"),
+        ("none", "PLUGIN = 3", "none:PLUGIN is not a flowsculpt.pipeline.plugin.Plugin"),
         (
             "twin",
             plugin("greeter"),
@@ -416,9 +416,8 @@ def test_an_installation_older_than_the_code_is_told_with_its_remedy(environment
     info = environment.folder / "flowsculpt-0.0.9.dist-info"  # comes before the one that is installed
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: flowsculpt\nVersion: 0.0.9\n")
-    code = (
-        f"import render, sys; sys.path.insert(0, {str(environment.folder)!r}); import pipeline.cli.__main__"
-    )
+    code = f"import flowsculpt.render, sys; sys.path.insert(0, {str(environment.folder)!r})\n"
+    code += "from flowsculpt.__main__ import main; main()"
     done = subprocess.run([sys.executable, "-c", code, "status"], capture_output=True, text=True)
     assert done.returncode == 4 and "install it again: make setup" in done.stderr
     assert len(done.stderr.splitlines()) == 1
@@ -453,7 +452,7 @@ def test_functions_of_a_plug_in_that_cannot_be_imported_are_left_out_with_a_line
     rest += ", animations=('broken:gif',)"
     environment.install("broken", plugin("broken", rest))
     ask = (
-        "from pipeline.plugin import plugins\n"
+        "from flowsculpt.pipeline.plugin import plugins\n"
         "for _ in 'ab': p = plugins(); p.watchers, p.sequences, p.notes, p.animations"
     )
     call = [sys.executable, "-c", ask]

@@ -10,16 +10,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchmarks.normals import sizzle, surviving
-from pipeline.animation import animate
-from pipeline.flow import Streamlines
-from pipeline.flow.catalogue.basic import Enright
-from pipeline.flow.flow_map import FrameStep
-from pipeline.frames import FrameRange, FrameRate
-from pipeline.mesh import TriangleMesh, box, icosphere, split_at_creases, torus
-from pipeline.mesh.normals import carried_normals, dihedral_angles, tangents
-from pipeline.resample import Thresholds
-from pipeline.shot import Motion, Resampling, Solid
-from pipeline.statistics import mesh_statistics, self_intersections
+from flowsculpt.pipeline.animation import animate
+from flowsculpt.pipeline.flow import Streamlines
+from flowsculpt.pipeline.flow.catalogue.basic import Enright
+from flowsculpt.pipeline.flow.flow_map import FrameStep
+from flowsculpt.pipeline.frames import FrameRange, FrameRate
+from flowsculpt.pipeline.mesh import TriangleMesh, box, icosphere, split_at_creases, torus
+from flowsculpt.pipeline.mesh.normals import carried_normals, dihedral_angles, tangents
+from flowsculpt.pipeline.resample import Thresholds
+from flowsculpt.pipeline.shot import Motion, Resampling, Solid
+from flowsculpt.pipeline.statistics import mesh_statistics, self_intersections
 
 
 @pytest.fixture(scope="module")
@@ -144,8 +144,8 @@ def test_a_large_mesh_is_measured_in_parts_with_the_same_result(monkeypatch: pyt
     mesh = mesh.with_vertices(mesh.vertices + rng.normal(0, 0.03, mesh.vertices.shape))
     whole = mesh_statistics(mesh)
     assert whole.crossings
-    monkeypatch.setattr("pipeline.statistics._MATCHED_TOGETHER", 1)
-    monkeypatch.setattr("pipeline.statistics._BUCKETS", 1)
+    monkeypatch.setattr("flowsculpt.pipeline.statistics._MATCHED_TOGETHER", 1)
+    monkeypatch.setattr("flowsculpt.pipeline.statistics._BUCKETS", 1)
     assert mesh_statistics(mesh) == whole
 
 

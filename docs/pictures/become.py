@@ -21,8 +21,8 @@ import numpy as np
 from PIL import Image
 
 from benchmarks.become import letter, letter_f, star_prism
-from pipeline.plugins.interchange.mesh_writers import write_mesh
-from render.graphics.typesetting import lettering
+from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
+from flowsculpt.render.graphics.typesetting import lettering
 
 HERE = Path(__file__).parent
 FRAMES = (1, 11, 21, 29, 37, 49)
@@ -131,7 +131,7 @@ def _stills(root: Path, shot: Path, frames: tuple[int, ...], quality: str) -> li
     """Return frames of a shot, rendering what is missing."""
     folder = root / "renders" / shot.stem / quality / "png"
     numbers = ",".join(map(str, frames))
-    words = [sys.executable, "-m", "pipeline.cli", "--root", str(root), "stills", str(shot)]
+    words = [sys.executable, "-m", "flowsculpt", "--root", str(root), "stills", str(shot)]
     subprocess.run([*words, "-f", numbers, "-q", quality], check=True, stdout=subprocess.DEVNULL)
     return [Image.open(folder / f"{shot.stem}.{number:04d}.png").convert("RGB") for number in frames]
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from pipeline.production.picture_sequences import white
+from flowsculpt.pipeline.production.picture_sequences import white
 
 HERE = Path(__file__).parent / "gallery"
 STILLS = {
@@ -65,7 +65,7 @@ def main() -> None:
 
 def _draw(shot: str, frame: int, root: Path, quality: str) -> None:
     words = ["--no-progress", "--root", str(root), "stills", shot, "-q", quality, "-f", str(frame)]
-    subprocess.run([sys.executable, "-m", "pipeline.cli", *words], check=True)
+    subprocess.run([sys.executable, "-m", "flowsculpt", *words], check=True)
     with Image.open(root / "renders" / shot / quality / "png" / f"{shot}.{frame:04d}.png") as still:
         shown = still.convert("RGB")
         print(_levels(shot, np.asarray(shown)))

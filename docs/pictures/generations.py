@@ -42,7 +42,7 @@ def main() -> None:
 def _bred(folder: Path, *words: str) -> Path:
     """Breed a generation into a folder, unless it is there, and return it."""
     if not folder.exists():
-        command = [sys.executable, "-m", "pipeline.cli", "breed", *words, "-o", str(folder)]
+        command = [sys.executable, "-m", "flowsculpt", "breed", *words, "-o", str(folder)]
         subprocess.run(command, check=True)
     return folder
 

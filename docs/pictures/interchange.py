@@ -15,8 +15,8 @@ import numpy as np
 import OpenImageIO as oiio
 from PIL import Image
 
-from render.post.colour import quantise, to_display
-from render.post.image import read_exr
+from flowsculpt.render.post.colour import quantise, to_display
+from flowsculpt.render.post.image import read_exr
 
 OUT = Path(__file__).parent
 REPOSITORY = OUT.parents[1]
@@ -46,7 +46,7 @@ def main() -> None:
     (root / "shots").mkdir(parents=True, exist_ok=True)
     (root / "shots" / f"{NAME}.yaml").write_text(SHOT)
     for words in (("export", "usd", NAME), ("render", NAME, "-q", "daily", "-f", str(FRAME))):
-        subprocess.run([sys.executable, "-m", "pipeline.cli", *words], cwd=root, check=True)
+        subprocess.run([sys.executable, "-m", "flowsculpt", *words], cwd=root, check=True)
     home, cycles = root / "renders" / NAME, root / "cycles.exr"
     script = REPOSITORY / "tests" / "dailies" / "interchange" / "blender_render.py"
     words = [str(home / "usd" / f"{NAME}.usda"), str(FRAME), *map(str, SIZE), "32", "0.5", str(cycles)]

@@ -13,23 +13,23 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from pipeline.animation import animate, material_of
-from pipeline.mesh.normals import split_at_creases, spread, tessellate
-from pipeline.production.request.framing import BoundingSpheres, Framing, frame_all
-from pipeline.production.request.shading import Shading, speeds
-from pipeline.shot import read_shot
-from pipeline.shot.camera_path import View
-from pipeline.shot.shot import Shot
-from render.frame.render_frame import render_frame
-from render.graphics.typesetting import lettering
-from render.mitsuba.engine import choose
-from render.post.colour import quantise, to_display
-from render.post.denoise import denoise
-from render.scene.patterns import SPEED
-from render.scene.render_quality import QUALITIES
-from render.scene.scene import Scene
-from render.scene.scene_lights import LIGHTS
-from render.scene.surface import Surface, outlines
+from flowsculpt.pipeline.animation import animate, material_of
+from flowsculpt.pipeline.mesh.normals import split_at_creases, spread, tessellate
+from flowsculpt.pipeline.production.request.framing import BoundingSpheres, Framing, frame_all
+from flowsculpt.pipeline.production.request.shading import Shading, speeds
+from flowsculpt.pipeline.shot import read_shot
+from flowsculpt.pipeline.shot.camera_path import View
+from flowsculpt.pipeline.shot.shot import Shot
+from flowsculpt.render.frame.render_frame import render_frame
+from flowsculpt.render.graphics.typesetting import lettering
+from flowsculpt.render.mitsuba.engine import choose
+from flowsculpt.render.post.colour import quantise, to_display
+from flowsculpt.render.post.denoise import denoise
+from flowsculpt.render.scene.patterns import SPEED
+from flowsculpt.render.scene.render_quality import QUALITIES
+from flowsculpt.render.scene.scene import Scene
+from flowsculpt.render.scene.scene_lights import LIGHTS
+from flowsculpt.render.scene.surface import Surface, outlines
 
 HERE = Path(__file__).parent
 QUALITY = dataclasses.replace(QUALITIES["final"], width=480, height=405)

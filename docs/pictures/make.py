@@ -6,8 +6,8 @@ from pathlib import Path
 
 from PIL import Image
 
-from render.post.colour import quantise, to_display
-from render.post.image import read_exr
+from flowsculpt.render.post.colour import quantise, to_display
+from flowsculpt.render.post.image import read_exr
 
 HERE = Path(__file__).parent
 SHOTS = ("A010_cube", "A020_lorenz", "A030_taffy")

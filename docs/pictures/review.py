@@ -37,7 +37,7 @@ def main() -> None:
     root = parser.parse_args().root
 
     def run(*words: str) -> str:
-        command = [sys.executable, "-m", "pipeline.cli", "--json", "--root", str(root), *words]
+        command = [sys.executable, "-m", "flowsculpt", "--json", "--root", str(root), *words]
         return subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout
 
     run("render", SHOT, "-q", "daily", "-f", FRAMES)

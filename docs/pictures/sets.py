@@ -14,20 +14,20 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from pipeline.production.request.framing import Framing, with_stage_in_view
-from render.base.serialise import from_plain
-from render.frame.batch_schedule import seed_of
-from render.frame.render_frame import render_frame
-from render.mitsuba.engine import choose
-from render.post.colour import quantise, to_display
-from render.post.denoise import denoise
-from render.scene.materials import LOOKS, Material
-from render.scene.render_quality import QUALITIES
-from render.scene.scene import Scene
-from render.scene.scene_lights import LIGHTS, LightRig
-from render.scene.scene_stage import STAGES, Stage
-from render.scene.sky import Daylight
-from render.scene.surface import Surface
+from flowsculpt.pipeline.production.request.framing import Framing, with_stage_in_view
+from flowsculpt.render.base.serialise import from_plain
+from flowsculpt.render.frame.batch_schedule import seed_of
+from flowsculpt.render.frame.render_frame import render_frame
+from flowsculpt.render.mitsuba.engine import choose
+from flowsculpt.render.post.colour import quantise, to_display
+from flowsculpt.render.post.denoise import denoise
+from flowsculpt.render.scene.materials import LOOKS, Material
+from flowsculpt.render.scene.render_quality import QUALITIES
+from flowsculpt.render.scene.scene import Scene
+from flowsculpt.render.scene.scene_lights import LIGHTS, LightRig
+from flowsculpt.render.scene.scene_stage import STAGES, Stage
+from flowsculpt.render.scene.sky import Daylight
+from flowsculpt.render.scene.surface import Surface
 
 OUT = Path(__file__).parent
 SHOT, FRAME = "A010_cube", 44

@@ -25,7 +25,7 @@ def main() -> None:
     parser.add_argument("names", nargs="*", default=list(SHEETS), help="by default all")
     asked = parser.parse_args()
     for name in asked.names:
-        words = [sys.executable, "-m", "pipeline.cli", "--json", "--root", str(asked.root), *SHEETS[name]]
+        words = [sys.executable, "-m", "flowsculpt", "--json", "--root", str(asked.root), *SHEETS[name]]
         said = subprocess.run(words, check=True, stdout=subprocess.PIPE)
         with Image.open(asked.root / json.loads(said.stdout)["sheets"][0]) as sheet:
             sheet.convert("RGB").save(OUT / f"{name}.webp", quality=86, method=6)

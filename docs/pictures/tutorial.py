@@ -19,7 +19,7 @@ WIDTH = 640
 
 def flowsculpt(folder: Path, *words: str) -> None:
     """Run a command in a folder."""
-    subprocess.run([sys.executable, "-m", "pipeline.cli", *words], cwd=folder, check=True)
+    subprocess.run([sys.executable, "-m", "flowsculpt", *words], cwd=folder, check=True)
 
 
 def main() -> None:

@@ -14,8 +14,8 @@ from pathlib import Path
 
 from PIL import Image
 
-from render.post.colour import quantise, to_display
-from render.post.image import read_exr
+from flowsculpt.render.post.colour import quantise, to_display
+from flowsculpt.render.post.image import read_exr
 from tests.plugins.review.chromium import fetch, running, wait_for
 
 PICTURE = Path(__file__).with_suffix(".webp")
@@ -29,7 +29,7 @@ def main() -> None:
     root = parser.parse_args().root
 
     def run(*words: str) -> str:
-        command = [sys.executable, "-m", "pipeline.cli", "--json", "--root", str(root), *words]
+        command = [sys.executable, "-m", "flowsculpt", "--json", "--root", str(root), *words]
         return subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout
 
     run("render", SHOT, "-f", ",".join(map(str, FRAMES)))

@@ -1,6 +1,6 @@
 """From a shot to its surfaces, frame after frame."""
 
-from pipeline.animation.frame import (
+from flowsculpt.pipeline.animation.frame import (
     FrameReport,
     MeshFrame,
     descent,
@@ -8,7 +8,12 @@ from pipeline.animation.frame import (
     mesh_at_subframe,
     moved_to_subframe,
 )
-from pipeline.animation.loop import FrameProgress, FrameProgressCallback, animate, animate_reporting
+from flowsculpt.pipeline.animation.loop import (
+    FrameProgress,
+    FrameProgressCallback,
+    animate,
+    animate_reporting,
+)
 
 __all__ = [
     "FrameProgress",

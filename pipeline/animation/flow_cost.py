@@ -20,16 +20,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pipeline.arrays import Faces, Floats, Points
-from pipeline.errors import FrameError
-from pipeline.flow import Flow, Sequence, Streamlines, VelocityField
-from pipeline.flow.catalogue.deformations import Deformation, Stretch
-from pipeline.flow.flow_map import checked_displacement
-from pipeline.flow.parameters import parameters_of, shot_name
-from pipeline.flow.velocity import Sensitivity, sensitivity
-from pipeline.mesh import TriangleMesh
-from pipeline.shot import Motion
-from pipeline.shot.subjects import Model
+from flowsculpt.pipeline.arrays import Faces, Floats, Points
+from flowsculpt.pipeline.errors import FrameError
+from flowsculpt.pipeline.flow import Flow, Sequence, Streamlines, VelocityField
+from flowsculpt.pipeline.flow.catalogue.deformations import Deformation, Stretch
+from flowsculpt.pipeline.flow.flow_map import checked_displacement
+from flowsculpt.pipeline.flow.parameters import parameters_of, shot_name
+from flowsculpt.pipeline.flow.velocity import Sensitivity, sensitivity
+from flowsculpt.pipeline.mesh import TriangleMesh
+from flowsculpt.pipeline.shot import Motion
+from flowsculpt.pipeline.shot.subjects import Model
 
 TYPICAL_EXTENT = 2.0  # units: the extent of the solids, for which flows have their defaults
 SMALL, LARGE = 0.1, 10.0  # extents over TYPICAL_EXTENT between which flows and looks work as they are

@@ -10,19 +10,19 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Points
-from pipeline.errors import UsageError
-from pipeline.flow import checked_displacement
-from pipeline.mesh import PolygonMesh, TriangleMesh
-from pipeline.mesh.control_net import Lattice
-from pipeline.mesh.halfedge_mesh import IDENTITY, Ancestry, ancestry
-from pipeline.mesh.normals import NORMAL
-from pipeline.mesh.placed_copies import COPIES, STARTS, Placements
-from pipeline.resample import PolyhedralReport, Report
-from pipeline.resample.placement import REST
-from pipeline.shot import Motion
-from pipeline.statistics import MeshStatistics
-from render.base.serialise import to_plain
+from flowsculpt.pipeline.arrays import AnyArray, Points
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.flow import checked_displacement
+from flowsculpt.pipeline.mesh import PolygonMesh, TriangleMesh
+from flowsculpt.pipeline.mesh.control_net import Lattice
+from flowsculpt.pipeline.mesh.halfedge_mesh import IDENTITY, Ancestry, ancestry
+from flowsculpt.pipeline.mesh.normals import NORMAL
+from flowsculpt.pipeline.mesh.placed_copies import COPIES, STARTS, Placements
+from flowsculpt.pipeline.resample import PolyhedralReport, Report
+from flowsculpt.pipeline.resample.placement import REST
+from flowsculpt.pipeline.shot import Motion
+from flowsculpt.pipeline.statistics import MeshStatistics
+from flowsculpt.render.base.serialise import to_plain
 
 _ATTRIBUTE = "attribute:"
 

@@ -13,19 +13,19 @@ from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
-from pipeline.animation.flow_cost import costliest_flow, fit_remedy, is_usual_size
-from pipeline.animation.frame import MATERIAL, FrameReport, Mesh, MeshFrame, with_material
-from pipeline.arrays import AnyArray, Floats, Points, Vectors
-from pipeline.errors import FlowsculptError, FrameError, UsageError, VertexBudgetError
-from pipeline.flow import Displacement, Flow, Streamlines, as_flow
-from pipeline.flow.flow_map import CARRYING, FlowMap, FrameStep
-from pipeline.long_computations import Progress, reporting_to
-from pipeline.mesh import PolygonMesh, TriangleMesh
-from pipeline.mesh.control_net import Lattice
-from pipeline.mesh.halfedge_mesh import Register, with_identities
-from pipeline.mesh.normals import NORMAL, carried_normals, tangent_distance, vertex_normals
-from pipeline.mesh.placed_copies import Placements, extremes
-from pipeline.resample import (
+from flowsculpt.pipeline.animation.flow_cost import costliest_flow, fit_remedy, is_usual_size
+from flowsculpt.pipeline.animation.frame import MATERIAL, FrameReport, Mesh, MeshFrame, with_material
+from flowsculpt.pipeline.arrays import AnyArray, Floats, Points, Vectors
+from flowsculpt.pipeline.errors import FlowsculptError, FrameError, UsageError, VertexBudgetError
+from flowsculpt.pipeline.flow import Displacement, Flow, Streamlines, as_flow
+from flowsculpt.pipeline.flow.flow_map import CARRYING, FlowMap, FrameStep
+from flowsculpt.pipeline.long_computations import Progress, reporting_to
+from flowsculpt.pipeline.mesh import PolygonMesh, TriangleMesh
+from flowsculpt.pipeline.mesh.control_net import Lattice
+from flowsculpt.pipeline.mesh.halfedge_mesh import Register, with_identities
+from flowsculpt.pipeline.mesh.normals import NORMAL, carried_normals, tangent_distance, vertex_normals
+from flowsculpt.pipeline.mesh.placed_copies import Placements, extremes
+from flowsculpt.pipeline.resample import (
     Exact,
     PolygonResampler,
     Report,
@@ -34,11 +34,11 @@ from pipeline.resample import (
     edges_by_angle,
     polygon_resampler,
 )
-from pipeline.resample.placement import REST, REST_NORMAL
-from pipeline.resample.resampler import STATELESS
-from pipeline.resample.thresholds import edges_in_region
-from pipeline.shot import Motion, Resampling, Shot
-from pipeline.statistics import COUNTED_FRAMES, MeshStatistics, mesh_statistics
+from flowsculpt.pipeline.resample.placement import REST, REST_NORMAL
+from flowsculpt.pipeline.resample.resampler import STATELESS
+from flowsculpt.pipeline.resample.thresholds import edges_in_region
+from flowsculpt.pipeline.shot import Motion, Resampling, Shot
+from flowsculpt.pipeline.statistics import COUNTED_FRAMES, MeshStatistics, mesh_statistics
 
 
 def step_into(motion: Motion, flow: Flow, frame: int) -> FrameStep:

@@ -18,7 +18,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperArgument, TyperCommand, TyperGroup
 
-from pipeline.cli.options import (
+from flowsculpt.pipeline.cli.options import (
     INTERRUPTED,
     REFERENCE,
     CommonOptions,
@@ -30,13 +30,13 @@ from pipeline.cli.options import (
     with_options,
     with_parameters,
 )
-from pipeline.cli.output import out, print_error, print_warning
-from pipeline.cli.standard_streams import READER_LEFT, OutputError, discard_output
-from pipeline.errors import FlowsculptError, MachineError
-from pipeline.plugin import Command, fault_of_plugin, named, plugins
-from render.base.atomic_write import REMEDIES, machine_error
-from render.base.foreign_code import reason_of_foreign
-from render.base.python_process import ENDING, distrust_working_folder
+from flowsculpt.pipeline.cli.output import out, print_error, print_warning
+from flowsculpt.pipeline.cli.standard_streams import READER_LEFT, OutputError, discard_output
+from flowsculpt.pipeline.errors import FlowsculptError, MachineError
+from flowsculpt.pipeline.plugin import Command, fault_of_plugin, named, plugins
+from flowsculpt.render.base.atomic_write import REMEDIES, machine_error
+from flowsculpt.render.base.foreign_code import reason_of_foreign
+from flowsculpt.render.base.python_process import ENDING
 
 HELP = """Films of shapes that flow like putty, from a shot file to a finished film.
 
@@ -139,7 +139,7 @@ def command_named(words: str) -> Any:
     try:
         function = named(command.function)
     except Exception as error:  # a stranger's module may raise anything
-        if command.function.startswith("pipeline."):
+        if command.function.startswith("flowsculpt."):
             raise
         raise MachineError(f"{words}: its plug-in does not load: {reason_of_foreign(error)}") from error
     alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
@@ -248,7 +248,6 @@ def main() -> None:
     """Run the command line. Errors that a user can mend are told without a traceback."""
     _handle_signals(None, _end_at_once)  # some are ignored under nohup, and in the background of a script
     keep_freed_memory()
-    distrust_working_folder()
     name_a_home()
     try:
         require_readable(*sys.argv[1:])

@@ -1,26 +1,26 @@
 """The commands of the core, which `render_commands` holds."""
 
-from pipeline.plugin import Command, Plugin
+from flowsculpt.pipeline.plugin import Command, Plugin
 
 PLUGIN = Plugin(
     name="flowsculpt",
     version="1",
     commands={
         "simulate": Command(
-            "pipeline.cli.render_commands:simulate", "Simulate the mesh frames of shots.", "Render"
+            "flowsculpt.pipeline.cli.render_commands:simulate", "Simulate the mesh frames of shots.", "Render"
         ),
         "render": Command(
-            "pipeline.cli.render_commands:render",
+            "flowsculpt.pipeline.cli.render_commands:render",
             "Render frames of shots and assemble their movies.",
             "Render",
         ),
         "film": Command(
-            "pipeline.cli.render_commands:film",
+            "flowsculpt.pipeline.cli.render_commands:film",
             "Render every shot of an edit and cut them into a film.",
             "Render",
         ),
         "stills": Command(
-            "pipeline.cli.render_commands:stills",
+            "flowsculpt.pipeline.cli.render_commands:stills",
             "Write frames as PNG or JPEG, rendering what is missing.",
             "Render",
         ),

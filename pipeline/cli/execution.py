@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskID, TextColumn, TimeElapsedColumn
 from rich.text import Text
 
-from pipeline.cli.options import Common
-from pipeline.cli.output import (
+from flowsculpt.pipeline.cli.options import Common
+from flowsculpt.pipeline.cli.output import (
     ProgressLines,
     done_words,
     duration,
@@ -24,15 +24,15 @@ from pipeline.cli.output import (
     print_warning,
     size,
 )
-from pipeline.plugin import plugins
-from pipeline.production.execution.run import PATIENCE, Outcome, run
-from pipeline.production.planning.estimate import Estimate, Forecast, TimeLeft, estimate
-from pipeline.production.planning.plan import Plan
-from pipeline.production.request.render_request import FORMS
-from pipeline.production.stages import STAGES
-from pipeline.production.store.event_log import Event, EventReader, poll
-from pipeline.production.store.store import Store
-from render.base.plural import plural
+from flowsculpt.pipeline.plugin import plugins
+from flowsculpt.pipeline.production.execution.run import PATIENCE, Outcome, run
+from flowsculpt.pipeline.production.planning.estimate import Estimate, Forecast, TimeLeft, estimate
+from flowsculpt.pipeline.production.planning.plan import Plan
+from flowsculpt.pipeline.production.request.render_request import FORMS
+from flowsculpt.pipeline.production.stages import STAGES
+from flowsculpt.pipeline.production.store.event_log import Event, EventReader, poll
+from flowsculpt.pipeline.production.store.store import Store
+from flowsculpt.render.base.plural import plural
 
 POLL_SECONDS = 0.2
 

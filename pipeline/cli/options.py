@@ -14,18 +14,18 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
-from pipeline.cli.output import print_error, print_warning, tell_of_store
-from pipeline.errors import UsageError, suggestion
-from pipeline.plugin import plugins
-from pipeline.production.request.lookup import today_name
-from pipeline.production.store.paths import require_store
-from pipeline.production.store.remote_store import READ_ONLY, VARIABLE, remote_stores
-from render.mitsuba.engine import VARIANTS, available_cores
-from render.scene.render_quality import CONVENTIONS, QUALITIES, qualities_of_size
+from flowsculpt.pipeline.cli.output import print_error, print_warning, tell_of_store
+from flowsculpt.pipeline.errors import UsageError, suggestion
+from flowsculpt.pipeline.plugin import plugins
+from flowsculpt.pipeline.production.request.lookup import today_name
+from flowsculpt.pipeline.production.store.paths import require_store
+from flowsculpt.pipeline.production.store.remote_store import READ_ONLY, VARIABLE, remote_stores
+from flowsculpt.render.mitsuba.engine import VARIANTS, available_cores
+from flowsculpt.render.scene.render_quality import CONVENTIONS, QUALITIES, qualities_of_size
 
 if TYPE_CHECKING:  # imported when a command runs, for help and --version need neither
-    from pipeline.production.execution.project import Project
-    from pipeline.production.planning.profile import Profile
+    from flowsculpt.pipeline.production.execution.project import Project
+    from flowsculpt.pipeline.production.planning.profile import Profile
 
 
 def require_readable(*words: str) -> None:
@@ -250,7 +250,7 @@ class PictureOptions:
 
         Raises UsageError for what cannot be cropped, among it shots and edits with pictures of several sizes.
         """
-        from pipeline.production.request.lookup import cropped_name, is_quality
+        from flowsculpt.pipeline.production.request.lookup import cropped_name, is_quality
 
         if self.crop is None or not shots or not is_quality(name):
             return cropped_name(name, self.crop, self.scale)
@@ -266,7 +266,7 @@ def project_of(
     common: Common, settings: Sequence[str] | None, allow_code: bool = False, variant: str | None = None
 ) -> Project:
     """Return the project at the root that the options name."""
-    from pipeline.production.execution.project import Project
+    from flowsculpt.pipeline.production.execution.project import Project
 
     return Project(common.root, common.cores, variant, tuple(settings or ()), allow_code, common.profile)
 
@@ -361,7 +361,7 @@ class CommonOptions:
 
     def resolved(self, before: CommonOptions) -> Common:
         """Return what holds for a command; `before` are the options given before its name, which yield."""
-        from pipeline.production.planning.profile import Profile
+        from flowsculpt.pipeline.production.planning.profile import Profile
 
         given = CommonOptions(*(getattr(self, f.name) or getattr(before, f.name) for f in fields(self)))
         if given.nice and hasattr(os, "nice"):  # Windows has other priorities

@@ -30,10 +30,10 @@ from rich.progress import (
 )
 from rich.table import Table
 
-from pipeline.production.store.event_log import poll
-from render.base.atomic_write import disk_errors
-from render.base.plural import plural
-from render.base.root_files import make_folder
+from flowsculpt.pipeline.production.store.event_log import poll
+from flowsculpt.render.base.atomic_write import disk_errors
+from flowsculpt.render.base.plural import plural
+from flowsculpt.render.base.root_files import make_folder
 
 LINE_SECONDS = 10.0
 """Time between two lines, and before the first: what is done sooner says nothing."""
@@ -113,7 +113,7 @@ class _StoreMessages(logging.Handler):
 
 def tell_of_store(progress: bool) -> None:
     """Print the warnings of the remote store from now on, and if `progress` is wanted, what it fetches."""
-    from pipeline.production.store.remote_store import LOG
+    from flowsculpt.pipeline.production.store.remote_store import LOG
 
     LOG.handlers = [_StoreMessages()]
     LOG.setLevel(logging.INFO if progress else logging.WARNING)

@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from pipeline.cli.execution import execute_and_report
-from pipeline.cli.options import (
+from flowsculpt.pipeline.cli.execution import execute_and_report
+from flowsculpt.pipeline.cli.options import (
     Common,
     Force,
     Frames,
@@ -20,17 +20,17 @@ from pipeline.cli.options import (
     Shots,
     Variant,
 )
-from pipeline.cli.output import duration, err
-from pipeline.errors import UsageError
-from pipeline.plugin import named, plugins
-from pipeline.production.planning.estimate import Forecast, estimate, typical_seconds
-from pipeline.production.planning.plan import Plan
-from pipeline.production.request.lookup import FILM, SHOTS, find_edit, shot_names
-from pipeline.production.request.render_request import FORMS
-from pipeline.production.store.store import Store
-from render.base.atomic_write import atomic_write
-from render.base.plural import plural
-from render.scene.render_quality import DEFAULT_QUALITY
+from flowsculpt.pipeline.cli.output import duration, err
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.plugin import named, plugins
+from flowsculpt.pipeline.production.planning.estimate import Forecast, estimate, typical_seconds
+from flowsculpt.pipeline.production.planning.plan import Plan
+from flowsculpt.pipeline.production.request.lookup import FILM, SHOTS, find_edit, shot_names
+from flowsculpt.pipeline.production.request.render_request import FORMS
+from flowsculpt.pipeline.production.store.store import Store
+from flowsculpt.render.base.atomic_write import atomic_write
+from flowsculpt.render.base.plural import plural
+from flowsculpt.render.scene.render_quality import DEFAULT_QUALITY
 
 
 def render(

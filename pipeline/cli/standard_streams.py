@@ -16,8 +16,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from pipeline.errors import MachineError
-from render.base.atomic_write import machine_error
+from flowsculpt.pipeline.errors import MachineError
+from flowsculpt.render.base.atomic_write import machine_error
 
 READER_LEFT = 141
 """Exit code where the reader of a pipe has left, as shells have it: 128 and the number of SIGPIPE."""

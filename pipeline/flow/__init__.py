@@ -1,6 +1,6 @@
 """Flows: mappings of points into points, their composition and their keyframes."""
 
-from pipeline.flow.composition import (
+from flowsculpt.pipeline.flow.composition import (
     Blend,
     Mirror,
     Placed,
@@ -11,12 +11,12 @@ from pipeline.flow.composition import (
     Transform,
     Within,
 )
-from pipeline.flow.flow import Displacement, Flow, Function, as_flow
-from pipeline.flow.flow_map import checked_displacement
-from pipeline.flow.keyframes import EASINGS, Keyframes, keyed
-from pipeline.flow.parameters import Curve
-from pipeline.flow.streamlines import Streamlines
-from pipeline.flow.velocity import VelocityField
+from flowsculpt.pipeline.flow.flow import Displacement, Flow, Function, as_flow
+from flowsculpt.pipeline.flow.flow_map import checked_displacement
+from flowsculpt.pipeline.flow.keyframes import EASINGS, Keyframes, keyed
+from flowsculpt.pipeline.flow.parameters import Curve
+from flowsculpt.pipeline.flow.streamlines import Streamlines
+from flowsculpt.pipeline.flow.velocity import VelocityField
 
 __all__ = [
     "EASINGS",

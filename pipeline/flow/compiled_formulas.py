@@ -1,8 +1,8 @@
 """Formulas compiled to functions that add a velocity to each point of a block.
 
 A formula becomes Python source of plain arithmetic, one line an operation. Infinities and NaN come out as in
-numpy (see `pipeline.formula`): tests compare the two. The source is compiled on first use and cached with the
-kernels. The values of names are arguments: changing them compiles nothing.
+numpy (see `flowsculpt.pipeline.formula`): tests compare the two. The source is compiled on first use and
+cached with the kernels. The values of names are arguments: changing them compiles nothing.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from types import ModuleType
 
 import numpy as np
 
-from pipeline.formula import PLACE, TIME, Expression
-from pipeline.kernels import BlockKernel
-from render.base.atomic_write import atomic_write
-from render.base.kernel_cache import formula_folder
+from flowsculpt.pipeline.formula import PLACE, TIME, Expression
+from flowsculpt.pipeline.kernels import BlockKernel
+from flowsculpt.render.base.atomic_write import atomic_write
+from flowsculpt.render.base.kernel_cache import formula_folder
 
 _MATH = ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sqrt", "exp", "log")
 _NUMPY = ("floor", "ceil")

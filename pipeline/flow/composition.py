@@ -15,10 +15,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from pipeline.arrays import Floats, Points
-from pipeline.errors import FrameError, UsageError
-from pipeline.flow.flow import Flow, FlowStep
-from pipeline.flow.parameters import (
+from flowsculpt.pipeline.arrays import Floats, Points
+from flowsculpt.pipeline.errors import FrameError, UsageError
+from flowsculpt.pipeline.flow.flow import Flow, FlowStep
+from flowsculpt.pipeline.flow.parameters import (
     ORIGIN,
     Number,
     Vector,
@@ -30,9 +30,16 @@ from pipeline.flow.parameters import (
     vector_at,
     weight_at,
 )
-from pipeline.flow.regions import MAX_SLOPE, Region
-from pipeline.flow.streamlines import Streamlines
-from pipeline.flow.velocity import ModifiedField, Program, VelocityField, grouped, scaled, transformed
+from flowsculpt.pipeline.flow.regions import MAX_SLOPE, Region
+from flowsculpt.pipeline.flow.streamlines import Streamlines
+from flowsculpt.pipeline.flow.velocity import (
+    ModifiedField,
+    Program,
+    VelocityField,
+    grouped,
+    scaled,
+    transformed,
+)
 
 MAX_ROUNDS = 1000  # rounds of a repeated flow within one step
 ROUND_TOLERANCE = 1e-9  # the share of a period by which a sum of steps may miss its end

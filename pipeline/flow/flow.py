@@ -23,10 +23,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pipeline.arrays import Points
-from pipeline.errors import FrameError, UsageError
-from pipeline.flow.parameters import Vector
-from render.base.input_files import read_input
+from flowsculpt.pipeline.arrays import Points
+from flowsculpt.pipeline.errors import FrameError, UsageError
+from flowsculpt.pipeline.flow.parameters import Vector
+from flowsculpt.render.base.input_files import read_input
 
 _CODE = (".py", ".pyc", ".so", ".nbi", ".nbc", ".kernel", ".pth")
 """Modules, and what caches compile from them; keys do not hold imports."""

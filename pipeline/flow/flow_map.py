@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.arrays import Points
-from pipeline.errors import FlowsculptError, FrameError
-from pipeline.flow.catalogue.deformations import Deformation
-from pipeline.flow.catalogue.external_fields import FormulaField
-from pipeline.flow.flow import Flow, FlowStep
-from pipeline.flow.streamlines import StepPlan, Streamlines
-from pipeline.plugin import fault_of_plugin
+from flowsculpt.pipeline.arrays import Points
+from flowsculpt.pipeline.errors import FlowsculptError, FrameError
+from flowsculpt.pipeline.flow.catalogue.deformations import Deformation
+from flowsculpt.pipeline.flow.catalogue.external_fields import FormulaField
+from flowsculpt.pipeline.flow.flow import Flow, FlowStep
+from flowsculpt.pipeline.flow.streamlines import StepPlan, Streamlines
+from flowsculpt.pipeline.plugin import fault_of_plugin
 
 
 def checked_displacement(

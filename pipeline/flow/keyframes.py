@@ -18,10 +18,10 @@ from typing import Any, Literal
 
 import numpy as np
 
-from pipeline.arrays import Floats
-from pipeline.flow.parameters import Curve, Number, Values, Vector, number_at
-from pipeline.formula import TIME, Expression, time_values
-from render.base.serialise import NOT_PLAIN, OMIT_DEFAULT
+from flowsculpt.pipeline.arrays import Floats
+from flowsculpt.pipeline.flow.parameters import Curve, Number, Values, Vector, number_at
+from flowsculpt.pipeline.formula import TIME, Expression, time_values
+from flowsculpt.render.base.serialise import NOT_PLAIN, OMIT_DEFAULT
 
 Ease = Callable[[float], float]
 

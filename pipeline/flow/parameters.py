@@ -18,8 +18,8 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 
-from pipeline.arrays import Floats, Points
-from pipeline.errors import FrameError, UsageError
+from flowsculpt.pipeline.arrays import Floats, Points
+from flowsculpt.pipeline.errors import FrameError, UsageError
 
 Vector = tuple[float, float, float]
 

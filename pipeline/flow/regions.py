@@ -15,11 +15,11 @@ from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Floats, Points
-from pipeline.errors import FrameError, UsageError
-from pipeline.flow.kernels import instructions as op
-from pipeline.flow.kernels import region_kernels as kernels
-from pipeline.flow.parameters import (
+from flowsculpt.pipeline.arrays import AnyArray, Floats, Points
+from flowsculpt.pipeline.errors import FrameError, UsageError
+from flowsculpt.pipeline.flow.kernels import instructions as op
+from flowsculpt.pipeline.flow.kernels import region_kernels as kernels
+from flowsculpt.pipeline.flow.parameters import (
     ORIGIN,
     Number,
     Vector,
@@ -30,9 +30,9 @@ from pipeline.flow.parameters import (
     unit,
     vector_at,
 )
-from pipeline.flow.velocity import Instruction
-from pipeline.mesh.meshes import TriangleMesh
-from pipeline.mesh.validation import require
+from flowsculpt.pipeline.flow.velocity import Instruction
+from flowsculpt.pipeline.mesh.meshes import TriangleMesh
+from flowsculpt.pipeline.mesh.validation import require
 
 LEAF = 6  # the most triangles in a leaf
 

@@ -17,10 +17,10 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Floats
-from pipeline.errors import FlowsculptError, UsageError, brief, printable, reason_of, suggestion
-from pipeline.file_contents import Archive
-from render.base.input_files import read_input
+from flowsculpt.pipeline.arrays import AnyArray, Floats
+from flowsculpt.pipeline.errors import FlowsculptError, UsageError, brief, printable, reason_of, suggestion
+from flowsculpt.pipeline.file_contents import Archive
+from flowsculpt.render.base.input_files import read_input
 
 MAX_BYTES = 8 << 30  # memory for the samples of a field, or of a sequence
 

@@ -13,16 +13,16 @@ from typing import Any, ClassVar, NamedTuple
 import numba
 import numpy as np
 
-from pipeline.arrays import AnyArray, Floats, Indices, Points
-from pipeline.errors import FrameError
-from pipeline.flow.flow import Flow
-from pipeline.flow.kernels import streamline_kernels as kernels
-from pipeline.flow.kernels.instructions import BLOCK, COLUMNS, EXTERNAL, PARALLEL_FROM
-from pipeline.flow.parameters import kernel_points, vector_at
-from pipeline.flow.velocity import Program, VelocityField, opcodes_of, sensitivity, table_of
-from pipeline.kernels import in_threads
-from pipeline.long_computations import report_progress
-from pipeline.mesh.meshes import morton_order
+from flowsculpt.pipeline.arrays import AnyArray, Floats, Indices, Points
+from flowsculpt.pipeline.errors import FrameError
+from flowsculpt.pipeline.flow.flow import Flow
+from flowsculpt.pipeline.flow.kernels import streamline_kernels as kernels
+from flowsculpt.pipeline.flow.kernels.instructions import BLOCK, COLUMNS, EXTERNAL, PARALLEL_FROM
+from flowsculpt.pipeline.flow.parameters import kernel_points, vector_at
+from flowsculpt.pipeline.flow.velocity import Program, VelocityField, opcodes_of, sensitivity, table_of
+from flowsculpt.pipeline.kernels import in_threads
+from flowsculpt.pipeline.long_computations import report_progress
+from flowsculpt.pipeline.mesh.meshes import morton_order
 
 CALL_SECONDS = 0.25
 """The time of one compiled call, about: between two of them progress is reported and Ctrl-C is obeyed."""

@@ -9,11 +9,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pipeline.arrays import Floats, Indices, Points, Vectors
-from pipeline.flow.kernels import instructions as op
-from pipeline.flow.kernels.field_kernels import velocities
-from pipeline.flow.parameters import kernel_points, number_at, parameters_of, shot_name
-from pipeline.kernels import BlockKernel, in_threads
+from flowsculpt.pipeline.arrays import Floats, Indices, Points, Vectors
+from flowsculpt.pipeline.flow.kernels import instructions as op
+from flowsculpt.pipeline.flow.kernels.field_kernels import velocities
+from flowsculpt.pipeline.flow.parameters import kernel_points, number_at, parameters_of, shot_name
+from flowsculpt.pipeline.kernels import BlockKernel, in_threads
 
 
 class Instruction(NamedTuple):

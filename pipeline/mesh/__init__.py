@@ -8,24 +8,24 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from pipeline.mesh.halfedge_mesh import HalfedgeMesh as HalfedgeMesh
-    from pipeline.mesh.meshes import PolygonMesh as PolygonMesh
-    from pipeline.mesh.meshes import TriangleMesh as TriangleMesh
-    from pipeline.mesh.normals import ShadedMesh as ShadedMesh
-    from pipeline.mesh.normals import dihedral_angles as dihedral_angles
-    from pipeline.mesh.normals import face_normals as face_normals
-    from pipeline.mesh.normals import split_at_creases as split_at_creases
-    from pipeline.mesh.normals import vertex_normals as vertex_normals
-    from pipeline.mesh.read import read_mesh as read_mesh
-    from pipeline.mesh.read import read_polygons as read_polygons
-    from pipeline.mesh.solids import box as box
-    from pipeline.mesh.solids import icosphere as icosphere
-    from pipeline.mesh.solids import rod as rod
-    from pipeline.mesh.solids import sheet as sheet
-    from pipeline.mesh.solids import torus as torus
-    from pipeline.mesh.validation import Soundness as Soundness
-    from pipeline.mesh.validation import require as require
-    from pipeline.mesh.validation import validate as validate
+    from flowsculpt.pipeline.mesh.halfedge_mesh import HalfedgeMesh as HalfedgeMesh
+    from flowsculpt.pipeline.mesh.meshes import PolygonMesh as PolygonMesh
+    from flowsculpt.pipeline.mesh.meshes import TriangleMesh as TriangleMesh
+    from flowsculpt.pipeline.mesh.normals import ShadedMesh as ShadedMesh
+    from flowsculpt.pipeline.mesh.normals import dihedral_angles as dihedral_angles
+    from flowsculpt.pipeline.mesh.normals import face_normals as face_normals
+    from flowsculpt.pipeline.mesh.normals import split_at_creases as split_at_creases
+    from flowsculpt.pipeline.mesh.normals import vertex_normals as vertex_normals
+    from flowsculpt.pipeline.mesh.read import read_mesh as read_mesh
+    from flowsculpt.pipeline.mesh.read import read_polygons as read_polygons
+    from flowsculpt.pipeline.mesh.solids import box as box
+    from flowsculpt.pipeline.mesh.solids import icosphere as icosphere
+    from flowsculpt.pipeline.mesh.solids import rod as rod
+    from flowsculpt.pipeline.mesh.solids import sheet as sheet
+    from flowsculpt.pipeline.mesh.solids import torus as torus
+    from flowsculpt.pipeline.mesh.validation import Soundness as Soundness
+    from flowsculpt.pipeline.mesh.validation import require as require
+    from flowsculpt.pipeline.mesh.validation import validate as validate
 
 _MODULES = {
     "halfedge_mesh": ("HalfedgeMesh",),

@@ -1,8 +1,8 @@
 """Analytic surfaces of solids: the nearest point on them, the normal there, and texture coordinates.
 
-Each is centred at the origin, like the meshes of `pipeline.mesh.solids`. A point on a flat side or a straight
-edge keeps its bits. A BarLattice has square bars on the lines of a cubic grid, joined to one closed surface
-with crisp edges.
+Each is centred at the origin, like the meshes of `flowsculpt.pipeline.mesh.solids`. A point on a flat side or
+a straight edge keeps its bits. A BarLattice has square bars on the lines of a cubic grid, joined to one
+closed surface with crisp edges.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.arrays import AnyArray, Faces, Floats, Points, Vectors
-from pipeline.errors import UsageError
-from pipeline.mesh.meshes import TriangleMesh
-from pipeline.mesh.normals import unit
-from pipeline.mesh.placed_copies import Placements
-from pipeline.mesh.solids import cut_into, positive, square_grid, welded
-from render.scene.texture_projection import turns_around, unfolded_box
+from flowsculpt.pipeline.arrays import AnyArray, Faces, Floats, Points, Vectors
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.mesh.meshes import TriangleMesh
+from flowsculpt.pipeline.mesh.normals import unit
+from flowsculpt.pipeline.mesh.placed_copies import Placements
+from flowsculpt.pipeline.mesh.solids import cut_into, positive, square_grid, welded
+from flowsculpt.render.scene.texture_projection import turns_around, unfolded_box
 
 CLOSE = 1e-9  # distance, in sizes of the solid, that counts as on a crease
 

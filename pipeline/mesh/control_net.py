@@ -14,10 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Faces, Floats, Points, Vectors
-from pipeline.errors import MeshError, UsageError
-from pipeline.mesh.meshes import TriangleMesh
-from pipeline.mesh.normals import ShadedMesh, vertex_normals
+from flowsculpt.pipeline.arrays import AnyArray, Faces, Floats, Points, Vectors
+from flowsculpt.pipeline.errors import MeshError, UsageError
+from flowsculpt.pipeline.mesh.meshes import TriangleMesh
+from flowsculpt.pipeline.mesh.normals import ShadedMesh, vertex_normals
 
 LEAST = 4  # points along each side: the support of one cubic piece
 

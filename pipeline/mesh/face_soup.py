@@ -12,10 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Points
-from pipeline.errors import MeshError
-from pipeline.mesh.mesh_formats import LARGEST_COORDINATE, FileSurface
-from pipeline.mesh.meshes import FaceLists, PolygonMesh
+from flowsculpt.pipeline.arrays import AnyArray, Points
+from flowsculpt.pipeline.errors import MeshError
+from flowsculpt.pipeline.mesh.mesh_formats import LARGEST_COORDINATE, FileSurface
+from flowsculpt.pipeline.mesh.meshes import FaceLists, PolygonMesh
 
 
 @dataclass(frozen=True)

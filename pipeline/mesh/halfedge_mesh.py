@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Faces, Floats, Indices, Points
-from pipeline.errors import MeshError, UsageError
-from pipeline.mesh.kernels.halfedge import (
+from flowsculpt.pipeline.arrays import AnyArray, Faces, Floats, Indices, Points
+from flowsculpt.pipeline.errors import MeshError, UsageError
+from flowsculpt.pipeline.mesh.kernels.halfedge import (
     SOUND,
     MeshArrays,
     close_face_gaps,
@@ -24,9 +24,9 @@ from pipeline.mesh.kernels.halfedge import (
     renumber_parallel,
     reordered,
 )
-from pipeline.mesh.meshes import TriangleMesh, edge_keys, stable_order
-from pipeline.mesh.normals import tagged_halfedges
-from pipeline.mesh.validation import require
+from flowsculpt.pipeline.mesh.meshes import TriangleMesh, edge_keys, stable_order
+from flowsculpt.pipeline.mesh.normals import tagged_halfedges
+from flowsculpt.pipeline.mesh.validation import require
 
 IDENTITY = "identity"  # vertex attribute (V,), int64, that tells the vertices of a film apart
 _LARGEST = 1 << 53  # attributes are stored as float64, which has no larger odd integers

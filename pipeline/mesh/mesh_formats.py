@@ -11,9 +11,9 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Points
-from render.base.input_files import read_input
-from render.base.plural import plural
+from flowsculpt.pipeline.arrays import AnyArray, Points
+from flowsculpt.render.base.input_files import read_input
+from flowsculpt.render.base.plural import plural
 
 T = TypeVar("T")
 

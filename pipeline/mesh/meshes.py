@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pipeline.arrays import AnyArray, Faces, Floats, Indices, Points, Vectors
-from pipeline.errors import MeshError
-from render.base.plural import plural
+from flowsculpt.pipeline.arrays import AnyArray, Faces, Floats, Indices, Points, Vectors
+from flowsculpt.pipeline.errors import MeshError
+from flowsculpt.render.base.plural import plural
 
 
 @dataclass(frozen=True, init=False, eq=False)
@@ -31,7 +31,7 @@ class TriangleMesh:
     Creases and seams are sorted and unique, so that equal sets are equal arrays.
 
     Raises MeshError where the arrays have other shapes or a face names a missing vertex.
-    `pipeline.mesh.validation` checks whether a mesh is finite, manifold and closed.
+    `flowsculpt.pipeline.mesh.validation` checks whether a mesh is finite, manifold and closed.
     """
 
     vertices: Points
@@ -240,7 +240,7 @@ class PolygonMesh(FaceLists):
     creases     int32 (K, 2): edges that are hard whatever their angle (P31), sorted, each once
 
     Raises MeshError where a face has fewer than three corners or names a missing vertex, or where other
-    arrays have other shapes. `pipeline.mesh.require` checks whether it is a surface.
+    arrays have other shapes. `flowsculpt.pipeline.mesh.require` checks whether it is a surface.
     """
 
     vertices: Points
@@ -411,7 +411,7 @@ def triangulate(points: Points, offsets: Indices, corners: Indices) -> tuple[Fac
     triangles = np.empty((int((np.diff(offsets) - 2).sum()), 3), np.int32)
     if np.diff(offsets).max(initial=3) == 3:
         return corners.reshape(-1, 3).astype(np.int32), np.empty(0, np.int32)
-    from pipeline.mesh.kernels.triangulation import triangulate_all  # numba takes time to import
+    from flowsculpt.pipeline.mesh.kernels.triangulation import triangulate_all  # numba takes time to import
 
     triangulate_all(points.copy(), offsets.copy(), corners.copy(), triangles)
     doubled = _doubled(triangles, offsets, corners)
@@ -437,7 +437,7 @@ def _recut(
     points: Points, offsets: Indices, corners: Indices, triangles: Faces, doubled: Indices
 ) -> tuple[Faces, Indices]:
     """Cut the doubled faces again, one after the other, with regard to all edges there are."""
-    from pipeline.mesh.kernels.triangulation import FORBIDDEN
+    from flowsculpt.pipeline.mesh.kernels.triangulation import FORBIDDEN
 
     starts = offsets - 2 * np.arange(len(offsets), dtype=np.int32)  # of each face's triangles
     parts = np.split(triangles, starts[1:-1])
@@ -461,7 +461,7 @@ def _recut(
 
 
 def _cut(polygon: Floats, sides: Indices, taken: set[Edge]) -> tuple[Faces, float]:
-    from pipeline.mesh.kernels.triangulation import triangulate_polygon
+    from flowsculpt.pipeline.mesh.kernels.triangulation import triangulate_polygon
 
     n = len(sides)
     closed = np.zeros((n, n), np.uint8)

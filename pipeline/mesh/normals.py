@@ -13,11 +13,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Faces, Floats, Indices, Points, Vectors
-from pipeline.errors import MeshError, UsageError
-from pipeline.kernels import readable
-from pipeline.mesh.kernels.halfedge import SOUND, match_twins
-from pipeline.mesh.kernels.normal_kernels import (
+from flowsculpt.pipeline.arrays import AnyArray, Faces, Floats, Indices, Points, Vectors
+from flowsculpt.pipeline.errors import MeshError, UsageError
+from flowsculpt.pipeline.kernels import readable
+from flowsculpt.pipeline.mesh.kernels.halfedge import SOUND, match_twins
+from flowsculpt.pipeline.mesh.kernels.normal_kernels import (
     count_known,
     cross_beside,
     cut_faces,
@@ -35,8 +35,8 @@ from pipeline.mesh.kernels.normal_kernels import (
     spread_values,
     sum_normals,
 )
-from pipeline.mesh.meshes import TriangleMesh, edge_keys
-from pipeline.mesh.validation import require
+from flowsculpt.pipeline.mesh.meshes import TriangleMesh, edge_keys
+from flowsculpt.pipeline.mesh.validation import require
 
 NORMAL = "normal"
 """Vertex attribute (V, 3): known normals, carried through a flow for example; unit, or zero where unknown."""

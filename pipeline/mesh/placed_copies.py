@@ -9,8 +9,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Floats, Points, Vectors
-from pipeline.mesh.meshes import PolygonMesh, TriangleMesh
+from flowsculpt.pipeline.arrays import AnyArray, Floats, Points, Vectors
+from flowsculpt.pipeline.mesh.meshes import PolygonMesh, TriangleMesh
 
 COPIES, STARTS = "copies", "starts"
 """Arrays (N, 3, 4) of a stored surface that is one copy of several: their placements now, and at rest."""

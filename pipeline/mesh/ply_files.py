@@ -7,11 +7,11 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Points
-from pipeline.errors import MeshError
-from pipeline.file_contents import as_utf8, number_fault
-from pipeline.mesh.mesh_formats import FileSurface, early_end, offsets_of, polygon_surface
-from render.base.plural import plural
+from flowsculpt.pipeline.arrays import AnyArray, Points
+from flowsculpt.pipeline.errors import MeshError
+from flowsculpt.pipeline.file_contents import as_utf8, number_fault
+from flowsculpt.pipeline.mesh.mesh_formats import FileSurface, early_end, offsets_of, polygon_surface
+from flowsculpt.render.base.plural import plural
 
 _OLD_NAMES = {
     "char": "int8",

@@ -9,14 +9,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Floats, Points
-from pipeline.errors import MeshError, suggestion
-from pipeline.file_contents import Archive, number_fault, text_content
-from pipeline.mesh.mesh_formats import LARGEST_COORDINATE, reader_of
-from pipeline.mesh.meshes import TriangleMesh
-from pipeline.mesh.ply_files import read_elements, vertex_positions
-from pipeline.mesh.read import format_of, read_by_suffix
-from render.base.plural import plural
+from flowsculpt.pipeline.arrays import AnyArray, Floats, Points
+from flowsculpt.pipeline.errors import MeshError, suggestion
+from flowsculpt.pipeline.file_contents import Archive, number_fault, text_content
+from flowsculpt.pipeline.mesh.mesh_formats import LARGEST_COORDINATE, reader_of
+from flowsculpt.pipeline.mesh.meshes import TriangleMesh
+from flowsculpt.pipeline.mesh.ply_files import read_elements, vertex_positions
+from flowsculpt.pipeline.mesh.read import format_of, read_by_suffix
+from flowsculpt.render.base.plural import plural
 
 _POINTS = ("points", "vertices")
 _ATTRIBUTE = "attribute:"

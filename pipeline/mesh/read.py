@@ -19,17 +19,36 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from pipeline.arrays import AnyArray
-from pipeline.errors import FlowsculptError, MeshError, reason_of
-from pipeline.mesh.face_soup import FaceSoup, MergedSurface, cut_repeats, find_duplicates, merge_coincident
-from pipeline.mesh.mesh_formats import FileSurface, MeshFormat, ModelFiles, ScenePart, reader_of, suffix_of
-from pipeline.mesh.meshes import PolygonMesh, TriangleMesh, edge_keys
-from pipeline.mesh.ply_files import read_polygon_file
-from pipeline.mesh.validation import twin_corners, validate
-from pipeline.mesh.winding import Winding, detached_corners, find_winding, link_sides
-from pipeline.plugin import named, plugins
-from render.base.input_files import digest_of_file, joint_digest, opened_input, other_content, require_input
-from render.scene.painted_faces import PaintReader
+from flowsculpt.pipeline.arrays import AnyArray
+from flowsculpt.pipeline.errors import FlowsculptError, MeshError, reason_of
+from flowsculpt.pipeline.mesh.face_soup import (
+    FaceSoup,
+    MergedSurface,
+    cut_repeats,
+    find_duplicates,
+    merge_coincident,
+)
+from flowsculpt.pipeline.mesh.mesh_formats import (
+    FileSurface,
+    MeshFormat,
+    ModelFiles,
+    ScenePart,
+    reader_of,
+    suffix_of,
+)
+from flowsculpt.pipeline.mesh.meshes import PolygonMesh, TriangleMesh, edge_keys
+from flowsculpt.pipeline.mesh.ply_files import read_polygon_file
+from flowsculpt.pipeline.mesh.validation import twin_corners, validate
+from flowsculpt.pipeline.mesh.winding import Winding, detached_corners, find_winding, link_sides
+from flowsculpt.pipeline.plugin import named, plugins
+from flowsculpt.render.base.input_files import (
+    digest_of_file,
+    joint_digest,
+    opened_input,
+    other_content,
+    require_input,
+)
+from flowsculpt.render.scene.painted_faces import PaintReader
 
 _PLY = MeshFormat(  # a reader left out strips of triangles
     reader_of(read_polygon_file), misread=re.compile(rb"[\r\n]element[ \t]+tristrips[ \t]")

@@ -9,9 +9,9 @@ from itertools import product
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pipeline.arrays import AnyArray, Faces, Floats, Points
-from pipeline.errors import UsageError
-from pipeline.mesh.meshes import PolygonMesh, TriangleMesh
+from flowsculpt.pipeline.arrays import AnyArray, Faces, Floats, Points
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.mesh.meshes import PolygonMesh, TriangleMesh
 
 ORIGIN = (0.0, 0.0, 0.0)
 

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Indices, Points
-from pipeline.errors import MeshError
-from pipeline.mesh.face_soup import components
-from pipeline.mesh.kernels.halfedge import CROWDED, SOUND, find_nonmanifold_vertex, match_twins
-from pipeline.mesh.meshes import PolygonMesh, TriangleMesh
+from flowsculpt.pipeline.arrays import AnyArray, Indices, Points
+from flowsculpt.pipeline.errors import MeshError
+from flowsculpt.pipeline.mesh.face_soup import components
+from flowsculpt.pipeline.mesh.kernels.halfedge import CROWDED, SOUND, find_nonmanifold_vertex, match_twins
+from flowsculpt.pipeline.mesh.meshes import PolygonMesh, TriangleMesh
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.arrays import AnyArray
-from pipeline.mesh.face_soup import FaceSoup, components
-from pipeline.mesh.normals import unit
+from flowsculpt.pipeline.arrays import AnyArray
+from flowsculpt.pipeline.mesh.face_soup import FaceSoup, components
+from flowsculpt.pipeline.mesh.normals import unit
 
 _MOST_PAIRED = 32
 """Faces at one edge: where there are more, all are separated, for their pairs would be too many."""

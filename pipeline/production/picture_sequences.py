@@ -12,26 +12,26 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.errors import UsageError
-from pipeline.frames import FrameRange
-from pipeline.production.execution.project import Project
-from pipeline.production.planning.frame_states import PICTURE_STAGES, picture_states
-from pipeline.production.planning.timings import render_seconds
-from pipeline.production.request.keys import PictureKeys
-from pipeline.production.request.lookup import is_quality, options_of
-from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.request.shot_source import ShotSource
-from pipeline.production.stages import STAGES
-from pipeline.production.store import readers
-from pipeline.production.store.history import History
-from pipeline.production.store.paths import Folders
-from pipeline.production.store.store import Key, Store, key_of
-from render.base.render_errors import RenderError
-from render.graphics.contact_sheet import reduced
-from render.post.colour import quantise, to_display
-from render.post.image import read_header
-from render.post.view import ACES, ColourView
-from render.scene.rgb_spaces import LUMA
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.frames import FrameRange
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.planning.frame_states import PICTURE_STAGES, picture_states
+from flowsculpt.pipeline.production.planning.timings import render_seconds
+from flowsculpt.pipeline.production.request.keys import PictureKeys
+from flowsculpt.pipeline.production.request.lookup import is_quality, options_of
+from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt.pipeline.production.request.shot_source import ShotSource
+from flowsculpt.pipeline.production.stages import STAGES
+from flowsculpt.pipeline.production.store import readers
+from flowsculpt.pipeline.production.store.history import History
+from flowsculpt.pipeline.production.store.paths import Folders
+from flowsculpt.pipeline.production.store.store import Key, Store, key_of
+from flowsculpt.render.base.render_errors import RenderError
+from flowsculpt.render.graphics.contact_sheet import reduced
+from flowsculpt.render.post.colour import quantise, to_display
+from flowsculpt.render.post.image import read_header
+from flowsculpt.render.post.view import ACES, ColourView
+from flowsculpt.render.scene.rgb_spaces import LUMA
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from functools import cached_property
 from importlib.metadata import version
 from typing import Any
 
-from pipeline.plugin import plugins
+from flowsculpt.pipeline.plugin import plugins
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class PipelineStage:
     makes        the kind of file in the store
     reads        the stages whose files it reads, as the Snakefile has them
     packages     distributions whose versions decide the results
-    module       the module of `pipeline.production.tasks` with its function; empty where commands do it
+    module       the module of `production.tasks` with its function; empty where commands do it
     function     the function; empty where it has the stage's name
     plugin       name and version of the plug-in that adds it
     per_quality  True if its files differ between qualities

@@ -1,10 +1,10 @@
 """Adaptive resampling of a surface in flow (Reynolds 1991)."""
 
-from pipeline.resample.placement import Chord, Curved, Exact, Placement
-from pipeline.resample.polygon_resampler import PolygonResampler, polygon_resampler
-from pipeline.resample.resample_pass import PolyhedralReport, Report
-from pipeline.resample.resampler import Resampler, resample
-from pipeline.resample.thresholds import (
+from flowsculpt.pipeline.resample.placement import Chord, Curved, Exact, Placement
+from flowsculpt.pipeline.resample.polygon_resampler import PolygonResampler, polygon_resampler
+from flowsculpt.pipeline.resample.resample_pass import PolyhedralReport, Report
+from flowsculpt.pipeline.resample.resampler import Resampler, resample
+from flowsculpt.pipeline.resample.thresholds import (
     Curvature,
     DistanceToCamera,
     ThresholdFormula,

@@ -12,13 +12,19 @@ from typing import ClassVar
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
-from pipeline.errors import FrameError
-from pipeline.mesh.halfedge_mesh import HalfedgeMesh
-from pipeline.mesh.meshes import TriangleMesh
-from pipeline.mesh.normals import carried_normals, normals_from_tangents, tangent_points, unit, vertex_normals
-from pipeline.resample.kernels.pass_state import Changes, Limits, new_ring
-from pipeline.resample.kernels.rest_surface import (
+from flowsculpt.pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
+from flowsculpt.pipeline.errors import FrameError
+from flowsculpt.pipeline.mesh.halfedge_mesh import HalfedgeMesh
+from flowsculpt.pipeline.mesh.meshes import TriangleMesh
+from flowsculpt.pipeline.mesh.normals import (
+    carried_normals,
+    normals_from_tangents,
+    tangent_points,
+    unit,
+    vertex_normals,
+)
+from flowsculpt.pipeline.resample.kernels.pass_state import Changes, Limits, new_ring
+from flowsculpt.pipeline.resample.kernels.rest_surface import (
     LATTICE,
     MAX_OPPOSITE,
     RestRings,
@@ -34,14 +40,14 @@ from pipeline.resample.kernels.rest_surface import (
     step_to_goals,
     tangent_frames,
 )
-from pipeline.resample.kernels.split import (
+from flowsculpt.pipeline.resample.kernels.split import (
     BIRTH_HALFEDGE,
     Midpoints,
     curved_midpoints,
     place_vertices,
     rest_midpoints,
 )
-from pipeline.resample.thresholds import edges_by_angle
+from flowsculpt.pipeline.resample.thresholds import edges_by_angle
 
 _MIDPOINT_FLOATS = 7  # of scratch that the kernels of midpoints take
 

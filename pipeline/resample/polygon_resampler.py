@@ -6,11 +6,11 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import Literal, cast
 
-from pipeline.arrays import AnyArray, Points
-from pipeline.mesh.meshes import PolygonMesh
-from pipeline.plugin import named, plugins
-from pipeline.resample.resample_pass import PolyhedralReport
-from pipeline.resample.thresholds import Thresholds
+from flowsculpt.pipeline.arrays import AnyArray, Points
+from flowsculpt.pipeline.mesh.meshes import PolygonMesh
+from flowsculpt.pipeline.plugin import named, plugins
+from flowsculpt.pipeline.resample.resample_pass import PolyhedralReport
+from flowsculpt.pipeline.resample.thresholds import Thresholds
 
 Cutting = Literal["slice", "recurse"]
 Collapse = Literal["edges", "areas"]

@@ -10,12 +10,17 @@ from typing import ClassVar
 
 import numpy as np
 
-from pipeline.arrays import Faces, Indices, Points
-from pipeline.errors import FlowsculptError, FrameError, VertexBudgetError
-from pipeline.long_computations import interruptible, report_progress
-from pipeline.mesh.halfedge_mesh import WORTH_SHARING, HalfedgeMesh
-from pipeline.resample.kernels.collapse import REASONS, TOO_LONG, collapse_and_flip, collapse_queued
-from pipeline.resample.kernels.edge_scans import (
+from flowsculpt.pipeline.arrays import Faces, Indices, Points
+from flowsculpt.pipeline.errors import FlowsculptError, FrameError, VertexBudgetError
+from flowsculpt.pipeline.long_computations import interruptible, report_progress
+from flowsculpt.pipeline.mesh.halfedge_mesh import WORTH_SHARING, HalfedgeMesh
+from flowsculpt.pipeline.resample.kernels.collapse import (
+    REASONS,
+    TOO_LONG,
+    collapse_and_flip,
+    collapse_queued,
+)
+from flowsculpt.pipeline.resample.kernels.edge_scans import (
     BLOCK,
     CHUNK,
     flag_faces,
@@ -24,8 +29,8 @@ from pipeline.resample.kernels.edge_scans import (
     list_flagged_edges,
     list_long_edges,
 )
-from pipeline.resample.kernels.flip import MAX_STACK, count_tangled, untangle
-from pipeline.resample.kernels.pass_state import (
+from flowsculpt.pipeline.resample.kernels.flip import MAX_STACK, count_tangled, untangle
+from flowsculpt.pipeline.resample.kernels.pass_state import (
     MAX_SPOKES,
     QUEUED,
     REFUSED,
@@ -35,8 +40,8 @@ from pipeline.resample.kernels.pass_state import (
     new_ring,
     work_list,
 )
-from pipeline.resample.kernels.rest_surface import list_poor_vertices
-from pipeline.resample.kernels.split import (
+from flowsculpt.pipeline.resample.kernels.rest_surface import list_poor_vertices
+from flowsculpt.pipeline.resample.kernels.split import (
     BIRTH_HALFEDGE,
     BIRTH_SIZE,
     MAX_SPOKES_OF_NEW,
@@ -44,9 +49,9 @@ from pipeline.resample.kernels.split import (
     longest_edges_first,
     split_edges,
 )
-from pipeline.resample.placement import Placement
-from pipeline.resample.thresholds import Thresholds, TriangleShape
-from render.base.plural import plural
+from flowsculpt.pipeline.resample.placement import Placement
+from flowsculpt.pipeline.resample.thresholds import Thresholds, TriangleShape
+from flowsculpt.render.base.plural import plural
 
 
 @dataclass(frozen=True)

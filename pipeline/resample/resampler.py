@@ -17,13 +17,20 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Faces, Floats, Indices, Points, Vectors
-from pipeline.errors import UsageError
-from pipeline.mesh.halfedge_mesh import HalfedgeMesh, Register
-from pipeline.mesh.meshes import TriangleMesh, edge_keys, morton_order
-from pipeline.resample.placement import Chord, Curved, Placement
-from pipeline.resample.resample_pass import Report, ResamplePass, changes_of, forget_rest, require_room, reset
-from pipeline.resample.thresholds import DEFAULT_ROUNDNESS, Thresholds, TriangleShape
+from flowsculpt.pipeline.arrays import AnyArray, Faces, Floats, Indices, Points, Vectors
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.mesh.halfedge_mesh import HalfedgeMesh, Register
+from flowsculpt.pipeline.mesh.meshes import TriangleMesh, edge_keys, morton_order
+from flowsculpt.pipeline.resample.placement import Chord, Curved, Placement
+from flowsculpt.pipeline.resample.resample_pass import (
+    Report,
+    ResamplePass,
+    changes_of,
+    forget_rest,
+    require_room,
+    reset,
+)
+from flowsculpt.pipeline.resample.thresholds import DEFAULT_ROUNDNESS, Thresholds, TriangleShape
 
 _NONE = np.empty((0, 2), np.int32)
 _NO_GRADATION = 1e12  # changes nothing: the fields have been graded before

@@ -15,13 +15,13 @@ from typing import Any, Protocol, cast, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pipeline.arrays import AnyArray, Faces, Floats, Indices, Points, Vectors
-from pipeline.errors import UsageError
-from pipeline.formula import PLACE, TIME, Expression, time_values
-from pipeline.mesh.meshes import PolygonMesh, TriangleMesh
-from pipeline.mesh.normals import NORMAL, angles_between, dihedral_angles, split_at_creases
-from pipeline.mesh.validation import twin_corners
-from pipeline.resample.kernels.edge_scans import edge_curvature, limit_gradation
+from flowsculpt.pipeline.arrays import AnyArray, Faces, Floats, Indices, Points, Vectors
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.formula import PLACE, TIME, Expression, time_values
+from flowsculpt.pipeline.mesh.meshes import PolygonMesh, TriangleMesh
+from flowsculpt.pipeline.mesh.normals import NORMAL, angles_between, dihedral_angles, split_at_creases
+from flowsculpt.pipeline.mesh.validation import twin_corners
+from flowsculpt.pipeline.resample.kernels.edge_scans import edge_curvature, limit_gradation
 
 SHORT = 0.4  # share of the finest edge: shorter edges collapse (P12), and their curvature is noise
 FORMULA_NAMES = (*PLACE, *TIME)  # names that a formula may use
@@ -100,7 +100,7 @@ class Curvature:
 class ThresholdFormula:
     """A threshold as a formula over position and time: `0.02 + 0.01 * abs(y)`.
 
-    text         see `pipeline.formula`; raises FormulaError for a wrong one
+    text         see `flowsculpt.pipeline.formula`; raises FormulaError for a wrong one
     unit         factor on its value: radians a degree, for angles written in degrees
     frame, time  the current frame and its time in seconds, if the formula uses them
     """
@@ -135,7 +135,7 @@ class ThresholdFormula:
 def curvature(mesh: TriangleMesh, hard_angle: float = math.radians(40), shortest: float = 0.0) -> Floats:
     """Return the largest curvature (V,) along the edges at every vertex, 1 / scene units; 0 where flat.
 
-    For hard_angle and shortest see `Curvature` and `pipeline.resample.kernels.edge_scans.edge_curvature`.
+    For hard_angle and shortest see `Curvature` and `edge_curvature` of `edge_scans`.
     Raises MeshError where the mesh is not an oriented manifold.
     """
     points, faces, normals, source = _shaded(mesh, hard_angle)
@@ -215,7 +215,7 @@ class Thresholds:
                       a share of its length
 
     The first three are numbers, or callables `mesh -> (V,)` in the same units, such as those of
-    `pipeline.resample.thresholds`. Raises UsageError for impossible numbers.
+    `flowsculpt.pipeline.resample.thresholds`. Raises UsageError for impossible numbers.
     """
 
     max_edge_length: Threshold

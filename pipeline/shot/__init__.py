@@ -8,18 +8,18 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from pipeline.shot.camera_path import CameraPath as CameraPath
-    from pipeline.shot.film_reader import read_film as read_film
-    from pipeline.shot.motion import Clock as Clock
-    from pipeline.shot.motion import Motion as Motion
-    from pipeline.shot.motion import Resampling as Resampling
-    from pipeline.shot.shot import Film as Film
-    from pipeline.shot.shot import Picture as Picture
-    from pipeline.shot.shot import Shot as Shot
-    from pipeline.shot.shot_reader import read_shot as read_shot
-    from pipeline.shot.subjects import Model as Model
-    from pipeline.shot.subjects import Solid as Solid
-    from pipeline.shot.subjects import Subject as Subject
+    from flowsculpt.pipeline.shot.camera_path import CameraPath as CameraPath
+    from flowsculpt.pipeline.shot.film_reader import read_film as read_film
+    from flowsculpt.pipeline.shot.motion import Clock as Clock
+    from flowsculpt.pipeline.shot.motion import Motion as Motion
+    from flowsculpt.pipeline.shot.motion import Resampling as Resampling
+    from flowsculpt.pipeline.shot.shot import Film as Film
+    from flowsculpt.pipeline.shot.shot import Picture as Picture
+    from flowsculpt.pipeline.shot.shot import Shot as Shot
+    from flowsculpt.pipeline.shot.shot_reader import read_shot as read_shot
+    from flowsculpt.pipeline.shot.subjects import Model as Model
+    from flowsculpt.pipeline.shot.subjects import Solid as Solid
+    from flowsculpt.pipeline.shot.subjects import Subject as Subject
 
 _MODULES = {
     "camera_path": ("CameraPath",),

@@ -6,9 +6,9 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from pipeline.flow.keyframes import elapsed
-from pipeline.flow.parameters import Number, Vector, VectorParameter, number_at, vector_at
-from render.scene.render_camera import PERSPECTIVE, Projection
+from flowsculpt.pipeline.flow.keyframes import elapsed
+from flowsculpt.pipeline.flow.parameters import Number, Vector, VectorParameter, number_at, vector_at
+from flowsculpt.render.scene.render_camera import PERSPECTIVE, Projection
 
 FULL_FRAME = 36.0
 """Width of a full-frame sensor, millimetres."""

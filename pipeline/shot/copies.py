@@ -9,12 +9,12 @@ from typing import Literal
 
 import numpy as np
 
-from pipeline.arrays import Floats, Points
-from pipeline.errors import UsageError
-from pipeline.flow.regions import Region
-from pipeline.mesh.placed_copies import Placements, nearest_rotations
-from render.base.plural import plural
-from render.base.serialise import NOT_PLAIN, OMIT_DEFAULT
+from flowsculpt.pipeline.arrays import Floats, Points
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.flow.regions import Region
+from flowsculpt.pipeline.mesh.placed_copies import Placements, nearest_rotations
+from flowsculpt.render.base.plural import plural
+from flowsculpt.render.base.serialise import NOT_PLAIN, OMIT_DEFAULT
 
 MOST_COPIES = 5000
 

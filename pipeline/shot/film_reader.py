@@ -9,20 +9,20 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from pipeline.errors import FlowsculptError, MissingInputError, ShotError, UsageError, suggestion
-from pipeline.frames import FrameRange, FrameRate
-from pipeline.shot.documents.curves import SUFFIXES
-from pipeline.shot.documents.field_types import is_number
-from pipeline.shot.documents.picture_documents import PictureShapeDocument
-from pipeline.shot.documents.shot_documents import FilmDocument
-from pipeline.shot.shot import Card, Clip, Film, Shot
-from pipeline.shot.shot_reader import read_rate, read_shot
-from pipeline.shot.yaml.document_validation import Checks, unforeseen, validated
-from pipeline.shot.yaml.inheritance import OPTION
-from pipeline.shot.yaml.named_files import is_edit, is_there, name_fault, shot_files, shown
-from pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource
-from render.base.plural import plural
-from render.scene.render_camera import Projection
+from flowsculpt.pipeline.errors import FlowsculptError, MissingInputError, ShotError, UsageError, suggestion
+from flowsculpt.pipeline.frames import FrameRange, FrameRate
+from flowsculpt.pipeline.shot.documents.curves import SUFFIXES
+from flowsculpt.pipeline.shot.documents.field_types import is_number
+from flowsculpt.pipeline.shot.documents.picture_documents import PictureShapeDocument
+from flowsculpt.pipeline.shot.documents.shot_documents import FilmDocument
+from flowsculpt.pipeline.shot.shot import Card, Clip, Film, Shot
+from flowsculpt.pipeline.shot.shot_reader import read_rate, read_shot
+from flowsculpt.pipeline.shot.yaml.document_validation import Checks, unforeseen, validated
+from flowsculpt.pipeline.shot.yaml.inheritance import OPTION
+from flowsculpt.pipeline.shot.yaml.named_files import is_edit, is_there, name_fault, shot_files, shown
+from flowsculpt.pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource
+from flowsculpt.render.base.plural import plural
+from flowsculpt.render.scene.render_camera import Projection
 
 
 def read_film(path: str | Path, settings: Iterable[str] = (), text: str | None = None) -> Film:
@@ -235,7 +235,7 @@ def _unreadable_sound(source: YamlSource, folder: Path) -> Iterator[Problem]:
     name = source.get("sound", "file")
     if not isinstance(name, str):
         return
-    from render.movie.movie_sound import require_sound  # imports PyAV, which takes time
+    from flowsculpt.render.movie.movie_sound import require_sound  # imports PyAV, which takes time
 
     try:
         require_sound(folder / name)

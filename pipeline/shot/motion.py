@@ -11,23 +11,23 @@ from typing import Any, Literal
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Faces, Points
-from pipeline.errors import FrameError, UsageError
-from pipeline.flow import Flow
-from pipeline.flow.flow_map import cache_data_or_failure, checked_cache_data
-from pipeline.flow.keyframes import elapsed
-from pipeline.flow.parameters import ORIGIN, Curve, Number, Vector
-from pipeline.frames import FrameRange, FrameRate
-from pipeline.mesh.analytic_surfaces import AnalyticSurface, RepeatedSurface, nearest_middles
-from pipeline.mesh.meshes import PolygonMesh, TriangleMesh
-from pipeline.mesh.placed_copies import Mesh, Placements
-from pipeline.resample import Curvature, DistanceToCamera, Thresholds
-from pipeline.resample.thresholds import DEFAULT_ROUNDNESS, Region
-from pipeline.shot.copies import Copies, bounding_sphere
-from pipeline.shot.subjects import PluginSurface, Solid, Subject
-from render.base.serialise import OMIT_DEFAULT
-from render.scene.painted_faces import PaintedFaces
-from render.scene.patterns import COPY_PLACE, Measure, Pigment
+from flowsculpt.pipeline.arrays import AnyArray, Faces, Points
+from flowsculpt.pipeline.errors import FrameError, UsageError
+from flowsculpt.pipeline.flow import Flow
+from flowsculpt.pipeline.flow.flow_map import cache_data_or_failure, checked_cache_data
+from flowsculpt.pipeline.flow.keyframes import elapsed
+from flowsculpt.pipeline.flow.parameters import ORIGIN, Curve, Number, Vector
+from flowsculpt.pipeline.frames import FrameRange, FrameRate
+from flowsculpt.pipeline.mesh.analytic_surfaces import AnalyticSurface, RepeatedSurface, nearest_middles
+from flowsculpt.pipeline.mesh.meshes import PolygonMesh, TriangleMesh
+from flowsculpt.pipeline.mesh.placed_copies import Mesh, Placements
+from flowsculpt.pipeline.resample import Curvature, DistanceToCamera, Thresholds
+from flowsculpt.pipeline.resample.thresholds import DEFAULT_ROUNDNESS, Region
+from flowsculpt.pipeline.shot.copies import Copies, bounding_sphere
+from flowsculpt.pipeline.shot.subjects import PluginSurface, Solid, Subject
+from flowsculpt.render.base.serialise import OMIT_DEFAULT
+from flowsculpt.render.scene.painted_faces import PaintedFaces
+from flowsculpt.render.scene.patterns import COPY_PLACE, Measure, Pigment
 
 _SECONDS = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+))\s*s\s*")
 

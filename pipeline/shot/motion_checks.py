@@ -6,16 +6,16 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
-from pipeline.errors import shortened
-from pipeline.flow.keyframes import BEZIER
-from pipeline.frames import FrameRange, FrameRate
-from pipeline.plugin import plugins
-from pipeline.resample.thresholds import DEFAULT_RATIO, HIGHEST_RATIO
-from pipeline.shot.documents.field_types import is_number, is_triple
-from pipeline.shot.documents.flow_documents import DOCUMENTS
-from pipeline.shot.motion import FURTHEST, Clock
-from pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource, dotted
-from render.base.plural import plural
+from flowsculpt.pipeline.errors import shortened
+from flowsculpt.pipeline.flow.keyframes import BEZIER
+from flowsculpt.pipeline.frames import FrameRange, FrameRate
+from flowsculpt.pipeline.plugin import plugins
+from flowsculpt.pipeline.resample.thresholds import DEFAULT_RATIO, HIGHEST_RATIO
+from flowsculpt.pipeline.shot.documents.field_types import is_number, is_triple
+from flowsculpt.pipeline.shot.documents.flow_documents import DOCUMENTS
+from flowsculpt.pipeline.shot.motion import FURTHEST, Clock
+from flowsculpt.pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource, dotted
+from flowsculpt.render.base.plural import plural
 
 AXIAL = {
     name: {p.name: p.default_in_file for p in document.parameters}

@@ -6,20 +6,20 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from pipeline.errors import UsageError, shortened, suggestion
-from pipeline.frames import FrameRange
-from pipeline.mesh.mesh_formats import suffix_of
-from pipeline.plugin import plugins
-from pipeline.shot.documents.field_types import is_number
-from pipeline.shot.documents.light_documents import ENVIRONMENTS, softbox_name
-from pipeline.shot.documents.look_documents import LOOKS, check_bsdf
-from pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource, dotted, listed
-from render.scene.materials import Material, Painted
-from render.scene.patterns import Measure
-from render.scene.render_camera import KINDS
-from render.scene.render_quality import MIN_ADAPTIVE_SAMPLES, QUALITIES
-from render.scene.scene_lights import BACKGROUND, LIGHTS
-from render.scene.texture_projection import MODEL
+from flowsculpt.pipeline.errors import UsageError, shortened, suggestion
+from flowsculpt.pipeline.frames import FrameRange
+from flowsculpt.pipeline.mesh.mesh_formats import suffix_of
+from flowsculpt.pipeline.plugin import plugins
+from flowsculpt.pipeline.shot.documents.field_types import is_number
+from flowsculpt.pipeline.shot.documents.light_documents import ENVIRONMENTS, softbox_name
+from flowsculpt.pipeline.shot.documents.look_documents import LOOKS, check_bsdf
+from flowsculpt.pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource, dotted, listed
+from flowsculpt.render.scene.materials import Material, Painted
+from flowsculpt.render.scene.patterns import Measure
+from flowsculpt.render.scene.render_camera import KINDS
+from flowsculpt.render.scene.render_quality import MIN_ADAPTIVE_SAMPLES, QUALITIES
+from flowsculpt.render.scene.scene_lights import BACKGROUND, LIGHTS
+from flowsculpt.render.scene.texture_projection import MODEL
 
 ALTERNATIVES = {
     "focal_length": ("field_of_view",),

@@ -10,13 +10,13 @@ from typing import Any, Literal
 
 import numpy as np
 
-from pipeline.arrays import Floats, Points
-from pipeline.errors import MeshError, UsageError, shortened, suggestion
-from pipeline.mesh import TriangleMesh
-from pipeline.mesh.control_net import Lattice, Net, sheet_net, torus_net, tube_net
-from pipeline.mesh.points import PointSet, on_surface, read_net, read_points, within
-from pipeline.shot.subjects import Measure, Solid, Subject, measures_of
-from render.base.serialise import NOT_PLAIN
+from flowsculpt.pipeline.arrays import Floats, Points
+from flowsculpt.pipeline.errors import MeshError, UsageError, shortened, suggestion
+from flowsculpt.pipeline.mesh import TriangleMesh
+from flowsculpt.pipeline.mesh.control_net import Lattice, Net, sheet_net, torus_net, tube_net
+from flowsculpt.pipeline.mesh.points import PointSet, on_surface, read_net, read_points, within
+from flowsculpt.pipeline.shot.subjects import Measure, Solid, Subject, measures_of
+from flowsculpt.render.base.serialise import NOT_PLAIN
 
 RADIUS = "radius"
 """The vertex attribute (V,), scene units, that makes points into spheres."""

@@ -11,18 +11,18 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from pipeline.errors import UsageError, shortened, suggestion
-from pipeline.frames import FrameRange, FrameRate
-from pipeline.shot.camera_path import CameraPath, Shutter
-from pipeline.shot.motion import Loop, Motion
-from render.base.serialise import NOT_PLAIN, OMIT_DEFAULT
-from render.post.view import ACES, ColourView
-from render.scene.aovs import AOVS, EXTRA
-from render.scene.materials import Material
-from render.scene.render_quality import QUALITIES, Quality
-from render.scene.rgb_spaces import WORKING_SPACES, WorkingSpace
-from render.scene.scene_lights import LightRig
-from render.scene.scene_stage import Stage
+from flowsculpt.pipeline.errors import UsageError, shortened, suggestion
+from flowsculpt.pipeline.frames import FrameRange, FrameRate
+from flowsculpt.pipeline.shot.camera_path import CameraPath, Shutter
+from flowsculpt.pipeline.shot.motion import Loop, Motion
+from flowsculpt.render.base.serialise import NOT_PLAIN, OMIT_DEFAULT
+from flowsculpt.render.post.view import ACES, ColourView
+from flowsculpt.render.scene.aovs import AOVS, EXTRA
+from flowsculpt.render.scene.materials import Material
+from flowsculpt.render.scene.render_quality import QUALITIES, Quality
+from flowsculpt.render.scene.rgb_spaces import WORKING_SPACES, WorkingSpace
+from flowsculpt.render.scene.scene_lights import LightRig
+from flowsculpt.render.scene.scene_stage import Stage
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ class Picture:
     tessellate  segments that every edge is cut into, on curved patches over the triangles (P37); 1 is off
     dicing      longest segment of an edge in pixels, in place of `tessellate`; None is off
     hide_facets edges are cut as each picture needs, so that outlines show no corners
-    qualities   `render.scene.render_quality.QUALITIES` with the shot's own settings
+    qualities   `flowsculpt.render.scene.render_quality.QUALITIES` with the shot's own settings
     overrides   frames with a look, lights or quality of their own; no frame is in two
     aovs        the AOVs that the shot names
     layers      whose channel names the layers of finished frames have, one of `quality.CONVENTIONS`; None

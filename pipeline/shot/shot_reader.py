@@ -10,43 +10,43 @@ from typing import Any, TypeVar
 
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
-from pipeline.errors import MeshError, MissingInputError, ShotError, UsageError
-from pipeline.flow import Flow, Sequence, Streamlines
-from pipeline.flow.parameters import ORIGIN
-from pipeline.flow.streamlines import DEFAULT_TOLERANCE
-from pipeline.frames import FrameRate
-from pipeline.mesh.control_net import PIECES
-from pipeline.mesh.read import read_paint
-from pipeline.shot import motion_checks, picture_checks, subject_checks
-from pipeline.shot.camera_path import Shutter
-from pipeline.shot.documents.curves import NumberField, number
-from pipeline.shot.documents.field_types import vector
-from pipeline.shot.documents.light_documents import StageDocument
-from pipeline.shot.documents.look_documents import check_bsdf, look_of
-from pipeline.shot.documents.picture_documents import built_lights
-from pipeline.shot.documents.resampling import ResampleDocument
-from pipeline.shot.documents.shot_documents import ShotDocument, SoundDocument, entries_of_plugins
-from pipeline.shot.documents.subject_documents import (
+from flowsculpt.pipeline.errors import MeshError, MissingInputError, ShotError, UsageError
+from flowsculpt.pipeline.flow import Flow, Sequence, Streamlines
+from flowsculpt.pipeline.flow.parameters import ORIGIN
+from flowsculpt.pipeline.flow.streamlines import DEFAULT_TOLERANCE
+from flowsculpt.pipeline.frames import FrameRate
+from flowsculpt.pipeline.mesh.control_net import PIECES
+from flowsculpt.pipeline.mesh.read import read_paint
+from flowsculpt.pipeline.shot import motion_checks, picture_checks, subject_checks
+from flowsculpt.pipeline.shot.camera_path import Shutter
+from flowsculpt.pipeline.shot.documents.curves import NumberField, number
+from flowsculpt.pipeline.shot.documents.field_types import vector
+from flowsculpt.pipeline.shot.documents.light_documents import StageDocument
+from flowsculpt.pipeline.shot.documents.look_documents import check_bsdf, look_of
+from flowsculpt.pipeline.shot.documents.picture_documents import built_lights
+from flowsculpt.pipeline.shot.documents.resampling import ResampleDocument
+from flowsculpt.pipeline.shot.documents.shot_documents import ShotDocument, SoundDocument, entries_of_plugins
+from flowsculpt.pipeline.shot.documents.subject_documents import (
     CloudDocument,
     NetDocument,
     SubjectDocument,
     SubjectEntry,
     SubjectSettings,
 )
-from pipeline.shot.motion import Clock, Loop, Motion, parse_frames, parse_rate
-from pipeline.shot.point_subjects import CloudOfFile, NetOfFile
-from pipeline.shot.shot import AovSelection, Picture, Shot, SoundTrack
-from pipeline.shot.subject_checks import subject_views
-from pipeline.shot.subjects import Model, PluginSurface, SeveralSubjects, Solid
-from pipeline.shot.yaml.document_validation import Checks, ParseContext, unforeseen, validated
-from pipeline.shot.yaml.inheritance import inherited
-from pipeline.shot.yaml.named_files import name_fault, shown
-from pipeline.shot.yaml.yaml_source import Problem, YamlSource
-from render.base.render_errors import BadInputError
-from render.scene.materials import Material, Painted
-from render.scene.render_quality import qualities_for
-from render.scene.scene_lights import LightRig
-from render.scene.scene_stage import STAGES, Stage
+from flowsculpt.pipeline.shot.motion import Clock, Loop, Motion, parse_frames, parse_rate
+from flowsculpt.pipeline.shot.point_subjects import CloudOfFile, NetOfFile
+from flowsculpt.pipeline.shot.shot import AovSelection, Picture, Shot, SoundTrack
+from flowsculpt.pipeline.shot.subject_checks import subject_views
+from flowsculpt.pipeline.shot.subjects import Model, PluginSurface, SeveralSubjects, Solid
+from flowsculpt.pipeline.shot.yaml.document_validation import Checks, ParseContext, unforeseen, validated
+from flowsculpt.pipeline.shot.yaml.inheritance import inherited
+from flowsculpt.pipeline.shot.yaml.named_files import name_fault, shown
+from flowsculpt.pipeline.shot.yaml.yaml_source import Problem, YamlSource
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.scene.materials import Material, Painted
+from flowsculpt.render.scene.render_quality import qualities_for
+from flowsculpt.render.scene.scene_lights import LightRig
+from flowsculpt.render.scene.scene_stage import STAGES, Stage
 
 CHECKS = (
     motion_checks.check_directions,

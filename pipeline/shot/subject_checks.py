@@ -10,19 +10,19 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.errors import MeshError, MissingInputError, UsageError, shortened, suggestion
-from pipeline.mesh.control_net import LEAST, Lattice
-from pipeline.mesh.points import read_net, read_points
-from pipeline.mesh.read import names_parts
-from pipeline.shot.documents.camera_documents import FOCUS_WORDS
-from pipeline.shot.documents.field_types import LARGEST, is_number, is_written_number
-from pipeline.shot.point_subjects import NETS, NetOfSolid, radii_of
-from pipeline.shot.subjects import SOLIDS, Measure, Solid
-from pipeline.shot.yaml.document_validation import missing_file
-from pipeline.shot.yaml.named_files import is_there
-from pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource
-from render.base.input_files import digest_of_file
-from render.base.plural import indefinite, plural
+from flowsculpt.pipeline.errors import MeshError, MissingInputError, UsageError, shortened, suggestion
+from flowsculpt.pipeline.mesh.control_net import LEAST, Lattice
+from flowsculpt.pipeline.mesh.points import read_net, read_points
+from flowsculpt.pipeline.mesh.read import names_parts
+from flowsculpt.pipeline.shot.documents.camera_documents import FOCUS_WORDS
+from flowsculpt.pipeline.shot.documents.field_types import LARGEST, is_number, is_written_number
+from flowsculpt.pipeline.shot.point_subjects import NETS, NetOfSolid, radii_of
+from flowsculpt.pipeline.shot.subjects import SOLIDS, Measure, Solid
+from flowsculpt.pipeline.shot.yaml.document_validation import missing_file
+from flowsculpt.pipeline.shot.yaml.named_files import is_there
+from flowsculpt.pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource
+from flowsculpt.render.base.input_files import digest_of_file
+from flowsculpt.render.base.plural import indefinite, plural
 
 MEASURES = {measure for kind in SOLIDS.values() for measure in kind.measures}
 

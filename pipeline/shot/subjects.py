@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Faces, Points
-from pipeline.errors import UsageError
-from pipeline.mesh import (
+from flowsculpt.pipeline.arrays import AnyArray, Faces, Points
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.mesh import (
     PolygonMesh,
     TriangleMesh,
     box,
@@ -23,7 +23,7 @@ from pipeline.mesh import (
     sheet,
     torus,
 )
-from pipeline.mesh.analytic_surfaces import (
+from flowsculpt.pipeline.mesh.analytic_surfaces import (
     AnalyticSurface,
     BarLattice,
     BoxSurface,
@@ -34,12 +34,12 @@ from pipeline.mesh.analytic_surfaces import (
     TorusSurface,
     lattice,
 )
-from pipeline.mesh.control_net import Lattice
-from pipeline.mesh.mesh_formats import ScenePart
-from pipeline.mesh.read import ImportedSurface, names_parts, read_paint, read_surface
-from pipeline.mesh.solids import one_sided_sheet, six_sided_box
-from render.base.serialise import NOT_PLAIN, OMIT_DEFAULT
-from render.scene.painted_faces import Paint, PaintedFaces
+from flowsculpt.pipeline.mesh.control_net import Lattice
+from flowsculpt.pipeline.mesh.mesh_formats import ScenePart
+from flowsculpt.pipeline.mesh.read import ImportedSurface, names_parts, read_paint, read_surface
+from flowsculpt.pipeline.mesh.solids import one_sided_sheet, six_sided_box
+from flowsculpt.render.base.serialise import NOT_PLAIN, OMIT_DEFAULT
+from flowsculpt.render.scene.painted_faces import Paint, PaintedFaces
 
 Measure = float | str | tuple[float, ...]
 
@@ -347,7 +347,11 @@ class PluginSurface(Model):
 
     def build(self, max_edge_length: float | None = None) -> TriangleMesh:
         """Return the surface, with long edges split where they are: its flat sides stay flat."""
-        from pipeline.resample import Chord, Thresholds, resample  # compiled kernels, which take time to load
+        from flowsculpt.pipeline.resample import (  # compiled kernels, which take time to load
+            Chord,
+            Thresholds,
+            resample,
+        )
 
         mesh = self.mesh.with_vertices(self._placed(self.mesh.vertices))
         if max_edge_length is None:

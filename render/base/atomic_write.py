@@ -18,8 +18,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from render.base.render_errors import MachineError
-from render.base.root_files import held
+from flowsculpt.render.base.render_errors import MachineError
+from flowsculpt.render.base.root_files import held
 
 _AT_FDCWD, _RENAME_EXCHANGE = -100, 2
 """Constants of Linux: paths are relative to the working folder; both are renamed to each other."""

@@ -14,8 +14,8 @@ import uuid
 from contextlib import suppress
 from pathlib import Path
 
-from render.base.processes import is_at_work
-from render.base.root_files import held, remove
+from flowsculpt.render.base.processes import is_at_work
+from flowsculpt.render.base.root_files import held, remove
 
 OLD_DRAFT = 24 * 3600.0
 """Seconds after which a draft of another host counts as left behind."""

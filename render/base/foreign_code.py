@@ -12,8 +12,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 
-from render.base.python_process import PACKAGE_ROOT
-
 
 class ForeignError(Exception):
     """Code of others has raised what is not an Exception, such as SystemExit."""
@@ -59,7 +57,7 @@ def located_reason(error: BaseException) -> str:
     return f"{reason} ({last.filename}:{last.lineno})" if is_theirs else reason
 
 
-_REGISTRY = PACKAGE_ROOT / "pipeline" / "plugin.py"
+_REGISTRY = Path(__file__).resolve().parents[2] / "pipeline" / "plugin.py"
 """The module that finds faults of plug-ins itself, at no line of theirs."""
 
 _NUMBA_LINES = ("Failed in nopython mode", "During: ")  # around what is wrong
@@ -73,7 +71,7 @@ def reason_of_foreign(error: BaseException) -> str:
         text = "its text cannot be written"
     lines = [line for line in text.splitlines() if not line.startswith(_NUMBA_LINES)]
     line = " ".join(f"{type(error).__name__}: {' '.join(lines)}".split()).removesuffix(":")
-    of_api = isinstance(error, ImportError) and error.name == "pipeline.api"
+    of_api = isinstance(error, ImportError) and error.name == "flowsculpt.pipeline.api"
     if of_api or line.startswith("TypeError: Plugin.__init__() got an unexpected keyword"):
         return f"{line}; a later flowsculpt may have it"
     return line

@@ -17,8 +17,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
-from render.base.atomic_write import machine_error
-from render.base.render_errors import BadInputError, FlowsculptError, MissingInputError, reason_of
+from flowsculpt.render.base.atomic_write import machine_error
+from flowsculpt.render.base.render_errors import BadInputError, FlowsculptError, MissingInputError, reason_of
 
 MOST_BYTES = 8 << 30
 """Size of the largest file that is read."""

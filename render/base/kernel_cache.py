@@ -32,15 +32,15 @@ from numba.core.caching import Cache
 from numba.core.compiler import CompileResult
 from numba.core.serialize import dumps
 
-import render
-from render.base.atomic_write import atomic_write
-from render.base.render_errors import MachineError
-from render.base.user_cache import kernel_homes, readable_cache, writable_cache
+from flowsculpt import render
+from flowsculpt.render.base.atomic_write import atomic_write
+from flowsculpt.render.base.render_errors import MachineError
+from flowsculpt.render.base.user_cache import kernel_homes, readable_cache, writable_cache
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 SOURCES = Path(render.__file__).absolute().parents[1]
-"""The folder of the packages `pipeline` and `render`; where they are installed, it holds others too."""
+"""The folder that holds the packages `pipeline` and `render`."""
 
 LEVEL = "FLOWSCULPT_CPU"
 """The environment variable that names what kernels are compiled for: one of LEVELS, or HOST."""
@@ -58,8 +58,8 @@ LEVELS = {
 Source: https://gitlab.com/x86-psABIs/x86-64-ABI"""
 
 _IMPORT = re.compile(
-    r"^(?:from (?P<of>(?:pipeline|render)\b[\w.]*) import (?P<names>\([^)]*\)|.+)"
-    r"|import (?P<module>(?:pipeline|render)\b[\w.]*))",
+    r"^(?:from (?P<of>flowsculpt\b[\w.]*) import (?P<names>\([^)]*\)|.+)"
+    r"|import (?P<module>flowsculpt\b[\w.]*))",
     re.M,
 )
 
@@ -227,32 +227,37 @@ def _folder_of(source: str) -> str:
     """Return the name of the folder of a source's kernels. Raises OSError where it cannot be read."""
     file = Path(source).absolute()
     if file.is_relative_to(SOURCES):
-        return f"{_module_of(file)}-{source_digest(file)[:16]}"
+        return f"{module_of(file)}-{source_digest(file)[:16]}"
     return f"{file.stem}-{hashlib.sha256(file.read_bytes()).hexdigest()[:16]}"  # of a formula
 
 
 def kernel_modules(package: str) -> list[str]:
     """Return the dotted names of all modules of a package that hold kernels, told by their decorators."""
     sources = sorted((SOURCES / package).rglob("*.py"))
-    return [_module_of(file) for file in sources if _KERNEL.search(file.read_text(encoding="utf-8"))]
+    return [module_of(file) for file in sources if _KERNEL.search(file.read_text(encoding="utf-8"))]
 
 
 @cache
 def all_kernels() -> tuple[str, ...]:
     """Return the names of the folders of all kernels, which hold a digest of their sources."""
     modules = [*kernel_modules("pipeline"), *kernel_modules("render")]
-    return tuple(_folder_of(str(SOURCES.joinpath(*m.split(".")).with_suffix(".py"))) for m in modules)
+    return tuple(_folder_of(str(source_of(module))) for module in modules)
 
 
 def imported_modules(module: str) -> set[str]:
     """Return the dotted names of all modules of ours that a module imports itself."""
-    file = SOURCES.joinpath(*module.split(".")).with_suffix(".py")
-    return {_module_of(imported) for imported in _imported_files(file.read_text(encoding="utf-8"))}
+    text = source_of(module).read_text(encoding="utf-8")
+    return {module_of(imported) for imported in _imported_files(text)}
 
 
-def _module_of(file: Path) -> str:
+def source_of(module: str) -> Path:
+    """Return the file of a module such as `flowsculpt.render.base.user_cache`."""
+    return SOURCES.joinpath(*module.split(".")[1:]).with_suffix(".py")
+
+
+def module_of(file: Path) -> str:
     """Return the dotted name of a module below `SOURCES`."""
-    return ".".join(file.relative_to(SOURCES).with_suffix("").parts)
+    return ".".join(["flowsculpt", *file.relative_to(SOURCES).with_suffix("").parts])
 
 
 @cache
@@ -273,7 +278,7 @@ def _imported_files(text: str) -> Iterator[Path]:
             imported = re.sub(r"#.*|[()]", "", match["names"]).split(",")
             names += [f"{match['of']}.{name.split()[0]}" for name in imported if name.split()]
         for name in names:
-            file = SOURCES.joinpath(*name.split(".")).with_suffix(".py")
+            file = source_of(name)
             if file.is_file():
                 yield file
 

@@ -23,10 +23,10 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import BinaryIO
 
-from render.base import python_process
-from render.base.input_files import require_input
-from render.base.render_errors import MachineError, reason_of
-from render.base.user_cache import cache_path, load_answer, store_answer
+from flowsculpt.render.base import python_process
+from flowsculpt.render.base.input_files import require_input
+from flowsculpt.render.base.render_errors import MachineError, reason_of
+from flowsculpt.render.base.user_cache import cache_path, load_answer, store_answer
 
 SECONDS = 60.0
 """Time that a parser may take for any file; a MiB of it adds a second."""

@@ -20,8 +20,10 @@ from collections.abc import Callable, Iterator
 from contextlib import chdir, contextmanager, suppress
 from pathlib import Path
 
-PACKAGE_ROOT = Path(__file__).resolve().parents[2]
-"""The folder that holds the packages `pipeline` and `render`."""
+import flowsculpt
+
+PACKAGE_ROOT = Path(flowsculpt.__file__).resolve().parents[1]
+"""The folder in which Python finds the package `flowsculpt`."""
 
 LOADED_OBJECTS = 400_000
 """Twice the objects that a process makes while it loads what it needs."""

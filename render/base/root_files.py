@@ -25,7 +25,7 @@ from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import IO, Any
 
-from render.base.render_errors import MachineError
+from flowsculpt.render.base.render_errors import MachineError
 
 OWNED = (".flowsculpt", ".snakemake", "renders", "bred", "notes")
 """Folders of a root in which no link is followed."""

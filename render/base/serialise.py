@@ -14,7 +14,7 @@ from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
-from render.base.render_errors import BadInputError
+from flowsculpt.render.base.render_errors import BadInputError
 
 T = TypeVar("T")
 
@@ -22,7 +22,7 @@ Triple = tuple[float, float, float]
 """A point or a direction."""
 
 Colour = Annotated[Triple, "linear Rec.709"]
-"""A reflectance or radiance, which `render.scene.rgb_spaces` converts to the space of a frame."""
+"""A reflectance or radiance, which `flowsculpt.render.scene.rgb_spaces` converts to the space of a frame."""
 
 NOT_PLAIN = {"plain": False}
 """`field(metadata=NOT_PLAIN)`: a field to leave out, such as where a file of known content lies, or a cache.

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
-from render.base.render_errors import FlowsculptError
+from flowsculpt.render.base.render_errors import FlowsculptError
 
 T = TypeVar("T")
 

@@ -21,9 +21,9 @@ from typing import Any, TypeVar
 
 import platformdirs
 
-from render.base.atomic_write import atomic_write
-from render.base.render_errors import MachineError
-from render.base.state_files import mapping, read_state
+from flowsculpt.render.base.atomic_write import atomic_write
+from flowsculpt.render.base.render_errors import MachineError
+from flowsculpt.render.base.state_files import mapping, read_state
 
 T = TypeVar("T")
 

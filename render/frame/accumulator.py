@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.render_errors import BadInputError
-from render.frame.feature_edges import LIMITS, at_edges
-from render.frame.fireflies import FireflyFilter, find_fireflies, kept_fractions
-from render.frame.sample_sums import SampleSums
-from render.frame.tiles import Picture, PixelNumbers, TileMask, Tiles, noise_of_tiles
-from render.scene.aovs import COPIES, COVERAGE, DENOISER, MOST_RANKS, Pixels
-from render.scene.render_quality import Quality
-from render.scene.scene_lights import with_beauty
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.frame.feature_edges import LIMITS, at_edges
+from flowsculpt.render.frame.fireflies import FireflyFilter, find_fireflies, kept_fractions
+from flowsculpt.render.frame.sample_sums import SampleSums
+from flowsculpt.render.frame.tiles import Picture, PixelNumbers, TileMask, Tiles, noise_of_tiles
+from flowsculpt.render.scene.aovs import COPIES, COVERAGE, DENOISER, MOST_RANKS, Pixels
+from flowsculpt.render.scene.render_quality import Quality
+from flowsculpt.render.scene.scene_lights import with_beauty
 
 LUMINANCE, SQUARE, GROUPS = 3, 4, 5
 """Channels of a beauty batch after its radiance: mean luminance, mean of its square, and the first of three

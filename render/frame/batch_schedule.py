@@ -18,8 +18,8 @@ from operator import attrgetter
 
 import numpy as np
 
-from render.frame.tiles import PixelNumbers
-from render.scene.render_quality import BATCH_SAMPLES, Quality
+from flowsculpt.render.frame.tiles import PixelNumbers
+from flowsculpt.render.scene.render_quality import BATCH_SAMPLES, Quality
 
 MAX_STEP = 1.0
 """Pixels that a point of the subject may move between two motion samples of all pixels."""

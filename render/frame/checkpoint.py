@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.atomic_write import atomic_write
-from render.base.render_errors import MachineError
-from render.base.root_files import remove
-from render.base.state_files import UNUSABLE
+from flowsculpt.render.base.atomic_write import atomic_write
+from flowsculpt.render.base.render_errors import MachineError
+from flowsculpt.render.base.root_files import remove
+from flowsculpt.render.base.state_files import UNUSABLE
 
 SECONDS = 10.0
 """Least time between two checkpoints: a frame that takes less has none and pays nothing."""

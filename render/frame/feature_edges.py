@@ -12,7 +12,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.kernel_cache import compiled
+from flowsculpt.render.base.kernel_cache import compiled
 
 Feature = NDArray[np.float32]
 

@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.kernel_cache import compiled
+from flowsculpt.render.base.kernel_cache import compiled
 
 Picture = NDArray[np.float64]
 

@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.work_clock import Timing, WorkClock
-from render.frame.accumulator import Accumulator
-from render.frame.batch_schedule import (
+from flowsculpt.render.base.work_clock import Timing, WorkClock
+from flowsculpt.render.frame.accumulator import Accumulator
+from flowsculpt.render.frame.batch_schedule import (
     SampleBatch,
     affordable_motion_samples,
     batch_schedule,
@@ -27,15 +27,15 @@ from render.frame.batch_schedule import (
     seed_of,
     traced_rounds,
 )
-from render.frame.checkpoint import Checkpoint
-from render.frame.tiles import Picture, PixelNumbers
-from render.mitsuba.engine import Engine
-from render.mitsuba.mitsuba_scene import FrameScenes, build_scene, has_path_tracer
-from render.scene.aovs import Pixels, RenderedFrame, stage_motion, vertex_attributes
-from render.scene.render_quality import Quality
-from render.scene.rgb_spaces import LUMA
-from render.scene.scene import MotionSample, Scene
-from render.scene.surface import Surface
+from flowsculpt.render.frame.checkpoint import Checkpoint
+from flowsculpt.render.frame.tiles import Picture, PixelNumbers
+from flowsculpt.render.mitsuba.engine import Engine
+from flowsculpt.render.mitsuba.mitsuba_scene import FrameScenes, build_scene, has_path_tracer
+from flowsculpt.render.scene.aovs import Pixels, RenderedFrame, stage_motion, vertex_attributes
+from flowsculpt.render.scene.render_quality import Quality
+from flowsculpt.render.scene.rgb_spaces import LUMA
+from flowsculpt.render.scene.scene import MotionSample, Scene
+from flowsculpt.render.scene.surface import Surface
 
 
 def render_frame(

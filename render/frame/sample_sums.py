@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.kernel_cache import compiled
+from flowsculpt.render.base.kernel_cache import compiled
 
 _ALL_PIXELS = np.empty(0, np.int64)
 

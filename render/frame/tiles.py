@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from render.scene.render_quality import Quality
+from flowsculpt.render.scene.render_quality import Quality
 
 TILE = 8
 """Pixels along the side of a tile. Smaller ones follow outlines more closely, where most noise is left after

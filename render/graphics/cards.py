@@ -14,11 +14,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.plural import plural
-from render.base.render_errors import BadInputError
-from render.base.serialise import Triple
-from render.graphics.typesetting import cut_short, fit_size, line, wrap, write
-from render.scene.render_camera import Projection, pixel_places
+from flowsculpt.render.base.plural import plural
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.base.serialise import Triple
+from flowsculpt.render.graphics.typesetting import cut_short, fit_size, line, wrap, write
+from flowsculpt.render.scene.render_camera import Projection, pixel_places
 
 Floats = NDArray[np.float32]
 

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.render_errors import BadInputError
-from render.graphics.typesetting import cut_short, line, write
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.graphics.typesetting import cut_short, line, write
 
 Caption = tuple[tuple[str, str], ...]  # lines below a picture: a name in quiet ink and a value in bright ink
 

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.atomic_write import atomic_write
-from render.base.render_errors import BadInputError
+from flowsculpt.render.base.atomic_write import atomic_write
+from flowsculpt.render.base.render_errors import BadInputError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -1,6 +1,6 @@
 """three.js, which draws meshes on pages, and which set-up fetches.
 
-    python -m render.graphics.three_js    fetch it, unless it is installed
+    python -m flowsculpt.render.graphics.three_js    fetch it, unless it is installed
 
 The package `nicegui` ships it as one file, with its controls; `three_js.txt` beside this module pins the
 release by its hash. Only this file of the package is kept.
@@ -16,15 +16,15 @@ import tempfile
 from importlib.util import find_spec
 from pathlib import Path
 
-from render.base import python_process
-from render.base.atomic_write import atomic_write
-from render.base.render_errors import MachineError
+from flowsculpt.render.base import python_process
+from flowsculpt.render.base.atomic_write import atomic_write
+from flowsculpt.render.base.render_errors import MachineError
 
 REQUIREMENTS = Path(__file__).with_name("three_js.txt")
 
 PACKED = Path("nicegui", "elements", "scene", "dist", "index.js")  # the path of three.js in the package
 
-FETCH = python_process.command_line("render.graphics.three_js")
+FETCH = python_process.command_line("flowsculpt.render.graphics.three_js")
 
 
 def three_js() -> str | None:

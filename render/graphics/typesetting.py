@@ -16,8 +16,8 @@ import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
-from render.base.render_errors import BadInputError, suggestion
-from render.base.serialise import Triple
+from flowsculpt.render.base.render_errors import BadInputError, suggestion
+from flowsculpt.render.base.serialise import Triple
 
 Floats = NDArray[np.float32]
 

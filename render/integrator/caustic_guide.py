@@ -18,8 +18,8 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.aligned_array import aligned_columns
-from render.integrator.photons import Photons
+from flowsculpt.render.base.aligned_array import aligned_columns
+from flowsculpt.render.integrator.photons import Photons
 
 LEVELS = (1, 2, 4, 8)
 """Widths of cells, in those of the finest. A place belongs to the finest cell that has enough photons."""

@@ -3,8 +3,8 @@
 From a matt surface few directions lead by way of mirrors or glass to the sun or a softbox. From these all do,
 so such light is found from that end: photons go from the emitter to the first matt surface, and from there to
 the lens (light tracing by Arvo, *Backward ray tracing*, 1986; with importance, Veach 1997). Their picture is
-added to that of the paths, which leave out the same light (`render.integrator.path`). Caustics seen in
-mirrors or through glass are left to the paths.
+added to that of the paths, which leave out the same light (`flowsculpt.render.integrator.path`). Caustics
+seen in mirrors or through glass are left to the paths.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.aligned_array import aligned_columns, components
-from render.integrator.cut_outs import UnseenLights
-from render.integrator.light_sampler import Cone, LightSource, emitter_of
-from render.integrator.photons import (
+from flowsculpt.render.base.aligned_array import aligned_columns, components
+from flowsculpt.render.integrator.cut_outs import UnseenLights
+from flowsculpt.render.integrator.light_sampler import Cone, LightSource, emitter_of
+from flowsculpt.render.integrator.photons import (
     CausticSun,
     Landed,
     Photons,
@@ -32,7 +32,7 @@ from render.integrator.photons import (
     followed,
     photon_count,
 )
-from render.integrator.scene_emitters import EmitterGroups
+from flowsculpt.render.integrator.scene_emitters import EmitterGroups
 
 SAMPLES_PER_PHOTON = 4
 """Camera paths for each photon, which costs half as much as one."""
@@ -52,7 +52,7 @@ def can_draw(scene: Any, sources: Sequence[LightSource]) -> bool:
     glass are, but no rough glass.
 
     Rough glass gives back the light that it would lose, by the direction of the path
-    (`render.mitsuba.custom_plugins`).
+    (`flowsculpt.render.mitsuba.custom_plugins`).
     """
     bsdfs = [shape.bsdf() for shape in casters(scene)]
     is_rough = any(mi.has_flag(bsdf.flags(), mi.BSDFFlags.GlossyTransmission) for bsdf in bsdfs)

@@ -19,13 +19,13 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.aligned_array import components
-from render.base.serialise import Triple
-from render.integrator.cut_outs import UnseenLights
-from render.integrator.path import camera_vertex
-from render.integrator.path_tracer import film_pixels
-from render.integrator.sampler import DIRECTION, LOBE, OwenSampler
-from render.scene.aovs import COPY
+from flowsculpt.render.base.aligned_array import components
+from flowsculpt.render.base.serialise import Triple
+from flowsculpt.render.integrator.cut_outs import UnseenLights
+from flowsculpt.render.integrator.path import camera_vertex
+from flowsculpt.render.integrator.path_tracer import film_pixels
+from flowsculpt.render.integrator.sampler import DIRECTION, LOBE, OwenSampler
+from flowsculpt.render.scene.aovs import COPY
 
 MAX_FOLLOWED = 8
 """Most smooth surfaces that a path passes; beyond, the albedo is what they let through."""

@@ -23,10 +23,10 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.serialise import Triple
-from render.integrator.scene_emitters import emitter_pointers
-from render.scene.scene_lights import SampledEmitter
-from render.scene.sky import Daylight
+from flowsculpt.render.base.serialise import Triple
+from flowsculpt.render.integrator.scene_emitters import emitter_pointers
+from flowsculpt.render.scene.scene_lights import SampledEmitter
+from flowsculpt.render.scene.sky import Daylight
 
 UNIFORM_FRACTION = 0.1
 """Fraction of the probability that is the same for all emitters."""

@@ -2,8 +2,8 @@
 
 Path tracing with next event estimation and multiple importance sampling (Veach 1997). Until a path has left
 two matt surfaces all emitters are sampled, later one at each vertex. Some paths that leave a matt surface are
-guided to caustics (`render.integrator.caustic_guide`), or leave these to photons
-(`render.integrator.caustic_picture`). Faint paths end by Russian roulette.
+guided to caustics (`flowsculpt.render.integrator.caustic_guide`), or leave these to photons
+(`flowsculpt.render.integrator.caustic_picture`). Faint paths end by Russian roulette.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import drjit as dr
 import mitsuba as mi
 
-from render.integrator.caustic_guide import GuidedBsdf
-from render.integrator.cut_outs import CutOuts
-from render.integrator.light_sampler import LightSample
-from render.integrator.sampler import (
+from flowsculpt.render.integrator.caustic_guide import GuidedBsdf
+from flowsculpt.render.integrator.cut_outs import CutOuts
+from flowsculpt.render.integrator.light_sampler import LightSample
+from flowsculpt.render.integrator.sampler import (
     DIRECTION,
     EMITTER_CHOICE,
     EMITTER_POSITION,
@@ -25,10 +25,10 @@ from render.integrator.sampler import (
     PIXEL,
     OwenSampler,
 )
-from render.integrator.subsurface_paths import random_bits
+from flowsculpt.render.integrator.subsurface_paths import random_bits
 
 if TYPE_CHECKING:
-    from render.integrator.path_tracer import PathTracer
+    from flowsculpt.render.integrator.path_tracer import PathTracer
 
 MAX_SAMPLED_TOGETHER, ALL_SAMPLED_VERTICES = 6, 2
 """Most emitters that are all sampled at the first vertices of a path, and the number of matt surfaces among

@@ -1,10 +1,10 @@
 """The path tracer: sums of the samples of each pixel, in code that Dr.Jit compiles.
 
 It computes the same light as Mitsuba's `path` with less noise: random numbers continue one sequence from
-batch to batch (`render.integrator.sampler`), emitters are chosen by their irradiance
-(`render.integrator.light_sampler`), and at the first vertices all of them are sampled
-(`render.integrator.path`). The samples of a pixel are taken one after the other, so that sums have a fixed
-order.
+batch to batch (`flowsculpt.render.integrator.sampler`), emitters are chosen by their irradiance
+(`flowsculpt.render.integrator.light_sampler`), and at the first vertices all of them are sampled
+(`flowsculpt.render.integrator.path`). The samples of a pixel are taken one after the other, so that sums have
+a fixed order.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.aligned_array import aligned, aligned_columns
-from render.integrator.cut_outs import UnseenLights
-from render.integrator.light_sampler import LightSampler
-from render.integrator.path import camera_vertex, trace
-from render.integrator.sampler import OwenSampler
-from render.integrator.scene_emitters import EmitterGroups
-from render.integrator.subsurface_paths import SubsurfaceWalk, SubsurfaceWalks
+from flowsculpt.render.base.aligned_array import aligned, aligned_columns
+from flowsculpt.render.integrator.cut_outs import UnseenLights
+from flowsculpt.render.integrator.light_sampler import LightSampler
+from flowsculpt.render.integrator.path import camera_vertex, trace
+from flowsculpt.render.integrator.sampler import OwenSampler
+from flowsculpt.render.integrator.scene_emitters import EmitterGroups
+from flowsculpt.render.integrator.subsurface_paths import SubsurfaceWalk, SubsurfaceWalks
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,9 +19,9 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.aligned_array import components
-from render.base.serialise import Triple
-from render.integrator.light_sampler import LightSampler, LightSource
+from flowsculpt.render.base.aligned_array import components
+from flowsculpt.render.base.serialise import Triple
+from flowsculpt.render.integrator.light_sampler import LightSampler, LightSource
 
 SEED = 1990
 """Seed of the photons' random numbers, the same for all frames."""

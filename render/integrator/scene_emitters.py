@@ -13,7 +13,7 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
-from render.scene.scene_lights import SunDisc
+from flowsculpt.render.scene.scene_lights import SunDisc
 
 
 def emitter_pointers(scene: Any, names: Iterable[str]) -> list[Any]:

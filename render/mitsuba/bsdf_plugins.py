@@ -16,15 +16,15 @@ from typing import Any
 
 import numpy as np
 
-from render.base import python_process
-from render.base.render_errors import BadInputError
-from render.base.user_cache import cache_path, load_answer, store_answer
-from render.mitsuba.engine import Engine
-from render.mitsuba.texture_coordinates import TextureCoordinates, bitmap, to_uv
-from render.scene.materials.mitsuba_bsdf import Bsdf, Plain
-from render.scene.picture_file import Pixels
-from render.scene.texture_projection import TextureProjection
-from render.scene.textures import Texture
+from flowsculpt.render.base import python_process
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.base.user_cache import cache_path, load_answer, store_answer
+from flowsculpt.render.mitsuba.engine import Engine
+from flowsculpt.render.mitsuba.texture_coordinates import TextureCoordinates, bitmap, to_uv
+from flowsculpt.render.scene.materials.mitsuba_bsdf import Bsdf, Plain
+from flowsculpt.render.scene.picture_file import Pixels
+from flowsculpt.render.scene.texture_projection import TextureProjection
+from flowsculpt.render.scene.textures import Texture
 
 TIMEOUT = 60.0
 """Seconds that Mitsuba may take to check a material."""
@@ -115,7 +115,7 @@ def _ask_process(bsdf: Bsdf) -> Any:
     question = json.dumps({"text": bsdf.text, "files": [file.path for file in bsdf.files]})
     try:
         done = subprocess.run(
-            python_process.command("render.mitsuba.bsdf_plugins"),
+            python_process.command("flowsculpt.render.mitsuba.bsdf_plugins"),
             input=question,
             env=python_process.environment(),
             capture_output=True,

@@ -18,10 +18,12 @@ interpolate, so that highlights show no triangles.
 
 The surface over subsurface scattering is a BSDF that lets light in where the body would reflect it. The path
 tracer takes a sample of DiffuseTransmission as the start of a random walk
-(`render.integrator.subsurface_paths`). In the scalar variant, without our path tracer, the body reflects.
+(`flowsculpt.render.integrator.subsurface_paths`). In the scalar variant, without our path tracer, the body
+reflects.
 
 Mitsuba's normal maps take tangents that are constant on each triangle and cannot be mirrored. Ours are turned
-to the tangents that vertices have (`render.mitsuba.texture_coordinates`) before its `normalmap` reads them.
+to the tangents that vertices have (`flowsculpt.render.mitsuba.texture_coordinates`) before its `normalmap`
+reads them.
 
 The sensor of wide cameras is there since Mitsuba has no fisheye and no stereo camera.
 """
@@ -37,10 +39,10 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from render.mitsuba.loading import RATE
-from render.mitsuba.texture_coordinates import MIRRORED, SCRATCH_TANGENT, TEXTURE_TANGENT
-from render.scene.materials import Glass
-from render.scene.render_camera import Projection
+from flowsculpt.render.mitsuba.loading import RATE
+from flowsculpt.render.mitsuba.texture_coordinates import MIRRORED, SCRATCH_TANGENT, TEXTURE_TANGENT
+from flowsculpt.render.scene.materials import Glass
+from flowsculpt.render.scene.render_camera import Projection
 
 BRUSHED, SUBSURFACE = "flowsculpt_brushed", "flowsculpt_subsurface"
 """Names of BSDFs: brushed metal around a nested `metal`, subsurface scattering in a nested `body`."""

@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.serialise import Triple
-from render.mitsuba.engine import is_compiled
-from render.mitsuba.loading import load_part
-from render.scene.render_camera import unit
-from render.scene.rgb_spaces import LUMA, REC709, converted_pixels
-from render.scene.scene import Scene
-from render.scene.scene_lights import BACKGROUND, LightRig, Sky, Softbox, Sun, SunDisc
-from render.scene.sky import Daylight, Environment
+from flowsculpt.render.base.serialise import Triple
+from flowsculpt.render.mitsuba.engine import is_compiled
+from flowsculpt.render.mitsuba.loading import load_part
+from flowsculpt.render.scene.render_camera import unit
+from flowsculpt.render.scene.rgb_spaces import LUMA, REC709, converted_pixels
+from flowsculpt.render.scene.scene import Scene
+from flowsculpt.render.scene.scene_lights import BACKGROUND, LightRig, Sky, Softbox, Sun, SunDisc
+from flowsculpt.render.scene.sky import Daylight, Environment
 
 _SUN_AT_60 = 1.45
 """Luminous irradiance of a surface that faces a sun at 60° elevation, in Mitsuba's units."""

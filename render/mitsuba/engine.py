@@ -19,11 +19,11 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from render.base import python_process
-from render.base.render_errors import BadInputError, MachineError
-from render.base.user_cache import cache_path, intruder, load_answer, store_answer, writable_cache
-from render.mitsuba import llvm
-from render.mitsuba.llvm import LibLlvm
+from flowsculpt.render.base import python_process
+from flowsculpt.render.base.render_errors import BadInputError, MachineError
+from flowsculpt.render.base.user_cache import cache_path, intruder, load_answer, store_answer, writable_cache
+from flowsculpt.render.mitsuba import llvm
+from flowsculpt.render.mitsuba.llvm import LibLlvm
 
 DEFAULT_ORDER = ("llvm_ad_rgb", "scalar_rgb")
 GPU_VARIANTS = ("cuda_ad_rgb", "metal_ad_rgb")
@@ -138,7 +138,7 @@ def working_llvm() -> LibLlvm | None:
 def provide_llvm() -> None:
     """Fetch a libLLVM where none works and one can be had. Never fails: rendering works without.
 
-    Set-up runs it: ``python -m render.mitsuba.engine``.
+    Set-up runs it: ``python -m flowsculpt.render.mitsuba.engine``.
     """
     folder = llvm.provisioned_folder()
     try:
@@ -203,8 +203,9 @@ def _faster(variant: str) -> str:
     if variant != "scalar_rgb":
         return ""
     return (
-        f"a libLLVM of version {llvm.OLDEST_VERSION} or later, about twice: `python -m "
-        f"render.mitsuba.engine` on Debian and Ubuntu, else install it and set {llvm.ENVIRONMENT_NAME}"
+        f"a libLLVM of version {llvm.OLDEST_VERSION} or later, about twice: "
+        f"`python -m flowsculpt.render.mitsuba.engine` on Debian and Ubuntu, else install it and set "
+        f"{llvm.ENVIRONMENT_NAME}"
     )
 
 
@@ -213,7 +214,7 @@ def _probe(variant: str, library: LibLlvm | None) -> bool | None:
     files = [library.path, *library.dependencies] if library is not None else []
     try:
         done = subprocess.run(
-            python_process.command("render.mitsuba.engine", variant, *map(str, files)),
+            python_process.command("flowsculpt.render.mitsuba.engine", variant, *map(str, files)),
             env=python_process.environment(),
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,

@@ -19,7 +19,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from render.base.render_errors import MachineError
+from flowsculpt.render.base.render_errors import MachineError
 
 OLDEST_VERSION = 17
 ENVIRONMENT_NAME = "DRJIT_LIBLLVM_PATH"

@@ -9,10 +9,10 @@ import json
 from functools import lru_cache
 from typing import Any
 
-from render.mitsuba.engine import is_compiled
+from flowsculpt.render.mitsuba.engine import is_compiled
 
 RATE = "absorption_rate"
-"""Name of the parameter of our absorption (`render.mitsuba.custom_plugins`)."""
+"""Name of the parameter of our absorption (`flowsculpt.render.mitsuba.custom_plugins`)."""
 
 _CHANGING = (
     *("to_world", "medium.scale", RATE, "aperture_radius", "focus_distance"),

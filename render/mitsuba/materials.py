@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.render_errors import BadInputError
-from render.mitsuba import bsdf_plugins as bsdf
-from render.mitsuba.engine import is_compiled
-from render.mitsuba.texture_coordinates import MIRRORED, TextureCoordinates, bitmap
-from render.scene.materials import (
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.mitsuba import bsdf_plugins as bsdf
+from flowsculpt.render.mitsuba.engine import is_compiled
+from flowsculpt.render.mitsuba.texture_coordinates import MIRRORED, TextureCoordinates, bitmap
+from flowsculpt.render.scene.materials import (
     BrushedMetal,
     Diffuse,
     Glass,
@@ -27,9 +27,9 @@ from render.scene.materials import (
     Satin,
     Smoke,
 )
-from render.scene.painted_faces import material_weight
-from render.scene.patterns import Measure, Pigment
-from render.scene.textures import REPEATED
+from flowsculpt.render.scene.painted_faces import material_weight
+from flowsculpt.render.scene.patterns import Measure, Pigment
+from flowsculpt.render.scene.textures import REPEATED
 
 Description = dict[str, Any]
 
@@ -64,7 +64,7 @@ def surface_bsdf(
             colour = _colour(material, attributes, coordinates)
             opaque = _opaque(material, colour, coordinates)
             if isinstance(material, Diffuse | Plastic) and material.subsurface is not None and is_compiled():
-                from render.mitsuba.custom_plugins import SUBSURFACE  # needs a compiled variant
+                from flowsculpt.render.mitsuba.custom_plugins import SUBSURFACE  # needs a compiled variant
 
                 opaque = {"type": SUBSURFACE, "body": opaque, "has_coat": isinstance(material, Plastic)}
             if isinstance(material, Diffuse | Glossy) and material.relief is not None:
@@ -72,7 +72,9 @@ def surface_bsdf(
                 height = bitmap(relief.texture.numbers(), coordinates, material.projection)
                 opaque = {"type": "bumpmap", "relief": height, "scale": relief.height, "material": opaque}
             if material.pigment is not None and material.pigment.heights and is_compiled():
-                from render.mitsuba.pattern_textures import relief_normals  # needs a compiled variant
+                from flowsculpt.render.mitsuba.pattern_textures import (
+                    relief_normals,  # needs a compiled variant
+                )
 
                 normals = relief_normals(material.pigment)
                 return {"type": "normalmap", "normalmap": normals, "body": two_sided(opaque)}
@@ -99,7 +101,7 @@ def _painted(painted: Painted, attributes: Collection[str], coordinates: Texture
             second = _opaque(part, _colour(part, attributes, coordinates), coordinates)
             whole = _blend(name, whole, second)
         return whole
-    from render.mitsuba.custom_plugins import PAINTED  # needs a compiled variant
+    from flowsculpt.render.mitsuba.custom_plugins import PAINTED  # needs a compiled variant
 
     def of_each(value: Callable[[PatternedMaterial], Any]) -> Description:
         return {"type": PAINTED, "otherwise": value(first), **{name: value(p) for name, p in shown.items()}}
@@ -141,7 +143,7 @@ def _with_normals(
         return body
 
     if is_compiled():
-        from render.mitsuba.custom_plugins import NORMALS, PAINTED  # needs a compiled variant
+        from flowsculpt.render.mitsuba.custom_plugins import NORMALS, PAINTED  # needs a compiled variant
 
         def mapped(part: PatternedMaterial) -> Description:
             if (normals := part.normal_texture) is None:
@@ -183,7 +185,7 @@ def opacity_texture(
     material: Material, attributes: Collection[str], coordinates: TextureCoordinates
 ) -> Description:
     """Return the texture of the fractions that are there of a surface with holes."""
-    from render.mitsuba.custom_plugins import PAINTED  # needs a compiled variant
+    from flowsculpt.render.mitsuba.custom_plugins import PAINTED  # needs a compiled variant
 
     def fractions(part: PatternedMaterial) -> Description:
         whole, held = np.ones((1, 1, 1), np.float32), part.opacity
@@ -218,7 +220,7 @@ def _glass(glass: Glass, size: float) -> Description:
     clear = {**surface, "int_ior": glass.refraction, "specular_transmittance": _rgb(glass.colour)}
     if not (glass.absorption or glass.is_rough) or not is_compiled():
         return clear
-    from render.mitsuba.custom_plugins import absorbing_textures  # needs a compiled variant
+    from flowsculpt.render.mitsuba.custom_plugins import absorbing_textures  # needs a compiled variant
 
     return {**clear, **absorbing_textures(glass, size)}
 
@@ -243,7 +245,7 @@ def _brushed(material: BrushedMetal, roughness: float) -> dict[str, Any]:
     }
     if not is_compiled():
         return metal
-    from render.mitsuba.custom_plugins import BRUSHED  # needs a compiled variant
+    from flowsculpt.render.mitsuba.custom_plugins import BRUSHED  # needs a compiled variant
 
     return {"type": BRUSHED, "metal": metal}
 
@@ -346,7 +348,7 @@ def _colour(
         wrap = material.colour_texture.wrap
         return bitmap(material.colour_pixels(), coordinates, material.projection, wrap)
     if material.pigment is not None and is_compiled():
-        from render.mitsuba.pattern_textures import pattern_texture  # needs a compiled variant
+        from flowsculpt.render.mitsuba.pattern_textures import pattern_texture  # needs a compiled variant
 
         return pattern_texture(material.pigment)
     if material.pattern is not None:
@@ -405,7 +407,7 @@ def _opaque(material: PatternedMaterial, colour: Description, coordinates: Textu
 def _roughness(material: Glossy, coordinates: TextureCoordinates, is_squared: bool = False) -> Any:
     """Return a number or a texture. is_squared: True for Mitsuba's principled BSDF, which squares it"""
     if material.pigment is not None and material.pigment.roughness:
-        from render.mitsuba.pattern_textures import pattern_texture  # needs a compiled variant
+        from flowsculpt.render.mitsuba.pattern_textures import pattern_texture  # needs a compiled variant
 
         return pattern_texture(material.pigment, "roughness", is_squared)
     if material.roughness_texture is None:

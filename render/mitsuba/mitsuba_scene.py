@@ -1,4 +1,4 @@
-"""Build and render Mitsuba scenes. Needs a started engine (`render.mitsuba.engine.Engine.start`)."""
+"""Build and render Mitsuba scenes. Needs an engine that was started (`Engine.start`)."""
 
 from __future__ import annotations
 
@@ -9,26 +9,25 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.render_errors import BadInputError
-from render.mitsuba import emitters, materials
-from render.mitsuba.engine import is_compiled
-from render.mitsuba.loading import forget_other_scenes, load_part, load_scene
-from render.mitsuba.sensor import sensor
-from render.mitsuba.shapes import auxiliary_stage_shapes, gouraud_shapes, mesh, stage_shapes
-from render.mitsuba.texture_coordinates import SUBJECT, texture_coordinates
-from render.scene.aovs import VERTEX_AOVS
-from render.scene.render_quality import Quality
-from render.scene.scene import Scene
-from render.scene.scene_lights import LightRig
-from render.scene.surface import Surface, require_camera_outside, ribbons
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.mitsuba import emitters, materials
+from flowsculpt.render.mitsuba.engine import is_compiled
+from flowsculpt.render.mitsuba.loading import forget_other_scenes, load_part, load_scene
+from flowsculpt.render.mitsuba.sensor import sensor
+from flowsculpt.render.mitsuba.shapes import auxiliary_stage_shapes, gouraud_shapes, mesh, stage_shapes
+from flowsculpt.render.mitsuba.texture_coordinates import SUBJECT, texture_coordinates
+from flowsculpt.render.scene.aovs import VERTEX_AOVS
+from flowsculpt.render.scene.render_quality import Quality
+from flowsculpt.render.scene.scene import Scene
+from flowsculpt.render.scene.scene_lights import LightRig
+from flowsculpt.render.scene.surface import Surface, require_camera_outside, ribbons
 
 
 @dataclass(frozen=True, eq=False)
 class SceneRenderer:
     """A Mitsuba scene and an integrator.
 
-    path_tracer  a `render.integrator.path_tracer.PathTracer` of the scene that replaces the integrator, or
-                 None
+    path_tracer  a `PathTracer` of the scene that replaces the integrator, or None
     groups       without a path tracer, the scenes in which one light group alone shines, each with an
                  integrator; None for the group of what the lens sees of the sky, which is what others leave
     """
@@ -60,9 +59,9 @@ class FrameScenes:
     """The renderers of one frame.
 
     beauty    light; Mitsuba's integrators, which follow it where there is no path tracer, add its moments
-    features  the tracer of auxiliary features: `render.integrator.feature_tracer.FeatureTracer` or
+    features  the tracer of auxiliary features: `flowsculpt.render.integrator.feature_tracer.FeatureTracer` or
               `MitsubaFeatures`
-    copies    a `render.integrator.feature_tracer.CopyTracer`, or None where copies are not told apart
+    copies    a `CopyTracer`, or None where copies are not told apart
     """
 
     beauty: SceneRenderer
@@ -129,7 +128,7 @@ def _lit(
     lit = load_scene({**unlit, **emitters.emitters(lights, to_scene)})
     path, cut_outs = _path_integrator(scene, quality), None
     if has_path_tracer(scene, quality):
-        from render.mitsuba import tracers  # needs the variant
+        from flowsculpt.render.mitsuba import tracers  # needs the variant
 
         cut_outs, unseen = (
             tracers.surfaces_with_holes(lit, fractions),
@@ -149,7 +148,7 @@ def _lit(
         groups, copies = _group_renderers(unlit, path, lights, to_scene), None
         beauty = SceneRenderer(lit, _moment_integrator(path), groups=tuple(groups))
     if is_compiled():
-        from render.mitsuba import tracers
+        from flowsculpt.render.mitsuba import tracers
 
         unseen, follows = tracers.unseen_lights(lit, path, scene, size), path["type"] == "path"
         attributes = _vertex_aovs(scene, aovs)

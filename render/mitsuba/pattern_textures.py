@@ -2,9 +2,9 @@
 
 Importing this imports Mitsuba, so an engine of a compiled variant must have been started. The vertices of the
 surface have their rest positions as an attribute, which faces interpolate; the pattern there is that of
-`render.scene.noise`, in single precision. Relief needs the gradient of the height over the present surface:
-vertices also have the rows of the matrix by which steps on that surface become steps at rest, the mean over
-their faces.
+`flowsculpt.render.scene.noise`, in single precision. Relief needs the gradient of the height over the present
+surface: vertices also have the rows of the matrix by which steps on that surface become steps at rest, the
+mean over their faces.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from render.scene import noise
-from render.scene.patterns import CELLS, OUTSIDE, TEXELS, Pigment, in_ramp
-from render.scene.surface import Surface
+from flowsculpt.render.scene import noise
+from flowsculpt.render.scene.patterns import CELLS, OUTSIDE, TEXELS, Pigment, in_ramp
+from flowsculpt.render.scene.surface import Surface
 
 PLACE = "pattern_place"
 """Name of the vertex attribute (V, 3) with rest positions."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from render.base.render_errors import BadInputError, MachineError
-from render.mitsuba.engine import is_compiled
-from render.scene.render_camera import Camera, WideCamera
-from render.scene.render_quality import Crop
+from flowsculpt.render.base.render_errors import BadInputError, MachineError
+from flowsculpt.render.mitsuba.engine import is_compiled
+from flowsculpt.render.scene.render_camera import Camera, WideCamera
+from flowsculpt.render.scene.render_quality import Crop
 
 
 def sensor(camera: Camera, size: tuple[int, int], crop: Crop | None = None) -> dict[str, Any]:
@@ -62,7 +62,7 @@ def _wide(camera: WideCamera) -> dict[str, Any]:
             f"projection {camera.wide.kind} needs a compiled variant, llvm_ad_rgb or cuda_ad_rgb, and this "
             "process renders with scalar_rgb; run `flowsculpt doctor`, or render in perspective"
         )
-    from render.mitsuba.custom_plugins import WIDE  # needs a compiled variant
+    from flowsculpt.render.mitsuba.custom_plugins import WIDE  # needs a compiled variant
 
     wide = camera.wide
     half = camera.eye_distance / 2.0

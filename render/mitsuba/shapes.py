@@ -9,16 +9,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.aligned_array import aligned
-from render.mitsuba.loading import load_bsdf
-from render.mitsuba.materials import diffuse, rough_conductor, rough_plastic, two_sided, vertex_attribute
-from render.mitsuba.texture_coordinates import SUBJECT, SURROUNDINGS
-from render.scene import reference_objects
-from render.scene.reference_objects import CHROME, GREY
-from render.scene.rgb_spaces import converted_pixels
-from render.scene.scene import Scene
-from render.scene.surface import Surface
-from render.scene.vertex_colours import shaded_colours
+from flowsculpt.render.base.aligned_array import aligned
+from flowsculpt.render.mitsuba.loading import load_bsdf
+from flowsculpt.render.mitsuba.materials import (
+    diffuse,
+    rough_conductor,
+    rough_plastic,
+    two_sided,
+    vertex_attribute,
+)
+from flowsculpt.render.mitsuba.texture_coordinates import SUBJECT, SURROUNDINGS
+from flowsculpt.render.scene import reference_objects
+from flowsculpt.render.scene.reference_objects import CHROME, GREY
+from flowsculpt.render.scene.rgb_spaces import converted_pixels
+from flowsculpt.render.scene.scene import Scene
+from flowsculpt.render.scene.surface import Surface
+from flowsculpt.render.scene.vertex_colours import shaded_colours
 
 BACKGROUND = ((0.012, 0.016, 0.10), (0.05, 0.05, 0.22), (0.42, 0.20, 0.34))
 """Colours behind the subject, from the top of the picture to the bottom."""
@@ -32,7 +38,7 @@ def mesh(
     """Return a mesh for a scene.
 
     material  a BSDF, or its description
-    uv        texture coordinates (V, 2), or (2,) for all; see `render.mitsuba.texture_coordinates`
+    uv        texture coordinates (V, 2), or (2,) for all; see `flowsculpt.render.mitsuba.texture_coordinates`
     medium    description of the medium inside, or None
     """
     import mitsuba as mi

@@ -27,14 +27,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.render_errors import BadInputError
-from render.mitsuba.engine import is_compiled
-from render.scene.materials import Material
-from render.scene.patterns import Pigment
-from render.scene.surface import Surface
-from render.scene.texture_projection import TextureProjection, project_texture
-from render.scene.textures import BLACK, MIRROR, REPEAT, REPEATED
-from render.scene.vertex_colours import vertex_phases
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.mitsuba.engine import is_compiled
+from flowsculpt.render.scene.materials import Material
+from flowsculpt.render.scene.patterns import Pigment
+from flowsculpt.render.scene.surface import Surface
+from flowsculpt.render.scene.texture_projection import TextureProjection, project_texture
+from flowsculpt.render.scene.textures import BLACK, MIRROR, REPEAT, REPEATED
+from flowsculpt.render.scene.vertex_colours import vertex_phases
 
 Floats = NDArray[np.float64]
 
@@ -80,7 +80,7 @@ def texture_coordinates(surface: Surface, material: Material) -> tuple[Surface, 
     pigment = material.pattern
     if isinstance(pigment, Pigment):
         if is_compiled():
-            from render.mitsuba.pattern_textures import with_places  # needs a compiled variant
+            from flowsculpt.render.mitsuba.pattern_textures import with_places  # needs a compiled variant
 
             sampled = with_places(surface, pigment)
             return sampled, TextureCoordinates(np.tile([0.0, SUBJECT], (len(surface.vertices), 1)))

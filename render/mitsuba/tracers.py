@@ -15,24 +15,24 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from render.integrator.caustic_guide import guide_of
-from render.integrator.caustic_picture import can_draw, caustic_picture
-from render.integrator.cut_outs import CutOuts, UnseenLights
-from render.integrator.feature_tracer import CopyTracer, FeatureTracer
-from render.integrator.light_sampler import LightSampler
-from render.integrator.path_tracer import PathTracer, ShadowCatcher
-from render.integrator.photons import CausticSun, photon_count, trace_photons
-from render.integrator.scene_emitters import EmitterGroups
-from render.integrator.subsurface_paths import SubsurfaceWalk, SubsurfaceWalks
-from render.mitsuba import emitters
-from render.mitsuba.loading import load_part, load_scene
-from render.mitsuba.sensor import sensor
-from render.mitsuba.shapes import stage_shapes
-from render.scene.aovs import COPY
-from render.scene.materials import MitsubaMaterial
-from render.scene.render_camera import WideCamera
-from render.scene.scene import Scene
-from render.scene.scene_lights import sampled_emitters
+from flowsculpt.render.integrator.caustic_guide import guide_of
+from flowsculpt.render.integrator.caustic_picture import can_draw, caustic_picture
+from flowsculpt.render.integrator.cut_outs import CutOuts, UnseenLights
+from flowsculpt.render.integrator.feature_tracer import CopyTracer, FeatureTracer
+from flowsculpt.render.integrator.light_sampler import LightSampler
+from flowsculpt.render.integrator.path_tracer import PathTracer, ShadowCatcher
+from flowsculpt.render.integrator.photons import CausticSun, photon_count, trace_photons
+from flowsculpt.render.integrator.scene_emitters import EmitterGroups
+from flowsculpt.render.integrator.subsurface_paths import SubsurfaceWalk, SubsurfaceWalks
+from flowsculpt.render.mitsuba import emitters
+from flowsculpt.render.mitsuba.loading import load_part, load_scene
+from flowsculpt.render.mitsuba.sensor import sensor
+from flowsculpt.render.mitsuba.shapes import stage_shapes
+from flowsculpt.render.scene.aovs import COPY
+from flowsculpt.render.scene.materials import MitsubaMaterial
+from flowsculpt.render.scene.render_camera import WideCamera
+from flowsculpt.render.scene.scene import Scene
+from flowsculpt.render.scene.scene_lights import sampled_emitters
 
 SAMPLES_PER_FACE = 30
 """Samples of a scene for each of its triangles from which on occluders pay: sorting a triangle takes as long

@@ -17,10 +17,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.input_files import require_input
-from render.base.limited_process import ParserError, answer_about_content, serve
-from render.base.render_errors import BadInputError
-from render.movie.movie_sound import (
+from flowsculpt.render.base.input_files import require_input
+from flowsculpt.render.base.limited_process import ParserError, answer_about_content, serve
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.movie.movie_sound import (
     MOST_BYTES,
     TIMED,
     SoundSource,
@@ -64,7 +64,7 @@ def band_level(file: Path, digest: str, low: float, high: float) -> BandLevel:
     require_input(file, MOST_BYTES)
     try:
         text = answer_about_content(
-            "render.movie.band_level", file, digest, "av", repr(low), repr(high), TIMED
+            "flowsculpt.render.movie.band_level", file, digest, "av", repr(low), repr(high), TIMED
         )
     except ParserError as error:
         raise unreadable(file, error) from None

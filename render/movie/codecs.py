@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from math import ceil
 
-from render.base.render_errors import BadInputError, shortened, suggestion
+from flowsculpt.render.base.render_errors import BadInputError, shortened, suggestion
 
 
 @dataclass(frozen=True)

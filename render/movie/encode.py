@@ -16,14 +16,14 @@ from typing import Any
 import av
 import imageio.v3 as iio
 
-from render.base.atomic_write import atomic_write
-from render.base.render_errors import BadInputError, MachineError
-from render.movie.codecs import Encode, require_size
-from render.movie.movie_frames import Frame, pad_to_even, require_frame, to_pixel_format
-from render.movie.movie_sound import AudioStream, Samples
-from render.movie.projection_tags import is_tagged, tag_movie
-from render.post.hdr import ContentLight
-from render.scene.render_camera import PERSPECTIVE, Projection
+from flowsculpt.render.base.atomic_write import atomic_write
+from flowsculpt.render.base.render_errors import BadInputError, MachineError
+from flowsculpt.render.movie.codecs import Encode, require_size
+from flowsculpt.render.movie.movie_frames import Frame, pad_to_even, require_frame, to_pixel_format
+from flowsculpt.render.movie.movie_sound import AudioStream, Samples
+from flowsculpt.render.movie.projection_tags import is_tagged, tag_movie
+from flowsculpt.render.post.hdr import ContentLight
+from flowsculpt.render.scene.render_camera import PERSPECTIVE, Projection
 
 _LIMITED, _FULL = 1, 2
 LOOPS = "Seamless loop: the first frame follows the last."
@@ -63,7 +63,7 @@ def write_movie(
 
     rate        frames per second
     timecode    of the first frame; empty for none
-    sound       blocks from `render.movie.movie_sound.blocks`; dropped where the file can hold no sound
+    sound       from `blocks` of `movie_sound`; dropped where the file can hold no sound
     projection  of the frames; the file is tagged with it where `projection_tags.is_tagged`
     loops       True if the first frame follows the last; the file's comment then says so
     light       of the frames, for an encode of PQ

@@ -11,9 +11,9 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.kernel_cache import compiled
-from render.base.render_errors import BadInputError
-from render.post.colour import dither_pattern
+from flowsculpt.render.base.kernel_cache import compiled
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.post.colour import dither_pattern
 
 Frame = NDArray[np.uint8] | NDArray[np.uint16]
 """A display frame (H, W, 3), or (H, W, 4) with coverage; uint8 counts 0 … 255, uint16 0 … 65535."""

@@ -15,10 +15,10 @@ import av
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.input_files import digest_of_file, require_input
-from render.base.limited_process import ParserError, answer_about_content, serve
-from render.base.render_errors import BadInputError, reason_of
-from render.movie.announced_sizes import WithCorrectedSizes, corrected_sizes
+from flowsculpt.render.base.input_files import digest_of_file, require_input
+from flowsculpt.render.base.limited_process import ParserError, answer_about_content, serve
+from flowsculpt.render.base.render_errors import BadInputError, reason_of
+from flowsculpt.render.movie.announced_sizes import WithCorrectedSizes, corrected_sizes
 
 RATE = 48_000  # samples per second, as film sound has
 BLOCK = 1024  # samples per block, as an AAC encoder takes them
@@ -152,7 +152,7 @@ def opened_sound(file: Path) -> Iterator[SoundSource]:
     """Open a sound file; yield the first stream of sound in it.
 
     imageio reads no files without pictures, so FFmpeg does. Raises ValueError where there is no sound in it,
-    or it was cut off, and errors of FFmpeg: call it in a process of its own (`render.base.limited_process`).
+    or it was cut off, and errors of FFmpeg: call it in a process of its own (`limited_process`).
     """
     sizes = corrected_sizes(file)
     with file.open("rb") as opened:
@@ -240,7 +240,9 @@ def unreadable(file: Path, reason: object) -> BadInputError:
 def _measured(file: Path, _modified: int, _size: int) -> tuple[int, float]:
     """Return what `_counted` answers, asked once for each content."""
     try:
-        answer = answer_about_content("render.movie.movie_sound", file, digest_of_file(file), "av", TIMED)
+        answer = answer_about_content(
+            "flowsculpt.render.movie.movie_sound", file, digest_of_file(file), "av", TIMED
+        )
     except ParserError as error:
         raise unreadable(file, error) from None
     count, silence = answer.split()

@@ -9,7 +9,7 @@ from pathlib import Path
 import av
 import imageio.v3 as iio
 
-from render.base.render_errors import CorruptImageError, MissingImageError
+from flowsculpt.render.base.render_errors import CorruptImageError, MissingImageError
 
 _UNSPECIFIED = 2  # H.273 for a colour that is not specified
 

@@ -19,10 +19,10 @@ from typing import BinaryIO
 
 import av
 
-from render.base.atomic_write import atomic_write, cannot_write
-from render.base.render_errors import CorruptImageError
-from render.movie.codecs import MATROSKA
-from render.scene.render_camera import Projection
+from flowsculpt.render.base.atomic_write import atomic_write, cannot_write
+from flowsculpt.render.base.render_errors import CorruptImageError
+from flowsculpt.render.movie.codecs import MATROSKA
+from flowsculpt.render.scene.render_camera import Projection
 
 _FIXED_BYTES = {b"moov": 0, b"trak": 0, b"mdia": 0, b"minf": 0, b"stbl": 0, b"stsd": 8}
 """Kinds that hold boxes, and how many bytes of other content they have before them."""

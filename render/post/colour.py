@@ -16,13 +16,13 @@ import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
-from render.base.atomic_write import atomic_write
-from render.base.kernel_cache import compiled
-from render.base.render_errors import BadInputError, MachineError
-from render.base.user_cache import cache_path
-from render.post.hdr import HDR_DISPLAYS, hlg_of_nits, nits_of_pq
-from render.post.view import ACES, ColourView
-from render.scene.rgb_spaces import WORKING_SPACES
+from flowsculpt.render.base.atomic_write import atomic_write
+from flowsculpt.render.base.kernel_cache import compiled
+from flowsculpt.render.base.render_errors import BadInputError, MachineError
+from flowsculpt.render.base.user_cache import cache_path
+from flowsculpt.render.post.hdr import HDR_DISPLAYS, hlg_of_nits, nits_of_pq
+from flowsculpt.render.post.view import ACES, ColourView
+from flowsculpt.render.scene.rgb_spaces import WORKING_SPACES
 
 Floats = NDArray[np.float32]
 

@@ -20,10 +20,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from render.post.exr_names import cryptomatte_label
-from render.scene.aovs import COPIES, COVERAGE, MOST_RANKS, Pixels, RenderedFrame
-from render.scene.render_camera import Camera, pixel_places
-from render.scene.scene_stage import Stage, StagePlacement
+from flowsculpt.render.post.exr_names import cryptomatte_label
+from flowsculpt.render.scene.aovs import COPIES, COVERAGE, MOST_RANKS, Pixels, RenderedFrame
+from flowsculpt.render.scene.render_camera import Camera, pixel_places
+from flowsculpt.render.scene.scene_stage import Stage, StagePlacement
 
 Doubles = NDArray[np.float64]
 

@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.render_errors import MachineError
-from render.post.temporal_denoise import DenoisedFrame, removed_noise, temporal_denoise
-from render.scene.aovs import DENOISER, RenderedFrame
-from render.scene.render_camera import Camera, Projection
-from render.scene.scene_lights import groups_in, light_layers
-from render.scene.scene_stage import StagePlacement
+from flowsculpt.render.base.render_errors import MachineError
+from flowsculpt.render.post.temporal_denoise import DenoisedFrame, removed_noise, temporal_denoise
+from flowsculpt.render.scene.aovs import DENOISER, RenderedFrame
+from flowsculpt.render.scene.render_camera import Camera, Projection
+from flowsculpt.render.scene.scene_lights import groups_in, light_layers
+from flowsculpt.render.scene.scene_stage import StagePlacement
 
 Pixels = NDArray[np.float32]
 

@@ -14,9 +14,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from render.post.image import jpeg_bytes
-from render.scene.rgb_spaces import srgb_of_linear
-from render.scene.textures import BLACK, REPEATED, Texture, read_picture
+from flowsculpt.render.post.image import jpeg_bytes
+from flowsculpt.render.scene.rgb_spaces import srgb_of_linear
+from flowsculpt.render.scene.textures import BLACK, REPEATED, Texture, read_picture
 
 Levels = NDArray[np.uint8]
 

@@ -16,10 +16,10 @@ import numpy as np
 import OpenEXR
 from numpy.typing import NDArray
 
-from render.base.render_errors import BadInputError
-from render.scene.aovs import AOVS, COMPUTED, COVERAGE
-from render.scene.render_camera import Camera
-from render.scene.scene_lights import PREFIX
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.scene.aovs import AOVS, COMPUTED, COVERAGE
+from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.scene_lights import PREFIX
 
 CRYPTO = "Crypto"  # the beginning of the names of all cryptomatte layers
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.kernel_cache import compiled
+from flowsculpt.render.base.kernel_cache import compiled
 
 _LEAST_NORMAL = np.uint32(0x38800000)
 """Bits of the float32 2⁻¹⁴: smaller half floats are multiples of 2⁻²⁴."""

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from render.scene.rgb_spaces import WorkingSpace
+from flowsculpt.render.scene.rgb_spaces import WorkingSpace
 
 HDR_DISPLAYS = ("pq", "hlg")
 

@@ -20,14 +20,14 @@ import OpenEXR
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
-from render.base.atomic_write import atomic_write, cannot_write, machine_error
-from render.base.input_files import copied_to_memory
-from render.base.render_errors import BadInputError, CorruptImageError, MissingImageError
-from render.post.exr_names import CRYPTO, ExrAttributes, channels_of
-from render.scene.aovs import AOVS, COMPUTED, COPIES, Pixels, RenderedFrame
-from render.scene.picture_file import last_message
-from render.scene.render_camera import PERSPECTIVE, Projection
-from render.scene.rgb_spaces import REC709, WORKING_SPACES
+from flowsculpt.render.base.atomic_write import atomic_write, cannot_write, machine_error
+from flowsculpt.render.base.input_files import copied_to_memory
+from flowsculpt.render.base.render_errors import BadInputError, CorruptImageError, MissingImageError
+from flowsculpt.render.post.exr_names import CRYPTO, ExrAttributes, channels_of
+from flowsculpt.render.scene.aovs import AOVS, COMPUTED, COPIES, Pixels, RenderedFrame
+from flowsculpt.render.scene.picture_file import last_message
+from flowsculpt.render.scene.render_camera import PERSPECTIVE, Projection
+from flowsculpt.render.scene.rgb_spaces import REC709, WORKING_SPACES
 
 T = TypeVar("T")
 
@@ -102,7 +102,7 @@ def write_exr(
 
 def _planes(array: Pixels, kind: str, factor: float) -> Iterator[NDArray[np.float16] | Pixels]:
     """Yield the channels (H, W) of a layer, times a factor, as they are stored."""
-    from render.post.half_floats import to_half  # numba, which reading a header does not need
+    from flowsculpt.render.post.half_floats import to_half  # numba, which reading a header does not need
 
     for plane in np.moveaxis(np.atleast_3d(array), 2, 0):
         values = np.multiply(plane, np.float32(factor), dtype=np.float32, order="C")
@@ -317,7 +317,9 @@ def _openexr_layers(
 
 def _joined(planes: Sequence[NDArray[Any]]) -> Pixels:
     """Return the channels (H, W) of a layer as one array, float32."""
-    from render.post.half_floats import fill_from_half  # numba, which reading a header does not need
+    from flowsculpt.render.post.half_floats import (
+        fill_from_half,  # numba, which reading a header does not need
+    )
 
     joined = np.empty((*planes[0].shape, len(planes)), np.float32)
     for place, plane in enumerate(planes):

@@ -18,9 +18,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.kernel_cache import compiled
-from render.scene.render_camera import Camera, pixel_places
-from render.scene.scene_stage import StagePlacement
+from flowsculpt.render.base.kernel_cache import compiled
+from flowsculpt.render.scene.render_camera import Camera, pixel_places
+from flowsculpt.render.scene.scene_stage import StagePlacement
 
 Floats = NDArray[np.float32]
 Halves = NDArray[np.float16] | NDArray[np.float32]

@@ -7,10 +7,10 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from render.base.limited_process import ParserError, answer_about_content, serve
-from render.base.render_errors import BadInputError, suggestion
-from render.scene.picture_file import DEFAULT_CONFIG
-from render.scene.rgb_spaces import REC709
+from flowsculpt.render.base.limited_process import ParserError, answer_about_content, serve
+from flowsculpt.render.base.render_errors import BadInputError, suggestion
+from flowsculpt.render.scene.picture_file import DEFAULT_CONFIG
+from flowsculpt.render.scene.rgb_spaces import REC709
 
 BUILT_IN = "ocio://"
 
@@ -123,7 +123,7 @@ def _read(config: str, digest: str) -> Any:
 
     if digest:
         try:
-            answer_about_content("render.post.view", Path(config), digest, "OpenImageIO")
+            answer_about_content("flowsculpt.render.post.view", Path(config), digest, "OpenImageIO")
         except ParserError as error:
             raise BadInputError(
                 f"{config}: it cannot be read as an OpenColorIO config ({error}); correct it, or name another"

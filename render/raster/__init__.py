@@ -6,7 +6,7 @@ them (or else the sun) casts a shadow. Stage and sky light the subject by direct
 floor is dark below it. The stage is seen through clear subjects.
 """
 
-from render.raster.preview import Edges, Preview, prepare, preview, wide_picture, with_lines
-from render.raster.raster_shapes import Shape, StageSetup
+from flowsculpt.render.raster.preview import Edges, Preview, prepare, preview, wide_picture, with_lines
+from flowsculpt.render.raster.raster_shapes import Shape, StageSetup
 
 __all__ = ["Edges", "Preview", "Shape", "StageSetup", "prepare", "preview", "wide_picture", "with_lines"]

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from render.raster.raster_shapes import (
+from flowsculpt.render.raster.raster_shapes import (
     SHARPNESS,
     Array,
     Floats,
@@ -26,11 +26,11 @@ from render.raster.raster_shapes import (
     fast,
     reflectance_of,
 )
-from render.raster.shadows import CELL, REACH, ContactShadow, open_at, placed_softbox
-from render.scene.materials import Diffuse
-from render.scene.render_camera import unit
-from render.scene.scene_lights import LightRig, Sky, Softbox
-from render.scene.scene_stage import Stage, StagePlacement
+from flowsculpt.render.raster.shadows import CELL, REACH, ContactShadow, open_at, placed_softbox
+from flowsculpt.render.scene.materials import Diffuse
+from flowsculpt.render.scene.render_camera import unit
+from flowsculpt.render.scene.scene_lights import LightRig, Sky, Softbox
+from flowsculpt.render.scene.scene_stage import Stage, StagePlacement
 
 SIDE = 33  # directions along each side of a table: about 8° apart
 EYE_HEIGHT = 0.8  # height over the floor from which the surroundings are seen, stage units

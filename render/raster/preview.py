@@ -15,11 +15,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.serialise import Triple
-from render.post.colour import to_display
-from render.post.view import ColourView
-from render.raster.lighting import Lighting, apply_shadow, floor_light
-from render.raster.raster_shapes import (
+from flowsculpt.render.base.serialise import Triple
+from flowsculpt.render.post.colour import to_display
+from flowsculpt.render.post.view import ColourView
+from flowsculpt.render.raster.lighting import Lighting, apply_shadow, floor_light
+from flowsculpt.render.raster.raster_shapes import (
     LARGE,
     SMALL,
     Floats,
@@ -31,7 +31,7 @@ from render.raster.raster_shapes import (
     contact_opacity,
     stage_shape,
 )
-from render.raster.see_through import (
+from flowsculpt.render.raster.see_through import (
     VisiblePoints,
     add_thickness,
     lay_over,
@@ -40,8 +40,8 @@ from render.raster.see_through import (
     seen_through,
     unpack_light,
 )
-from render.raster.shadows import LOOKS_DARK, PACKED_DARK, ContactShadow, ShadowMap
-from render.raster.triangles import (
+from flowsculpt.render.raster.shadows import LOOKS_DARK, PACKED_DARK, ContactShadow, ShadowMap
+from flowsculpt.render.raster.triangles import (
     SUPERSAMPLING,
     WHITE,
     LargeTriangles,
@@ -52,10 +52,10 @@ from render.raster.triangles import (
     draw_triangles,
     pack,
 )
-from render.scene.materials import LOOKS
-from render.scene.render_camera import LEFT, RIGHT, Camera, WideCamera, pixel_places
-from render.scene.scene_lights import LIGHTS, LightRig
-from render.scene.scene_stage import STAGES, Stage, StagePlacement
+from flowsculpt.render.scene.materials import LOOKS
+from flowsculpt.render.scene.render_camera import LEFT, RIGHT, Camera, WideCamera, pixel_places
+from flowsculpt.render.scene.scene_lights import LIGHTS, LightRig
+from flowsculpt.render.scene.scene_stage import STAGES, Stage, StagePlacement
 
 Picture = NDArray[np.float32]
 

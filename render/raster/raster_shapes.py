@@ -13,13 +13,22 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.kernel_cache import compiled
-from render.post.view import ACES, ColourView
-from render.scene.materials import BrushedMetal, Diffuse, Gouraud, Material, Metal, Plastic, Satin, Smoke
-from render.scene.patterns import Pigment
-from render.scene.render_camera import Camera
-from render.scene.scene_lights import LightRig
-from render.scene.scene_stage import Stage, StagePlacement
+from flowsculpt.render.base.kernel_cache import compiled
+from flowsculpt.render.post.view import ACES, ColourView
+from flowsculpt.render.scene.materials import (
+    BrushedMetal,
+    Diffuse,
+    Gouraud,
+    Material,
+    Metal,
+    Plastic,
+    Satin,
+    Smoke,
+)
+from flowsculpt.render.scene.patterns import Pigment
+from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.scene_lights import LightRig
+from flowsculpt.render.scene.scene_stage import Stage, StagePlacement
 
 Array = NDArray[Any]
 

@@ -14,10 +14,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from render.raster.lighting import Lighting, table_place, table_value
-from render.raster.raster_shapes import Array, Floats, ScreenProjection, Shape, exact, fast
-from render.raster.triangles import SUPERSAMPLING, WHITE, Subsamples
-from render.scene.materials import Glass, Material, Smoke
+from flowsculpt.render.raster.lighting import Lighting, table_place, table_value
+from flowsculpt.render.raster.raster_shapes import Array, Floats, ScreenProjection, Shape, exact, fast
+from flowsculpt.render.raster.triangles import SUPERSAMPLING, WHITE, Subsamples
+from flowsculpt.render.scene.materials import Glass, Material, Smoke
 
 GRID = 256  # steps of corners within a pixel: on a grid, neighbours share no pixel and leave none out
 

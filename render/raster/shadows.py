@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from render.raster.raster_shapes import (
+from flowsculpt.render.raster.raster_shapes import (
     EDGE,
     Array,
     Floats,
@@ -28,9 +28,9 @@ from render.raster.raster_shapes import (
     plinth_shape,
     shadow_opacity,
 )
-from render.scene.render_camera import Camera, unit
-from render.scene.scene_lights import Softbox
-from render.scene.scene_stage import StagePlacement
+from flowsculpt.render.scene.render_camera import Camera, unit
+from flowsculpt.render.scene.scene_lights import Softbox
+from flowsculpt.render.scene.scene_stage import StagePlacement
 
 CELLS, REACH = 48, 2.4  # cells along each side of the grid, and half of its side, stage units
 

@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from render.raster.raster_shapes import EDGE, LARGE_SIZE, Array, box, corner, exact, fast
-from render.raster.shadows import CELLS, dim_floor, light_visibility
+from flowsculpt.render.raster.raster_shapes import EDGE, LARGE_SIZE, Array, box, corner, exact, fast
+from flowsculpt.render.raster.shadows import CELLS, dim_floor, light_visibility
 
 SUPERSAMPLING = 2  # subsamples along each side of a pixel, against jagged edges
 WHITE = 1023.0  # white in a channel of ten bits: the colour of a subsample is packed into 32 bits

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.render_errors import BadInputError
-from render.base.work_clock import Timing
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.base.work_clock import Timing
 
 if TYPE_CHECKING:  # names of AOVs are known without it
-    from render.scene.scene import MotionSample
+    from flowsculpt.render.scene.scene import MotionSample
 
 Pixels = NDArray[np.float32]
 Attributes = Mapping[str, NDArray[np.float32]]

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.kernel_cache import compiled
+from flowsculpt.render.base.kernel_cache import compiled
 
 Vectors = NDArray[np.float64]
 Numbers = NDArray[np.float64]
@@ -138,7 +138,7 @@ def _find_spots(points: Vectors, seed: int, choice: Numbers, nearest: Numbers) -
 def _find_chips(
     points: Vectors, seed: int, share: float, gap: float, sizes: int, choice: Numbers, depth: Numbers
 ) -> None:
-    """Write the results of `chips`. `render.mitsuba.pattern_textures` has the same for compiled variants."""
+    """Write the results of `chips`. `pattern_textures` has the same for compiled variants."""
     numbers, p, found = np.zeros(6), np.zeros(3), np.zeros(3)
     for i in range(len(points)):
         p[:] = points[i]

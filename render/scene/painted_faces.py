@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from render.scene.materials import PatternedMaterial
+    from flowsculpt.render.scene.materials import PatternedMaterial
 
 VERTEX_COLOURS = "vertex_colours"
 """Name of the vertex attribute (V, 3) with the vertex colours of a model."""

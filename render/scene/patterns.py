@@ -2,8 +2,8 @@
 
 A colour ramp maps the number, a *phase*, to colours, so borders between them are as sharp as the picture.
 Patterns are computed in rest positions, so they move with the material: at every sample of a picture in
-compiled variants (`render.mitsuba.pattern_textures`) and previews, elsewhere at vertices, between which faces
-interpolate. Measures are numbers at vertices.
+compiled variants (`flowsculpt.render.mitsuba.pattern_textures`) and previews, elsewhere at vertices, between
+which faces interpolate. Measures are numbers at vertices.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.render_errors import BadInputError
-from render.base.serialise import NOT_PLAIN, OMIT_DEFAULT, Colour, Triple
-from render.scene.rgb_spaces import REC709, converted_pixels, linear_of_srgb
-from render.scene.surface import Surface
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.base.serialise import NOT_PLAIN, OMIT_DEFAULT, Colour, Triple
+from flowsculpt.render.scene.rgb_spaces import REC709, converted_pixels, linear_of_srgb
+from flowsculpt.render.scene.surface import Surface
 
 CELLS = ("spots", "chips")
 """Patterns of cells with one colour each: phases jump from cell to cell."""
@@ -145,7 +145,7 @@ class Pigment:
         local = (np.asarray(points, dtype=np.float64) - self.centre) / self.scale
         axis = np.array(self.axis) / math.hypot(*self.axis)
         if self.turbulence or self.pattern in ("speckles", *CELLS):
-            from render.scene.noise import chips, fractal_noise, spots  # numba is slow to import
+            from flowsculpt.render.scene.noise import chips, fractal_noise, spots  # numba is slow to import
 
         if self.turbulence:
             local = local + self.turbulence * fractal_noise(local, self.octaves, self.seed)

@@ -18,10 +18,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.input_files import other_content, parsing
-from render.base.render_errors import BadInputError, reason_of
-from render.scene.picture_layers import ExrPart, Layer, choose_layer
-from render.scene.rgb_spaces import RgbEncoding, encoding_of, encoding_of_icc, linear_of_srgb, power, same
+from flowsculpt.render.base.input_files import other_content, parsing
+from flowsculpt.render.base.render_errors import BadInputError, reason_of
+from flowsculpt.render.scene.picture_layers import ExrPart, Layer, choose_layer
+from flowsculpt.render.scene.rgb_spaces import (
+    RgbEncoding,
+    encoding_of,
+    encoding_of_icc,
+    linear_of_srgb,
+    power,
+    same,
+)
 
 DEFAULT_CONFIG = "ocio://default"
 """OpenColorIO's own config, which names the colour spaces of textures."""

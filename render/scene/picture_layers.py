@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from render.base.render_errors import reason_of
+from flowsculpt.render.base.render_errors import reason_of
 
 BEAUTY = (
     "beauty", "combined", "rgba", "rgb", "composite", "c", "ci", "color", "colour", "main", "masterlayer",

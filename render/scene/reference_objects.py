@@ -13,10 +13,10 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from render.scene.render_camera import Camera
-from render.scene.rgb_spaces import linear_of_srgb
-from render.scene.scene_stage import StagePlacement
-from render.scene.surface import Surface
+from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.rgb_spaces import linear_of_srgb
+from flowsculpt.render.scene.scene_stage import StagePlacement
+from flowsculpt.render.scene.surface import Surface
 
 HALF_HEIGHT = 0.12
 """Half the height of each object, over half the shorter side of the picture."""

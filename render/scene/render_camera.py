@@ -12,8 +12,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from render.base.render_errors import BadInputError
-from render.base.serialise import Triple
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.base.serialise import Triple
 
 Floats = NDArray[np.float64]
 

@@ -6,10 +6,10 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from render.base.render_errors import BadInputError
+from flowsculpt.render.base.render_errors import BadInputError
 
 if TYPE_CHECKING:  # it needs numpy, and planning knows qualities without it
-    from render.scene.render_camera import Projection
+    from flowsculpt.render.scene.render_camera import Projection
 
 BATCH_SAMPLES = 16
 """Samples per pixel of a full sample batch: a square for multijitter, a power of two for our sequence."""
@@ -24,7 +24,7 @@ MOST_TEMPORAL_FRAMES = 4
 """Most frames to either side that temporal denoising may read."""
 
 CONVENTIONS = ("blender", "arnold", "nuke")
-"""Programs whose names the channels of finished frames can have (`render.post.exr_names`)."""
+"""Programs whose names the channels of finished frames can have (`flowsculpt.render.post.exr_names`)."""
 
 Crop = tuple[int, int, int, int]
 """Rendered pixels x0, y0, x1, y1 from the picture's upper left; x1 and y1 are excluded."""

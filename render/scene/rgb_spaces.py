@@ -19,7 +19,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.serialise import Colour
+from flowsculpt.render.base.serialise import Colour
 
 T = TypeVar("T")
 

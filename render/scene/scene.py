@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from render.scene.materials import Material, PatternedMaterial
-from render.scene.render_camera import Camera
-from render.scene.rgb_spaces import REC709, WorkingSpace, converted_pixels, in_working_space
-from render.scene.scene_lights import LightRig
-from render.scene.scene_stage import Stage, StagePlacement
-from render.scene.surface import Spheres, Surface
+from flowsculpt.render.scene.materials import Material, PatternedMaterial
+from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.rgb_spaces import REC709, WorkingSpace, converted_pixels, in_working_space
+from flowsculpt.render.scene.scene_lights import LightRig
+from flowsculpt.render.scene.scene_stage import Stage, StagePlacement
+from flowsculpt.render.scene.surface import Spheres, Surface
 
 Geometry = Surface | Spheres
 """What a subject is made of."""

@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.render_errors import BadInputError
-from render.base.serialise import OMIT_DEFAULT, Colour, Triple
-from render.scene.render_camera import unit
-from render.scene.rgb_spaces import LUMA, WorkingSpace
-from render.scene.sky import Daylight, Environment
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.base.serialise import OMIT_DEFAULT, Colour, Triple
+from flowsculpt.render.scene.render_camera import unit
+from flowsculpt.render.scene.rgb_spaces import LUMA, WorkingSpace
+from flowsculpt.render.scene.sky import Daylight, Environment
 
 
 @dataclass(frozen=True)

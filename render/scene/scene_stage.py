@@ -8,9 +8,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.render_errors import BadInputError
-from render.base.serialise import OMIT_DEFAULT, Colour, Triple
-from render.scene.render_camera import Camera
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.base.serialise import OMIT_DEFAULT, Colour, Triple
+from flowsculpt.render.scene.render_camera import Camera
 
 RINGS, SIDES = 33, 64
 """Triangles of a cyclorama, outwards and around. Its normals are exact: more triangles change no picture."""

@@ -8,11 +8,11 @@ from functools import lru_cache
 
 import numpy as np
 
-from render.base.render_errors import BadInputError
-from render.base.serialise import NOT_PLAIN, OMIT_DEFAULT, Triple
-from render.scene.picture_file import Pixels, StatedSpace, opened_picture
-from render.scene.rgb_spaces import REC709, converted_pixels
-from render.scene.textures import is_linear, linear_pixels, require_decodable, require_finite
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.base.serialise import NOT_PLAIN, OMIT_DEFAULT, Triple
+from flowsculpt.render.scene.picture_file import Pixels, StatedSpace, opened_picture
+from flowsculpt.render.scene.rgb_spaces import REC709, converted_pixels
+from flowsculpt.render.scene.textures import is_linear, linear_pixels, require_decodable, require_finite
 
 OBLIQUITY = math.radians(23.44)
 """Tilt of the earth's axis."""

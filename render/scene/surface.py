@@ -19,10 +19,10 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.render_errors import BadInputError
-from render.base.serialise import Colour
-from render.scene.painted_faces import PaintedFaces
-from render.scene.render_camera import Camera
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.base.serialise import Colour
+from flowsculpt.render.scene.painted_faces import PaintedFaces
+from flowsculpt.render.scene.render_camera import Camera
 
 INSIDE = 0.99
 """Winding number from which a point counts as inside a closed surface. Deep in an open vessel it is less."""

@@ -12,11 +12,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.render_errors import BadInputError
-from render.base.serialise import OMIT_DEFAULT, Triple
-from render.scene.painted_faces import PaintedFaces
-from render.scene.render_camera import unit
-from render.scene.surface import Surface
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.base.serialise import OMIT_DEFAULT, Triple
+from flowsculpt.render.scene.painted_faces import PaintedFaces
+from flowsculpt.render.scene.render_camera import unit
+from flowsculpt.render.scene.surface import Surface
 
 Floats = NDArray[np.float64]
 Counts = NDArray[np.int64]

@@ -17,12 +17,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.input_files import require_input
-from render.base.limited_process import MEMORY, ParserError, allow_memory, answer_about_content, serve
-from render.base.render_errors import BadInputError
-from render.base.serialise import NOT_PLAIN, OMIT_DEFAULT, Triple
-from render.scene.picture_file import DEFAULT_CONFIG, OpenedPicture, Pixels, StatedSpace, opened_picture
-from render.scene.rgb_spaces import REC709, converted_pixels, linear_of_srgb
+from flowsculpt.render.base.input_files import require_input
+from flowsculpt.render.base.limited_process import (
+    MEMORY,
+    ParserError,
+    allow_memory,
+    answer_about_content,
+    serve,
+)
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.base.serialise import NOT_PLAIN, OMIT_DEFAULT, Triple
+from flowsculpt.render.scene.picture_file import (
+    DEFAULT_CONFIG,
+    OpenedPicture,
+    Pixels,
+    StatedSpace,
+    opened_picture,
+)
+from flowsculpt.render.scene.rgb_spaces import REC709, converted_pixels, linear_of_srgb
 
 WIDEST = 4096
 """Pixels along a side that are kept of a texture; finer ones are averaged."""
@@ -286,7 +298,7 @@ def require_decodable(path: str, digest: str) -> None:
     """
     require_input(Path(path), MOST_BYTES)
     try:
-        answer_about_content("render.scene.textures", Path(path), digest, "OpenImageIO")
+        answer_about_content("flowsculpt.render.scene.textures", Path(path), digest, "OpenImageIO")
     except ParserError as error:
         raise BadInputError(
             f"{path}: it cannot be read as a picture ({error}); write it again, as EXR, PNG, JPEG or TIFF"

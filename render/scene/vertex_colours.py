@@ -10,13 +10,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from render.scene.materials import Material, Painted, PatternedMaterial
-from render.scene.painted_faces import VERTEX_COLOURS
-from render.scene.patterns import Measure, looked_up
-from render.scene.render_camera import Camera
-from render.scene.scene_stage import StagePlacement
-from render.scene.surface import Surface
-from render.scene.textures import texels_at
+from flowsculpt.render.scene.materials import Material, Painted, PatternedMaterial
+from flowsculpt.render.scene.painted_faces import VERTEX_COLOURS
+from flowsculpt.render.scene.patterns import Measure, looked_up
+from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.scene_stage import StagePlacement
+from flowsculpt.render.scene.surface import Surface
+from flowsculpt.render.scene.textures import texels_at
 
 Floats = NDArray[np.float64]
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from pipeline.flow import Sequence, Streamlines, Sum, keyed
-from pipeline.flow.catalogue.deformations import Twist
-from pipeline.flow.catalogue.vortices import Vortex
-from pipeline.frames import FrameRange, FrameRate
-from pipeline.resample import Thresholds
-from pipeline.shot import Motion, Resampling, Solid
+from flowsculpt.pipeline.flow import Sequence, Streamlines, Sum, keyed
+from flowsculpt.pipeline.flow.catalogue.deformations import Twist
+from flowsculpt.pipeline.flow.catalogue.vortices import Vortex
+from flowsculpt.pipeline.frames import FrameRange, FrameRate
+from flowsculpt.pipeline.resample import Thresholds
+from flowsculpt.pipeline.shot import Motion, Resampling, Solid
 from tests.animation.motions import EDGE
 
 

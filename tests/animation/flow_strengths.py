@@ -9,13 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
-import pipeline.plugins.authoring.shot_templates as templates
-from pipeline.animation.flow_cost import forecast_growth
-from pipeline.errors import FlowsculptError
-from pipeline.mesh import icosphere
-from pipeline.plugins.authoring.shot_schemas import facts
-from pipeline.shot import read_shot
-from pipeline.shot.documents.flow_documents import DOCUMENTS
+import flowsculpt.pipeline.plugins.authoring.shot_templates as templates
+from flowsculpt.pipeline.animation.flow_cost import forecast_growth
+from flowsculpt.pipeline.errors import FlowsculptError
+from flowsculpt.pipeline.mesh import icosphere
+from flowsculpt.pipeline.plugins.authoring.shot_schemas import facts
+from flowsculpt.pipeline.shot import read_shot
+from flowsculpt.pipeline.shot.documents.flow_documents import DOCUMENTS
 
 RECORD = Path(templates.__file__).with_name("flow_strengths.yaml")
 GROWTHS = (2.0, 10.0)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 
-from pipeline.animation import MeshFrame
-from pipeline.arrays import AnyArray
-from pipeline.shot import Motion
+from flowsculpt.pipeline.animation import MeshFrame
+from flowsculpt.pipeline.arrays import AnyArray
+from flowsculpt.pipeline.shot import Motion
 
 EDGE = 0.25
 """The longest edge of the motion, scene units."""

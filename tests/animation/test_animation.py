@@ -10,15 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.animation import animate, descent
-from pipeline.arrays import Points
-from pipeline.errors import FrameError
-from pipeline.flow import Sequence, Streamlines, keyed
-from pipeline.flow.catalogue.attractors import Lorenz
-from pipeline.flow.catalogue.deformations import Twist
-from pipeline.mesh import validate
-from pipeline.resample import Thresholds
-from pipeline.shot import Motion, Resampling, Solid, read_shot
+from flowsculpt.pipeline.animation import animate, descent
+from flowsculpt.pipeline.arrays import Points
+from flowsculpt.pipeline.errors import FrameError
+from flowsculpt.pipeline.flow import Sequence, Streamlines, keyed
+from flowsculpt.pipeline.flow.catalogue.attractors import Lorenz
+from flowsculpt.pipeline.flow.catalogue.deformations import Twist
+from flowsculpt.pipeline.mesh import validate
+from flowsculpt.pipeline.resample import Thresholds
+from flowsculpt.pipeline.shot import Motion, Resampling, Solid, read_shot
 from tests.animation.motions import EDGE, births, resampled
 
 
@@ -89,7 +89,7 @@ def test_an_error_in_a_later_block_names_the_vertex_of_the_surface(
         points[(points == first.mesh.vertices[100]).all(axis=1)] = np.nan
         return points
 
-    monkeypatch.setattr("pipeline.animation.loop.MOVED_TOGETHER", 32)
+    monkeypatch.setattr("flowsculpt.pipeline.animation.loop.MOVED_TOGETHER", 32)
     with pytest.raises(FrameError, match="moved vertex 100 from"):
         list(animate(resampled(motion, placement="chord"), flow=broken))
 

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.animation import animate
-from pipeline.animation.loop import at_rest
-from pipeline.arrays import Points
-from pipeline.flow import Flow
-from pipeline.mesh import TriangleMesh, require
-from pipeline.resample.placement import NORMAL, Exact
-from pipeline.shot import Motion, read_shot
+from flowsculpt.pipeline.animation import animate
+from flowsculpt.pipeline.animation.loop import at_rest
+from flowsculpt.pipeline.arrays import Points
+from flowsculpt.pipeline.flow import Flow
+from flowsculpt.pipeline.mesh import TriangleMesh, require
+from flowsculpt.pipeline.resample.placement import NORMAL, Exact
+from flowsculpt.pipeline.shot import Motion, read_shot
 
 SHOT = """\
 title: A ball

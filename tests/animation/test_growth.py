@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
-from pipeline.animation import animate
-from pipeline.animation.flow_cost import forecast_growth, growth_warning
-from pipeline.errors import FrameError
-from pipeline.frames import FrameRange
-from pipeline.plugins.authoring.shot_templates import usual_strength
-from pipeline.production.request.manifest import mesh_keys
-from pipeline.shot import Motion, Shot, read_shot
+from flowsculpt.pipeline.animation import animate
+from flowsculpt.pipeline.animation.flow_cost import forecast_growth, growth_warning
+from flowsculpt.pipeline.errors import FrameError
+from flowsculpt.pipeline.frames import FrameRange
+from flowsculpt.pipeline.plugins.authoring.shot_templates import usual_strength
+from flowsculpt.pipeline.production.request.manifest import mesh_keys
+from flowsculpt.pipeline.shot import Motion, Shot, read_shot
 from tests.animation.flow_strengths import GROWTHS, RECORD, growth_at, strength_of
 from tests.animation.motions import resampled, same
 

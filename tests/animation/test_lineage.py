@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.animation import MeshFrame, animate, descent
-from pipeline.errors import UsageError
-from pipeline.resample import Thresholds
-from pipeline.shot import Motion
+from flowsculpt.pipeline.animation import MeshFrame, animate, descent
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.resample import Thresholds
+from flowsculpt.pipeline.shot import Motion
 from tests.animation.motions import EDGE, births, resampled
 
 

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.animation import animate
-from pipeline.mesh import require
-from pipeline.resample import Report
-from pipeline.shot import read_shot
+from flowsculpt.pipeline.animation import animate
+from flowsculpt.pipeline.mesh import require
+from flowsculpt.pipeline.resample import Report
+from flowsculpt.pipeline.shot import read_shot
 
 TURN = 50
 """Frames that a flow has: half of them there, half of them back, about a centre that every turn moves."""

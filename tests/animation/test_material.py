@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.animation import MeshFrame, animate, material_of
-from pipeline.errors import UsageError
-from pipeline.mesh.normals import split_at_creases, spread, spread_curved, tessellate
-from pipeline.mesh.solids import box, icosphere
-from pipeline.shot import Shot, read_shot
+from flowsculpt.pipeline.animation import MeshFrame, animate, material_of
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.mesh.normals import split_at_creases, spread, spread_curved, tessellate
+from flowsculpt.pipeline.mesh.solids import box, icosphere
+from flowsculpt.pipeline.shot import Shot, read_shot
 
 SHEAR = """
 title: T

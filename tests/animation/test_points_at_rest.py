@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.animation import animate
-from pipeline.arrays import Points
-from pipeline.shot import Motion
+from flowsculpt.pipeline.animation import animate
+from flowsculpt.pipeline.arrays import Points
+from flowsculpt.pipeline.shot import Motion
 from tests.animation.motions import resampled
 
 

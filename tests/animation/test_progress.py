@@ -12,14 +12,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import pipeline.animation.loop as module
-from pipeline.animation import FrameProgress, animate, animate_reporting
-from pipeline.animation.flow_cost import costliest_flow
-from pipeline.flow import Streamlines, streamlines
-from pipeline.flow.catalogue.vortices import CurlNoise, Vortex
-from pipeline.long_computations import Progress, reporting_to
-from pipeline.shot import read_shot
-from pipeline.shot.shot import Shot
+import flowsculpt.pipeline.animation.loop as module
+from flowsculpt.pipeline.animation import FrameProgress, animate, animate_reporting
+from flowsculpt.pipeline.animation.flow_cost import costliest_flow
+from flowsculpt.pipeline.flow import Streamlines, streamlines
+from flowsculpt.pipeline.flow.catalogue.vortices import CurlNoise, Vortex
+from flowsculpt.pipeline.long_computations import Progress, reporting_to
+from flowsculpt.pipeline.shot import read_shot
+from flowsculpt.pipeline.shot.shot import Shot
 
 TURBULENT = """
 title: Turbulence on a small scale
@@ -151,7 +151,7 @@ def test_an_interrupt_ends_a_frame_that_would_take_half_an_hour(tmp_path: Path) 
     shot = tmp_path / "turbulence.yaml"
     shot.write_text(shot.read_text().replace("max_edge_length: 0.6", "max_edge_length: 0.1"))
     code = (
-        "import sys; from pipeline.shot import read_shot; from pipeline.animation import animate\n"
+        "import sys; from flowsculpt.pipeline.api import animate, read_shot\n"
         "print('begins', flush=True)\n"
         "for frame in animate(read_shot(sys.argv[1])): print(frame.number, flush=True)\n"
     )

@@ -12,12 +12,12 @@ import numba
 import numpy as np
 import pytest
 
-from pipeline.animation import MeshFrame, animate, descent
-from pipeline.animation.frame import material_of
-from pipeline.errors import UsageError
-from pipeline.mesh import TriangleMesh
-from pipeline.resample import Resampler, Thresholds
-from pipeline.shot import Motion
+from flowsculpt.pipeline.animation import MeshFrame, animate, descent
+from flowsculpt.pipeline.animation.frame import material_of
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.mesh import TriangleMesh
+from flowsculpt.pipeline.resample import Resampler, Thresholds
+from flowsculpt.pipeline.shot import Motion
 from tests.animation.motions import resampled, same
 
 MOST_BYTES = {"exact": 640.0, "chord": 560.0, "curved": 560.0}
@@ -50,7 +50,7 @@ def test_going_on_from_any_frame_gives_the_same_bits_as_never_stopping(
 def test_going_on_between_two_sorts_of_the_vertices_gives_the_same_bits(
     motion: Motion, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("pipeline.resample.resampler._CACHED", 100)
+    monkeypatch.setattr("flowsculpt.pipeline.resample.resampler._CACHED", 100)
     through = list(animate(resampled(motion, rest_interval=6)))
     counts = [frame.unsorted for frame in through]
     sorts = [n for n, (before, now) in enumerate(pairwise(counts), 1) if now < before]
@@ -115,7 +115,7 @@ def test_many_vertices_are_moved_by_blocks_to_the_same_bits(
 ) -> None:
     motion = resampled(motion, placement=placement)
     *_, whole = itertools.islice(animate(motion), 6)
-    monkeypatch.setattr("pipeline.animation.loop.MOVED_TOGETHER", 37)
+    monkeypatch.setattr("flowsculpt.pipeline.animation.loop.MOVED_TOGETHER", 37)
     *_, parted = itertools.islice(animate(motion), 6)
     assert same(whole, parted)
 

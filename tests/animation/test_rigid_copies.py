@@ -5,14 +5,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.animation import MeshFrame, animate, descent, moved_to_subframe
-from pipeline.animation.loop import step_into
-from pipeline.errors import FrameError, ShotError
-from pipeline.mesh.placed_copies import Placements, nearest_rotations
-from pipeline.production.request.manifest import thresholds_at
-from pipeline.production.request.shading import Shading, flow_motion, vertex_motion
-from pipeline.shot import Motion, read_shot
-from pipeline.statistics import mesh_statistics
+from flowsculpt.pipeline.animation import MeshFrame, animate, descent, moved_to_subframe
+from flowsculpt.pipeline.animation.loop import step_into
+from flowsculpt.pipeline.errors import FrameError, ShotError
+from flowsculpt.pipeline.mesh.placed_copies import Placements, nearest_rotations
+from flowsculpt.pipeline.production.request.manifest import thresholds_at
+from flowsculpt.pipeline.production.request.shading import Shading, flow_motion, vertex_motion
+from flowsculpt.pipeline.shot import Motion, read_shot
+from flowsculpt.pipeline.statistics import mesh_statistics
 
 SHOT = """
 title: Tiles
@@ -142,7 +142,7 @@ def test_statistics_are_those_of_all_copies() -> None:
 
 
 def test_more_vertices_than_can_be_drawn_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pipeline.animation.loop.MOST_SHOWN", 300)
+    monkeypatch.setattr("flowsculpt.pipeline.animation.loop.MOST_SHOWN", 300)
     with pytest.raises(FrameError, match="5 copies of 78 vertices are 390, and 300 are the most"):
         next(animate(MOTION))
 

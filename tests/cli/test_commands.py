@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 from typer.main import get_command
 
-import pipeline
-from pipeline.cli.app import all_commands, command_line, command_named, command_words
-from pipeline.cli.options import REFERENCE
-from pipeline.mesh import TriangleMesh, icosphere
-from pipeline.plugin import plugins
-from pipeline.plugins.interchange.mesh_writers import write_mesh
-from pipeline.production.execution.run import PATIENCE
-from render.movie.probe import probe_movie
-from render.post.image import read_png
+from flowsculpt import pipeline
+from flowsculpt.pipeline.cli.app import all_commands, command_line, command_named, command_words
+from flowsculpt.pipeline.cli.options import REFERENCE
+from flowsculpt.pipeline.mesh import TriangleMesh, icosphere
+from flowsculpt.pipeline.plugin import plugins
+from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
+from flowsculpt.pipeline.production.execution.run import PATIENCE
+from flowsculpt.render.movie.probe import probe_movie
+from flowsculpt.render.post.image import read_png
 from tests.conftest import QUALITY
 
 NAME = "T010_tiny"

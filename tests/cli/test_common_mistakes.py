@@ -13,9 +13,9 @@ from pathlib import Path
 import pytest
 from ruamel.yaml import YAML
 
-from pipeline.errors import UsageError
-from pipeline.mesh.read import mesh_suffixes
-from pipeline.production.request.lookup import OTHER_MODELS, find_shot
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.mesh.read import mesh_suffixes
+from flowsculpt.pipeline.production.request.lookup import OTHER_MODELS, find_shot
 from tests.conftest import FILM, TINY, commanded
 from tests.mistakes import is_named
 

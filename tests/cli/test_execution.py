@@ -1,6 +1,6 @@
 """What a command says of runs that failed."""
 
-from pipeline.cli.execution import _failure
+from flowsculpt.pipeline.cli.execution import _failure
 
 
 def test_a_job_that_was_killed_before_its_first_frame_is_named():

@@ -8,7 +8,7 @@ import pytest
 
 SCRIPT = """
 import resource
-from pipeline.cli.app import keep_freed_memory
+from flowsculpt.pipeline.cli.app import keep_freed_memory
 
 def faults():
     return resource.getrusage(resource.RUSAGE_SELF).ru_minflt

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.cli.output import err, frame_progress, out
-from pipeline.cli.output import table as empty_table
-from pipeline.errors import UsageError
-from pipeline.production.request.lookup import find_shot
-from render.base.atomic_write import atomic_write
+from flowsculpt.pipeline.cli.output import err, frame_progress, out
+from flowsculpt.pipeline.cli.output import table as empty_table
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.production.request.lookup import find_shot
+from flowsculpt.render.base.atomic_write import atomic_write
 from tests.conftest import ProjectFolder
 
 OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"

@@ -8,14 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from render.base import python_process
+from flowsculpt.render.base import python_process
 
 LACKING = """
 import builtins, os, pkgutil, signal, sys
 
 def imported(name, namespace=None, *rest, given=builtins.__import__):
-    importer = (namespace or {}).get("__name__", "").partition(".")[0]
-    if name in ("fcntl", "grp", "pwd", "resource", "termios") and importer in ("pipeline", "render"):
+    importer = (namespace or {}).get("__name__", "")
+    if name in ("fcntl", "grp", "pwd", "resource", "termios") and importer.startswith("flowsculpt."):
         raise ModuleNotFoundError(f"No module named {name!r}", name=name)
     return given(name, namespace, *rest)
 
@@ -48,13 +48,13 @@ def run(code: str, folder: Path, *words: str) -> str:
 
 def test_every_module_is_imported_where_modules_of_posix_are_missing(tmp_path: Path) -> None:
     code = (
-        "import mitsuba, pipeline, render\n"
+        "import mitsuba\nfrom flowsculpt import pipeline, render\n"
         "mitsuba.set_variant('scalar_rgb')\n"  # some modules define plug-ins of it
         "for package in (pipeline, render):\n"
         "    for module in pkgutil.walk_packages(package.__path__, package.__name__ + '.'):\n"
         "        if not module.name.endswith(('__main__', '.kernel_compiler')):\n"  # which act on import
         "            __import__(module.name)\n"
-        "print(sum(name.startswith(('pipeline.', 'render.')) for name in sys.modules))\n"
+        "print(sum(name.startswith('flowsculpt.') for name in sys.modules))\n"
     )
     assert int(run(code, tmp_path)) > 400
 
@@ -72,4 +72,4 @@ def test_shots_are_checked_and_planned_where_modules_of_posix_are_missing(
     shots = tmp_path / "shots"
     shots.mkdir()
     (shots / "A.yaml").write_text(SHOT, encoding="utf-8")
-    assert says in run("from pipeline.cli.app import main\nmain()", tmp_path, *words)
+    assert says in run("from flowsculpt.pipeline.cli.app import main\nmain()", tmp_path, *words)

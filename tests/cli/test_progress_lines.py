@@ -9,8 +9,8 @@ import time
 import pytest
 from rich.console import Console
 
-from pipeline.cli import output
-from pipeline.cli.output import ProgressLines
+from flowsculpt.pipeline.cli import output
+from flowsculpt.pipeline.cli.output import ProgressLines
 
 pytestmark = pytest.mark.quick
 

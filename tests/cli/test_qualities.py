@@ -4,9 +4,9 @@ import json
 
 import pytest
 
-from pipeline.cli.app import command_named, command_words
-from render.base.plural import plural
-from render.scene.render_quality import QUALITIES
+from flowsculpt.pipeline.cli.app import command_named, command_words
+from flowsculpt.render.base.plural import plural
+from flowsculpt.render.scene.render_quality import QUALITIES
 
 NAME = "T010_tiny"
 ALL = command_words()

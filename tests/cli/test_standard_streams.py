@@ -13,11 +13,11 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from pipeline.cli.output import table
-from pipeline.cli.standard_streams import LIKENESS, write_similar
+from flowsculpt.pipeline.cli.output import table
+from flowsculpt.pipeline.cli.standard_streams import LIKENESS, write_similar
 from tests.conftest import new_project
 
-COMMAND = [sys.executable, "-m", "pipeline.cli", "--no-progress"]
+COMMAND = [sys.executable, "-m", "flowsculpt", "--no-progress"]
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +27,7 @@ def show(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def in_shell(show: Path, line: str, environment: dict[str, str] | None = None) -> tuple[int, str]:
     """Run a line of the shell in which `fs` is the command; return the exit code and what it printed."""
-    script = f'set -o pipefail; fs() {{ "{sys.executable}" -m pipeline.cli "$@"; }}; {line}'
+    script = f'set -o pipefail; fs() {{ "{sys.executable}" -m flowsculpt "$@"; }}; {line}'
     words = ["bash", "-c", script]
     done = subprocess.run(words, cwd=show, env=environment, capture_output=True, text=True, timeout=120)
     return done.returncode, done.stdout + done.stderr

@@ -11,14 +11,14 @@ from typing import Any
 
 import pytest
 
-from pipeline.cli.app import name_a_home
+from flowsculpt.pipeline.cli.app import name_a_home
 from tests.conftest import QUALITY
 
 HEAVY = ("numba", "numpy", "OpenImageIO", "mitsuba", "drjit", "av", "imageio", "snakemake", "matplotlib")
 
 SCRIPT = """
 import sys
-from pipeline.cli.app import main
+from flowsculpt.pipeline.cli.app import main
 sys.argv = ["flowsculpt", *sys.argv[1:]]
 try:
     main()
@@ -44,7 +44,7 @@ def test_a_command_that_computes_nothing_imports_nothing_heavy(words: tuple[str,
 @pytest.mark.slow
 def test_processes_that_read_models_import_no_numba() -> None:
     readers = ("fbx_files", "fbx_paint", "gltf_files", "gltf_paint", "usd_files", "usd_paint")
-    imports = "".join(f"import pipeline.plugins.interchange.{reader}\n" for reader in readers)
+    imports = "".join(f"import flowsculpt.pipeline.plugins.interchange.{reader}\n" for reader in readers)
     checked = f"{imports}import sys\nassert 'numba' not in sys.modules"
     subprocess.run([sys.executable, "-c", checked], check=True)
 
@@ -96,7 +96,7 @@ def test_ctrl_c_while_the_command_starts_says_nothing_and_exits_with_130(tmp_pat
 )
 def test_settings_of_numba_that_it_cannot_read_are_passed_over(setting: str) -> None:
     name, _, value = setting.partition("=")
-    code = "import pipeline.resample, numba; numba.set_num_threads(1)"
+    code = "import flowsculpt.pipeline.resample, numba; numba.set_num_threads(1)"
     settings = {**os.environ, f"NUMBA_{name}": value}
     done = subprocess.run(
         [sys.executable, "-c", code], env=settings, capture_output=True, text=True, cwd=ROOT

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from render.movie.probe import probe_movie
+from flowsculpt.render.movie.probe import probe_movie
 
 NAME = "T010_tiny"
 SMALL = ("-q", "draft", "--scale", "10%")

@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 from typer.main import get_command
 
-from pipeline.cli.app import command_line, command_named, command_words
-from pipeline.mesh import icosphere
-from pipeline.plugins.interchange.mesh_writers import write_mesh
-from pipeline.production.request.lookup import is_quality
+from flowsculpt.pipeline.cli.app import command_line, command_named, command_words
+from flowsculpt.pipeline.mesh import icosphere
+from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
+from flowsculpt.pipeline.production.request.lookup import is_quality
 from tests.conftest import commanded
 
 ROOT = Path(__file__).parents[2]
@@ -126,7 +126,7 @@ class Reader:
             with contextlib.chdir(self.folder):
                 code, said = commanded(Path(), *words)
         else:
-            command = [sys.executable, "-m", "pipeline.cli", "--no-progress", "-j", "2", *words]
+            command = [sys.executable, "-m", "flowsculpt", "--no-progress", "-j", "2", *words]
             done = subprocess.run(command, cwd=self.folder, capture_output=True, text=True, timeout=3000)
             code, said = done.returncode, done.stdout + done.stderr
         assert code == 0 and "Traceback" not in said, (words, said)

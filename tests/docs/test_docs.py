@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.plugins.maintenance.store_repair import OUTPUTS, output_folder
+from flowsculpt.pipeline.plugins.maintenance.store_repair import OUTPUTS, output_folder
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])

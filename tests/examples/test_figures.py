@@ -9,8 +9,8 @@ import pytest
 
 from examples import figure_a, figure_b, figure_c, figure_d, figure_e, figure_f
 from examples.film import edge_lengths, sphericity
-from pipeline.arrays import Points
-from pipeline.mesh import PolygonMesh, TriangleMesh, box, icosphere, require
+from flowsculpt.pipeline.arrays import Points
+from flowsculpt.pipeline.mesh import PolygonMesh, TriangleMesh, box, icosphere, require
 
 Cubes = tuple[TriangleMesh, TriangleMesh]
 Sheets = tuple[PolygonMesh, PolygonMesh, TriangleMesh]

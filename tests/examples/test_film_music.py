@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from examples import film_music as music
-from pipeline.shot import read_film
-from render.movie.movie_sound import Sound, blocks
+from flowsculpt.pipeline.shot import read_film
+from flowsculpt.render.movie.movie_sound import Sound, blocks
 
 PROJECT = Path(__file__).parents[2]
 FILE = PROJECT / "shots" / "film_music.opus"

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from examples import music
-from render.base.input_files import digest_of_file
-from render.movie.band_level import band_level
-from render.movie.movie_sound import Sound, blocks
+from flowsculpt.render.base.input_files import digest_of_file
+from flowsculpt.render.movie.band_level import band_level
+from flowsculpt.render.movie.movie_sound import Sound, blocks
 
 FILE = Path(__file__).parents[2] / "shots" / "pulse.opus"
 BAR = 4 * music.BEAT

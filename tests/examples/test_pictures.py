@@ -10,7 +10,7 @@ import pytest
 
 from examples import corner_table, drawing
 from examples.__main__ import FIGURES
-from pipeline.mesh import HalfedgeMesh
+from flowsculpt.pipeline.mesh import HalfedgeMesh
 
 DOCS = drawing.PICTURES.parent
 

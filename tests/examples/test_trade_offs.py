@@ -9,7 +9,7 @@ import pytest
 
 from examples import density, drift, hysteresis, low_pass, mesh_likeness, placements, splitting, tendril
 from examples.film import RATE, edge_lengths
-from pipeline.resample import Thresholds
+from flowsculpt.pipeline.resample import Thresholds
 
 BRACKET = (density.RATIOS[1:] > 0.4) & (density.RATIOS[:-1] < 1.0)
 

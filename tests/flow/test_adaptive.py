@@ -12,9 +12,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.arrays import Points
-from pipeline.errors import FrameError
-from pipeline.flow import (
+from flowsculpt.pipeline.arrays import Points
+from flowsculpt.pipeline.errors import FrameError
+from flowsculpt.pipeline.flow import (
     Flow,
     Function,
     Reversed,
@@ -25,15 +25,15 @@ from pipeline.flow import (
     checked_displacement,
     keyed,
 )
-from pipeline.flow.catalogue.attractors import Aizawa, Lorenz
-from pipeline.flow.catalogue.basic import ABC, Rotation, Strain, Translation
-from pipeline.flow.catalogue.deformations import Twist
-from pipeline.flow.catalogue.external_fields import FormulaField
-from pipeline.flow.catalogue.vortices import Vortex
-from pipeline.flow.composition import Mirror, Placed, RegionField, Transform, Within
-from pipeline.flow.flow_map import FlowMap, FrameStep
-from pipeline.flow.regions import SphereRegion
-from pipeline.flow.streamlines import MAX_SUBSTEPS, StepPlan
+from flowsculpt.pipeline.flow.catalogue.attractors import Aizawa, Lorenz
+from flowsculpt.pipeline.flow.catalogue.basic import ABC, Rotation, Strain, Translation
+from flowsculpt.pipeline.flow.catalogue.deformations import Twist
+from flowsculpt.pipeline.flow.catalogue.external_fields import FormulaField
+from flowsculpt.pipeline.flow.catalogue.vortices import Vortex
+from flowsculpt.pipeline.flow.composition import Mirror, Placed, RegionField, Transform, Within
+from flowsculpt.pipeline.flow.flow_map import FlowMap, FrameStep
+from flowsculpt.pipeline.flow.regions import SphereRegion
+from flowsculpt.pipeline.flow.streamlines import MAX_SUBSTEPS, StepPlan
 
 DT = 1 / 24
 SWIRL = Sum((Vortex(radius=0.3, strength=keyed((0.0, 1.0), (0.0, 6.0))), Strain(rate=0.7)))

@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.arrays import Floats, Points
-from pipeline.flow import Streamlines
-from pipeline.flow.catalogue.attractors import (
+from flowsculpt.pipeline.arrays import Floats, Points
+from flowsculpt.pipeline.flow import Streamlines
+from flowsculpt.pipeline.flow.catalogue.attractors import (
     Aizawa,
     Attractor,
     Chen,

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.arrays import Floats, Points, Vectors
-from pipeline.flow import Streamlines
-from pipeline.flow.catalogue.basic import (
+from flowsculpt.pipeline.arrays import Floats, Points, Vectors
+from flowsculpt.pipeline.flow import Streamlines
+from flowsculpt.pipeline.flow.catalogue.basic import (
     ABC,
     DoubleGyre,
     Kneading,
@@ -22,7 +22,7 @@ from pipeline.flow.catalogue.basic import (
     Strain,
     TaylorGreen,
 )
-from pipeline.flow.catalogue.vortices import SpiralVortex, Vortex, VortexPair, VortexRing
+from flowsculpt.pipeline.flow.catalogue.vortices import SpiralVortex, Vortex, VortexPair, VortexRing
 
 POINTS = np.random.default_rng(11).normal(size=(60, 3))
 

@@ -8,16 +8,23 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from pipeline.errors import FrameError
-from pipeline.flow import Blend, Flow, Repeated, Sequence, Streamlines, checked_displacement, keyed
-from pipeline.flow.catalogue.basic import Rotation
-from pipeline.flow.catalogue.deformations import Stretch, Twist
-from pipeline.flow.catalogue.vortices import Vortex
-from pipeline.flow.composition import Placed, RegionField, ScaledField, Transform, TransformedField, Within
-from pipeline.flow.flow_map import FlowMap, FrameStep, checked_cache_data
-from pipeline.flow.keyframes import FormulaCurve
-from pipeline.flow.parameters import Number
-from pipeline.flow.regions import SphereRegion
+from flowsculpt.pipeline.errors import FrameError
+from flowsculpt.pipeline.flow import Blend, Flow, Repeated, Sequence, Streamlines, checked_displacement, keyed
+from flowsculpt.pipeline.flow.catalogue.basic import Rotation
+from flowsculpt.pipeline.flow.catalogue.deformations import Stretch, Twist
+from flowsculpt.pipeline.flow.catalogue.vortices import Vortex
+from flowsculpt.pipeline.flow.composition import (
+    Placed,
+    RegionField,
+    ScaledField,
+    Transform,
+    TransformedField,
+    Within,
+)
+from flowsculpt.pipeline.flow.flow_map import FlowMap, FrameStep, checked_cache_data
+from flowsculpt.pipeline.flow.keyframes import FormulaCurve
+from flowsculpt.pipeline.flow.parameters import Number
+from flowsculpt.pipeline.flow.regions import SphereRegion
 
 POINTS = np.random.default_rng(3).uniform(-1, 1, size=(20, 3))
 DT = 0.1

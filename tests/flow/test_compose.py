@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.arrays import Points
-from pipeline.errors import FrameError, UsageError
-from pipeline.flow import (
+from flowsculpt.pipeline.arrays import Points
+from flowsculpt.pipeline.errors import FrameError, UsageError
+from flowsculpt.pipeline.flow import (
     Blend,
     Flow,
     Mirror,
@@ -28,11 +28,18 @@ from pipeline.flow import (
     as_flow,
     keyed,
 )
-from pipeline.flow.catalogue.basic import Enright, Expansion, Rotation, Translation
-from pipeline.flow.catalogue.deformations import Shear, Twist
-from pipeline.flow.catalogue.vortices import Vortex
-from pipeline.flow.composition import RegionField, ScaledField, TransformedField, blended, placed, within
-from pipeline.flow.regions import BoxRegion, CapsuleRegion, HalfSpaceRegion, Region, SphereRegion
+from flowsculpt.pipeline.flow.catalogue.basic import Enright, Expansion, Rotation, Translation
+from flowsculpt.pipeline.flow.catalogue.deformations import Shear, Twist
+from flowsculpt.pipeline.flow.catalogue.vortices import Vortex
+from flowsculpt.pipeline.flow.composition import (
+    RegionField,
+    ScaledField,
+    TransformedField,
+    blended,
+    placed,
+    within,
+)
+from flowsculpt.pipeline.flow.regions import BoxRegion, CapsuleRegion, HalfSpaceRegion, Region, SphereRegion
 
 POINTS = np.random.default_rng(4).uniform(-1, 1, size=(300, 3))
 DT = 1 / 24

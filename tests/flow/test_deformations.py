@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.arrays import Points
-from pipeline.errors import FrameError
-from pipeline.flow import Flow, Keyframes, Sequence, Streamlines, keyed
-from pipeline.flow.catalogue.basic import Rotation
-from pipeline.flow.catalogue.deformations import Bend, Shear, Stretch, Taper, Twist
-from pipeline.flow.kernels import streamline_kernels as kernels
+from flowsculpt.pipeline.arrays import Points
+from flowsculpt.pipeline.errors import FrameError
+from flowsculpt.pipeline.flow import Flow, Keyframes, Sequence, Streamlines, keyed
+from flowsculpt.pipeline.flow.catalogue.basic import Rotation
+from flowsculpt.pipeline.flow.catalogue.deformations import Bend, Shear, Stretch, Taper, Twist
+from flowsculpt.pipeline.flow.kernels import streamline_kernels as kernels
 
 POINTS = np.random.default_rng(2).uniform(-1, 1, size=(300, 3))
 SECONDS = 100 / 24

@@ -11,11 +11,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.arrays import Floats, Points
-from pipeline.errors import FrameError, UsageError
-from pipeline.flow import Streamlines, Sum, VelocityField, checked_displacement, keyed
-from pipeline.flow.catalogue.basic import Rotation
-from pipeline.flow.catalogue.external_fields import (
+from flowsculpt.pipeline.arrays import Floats, Points
+from flowsculpt.pipeline.errors import FrameError, UsageError
+from flowsculpt.pipeline.flow import Streamlines, Sum, VelocityField, checked_displacement, keyed
+from flowsculpt.pipeline.flow.catalogue.basic import Rotation
+from flowsculpt.pipeline.flow.catalogue.external_fields import (
     Attraction,
     FormulaField,
     Target,
@@ -23,12 +23,12 @@ from pipeline.flow.catalogue.external_fields import (
     catmull_rom,
     largest_norm,
 )
-from pipeline.flow.catalogue.vortices import RMS, CurlNoise
-from pipeline.flow.composition import Mirror, ScaledField, Transform, TransformedField
-from pipeline.flow.kernels import streamline_kernels as kernels
-from pipeline.flow.kernels.field_kernels import velocities
-from pipeline.flow.velocity import ExternalField
-from pipeline.mesh import icosphere, torus
+from flowsculpt.pipeline.flow.catalogue.vortices import RMS, CurlNoise
+from flowsculpt.pipeline.flow.composition import Mirror, ScaledField, Transform, TransformedField
+from flowsculpt.pipeline.flow.kernels import streamline_kernels as kernels
+from flowsculpt.pipeline.flow.kernels.field_kernels import velocities
+from flowsculpt.pipeline.flow.velocity import ExternalField
+from flowsculpt.pipeline.mesh import icosphere, torus
 
 PATH = ((-1.0, 0.0, 0.0), (0.0, 1.0, 0.5), (1.0, 0.0, 0.0), (2.0, 0.5, 1.0))
 FIELDS: dict[str, ExternalField] = {

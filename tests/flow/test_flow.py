@@ -7,14 +7,14 @@ import inspect
 import numpy as np
 import pytest
 
-from pipeline.arrays import Points
-from pipeline.errors import FrameError
-from pipeline.flow import Flow, Function, Sequence, Streamlines, Sum, as_flow, checked_displacement
-from pipeline.flow.catalogue.basic import Rotation, Translation
-from pipeline.flow.catalogue.vortices import Vortex
-from pipeline.flow.composition import Blend, Within
-from pipeline.flow.regions import SphereRegion
-from pipeline.resample import Resampler, resample
+from flowsculpt.pipeline.arrays import Points
+from flowsculpt.pipeline.errors import FrameError
+from flowsculpt.pipeline.flow import Flow, Function, Sequence, Streamlines, Sum, as_flow, checked_displacement
+from flowsculpt.pipeline.flow.catalogue.basic import Rotation, Translation
+from flowsculpt.pipeline.flow.catalogue.vortices import Vortex
+from flowsculpt.pipeline.flow.composition import Blend, Within
+from flowsculpt.pipeline.flow.regions import SphereRegion
+from flowsculpt.pipeline.resample import Resampler, resample
 
 POINTS = np.random.default_rng(5).normal(size=(40, 3))
 

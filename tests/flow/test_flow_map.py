@@ -11,20 +11,29 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.arrays import Points
-from pipeline.errors import FrameError
-from pipeline.flow import Flow, Function, Reversed, Sequence, Streamlines, Sum, checked_displacement, keyed
-from pipeline.flow import flow_map as module
-from pipeline.flow.catalogue.attractors import Lorenz
-from pipeline.flow.catalogue.basic import Enright, Expansion, Rotation
-from pipeline.flow.catalogue.deformations import Shear, Stretch, Taper, Twist
-from pipeline.flow.catalogue.external_fields import Attraction, Target
-from pipeline.flow.catalogue.vortices import Vortex
-from pipeline.flow.composition import RegionField
-from pipeline.flow.flow_map import FlowMap, FrameStep
-from pipeline.flow.regions import ClosedSurface, MeshRegion, _lookup
-from pipeline.flow.streamlines import StepPlan
-from pipeline.mesh import icosphere
+from flowsculpt.pipeline.arrays import Points
+from flowsculpt.pipeline.errors import FrameError
+from flowsculpt.pipeline.flow import (
+    Flow,
+    Function,
+    Reversed,
+    Sequence,
+    Streamlines,
+    Sum,
+    checked_displacement,
+    keyed,
+)
+from flowsculpt.pipeline.flow import flow_map as module
+from flowsculpt.pipeline.flow.catalogue.attractors import Lorenz
+from flowsculpt.pipeline.flow.catalogue.basic import Enright, Expansion, Rotation
+from flowsculpt.pipeline.flow.catalogue.deformations import Shear, Stretch, Taper, Twist
+from flowsculpt.pipeline.flow.catalogue.external_fields import Attraction, Target
+from flowsculpt.pipeline.flow.catalogue.vortices import Vortex
+from flowsculpt.pipeline.flow.composition import RegionField
+from flowsculpt.pipeline.flow.flow_map import FlowMap, FrameStep
+from flowsculpt.pipeline.flow.regions import ClosedSurface, MeshRegion, _lookup
+from flowsculpt.pipeline.flow.streamlines import StepPlan
+from flowsculpt.pipeline.mesh import icosphere
 
 DT = 1 / 24
 AMOUNT = keyed((0.0, 0.6), (1.0, 1.4))

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.flow import EASINGS, Keyframes, keyed
-from pipeline.flow.keyframes import FormulaCurve, Handle, kinks
-from pipeline.flow.parameters import number_at, vector_at
+from flowsculpt.pipeline.flow import EASINGS, Keyframes, keyed
+from flowsculpt.pipeline.flow.keyframes import FormulaCurve, Handle, kinks
+from flowsculpt.pipeline.flow.parameters import number_at, vector_at
 
 smooth = sorted(set(EASINGS) - {"constant"})
 swinging = ("back", "bounce", "elastic")

@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.arrays import Floats, Points
-from pipeline.errors import FrameError, MeshError
-from pipeline.flow import Streamlines, keyed
-from pipeline.flow.catalogue.basic import Translation
-from pipeline.flow.composition import RegionField
-from pipeline.flow.regions import BoxRegion, ClosedSurface, MeshRegion
-from pipeline.mesh import TriangleMesh, box, icosphere, sheet, torus
+from flowsculpt.pipeline.arrays import Floats, Points
+from flowsculpt.pipeline.errors import FrameError, MeshError
+from flowsculpt.pipeline.flow import Streamlines, keyed
+from flowsculpt.pipeline.flow.catalogue.basic import Translation
+from flowsculpt.pipeline.flow.composition import RegionField
+from flowsculpt.pipeline.flow.regions import BoxRegion, ClosedSurface, MeshRegion
+from flowsculpt.pipeline.mesh import TriangleMesh, box, icosphere, sheet, torus
 
 POINTS = np.random.default_rng(8).uniform(-2, 2, size=(600, 3))
 

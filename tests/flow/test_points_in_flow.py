@@ -10,17 +10,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.animation import MeshFrame, animate, descent, mesh_at_subframe
-from pipeline.errors import UsageError
-from pipeline.flow import Flow, Sequence, Streamlines, keyed
-from pipeline.flow.catalogue.attractors import Lorenz
-from pipeline.flow.catalogue.deformations import Twist
-from pipeline.frames import FrameRange, FrameRate
-from pipeline.mesh.control_net import Lattice, bspline_surface
-from pipeline.resample import Thresholds
-from pipeline.shot import Motion, Resampling, Solid
-from pipeline.shot.point_subjects import RADIUS, CloudInSolid, NetOfSolid
-from pipeline.shot.subjects import Subject
+from flowsculpt.pipeline.animation import MeshFrame, animate, descent, mesh_at_subframe
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.flow import Flow, Sequence, Streamlines, keyed
+from flowsculpt.pipeline.flow.catalogue.attractors import Lorenz
+from flowsculpt.pipeline.flow.catalogue.deformations import Twist
+from flowsculpt.pipeline.frames import FrameRange, FrameRate
+from flowsculpt.pipeline.mesh.control_net import Lattice, bspline_surface
+from flowsculpt.pipeline.resample import Thresholds
+from flowsculpt.pipeline.shot import Motion, Resampling, Solid
+from flowsculpt.pipeline.shot.point_subjects import RADIUS, CloudInSolid, NetOfSolid
+from flowsculpt.pipeline.shot.subjects import Subject
 
 CLOUD = CloudInSolid(Solid.of("torus", {}), 200, "volume", 4, 0.02)
 NET = NetOfSolid.of("tube", {"length": 2.0}, 6, 8)

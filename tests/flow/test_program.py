@@ -13,15 +13,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.arrays import Floats, Points
-from pipeline.flow import Streamlines, Sum, VelocityField
-from pipeline.flow.catalogue.basic import Rotation, Strain
-from pipeline.flow.catalogue.vortices import Vortex
-from pipeline.flow.kernels import instructions as op
-from pipeline.flow.kernels.field_kernels import level_count, velocities
-from pipeline.flow.kernels.region_kernels import weights
-from pipeline.flow.velocity import Instruction, Program, grouped, opcodes_of, scaled, transformed
-from pipeline.kernels import BLOCK_SIGNATURE
+from flowsculpt.pipeline.arrays import Floats, Points
+from flowsculpt.pipeline.flow import Streamlines, Sum, VelocityField
+from flowsculpt.pipeline.flow.catalogue.basic import Rotation, Strain
+from flowsculpt.pipeline.flow.catalogue.vortices import Vortex
+from flowsculpt.pipeline.flow.kernels import instructions as op
+from flowsculpt.pipeline.flow.kernels.field_kernels import level_count, velocities
+from flowsculpt.pipeline.flow.kernels.region_kernels import weights
+from flowsculpt.pipeline.flow.velocity import Instruction, Program, grouped, opcodes_of, scaled, transformed
+from flowsculpt.pipeline.kernels import BLOCK_SIGNATURE
 
 POINTS = np.random.default_rng(5).normal(size=(700, 3))
 VORTEX, STRAIN = Vortex(radius=0.7, strength=3.0), Strain(axis=(1.0, 2.0, 0.3), rate=0.8)

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.errors import FrameError, UsageError
-from pipeline.flow import Sequence, checked_displacement
-from pipeline.flow.flow import PythonFlow, python_flows, require_permission
-from render.base.input_files import digest_of_file
+from flowsculpt.pipeline.errors import FrameError, UsageError
+from flowsculpt.pipeline.flow import Sequence, checked_displacement
+from flowsculpt.pipeline.flow.flow import PythonFlow, python_flows, require_permission
+from flowsculpt.render.base.input_files import digest_of_file
 
 POINTS = np.random.default_rng(0).normal(size=(5, 3))
 

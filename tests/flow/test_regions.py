@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.arrays import Floats, Points
-from pipeline.errors import FrameError, UsageError
-from pipeline.flow import Streamlines, keyed
-from pipeline.flow.catalogue.basic import Translation
-from pipeline.flow.composition import RegionField
-from pipeline.flow.regions import (
+from flowsculpt.pipeline.arrays import Floats, Points
+from flowsculpt.pipeline.errors import FrameError, UsageError
+from flowsculpt.pipeline.flow import Streamlines, keyed
+from flowsculpt.pipeline.flow.catalogue.basic import Translation
+from flowsculpt.pipeline.flow.composition import RegionField
+from flowsculpt.pipeline.flow.regions import (
     MAX_SLOPE,
     BoxRegion,
     CapsuleRegion,

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.flow.keyframes import Envelope, Normalisation, SoundCurve, elapsed
+from flowsculpt.pipeline.flow.keyframes import Envelope, Normalisation, SoundCurve, elapsed
 
 STEP = (0.0,) * 20 + (0.5,) * 200
 

@@ -9,16 +9,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.arrays import Points
-from pipeline.flow import Streamlines, Sum, VelocityField, keyed
-from pipeline.flow.catalogue import FLOWS
-from pipeline.flow.catalogue.basic import Expansion, Rotation, Translation
-from pipeline.flow.catalogue.external_fields import Attraction, Target
-from pipeline.flow.catalogue.vortices import CurlNoise, Vortex
-from pipeline.flow.composition import Mirror, RegionField, ScaledField, Transform, TransformedField
-from pipeline.flow.regions import BoxRegion, SphereRegion
-from pipeline.mesh import icosphere
-from pipeline.shot import read_shot
+from flowsculpt.pipeline.arrays import Points
+from flowsculpt.pipeline.flow import Streamlines, Sum, VelocityField, keyed
+from flowsculpt.pipeline.flow.catalogue import FLOWS
+from flowsculpt.pipeline.flow.catalogue.basic import Expansion, Rotation, Translation
+from flowsculpt.pipeline.flow.catalogue.external_fields import Attraction, Target
+from flowsculpt.pipeline.flow.catalogue.vortices import CurlNoise, Vortex
+from flowsculpt.pipeline.flow.composition import Mirror, RegionField, ScaledField, Transform, TransformedField
+from flowsculpt.pipeline.flow.regions import BoxRegion, SphereRegion
+from flowsculpt.pipeline.mesh import icosphere
+from flowsculpt.pipeline.shot import read_shot
 
 DT = 1 / 24
 BOUND = 1e-5

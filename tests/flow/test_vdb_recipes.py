@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.arrays import Points
-from pipeline.flow.samples import Samples, read_samples
+from flowsculpt.pipeline.arrays import Points
+from flowsculpt.pipeline.flow.samples import Samples, read_samples
 
 BLENDER = Path(os.environ.get("BLENDER_MODULE", Path(sys.prefix) / "cycles"))
 PAGE = Path(__file__).parents[2] / "docs" / "fields.md"

@@ -11,12 +11,28 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.arrays import Points, Vectors
-from pipeline.errors import FrameError
-from pipeline.flow import Reversed, Sequence, Streamlines, Sum, VelocityField, checked_displacement, keyed
-from pipeline.flow.catalogue import FLOWS
-from pipeline.flow.catalogue.attractors import Aizawa, Chen, Chua, Halvorsen, Lorenz, Rossler, Thomas
-from pipeline.flow.catalogue.basic import (
+from flowsculpt.pipeline.arrays import Points, Vectors
+from flowsculpt.pipeline.errors import FrameError
+from flowsculpt.pipeline.flow import (
+    Reversed,
+    Sequence,
+    Streamlines,
+    Sum,
+    VelocityField,
+    checked_displacement,
+    keyed,
+)
+from flowsculpt.pipeline.flow.catalogue import FLOWS
+from flowsculpt.pipeline.flow.catalogue.attractors import (
+    Aizawa,
+    Chen,
+    Chua,
+    Halvorsen,
+    Lorenz,
+    Rossler,
+    Thomas,
+)
+from flowsculpt.pipeline.flow.catalogue.basic import (
     ABC,
     DoubleGyre,
     Enright,
@@ -31,13 +47,13 @@ from pipeline.flow.catalogue.basic import (
     TaylorGreen,
     Translation,
 )
-from pipeline.flow.catalogue.vortices import SpiralVortex, Vortex, VortexPair, VortexRing
-from pipeline.flow.kernels import field_kernels as fields
-from pipeline.flow.kernels import instructions as op
-from pipeline.flow.kernels import streamline_kernels as kernels
-from pipeline.flow.kernels.field_kernels import velocities
-from pipeline.flow.parameters import summary
-from pipeline.flow.velocity import table_of
+from flowsculpt.pipeline.flow.catalogue.vortices import SpiralVortex, Vortex, VortexPair, VortexRing
+from flowsculpt.pipeline.flow.kernels import field_kernels as fields
+from flowsculpt.pipeline.flow.kernels import instructions as op
+from flowsculpt.pipeline.flow.kernels import streamline_kernels as kernels
+from flowsculpt.pipeline.flow.kernels.field_kernels import velocities
+from flowsculpt.pipeline.flow.parameters import summary
+from flowsculpt.pipeline.flow.velocity import table_of
 
 TILTED = (1.0, 2.0, -0.5)
 OFF = (0.3, -0.2, 0.4)

@@ -60,7 +60,7 @@ def validate(kind: str, path: Path) -> Outcome:
     shot.write_text(SHOTS[kind].replace("FILE", path.name))
     with tempfile.TemporaryFile() as output:
         process = subprocess.Popen(
-            [sys.executable, "-m", "pipeline.cli", "validate", str(shot)],
+            [sys.executable, "-m", "flowsculpt", "validate", str(shot)],
             cwd=folder,
             stdin=subprocess.DEVNULL,
             stdout=output,

@@ -1,7 +1,8 @@
 """Mutated files for every reader of files from outside: sound samples, and what must hold for any mutation.
 
 `python -m tests.fuzz.files 20000` tries so many files, `--kind glb` only those of one kind. Readers run in a
-worker process, which also calls what `render.base.limited_process` would start, so that a crash is noticed.
+worker process, which also calls what `flowsculpt.render.base.limited_process` would start, so that a crash is
+noticed.
 """
 
 from __future__ import annotations
@@ -45,20 +46,20 @@ class Attempt:
 
 
 def _model(path: Path) -> None:
-    from pipeline.shot.subjects import Model
+    from flowsculpt.pipeline.shot.subjects import Model
 
     Model("", path=path, fit=2.0).build()
 
 
 def _scene(path: Path) -> None:
     """Read glTF as `read_gltf` does, but in this process."""
-    from pipeline.errors import MeshError
-    from pipeline.mesh.mesh_formats import file_surface
-    from pipeline.mesh.read import repair_surface
-    from pipeline.plugins.interchange.gltf_document import GltfDocument
-    from pipeline.plugins.interchange.gltf_files import SceneArrays
-    from pipeline.plugins.interchange.gltf_scene import DefaultScene
-    from render.base.input_files import parsing
+    from flowsculpt.pipeline.errors import MeshError
+    from flowsculpt.pipeline.mesh.mesh_formats import file_surface
+    from flowsculpt.pipeline.mesh.read import repair_surface
+    from flowsculpt.pipeline.plugins.interchange.gltf_document import GltfDocument
+    from flowsculpt.pipeline.plugins.interchange.gltf_files import SceneArrays
+    from flowsculpt.pipeline.plugins.interchange.gltf_scene import DefaultScene
+    from flowsculpt.render.base.input_files import parsing
 
     with parsing(path, "a scene", ""):
         surface = file_surface(*SceneArrays(DefaultScene.of(GltfDocument.read(path))).surface(), base=None)
@@ -69,10 +70,10 @@ def _scene(path: Path) -> None:
 
 def _paint(path: Path) -> None:
     """Read the paint and the materials of a glTF file, or those of an OBJ with a file of materials, here."""
-    from pipeline.plugins.interchange.gltf_paint import GLTF_PAINT, PaintArrays, PaintedScene
-    from pipeline.plugins.interchange.obj_paint import OBJ_PAINT
-    from render.base.input_files import parsing
-    from render.scene import textures
+    from flowsculpt.pipeline.plugins.interchange.gltf_paint import GLTF_PAINT, PaintArrays, PaintedScene
+    from flowsculpt.pipeline.plugins.interchange.obj_paint import OBJ_PAINT
+    from flowsculpt.render.base.input_files import parsing
+    from flowsculpt.render.scene import textures
 
     textures.require_decodable = lambda path, digest: None  # in this process
     with parsing(path, "paint", ""):
@@ -90,10 +91,10 @@ def _paint(path: Path) -> None:
 def _stage(path: Path) -> None:
     """Read USD as `read_surface` does, but in this process; a crash there is a message to users."""
 
-    from pipeline.mesh.read import repair_surface
-    from pipeline.plugins.interchange.scene_readers import content_of, unpacked_surface
-    from pipeline.plugins.interchange.usd_files import answer
-    from render.base.input_files import parsing
+    from flowsculpt.pipeline.mesh.read import repair_surface
+    from flowsculpt.pipeline.plugins.interchange.scene_readers import content_of, unpacked_surface
+    from flowsculpt.pipeline.plugins.interchange.usd_files import answer
+    from flowsculpt.render.base.input_files import parsing
 
     with parsing(path, "a stage", ""):
         answer(str(path), "facts", "[null, null]")
@@ -104,11 +105,11 @@ def _stage(path: Path) -> None:
 def _fbx(path: Path) -> None:
     """Read FBX as `read_surface` does, but in this process; a crash there is a message to users."""
 
-    from pipeline.errors import MeshError
-    from pipeline.mesh.read import repair_surface
-    from pipeline.plugins.interchange.fbx_files import answer
-    from pipeline.plugins.interchange.scene_readers import content_of, unpacked_surface
-    from render.base.input_files import parsing
+    from flowsculpt.pipeline.errors import MeshError
+    from flowsculpt.pipeline.mesh.read import repair_surface
+    from flowsculpt.pipeline.plugins.interchange.fbx_files import answer
+    from flowsculpt.pipeline.plugins.interchange.scene_readers import content_of, unpacked_surface
+    from flowsculpt.render.base.input_files import parsing
 
     with parsing(path, "FBX", ""):
         answer(str(path), "up")
@@ -119,19 +120,19 @@ def _fbx(path: Path) -> None:
 
 
 def _points(path: Path) -> None:
-    from pipeline.mesh.points import read_points
+    from flowsculpt.pipeline.mesh.points import read_points
 
     read_points(path)
 
 
 def _net(path: Path) -> None:
-    from pipeline.mesh.points import read_net
+    from flowsculpt.pipeline.mesh.points import read_net
 
     read_net(path, 4)
 
 
 def _field(path: Path) -> None:
-    from pipeline.flow.samples import read_samples
+    from flowsculpt.pipeline.flow.samples import read_samples
 
     read_samples((path,))
 
@@ -140,8 +141,8 @@ def _decodable(path: Path, answer: Callable[[str], bytes], module: str, library:
     """Ask in this process what `answer_about_content` asks in another, and store the answer."""
     from importlib.metadata import version
 
-    from render.base.input_files import digest_of_file, parsing
-    from render.base.user_cache import cache_path, store_answer
+    from flowsculpt.render.base.input_files import digest_of_file, parsing
+    from flowsculpt.render.base.user_cache import cache_path, store_answer
 
     digest = digest_of_file(path)
     with parsing(path, "a file of its kind", ""):
@@ -154,35 +155,35 @@ def _decodable(path: Path, answer: Callable[[str], bytes], module: str, library:
 
 
 def _picture(path: Path) -> None:
-    from render.scene.textures import _decode, read_picture
+    from flowsculpt.render.scene.textures import _decode, read_picture
 
-    digest = _decodable(path, _decode, "render.scene.textures", "OpenImageIO")
+    digest = _decodable(path, _decode, "flowsculpt.render.scene.textures", "OpenImageIO")
     read_picture.__wrapped__(str(path), digest, None)
 
 
 def _sky(path: Path) -> None:
-    from render.scene.sky import read_map
-    from render.scene.textures import _decode
+    from flowsculpt.render.scene.sky import read_map
+    from flowsculpt.render.scene.textures import _decode
 
-    digest = _decodable(path, _decode, "render.scene.textures", "OpenImageIO")
+    digest = _decodable(path, _decode, "flowsculpt.render.scene.textures", "OpenImageIO")
     read_map.__wrapped__(str(path), digest)
 
 
 def _sound(path: Path) -> None:
     from fractions import Fraction
 
-    from render.movie import movie_sound as sound
+    from flowsculpt.render.movie import movie_sound as sound
 
-    _decodable(path, sound._counted, "render.movie.movie_sound", "av", sound.TIMED)
+    _decodable(path, sound._counted, "flowsculpt.render.movie.movie_sound", "av", sound.TIMED)
     for _ in sound.blocks(sound.Sound(path, 0.1, fade_out=0.1), Fraction(2)):
         pass
 
 
 def _view(path: Path) -> None:
-    from pipeline.shot.documents.picture_documents import tables
-    from render.post import view
+    from flowsculpt.pipeline.shot.documents.picture_documents import tables
+    from flowsculpt.render.post import view
 
-    digest = _decodable(path, view._try_views, "render.post.view", "OpenImageIO")
+    digest = _decodable(path, view._try_views, "flowsculpt.render.post.view", "OpenImageIO")
     tables(path)
     view._read.__wrapped__(str(path), digest)
     view.view_of(str(path), None, None, "LINEAR", digest)
@@ -190,7 +191,7 @@ def _view(path: Path) -> None:
 
 def _lettering(path: Path, settings: dict[str, Any]) -> None:
     """Read outlines and extrude them as their own process does, but in this one."""
-    from pipeline.plugins.lettering import outline_process
+    from flowsculpt.pipeline.plugins.lettering import outline_process
 
     outlines = outline_process.Outlines(path, settings, "letter")
     outline_process.mesh_bytes(outline_process.read_outlines(outlines), {"depth": 0.25, "bevel": 0.001})
@@ -206,8 +207,8 @@ def _font(path: Path) -> None:
 
 def _timeline(path: Path) -> None:
     """Read a timeline as its own process does, but in this one; of several faults the first is judged."""
-    from pipeline.errors import ShotError
-    from pipeline.plugins.delivery.imported_edit import ImportedEdit
+    from flowsculpt.pipeline.errors import ShotError
+    from flowsculpt.pipeline.plugins.delivery.imported_edit import ImportedEdit
 
     try:
         ImportedEdit(path, ("A",), path.parent, {"A": "1-24"}).text()
@@ -216,7 +217,7 @@ def _timeline(path: Path) -> None:
 
 
 def _flow(path: Path) -> None:
-    from pipeline.shot import read_shot
+    from flowsculpt.pipeline.shot import read_shot
 
     text = "title: a\nframes: 1-2\nsubject: {solid: box}\nresample: {max_edge_length: 0.5}\n"
     text += "flows: [{python: {file: %s, function: move}}]\n"
@@ -245,7 +246,7 @@ READERS: dict[str, Callable[[Path], None]] = {
 
 def read(kind: str, path: Path) -> Attempt:
     """Read a file by the reader of a kind; return how it went, measured in this process."""
-    from pipeline.errors import FlowsculptError
+    from flowsculpt.pipeline.errors import FlowsculptError
 
     fault = message = ""
     before, start = _reset_peak(), time.process_time()
@@ -281,8 +282,8 @@ def _peak() -> int:
 
 def _work(connection: Any, folder: Path) -> None:
     """Read the files whose kinds and paths come in; the parent ends this process where it hangs."""
-    import pipeline.shot.subjects  # noqa: F401  # compiled kernels stay in the user's cache
-    from render.base.kernel_cache import cache_folder
+    import flowsculpt.pipeline.shot.subjects  # noqa: F401  # compiled kernels stay in the user's cache
+    from flowsculpt.render.base.kernel_cache import cache_folder
 
     kernels = str(cache_folder())
 

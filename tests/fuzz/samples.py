@@ -15,12 +15,12 @@ import trimesh
 from PIL import ImageCms
 from pxr import Sdf, UsdUtils
 
-from pipeline.mesh import box, icosphere, split_at_creases
-from pipeline.plugins.interchange.exported_frame import ExportedFrame
-from pipeline.plugins.interchange.model_export import write_glb, write_obj, write_ply
-from pipeline.plugins.lettering.fonts import font_file
-from render.scene.materials import LOOKS
-from render.scene.rgb_spaces import ACESCG
+from flowsculpt.pipeline.mesh import box, icosphere, split_at_creases
+from flowsculpt.pipeline.plugins.interchange.exported_frame import ExportedFrame
+from flowsculpt.pipeline.plugins.interchange.model_export import write_glb, write_obj, write_ply
+from flowsculpt.pipeline.plugins.lettering.fonts import font_file
+from flowsculpt.render.scene.materials import LOOKS
+from flowsculpt.render.scene.rgb_spaces import ACESCG
 from tests.plugins.interchange.fbx_writer import N, binary, box_geometry, layer, model, scene, text
 from tests.plugins.interchange.gltf_scenes import GltfScene, with_instances
 from tests.plugins.interchange.test_collada_files import BOX, document, faces

@@ -21,10 +21,10 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from pipeline.animation import animate
-from pipeline.errors import FlowsculptError
-from pipeline.plugins.authoring.shot_schemas import shot_schema
-from pipeline.shot import Shot, read_shot
+from flowsculpt.pipeline.animation import animate
+from flowsculpt.pipeline.errors import FlowsculptError
+from flowsculpt.pipeline.plugins.authoring.shot_schemas import shot_schema
+from flowsculpt.pipeline.shot import Shot, read_shot
 
 SHOTS = Path(__file__).parents[2] / "shots"
 

@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, given, settings
 
-from pipeline.errors import FlowsculptError, MissingInputError, ShotError
-from pipeline.production.request.lookup import find_shot
-from pipeline.shot import read_shot
-from pipeline.shot.yaml.yaml_source import DEEPEST, MOST_VALUES
+from flowsculpt.pipeline.errors import FlowsculptError, MissingInputError, ShotError
+from flowsculpt.pipeline.production.request.lookup import find_shot
+from flowsculpt.pipeline.shot import read_shot
+from flowsculpt.pipeline.shot.yaml.yaml_source import DEEPEST, MOST_VALUES
 from tests.fuzz.shots import SHOT_FILES, fault_of, faults
 
 HEAD = "title: A\nframes: 1-12\nresample: off\n"

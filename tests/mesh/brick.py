@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.mesh import PolygonMesh
-from pipeline.mesh.read import ImportedSurface, read_surface
+from flowsculpt.pipeline.mesh import PolygonMesh
+from flowsculpt.pipeline.mesh.read import ImportedSurface, read_surface
 
 SIZE = (2.0, 3.0, 1.0)
 POINTS = [(x, y, z) for x in (0, 2) for y in (0, 3) for z in (0, 1)]

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.arrays import AnyArray, Floats
-from pipeline.mesh import TriangleMesh, box, icosphere, rod, sheet, torus, vertex_normals
-from pipeline.mesh.analytic_surfaces import (
+from flowsculpt.pipeline.arrays import AnyArray, Floats
+from flowsculpt.pipeline.mesh import TriangleMesh, box, icosphere, rod, sheet, torus, vertex_normals
+from flowsculpt.pipeline.mesh.analytic_surfaces import (
     RIM,
     AnalyticSurface,
     BoxSurface,
@@ -19,8 +19,8 @@ from pipeline.mesh.analytic_surfaces import (
     SphereSurface,
     TorusSurface,
 )
-from pipeline.shot import Solid
-from pipeline.shot.subjects import SOLIDS as SOLID_KINDS
+from flowsculpt.pipeline.shot import Solid
+from flowsculpt.pipeline.shot.subjects import SOLIDS as SOLID_KINDS
 
 SOLIDS: dict[str, tuple[TriangleMesh, AnalyticSurface]] = {
     "sphere": (icosphere(12, 1.3), SphereSurface(1.3)),

@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.errors import ShotError, UsageError
-from pipeline.mesh import TriangleMesh, dihedral_angles, face_normals, require
-from pipeline.mesh.analytic_surfaces import MAX_CROSSINGS, BarLattice, lattice
-from pipeline.shot import Solid, read_shot
+from flowsculpt.pipeline.errors import ShotError, UsageError
+from flowsculpt.pipeline.mesh import TriangleMesh, dihedral_angles, face_normals, require
+from flowsculpt.pipeline.mesh.analytic_surfaces import MAX_CROSSINGS, BarLattice, lattice
+from flowsculpt.pipeline.shot import Solid, read_shot
 
 counts = st.tuples(*[st.integers(1, 4)] * 3)
 

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.arrays import Points, Vectors
-from pipeline.mesh.normals import STEP, carried_normals, tangents
+from flowsculpt.pipeline.arrays import Points, Vectors
+from flowsculpt.pipeline.mesh.normals import STEP, carried_normals, tangents
 
 
 def surface(seed: int, many: int) -> tuple[Points, Vectors]:

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.errors import MeshError, UsageError
-from pipeline.mesh import TriangleMesh, validate, vertex_normals
-from pipeline.mesh.control_net import (
+from flowsculpt.pipeline.errors import MeshError, UsageError
+from flowsculpt.pipeline.mesh import TriangleMesh, validate, vertex_normals
+from flowsculpt.pipeline.mesh.control_net import (
     Lattice,
     Net,
     bspline_surface,

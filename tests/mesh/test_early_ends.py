@@ -9,8 +9,8 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.errors import MeshError
-from pipeline.mesh.read import read_surface
+from flowsculpt.pipeline.errors import MeshError
+from flowsculpt.pipeline.mesh.read import read_surface
 
 BALL = trimesh.creation.icosphere(1)
 

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.errors import MeshError
-from pipeline.mesh import HalfedgeMesh, TriangleMesh, box, icosphere, sheet, torus
-from pipeline.mesh.kernels.halfedge import CROWDED, DISAGREEING, SOUND, match_twins
+from flowsculpt.pipeline.errors import MeshError
+from flowsculpt.pipeline.mesh import HalfedgeMesh, TriangleMesh, box, icosphere, sheet, torus
+from flowsculpt.pipeline.mesh.kernels.halfedge import CROWDED, DISAGREEING, SOUND, match_twins
 
 MENAGERIE = [box(edge_length=0.7), icosphere(3), sheet(edge_length=0.5), torus(1, 0.4, 0.3)]
 

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.arrays import AnyArray
-from pipeline.errors import UsageError
-from pipeline.mesh.halfedge_mesh import Ancestry, ancestry
+from flowsculpt.pipeline.arrays import AnyArray
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.mesh.halfedge_mesh import Ancestry, ancestry
 
 
 @st.composite

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.arrays import AnyArray, Vectors
-from pipeline.errors import MeshError
-from pipeline.mesh import (
+from flowsculpt.pipeline.arrays import AnyArray, Vectors
+from flowsculpt.pipeline.errors import MeshError
+from flowsculpt.pipeline.mesh import (
     TriangleMesh,
     box,
     dihedral_angles,
@@ -20,8 +20,8 @@ from pipeline.mesh import (
     split_at_creases,
     vertex_normals,
 )
-from pipeline.mesh.kernels.normal_kernels import AGREEMENT
-from pipeline.mesh.normals import ShadedMesh, trusted_normals
+from flowsculpt.pipeline.mesh.kernels.normal_kernels import AGREEMENT
+from flowsculpt.pipeline.mesh.normals import ShadedMesh, trusted_normals
 
 
 def unit(normals: Vectors) -> bool:

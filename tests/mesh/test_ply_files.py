@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.errors import MeshError
-from pipeline.mesh.points import read_points
+from flowsculpt.pipeline.errors import MeshError
+from flowsculpt.pipeline.mesh.points import read_points
 from tests.mesh.brick import POINTS, QUADS, TRIANGLES, read, require_brick, rows
 
 VERTEX = "element vertex 8\nproperty float x\nproperty float y\nproperty float z\n"

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.arrays import Floats, Points
-from pipeline.errors import UsageError
-from pipeline.mesh import (
+from flowsculpt.pipeline.arrays import Floats, Points
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.mesh import (
     ShadedMesh,
     TriangleMesh,
     box,
@@ -22,7 +22,7 @@ from pipeline.mesh import (
     torus,
     validate,
 )
-from pipeline.mesh.normals import tessellate, twins_of
+from flowsculpt.pipeline.mesh.normals import tessellate, twins_of
 
 MESHES: dict[str, TriangleMesh] = {
     "ball": icosphere(3),

@@ -7,9 +7,9 @@ import warnings
 import numpy as np
 import pytest
 
-from pipeline.flow import Streamlines
-from pipeline.flow.catalogue.vortices import CurlNoise
-from pipeline.mesh.meshes import morton_order
+from flowsculpt.pipeline.flow import Streamlines
+from flowsculpt.pipeline.flow.catalogue.vortices import CurlNoise
+from flowsculpt.pipeline.mesh.meshes import morton_order
 
 pytestmark = pytest.mark.quick
 

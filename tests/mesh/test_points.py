@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.errors import MeshError, MissingInputError
-from pipeline.mesh import TriangleMesh, box
-from pipeline.mesh.points import read_net, read_points
-from pipeline.plugins.interchange.mesh_writers import write_mesh
+from flowsculpt.pipeline.errors import MeshError, MissingInputError
+from flowsculpt.pipeline.mesh import TriangleMesh, box
+from flowsculpt.pipeline.mesh.points import read_net, read_points
+from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
 
 POINTS = np.random.default_rng(1).normal(size=(7, 3))
 SIZES = np.linspace(0.1, 0.7, 7)

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.arrays import AnyArray
-from pipeline.errors import MeshError
-from pipeline.mesh import PolygonMesh, icosphere, read_mesh, read_polygons, require
-from pipeline.plugins.interchange.mesh_writers import write_mesh
+from flowsculpt.pipeline.arrays import AnyArray
+from flowsculpt.pipeline.errors import MeshError
+from flowsculpt.pipeline.mesh import PolygonMesh, icosphere, read_mesh, read_polygons, require
+from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
 
 POINTS = [(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)]
 QUADS = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]

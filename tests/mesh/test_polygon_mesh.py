@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.arrays import Points
-from pipeline.errors import MeshError
-from pipeline.mesh import PolygonMesh, box, icosphere, require, rod, sheet, torus, validate
-from pipeline.mesh.kernels.triangulation import FORBIDDEN, triangulate_polygon
+from flowsculpt.pipeline.arrays import Points
+from flowsculpt.pipeline.errors import MeshError
+from flowsculpt.pipeline.mesh import PolygonMesh, box, icosphere, require, rod, sheet, torus, validate
+from flowsculpt.pipeline.mesh.kernels.triangulation import FORBIDDEN, triangulate_polygon
 
 POINTS = [(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)]
 CUBE = PolygonMesh(

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import trimesh
 
-from pipeline.errors import MachineError, MeshError, MissingInputError
-from pipeline.mesh import box, icosphere, read_mesh, require
-from pipeline.mesh.read import mesh_suffixes, model_files
-from pipeline.plugins.interchange.mesh_writers import write_mesh
-from render.base.input_files import digest_of_file
+from flowsculpt.pipeline.errors import MachineError, MeshError, MissingInputError
+from flowsculpt.pipeline.mesh import box, icosphere, read_mesh, require
+from flowsculpt.pipeline.mesh.read import mesh_suffixes, model_files
+from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
+from flowsculpt.render.base.input_files import digest_of_file
 
 
 @pytest.mark.parametrize("suffix", ["obj", "ply", "stl", "glb", "off"])

@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.arrays import AnyArray
-from pipeline.errors import MeshError
-from pipeline.mesh import PolygonMesh, TriangleMesh, icosphere, require, torus, validate
-from pipeline.mesh.face_soup import merge_coincident
-from pipeline.mesh.mesh_formats import FileSurface, file_surface
-from pipeline.mesh.read import RepairedSurface, read_surface, repair_surface
+from flowsculpt.pipeline.arrays import AnyArray
+from flowsculpt.pipeline.errors import MeshError
+from flowsculpt.pipeline.mesh import PolygonMesh, TriangleMesh, icosphere, require, torus, validate
+from flowsculpt.pipeline.mesh.face_soup import merge_coincident
+from flowsculpt.pipeline.mesh.mesh_formats import FileSurface, file_surface
+from flowsculpt.pipeline.mesh.read import RepairedSurface, read_surface, repair_surface
 
 CUBE = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
 QUADS = np.array([(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)])

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.mesh.points import on_surface, within
-from pipeline.shot.point_subjects import CloudInSolid
-from pipeline.shot.subjects import SOLIDS, Solid
+from flowsculpt.pipeline.mesh.points import on_surface, within
+from flowsculpt.pipeline.shot.point_subjects import CloudInSolid
+from flowsculpt.pipeline.shot.subjects import SOLIDS, Solid
 
 BOX = np.array([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]])
 
@@ -81,7 +81,7 @@ def test_equal_areas_have_equally_many_points() -> None:
 
 
 def test_faces_without_area_have_no_points() -> None:
-    from pipeline.mesh import TriangleMesh
+    from flowsculpt.pipeline.mesh import TriangleMesh
 
     mesh = TriangleMesh([[0, 0, 0], [1, 0, 0], [0, 0, 1], [2, 0, 0]], [[0, 1, 3], [0, 2, 1]])
     points, _ = on_surface(mesh, 50, 0)

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from pipeline.arrays import Floats
-from pipeline.errors import UsageError
-from pipeline.mesh import TriangleMesh, box, face_normals, icosphere, require, rod, sheet, torus
+from flowsculpt.pipeline.arrays import Floats
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.mesh import TriangleMesh, box, face_normals, icosphere, require, rod, sheet, torus
 
 
 def volume(mesh: TriangleMesh) -> float:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.mesh import HalfedgeMesh, TriangleMesh, icosphere
-from pipeline.mesh.meshes import freeze
+from flowsculpt.pipeline.mesh import HalfedgeMesh, TriangleMesh, icosphere
+from flowsculpt.pipeline.mesh.meshes import freeze
 
 
 def test_arrays_of_a_mesh_are_taken_into_others_without_a_copy() -> None:

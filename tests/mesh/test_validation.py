@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from pipeline.errors import MeshError
-from pipeline.mesh import TriangleMesh, box, icosphere, require, rod, sheet, torus, validate
+from flowsculpt.pipeline.errors import MeshError
+from flowsculpt.pipeline.mesh import TriangleMesh, box, icosphere, require, rod, sheet, torus, validate
 
 TETRAHEDRON = [(0, 2, 1), (0, 1, 3), (1, 2, 3), (2, 0, 3)]
 CORNERS = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]

@@ -6,10 +6,10 @@ import threading
 from pathlib import Path
 from typing import Any
 
-from pipeline.plugins.preview.live_session import LiveFeed, LiveSession
-from pipeline.plugins.preview.sketch import Sketch
-from pipeline.plugins.preview.surface_stream import SurfaceStream
-from pipeline.production.execution.project import Project
+from flowsculpt.pipeline.plugins.preview.live_session import LiveFeed, LiveSession
+from flowsculpt.pipeline.plugins.preview.sketch import Sketch
+from flowsculpt.pipeline.plugins.preview.surface_stream import SurfaceStream
+from flowsculpt.pipeline.production.execution.project import Project
 
 NAME = "T010_tiny"
 PATIENCE = 120.0

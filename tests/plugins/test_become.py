@@ -10,24 +10,24 @@ import numba
 import numpy as np
 import pytest
 
-from pipeline.arrays import Floats, Points
-from pipeline.errors import FrameError, ShotError, UsageError
-from pipeline.mesh.solids import box, icosphere
-from pipeline.plugins.become import fit_kernels as kernels
-from pipeline.plugins.become import fitting, stored_fits, target
-from pipeline.plugins.become.become_flow import Become
-from pipeline.plugins.become.stored_fits import PlacedShape, fit_between
-from pipeline.plugins.become.target import FittedSurface, SolidGrowth, lengths
-from pipeline.plugins.become.velocity_path import PathSpace, energy
-from pipeline.plugins.interchange.mesh_writers import write_mesh
-from pipeline.plugins.review.review_page import tabled
-from pipeline.production.execution.project import Project
-from pipeline.production.request.lookup import find_shot
-from pipeline.production.tasks.render import flow_facts
-from pipeline.shot import read_shot
-from pipeline.shot.subjects import Solid
-from render.post.image import read_header, write_exr
-from render.scene.aovs import RenderedFrame
+from flowsculpt.pipeline.arrays import Floats, Points
+from flowsculpt.pipeline.errors import FrameError, ShotError, UsageError
+from flowsculpt.pipeline.mesh.solids import box, icosphere
+from flowsculpt.pipeline.plugins.become import fit_kernels as kernels
+from flowsculpt.pipeline.plugins.become import fitting, stored_fits, target
+from flowsculpt.pipeline.plugins.become.become_flow import Become
+from flowsculpt.pipeline.plugins.become.stored_fits import PlacedShape, fit_between
+from flowsculpt.pipeline.plugins.become.target import FittedSurface, SolidGrowth, lengths
+from flowsculpt.pipeline.plugins.become.velocity_path import PathSpace, energy
+from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
+from flowsculpt.pipeline.plugins.review.review_page import tabled
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.request.lookup import find_shot
+from flowsculpt.pipeline.production.tasks.render import flow_facts
+from flowsculpt.pipeline.shot import read_shot
+from flowsculpt.pipeline.shot.subjects import Solid
+from flowsculpt.render.post.image import read_header, write_exr
+from flowsculpt.render.scene.aovs import RenderedFrame
 
 RANDOM = np.random.default_rng(0)
 
@@ -259,9 +259,9 @@ def test_a_residual_that_is_too_large_is_refused_and_told(
     flow = shot("become: {solid: box, size: [1.5, 1.5, 1.5], detail: coarse}")
     note, *_ = flow.findings()
     assert note[0].startswith("the icosphere becomes the box: it ends ") and not note[1]
-    monkeypatch.setattr("pipeline.plugins.become.become_flow.DOUBTFUL", 1e-6)
+    monkeypatch.setattr("flowsculpt.pipeline.plugins.become.become_flow.DOUBTFUL", 1e-6)
     assert any("is reached within" in text and warns for text, warns in flow.findings())
-    monkeypatch.setattr("pipeline.plugins.become.become_flow.REFUSED", 1e-6)
+    monkeypatch.setattr("flowsculpt.pipeline.plugins.become.become_flow.REFUSED", 1e-6)
     with pytest.raises(
         UsageError,
         match=r"parts of the surface end over .*% of the diagonal away from the box; 0% is the most",

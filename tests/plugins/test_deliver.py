@@ -14,22 +14,22 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pipeline.errors import FrameError
-from pipeline.plugins.delivery.deliverables import (
+from flowsculpt.pipeline.errors import FrameError
+from flowsculpt.pipeline.plugins.delivery.deliverables import (
     Delivery,
     DeliveryOptions,
     FrameFormat,
     film_source,
     shot_source,
 )
-from pipeline.plugins.delivery.gif import write_gif
-from pipeline.production.execution.project import Project
-from pipeline.production.request.keys import picture_keys
-from pipeline.production.request.render_request import RenderRequest
-from render.graphics.typesetting import BurnIn
-from render.movie.codecs import ENCODES
-from render.movie.probe import probe_movie
-from render.post.hdr import nits_of_pq
+from flowsculpt.pipeline.plugins.delivery.gif import write_gif
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.request.keys import picture_keys
+from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt.render.graphics.typesetting import BurnIn
+from flowsculpt.render.movie.codecs import ENCODES
+from flowsculpt.render.movie.probe import probe_movie
+from flowsculpt.render.post.hdr import nits_of_pq
 from tests.conftest import QUALITY, TINY
 
 NAME = "T010_tiny"

@@ -14,13 +14,13 @@ from pathlib import Path
 import psutil
 import pytest
 
-from pipeline.cli.options import CommonOptions
-from pipeline.plugins.preview.first_look import arguments_for
-from pipeline.plugins.preview.first_pictures import WITHOUT
-from pipeline.production.execution.project import Project
-from pipeline.production.planning.plan import Plan
-from render.base import python_process
-from render.movie.probe import probe_movie
+from flowsculpt.pipeline.cli.options import CommonOptions
+from flowsculpt.pipeline.plugins.preview.first_look import arguments_for
+from flowsculpt.pipeline.plugins.preview.first_pictures import WITHOUT
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.planning.plan import Plan
+from flowsculpt.render.base import python_process
+from flowsculpt.render.movie.probe import probe_movie
 from tests.conftest import TINY, ProjectFolder
 from tests.processes import has_ended, wait_until
 
@@ -31,7 +31,7 @@ class Terminal:
     """A command at a pseudo-terminal."""
 
     def __init__(self, folder: Path, *words: str) -> None:
-        command = python_process.command("pipeline.cli", "-j", "2", *words)
+        command = python_process.command("flowsculpt", "-j", "2", *words)
         environment = {**python_process.environment(), "TERM": "xterm", "COLUMNS": "160", "CI": ""}
         self.process, self._terminal = pty.fork()
         if self.process == 0:

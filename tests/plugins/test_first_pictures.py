@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.plugins.preview.first_pictures import FirstPictures
-from pipeline.production.execution.project import Project
-from pipeline.production.planning.plan import Plan
-from pipeline.production.store.event_log import EventReader
-from pipeline.production.store.paths import EVENTS
-from pipeline.production.store.store import Store
-from render.movie.probe import probe_movie
-from render.post.image import read_png
+from flowsculpt.pipeline.plugins.preview.first_pictures import FirstPictures
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.planning.plan import Plan
+from flowsculpt.pipeline.production.store.event_log import EventReader
+from flowsculpt.pipeline.production.store.paths import EVENTS
+from flowsculpt.pipeline.production.store.store import Store
+from flowsculpt.render.movie.probe import probe_movie
+from flowsculpt.render.post.image import read_png
 from tests.conftest import FILM, QUALITY, ProjectFolder, done, new_project
 
 NAME = "T010_tiny"

@@ -13,10 +13,10 @@ import pytest
 from benchmarks import found_models
 from benchmarks.found_models import verdict
 from benchmarks.sample_models import MODELS, UNUSABLE
-from pipeline.errors import MeshError
-from pipeline.plugins.authoring.first_frame import FirstFrames
-from pipeline.plugins.preview import animatic
-from pipeline.shot import read_shot
+from flowsculpt.pipeline.errors import MeshError
+from flowsculpt.pipeline.plugins.authoring.first_frame import FirstFrames
+from flowsculpt.pipeline.plugins.preview import animatic
+from flowsculpt.pipeline.shot import read_shot
 
 SHOT = """title: A model
 frames: 1-4

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pipeline.errors import MachineError
-from pipeline.plugins.delivery.gain_map import require_gain_maps, write_gain_map
-from render.base.render_errors import BadInputError
-from render.post.hdr import BT2020, pq_of_nits
+from flowsculpt.pipeline.errors import MachineError
+from flowsculpt.pipeline.plugins.delivery.gain_map import require_gain_maps, write_gain_map
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.post.hdr import BT2020, pq_of_nits
 from tests.conftest import QUALITY
 
 NAME = "T010_tiny"

@@ -10,9 +10,9 @@ import opentimelineio as otio
 import pytest
 from opentimelineio import opentime, schema
 
-from pipeline.errors import FlowsculptError, ShotError
-from pipeline.plugins.delivery.imported_edit import ImportedEdit
-from pipeline.plugins.delivery.timeline_import import edit_of
+from flowsculpt.pipeline.errors import FlowsculptError, ShotError
+from flowsculpt.pipeline.plugins.delivery.imported_edit import ImportedEdit
+from flowsculpt.pipeline.plugins.delivery.timeline_import import edit_of
 
 Span, Parts = opentime.TimeRange, tuple[Any, ...]
 FPS = 24.0

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.plugins.sheets.keyed_curves import KeyedCurve, curves_of
+from flowsculpt.pipeline.plugins.sheets.keyed_curves import KeyedCurve, curves_of
 
 SHOT = """\
 title: C

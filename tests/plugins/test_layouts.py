@@ -7,15 +7,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.animation import animate
-from pipeline.errors import ShotError
-from pipeline.mesh import TriangleMesh, icosphere
-from pipeline.plugins.layout.copy_layouts import frames, refined
-from pipeline.shot import Motion, read_shot
-from render.base.render_errors import BadInputError
-from render.scene.patterns import Pigment
-from render.scene.surface import Surface
-from render.scene.vertex_colours import vertex_colours
+from flowsculpt.pipeline.animation import animate
+from flowsculpt.pipeline.errors import ShotError
+from flowsculpt.pipeline.mesh import TriangleMesh, icosphere
+from flowsculpt.pipeline.plugins.layout.copy_layouts import frames, refined
+from flowsculpt.pipeline.shot import Motion, read_shot
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.scene.patterns import Pigment
+from flowsculpt.render.scene.surface import Surface
+from flowsculpt.render.scene.vertex_colours import vertex_colours
 
 SHOT = """
 title: Tiles

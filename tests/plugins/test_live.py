@@ -14,12 +14,12 @@ from typing import Any
 
 import pytest
 
-from pipeline.plugins.preview import live_server
-from pipeline.plugins.preview.live_server import actions_of, serving
-from pipeline.plugins.preview.live_session import LiveFeed, LiveSession
-from pipeline.plugins.preview.shot_editor import MOST_REQUEST_BYTES, ShotEditor
-from pipeline.plugins.preview.surface_stream import SurfaceStream
-from pipeline.production.execution.project import Project
+from flowsculpt.pipeline.plugins.preview import live_server
+from flowsculpt.pipeline.plugins.preview.live_server import actions_of, serving
+from flowsculpt.pipeline.plugins.preview.live_session import LiveFeed, LiveSession
+from flowsculpt.pipeline.plugins.preview.shot_editor import MOST_REQUEST_BYTES, ShotEditor
+from flowsculpt.pipeline.plugins.preview.surface_stream import SurfaceStream
+from flowsculpt.pipeline.production.execution.project import Project
 from tests.conftest import TINY
 from tests.plugins.live_follower import NAME, PATIENCE, Follower
 

@@ -16,10 +16,10 @@ from typing import Any
 
 import pytest
 
-from pipeline.errors import MachineError
-from pipeline.plugins.preview import live_server
-from pipeline.plugins.preview.live_server import serving
-from pipeline.plugins.preview.live_session import LiveFeed
+from flowsculpt.pipeline.errors import MachineError
+from flowsculpt.pipeline.plugins.preview import live_server
+from flowsculpt.pipeline.plugins.preview.live_server import serving
+from flowsculpt.pipeline.plugins.preview.live_session import LiveFeed
 
 PATIENCE = 60.0
 

@@ -10,19 +10,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.animation import animate
-from pipeline.errors import FrameError, MachineError
-from pipeline.mesh import box, icosphere, sheet
-from pipeline.plugins.preview import surface_stream
-from pipeline.plugins.preview.animatic import Animatic, framings_of, outline, size_for
-from pipeline.plugins.preview.sketch import Sketch, is_closed
-from pipeline.plugins.preview.surface_stream import MeshCache, MeshSource, SpillCache, SurfaceStream
-from pipeline.production.execution.project import Project
-from pipeline.production.request.framing import frame_all
-from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.request.shot_source import ShotSource
-from pipeline.production.store.store import Store
-from render.post.image import read_png
+from flowsculpt.pipeline.animation import animate
+from flowsculpt.pipeline.errors import FrameError, MachineError
+from flowsculpt.pipeline.mesh import box, icosphere, sheet
+from flowsculpt.pipeline.plugins.preview import surface_stream
+from flowsculpt.pipeline.plugins.preview.animatic import Animatic, framings_of, outline, size_for
+from flowsculpt.pipeline.plugins.preview.sketch import Sketch, is_closed
+from flowsculpt.pipeline.plugins.preview.surface_stream import (
+    MeshCache,
+    MeshSource,
+    SpillCache,
+    SurfaceStream,
+)
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.request.framing import frame_all
+from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt.pipeline.production.request.shot_source import ShotSource
+from flowsculpt.pipeline.production.store.store import Store
+from flowsculpt.render.post.image import read_png
 from tests.conftest import TINY, ProjectFolder
 
 NAME = "T010_tiny"

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.plugins.preview.holes import PIECES, without_holes
-from render.scene.materials import Diffuse, Opacity, Painted
-from render.scene.surface import Surface
+from flowsculpt.pipeline.plugins.preview.holes import PIECES, without_holes
+from flowsculpt.render.scene.materials import Diffuse, Opacity, Painted
+from flowsculpt.render.scene.surface import Surface
 from tests.render.test_cut_outs import half, painted
 from tests.render.test_painted import square
 from tests.render.test_textures import GREEN, RED

@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from pipeline.cli.app import command_line
-from pipeline.errors import FlowsculptError
-from pipeline.production.execution.project import Project
+from flowsculpt.pipeline.cli.app import command_line
+from flowsculpt.pipeline.errors import FlowsculptError
+from flowsculpt.pipeline.production.execution.project import Project
 from tests.conftest import ProjectFolder, done
 
 SHOT = """\

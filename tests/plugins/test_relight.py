@@ -9,12 +9,12 @@ import av
 import numpy as np
 import pytest
 
-from pipeline.plugins.delivery.relighting import permanent
-from pipeline.plugins.maintenance.store_repair import output_folder
-from render.movie.probe import probe_movie
-from render.post.image import read_exr
-from render.scene.aovs import RenderedFrame
-from render.scene.scene_lights import LIGHTS, groups_in
+from flowsculpt.pipeline.plugins.delivery.relighting import permanent
+from flowsculpt.pipeline.plugins.maintenance.store_repair import output_folder
+from flowsculpt.render.movie.probe import probe_movie
+from flowsculpt.render.post.image import read_exr
+from flowsculpt.render.scene.aovs import RenderedFrame
+from flowsculpt.render.scene.scene_lights import LIGHTS, groups_in
 from tests.conftest import TINY, ProjectFolder, commanded
 
 HALF = (0.5, 0.5, 0.5)

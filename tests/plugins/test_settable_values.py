@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 from pydantic import BaseModel
 
-from pipeline.plugins.preview.settable_values import SECTIONS, SettableShot, settable_values
-from pipeline.shot.documents.curves import Keyed, OverTime, OverTimeTriple
-from pipeline.shot.documents.shot_documents import ShotDocument
+from flowsculpt.pipeline.plugins.preview.settable_values import SECTIONS, SettableShot, settable_values
+from flowsculpt.pipeline.shot.documents.curves import Keyed, OverTime, OverTimeTriple
+from flowsculpt.pipeline.shot.documents.shot_documents import ShotDocument
 
 SHOT = """\
 title: Times

@@ -15,11 +15,11 @@ from typing import Any
 
 import pytest
 
-from pipeline.errors import MachineError, MissingInputError, ShotError, UsageError
-from pipeline.plugins.preview.shot_editor import ShotEditor, StaleError, digest_of, edits_in
-from pipeline.plugins.preview.text_edits import ValueEdit
-from pipeline.shot import read_shot
-from pipeline.shot.yaml.yaml_source import YamlSource
+from flowsculpt.pipeline.errors import MachineError, MissingInputError, ShotError, UsageError
+from flowsculpt.pipeline.plugins.preview.shot_editor import ShotEditor, StaleError, digest_of, edits_in
+from flowsculpt.pipeline.plugins.preview.text_edits import ValueEdit
+from flowsculpt.pipeline.shot import read_shot
+from flowsculpt.pipeline.shot.yaml.yaml_source import YamlSource
 
 SHOT = """\
 # A cube, wrung and stirred

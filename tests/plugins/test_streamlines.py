@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.plugins.preview.sketch import PIECES, line_colours, shape_of, streamlines
-from pipeline.shot import Motion, read_shot
-from render.scene.materials import LOOKS
+from flowsculpt.pipeline.plugins.preview.sketch import PIECES, line_colours, shape_of, streamlines
+from flowsculpt.pipeline.shot import Motion, read_shot
+from flowsculpt.render.scene.materials import LOOKS
 
 BOX = np.array([(x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
 

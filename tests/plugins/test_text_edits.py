@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from pipeline.errors import ShotError
-from pipeline.plugins.preview.text_edits import ValueEdit, edited
-from pipeline.shot.yaml.yaml_source import YamlSource, flow_style
+from flowsculpt.pipeline.errors import ShotError
+from flowsculpt.pipeline.plugins.preview.text_edits import ValueEdit, edited
+from flowsculpt.pipeline.shot.yaml.yaml_source import YamlSource, flow_style
 
 FILE = Path("A010_a.yaml")
 

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.errors import FlowsculptError, MissingInputError, ShotError, UsageError
-from pipeline.plugins.delivery.imported_edit import ImportedEdit
+from flowsculpt.pipeline.errors import FlowsculptError, MissingInputError, ShotError, UsageError
+from flowsculpt.pipeline.plugins.delivery.imported_edit import ImportedEdit
 from tests.plugins.test_timeline import NAME, REEL, exported, seen
 
 FPS = 24

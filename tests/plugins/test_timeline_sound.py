@@ -8,13 +8,13 @@ import numpy as np
 import opentimelineio as otio
 import pytest
 
-from pipeline.errors import ShotError
-from pipeline.plugins.delivery.imported_edit import ImportedEdit
-from pipeline.plugins.delivery.timeline import Timeline
-from pipeline.production.execution.project import Project
-from pipeline.production.request.audio import samples_of
-from pipeline.production.request.edit import Edit
-from pipeline.shot import read_film
+from flowsculpt.pipeline.errors import ShotError
+from flowsculpt.pipeline.plugins.delivery.imported_edit import ImportedEdit
+from flowsculpt.pipeline.plugins.delivery.timeline import Timeline
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.request.audio import samples_of
+from flowsculpt.pipeline.production.request.edit import Edit
+from flowsculpt.pipeline.shot import read_film
 from tests.conftest import ProjectFolder
 from tests.sounds import RATE, write_sound
 

@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pipeline.errors import FlowsculptError
-from pipeline.plugins.preview.shot_editor import ShotEditor
-from pipeline.plugins.preview.sketch import MOST_BALLS, QUICK_VERTICES, shape_of
-from pipeline.plugins.preview.text_edits import ValueEdit
-from pipeline.plugins.preview.trial_pictures import TrialPictures
-from pipeline.production.request.manifest import ShotManifest
-from render.scene.materials import LOOKS
+from flowsculpt.pipeline.errors import FlowsculptError
+from flowsculpt.pipeline.plugins.preview.shot_editor import ShotEditor
+from flowsculpt.pipeline.plugins.preview.sketch import MOST_BALLS, QUICK_VERTICES, shape_of
+from flowsculpt.pipeline.plugins.preview.text_edits import ValueEdit
+from flowsculpt.pipeline.plugins.preview.trial_pictures import TrialPictures
+from flowsculpt.pipeline.production.request.manifest import ShotManifest
+from flowsculpt.render.scene.materials import LOOKS
 from tests.plugins.live_follower import Follower
 
 SHOT = """\

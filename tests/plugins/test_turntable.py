@@ -13,33 +13,33 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.errors import FrameError, UsageError
-from pipeline.mesh import icosphere
-from pipeline.plugins.interchange.mesh_writers import write_mesh
-from pipeline.plugins.turntable.turntable_movie import (
+from flowsculpt.pipeline.errors import FrameError, UsageError
+from flowsculpt.pipeline.mesh import icosphere
+from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
+from flowsculpt.pipeline.plugins.turntable.turntable_movie import (
     TurntableRequest,
     TurntableSheets,
     key_numbers,
     turn_and_angle,
 )
-from pipeline.production.execution.project import Project
-from pipeline.production.request.framing import Framing, frame_all, rotate_y, with_stage_in_view
-from pipeline.production.request.keys import picture_keys, raw_key
-from pipeline.production.request.render_request import (
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.request.framing import Framing, frame_all, rotate_y, with_stage_in_view
+from flowsculpt.pipeline.production.request.keys import picture_keys, raw_key
+from flowsculpt.pipeline.production.request.render_request import (
     TURNS,
     RenderRequest,
     Turntable,
     TurntableAngle,
     framed_whole,
 )
-from pipeline.shot.camera_path import Lens, View
-from render.movie.probe import probe_movie
-from render.post.image import read_exr, read_png, write_png
-from render.scene.materials import LOOKS
-from render.scene.reference_objects import ball, chart, positions
-from render.scene.render_camera import Camera
-from render.scene.scene_stage import STAGES, StagePlacement
-from render.scene.surface import Surface
+from flowsculpt.pipeline.shot.camera_path import Lens, View
+from flowsculpt.render.movie.probe import probe_movie
+from flowsculpt.render.post.image import read_exr, read_png, write_png
+from flowsculpt.render.scene.materials import LOOKS
+from flowsculpt.render.scene.reference_objects import ball, chart, positions
+from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.scene_stage import STAGES, StagePlacement
+from flowsculpt.render.scene.surface import Surface
 from tests.conftest import commanded
 
 NAME = "T010_tiny"

@@ -10,15 +10,15 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.errors import UsageError
-from pipeline.plugins.sheets.wedge import Grid, Variation, Wedge
-from pipeline.production.execution.project import Project
-from pipeline.production.planning import planner
-from pipeline.production.planning.plan import Plan
-from pipeline.production.planning.profile import avoid
-from pipeline.production.request.keys import picture_keys
-from render.movie.probe import probe_movie
-from render.post.image import read_exr, read_png
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.plugins.sheets.wedge import Grid, Variation, Wedge
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.planning import planner
+from flowsculpt.pipeline.production.planning.plan import Plan
+from flowsculpt.pipeline.production.planning.profile import avoid
+from flowsculpt.pipeline.production.request.keys import picture_keys
+from flowsculpt.render.movie.probe import probe_movie
+from flowsculpt.render.post.image import read_exr, read_png
 from tests.conftest import commanded, done
 
 NAME = "T010_tiny"

@@ -19,15 +19,19 @@ import av
 import llvmlite.binding as llvm
 import numpy as np
 
-from pipeline.plugins.delivery.deliverables import DELIVER
-from pipeline.plugins.review.measures import MEASURE, measures_of
-from pipeline.plugins.turntable.turntable_movie import TURNTABLE_SHEET, TurntableRequest, TurntableSheets
-from pipeline.production.execution.project import Project
-from pipeline.production.request.keys import picture_keys
-from pipeline.production.request.lookup import find_shot
-from pipeline.production.stages import STAGES, STILLS, PipelineStage
-from pipeline.production.store import readers
-from render.post.image import read_exr, read_png
+from flowsculpt.pipeline.plugins.delivery.deliverables import DELIVER
+from flowsculpt.pipeline.plugins.review.measures import MEASURE, measures_of
+from flowsculpt.pipeline.plugins.turntable.turntable_movie import (
+    TURNTABLE_SHEET,
+    TurntableRequest,
+    TurntableSheets,
+)
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.request.keys import picture_keys
+from flowsculpt.pipeline.production.request.lookup import find_shot
+from flowsculpt.pipeline.production.stages import STAGES, STILLS, PipelineStage
+from flowsculpt.pipeline.production.store import readers
+from flowsculpt.render.post.image import read_exr, read_png
 from tests.conftest import commanded, done
 
 Arrays = dict[str, np.ndarray]

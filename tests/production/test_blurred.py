@@ -6,7 +6,7 @@ import json
 
 import numpy as np
 
-from render.post.image import read_exr, read_header
+from flowsculpt.render.post.image import read_exr, read_header
 from tests.conftest import QUALITY
 
 NAME = "T010_tiny"

@@ -2,8 +2,8 @@
 
 import re
 
-from render.movie.probe import probe_movie
-from render.post.image import read_exr, read_header
+from flowsculpt.render.movie.probe import probe_movie
+from flowsculpt.render.post.image import read_exr, read_header
 from tests.conftest import QUALITY
 
 NAME = "T010_tiny"

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.production.planning.profile import avoid
-from pipeline.production.store.paths import STATE
-from pipeline.production.store.store import UPLOADS
+from flowsculpt.pipeline.production.planning.profile import avoid
+from flowsculpt.pipeline.production.store.paths import STATE
+from flowsculpt.pipeline.production.store.store import UPLOADS
 from tests.conftest import QUALITY, ProjectFolder
 
 NAME = "T010_tiny"

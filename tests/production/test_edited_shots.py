@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.production.execution.project import Project
-from pipeline.production.store.store import Store
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.store.store import Store
 from tests.conftest import done
 from tests.production.edited_shots import SUBJECTS, SUBJECTS_BY_FITS, EditedShot, edits, shots
 

@@ -9,15 +9,15 @@ from typing import Any
 
 import pytest
 
-from pipeline.errors import FlowsculptError, MissingInputError, ShotError, UsageError
-from pipeline.production.execution.project import Project
-from pipeline.production.execution.snakefile import PlannedWorkflow
-from pipeline.production.request.edit import Edit
-from pipeline.production.request.keys import FrameKeys
-from pipeline.production.request.lookup import edit_names, find_edit, find_shot, shot_names
-from pipeline.shot import read_film
-from pipeline.shot.yaml.named_files import is_edit
-from render.movie.probe import probe_movie
+from flowsculpt.pipeline.errors import FlowsculptError, MissingInputError, ShotError, UsageError
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.execution.snakefile import PlannedWorkflow
+from flowsculpt.pipeline.production.request.edit import Edit
+from flowsculpt.pipeline.production.request.keys import FrameKeys
+from flowsculpt.pipeline.production.request.lookup import edit_names, find_edit, find_shot, shot_names
+from flowsculpt.pipeline.shot import read_film
+from flowsculpt.pipeline.shot.yaml.named_files import is_edit
+from flowsculpt.render.movie.probe import probe_movie
 from tests.conftest import QUALITY
 from tests.production.snakemake import workflow
 
@@ -112,8 +112,8 @@ def never(*arguments: object, **others: object) -> None:
 def test_an_edit_is_planned_again_without_reading_it_or_its_shots(there, monkeypatch):
     Path(".flowsculpt").mkdir()
     first = Project(there.path, cores=2).film("draft", find_edit("reel"))
-    monkeypatch.setattr("pipeline.shot.film_reader.read_film", never)
-    monkeypatch.setattr("pipeline.shot.shot_reader.read_shot", never)
+    monkeypatch.setattr("flowsculpt.pipeline.shot.film_reader.read_film", never)
+    monkeypatch.setattr("flowsculpt.pipeline.shot.shot_reader.read_shot", never)
     again = Project(there.path, cores=2).film("draft", find_edit("reel"))
     assert (again.jobs, again.film, again.targets) == (first.jobs, first.film, first.targets)
 

@@ -6,7 +6,7 @@ import sys
 import psutil
 import pytest
 
-from pipeline.production.execution.snakemake import end_family
+from flowsculpt.pipeline.production.execution.snakemake import end_family
 from tests.processes import has_ended, wait_until
 
 pytestmark = pytest.mark.quick

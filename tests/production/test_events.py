@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.production.store.event_log import EventLog, EventReader
+from flowsculpt.pipeline.production.store.event_log import EventLog, EventReader
 
 pytestmark = pytest.mark.quick
 

@@ -8,13 +8,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.mesh import box, icosphere
-from pipeline.mesh.normals import split_at_creases
-from pipeline.production.request.framing import frame_all
-from pipeline.production.request.shading import LEAST, diced, pieces_without_facets
-from pipeline.shot import read_shot
-from pipeline.shot.camera_path import View
-from render.scene.render_quality import QUALITIES
+from flowsculpt.pipeline.mesh import box, icosphere
+from flowsculpt.pipeline.mesh.normals import split_at_creases
+from flowsculpt.pipeline.production.request.framing import frame_all
+from flowsculpt.pipeline.production.request.shading import LEAST, diced, pieces_without_facets
+from flowsculpt.pipeline.shot import read_shot
+from flowsculpt.pipeline.shot.camera_path import View
+from flowsculpt.render.scene.render_quality import QUALITIES
 
 pytestmark = pytest.mark.quick
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from render.post.image import read_exr
+from flowsculpt.render.post.image import read_exr
 from tests.conftest import QUALITY
 
 NAME = "T010_tiny"

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from render.post.denoise import Features, denoise_light, denoiser_features
-from render.post.image import read_exr
-from render.scene.aovs import RenderedFrame
-from render.scene.scene_lights import groups_in
+from flowsculpt.render.post.denoise import Features, denoise_light, denoiser_features
+from flowsculpt.render.post.image import read_exr
+from flowsculpt.render.scene.aovs import RenderedFrame
+from flowsculpt.render.scene.scene_lights import groups_in
 from tests.conftest import ProjectFolder
 
 

@@ -9,14 +9,14 @@ from typing import Any
 
 import pytest
 
-from pipeline.plugins.maintenance.why import explain
-from pipeline.production.execution.project import Project
-from pipeline.production.planning.estimate import Forecast
-from pipeline.production.planning.frame_states import KnownPictures, mesh_states, picture_states
-from pipeline.production.request.lookup import find_shot
-from pipeline.production.store.event_log import EventReader
-from pipeline.production.store.history import History
-from pipeline.production.store.paths import EVENTS
+from flowsculpt.pipeline.plugins.maintenance.why import explain
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.planning.estimate import Forecast
+from flowsculpt.pipeline.production.planning.frame_states import KnownPictures, mesh_states, picture_states
+from flowsculpt.pipeline.production.request.lookup import find_shot
+from flowsculpt.pipeline.production.store.event_log import EventReader
+from flowsculpt.pipeline.production.store.history import History
+from flowsculpt.pipeline.production.store.paths import EVENTS
 from tests.conftest import QUALITY, done
 from tests.plugins.maintenance.test_why import CASES, NAME, Case
 

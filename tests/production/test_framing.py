@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.production.request.framing import (
+from flowsculpt.pipeline.production.request.framing import (
     AHEAD,
     BoundingSpheres,
     Framer,
@@ -16,8 +16,8 @@ from pipeline.production.request.framing import (
     smooth,
     together,
 )
-from pipeline.shot.camera_path import Lens, View
-from render.base.render_errors import BadInputError
+from flowsculpt.pipeline.shot.camera_path import Lens, View
+from flowsculpt.render.base.render_errors import BadInputError
 
 pytestmark = pytest.mark.quick
 

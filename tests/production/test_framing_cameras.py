@@ -7,9 +7,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.production.request.framing import FOOTING, STEADINESS, BoundingSpheres, Framing, frame_all
-from pipeline.shot.camera_path import Lens, View
-from render.base.serialise import from_plain, to_plain
+from flowsculpt.pipeline.production.request.framing import (
+    FOOTING,
+    STEADINESS,
+    BoundingSpheres,
+    Framing,
+    frame_all,
+)
+from flowsculpt.pipeline.shot.camera_path import Lens, View
+from flowsculpt.render.base.serialise import from_plain, to_plain
 
 pytestmark = pytest.mark.quick
 

@@ -14,15 +14,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.errors import UsageError
-from pipeline.production.execution.project import Project
-from pipeline.production.planning.plan import Job, Plan
-from pipeline.production.store.event_log import EventLog, EventReader
-from pipeline.production.store.paths import CHECKPOINTS, EVENTS
-from pipeline.production.store.store import Store, checkpoint_of, remove_checkpoints, sweep
-from pipeline.production.tasks import supervisor
-from pipeline.production.tasks.job import Context
-from pipeline.production.tasks.supervisor import (
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.planning.plan import Job, Plan
+from flowsculpt.pipeline.production.store.event_log import EventLog, EventReader
+from flowsculpt.pipeline.production.store.paths import CHECKPOINTS, EVENTS
+from flowsculpt.pipeline.production.store.store import Store, checkpoint_of, remove_checkpoints, sweep
+from flowsculpt.pipeline.production.tasks import supervisor
+from flowsculpt.pipeline.production.tasks.job import Context
+from flowsculpt.pipeline.production.tasks.supervisor import (
     RESTART_WORKER,
     VARIABLE,
     MemoryGuard,
@@ -30,9 +30,9 @@ from pipeline.production.tasks.supervisor import (
     Supervisor,
     _verdict,
 )
-from pipeline.production.tasks.worker import task_of
-from render.frame import render_frame as passes
-from render.post.image import read_exr
+from flowsculpt.pipeline.production.tasks.worker import task_of
+from flowsculpt.render.frame import render_frame as passes
+from flowsculpt.render.post.image import read_exr
 
 NAME = "T010_tiny"
 QUALITY = "draft.scale10"
@@ -200,7 +200,7 @@ def test_a_size_that_is_none_is_refused(said: str, monkeypatch: pytest.MonkeyPat
 _RENDERER = """
 import sys
 from pathlib import Path
-from pipeline.production.store.event_log import EventLog
+from flowsculpt.pipeline.production.store.event_log import EventLog
 log = EventLog(Path(sys.argv[1]), "job")
 number = int(sys.argv[2])
 for event, frame in {0: [("frame", 1), ("fail", 2)], 2: [("frame", 3)], 3: [("frame", 4)]}[number]:

@@ -11,10 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.production.store import history
-from pipeline.production.store.event_log import RUNS, EventLog, logs_of
-from pipeline.production.store.history import History, Made, summarise
-from pipeline.production.store.paths import EVENTS
+from flowsculpt.pipeline.production.store import history
+from flowsculpt.pipeline.production.store.event_log import RUNS, EventLog, logs_of
+from flowsculpt.pipeline.production.store.history import History, Made, summarise
+from flowsculpt.pipeline.production.store.paths import EVENTS
 
 pytestmark = pytest.mark.quick
 

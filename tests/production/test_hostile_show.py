@@ -13,11 +13,11 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.errors import UsageError
-from pipeline.production.execution.snakemake import DEPLOYMENTS, running
-from pipeline.production.planning.plan import Plan
-from pipeline.production.planning.profile import Profile, shipped
-from render.base import python_process
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.production.execution.snakemake import DEPLOYMENTS, running
+from flowsculpt.pipeline.production.planning.plan import Plan
+from flowsculpt.pipeline.production.planning.profile import Profile, shipped
+from flowsculpt.render.base import python_process
 from tests.conftest import QUALITY, ProjectFolder
 
 PACKAGES = [*Path(python_process.PACKAGE_ROOT, "pipeline").rglob("*.py")]

@@ -11,12 +11,12 @@ import pytest
 from _pytest.mark import ParameterSet
 from pxr import Usd, UsdGeom, UsdUtils
 
-from pipeline.mesh import box
-from pipeline.mesh.read import mesh_suffixes, model_files, read_surface
-from pipeline.plugins.interchange.mesh_writers import write_mesh
-from pipeline.production.execution.project import Project
-from pipeline.shot import Shot, read_shot
-from render.post.colour import view_exactly
+from flowsculpt.pipeline.mesh import box
+from flowsculpt.pipeline.mesh.read import mesh_suffixes, model_files, read_surface
+from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.shot import Shot, read_shot
+from flowsculpt.render.post.colour import view_exactly
 from tests.opened_files import opened_below
 from tests.plugins.interchange.fbx_writer import N, binary, box_geometry, model, scene
 from tests.plugins.interchange.gltf_scenes import box_scene

@@ -16,9 +16,9 @@ from pathlib import Path
 import psutil
 import pytest
 
-from pipeline.production.execution.project import Project
-from pipeline.production.tasks import job_server
-from pipeline.production.tasks.job_process import SERVER
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.tasks import job_server
+from flowsculpt.pipeline.production.tasks.job_process import SERVER
 from tests.processes import has_ended, process_numbered, wait_until
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="only Linux forks safely")
@@ -33,7 +33,7 @@ flows: [translation: {rate: [1, 0, 0]}]
 
 SERVE = """
 import os
-from pipeline.production.tasks.job_server import job_server
+from flowsculpt.pipeline.production.tasks.job_server import job_server
 with job_server():
     print(os.environ["FLOWSCULPT_JOB_SERVER"], flush=True)
     input()
@@ -80,7 +80,14 @@ def test_a_temporary_folder_whose_path_is_too_long_for_a_socket_is_not_used(
 
 def start(socket: Path, root: Path, *words: str) -> subprocess.Popen[str]:
     """Start the process of a job as Snakemake does; it tells on standard error what it imports itself."""
-    command = [sys.executable, "-X", "importtime", "-m", "pipeline.production.tasks.job_process", *words]
+    command = [
+        sys.executable,
+        "-X",
+        "importtime",
+        "-m",
+        "flowsculpt.pipeline.production.tasks.job_process",
+        *words,
+    ]
     environment = {**os.environ, SERVER: str(socket)}
     return subprocess.Popen(command, cwd=root, env=environment, stderr=subprocess.PIPE, text=True)
 

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.flow import Flow
-from pipeline.production.request.manifest import mesh_keys
-from pipeline.production.store.store import key_of
-from pipeline.shot import read_shot
+from flowsculpt.pipeline.flow import Flow
+from flowsculpt.pipeline.production.request.manifest import mesh_keys
+from flowsculpt.pipeline.production.store.store import key_of
+from flowsculpt.pipeline.shot import read_shot
 
 pytestmark = pytest.mark.quick
 

@@ -11,13 +11,22 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.plugins.breed.generation import DRAFT, TRIALS
-from pipeline.production.execution.project import Project
-from pipeline.production.store.history import HISTORY
-from pipeline.production.store.locks import LOCKS, ROOT
-from pipeline.production.store.paths import CHECKPOINTS, DIGESTS, DONE, EVENTS, LOGS, PLANS, STATE, STORE
-from pipeline.production.store.store import UPLOADS
-from render.base.root_files import OWNED
+from flowsculpt.pipeline.plugins.breed.generation import DRAFT, TRIALS
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.store.history import HISTORY
+from flowsculpt.pipeline.production.store.locks import LOCKS, ROOT
+from flowsculpt.pipeline.production.store.paths import (
+    CHECKPOINTS,
+    DIGESTS,
+    DONE,
+    EVENTS,
+    LOGS,
+    PLANS,
+    STATE,
+    STORE,
+)
+from flowsculpt.pipeline.production.store.store import UPLOADS
+from flowsculpt.render.base.root_files import OWNED
 from tests.conftest import QUALITY, ProjectFolder
 from tests.render.test_root_files import contents
 

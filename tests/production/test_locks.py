@@ -19,10 +19,10 @@ from typing import Any
 
 import pytest
 
-from pipeline.errors import MachineError
-from pipeline.production.execution.project import Project
-from pipeline.production.store import locks
-from pipeline.production.store.locks import exclusive, lock_name, making, of_key, writing
+from flowsculpt.pipeline.errors import MachineError
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.store import locks
+from flowsculpt.pipeline.production.store.locks import exclusive, lock_name, making, of_key, writing
 from tests.conftest import done, new_project
 
 NAMES = ("T010_tiny", "T020_other")
@@ -71,7 +71,7 @@ def test_an_error_of_the_disk_is_no_other_run(tmp_path: Path, monkeypatch: pytes
 HOLDER = """
 import sys
 from pathlib import Path
-from pipeline.production.store.locks import making, writing
+from flowsculpt.pipeline.production.store.locks import making, writing
 with writing(Path.cwd()), making(Path.cwd(), {"A.draft": "A at draft"}):
     print("held", flush=True)
     input()

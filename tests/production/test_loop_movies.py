@@ -7,9 +7,9 @@ import json
 import av
 import pytest
 
-from pipeline.production.execution.project import Project
-from pipeline.production.tasks.encoding import in_loop
-from render.movie.encode import LOOPS
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.tasks.encoding import in_loop
+from flowsculpt.render.movie.encode import LOOPS
 from tests.conftest import QUALITY
 
 DISSOLVE = "loop={dissolve: 2}"

@@ -8,19 +8,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.animation import animate
-from pipeline.plugins.preview.sketch import shape_of
-from pipeline.production.request.framing import Framing
-from pipeline.production.request.keys import raw_key
-from pipeline.production.request.render_request import RenderRequest, Turntable
-from pipeline.production.request.shading import Shading, speeds
-from pipeline.production.request.shot_source import ShotSource
-from pipeline.resample import Thresholds
-from pipeline.shot import read_shot
-from render.scene.materials import LOOKS
-from render.scene.patterns import colour_map
-from render.scene.render_camera import Camera
-from render.scene.scene_stage import StagePlacement
+from flowsculpt.pipeline.animation import animate
+from flowsculpt.pipeline.plugins.preview.sketch import shape_of
+from flowsculpt.pipeline.production.request.framing import Framing
+from flowsculpt.pipeline.production.request.keys import raw_key
+from flowsculpt.pipeline.production.request.render_request import RenderRequest, Turntable
+from flowsculpt.pipeline.production.request.shading import Shading, speeds
+from flowsculpt.pipeline.production.request.shot_source import ShotSource
+from flowsculpt.pipeline.resample import Thresholds
+from flowsculpt.pipeline.shot import read_shot
+from flowsculpt.render.scene.materials import LOOKS
+from flowsculpt.render.scene.patterns import colour_map
+from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.scene_stage import StagePlacement
 
 BALL = "title: T\nframes: 1-6\nsubject: {solid: icosphere, radius: 1}\nresample: {max_edge_length: 0.6}\n"
 SPINNING = "flows:\n  - rotation: {axis: y, speed: 120}\n"

@@ -9,23 +9,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.animation import MeshFrame, animate, mesh_at_subframe
-from pipeline.mesh.normals import split_at_creases
-from pipeline.production.request.framing import Framing
-from pipeline.production.request.keys import raw_key
-from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.request.shading import (
+from flowsculpt.pipeline.animation import MeshFrame, animate, mesh_at_subframe
+from flowsculpt.pipeline.mesh.normals import split_at_creases
+from flowsculpt.pipeline.production.request.framing import Framing
+from flowsculpt.pipeline.production.request.keys import raw_key
+from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt.pipeline.production.request.shading import (
     Shading,
     SurfaceMotion,
     flow_motion,
     framing_at,
     turntable_motion,
 )
-from pipeline.production.request.shot_source import ShotSource
-from pipeline.resample import Thresholds
-from pipeline.shot import Shot, read_shot
-from render.scene.render_camera import Camera
-from render.scene.scene_stage import StagePlacement
+from flowsculpt.pipeline.production.request.shot_source import ShotSource
+from flowsculpt.pipeline.resample import Thresholds
+from flowsculpt.pipeline.shot import Shot, read_shot
+from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.scene_stage import StagePlacement
 
 pytestmark = pytest.mark.quick
 

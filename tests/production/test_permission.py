@@ -12,17 +12,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.animation import animate
-from pipeline.errors import UsageError
-from pipeline.production.execution.project import Project
-from pipeline.production.execution.snakefile import PlannedWorkflow
-from pipeline.production.planning.plan import Plan
-from pipeline.production.request.lookup import find_shot
-from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.store.readers import read_npz
-from pipeline.production.tasks import worker
-from pipeline.production.tasks.job import Context
-from render.base.serialise import from_plain, to_plain
+from flowsculpt.pipeline.animation import animate
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.execution.snakefile import PlannedWorkflow
+from flowsculpt.pipeline.production.planning.plan import Plan
+from flowsculpt.pipeline.production.request.lookup import find_shot
+from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt.pipeline.production.store.readers import read_npz
+from flowsculpt.pipeline.production.tasks import worker
+from flowsculpt.pipeline.production.tasks.job import Context
+from flowsculpt.render.base.serialise import from_plain, to_plain
 from tests.production.snakemake import snakemake, workflow
 
 SHOT = (
@@ -64,7 +64,13 @@ def test_a_shot_that_no_file_can_be_called_is_told_in_one_short_line() -> None:
 def job_of(plan: Plan, root: Path) -> subprocess.CompletedProcess[str]:
     """The first job of a plan in a process of its own, as a run starts it."""
     frozen = plan.freeze(root)
-    command = [sys.executable, "-m", "pipeline.production.tasks.worker", str(frozen), plan.jobs[0].name]
+    command = [
+        sys.executable,
+        "-m",
+        "flowsculpt.pipeline.production.tasks.worker",
+        str(frozen),
+        plan.jobs[0].name,
+    ]
     return subprocess.run(command, cwd=root, capture_output=True, text=True, check=False)
 
 

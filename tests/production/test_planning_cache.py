@@ -12,19 +12,19 @@ from pathlib import Path
 
 import pytest
 
-import pipeline.shot
-from pipeline.production.execution.project import Project
-from pipeline.production.request import shot_source
-from pipeline.production.request.manifest import ShotManifest, input_digests
-from pipeline.production.request.render_request import RenderRequest, Turntable
-from pipeline.production.request.shot_source import (
+import flowsculpt.pipeline.shot
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.request import shot_source
+from flowsculpt.pipeline.production.request.manifest import ShotManifest, input_digests
+from flowsculpt.pipeline.production.request.render_request import RenderRequest, Turntable
+from flowsculpt.pipeline.production.request.shot_source import (
     NO_CACHE,
     PlanningCache,
     ShotSource,
 )
-from render.base import user_cache
-from render.base.input_files import digest_of_file
-from render.base.serialise import from_plain, to_plain
+from flowsculpt.render.base import user_cache
+from flowsculpt.render.base.input_files import digest_of_file
+from flowsculpt.render.base.serialise import from_plain, to_plain
 
 pytestmark = pytest.mark.quick
 
@@ -98,7 +98,7 @@ def test_what_is_remembered_is_what_reading_the_shot_finds(
     assert [request.quality for request in read] == [
         request.shot.picture.qualities[quality] for request in read
     ]
-    monkeypatch.setattr("pipeline.shot.shot_reader.read_shot", never)
+    monkeypatch.setattr("flowsculpt.pipeline.shot.shot_reader.read_shot", never)
     again = [take_of(shot, quality), replace(take_of(shot, quality), turntable=turn)]
     assert [keys_of(request) for request in again] == first
 
@@ -172,7 +172,7 @@ def test_before_a_run_has_begun_planning_is_remembered_and_the_root_stays_as_it_
     files = set(shot.parent.iterdir())
     keys = keys_of(take_of(shot))
     assert set(shot.parent.iterdir()) == files
-    monkeypatch.setattr("pipeline.shot.shot_reader.read_shot", never)
+    monkeypatch.setattr("flowsculpt.pipeline.shot.shot_reader.read_shot", never)
     assert keys_of(take_of(shot)) == keys
     (shot.parent / ".flowsculpt").mkdir()
     assert keys_of(take_of(shot)) == keys, "a run that begins goes on from there"
@@ -188,14 +188,14 @@ def test_a_home_that_cannot_be_written_hinders_nothing(
     monkeypatch.setenv("XDG_CACHE_HOME", str(home / "file"))
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path_factory.mktemp("temporary")))
     keys = keys_of(take_of(shot))
-    monkeypatch.setattr("pipeline.shot.shot_reader.read_shot", never)
+    monkeypatch.setattr("flowsculpt.pipeline.shot.shot_reader.read_shot", never)
     assert keys_of(take_of(shot)) == keys, "it is remembered among temporary files"
 
 
 WRITE_MANY = """
 import sys
 from pathlib import Path
-from pipeline.production.request import shot_source
+from flowsculpt.pipeline.production.request import shot_source
 shot_source.writable_cache = lambda: Path(sys.argv[1])
 cache = shot_source.PlanningCache(Path(sys.argv[1], "root"))
 for number in range(200):
@@ -249,8 +249,10 @@ def test_entries_of_no_root_that_nobody_asks_for_go_when_a_process_writes_one(
 
 def test_a_shot_is_read_once_for_its_copies_and_its_subjects(tmp_path: Path, monkeypatch) -> None:
     read: list[str] = []
-    reader = pipeline.shot.read_shot
-    monkeypatch.setattr(pipeline.shot, "read_shot", lambda *given: read.append(given[1]) or reader(*given))
+    reader = flowsculpt.pipeline.shot.read_shot
+    monkeypatch.setattr(
+        flowsculpt.pipeline.shot, "read_shot", lambda *given: read.append(given[1]) or reader(*given)
+    )
     text = "title: A\nframes: 1-3\nsubjects: {a: {solid: box}, b: {solid: box}}\nresample: off\n"
     source = ShotSource(text, tmp_path / "A010.yaml").with_inputs()
     parts = [source.of_subject(name) for name in source.manifest.subjects]

@@ -15,10 +15,10 @@ from typing import Any
 import pytest
 
 from benchmarks.orchestration import CORES, fill, write_shots
-from pipeline.plugins.maintenance.status_commands import states
-from pipeline.production.execution.project import Project
-from pipeline.production.planning.plan import Plan
-from pipeline.production.store.history import History
+from flowsculpt.pipeline.plugins.maintenance.status_commands import states
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.planning.plan import Plan
+from flowsculpt.pipeline.production.store.history import History
 
 SHOTS, FRAMES = 10, 100
 A_SHOT = 25
@@ -98,7 +98,9 @@ def test_status_of_a_shot_of_which_nothing_was_made_finds_no_keys(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (name,) = write_shots(1, FRAMES)
-    monkeypatch.setattr("pipeline.production.request.manifest.mesh_keys", lambda motion: pytest.fail())
+    monkeypatch.setattr(
+        "flowsculpt.pipeline.production.request.manifest.mesh_keys", lambda motion: pytest.fail()
+    )
     project = Project(tmp_path, CORES)
     request = project.request(Path(f"shots/{name}.yaml"), "draft")
     (row,) = states(project, request, History.of(tmp_path))

@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.production.execution.project import Project
-from pipeline.production.planning.plan import Plan
-from pipeline.production.planning.planner import MAX_BATCH, MIN_BATCH, MIN_LAST_BATCH, batches
-from pipeline.production.stages import STAGES, forced_with
-from pipeline.production.store.event_log import EventLog
-from pipeline.production.store.paths import EVENTS
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.planning.plan import Plan
+from flowsculpt.pipeline.production.planning.planner import MAX_BATCH, MIN_BATCH, MIN_LAST_BATCH, batches
+from flowsculpt.pipeline.production.stages import STAGES, forced_with
+from flowsculpt.pipeline.production.store.event_log import EventLog
+from flowsculpt.pipeline.production.store.paths import EVENTS
 
 pytestmark = pytest.mark.quick
 

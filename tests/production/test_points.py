@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.mesh.control_net import PIECES
-from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.request.shot_source import ShotSource
-from render.post.image import read_exr, read_header
+from flowsculpt.pipeline.mesh.control_net import PIECES
+from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt.pipeline.production.request.shot_source import ShotSource
+from flowsculpt.render.post.image import read_exr, read_header
 from tests.conftest import QUALITY
 
 CLOUD = """\

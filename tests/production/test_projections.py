@@ -11,17 +11,17 @@ import av
 import numpy as np
 import pytest
 
-from pipeline.errors import ShotError
-from pipeline.plugins.delivery.deliverables import Delivery, DeliveryOptions, shot_source
-from pipeline.plugins.delivery.timeline import _delivered
-from pipeline.production.execution.project import Project
-from pipeline.production.request.keys import projection_of
-from pipeline.production.request.lookup import find_edit
-from pipeline.production.request.render_request import Turntable
-from pipeline.shot import read_film
-from render.movie.codecs import ENCODES
-from render.post.image import read_exr, read_header
-from render.scene.render_camera import PERSPECTIVE, Projection
+from flowsculpt.pipeline.errors import ShotError
+from flowsculpt.pipeline.plugins.delivery.deliverables import Delivery, DeliveryOptions, shot_source
+from flowsculpt.pipeline.plugins.delivery.timeline import _delivered
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.request.keys import projection_of
+from flowsculpt.pipeline.production.request.lookup import find_edit
+from flowsculpt.pipeline.production.request.render_request import Turntable
+from flowsculpt.pipeline.shot import read_film
+from flowsculpt.render.movie.codecs import ENCODES
+from flowsculpt.render.post.image import read_exr, read_header
+from flowsculpt.render.scene.render_camera import PERSPECTIVE, Projection
 from tests.conftest import QUALITY, TINY, done
 
 NAME = "T010_tiny"

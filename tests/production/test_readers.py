@@ -10,14 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.animation import animate
-from pipeline.production.store import readers
-from pipeline.production.store.digests import CorruptFileError
-from pipeline.production.store.readers import write_npz
-from pipeline.shot import read_shot
-from render.base.render_errors import CorruptImageError
-from render.post.image import write_exr
-from render.scene.aovs import RenderedFrame
+from flowsculpt.pipeline.animation import animate
+from flowsculpt.pipeline.production.store import readers
+from flowsculpt.pipeline.production.store.digests import CorruptFileError
+from flowsculpt.pipeline.production.store.readers import write_npz
+from flowsculpt.pipeline.shot import read_shot
+from flowsculpt.render.base.render_errors import CorruptImageError
+from flowsculpt.render.post.image import write_exr
+from flowsculpt.render.scene.aovs import RenderedFrame
 from tests.full_disk import disk_of
 
 pytestmark = pytest.mark.quick

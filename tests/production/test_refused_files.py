@@ -12,10 +12,10 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.errors import MachineError
-from pipeline.production.execution.snakemake import refusal
-from pipeline.production.store.digests import Digests
-from pipeline.production.store.paths import DIGESTS
+from flowsculpt.pipeline.errors import MachineError
+from flowsculpt.pipeline.production.execution.snakemake import refusal
+from flowsculpt.pipeline.production.store.digests import Digests
+from flowsculpt.pipeline.production.store.paths import DIGESTS
 from tests.conftest import QUALITY, ProjectFolder, Run, commanded
 from tests.full_disk import disk_of
 
@@ -61,7 +61,7 @@ def test_every_command_that_writes_tells_a_disk_that_takes_no_more_and_leaves_wh
 
 def unprivileged(project: ProjectFolder, *words: str) -> Run:
     """Run a command without root's right to read and write what the modes of files forbid."""
-    command = [sys.executable, "-m", "pipeline.cli", "--no-progress", *words]
+    command = [sys.executable, "-m", "flowsculpt", "--no-progress", *words]
     if os.geteuid() == 0:
         if shutil.which("setpriv") is None:
             pytest.skip("no setpriv, and root may write whatever the modes of files say")

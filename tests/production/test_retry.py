@@ -15,10 +15,10 @@ from typing import Any
 import psutil
 import pytest
 
-from pipeline.production.execution import run
-from pipeline.production.execution.run import ROUNDS, RetryPolicy, Watchdog, watched
-from pipeline.production.store.event_log import EventLog, EventReader, poll
-from render.base.processes import start_of
+from flowsculpt.pipeline.production.execution import run
+from flowsculpt.pipeline.production.execution.run import ROUNDS, RetryPolicy, Watchdog, watched
+from flowsculpt.pipeline.production.store.event_log import EventLog, EventReader, poll
+from flowsculpt.render.base.processes import start_of
 from tests.processes import process_numbered, wait_until
 
 pytestmark = pytest.mark.quick

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from render.movie.probe import probe_movie
-from render.post.image import read_exr, read_header
+from flowsculpt.render.movie.probe import probe_movie
+from flowsculpt.render.post.image import read_exr, read_header
 from tests.conftest import QUALITY
 
 NAME = "T010_tiny"
@@ -183,7 +183,7 @@ def lengthen(project):
     project.shot.write_text(project.shot.read_text().replace("frames: 1-6", "frames: 1-100"))
 
 
-JOB = "pipeline.production.tasks.job_process"
+JOB = "flowsculpt.pipeline.production.tasks.job_process"
 
 
 def processes_of(group, word):

@@ -9,14 +9,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.errors import UsageError
-from pipeline.frames import FrameRange
-from pipeline.production.execution.project import Project
-from pipeline.production.planning.frame_states import FrameStates, is_in_words, selected
-from pipeline.production.planning.planner import MAX_BATCH, batches
-from pipeline.production.store.event_log import EventLog
-from pipeline.production.store.history import History
-from pipeline.production.store.paths import EVENTS
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.frames import FrameRange
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.planning.frame_states import FrameStates, is_in_words, selected
+from flowsculpt.pipeline.production.planning.planner import MAX_BATCH, batches
+from flowsculpt.pipeline.production.store.event_log import EventLog
+from flowsculpt.pipeline.production.store.history import History
+from flowsculpt.pipeline.production.store.paths import EVENTS
 
 pytestmark = pytest.mark.quick
 

@@ -9,20 +9,20 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from pipeline.animation import MeshFrame
-from pipeline.errors import UsageError
-from pipeline.plugins.maintenance.clean import collect_garbage
-from pipeline.plugins.maintenance.store_repair import Evicted, repairs
-from pipeline.plugins.review.measures import measured
-from pipeline.plugins.turntable.turntable_movie import TurntableRequest
-from pipeline.production.execution.project import Project
-from pipeline.production.planning.frame_states import mesh_states
-from pipeline.production.planning.plan import Plan
-from pipeline.production.request.cameras import camera_file
-from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.store.history import History
-from render.post.compositing import ASSET, OBJECT
-from render.post.image import read_exr, read_header
+from flowsculpt.pipeline.animation import MeshFrame
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.plugins.maintenance.clean import collect_garbage
+from flowsculpt.pipeline.plugins.maintenance.store_repair import Evicted, repairs
+from flowsculpt.pipeline.plugins.review.measures import measured
+from flowsculpt.pipeline.plugins.turntable.turntable_movie import TurntableRequest
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.planning.frame_states import mesh_states
+from flowsculpt.pipeline.production.planning.plan import Plan
+from flowsculpt.pipeline.production.request.cameras import camera_file
+from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt.pipeline.production.store.history import History
+from flowsculpt.render.post.compositing import ASSET, OBJECT
+from flowsculpt.render.post.image import read_exr, read_header
 from tests.conftest import commanded, done
 from tests.render.mattes import matte_of
 

@@ -10,15 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.errors import ShotError, UsageError
-from pipeline.plugins.maintenance.store_repair import begun_requests
-from pipeline.plugins.sheets.wedge import Grid, Wedge
-from pipeline.production.execution.project import Project
-from pipeline.production.planning.estimate import estimate
-from pipeline.production.request.lookup import find_edit, find_shot
-from pipeline.production.request.render_request import Turntable
-from render.movie.probe import probe_movie
-from render.post.image import read_png
+from flowsculpt.pipeline.errors import ShotError, UsageError
+from flowsculpt.pipeline.plugins.maintenance.store_repair import begun_requests
+from flowsculpt.pipeline.plugins.sheets.wedge import Grid, Wedge
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.planning.estimate import estimate
+from flowsculpt.pipeline.production.request.lookup import find_edit, find_shot
+from flowsculpt.pipeline.production.request.render_request import Turntable
+from flowsculpt.render.movie.probe import probe_movie
+from flowsculpt.render.post.image import read_png
 from tests.conftest import QUALITY, TINY, ProjectFolder, done
 
 NAME = "T010_tiny"
@@ -65,7 +65,7 @@ def test_a_turntable_of_a_wide_shot_has_flat_pictures(there: Project) -> None:
 
 @pytest.mark.quick
 def test_crops_are_parts_of_the_pictures_of_the_shot(there: Project) -> None:
-    from pipeline.cli.options import PictureOptions
+    from flowsculpt.pipeline.cli.options import PictureOptions
 
     Path("shots/B.yaml").write_text(f'{TINY}picture: {{aspect: "9:16"}}\n')
     crop = PictureOptions(crop="0,0.5,1,1")

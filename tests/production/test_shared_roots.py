@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from render.base.kernel_cache import cache_folder
+from flowsculpt.render.base.kernel_cache import cache_folder
 from tests.conftest import QUALITY, ProjectFolder, Run, new_project
 
 NAME, SIZE = "T010_tiny", ("-q", QUALITY)
@@ -65,7 +65,7 @@ def run_as(user: int, mask: int, project: ProjectFolder, caches: Path, *words: s
     become = ["setpriv", f"--reuid={user}", f"--regid={user}", f"--groups={GROUP}", *rights]
     home = str(caches / str(user))
     done = subprocess.run(
-        [*become, sys.executable, "-m", "pipeline.cli", "--no-progress", "-j", "2", *words],
+        [*become, sys.executable, "-m", "flowsculpt", "--no-progress", "-j", "2", *words],
         cwd=project.path,
         env={**os.environ, "HOME": home, "XDG_CACHE_HOME": home},
         umask=mask,

@@ -8,11 +8,11 @@ import av
 import numpy as np
 import pytest
 
-from pipeline.arrays import Floats
-from pipeline.production.request.audio import samples_of
-from pipeline.production.request.edit import Edit
-from pipeline.shot import read_film
-from render.movie.probe import probe_movie
+from flowsculpt.pipeline.arrays import Floats
+from flowsculpt.pipeline.production.request.audio import samples_of
+from flowsculpt.pipeline.production.request.edit import Edit
+from flowsculpt.pipeline.shot import read_film
+from flowsculpt.render.movie.probe import probe_movie
 from tests.conftest import QUALITY, ProjectFolder
 from tests.sounds import RATE, sine, times, write_sound
 

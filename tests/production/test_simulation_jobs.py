@@ -11,17 +11,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.animation import MeshFrame, animate
-from pipeline.errors import FrameError, MachineError
-from pipeline.production.execution.project import Project
-from pipeline.production.planning.plan import Plan
-from pipeline.production.store import readers
-from pipeline.production.store.event_log import EventLog, EventReader
-from pipeline.production.store.paths import EVENTS
-from pipeline.production.store.store import Store
-from pipeline.production.tasks import surfaces
-from pipeline.production.tasks.job import Context
-from pipeline.shot import read_shot
+from flowsculpt.pipeline.animation import MeshFrame, animate
+from flowsculpt.pipeline.errors import FrameError, MachineError
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.planning.plan import Plan
+from flowsculpt.pipeline.production.store import readers
+from flowsculpt.pipeline.production.store.event_log import EventLog, EventReader
+from flowsculpt.pipeline.production.store.paths import EVENTS
+from flowsculpt.pipeline.production.store.store import Store
+from flowsculpt.pipeline.production.tasks import surfaces
+from flowsculpt.pipeline.production.tasks.job import Context
+from flowsculpt.pipeline.shot import read_shot
 
 pytestmark = pytest.mark.quick
 

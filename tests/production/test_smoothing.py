@@ -10,18 +10,18 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from pipeline.errors import ShotError
-from pipeline.mesh.normals import split_at_creases, tessellate
-from pipeline.mesh.solids import icosphere
-from pipeline.production.request.framing import Framing
-from pipeline.production.request.keys import raw_key
-from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.request.shading import pieces_for
-from pipeline.production.request.shot_source import ShotSource
-from pipeline.shot import read_shot
-from render.scene.render_camera import Camera
-from render.scene.render_quality import Quality
-from render.scene.scene_stage import StagePlacement
+from flowsculpt.pipeline.errors import ShotError
+from flowsculpt.pipeline.mesh.normals import split_at_creases, tessellate
+from flowsculpt.pipeline.mesh.solids import icosphere
+from flowsculpt.pipeline.production.request.framing import Framing
+from flowsculpt.pipeline.production.request.keys import raw_key
+from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt.pipeline.production.request.shading import pieces_for
+from flowsculpt.pipeline.production.request.shot_source import ShotSource
+from flowsculpt.pipeline.shot import read_shot
+from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.render_quality import Quality
+from flowsculpt.render.scene.scene_stage import StagePlacement
 
 TINY = """\
 title: A box, twisted

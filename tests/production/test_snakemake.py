@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.production.execution.project import Project
-from pipeline.production.execution.snakefile import PlannedWorkflow, _unprotect
-from pipeline.production.planning.profile import Profile, shipped
-from pipeline.production.stages import STAGES
-from render.movie.probe import probe_movie
-from render.post.image import read_exr, read_header
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.execution.snakefile import PlannedWorkflow, _unprotect
+from flowsculpt.pipeline.production.planning.profile import Profile, shipped
+from flowsculpt.pipeline.production.stages import STAGES
+from flowsculpt.render.movie.probe import probe_movie
+from flowsculpt.render.post.image import read_exr, read_header
 from tests.conftest import QUALITY
 from tests.production.snakemake import CHECKOUT, snakemake, workflow
 

@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.production import stages
-from pipeline.production.execution.project import Project
-from pipeline.production.request import shot_source
-from pipeline.production.stages import STAGES
+from flowsculpt.pipeline.production import stages
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.request import shot_source
+from flowsculpt.pipeline.production.stages import STAGES
 from tests.production.stage_results import (
     EVERY_STAGE,
     NAME,
@@ -150,7 +150,7 @@ def test_an_edit_of_our_sources_that_changes_no_result_makes_nothing_again(
     for source in sources:
         with source.open("a", encoding="utf-8") as file:
             file.write("# another comment\n")
-    command = [sys.executable, "-m", "pipeline.cli", "--dry-run", "render", NAME, "--scale", SCALE]
+    command = [sys.executable, "-m", "flowsculpt", "--dry-run", "render", NAME, "--scale", SCALE]
     done = subprocess.run(
         command, cwd=made[0], env={**os.environ, "PYTHONPATH": str(tmp_path)}, capture_output=True, text=True
     )

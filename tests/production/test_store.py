@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.errors import MachineError
-from pipeline.production.store.paths import SUFFIXES
-from pipeline.production.store.store import Store, sweep
+from flowsculpt.pipeline.errors import MachineError
+from flowsculpt.pipeline.production.store.paths import SUFFIXES
+from flowsculpt.pipeline.production.store.store import Store, sweep
 
 pytestmark = pytest.mark.quick
 

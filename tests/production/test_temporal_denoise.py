@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from render.post.image import read_exr, read_header
+from flowsculpt.render.post.image import read_exr, read_header
 from tests.conftest import QUALITY
 
 NAME = "T010_tiny"

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.production.planning.estimate import TimeLeft
-from pipeline.production.planning.plan import Job, Plan
-from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.request.shot_source import ShotSource
+from flowsculpt.pipeline.production.planning.estimate import TimeLeft
+from flowsculpt.pipeline.production.planning.plan import Job, Plan
+from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt.pipeline.production.request.shot_source import ShotSource
 
 pytestmark = pytest.mark.quick
 

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.errors import MissingInputError
-from pipeline.plugins.maintenance.run_report import RunReport, named_run
-from pipeline.production.planning.estimate import estimate
-from pipeline.production.planning.plan import Job, Plan
-from pipeline.production.planning.timings import MeasuredResources
-from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.request.shot_source import ShotSource
+from flowsculpt.pipeline.errors import MissingInputError
+from flowsculpt.pipeline.plugins.maintenance.run_report import RunReport, named_run
+from flowsculpt.pipeline.production.planning.estimate import estimate
+from flowsculpt.pipeline.production.planning.plan import Job, Plan
+from flowsculpt.pipeline.production.planning.timings import MeasuredResources
+from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt.pipeline.production.request.shot_source import ShotSource
 
 pytestmark = pytest.mark.quick
 

@@ -8,14 +8,14 @@ from typing import Any
 
 import pytest
 
-from pipeline.errors import MachineError, UsageError
-from pipeline.production.execution.project import Project
-from pipeline.production.planning import profile
-from pipeline.production.planning.profile import avoid, require_variant, variant_for
-from pipeline.production.store.event_log import EventReader
-from pipeline.production.store.paths import EVENTS
-from pipeline.production.tasks import render, worker
-from render.mitsuba.engine import DEFAULT_ORDER, Engine
+from flowsculpt.pipeline.errors import MachineError, UsageError
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.planning import profile
+from flowsculpt.pipeline.production.planning.profile import avoid, require_variant, variant_for
+from flowsculpt.pipeline.production.store.event_log import EventReader
+from flowsculpt.pipeline.production.store.paths import EVENTS
+from flowsculpt.pipeline.production.tasks import render, worker
+from flowsculpt.render.mitsuba.engine import DEFAULT_ORDER, Engine
 
 pytestmark = pytest.mark.quick
 

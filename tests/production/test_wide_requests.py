@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.errors import UsageError
-from pipeline.mesh import icosphere
-from pipeline.production.execution.project import Project
-from pipeline.production.request.framing import Framing, frame_all
-from pipeline.production.request.render_request import Turntable
-from pipeline.shot import read_shot
-from render.base.serialise import from_plain, to_plain
-from render.scene.render_camera import PERSPECTIVE, Projection, WideCamera
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.mesh import icosphere
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.request.framing import Framing, frame_all
+from flowsculpt.pipeline.production.request.render_request import Turntable
+from flowsculpt.pipeline.shot import read_shot
+from flowsculpt.render.base.serialise import from_plain, to_plain
+from flowsculpt.render.scene.render_camera import PERSPECTIVE, Projection, WideCamera
 
 SHOT = "title: A\nframes: 1-2\nsubject: {solid: icosphere}\nresample: {max_edge_length: 0.5}\n"
 

@@ -4,9 +4,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.errors import UsageError
-from pipeline.production.request.lookup import base_of, cropped_name, quality_named
-from render.scene.render_quality import QUALITIES
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.production.request.lookup import base_of, cropped_name, quality_named
+from flowsculpt.render.scene.render_quality import QUALITIES
 
 pytestmark = pytest.mark.quick
 

@@ -76,7 +76,7 @@ NOTE = {
 
 def make_show(root: Path) -> None:
     """Make the show in a folder: render the shot, take notes, publish it."""
-    from pipeline.production.execution.project import Project
+    from flowsculpt.pipeline.production.execution.project import Project
 
     for folder, texts in {
         "shots": {f"{SHOT}.yaml": TEXT, "defaults.yaml": DEFAULTS, "film.yaml": FILM},
@@ -129,7 +129,7 @@ def main() -> None:
         TemporaryDirectory() as folder,
         mock.patch.object(platform, "node", lambda: "workstation"),
         mock.patch.object(getpass, "getuser", lambda: "artist"),
-        mock.patch("pipeline.plugins.versions.publishing.host", lambda: HOST),
+        mock.patch("flowsculpt.pipeline.plugins.versions.publishing.host", lambda: HOST),
     ):
         os.chdir(folder)
         make_show(Path(folder))

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.errors import MissingInputError, ShotError
-from pipeline.production.request.provenance import Provenance
-from pipeline.production.stages import STAGES, forced_with
-from pipeline.shot import read_shot
+from flowsculpt.pipeline.errors import MissingInputError, ShotError
+from flowsculpt.pipeline.production.request.provenance import Provenance
+from flowsculpt.pipeline.production.stages import STAGES, forced_with
+from flowsculpt.pipeline.shot import read_shot
 from tests.conftest import ProjectFolder, commanded
 from tests.recorded.record import HERE, SHOT
 

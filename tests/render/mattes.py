@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from render.post.compositing import id_bits
+from flowsculpt.render.post.compositing import id_bits
 
 
 def matte_of(name: str, crypto: str, layers: Mapping[str, NDArray[np.float32]]) -> NDArray[np.float32]:

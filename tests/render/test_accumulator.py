@@ -6,8 +6,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from render.frame.accumulator import Accumulator
-from render.scene.render_quality import Quality
+from flowsculpt.render.frame.accumulator import Accumulator
+from flowsculpt.render.scene.render_quality import Quality
 
 WIDTH, HEIGHT = 6, 4
 PIXELS = st.lists(st.integers(0, WIDTH * HEIGHT - 1), min_size=1, unique=True).map(sorted)

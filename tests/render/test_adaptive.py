@@ -11,17 +11,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from render.base.render_errors import BadInputError
-from render.frame.accumulator import Accumulator
-from render.frame.render_frame import ShutterInterval
-from render.frame.tiles import TILE, Tiles, noise_of_tiles
-from render.mitsuba.engine import Engine
-from render.scene.aovs import RenderedFrame
-from render.scene.render_camera import Camera
-from render.scene.render_quality import Quality
-from render.scene.scene import MotionSample
-from render.scene.scene_stage import StagePlacement
-from render.scene.surface import Surface
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.frame.accumulator import Accumulator
+from flowsculpt.render.frame.render_frame import ShutterInterval
+from flowsculpt.render.frame.tiles import TILE, Tiles, noise_of_tiles
+from flowsculpt.render.mitsuba.engine import Engine
+from flowsculpt.render.scene.aovs import RenderedFrame
+from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.render_quality import Quality
+from flowsculpt.render.scene.scene import MotionSample
+from flowsculpt.render.scene.scene_stage import StagePlacement
+from flowsculpt.render.scene.surface import Surface
 
 Rendered = Callable[..., RenderedFrame]
 

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from render.base.render_errors import BadInputError
-from render.frame.render_frame import render_frame
-from render.scene.aovs import COVERAGE
-from render.scene.materials import LOOKS
-from render.scene.scene import Scene
-from render.scene.scene_lights import LIGHTS, LightRig, Sky
-from render.scene.scene_stage import STAGES, StagePlacement
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.frame.render_frame import render_frame
+from flowsculpt.render.scene.aovs import COVERAGE
+from flowsculpt.render.scene.materials import LOOKS
+from flowsculpt.render.scene.scene import Scene
+from flowsculpt.render.scene.scene_lights import LIGHTS, LightRig, Sky
+from flowsculpt.render.scene.scene_stage import STAGES, StagePlacement
 from tests.render.conftest import CAMERA, TINY
 
 LIGHT = 0.7

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from render.movie.movie_sound import _counted
+from flowsculpt.render.movie.movie_sound import _counted
 
 COUNT = 4000
 SAMPLES = np.arange(1, COUNT + 1, dtype="<i2").tobytes()

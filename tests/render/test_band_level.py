@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.arrays import Floats
-from render.base.render_errors import BadInputError
-from render.movie.band_level import BandLevel, _analysed, band_level
+from flowsculpt.pipeline.arrays import Floats
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.movie.band_level import BandLevel, _analysed, band_level
 from tests.sounds import sine, times, write_sound
 
 
@@ -69,7 +69,7 @@ def test_a_long_file_is_read_in_parts_with_the_same_levels(
 ) -> None:
     path = str(write_sound(tmp_path / "a.wav", np.random.default_rng(1).uniform(-0.3, 0.3, 30_000)))
     whole = _analysed(path, "250", "4000")
-    monkeypatch.setattr("render.movie.band_level._MOST_AT_ONCE", 4000)
+    monkeypatch.setattr("flowsculpt.render.movie.band_level._MOST_AT_ONCE", 4000)
     assert _analysed(path, "250", "4000") == whole
 
 

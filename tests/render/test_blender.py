@@ -10,8 +10,8 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from render.frame.render_frame import render_frame
-from render.post.compositing import (
+from flowsculpt.render.frame.render_frame import render_frame
+from flowsculpt.render.post.compositing import (
     MATERIAL,
     OBJECT,
     LayerInputs,
@@ -19,14 +19,14 @@ from render.post.compositing import (
     compositing_layers,
     mattes_header,
 )
-from render.post.exr_names import cryptomatte_label
-from render.post.image import read_exr, write_exr
-from render.scene.aovs import RenderedFrame
-from render.scene.materials import LOOKS
-from render.scene.render_quality import CONVENTIONS
-from render.scene.scene import Scene
-from render.scene.scene_lights import LIGHTS
-from render.scene.scene_stage import STAGES, StagePlacement
+from flowsculpt.render.post.exr_names import cryptomatte_label
+from flowsculpt.render.post.image import read_exr, write_exr
+from flowsculpt.render.scene.aovs import RenderedFrame
+from flowsculpt.render.scene.materials import LOOKS
+from flowsculpt.render.scene.render_quality import CONVENTIONS
+from flowsculpt.render.scene.scene import Scene
+from flowsculpt.render.scene.scene_lights import LIGHTS
+from flowsculpt.render.scene.scene_stage import STAGES, StagePlacement
 from tests.render.conftest import CAMERA, TINY
 
 BLENDER = Path(os.environ.get("BLENDER_MODULE", Path(sys.prefix) / "cycles"))

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from render.base.render_errors import CorruptImageError
-from render.movie import projection_tags
-from render.movie.projection_tags import Box, edit_index, full_box, parse_boxes
+from flowsculpt.render.base.render_errors import CorruptImageError
+from flowsculpt.render.movie import projection_tags
+from flowsculpt.render.movie.projection_tags import Box, edit_index, full_box, parse_boxes
 
 BYTES = st.binary(min_size=1, max_size=40).map(lambda some: bytes(128 | each for each in some))
 """No letters, so none that are the kind of a box."""

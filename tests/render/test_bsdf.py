@@ -9,15 +9,15 @@ from typing import Any
 
 import pytest
 
-from render.base.render_errors import BadInputError
-from render.base.serialise import from_plain, to_plain
-from render.mitsuba.bsdf_plugins import load_error, parse_reason, refusal
-from render.mitsuba.engine import Engine
-from render.scene.aovs import RenderedFrame
-from render.scene.materials import LOOKS, MitsubaMaterial
-from render.scene.materials.mitsuba_bsdf import BSDFS, PLUGINS, TEXTURES, Bsdf
-from render.scene.surface import Surface
-from render.scene.textures import Texture
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.base.serialise import from_plain, to_plain
+from flowsculpt.render.mitsuba.bsdf_plugins import load_error, parse_reason, refusal
+from flowsculpt.render.mitsuba.engine import Engine
+from flowsculpt.render.scene.aovs import RenderedFrame
+from flowsculpt.render.scene.materials import LOOKS, MitsubaMaterial
+from flowsculpt.render.scene.materials.mitsuba_bsdf import BSDFS, PLUGINS, TEXTURES, Bsdf
+from flowsculpt.render.scene.surface import Surface
+from flowsculpt.render.scene.textures import Texture
 
 Rendered = Callable[..., RenderedFrame]
 

@@ -7,9 +7,9 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from render.base.render_errors import BadInputError
-from render.graphics.typesetting import FIELDS, BurnIn, line
-from render.movie.codecs import timecode
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.graphics.typesetting import FIELDS, BurnIn, line
+from flowsculpt.render.movie.codecs import timecode
 
 VALUES = {
     "shot": "A010_cube",

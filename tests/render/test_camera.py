@@ -10,19 +10,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.mesh import icosphere
-from render.base.render_errors import BadInputError
-from render.mitsuba.emitters import softboxes_in_view
-from render.mitsuba.sensor import sensor
-from render.post.denoise import denoiser_features
-from render.scene.aovs import RenderedFrame
-from render.scene.materials import LOOKS
-from render.scene.render_camera import Camera
-from render.scene.render_quality import Quality
-from render.scene.scene import Scene
-from render.scene.scene_lights import LIGHTS, LightRig
-from render.scene.scene_stage import STAGES, StagePlacement
-from render.scene.surface import Surface, require_camera_outside, winding_number
+from flowsculpt.pipeline.mesh import icosphere
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.mitsuba.emitters import softboxes_in_view
+from flowsculpt.render.mitsuba.sensor import sensor
+from flowsculpt.render.post.denoise import denoiser_features
+from flowsculpt.render.scene.aovs import RenderedFrame
+from flowsculpt.render.scene.materials import LOOKS
+from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.render_quality import Quality
+from flowsculpt.render.scene.scene import Scene
+from flowsculpt.render.scene.scene_lights import LIGHTS, LightRig
+from flowsculpt.render.scene.scene_stage import STAGES, StagePlacement
+from flowsculpt.render.scene.surface import Surface, require_camera_outside, winding_number
 
 CAMERA = Camera((0.0, 1.0, 8.0), (0.0, 1.0, 0.0))
 SMALL = Quality(64, 36, samples=16, depth=3, auxiliary_samples=16)

@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from render.mitsuba.engine import Engine
-from render.mitsuba.mitsuba_scene import build_scene
-from render.scene.materials import LOOKS
-from render.scene.render_camera import Camera
-from render.scene.render_quality import Quality
-from render.scene.scene import Scene
-from render.scene.scene_lights import LightRig, Softbox
-from render.scene.scene_stage import STAGES, Stage, StagePlacement
-from render.scene.sky import Daylight
-from render.scene.surface import Surface
+from flowsculpt.render.mitsuba.engine import Engine
+from flowsculpt.render.mitsuba.mitsuba_scene import build_scene
+from flowsculpt.render.scene.materials import LOOKS
+from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.render_quality import Quality
+from flowsculpt.render.scene.scene import Scene
+from flowsculpt.render.scene.scene_lights import LightRig, Softbox
+from flowsculpt.render.scene.scene_stage import STAGES, Stage, StagePlacement
+from flowsculpt.render.scene.sky import Daylight
+from flowsculpt.render.scene.surface import Surface
 
 SIZE = (48, 27)
 SAMPLES = 512

@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from render.mitsuba.engine import Engine
-from render.mitsuba.mitsuba_scene import build_scene
-from render.scene.materials import LOOKS
-from render.scene.render_camera import Camera
-from render.scene.render_quality import Crop, Quality
-from render.scene.scene import Scene
-from render.scene.scene_lights import LightGroup, LightRig, Softbox, Sun
-from render.scene.scene_stage import STAGES, Stage, StagePlacement
-from render.scene.sky import Daylight
-from render.scene.surface import Surface
+from flowsculpt.render.mitsuba.engine import Engine
+from flowsculpt.render.mitsuba.mitsuba_scene import build_scene
+from flowsculpt.render.scene.materials import LOOKS
+from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.render_quality import Crop, Quality
+from flowsculpt.render.scene.scene import Scene
+from flowsculpt.render.scene.scene_lights import LightGroup, LightRig, Softbox, Sun
+from flowsculpt.render.scene.scene_stage import STAGES, Stage, StagePlacement
+from flowsculpt.render.scene.sky import Daylight
+from flowsculpt.render.scene.surface import Surface
 
 SIZE = (48, 27)
 LUMA = np.array([0.2126, 0.7152, 0.0722])
@@ -84,8 +84,8 @@ def tracer(sphere: Surface, engine: Engine) -> Callable[..., Any]:
 def test_photons_bring_the_light_that_paths_leave_to_them(
     look: str, lights: LightRig, stage: Stage, lens: Camera, crop: Crop | None, tracer: Callable[..., Any]
 ) -> None:
-    from render.integrator.caustic_guide import guide_of
-    from render.integrator.photons import trace_photons
+    from flowsculpt.render.integrator.caustic_guide import guide_of
+    from flowsculpt.render.integrator.photons import trace_photons
 
     others = tracer(look, lights, stage=stage, lens=lens, crop=crop, seed=2).caustics.radiance @ LUMA
     ours = tracer(look, lights, stage=stage, lens=lens, crop=crop)

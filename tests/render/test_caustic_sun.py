@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from render.mitsuba.engine import Engine
+from flowsculpt.render.mitsuba.engine import Engine
 
 
 @pytest.mark.parametrize("width", [0.0093, 0.3])
@@ -14,7 +14,7 @@ def test_the_wider_sun_gives_the_light_of_its_disc(engine: Engine, width: float)
     engine.start()
     import mitsuba as mi
 
-    from render.integrator.photons import WIDTH, CausticSun
+    from flowsculpt.render.integrator.photons import WIDTH, CausticSun
 
     if mi.variant() == "scalar_rgb":
         pytest.skip("the path tracer needs a compiled variant")

@@ -14,17 +14,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-import render
-from render.frame import checkpoint
-from render.frame.checkpoint import Checkpoint
-from render.frame.render_frame import ShutterInterval
-from render.mitsuba.engine import Engine
-from render.scene.aovs import RenderedFrame
-from render.scene.render_camera import Camera
-from render.scene.render_quality import Quality
-from render.scene.scene import MotionSample
-from render.scene.scene_stage import StagePlacement
-from render.scene.surface import Surface
+from flowsculpt import render
+from flowsculpt.render.frame import checkpoint
+from flowsculpt.render.frame.checkpoint import Checkpoint
+from flowsculpt.render.frame.render_frame import ShutterInterval
+from flowsculpt.render.mitsuba.engine import Engine
+from flowsculpt.render.scene.aovs import RenderedFrame
+from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.render_quality import Quality
+from flowsculpt.render.scene.scene import MotionSample
+from flowsculpt.render.scene.scene_stage import StagePlacement
+from flowsculpt.render.scene.surface import Surface
 
 Rendered = Callable[..., RenderedFrame]
 
@@ -181,17 +181,17 @@ _ANOTHER_PROCESS = """
 import sys
 from pathlib import Path
 import numpy as np
-import render
-from render.scene.render_camera import Camera
-from render.frame.checkpoint import Checkpoint
-from render.mitsuba.engine import choose
-from render.frame.render_frame import render_frame
-from render.scene.scene_lights import LIGHTS
-from render.scene.materials import LOOKS
-from render.scene.render_quality import Quality
-from render.scene.scene import Scene
-from render.scene.scene_stage import STAGES, StagePlacement
-from render.scene.surface import Surface
+from flowsculpt import render
+from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.frame.checkpoint import Checkpoint
+from flowsculpt.render.mitsuba.engine import choose
+from flowsculpt.render.frame.render_frame import render_frame
+from flowsculpt.render.scene.scene_lights import LIGHTS
+from flowsculpt.render.scene.materials import LOOKS
+from flowsculpt.render.scene.render_quality import Quality
+from flowsculpt.render.scene.scene import Scene
+from flowsculpt.render.scene.scene_stage import STAGES, StagePlacement
+from flowsculpt.render.scene.surface import Surface
 
 arrays = np.load(sys.argv[1])
 surface = Surface(arrays["vertices"], arrays["normals"], arrays["faces"])

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from render.base.render_errors import BadInputError
-from render.post import colour
-from render.post.colour import DISPLAYS, quantise, to_display, view_exactly
-from render.post.view import ACES
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.post import colour
+from flowsculpt.render.post.colour import DISPLAYS, quantise, to_display, view_exactly
+from flowsculpt.render.post.view import ACES
 
 
 def scene_colours(purest: float) -> np.ndarray:

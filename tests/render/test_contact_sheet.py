@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from render.base.render_errors import BadInputError
-from render.graphics.contact_sheet import (
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.graphics.contact_sheet import (
     GROUND,
     MAX_PIXELS,
     VACANT,

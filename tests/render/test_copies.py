@@ -8,15 +8,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from render.frame.accumulator import CopyCounts
-from render.frame.render_frame import render_frame
-from render.post.compositing import OBJECT, RankedCoverage, cryptomatte_layers
-from render.scene.aovs import COPY
-from render.scene.materials import LOOKS
-from render.scene.scene import Scene, SceneSubject
-from render.scene.scene_lights import LIGHTS
-from render.scene.scene_stage import STAGES, StagePlacement
-from render.scene.surface import Surface
+from flowsculpt.render.frame.accumulator import CopyCounts
+from flowsculpt.render.frame.render_frame import render_frame
+from flowsculpt.render.post.compositing import OBJECT, RankedCoverage, cryptomatte_layers
+from flowsculpt.render.scene.aovs import COPY
+from flowsculpt.render.scene.materials import LOOKS
+from flowsculpt.render.scene.scene import Scene, SceneSubject
+from flowsculpt.render.scene.scene_lights import LIGHTS
+from flowsculpt.render.scene.scene_stage import STAGES, StagePlacement
+from flowsculpt.render.scene.surface import Surface
 from tests.render.conftest import CAMERA, TINY
 from tests.render.mattes import matte_of
 

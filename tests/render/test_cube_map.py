@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from render.raster import wide_picture
-from render.scene.render_camera import Camera, Projection, WideCamera, pixel_places
+from flowsculpt.render.raster import wide_picture
+from flowsculpt.render.scene.render_camera import Camera, Projection, WideCamera, pixel_places
 
 
 @pytest.mark.parametrize("kind", ["spherical", "dome", "vr180"])

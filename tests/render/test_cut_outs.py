@@ -9,18 +9,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from render.base.render_errors import BadInputError
-from render.mitsuba.engine import Engine
-from render.mitsuba.mitsuba_scene import build_scene
-from render.scene.aovs import RenderedFrame
-from render.scene.materials import LOOKS, Diffuse, Opacity, Painted, PatternedMaterial, Satin
-from render.scene.render_camera import Camera
-from render.scene.render_quality import Quality
-from render.scene.scene import Scene
-from render.scene.scene_lights import LIGHTS
-from render.scene.scene_stage import STAGES, StagePlacement
-from render.scene.surface import Surface
-from render.scene.textures import ALPHA, Texture, read_alpha
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.mitsuba.engine import Engine
+from flowsculpt.render.mitsuba.mitsuba_scene import build_scene
+from flowsculpt.render.scene.aovs import RenderedFrame
+from flowsculpt.render.scene.materials import LOOKS, Diffuse, Opacity, Painted, PatternedMaterial, Satin
+from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.render_quality import Quality
+from flowsculpt.render.scene.scene import Scene
+from flowsculpt.render.scene.scene_lights import LIGHTS
+from flowsculpt.render.scene.scene_stage import STAGES, StagePlacement
+from flowsculpt.render.scene.surface import Surface
+from flowsculpt.render.scene.textures import ALPHA, Texture, read_alpha
 from tests.render.test_painted import PLACED, square
 from tests.render.test_textures import GREEN, WHITE, write
 

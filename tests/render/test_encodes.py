@@ -18,16 +18,16 @@ import imageio.v3 as iio
 import numpy as np
 import pytest
 
-from render.base.render_errors import (
+from flowsculpt.render.base.render_errors import (
     BadInputError,
     MachineError,
     MissingInputError,
 )
-from render.movie.codecs import ENCODES, Encode, encode_named
-from render.movie.encode import write_movie
-from render.movie.movie_sound import RATE, Sound, blocks
-from render.movie.probe import probe_movie
-from render.post.hdr import HDR_DISPLAYS
+from flowsculpt.render.movie.codecs import ENCODES, Encode, encode_named
+from flowsculpt.render.movie.encode import write_movie
+from flowsculpt.render.movie.movie_sound import RATE, Sound, blocks
+from flowsculpt.render.movie.probe import probe_movie
+from flowsculpt.render.post.hdr import HDR_DISPLAYS
 
 pytestmark = pytest.mark.renderer
 
@@ -133,7 +133,8 @@ def test_short_h265_movies_have_decoding_times_whatever_the_memory_held(count: i
     path = tmp_path / "a.mp4"
     program = (
         "from fractions import Fraction; from pathlib import Path; import numpy as np\n"
-        "from render.movie.codecs import ENCODES; from render.movie.encode import write_movie\n"
+        "from flowsculpt.render.movie.codecs import ENCODES\n"
+        "from flowsculpt.render.movie.encode import write_movie\n"
         f"frames = iter(np.zeros(({count}, 65, 129, 3), np.uint8))\n"
         f"write_movie(Path({str(path)!r}), frames, Fraction(12000), ENCODES['h265'])\n"
     )
@@ -150,7 +151,8 @@ def test_narrow_h265_movies_are_the_same_file_whatever_the_memory_held(tmp_path:
     """
     program = (
         "import sys; from fractions import Fraction; from pathlib import Path; import numpy as np\n"
-        "from render.movie.codecs import ENCODES; from render.movie.encode import write_movie\n"
+        "from flowsculpt.render.movie.codecs import ENCODES\n"
+        "from flowsculpt.render.movie.encode import write_movie\n"
         "for width, height in (64, 64), (48, 40):\n"
         "    frames = np.random.default_rng(3).integers(0, 65536, (8, height, width, 3)).astype(np.uint16)\n"
         "    path = Path(sys.argv[1]) / f'{width}.mp4'\n"

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from render.base.render_errors import BadInputError, MachineError
-from render.mitsuba import engine, llvm
-from render.mitsuba.engine import Engine, choose, works
-from render.mitsuba.llvm import LibLlvm
+from flowsculpt.render.base.render_errors import BadInputError, MachineError
+from flowsculpt.render.mitsuba import engine, llvm
+from flowsculpt.render.mitsuba.engine import Engine, choose, works
+from flowsculpt.render.mitsuba.llvm import LibLlvm
 
 pytestmark = pytest.mark.renderer
 
@@ -83,7 +83,7 @@ def test_a_library_that_cannot_render_is_passed_over(
     chosen = choose()
     assert chosen.variant == "scalar_rgb"
     assert "llvm_ad_rgb did not" in chosen.why
-    assert "about twice: `python -m render.mitsuba.engine`" in chosen.faster
+    assert "about twice: `python -m flowsculpt.render.mitsuba.engine`" in chosen.faster
 
 
 def test_a_cache_that_cannot_be_written_only_costs_a_probe(
@@ -193,7 +193,7 @@ def test_set_up_goes_on_where_nothing_can_be_fetched(tmp_path: Path) -> None:
     environment = _fake_apt(tmp_path / "bin", "exit 1")
     environment |= {"XDG_CACHE_HOME": str(tmp_path), llvm.ENVIRONMENT_NAME: ""}
     code = (
-        "from pathlib import Path; from render.mitsuba import engine, llvm\n"
+        "from pathlib import Path; from flowsculpt.render.mitsuba import engine, llvm\n"
         f"llvm.provisioned_folder = lambda: Path({str(tmp_path / 'lib')!r})\n"
         "llvm._SYSTEM_FOLDERS = ()\n"
         "engine.provide_llvm()"

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from render.base.atomic_write import ChangedFileError, atomic_write
+from flowsculpt.render.base.atomic_write import ChangedFileError, atomic_write
 
 
 @pytest.fixture

@@ -8,18 +8,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from render.frame.batch_schedule import FIRST_AUXILIARY, batch_schedule, seed_of, traced_rounds
-from render.frame.feature_edges import LIMITS, at_edges
-from render.mitsuba.engine import Engine
-from render.mitsuba.mitsuba_scene import build_scene
-from render.scene.aovs import RenderedFrame
-from render.scene.materials import LOOKS
-from render.scene.render_camera import Camera
-from render.scene.render_quality import Quality
-from render.scene.scene import Scene
-from render.scene.scene_lights import LIGHTS
-from render.scene.scene_stage import STAGES, StagePlacement
-from render.scene.surface import Surface
+from flowsculpt.render.frame.batch_schedule import FIRST_AUXILIARY, batch_schedule, seed_of, traced_rounds
+from flowsculpt.render.frame.feature_edges import LIMITS, at_edges
+from flowsculpt.render.mitsuba.engine import Engine
+from flowsculpt.render.mitsuba.mitsuba_scene import build_scene
+from flowsculpt.render.scene.aovs import RenderedFrame
+from flowsculpt.render.scene.materials import LOOKS
+from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.render_quality import Quality
+from flowsculpt.render.scene.scene import Scene
+from flowsculpt.render.scene.scene_lights import LIGHTS
+from flowsculpt.render.scene.scene_stage import STAGES, StagePlacement
+from flowsculpt.render.scene.surface import Surface
 
 QUALITY = Quality(96, 54, samples=2, depth=2, auxiliary_samples=16)
 SLOPE = np.broadcast_to(np.linspace(0.0, 1.0, 12, dtype=np.float32)[:, None], (9, 12, 1)).copy()

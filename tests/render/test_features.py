@@ -8,17 +8,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from render.mitsuba.engine import Engine
-from render.mitsuba.mitsuba_scene import build_scene
-from render.post.denoise import denoise, denoiser_features
-from render.scene.aovs import RenderedFrame
-from render.scene.materials import LOOKS, Metal
-from render.scene.render_camera import Camera
-from render.scene.render_quality import Quality
-from render.scene.scene import Scene
-from render.scene.scene_lights import LIGHTS
-from render.scene.scene_stage import STAGES, StagePlacement
-from render.scene.surface import Surface
+from flowsculpt.render.mitsuba.engine import Engine
+from flowsculpt.render.mitsuba.mitsuba_scene import build_scene
+from flowsculpt.render.post.denoise import denoise, denoiser_features
+from flowsculpt.render.scene.aovs import RenderedFrame
+from flowsculpt.render.scene.materials import LOOKS, Metal
+from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.render_quality import Quality
+from flowsculpt.render.scene.scene import Scene
+from flowsculpt.render.scene.scene_lights import LIGHTS
+from flowsculpt.render.scene.scene_stage import STAGES, StagePlacement
+from flowsculpt.render.scene.surface import Surface
 
 Rendered = Callable[..., RenderedFrame]
 

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
-from render.base.render_errors import BadInputError
-from render.frame.accumulator import Accumulator
-from render.frame.fireflies import (
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.frame.accumulator import Accumulator
+from flowsculpt.render.frame.fireflies import (
     BRIGHT_FACTOR,
     EVERYWHERE,
     REACH,
@@ -21,7 +21,7 @@ from render.frame.fireflies import (
     find_fireflies,
     kept_fractions,
 )
-from render.scene.render_quality import Quality
+from flowsculpt.render.scene.render_quality import Quality
 
 SIZE = (18, 32)
 GREY = 0.2

@@ -14,7 +14,7 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="only Linux fork
 
 def run(script: str, folder: Path) -> str:
     """Run a script in a process that has one thread, as that of a test need not; return what it prints."""
-    words = [sys.executable, "-c", f"from render.base.python_process import *\n{script}"]
+    words = [sys.executable, "-c", f"from flowsculpt.render.base.python_process import *\n{script}"]
     return subprocess.run(words, cwd=folder, check=True, capture_output=True, text=True, timeout=300).stdout
 
 

@@ -14,22 +14,22 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import render
-from render.base.aligned_array import aligned
-from render.base.render_errors import BadInputError
-from render.frame.batch_schedule import seed_of
-from render.frame.render_frame import ShutterInterval, render_frame
-from render.mitsuba.engine import DEFAULT_ORDER, Engine
-from render.post.denoise import denoise
-from render.scene.aovs import RenderedFrame
-from render.scene.materials import LOOKS, Diffuse
-from render.scene.patterns import SPEED
-from render.scene.render_camera import Camera
-from render.scene.render_quality import QUALITIES, Quality
-from render.scene.scene import MotionSample, Scene
-from render.scene.scene_lights import LIGHTS, LightRig, Sky, Sun
-from render.scene.scene_stage import STAGES, StagePlacement
-from render.scene.surface import Surface
+from flowsculpt import render
+from flowsculpt.render.base.aligned_array import aligned
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.frame.batch_schedule import seed_of
+from flowsculpt.render.frame.render_frame import ShutterInterval, render_frame
+from flowsculpt.render.mitsuba.engine import DEFAULT_ORDER, Engine
+from flowsculpt.render.post.denoise import denoise
+from flowsculpt.render.scene.aovs import RenderedFrame
+from flowsculpt.render.scene.materials import LOOKS, Diffuse
+from flowsculpt.render.scene.patterns import SPEED
+from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.render_quality import QUALITIES, Quality
+from flowsculpt.render.scene.scene import MotionSample, Scene
+from flowsculpt.render.scene.scene_lights import LIGHTS, LightRig, Sky, Sun
+from flowsculpt.render.scene.scene_stage import STAGES, StagePlacement
+from flowsculpt.render.scene.surface import Surface
 
 Rendered = Callable[..., RenderedFrame]
 
@@ -304,16 +304,16 @@ _ANOTHER_PROCESS = """
 import sys
 from pathlib import Path
 import numpy as np
-import render
-from render.scene.render_camera import Camera
-from render.mitsuba.engine import choose
-from render.frame.render_frame import ShutterInterval, render_frame
-from render.scene.scene_lights import LIGHTS
-from render.scene.materials import LOOKS
-from render.scene.render_quality import Quality
-from render.scene.scene import MotionSample, Scene
-from render.scene.surface import Surface
-from render.scene.scene_stage import STAGES, StagePlacement
+from flowsculpt import render
+from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.mitsuba.engine import choose
+from flowsculpt.render.frame.render_frame import ShutterInterval, render_frame
+from flowsculpt.render.scene.scene_lights import LIGHTS
+from flowsculpt.render.scene.materials import LOOKS
+from flowsculpt.render.scene.render_quality import Quality
+from flowsculpt.render.scene.scene import MotionSample, Scene
+from flowsculpt.render.scene.surface import Surface
+from flowsculpt.render.scene.scene_stage import STAGES, StagePlacement
 
 arrays = np.load(sys.argv[1])
 surface = Surface(arrays["vertices"], arrays["normals"], arrays["faces"])

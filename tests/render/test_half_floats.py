@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from render.post.half_floats import fill_from_half, to_half
+from flowsculpt.render.post.half_floats import fill_from_half, to_half
 
 _INTERESTING = [
     0.0,

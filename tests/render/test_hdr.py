@@ -13,11 +13,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from render.base.render_errors import BadInputError
-from render.movie.codecs import HDR10, HDR10_AV1, HLG, Encode
-from render.movie.encode import write_movie
-from render.post.colour import quantise, to_display
-from render.post.hdr import (
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.movie.codecs import HDR10, HDR10_AV1, HLG, Encode
+from flowsculpt.render.movie.encode import write_movie
+from flowsculpt.render.post.colour import quantise, to_display
+from flowsculpt.render.post.hdr import (
     GRAPHICS_WHITE,
     HDR_DISPLAYS,
     ContentLight,
@@ -27,7 +27,7 @@ from render.post.hdr import (
     nits_of_pq,
     pq_of_nits,
 )
-from render.post.view import ACES
+from flowsculpt.render.post.view import ACES
 
 
 def nits(values: np.ndarray, display: str) -> np.ndarray:
@@ -85,7 +85,7 @@ def test_a_grey_card_comes_back_with_its_nits(encode: Encode, value: float, tmp_
 
 @pytest.mark.parametrize("display", HDR_DISPLAYS)
 def test_the_baked_view_is_that_of_opencolorio(display: str) -> None:
-    from render.post.colour import view_exactly
+    from flowsculpt.render.post.colour import view_exactly
 
     light = np.repeat(np.geomspace(1e-2, 900.0, 200, dtype=np.float32)[None, :, None], 3, axis=2)
     exact = nits_of_pq(view_exactly(light, view=ACES.in_hdr()))

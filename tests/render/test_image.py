@@ -12,10 +12,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from render.base.render_errors import BadInputError, CorruptImageError, MachineError, MissingImageError
-from render.graphics.typesetting import lettering
-from render.post.image import read_exr, read_header, read_png, write_exr, write_png
-from render.scene.aovs import RenderedFrame
+from flowsculpt.render.base.render_errors import (
+    BadInputError,
+    CorruptImageError,
+    MachineError,
+    MissingImageError,
+)
+from flowsculpt.render.graphics.typesetting import lettering
+from flowsculpt.render.post.image import read_exr, read_header, read_png, write_exr, write_png
+from flowsculpt.render.scene.aovs import RenderedFrame
 from tests.full_disk import disk_of
 
 

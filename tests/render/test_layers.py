@@ -11,14 +11,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from render.post import compositing
-from render.post.compositing import LayerInputs, Viewpoint, compositing_layers, mattes_header, unmixed
-from render.post.exr_names import ExrAttributes
-from render.post.image import read_exr, write_exr
-from render.scene.aovs import RenderedFrame
-from render.scene.render_camera import Camera
-from render.scene.render_quality import CONVENTIONS
-from render.scene.scene_stage import STAGES, StagePlacement
+from flowsculpt.render.post import compositing
+from flowsculpt.render.post.compositing import (
+    LayerInputs,
+    Viewpoint,
+    compositing_layers,
+    mattes_header,
+    unmixed,
+)
+from flowsculpt.render.post.exr_names import ExrAttributes
+from flowsculpt.render.post.image import read_exr, write_exr
+from flowsculpt.render.scene.aovs import RenderedFrame
+from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.render_quality import CONVENTIONS
+from flowsculpt.render.scene.scene_stage import STAGES, StagePlacement
 from tests.render.mattes import matte_of
 
 CAMERA = Camera((1.0, 2.0, 8.0), (0.0, 1.0, 0.0))

@@ -14,18 +14,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from render.base.render_errors import BadInputError
-from render.mitsuba.engine import Engine
-from render.mitsuba.mitsuba_scene import build_scene
-from render.post.image import read_exr, write_exr
-from render.scene.aovs import RenderedFrame
-from render.scene.materials import LOOKS
-from render.scene.render_camera import Camera
-from render.scene.render_quality import Quality
-from render.scene.scene import Scene
-from render.scene.scene_lights import LIGHTS, LightRig, Sky, Softbox, Sun, groups_in, with_beauty
-from render.scene.scene_stage import STAGES, StagePlacement
-from render.scene.sky import Daylight
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.mitsuba.engine import Engine
+from flowsculpt.render.mitsuba.mitsuba_scene import build_scene
+from flowsculpt.render.post.image import read_exr, write_exr
+from flowsculpt.render.scene.aovs import RenderedFrame
+from flowsculpt.render.scene.materials import LOOKS
+from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.render_quality import Quality
+from flowsculpt.render.scene.scene import Scene
+from flowsculpt.render.scene.scene_lights import LIGHTS, LightRig, Sky, Softbox, Sun, groups_in, with_beauty
+from flowsculpt.render.scene.scene_stage import STAGES, StagePlacement
+from flowsculpt.render.scene.sky import Daylight
 from tests.render.conftest import CAMERA, ball
 
 QUALITY = Quality(48, 27, samples=16, depth=4, auxiliary_samples=1)

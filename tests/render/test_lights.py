@@ -13,19 +13,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from render.base.render_errors import BadInputError
-from render.base.serialise import to_plain
-from render.mitsuba.emitters import daylight_exposure, daylight_irradiances
-from render.mitsuba.engine import Engine
-from render.raster import Shape, StageSetup, preview
-from render.scene.aovs import RenderedFrame
-from render.scene.materials import LOOKS
-from render.scene.render_camera import Camera
-from render.scene.render_quality import Quality
-from render.scene.scene_lights import LIGHTS, LightRig, Sky, Softbox, Sun
-from render.scene.scene_stage import STAGES, StagePlacement
-from render.scene.sky import WIDEST, Daylight, Environment, read_map, sun_position
-from render.scene.surface import Surface
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.base.serialise import to_plain
+from flowsculpt.render.mitsuba.emitters import daylight_exposure, daylight_irradiances
+from flowsculpt.render.mitsuba.engine import Engine
+from flowsculpt.render.raster import Shape, StageSetup, preview
+from flowsculpt.render.scene.aovs import RenderedFrame
+from flowsculpt.render.scene.materials import LOOKS
+from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.render_quality import Quality
+from flowsculpt.render.scene.scene_lights import LIGHTS, LightRig, Sky, Softbox, Sun
+from flowsculpt.render.scene.scene_stage import STAGES, StagePlacement
+from flowsculpt.render.scene.sky import WIDEST, Daylight, Environment, read_map, sun_position
+from flowsculpt.render.scene.surface import Surface
 
 Rendered = Callable[..., RenderedFrame]
 angles = st.floats(-7.0, 7.0)
@@ -191,7 +191,7 @@ def test_the_lens_sees_the_middle_of_a_map_behind_the_subject(rendered: Rendered
 
 def test_a_fine_map_is_averaged_and_keeps_its_light(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert WIDEST == 4096
-    monkeypatch.setattr("render.scene.sky.WIDEST", 512)
+    monkeypatch.setattr("flowsculpt.render.scene.sky.WIDEST", 512)
     pixels = np.random.default_rng(1).random((512, 1024, 3), dtype=np.float32)
     made = written(tmp_path / "fine.exr", pixels)
     kept = read_map(made.path, made.digest)

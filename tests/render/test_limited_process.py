@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from render.base import limited_process
-from render.base.limited_process import ParserError, answer_of
+from flowsculpt.render.base import limited_process
+from flowsculpt.render.base.limited_process import ParserError, answer_of
 
 PARSERS = {
     "crashes": ("os.abort()", "its reader crashed or ran out of memory"),
@@ -22,7 +22,8 @@ PARSERS = {
 def parser(folder: Path, name: str, statement: str) -> Path:
     """Write a module that runs a statement for a file; return the file."""
     (folder / f"{name}.py").write_text(
-        "import os, time\nfrom pathlib import Path\nfrom render.base.limited_process import serve\n"
+        "import os, time\nfrom pathlib import Path\n"
+        "from flowsculpt.render.base.limited_process import serve\n"
         f"def parse(path):\n    print('noise')\n    {statement}\n    return Path(path).read_bytes()\n"
         "serve(parse)\n"
     )

@@ -11,19 +11,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.mesh.normals import split_at_creases, tessellate
-from pipeline.mesh.solids import box
-from render.base.render_errors import BadInputError
-from render.mitsuba.shapes import BACKGROUND
-from render.scene.aovs import RenderedFrame
-from render.scene.materials import LOOKS
-from render.scene.patterns import Pigment
-from render.scene.render_camera import Camera
-from render.scene.render_quality import Quality
-from render.scene.scene_lights import LIGHTS
-from render.scene.scene_stage import STAGES, StagePlacement
-from render.scene.surface import Surface, Wireframe, outlines, ribbons
-from render.scene.vertex_colours import shaded_colours
+from flowsculpt.pipeline.mesh.normals import split_at_creases, tessellate
+from flowsculpt.pipeline.mesh.solids import box
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.mitsuba.shapes import BACKGROUND
+from flowsculpt.render.scene.aovs import RenderedFrame
+from flowsculpt.render.scene.materials import LOOKS
+from flowsculpt.render.scene.patterns import Pigment
+from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.render_quality import Quality
+from flowsculpt.render.scene.scene_lights import LIGHTS
+from flowsculpt.render.scene.scene_stage import STAGES, StagePlacement
+from flowsculpt.render.scene.surface import Surface, Wireframe, outlines, ribbons
+from flowsculpt.render.scene.vertex_colours import shaded_colours
 
 Rendered = Callable[..., RenderedFrame]
 

@@ -8,17 +8,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from render.base.render_errors import BadInputError
-from render.base.serialise import from_plain, to_plain
-from render.mitsuba.engine import Engine
-from render.scene.aovs import RenderedFrame
-from render.scene.materials import LOOKS, Absorption, BrushedMetal, Diffuse, Glass
-from render.scene.patterns import Pigment
-from render.scene.render_camera import Camera
-from render.scene.render_quality import Quality
-from render.scene.scene_lights import LightRig, Sky
-from render.scene.scene_stage import STAGES
-from render.scene.surface import Surface
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.base.serialise import from_plain, to_plain
+from flowsculpt.render.mitsuba.engine import Engine
+from flowsculpt.render.scene.aovs import RenderedFrame
+from flowsculpt.render.scene.materials import LOOKS, Absorption, BrushedMetal, Diffuse, Glass
+from flowsculpt.render.scene.patterns import Pigment
+from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.render_quality import Quality
+from flowsculpt.render.scene.scene_lights import LightRig, Sky
+from flowsculpt.render.scene.scene_stage import STAGES
+from flowsculpt.render.scene.surface import Surface
 
 Rendered = Callable[..., RenderedFrame]
 
@@ -80,7 +80,7 @@ def test_light_through_a_slab_is_what_beer_lambert_and_fresnel_say(
     if not medium and engine.variant == "scalar_rgb":
         pytest.skip("the plain variant draws free paths")
     if medium:
-        monkeypatch.setattr("render.mitsuba.materials.is_compiled", lambda: False)
+        monkeypatch.setattr("flowsculpt.render.mitsuba.materials.is_compiled", lambda: False)
     look = Glass(WHITE, refraction=1.5, absorption=SLAB)
     camera = Camera((0.0, 0.0, 30.0), (0.0, 0.0, 0.0), field_of_view=np.radians(2.0))
     quality = Quality(16, 16, 64 if medium else 16, depth=10)
@@ -93,7 +93,7 @@ def test_light_through_a_slab_is_what_beer_lambert_and_fresnel_say(
 
 
 def test_absorption_is_of_the_subject_not_of_its_size(rendered: Rendered, sphere: Surface) -> None:
-    from render.scene.scene_stage import StagePlacement
+    from flowsculpt.render.scene.scene_stage import StagePlacement
 
     small = rendered(look=LOOKS["honey"], **FURNACE)
     vertices = (sphere.vertices * 5.0).astype(np.float32)
@@ -110,7 +110,7 @@ def test_absorption_is_of_the_subject_not_of_its_size(rendered: Rendered, sphere
 
 def test_scratches_draw_a_highlight_out_across_them(rendered: Rendered, at_rest: Surface) -> None:
     """Lit by a small lamp, a ball scratched along its parallels shows a streak from pole to pole."""
-    from render.scene.scene_lights import Softbox
+    from flowsculpt.render.scene.scene_lights import Softbox
 
     lamp = LightRig((Softbox((0.0, 1.0, 20.0), 1.0, 1.0, (900.0, 900.0, 900.0)),))
     view = {"camera": Camera((0.0, 1.0, 9.0), (0.0, 1.0, 0.0)), "lights": lamp, "stage": STAGES["none"]}

@@ -10,13 +10,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from render.base.render_errors import BadInputError
-from render.base.serialise import from_plain, to_plain
-from render.scene.aovs import RenderedFrame
-from render.scene.materials import LOOKS
-from render.scene.patterns import COLOUR_MAPS, KINDS, Measure, at_vertices, colour_map, principal_stretches
-from render.scene.surface import Surface
-from render.scene.vertex_colours import vertex_colours as colours
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.base.serialise import from_plain, to_plain
+from flowsculpt.render.scene.aovs import RenderedFrame
+from flowsculpt.render.scene.materials import LOOKS
+from flowsculpt.render.scene.patterns import (
+    COLOUR_MAPS,
+    KINDS,
+    Measure,
+    at_vertices,
+    colour_map,
+    principal_stretches,
+)
+from flowsculpt.render.scene.surface import Surface
+from flowsculpt.render.scene.vertex_colours import vertex_colours as colours
 
 Rendered = Callable[..., RenderedFrame]
 

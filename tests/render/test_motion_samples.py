@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from render.frame.batch_schedule import (
+from flowsculpt.render.frame.batch_schedule import (
     MAX_MOTION_SAMPLES,
     MAX_STEP,
     MIN_SAMPLES,
@@ -21,17 +21,17 @@ from render.frame.batch_schedule import (
     multijitter_rounds,
     traced_rounds,
 )
-from render.frame.render_frame import SampleBatches, ShutterInterval
-from render.mitsuba.engine import Engine
-from render.mitsuba.mitsuba_scene import build_scene
-from render.scene.aovs import RenderedFrame
-from render.scene.materials import LOOKS
-from render.scene.render_camera import Camera
-from render.scene.render_quality import BATCH_SAMPLES, Quality
-from render.scene.scene import MotionSample, Scene
-from render.scene.scene_lights import LIGHTS
-from render.scene.scene_stage import STAGES, StagePlacement
-from render.scene.surface import Surface
+from flowsculpt.render.frame.render_frame import SampleBatches, ShutterInterval
+from flowsculpt.render.mitsuba.engine import Engine
+from flowsculpt.render.mitsuba.mitsuba_scene import build_scene
+from flowsculpt.render.scene.aovs import RenderedFrame
+from flowsculpt.render.scene.materials import LOOKS
+from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.render_quality import BATCH_SAMPLES, Quality
+from flowsculpt.render.scene.scene import MotionSample, Scene
+from flowsculpt.render.scene.scene_lights import LIGHTS
+from flowsculpt.render.scene.scene_stage import STAGES, StagePlacement
+from flowsculpt.render.scene.surface import Surface
 
 Rendered = Callable[..., RenderedFrame]
 

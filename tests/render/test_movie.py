@@ -11,10 +11,15 @@ import av
 import numpy as np
 import pytest
 
-from render.base.render_errors import BadInputError, CorruptImageError, MachineError, MissingImageError
-from render.movie.codecs import H264, H264_8_BITS, movie_encode
-from render.movie.encode import write_movie
-from render.movie.probe import probe_movie
+from flowsculpt.render.base.render_errors import (
+    BadInputError,
+    CorruptImageError,
+    MachineError,
+    MissingImageError,
+)
+from flowsculpt.render.movie.codecs import H264, H264_8_BITS, movie_encode
+from flowsculpt.render.movie.encode import write_movie
+from flowsculpt.render.movie.probe import probe_movie
 
 pytestmark = pytest.mark.renderer
 

@@ -8,16 +8,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from render.mitsuba.engine import Engine
-from render.mitsuba.mitsuba_scene import build_scene
-from render.scene.aovs import RenderedFrame
-from render.scene.materials import LOOKS
-from render.scene.render_camera import Camera
-from render.scene.render_quality import Quality
-from render.scene.scene import Scene
-from render.scene.scene_lights import LIGHTS
-from render.scene.scene_stage import STAGES, StagePlacement
-from render.scene.surface import Surface
+from flowsculpt.render.mitsuba.engine import Engine
+from flowsculpt.render.mitsuba.mitsuba_scene import build_scene
+from flowsculpt.render.scene.aovs import RenderedFrame
+from flowsculpt.render.scene.materials import LOOKS
+from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.render_quality import Quality
+from flowsculpt.render.scene.scene import Scene
+from flowsculpt.render.scene.scene_lights import LIGHTS
+from flowsculpt.render.scene.scene_stage import STAGES, StagePlacement
+from flowsculpt.render.scene.surface import Surface
 
 QUALITY = Quality(64, 36, samples=4, depth=4, auxiliary_samples=1)
 CAMERA = Camera((3.2, 2.9, 8.8), (0.0, 0.95, 0.0))
@@ -25,7 +25,7 @@ CAMERA = Camera((3.2, 2.9, 8.8), (0.0, 0.95, 0.0))
 
 @pytest.fixture(autouse=True)
 def _always_pays(engine: Engine, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("render.mitsuba.tracers.SAMPLES_PER_FACE", 0)
+    monkeypatch.setattr("flowsculpt.render.mitsuba.tracers.SAMPLES_PER_FACE", 0)
 
 
 @pytest.mark.parametrize(
@@ -36,7 +36,7 @@ def test_a_picture_is_the_same_without_the_cyclorama_in_the_way(
 ) -> None:
     arguments = {"stage": STAGES[stage], "look": LOOKS[look], "quality": QUALITY}
     without = rendered(**arguments)
-    monkeypatch.setattr("render.mitsuba.tracers.SAMPLES_PER_FACE", 10**9)
+    monkeypatch.setattr("flowsculpt.render.mitsuba.tracers.SAMPLES_PER_FACE", 10**9)
     assert np.array_equal(rendered(**arguments)["beauty"], without["beauty"])
 
 

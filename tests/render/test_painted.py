@@ -9,19 +9,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from render.base.render_errors import BadInputError
-from render.mitsuba.texture_coordinates import MIRRORED, TEXTURE_TANGENT, texture_coordinates
-from render.scene.aovs import RenderedFrame
-from render.scene.materials import Diffuse, Painted, Satin
-from render.scene.painted_faces import VERTEX_COLOURS, PaintedFaces
-from render.scene.render_camera import Camera
-from render.scene.render_quality import Quality
-from render.scene.scene_lights import LightRig, Softbox
-from render.scene.scene_stage import STAGES
-from render.scene.surface import Surface
-from render.scene.texture_projection import MODEL, TextureProjection
-from render.scene.textures import Texture
-from render.scene.vertex_colours import vertex_colours
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.mitsuba.texture_coordinates import MIRRORED, TEXTURE_TANGENT, texture_coordinates
+from flowsculpt.render.scene.aovs import RenderedFrame
+from flowsculpt.render.scene.materials import Diffuse, Painted, Satin
+from flowsculpt.render.scene.painted_faces import VERTEX_COLOURS, PaintedFaces
+from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.render_quality import Quality
+from flowsculpt.render.scene.scene_lights import LightRig, Softbox
+from flowsculpt.render.scene.scene_stage import STAGES
+from flowsculpt.render.scene.surface import Surface
+from flowsculpt.render.scene.texture_projection import MODEL, TextureProjection
+from flowsculpt.render.scene.textures import Texture
+from flowsculpt.render.scene.vertex_colours import vertex_colours
 from tests.render.test_textures import BLUE, GREEN, RED, WHITE, quarters, write
 
 Rendered = Callable[..., RenderedFrame]
@@ -110,7 +110,7 @@ def test_a_normal_map_leans_to_where_its_texture_goes_right_and_up(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     if is_nested:
-        monkeypatch.setattr("render.mitsuba.materials.is_compiled", lambda: False)
+        monkeypatch.setattr("flowsculpt.render.mitsuba.materials.is_compiled", lambda: False)
     maps = leaning(tmp_path / "right.exr", 1.0, 0.0), leaning(tmp_path / "up.exr", 0.0, 1.0)
     look = Painted(WHITE, parts=tuple(Diffuse(WHITE, normal_texture=m, projection=PLACED) for m in maps))
     surface = square((0, 1))
@@ -161,7 +161,7 @@ def test_a_normal_map_changes_its_own_material_alone(
     mapped: int, is_nested: bool, tmp_path: Path, rendered: Rendered, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if is_nested:
-        monkeypatch.setattr("render.mitsuba.materials.is_compiled", lambda: False)
+        monkeypatch.setattr("flowsculpt.render.mitsuba.materials.is_compiled", lambda: False)
     plain = Diffuse(WHITE, projection=PLACED)
     parts = [plain, plain]
     parts[mapped] = replace(plain, normal_texture=leaning(tmp_path / "right.exr", 1.0, 0.0))

@@ -10,10 +10,10 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from render.post.exr_names import ExrAttributes
-from render.post.image import read_exr, write_exr, write_jpeg
-from render.scene.aovs import RenderedFrame
-from render.scene.render_camera import KINDS, Camera, Projection, WideCamera
+from flowsculpt.render.post.exr_names import ExrAttributes
+from flowsculpt.render.post.image import read_exr, write_exr, write_jpeg
+from flowsculpt.render.scene.aovs import RenderedFrame
+from flowsculpt.render.scene.render_camera import KINDS, Camera, Projection, WideCamera
 
 PLACE = (1.0, 2.0, 8.0), (0.0, 1.0, 0.0)
 LIGHT = RenderedFrame({"beauty": np.random.default_rng(5).random((8, 16, 3)).astype(np.float32)})

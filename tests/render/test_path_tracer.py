@@ -10,18 +10,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from render.mitsuba.emitters import _distant
-from render.mitsuba.engine import Engine
-from render.mitsuba.mitsuba_scene import SceneRenderer, build_scene
-from render.scene.aovs import RenderedFrame
-from render.scene.materials import LOOKS
-from render.scene.render_camera import Camera
-from render.scene.render_quality import Quality
-from render.scene.scene import Scene
-from render.scene.scene_lights import LIGHTS, LightRig, Sky, Softbox, Sun, sampled_emitters
-from render.scene.scene_stage import STAGES, StagePlacement
-from render.scene.sky import Daylight, Environment
-from render.scene.surface import Surface
+from flowsculpt.render.mitsuba.emitters import _distant
+from flowsculpt.render.mitsuba.engine import Engine
+from flowsculpt.render.mitsuba.mitsuba_scene import SceneRenderer, build_scene
+from flowsculpt.render.scene.aovs import RenderedFrame
+from flowsculpt.render.scene.materials import LOOKS
+from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.render_quality import Quality
+from flowsculpt.render.scene.scene import Scene
+from flowsculpt.render.scene.scene_lights import LIGHTS, LightRig, Sky, Softbox, Sun, sampled_emitters
+from flowsculpt.render.scene.scene_stage import STAGES, StagePlacement
+from flowsculpt.render.scene.sky import Daylight, Environment
+from flowsculpt.render.scene.surface import Surface
 
 SIZE = (48, 27)
 QUALITY = Quality(*SIZE, samples=16, depth=4, auxiliary_samples=4)
@@ -95,7 +95,7 @@ def test_the_disc_of_a_sun_gives_the_light_that_mitsuba_samples(daylight: Daylig
     import drjit as dr
     import mitsuba as mi
 
-    from render.integrator.light_sampler import Cone
+    from flowsculpt.render.integrator.light_sampler import Cone
 
     emitter: Any = mi.load_dict(_distant(LightRig(daylight=replace(daylight, sky=0.0))))
     cone = Cone(daylight.direction, daylight.width, emitter)

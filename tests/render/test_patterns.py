@@ -10,14 +10,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from render.base.render_errors import BadInputError
-from render.base.serialise import from_plain, to_plain
-from render.mitsuba.engine import Engine
-from render.scene.aovs import RenderedFrame
-from render.scene.materials import LOOKS
-from render.scene.noise import fractal_noise
-from render.scene.patterns import CELLS, PATTERNS, TEXELS, Pigment
-from render.scene.surface import Surface
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.base.serialise import from_plain, to_plain
+from flowsculpt.render.mitsuba.engine import Engine
+from flowsculpt.render.scene.aovs import RenderedFrame
+from flowsculpt.render.scene.materials import LOOKS
+from flowsculpt.render.scene.noise import fractal_noise
+from flowsculpt.render.scene.patterns import CELLS, PATTERNS, TEXELS, Pigment
+from flowsculpt.render.scene.surface import Surface
 
 Rendered = Callable[..., RenderedFrame]
 
@@ -121,8 +121,8 @@ def test_shells_begin_at_the_centre_and_begin_again() -> None:
 def test_a_sample_of_a_picture_shows_the_pattern_at_its_place_at_rest(pattern: str, engine: Engine) -> None:
     import mitsuba as mi
 
-    from render.mitsuba.pattern_textures import PLACE, pattern_texture, with_places
-    from render.mitsuba.shapes import mesh
+    from flowsculpt.render.mitsuba.pattern_textures import PLACE, pattern_texture, with_places
+    from flowsculpt.render.mitsuba.shapes import mesh
 
     pigment = Pigment(pattern, (RED, BLUE, (0.1, 0.6, 0.1)), scale=0.3, turbulence=0.6, octaves=3, seed=4)
     rest = np.float32([[0, 0, 0], [2, 0, 0], [0, 2, 0]])
@@ -147,8 +147,8 @@ def test_a_sample_of_a_picture_shows_the_pattern_at_its_place_at_rest(pattern: s
 def test_relief_is_as_steep_as_its_height_over_the_present_surface(stretch: float, engine: Engine) -> None:
     import mitsuba as mi
 
-    from render.mitsuba.pattern_textures import relief_normals, with_places
-    from render.mitsuba.shapes import mesh
+    from flowsculpt.render.mitsuba.pattern_textures import relief_normals, with_places
+    from flowsculpt.render.mitsuba.shapes import mesh
 
     slope = Pigment("gradient", (RED, BLUE), scale=2.0, axis=(1, 0, 0), heights=(0.0, 0.4))
     rest = np.float32([[-1, -1, 0], [1, -1, 0], [-1, 1, 0], [1, 1, 0]])

@@ -14,12 +14,12 @@ import OpenImageIO as oiio
 import pytest
 from PIL import Image, ImageCms
 
-from render.base.render_errors import BadInputError
-from render.base.serialise import from_plain, to_plain
-from render.scene import sky, textures
-from render.scene.rgb_spaces import encoding_of, encoding_of_icc, linear_of_srgb
-from render.scene.sky import Environment, environment_of
-from render.scene.textures import Texture, require_decodable, texture_of
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.base.serialise import from_plain, to_plain
+from flowsculpt.render.scene import sky, textures
+from flowsculpt.render.scene.rgb_spaces import encoding_of, encoding_of_icc, linear_of_srgb
+from flowsculpt.render.scene.sky import Environment, environment_of
+from flowsculpt.render.scene.textures import Texture, require_decodable, texture_of
 
 Floats = np.ndarray[Any, np.dtype[np.floating]]
 

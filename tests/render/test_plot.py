@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from render.base.render_errors import BadInputError
-from render.graphics.plot import Curves, HeatMap, StackedBars, plot_panels
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.graphics.plot import Curves, HeatMap, StackedBars, plot_panels
 
 FRAMES = np.linspace(1, 49, 97)
 NUMBER = Curves(

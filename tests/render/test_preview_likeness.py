@@ -8,14 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from render.post.colour import to_display
-from render.raster import Shape, StageSetup, preview
-from render.scene.aovs import RenderedFrame
-from render.scene.materials import LOOKS
-from render.scene.render_quality import Quality
-from render.scene.scene_lights import LIGHTS
-from render.scene.scene_stage import PLINTH, STAGES, StagePlacement
-from render.scene.surface import Surface
+from flowsculpt.render.post.colour import to_display
+from flowsculpt.render.raster import Shape, StageSetup, preview
+from flowsculpt.render.scene.aovs import RenderedFrame
+from flowsculpt.render.scene.materials import LOOKS
+from flowsculpt.render.scene.render_quality import Quality
+from flowsculpt.render.scene.scene_lights import LIGHTS
+from flowsculpt.render.scene.scene_stage import PLINTH, STAGES, StagePlacement
+from flowsculpt.render.scene.surface import Surface
 from tests.render.conftest import CAMERA, ball
 
 TOLERANCE = 0.1

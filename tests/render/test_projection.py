@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from render.base.render_errors import BadInputError
-from render.scene.render_camera import LEFT, RIGHT, Projection, pixel_places
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.scene.render_camera import LEFT, RIGHT, Projection, pixel_places
 
 SPHERICAL, DOME, VR180 = Projection("spherical"), Projection("dome"), Projection("vr180")
 DOMES = st.builds(Projection, st.just("dome"), st.floats(0.1, 2.0 * math.pi))

@@ -11,13 +11,13 @@ import av
 import numpy as np
 import pytest
 
-from render.base.render_errors import MachineError
-from render.movie.codecs import ENCODES, Encode
-from render.movie.encode import write_movie
-from render.movie.movie_sound import Samples
-from render.movie.probe import probe_movie
-from render.movie.projection_tags import Box, is_tagged
-from render.scene.render_camera import KINDS, PERSPECTIVE, Projection
+from flowsculpt.render.base.render_errors import MachineError
+from flowsculpt.render.movie.codecs import ENCODES, Encode
+from flowsculpt.render.movie.encode import write_movie
+from flowsculpt.render.movie.movie_sound import Samples
+from flowsculpt.render.movie.probe import probe_movie
+from flowsculpt.render.movie.projection_tags import Box, is_tagged
+from flowsculpt.render.scene.render_camera import KINDS, PERSPECTIVE, Projection
 
 pytestmark = pytest.mark.renderer
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 
-import render
+from flowsculpt import render
 
 
 def test_every_public_name_can_be_imported() -> None:

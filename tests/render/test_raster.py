@@ -8,17 +8,17 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from render.raster import Preview, Shape, StageSetup, preview, with_lines
-from render.raster.raster_shapes import LARGE, SMALL, ScreenProjection, VisibleFaces
-from render.raster.shadows import block_maxima, light_visibility
-from render.raster.triangles import LargeTriangles, Subsamples, draw_triangles
-from render.scene.materials import LOOKS
-from render.scene.patterns import Pigment
-from render.scene.render_camera import Camera
-from render.scene.scene_lights import LIGHTS
-from render.scene.scene_stage import STAGES, StagePlacement
-from render.scene.surface import Surface
-from render.scene.vertex_colours import vertex_colours as colours
+from flowsculpt.render.raster import Preview, Shape, StageSetup, preview, with_lines
+from flowsculpt.render.raster.raster_shapes import LARGE, SMALL, ScreenProjection, VisibleFaces
+from flowsculpt.render.raster.shadows import block_maxima, light_visibility
+from flowsculpt.render.raster.triangles import LargeTriangles, Subsamples, draw_triangles
+from flowsculpt.render.scene.materials import LOOKS
+from flowsculpt.render.scene.patterns import Pigment
+from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.scene_lights import LIGHTS
+from flowsculpt.render.scene.scene_stage import STAGES, StagePlacement
+from flowsculpt.render.scene.surface import Surface
+from flowsculpt.render.scene.vertex_colours import vertex_colours as colours
 
 CAMERA = Camera((0.0, 0.0, 6.0), (0.0, 0.0, 0.0), field_of_view=math.radians(30))
 SIZE = (64, 36)

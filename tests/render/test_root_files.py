@@ -11,14 +11,14 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.production.store.event_log import EventLog
-from pipeline.production.store.locks import writing
-from pipeline.production.store.paths import SUFFIXES
-from pipeline.production.store.store import Store
-from render.base import root_files
-from render.base.atomic_write import atomic_write
-from render.base.python_process import PACKAGE_ROOT, environment
-from render.base.render_errors import MachineError
+from flowsculpt.pipeline.production.store.event_log import EventLog
+from flowsculpt.pipeline.production.store.locks import writing
+from flowsculpt.pipeline.production.store.paths import SUFFIXES
+from flowsculpt.pipeline.production.store.store import Store
+from flowsculpt.render.base import root_files
+from flowsculpt.render.base.atomic_write import atomic_write
+from flowsculpt.render.base.python_process import PACKAGE_ROOT, environment
+from flowsculpt.render.base.render_errors import MachineError
 
 Folders = tuple[Path, Path]
 """A root, and a folder elsewhere with a file of the user's."""
@@ -151,7 +151,7 @@ def test_the_store_of_another_show_is_not_ours(folders: Folders) -> None:
 
 OTHERS = """
 import os, pathlib, shutil, sqlite3, sys
-from render.base import root_files
+from flowsculpt.render.base import root_files
 root = pathlib.Path(sys.argv[1])
 os.chdir(root)
 root_files.guard(root)

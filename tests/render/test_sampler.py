@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from render.integrator.sampler import COORDINATES, LENGTH, LOBE, OwenSampler, points
-from render.mitsuba.engine import Engine
+from flowsculpt.render.integrator.sampler import COORDINATES, LENGTH, LOBE, OwenSampler, points
+from flowsculpt.render.mitsuba.engine import Engine
 
 
 def places(first: int, count: int) -> np.ndarray:

@@ -8,14 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from render.mitsuba.texture_coordinates import scratch_corners
-from render.scene.aovs import RenderedFrame
-from render.scene.materials import LOOKS
-from render.scene.render_camera import Camera
-from render.scene.render_quality import Quality
-from render.scene.scene_lights import LightRig, Softbox
-from render.scene.scene_stage import STAGES
-from render.scene.surface import Surface
+from flowsculpt.render.mitsuba.texture_coordinates import scratch_corners
+from flowsculpt.render.scene.aovs import RenderedFrame
+from flowsculpt.render.scene.materials import LOOKS
+from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.render_quality import Quality
+from flowsculpt.render.scene.scene_lights import LightRig, Softbox
+from flowsculpt.render.scene.scene_stage import STAGES
+from flowsculpt.render.scene.surface import Surface
 
 GRAIN = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """Scratches lie across y, and along x where y is the normal."""

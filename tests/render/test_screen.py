@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from render.graphics.cards import ANGLE, Screen
-from render.scene.render_camera import PERSPECTIVE, Projection
+from flowsculpt.render.graphics.cards import ANGLE, Screen
+from flowsculpt.render.scene.render_camera import PERSPECTIVE, Projection
 
 SIZES = {"spherical": (256, 128), "vr180": (256, 128), "dome": (128, 128)}
 WIDE = pytest.mark.parametrize("kind", SIZES)

@@ -7,16 +7,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.mesh import box, icosphere, vertex_normals
-from render.raster import Shape, StageSetup, preview
-from render.raster.raster_shapes import ScreenProjection
-from render.raster.see_through import add_thickness
-from render.raster.shadows import CELL, CELLS, ContactShadow
-from render.raster.triangles import SUPERSAMPLING
-from render.scene.materials import LOOKS, Diffuse, Smoke
-from render.scene.render_camera import Camera
-from render.scene.scene_lights import LIGHTS
-from render.scene.scene_stage import STAGES, Stage, StagePlacement
+from flowsculpt.pipeline.mesh import box, icosphere, vertex_normals
+from flowsculpt.render.raster import Shape, StageSetup, preview
+from flowsculpt.render.raster.raster_shapes import ScreenProjection
+from flowsculpt.render.raster.see_through import add_thickness
+from flowsculpt.render.raster.shadows import CELL, CELLS, ContactShadow
+from flowsculpt.render.raster.triangles import SUPERSAMPLING
+from flowsculpt.render.scene.materials import LOOKS, Diffuse, Smoke
+from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.scene_lights import LIGHTS
+from flowsculpt.render.scene.scene_stage import STAGES, Stage, StagePlacement
 
 SIZE = (96, 54)
 CAMERA = Camera((0.0, 0.4, 6.0), (0.0, 0.0, 0.0), field_of_view=math.radians(30))

@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from render.movie.movie_frames import dissolve, mix_frames
+from flowsculpt.render.movie.movie_frames import dissolve, mix_frames
 
 Shown = dict[str, float]
 

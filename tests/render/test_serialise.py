@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from render.base.render_errors import BadInputError
-from render.base.serialise import NOT_PLAIN, from_plain, to_plain
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.base.serialise import NOT_PLAIN, from_plain, to_plain
 
 
 @dataclass(frozen=True)

@@ -12,14 +12,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from render.base.render_errors import BadInputError
-from render.base.serialise import from_plain, to_plain
-from render.graphics.cards import TitleCard, title_frames
-from render.scene.materials import LOOKS, Diffuse, Plastic
-from render.scene.render_camera import Camera
-from render.scene.render_quality import QUALITIES, Quality
-from render.scene.scene_lights import LIGHTS, LightRig, Softbox
-from render.scene.scene_stage import STAGES, Stage, StagePlacement
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.base.serialise import from_plain, to_plain
+from flowsculpt.render.graphics.cards import TitleCard, title_frames
+from flowsculpt.render.scene.materials import LOOKS, Diffuse, Plastic
+from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.render_quality import QUALITIES, Quality
+from flowsculpt.render.scene.scene_lights import LIGHTS, LightRig, Softbox
+from flowsculpt.render.scene.scene_stage import STAGES, Stage, StagePlacement
 
 SETTINGS = [
     *LOOKS.values(),

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from render.base.render_errors import BadInputError
-from render.frame.render_frame import render_frame
-from render.scene.materials import LOOKS, Diffuse, Glass, Subsurface
-from render.scene.scene import Scene, SceneSubject
-from render.scene.scene_lights import LIGHTS
-from render.scene.scene_stage import STAGES, StagePlacement
-from render.scene.surface import Spheres, Surface, Wireframe
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.frame.render_frame import render_frame
+from flowsculpt.render.scene.materials import LOOKS, Diffuse, Glass, Subsurface
+from flowsculpt.render.scene.scene import Scene, SceneSubject
+from flowsculpt.render.scene.scene_lights import LIGHTS
+from flowsculpt.render.scene.scene_stage import STAGES, StagePlacement
+from flowsculpt.render.scene.surface import Spheres, Surface, Wireframe
 from tests.render.conftest import CAMERA, TINY
 
 LEFT, RIGHT = (np.array([x, 0.0, 0.0], np.float32) for x in (-1.1, 1.1))

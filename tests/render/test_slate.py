@@ -7,8 +7,8 @@ import itertools
 import numpy as np
 import pytest
 
-from render.graphics.cards import BARS, GREYS, Slate, TitleCard, failure_card, title_frames
-from render.graphics.typesetting import cut_short, line, wrap
+from flowsculpt.render.graphics.cards import BARS, GREYS, Slate, TitleCard, failure_card, title_frames
+from flowsculpt.render.graphics.typesetting import cut_short, line, wrap
 
 FACTS = (("version", "v003"), ("frames", "1-48"), ("quality", "final"))
 PICTURE = np.tile(np.linspace(0.3, 0.7, 96, dtype=np.float32)[:, None], (54, 1, 3))

@@ -9,12 +9,12 @@ import av
 import numpy as np
 import pytest
 
-from pipeline.flow.keyframes import Envelope
-from pipeline.production.request.audio import AudioTrack
-from render.base.input_files import digest_of_file
-from render.base.serialise import to_plain
-from render.movie.band_level import band_level
-from render.movie.movie_sound import RATE, Sound, blocks, require_sound, silence_in
+from flowsculpt.pipeline.flow.keyframes import Envelope
+from flowsculpt.pipeline.production.request.audio import AudioTrack
+from flowsculpt.render.base.input_files import digest_of_file
+from flowsculpt.render.base.serialise import to_plain
+from flowsculpt.render.movie.band_level import band_level
+from flowsculpt.render.movie.movie_sound import RATE, Sound, blocks, require_sound, silence_in
 from tests.sounds import sine, write_sound
 
 BLOCK, BLOCKS = 960, 50  # samples that every encoder here takes; one second in all

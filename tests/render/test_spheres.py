@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from render.base.render_errors import BadInputError
-from render.scene.aovs import RenderedFrame
-from render.scene.render_camera import Camera
-from render.scene.surface import MAX_FACES, TOLERANCE, Spheres
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.scene.aovs import RenderedFrame
+from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.surface import MAX_FACES, TOLERANCE, Spheres
 
 CAMERA = Camera((0.0, 0.0, 10.0), (0.0, 0.0, 0.0))
 PIXELS_A_UNIT = 1920 / 2 / math.tan(CAMERA.field_of_view / 2) / 10

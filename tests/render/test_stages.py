@@ -11,19 +11,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.mesh import icosphere
-from pipeline.production.request.framing import frame_all, with_stage_in_view
-from pipeline.shot.camera_path import View
-from render.base.render_errors import BadInputError
-from render.mitsuba.engine import Engine
-from render.raster import Shape, StageSetup, preview
-from render.scene.aovs import RenderedFrame
-from render.scene.materials import LOOKS
-from render.scene.reference_objects import CHROME, GREY, ball, chart, chart_colours, positions
-from render.scene.render_camera import Camera
-from render.scene.render_quality import Quality
-from render.scene.scene_lights import LightRig, Sky, Softbox
-from render.scene.scene_stage import STAGES, Stage, StagePlacement
+from flowsculpt.pipeline.mesh import icosphere
+from flowsculpt.pipeline.production.request.framing import frame_all, with_stage_in_view
+from flowsculpt.pipeline.shot.camera_path import View
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.mitsuba.engine import Engine
+from flowsculpt.render.raster import Shape, StageSetup, preview
+from flowsculpt.render.scene.aovs import RenderedFrame
+from flowsculpt.render.scene.materials import LOOKS
+from flowsculpt.render.scene.reference_objects import CHROME, GREY, ball, chart, chart_colours, positions
+from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.render_quality import Quality
+from flowsculpt.render.scene.scene_lights import LightRig, Sky, Softbox
+from flowsculpt.render.scene.scene_stage import STAGES, Stage, StagePlacement
 
 Rendered = Callable[..., RenderedFrame]
 ASPECT = 16 / 9

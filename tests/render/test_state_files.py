@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from render.base.state_files import mapping, read_state
-from render.base.user_cache import load_answer, store_answer
+from flowsculpt.render.base.state_files import mapping, read_state
+from flowsculpt.render.base.user_cache import load_answer, store_answer
 
 pytestmark = pytest.mark.quick
 

@@ -8,15 +8,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from render.base.render_errors import BadInputError
-from render.mitsuba.engine import Engine
-from render.scene.aovs import RenderedFrame
-from render.scene.materials import Diffuse, Glass, Material, Plastic, Subsurface
-from render.scene.render_camera import Camera
-from render.scene.render_quality import Quality
-from render.scene.scene_lights import LightRig, Sky, Softbox
-from render.scene.scene_stage import STAGES
-from render.scene.surface import Surface
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.mitsuba.engine import Engine
+from flowsculpt.render.scene.aovs import RenderedFrame
+from flowsculpt.render.scene.materials import Diffuse, Glass, Material, Plastic, Subsurface
+from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.render_quality import Quality
+from flowsculpt.render.scene.scene_lights import LightRig, Sky, Softbox
+from flowsculpt.render.scene.scene_stage import STAGES
+from flowsculpt.render.scene.surface import Surface
 
 COLOUR, WHITE = (0.2, 0.5, 0.8), (1.0, 1.0, 1.0)
 SHALLOW, DEEP = Subsurface((0.005, 0.005, 0.005)), Subsurface((0.6, 0.3, 0.15))
@@ -76,7 +76,7 @@ def test_a_wall_lit_from_behind_glows(
 
 
 def test_what_cannot_scatter_light_says_so() -> None:
-    from render.scene.textures import Texture
+    from flowsculpt.render.scene.textures import Texture
 
     with pytest.raises(BadInputError, match="each number lies between"):
         Subsurface((0.0, 1.0, 1.0))

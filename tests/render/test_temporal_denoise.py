@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from render.post.temporal_denoise import DenoisedFrame, removed_noise, temporal_denoise
-from render.scene.render_camera import Camera
-from render.scene.scene_stage import StagePlacement
+from flowsculpt.render.post.temporal_denoise import DenoisedFrame, removed_noise, temporal_denoise
+from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.scene_stage import StagePlacement
 
 WIDTH, HEIGHT = 96, 64
 CAMERA = Camera(origin=(0.0, 0.0, 10.0), target=(0.0, 0.0, 0.0), field_of_view=2 * math.atan(0.3))

@@ -7,11 +7,11 @@ from itertools import product
 import numpy as np
 import pytest
 
-from render.base.render_errors import BadInputError
-from render.mitsuba.engine import Engine, is_compiled
-from render.mitsuba.texture_coordinates import TextureCoordinates, bitmap
-from render.scene.texture_projection import MODEL, TextureProjection
-from render.scene.textures import BLACK, CLAMP, MIRROR, REPEAT, texels_at
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.mitsuba.engine import Engine, is_compiled
+from flowsculpt.render.mitsuba.texture_coordinates import TextureCoordinates, bitmap
+from flowsculpt.render.scene.texture_projection import MODEL, TextureProjection
+from flowsculpt.render.scene.textures import BLACK, CLAMP, MIRROR, REPEAT, texels_at
 
 MODES = (REPEAT, CLAMP, MIRROR, BLACK)
 PIXELS = np.random.default_rng(1).random((3, 4, 3)).astype(np.float32)

@@ -12,16 +12,16 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from render.base.render_errors import BadInputError
-from render.base.serialise import from_plain, to_plain
-from render.scene.aovs import RenderedFrame
-from render.scene.materials import LOOKS, Relief
-from render.scene.patterns import linear_of_srgb
-from render.scene.render_camera import Camera
-from render.scene.surface import Surface
-from render.scene.texture_projection import MODEL, PROJECTIONS, TextureProjection, project_texture
-from render.scene.textures import Texture
-from render.scene.vertex_colours import vertex_colours as colours
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.base.serialise import from_plain, to_plain
+from flowsculpt.render.scene.aovs import RenderedFrame
+from flowsculpt.render.scene.materials import LOOKS, Relief
+from flowsculpt.render.scene.patterns import linear_of_srgb
+from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.surface import Surface
+from flowsculpt.render.scene.texture_projection import MODEL, PROJECTIONS, TextureProjection, project_texture
+from flowsculpt.render.scene.textures import Texture
+from flowsculpt.render.scene.vertex_colours import vertex_colours as colours
 
 Rendered = Callable[..., RenderedFrame]
 

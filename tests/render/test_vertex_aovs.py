@@ -11,16 +11,16 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from render.base.render_errors import BadInputError
-from render.frame.render_frame import SampleBatches
-from render.mitsuba.engine import Engine
-from render.post.image import read_exr, write_exr
-from render.scene.aovs import RenderedFrame
-from render.scene.render_camera import Camera
-from render.scene.render_quality import Quality
-from render.scene.scene import MotionSample
-from render.scene.scene_stage import STAGES, StagePlacement
-from render.scene.surface import Spheres, Surface
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.frame.render_frame import SampleBatches
+from flowsculpt.render.mitsuba.engine import Engine
+from flowsculpt.render.post.image import read_exr, write_exr
+from flowsculpt.render.scene.aovs import RenderedFrame
+from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.render_quality import Quality
+from flowsculpt.render.scene.scene import MotionSample
+from flowsculpt.render.scene.scene_stage import STAGES, StagePlacement
+from flowsculpt.render.scene.surface import Spheres, Surface
 
 Rendered = Callable[..., RenderedFrame]
 

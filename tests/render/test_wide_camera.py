@@ -9,20 +9,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.mesh import icosphere
-from render.base.render_errors import BadInputError
-from render.frame.render_frame import render_frame
-from render.mitsuba.engine import Engine
-from render.post.denoise import FilmDenoiser, RawFrame, denoised_columns
-from render.post.temporal_denoise import DenoisedFrame, temporal_denoise
-from render.scene.aovs import RenderedFrame
-from render.scene.materials import LOOKS
-from render.scene.render_camera import LEFT, RIGHT, Camera, Projection, WideCamera, pixel_places
-from render.scene.render_quality import QUALITIES, Quality, qualities_for
-from render.scene.scene import Scene
-from render.scene.scene_lights import LIGHTS
-from render.scene.scene_stage import STAGES, StagePlacement
-from render.scene.surface import Surface
+from flowsculpt.pipeline.mesh import icosphere
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.frame.render_frame import render_frame
+from flowsculpt.render.mitsuba.engine import Engine
+from flowsculpt.render.post.denoise import FilmDenoiser, RawFrame, denoised_columns
+from flowsculpt.render.post.temporal_denoise import DenoisedFrame, temporal_denoise
+from flowsculpt.render.scene.aovs import RenderedFrame
+from flowsculpt.render.scene.materials import LOOKS
+from flowsculpt.render.scene.render_camera import LEFT, RIGHT, Camera, Projection, WideCamera, pixel_places
+from flowsculpt.render.scene.render_quality import QUALITIES, Quality, qualities_for
+from flowsculpt.render.scene.scene import Scene
+from flowsculpt.render.scene.scene_lights import LIGHTS
+from flowsculpt.render.scene.scene_stage import STAGES, StagePlacement
+from flowsculpt.render.scene.surface import Surface
 
 EYES = 0.4
 SPHERICAL = WideCamera((0.0, 1.0, 0.0), (0.0, 1.0, -5.0))

@@ -13,21 +13,21 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from render.frame.render_frame import render_frame
-from render.mitsuba.engine import Engine
-from render.post.colour import to_display
-from render.post.image import read_exr, write_exr
-from render.post.view import ACES
-from render.scene.aovs import RenderedFrame
-from render.scene.materials import LOOKS, Diffuse, Material, MitsubaMaterial
-from render.scene.materials.mitsuba_bsdf import Bsdf
-from render.scene.patterns import Measure, Pigment
-from render.scene.render_quality import Quality
-from render.scene.rgb_spaces import ACESCG, REC709, WorkingSpace
-from render.scene.scene import Scene
-from render.scene.scene_lights import LIGHTS, LightRig, Sky, Softbox
-from render.scene.scene_stage import Stage, StagePlacement
-from render.scene.surface import Surface, Wireframe
+from flowsculpt.render.frame.render_frame import render_frame
+from flowsculpt.render.mitsuba.engine import Engine
+from flowsculpt.render.post.colour import to_display
+from flowsculpt.render.post.image import read_exr, write_exr
+from flowsculpt.render.post.view import ACES
+from flowsculpt.render.scene.aovs import RenderedFrame
+from flowsculpt.render.scene.materials import LOOKS, Diffuse, Material, MitsubaMaterial
+from flowsculpt.render.scene.materials.mitsuba_bsdf import Bsdf
+from flowsculpt.render.scene.patterns import Measure, Pigment
+from flowsculpt.render.scene.render_quality import Quality
+from flowsculpt.render.scene.rgb_spaces import ACESCG, REC709, WorkingSpace
+from flowsculpt.render.scene.scene import Scene
+from flowsculpt.render.scene.scene_lights import LIGHTS, LightRig, Sky, Softbox
+from flowsculpt.render.scene.scene_stage import Stage, StagePlacement
+from flowsculpt.render.scene.surface import Surface, Wireframe
 from tests.render.conftest import CAMERA
 
 GREY = LightRig(

@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Points
-from pipeline.mesh import TriangleMesh, box, icosphere, rod, sheet, torus
-from pipeline.mesh.analytic_surfaces import lattice
+from flowsculpt.pipeline.arrays import AnyArray, Points
+from flowsculpt.pipeline.mesh import TriangleMesh, box, icosphere, rod, sheet, torus
+from flowsculpt.pipeline.mesh.analytic_surfaces import lattice
 
 Move = Callable[[Points, int], Points]
 """A flow of one frame: points (N, 3) and the frame's number to the moved points."""

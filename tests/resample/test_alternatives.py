@@ -9,11 +9,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.arrays import Floats
-from pipeline.errors import FrameError, UsageError
-from pipeline.mesh import TriangleMesh, box, icosphere, sheet, torus, validate
-from pipeline.resample import Curved, Exact, Resampler, ThresholdFormula, Thresholds, edges_by_angle, resample
-from pipeline.resample.resampler import quadrisect
+from flowsculpt.pipeline.arrays import Floats
+from flowsculpt.pipeline.errors import FrameError, UsageError
+from flowsculpt.pipeline.mesh import TriangleMesh, box, icosphere, sheet, torus, validate
+from flowsculpt.pipeline.resample import (
+    Curved,
+    Exact,
+    Resampler,
+    ThresholdFormula,
+    Thresholds,
+    edges_by_angle,
+    resample,
+)
+from flowsculpt.pipeline.resample.resampler import quadrisect
 
 TRIANGLE = TriangleMesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
 

@@ -5,11 +5,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.arrays import Points
-from pipeline.mesh import TriangleMesh, icosphere
-from pipeline.mesh.analytic_surfaces import SphereSurface
-from pipeline.resample import Chord, Curved, DistanceToCamera, Exact, Placement, Resampler, Thresholds
-from pipeline.resample.placement import REST
+from flowsculpt.pipeline.arrays import Points
+from flowsculpt.pipeline.mesh import TriangleMesh, icosphere
+from flowsculpt.pipeline.mesh.analytic_surfaces import SphereSurface
+from flowsculpt.pipeline.resample import (
+    Chord,
+    Curved,
+    DistanceToCamera,
+    Exact,
+    Placement,
+    Resampler,
+    Thresholds,
+)
+from flowsculpt.pipeline.resample.placement import REST
 
 STRETCH = np.array([1.06, 0.98, 0.97])
 

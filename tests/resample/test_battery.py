@@ -15,11 +15,11 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from pipeline.arrays import Points
-from pipeline.errors import VertexBudgetError
-from pipeline.mesh import TriangleMesh, require
-from pipeline.mesh.halfedge_mesh import with_identities
-from pipeline.resample import Chord, Curved, Exact, Placement, Resampler, Thresholds
+from flowsculpt.pipeline.arrays import Points
+from flowsculpt.pipeline.errors import VertexBudgetError
+from flowsculpt.pipeline.mesh import TriangleMesh, require
+from flowsculpt.pipeline.mesh.halfedge_mesh import with_identities
+from flowsculpt.pipeline.resample import Chord, Curved, Exact, Placement, Resampler, Thresholds
 from tests.resample.battery import FLOWS, MESHES
 
 PLACEMENTS = ("chord", "curved", "exact")

@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.arrays import Floats, Points
-from pipeline.mesh import TriangleMesh, box, dihedral_angles, icosphere, require, rod, sheet, torus
-from pipeline.mesh.analytic_surfaces import AnalyticSurface, SphereSurface, TorusSurface
-from pipeline.resample import Chord, Curved, Exact, Placement, Resampler, Thresholds, resample
-from pipeline.resample.placement import ASTRAY, NORMAL, REST
+from flowsculpt.pipeline.arrays import Floats, Points
+from flowsculpt.pipeline.mesh import TriangleMesh, box, dihedral_angles, icosphere, require, rod, sheet, torus
+from flowsculpt.pipeline.mesh.analytic_surfaces import AnalyticSurface, SphereSurface, TorusSurface
+from flowsculpt.pipeline.resample import Chord, Curved, Exact, Placement, Resampler, Thresholds, resample
+from flowsculpt.pipeline.resample.placement import ASTRAY, NORMAL, REST
 from tests.resample.battery import bipyramid
 
 Motion = Callable[[Points], Points]

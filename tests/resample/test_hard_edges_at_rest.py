@@ -6,10 +6,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from pipeline.arrays import Points
-from pipeline.mesh import dihedral_angles, require, rod, sheet
-from pipeline.resample import Chord, Exact, Resampler, Thresholds
-from pipeline.resample.placement import REST
+from flowsculpt.pipeline.arrays import Points
+from flowsculpt.pipeline.mesh import dihedral_angles, require, rod, sheet
+from flowsculpt.pipeline.resample import Chord, Exact, Resampler, Thresholds
+from flowsculpt.pipeline.resample.placement import REST
 
 
 def test_a_corner_at_rest_stays_though_the_flow_unbends_it() -> None:

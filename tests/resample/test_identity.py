@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.arrays import AnyArray
-from pipeline.errors import MeshError
-from pipeline.mesh import TriangleMesh, box, icosphere, sheet, torus
-from pipeline.mesh.analytic_surfaces import SphereSurface
-from pipeline.mesh.halfedge_mesh import IDENTITY, ancestry, with_identities
-from pipeline.resample import Chord, Curved, Exact, Placement, Resampler, Thresholds
+from flowsculpt.pipeline.arrays import AnyArray
+from flowsculpt.pipeline.errors import MeshError
+from flowsculpt.pipeline.mesh import TriangleMesh, box, icosphere, sheet, torus
+from flowsculpt.pipeline.mesh.analytic_surfaces import SphereSurface
+from flowsculpt.pipeline.mesh.halfedge_mesh import IDENTITY, ancestry, with_identities
+from flowsculpt.pipeline.resample import Chord, Curved, Exact, Placement, Resampler, Thresholds
 
 MENAGERIE = [box(edge_length=0.5), icosphere(6), sheet((2.0, 2.0), 0.3), torus(1.0, 0.4, 0.3)]
 WAYS = [(Chord(), "edges"), (Curved(), "edges"), (Chord(), "faces")]

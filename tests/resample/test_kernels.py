@@ -8,11 +8,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.mesh import HalfedgeMesh, TriangleMesh, box, dihedral_angles, icosphere, rod, sheet, torus
-from pipeline.resample import Thresholds, resample
-from pipeline.resample.kernels.collapse import BOUNDARY, CROWDED, LINK, can_collapse
-from pipeline.resample.kernels.flip import flip_edge, should_flip
-from pipeline.resample.kernels.pass_state import MAX_SPOKES, Limits, new_ring
+from flowsculpt.pipeline.mesh import (
+    HalfedgeMesh,
+    TriangleMesh,
+    box,
+    dihedral_angles,
+    icosphere,
+    rod,
+    sheet,
+    torus,
+)
+from flowsculpt.pipeline.resample import Thresholds, resample
+from flowsculpt.pipeline.resample.kernels.collapse import BOUNDARY, CROWDED, LINK, can_collapse
+from flowsculpt.pipeline.resample.kernels.flip import flip_edge, should_flip
+from flowsculpt.pipeline.resample.kernels.pass_state import MAX_SPOKES, Limits, new_ring
 
 TUBE = rod(2.0, 0.1, 0.4)
 MENAGERIE = [

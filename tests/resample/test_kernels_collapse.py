@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.arrays import AnyArray, Points
-from pipeline.mesh import HalfedgeMesh, TriangleMesh, box, icosphere, require, rod, sheet, torus
-from pipeline.mesh.halfedge_mesh import CREASE
-from pipeline.resample.kernels.collapse import (
+from flowsculpt.pipeline.arrays import AnyArray, Points
+from flowsculpt.pipeline.mesh import HalfedgeMesh, TriangleMesh, box, icosphere, require, rod, sheet, torus
+from flowsculpt.pipeline.mesh.halfedge_mesh import CREASE
+from flowsculpt.pipeline.resample.kernels.collapse import (
     AT_END,
     AT_START,
     FEATURE,
@@ -21,9 +21,16 @@ from pipeline.resample.kernels.collapse import (
     removal_distance,
     swept_volume,
 )
-from pipeline.resample.kernels.flip import flip_edge
-from pipeline.resample.kernels.pass_state import Limits, Ring, collect_ring, folds, measure_ring, new_ring
-from pipeline.resample.kernels.split import split_edge
+from flowsculpt.pipeline.resample.kernels.flip import flip_edge
+from flowsculpt.pipeline.resample.kernels.pass_state import (
+    Limits,
+    Ring,
+    collect_ring,
+    folds,
+    measure_ring,
+    new_ring,
+)
+from flowsculpt.pipeline.resample.kernels.split import split_edge
 
 HARD = math.cos(math.radians(40))
 BALL, CUBE, RING, CLOTH = icosphere(3), box(edge_length=0.5), torus(1.0, 0.4, 0.3), sheet((2, 2), 0.5)

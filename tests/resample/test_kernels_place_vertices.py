@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.arrays import AnyArray, Indices, Points, Vectors
-from pipeline.mesh import HalfedgeMesh, TriangleMesh, box, icosphere, sheet, torus
-from pipeline.resample.kernels.pass_state import Changes, Limits, new_ring
-from pipeline.resample.kernels.split import (
+from flowsculpt.pipeline.arrays import AnyArray, Indices, Points, Vectors
+from flowsculpt.pipeline.mesh import HalfedgeMesh, TriangleMesh, box, icosphere, sheet, torus
+from flowsculpt.pipeline.resample.kernels.pass_state import Changes, Limits, new_ring
+from flowsculpt.pipeline.resample.kernels.split import (
     BIRTH_HALFEDGE,
     BIRTH_SIZE,
     Midpoints,
@@ -21,7 +21,7 @@ from pipeline.resample.kernels.split import (
     side_normal,
     split_edges,
 )
-from pipeline.resample.resample_pass import changes_of, reset
+from flowsculpt.pipeline.resample.resample_pass import changes_of, reset
 
 HARD = math.cos(math.radians(40))
 CUBE, BALL, RING = box(edge_length=0.5), icosphere(4), torus(1.0, 0.4, 0.3)

@@ -7,20 +7,27 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.arrays import Floats, Indices
-from pipeline.mesh import HalfedgeMesh, TriangleMesh, box, icosphere, sheet, torus
-from pipeline.mesh.kernels.halfedge import following
-from pipeline.mesh.normals import vertex_normals
-from pipeline.resample.kernels.pass_state import UNCHANGED, Changes, Limits, length_limits, new_ring, touch
-from pipeline.resample.kernels.rest_surface import (
+from flowsculpt.pipeline.arrays import Floats, Indices
+from flowsculpt.pipeline.mesh import HalfedgeMesh, TriangleMesh, box, icosphere, sheet, torus
+from flowsculpt.pipeline.mesh.kernels.halfedge import following
+from flowsculpt.pipeline.mesh.normals import vertex_normals
+from flowsculpt.pipeline.resample.kernels.pass_state import (
+    UNCHANGED,
+    Changes,
+    Limits,
+    length_limits,
+    new_ring,
+    touch,
+)
+from flowsculpt.pipeline.resample.kernels.rest_surface import (
     list_poor_vertices,
     relax_goals,
     relax_vertices,
     roundness,
 )
-from pipeline.resample.placement import Chord
-from pipeline.resample.resample_pass import ResamplePass, changes_of, reset
-from pipeline.resample.thresholds import Thresholds, TriangleShape
+from flowsculpt.pipeline.resample.placement import Chord
+from flowsculpt.pipeline.resample.resample_pass import ResamplePass, changes_of, reset
+from flowsculpt.pipeline.resample.thresholds import Thresholds, TriangleShape
 
 HARD = math.cos(math.radians(40))
 BALL, CUBE, RING, CLOTH = icosphere(5), box(edge_length=0.5), torus(1.0, 0.4, 0.3), sheet((2, 2), 0.25)

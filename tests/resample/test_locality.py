@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from pipeline.mesh import HalfedgeMesh, TriangleMesh, icosphere, require
-from pipeline.mesh.halfedge_mesh import with_identities
-from pipeline.resample import Resampler, Thresholds
-from pipeline.resample.resampler import in_memory_order
+from flowsculpt.pipeline.mesh import HalfedgeMesh, TriangleMesh, icosphere, require
+from flowsculpt.pipeline.mesh.halfedge_mesh import with_identities
+from flowsculpt.pipeline.resample import Resampler, Thresholds
+from flowsculpt.pipeline.resample.resampler import in_memory_order
 
 LARGE = icosphere(56)
 
@@ -71,7 +71,7 @@ def test_sorting_changes_numbers_alone() -> None:
 
 
 def test_a_surface_is_sorted_when_a_third_of_its_vertices_is_new(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pipeline.resample.resampler._CACHED", 1000)
+    monkeypatch.setattr("flowsculpt.pipeline.resample.resampler._CACHED", 1000)
     resampler = Resampler(with_identities(icosphere(12)), Thresholds(0.25))
     resampler.resample()
     assert resampler.unsorted == 0, "no vertex had been sorted before"

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from pipeline.arrays import Points
-from pipeline.mesh import icosphere, require
-from pipeline.resample import Resampler, Thresholds
+from flowsculpt.pipeline.arrays import Points
+from flowsculpt.pipeline.mesh import icosphere, require
+from flowsculpt.pipeline.resample import Resampler, Thresholds
 
 FRAMES = 500
 

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from pipeline.arrays import Floats
-from pipeline.errors import UsageError
-from pipeline.mesh import TriangleMesh, box, dihedral_angles, icosphere, require, rod, sheet
-from pipeline.resample import Report, Resampler, Thresholds, resample
+from flowsculpt.pipeline.arrays import Floats
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.mesh import TriangleMesh, box, dihedral_angles, icosphere, require, rod, sheet
+from flowsculpt.pipeline.resample import Report, Resampler, Thresholds, resample
 
 
 def edge_lengths(mesh: TriangleMesh) -> Floats:

@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.arrays import Floats, Points
-from pipeline.errors import FrameError
-from pipeline.mesh import TriangleMesh, box, icosphere, require, rod, sheet, torus
-from pipeline.resample import Resampler, Thresholds
+from flowsculpt.pipeline.arrays import Floats, Points
+from flowsculpt.pipeline.errors import FrameError
+from flowsculpt.pipeline.mesh import TriangleMesh, box, icosphere, require, rod, sheet, torus
+from flowsculpt.pipeline.resample import Resampler, Thresholds
 
 SURFACES = {
     "ball": icosphere(6),

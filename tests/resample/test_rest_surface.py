@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.arrays import AnyArray, Indices, Points
-from pipeline.mesh import (
+from flowsculpt.pipeline.arrays import AnyArray, Indices, Points
+from flowsculpt.pipeline.mesh import (
     HalfedgeMesh,
     TriangleMesh,
     box,
@@ -18,11 +18,11 @@ from pipeline.mesh import (
     sheet,
     torus,
 )
-from pipeline.mesh.analytic_surfaces import SphereSurface
-from pipeline.mesh.normals import vertex_normals
-from pipeline.resample import Curved, Exact, Resampler, Thresholds
-from pipeline.resample.kernels.flip import should_flip, untangle
-from pipeline.resample.kernels.pass_state import (
+from flowsculpt.pipeline.mesh.analytic_surfaces import SphereSurface
+from flowsculpt.pipeline.mesh.normals import vertex_normals
+from flowsculpt.pipeline.resample import Curved, Exact, Resampler, Thresholds
+from flowsculpt.pipeline.resample.kernels.flip import should_flip, untangle
+from flowsculpt.pipeline.resample.kernels.pass_state import (
     Limits,
     collect_ring,
     move_at_rest,
@@ -30,9 +30,9 @@ from pipeline.resample.kernels.pass_state import (
     rest_orientation,
     would_flip,
 )
-from pipeline.resample.kernels.rest_surface import MAX_OPPOSITE, opposite_corners
-from pipeline.resample.placement import ASTRAY, REST, closest_points
-from pipeline.resample.resample_pass import changes_of, reset
+from flowsculpt.pipeline.resample.kernels.rest_surface import MAX_OPPOSITE, opposite_corners
+from flowsculpt.pipeline.resample.placement import ASTRAY, REST, closest_points
+from flowsculpt.pipeline.resample.resample_pass import changes_of, reset
 
 BALL, RING, CLOTH, CUBE = icosphere(4), torus(1.0, 0.4, 0.3), sheet((2, 2), 0.25), box(edge_length=0.5)
 

@@ -8,9 +8,9 @@ import numba
 import numpy as np
 import pytest
 
-from pipeline.errors import FrameError, UsageError
-from pipeline.mesh import TriangleMesh, icosphere, require
-from pipeline.resample import Exact, Resampler, Thresholds
+from flowsculpt.pipeline.errors import FrameError, UsageError
+from flowsculpt.pipeline.mesh import TriangleMesh, icosphere, require
+from flowsculpt.pipeline.resample import Exact, Resampler, Thresholds
 
 THRESHOLDS = Thresholds(0.2)
 

@@ -12,11 +12,11 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from pipeline.arrays import Points
-from pipeline.kernels import BlockKernel
-from pipeline.mesh import icosphere, vertex_normals
-from pipeline.resample import Chord, Curved, Exact, Resampler, Thresholds
-from pipeline.resample.placement import Placement
+from flowsculpt.pipeline.arrays import Points
+from flowsculpt.pipeline.kernels import BlockKernel
+from flowsculpt.pipeline.mesh import icosphere, vertex_normals
+from flowsculpt.pipeline.resample import Chord, Curved, Exact, Resampler, Thresholds
+from flowsculpt.pipeline.resample.placement import Placement
 
 
 def _twisted(points: Points) -> Points:
@@ -63,8 +63,8 @@ def test_films_of_four_threads_have_the_bits_of_films_one_after_the_other(placem
 
 STATISTICS = """
 from concurrent.futures import ThreadPoolExecutor
-from pipeline.mesh import icosphere
-from pipeline.statistics import mesh_statistics
+from flowsculpt.pipeline.mesh import icosphere
+from flowsculpt.pipeline.statistics import mesh_statistics
 
 with ThreadPoolExecutor(4) as pool:
     print(len(set(pool.map(mesh_statistics, 40 * [icosphere(12)]))))

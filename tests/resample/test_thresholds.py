@@ -10,11 +10,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.errors import UsageError
-from pipeline.mesh import TriangleMesh, box, icosphere, sheet, torus, validate
-from pipeline.resample import Curvature, DistanceToCamera, Resampler, ThresholdFormula, Thresholds, resample
-from pipeline.resample.kernels.edge_scans import edge_curvature, limit_gradation
-from pipeline.resample.thresholds import curvature, graded
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.mesh import TriangleMesh, box, icosphere, sheet, torus, validate
+from flowsculpt.pipeline.resample import (
+    Curvature,
+    DistanceToCamera,
+    Resampler,
+    ThresholdFormula,
+    Thresholds,
+    resample,
+)
+from flowsculpt.pipeline.resample.kernels.edge_scans import edge_curvature, limit_gradation
+from flowsculpt.pipeline.resample.thresholds import curvature, graded
 
 BALL = icosphere(12)
 

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.errors import ShotError
-from pipeline.shot import CameraPath, read_shot
-from pipeline.shot.camera_path import Lens, View
-from render.scene.render_camera import Projection
+from flowsculpt.pipeline.errors import ShotError
+from flowsculpt.pipeline.shot import CameraPath, read_shot
+from flowsculpt.pipeline.shot.camera_path import Lens, View
+from flowsculpt.render.scene.render_camera import Projection
 
 HEAD = "title: A\nframes: 1-49\nsubject: {solid: box}\nresample: {max_edge_length: 0.5}\n"
 

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.flow import EASINGS
-from pipeline.flow.regions import FALLOFF_TYPES
-from pipeline.shot import read_shot
-from pipeline.shot.documents.flow_entries import FlowDocument, RegionDocument
+from flowsculpt.pipeline.flow import EASINGS
+from flowsculpt.pipeline.flow.regions import FALLOFF_TYPES
+from flowsculpt.pipeline.shot import read_shot
+from flowsculpt.pipeline.shot.documents.flow_entries import FlowDocument, RegionDocument
 
 PROJECT = Path(__file__).parents[2]
 PAGE = (PROJECT / "docs" / "choreography.md").read_text(encoding="utf-8")

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.shot import read_shot
-from pipeline.shot.documents import (
+from flowsculpt.pipeline.shot import read_shot
+from flowsculpt.pipeline.shot.documents import (
     camera_documents,
     flow_entries,
     light_documents,
@@ -19,7 +19,7 @@ from pipeline.shot.documents import (
     shot_documents,
     subject_documents,
 )
-from pipeline.shot.documents.field_types import Document, linear_of
+from flowsculpt.pipeline.shot.documents.field_types import Document, linear_of
 
 TEXT = "title: A\nframes: 1-2\nsubject: {solid: box}\nresample: off\n"
 

@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 from ruamel.yaml import YAML
 
-from pipeline.errors import FlowsculptError
-from pipeline.shot import read_film, read_shot
+from flowsculpt.pipeline.errors import FlowsculptError
+from flowsculpt.pipeline.shot import read_film, read_shot
 from tests.mistakes import is_named
 
 SHOT = """\

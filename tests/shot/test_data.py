@@ -7,12 +7,12 @@ import json
 import numpy as np
 import pytest
 
-from pipeline.errors import UsageError
-from pipeline.flow import Function, Streamlines, keyed
-from pipeline.flow.catalogue.vortices import Vortex
-from pipeline.frames import FrameRate
-from pipeline.shot import Model
-from pipeline.shot.motion import as_data
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.flow import Function, Streamlines, keyed
+from flowsculpt.pipeline.flow.catalogue.vortices import Vortex
+from flowsculpt.pipeline.frames import FrameRate
+from flowsculpt.pipeline.shot import Model
+from flowsculpt.pipeline.shot.motion import as_data
 
 
 def test_a_flow_is_its_class_and_its_parameters() -> None:

@@ -9,11 +9,11 @@ from typing import Any
 
 import pytest
 
-from pipeline.errors import MissingInputError, ShotError
-from pipeline.production.request.edit import Edit
-from pipeline.shot import read_film
-from pipeline.shot.shot import Film
-from render.base.serialise import from_plain, to_plain
+from flowsculpt.pipeline.errors import MissingInputError, ShotError
+from flowsculpt.pipeline.production.request.edit import Edit
+from flowsculpt.pipeline.shot import read_film
+from flowsculpt.pipeline.shot.shot import Film
+from flowsculpt.render.base.serialise import from_plain, to_plain
 
 SHOT = "title: {0}\nframes: 1-12\nsubject: {{solid: box}}\nresample: off\n"
 

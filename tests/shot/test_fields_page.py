@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.shot import read_shot
+from flowsculpt.pipeline.shot import read_shot
 
 PAGE = Path(__file__).parents[2] / "docs" / "fields.md"
 EXAMPLES = re.findall(r"```yaml\n(.*?)```", PAGE.read_text(encoding="utf-8"), flags=re.S)

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.errors import MissingInputError, ShotError
-from pipeline.frames import FrameRate
-from pipeline.shot import read_film
+from flowsculpt.pipeline.errors import MissingInputError, ShotError
+from flowsculpt.pipeline.frames import FrameRate
+from flowsculpt.pipeline.shot import read_film
 
 GOOD = (Path(__file__).parent / "cube.yaml").read_text(encoding="utf-8")
 FILM = "title: Two\nshots: [A, B]\nrate: 24\n"

@@ -12,17 +12,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.errors import ShotError, UsageError
-from pipeline.flow import Flow, VelocityField
-from pipeline.flow.catalogue.deformations import Bend
-from pipeline.flow.catalogue.vortices import Vortex, VortexRing
-from pipeline.flow.parameters import parameters_of, shot_name, summary
-from pipeline.frames import FrameRange, FrameRate
-from pipeline.plugins.authoring.shot_schemas import BEGIN, END, default_text, facts, markdown
-from pipeline.shot import read_shot
-from pipeline.shot.documents.flow_documents import DOCUMENTS
-from pipeline.shot.motion import Clock
-from pipeline.shot.yaml.document_validation import ParseContext
+from flowsculpt.pipeline.errors import ShotError, UsageError
+from flowsculpt.pipeline.flow import Flow, VelocityField
+from flowsculpt.pipeline.flow.catalogue.deformations import Bend
+from flowsculpt.pipeline.flow.catalogue.vortices import Vortex, VortexRing
+from flowsculpt.pipeline.flow.parameters import parameters_of, shot_name, summary
+from flowsculpt.pipeline.frames import FrameRange, FrameRate
+from flowsculpt.pipeline.plugins.authoring.shot_schemas import BEGIN, END, default_text, facts, markdown
+from flowsculpt.pipeline.shot import read_shot
+from flowsculpt.pipeline.shot.documents.flow_documents import DOCUMENTS
+from flowsculpt.pipeline.shot.motion import Clock
+from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext
 
 CLOCK = Clock(FrameRange.parse("1-24"), FrameRate.of(24))
 DOCS = Path(__file__).parents[2] / "docs"

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.errors import ShotError
-from pipeline.flow import (
+from flowsculpt.pipeline.errors import ShotError
+from flowsculpt.pipeline.flow import (
     Blend,
     Flow,
     Repeated,
@@ -21,11 +21,11 @@ from pipeline.flow import (
     Within,
     keyed,
 )
-from pipeline.flow.catalogue.basic import Rotation
-from pipeline.flow.catalogue.deformations import Twist
-from pipeline.flow.catalogue.vortices import Vortex
-from pipeline.flow.composition import Mirror, RegionField, ScaledField, TransformedField
-from pipeline.flow.regions import (
+from flowsculpt.pipeline.flow.catalogue.basic import Rotation
+from flowsculpt.pipeline.flow.catalogue.deformations import Twist
+from flowsculpt.pipeline.flow.catalogue.vortices import Vortex
+from flowsculpt.pipeline.flow.composition import Mirror, RegionField, ScaledField, TransformedField
+from flowsculpt.pipeline.flow.regions import (
     BoxRegion,
     CapsuleRegion,
     CylinderRegion,
@@ -33,7 +33,7 @@ from pipeline.flow.regions import (
     Region,
     SphereRegion,
 )
-from pipeline.shot import read_shot
+from flowsculpt.pipeline.shot import read_shot
 
 SHOT = """\
 title: Composed

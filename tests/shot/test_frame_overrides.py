@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.errors import ShotError
-from pipeline.production.execution.project import Project
-from pipeline.production.request.keys import picture_keys
-from pipeline.production.request.render_request import RenderRequest
-from pipeline.shot import Shot, read_shot
+from flowsculpt.pipeline.errors import ShotError
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.request.keys import picture_keys
+from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt.pipeline.shot import Shot, read_shot
 from tests.conftest import QUALITY, ProjectFolder
 
 NAME = "T010_tiny"

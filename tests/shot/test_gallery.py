@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.shot import read_film, read_shot
-from pipeline.shot.yaml.inheritance import DEFAULTS
-from pipeline.shot.yaml.named_files import is_edit
+from flowsculpt.pipeline.shot import read_film, read_shot
+from flowsculpt.pipeline.shot.yaml.inheritance import DEFAULTS
+from flowsculpt.pipeline.shot.yaml.named_files import is_edit
 
 PROJECT = Path(__file__).parents[2]
 SHOTS = sorted(

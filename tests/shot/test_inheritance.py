@@ -8,14 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.errors import FlowsculptError, MissingInputError, ShotError
-from pipeline.flow.parameters import number_at
-from pipeline.production.execution.project import Project
-from pipeline.production.request.render_request import RenderRequest
-from pipeline.shot import Shot, read_film, read_shot
-from pipeline.shot.yaml.inheritance import inherited_files
-from render.base.serialise import from_plain, to_plain
-from render.scene.materials import LOOKS
+from flowsculpt.pipeline.errors import FlowsculptError, MissingInputError, ShotError
+from flowsculpt.pipeline.flow.parameters import number_at
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt.pipeline.shot import Shot, read_film, read_shot
+from flowsculpt.pipeline.shot.yaml.inheritance import inherited_files
+from flowsculpt.render.base.serialise import from_plain, to_plain
+from flowsculpt.render.scene.materials import LOOKS
 
 FILES = {
     "A": """\

@@ -9,12 +9,12 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from pipeline.errors import ShotError
-from pipeline.shot import Shot, read_shot
-from render.base.serialise import to_plain
-from render.scene.scene_lights import LIGHTS
-from render.scene.scene_stage import STAGES, Stage
-from render.scene.sky import Daylight, sun_position
+from flowsculpt.pipeline.errors import ShotError
+from flowsculpt.pipeline.shot import Shot, read_shot
+from flowsculpt.render.base.serialise import to_plain
+from flowsculpt.render.scene.scene_lights import LIGHTS
+from flowsculpt.render.scene.scene_stage import STAGES, Stage
+from flowsculpt.render.scene.sky import Daylight, sun_position
 
 HEAD = "title: T\nframes: 1-24\nsubject: {solid: box}\nresample: off\n"
 BOX = "radiance: 9, position: [0, 4, 4]"

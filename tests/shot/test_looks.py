@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.errors import ShotError
-from pipeline.shot import Shot, read_shot
-from render.scene.materials import LOOKS, Absorption
-from render.scene.patterns import PATTERNS, Pigment
-from render.scene.surface import Wireframe
+from flowsculpt.pipeline.errors import ShotError
+from flowsculpt.pipeline.shot import Shot, read_shot
+from flowsculpt.render.scene.materials import LOOKS, Absorption
+from flowsculpt.render.scene.patterns import PATTERNS, Pigment
+from flowsculpt.render.scene.surface import Wireframe
 
 HEAD = "title: T\nframes: 1-24\nsubject: {solid: %s}\nresample: off\nlook: %s\n"
 TWO = "colours: [[0.8, 0.7, 0.6], [0.1, 0.1, 0.1]]"

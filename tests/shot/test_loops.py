@@ -7,14 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.animation import animate
-from pipeline.animation.loop import step_into
-from pipeline.errors import ShotError
-from pipeline.frames import FrameRange, FrameRate
-from pipeline.plugins.authoring.first_frame import FirstFrames
-from pipeline.plugins.authoring.scene_rules import loop_report
-from pipeline.shot import Shot, read_shot
-from pipeline.shot.motion import Clock, Loop
+from flowsculpt.pipeline.animation import animate
+from flowsculpt.pipeline.animation.loop import step_into
+from flowsculpt.pipeline.errors import ShotError
+from flowsculpt.pipeline.frames import FrameRange, FrameRate
+from flowsculpt.pipeline.plugins.authoring.first_frame import FirstFrames
+from flowsculpt.pipeline.plugins.authoring.scene_rules import loop_report
+from flowsculpt.pipeline.shot import Shot, read_shot
+from flowsculpt.pipeline.shot.motion import Clock, Loop
 
 SHOT = """\
 title: Loop

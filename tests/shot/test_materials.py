@@ -8,12 +8,12 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from pipeline.errors import ShotError
-from pipeline.shot import Shot, read_shot
-from render.base.serialise import to_plain
-from render.scene.materials import LOOKS
-from render.scene.patterns import Measure
-from render.scene.texture_projection import TextureProjection
+from flowsculpt.pipeline.errors import ShotError
+from flowsculpt.pipeline.shot import Shot, read_shot
+from flowsculpt.render.base.serialise import to_plain
+from flowsculpt.render.scene.materials import LOOKS
+from flowsculpt.render.scene.patterns import Measure
+from flowsculpt.render.scene.texture_projection import TextureProjection
 
 HEAD = "title: T\nframes: 1-24\nsubject: %s\nresample: off\nlook: %s\n"
 BOX = "{solid: box}"

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pipeline.errors import MissingInputError, ShotError
-from pipeline.shot import read_shot
+from flowsculpt.pipeline.errors import MissingInputError, ShotError
+from flowsculpt.pipeline.shot import read_shot
 
 GOOD = (Path(__file__).parent / "cube.yaml").read_text(encoding="utf-8")
 

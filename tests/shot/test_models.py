@@ -8,13 +8,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.animation import animate
-from pipeline.errors import MeshError, ShotError
-from pipeline.mesh import TriangleMesh, icosphere, rod
-from pipeline.plugins.authoring.shot_templates import model_template, shot_of_flow
-from pipeline.plugins.interchange.mesh_writers import write_mesh
-from pipeline.shot import Model, Shot, read_shot
-from pipeline.shot.motion import as_data
+from flowsculpt.pipeline.animation import animate
+from flowsculpt.pipeline.errors import MeshError, ShotError
+from flowsculpt.pipeline.mesh import TriangleMesh, icosphere, rod
+from flowsculpt.pipeline.plugins.authoring.shot_templates import model_template, shot_of_flow
+from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
+from flowsculpt.pipeline.shot import Model, Shot, read_shot
+from flowsculpt.pipeline.shot.motion import as_data
 
 SHOT = "title: A\nframes: 1-2\nsubject: {model: a.obj%s}\nresample: off\nflows: []\n"
 LONG = rod(4.0, 0.5)  # along y

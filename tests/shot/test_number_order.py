@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.shot.yaml.document_validation import ParseContext
+from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext
 
 
 @pytest.mark.parametrize(

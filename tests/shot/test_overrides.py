@@ -14,11 +14,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.animation import MeshFrame, animate
-from pipeline.errors import UsageError
-from pipeline.mesh import read_mesh, read_polygons, require, validate
-from pipeline.resample import PolyhedralReport
-from pipeline.shot import Motion, read_shot
+from flowsculpt.pipeline.animation import MeshFrame, animate
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.mesh import read_mesh, read_polygons, require, validate
+from flowsculpt.pipeline.resample import PolyhedralReport
+from flowsculpt.pipeline.shot import Motion, read_shot
 
 SHOT = """\
 title: Box

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.errors import ShotError
-from pipeline.shot import read_film, read_shot
-from render.scene.render_quality import QUALITIES
+from flowsculpt.pipeline.errors import ShotError
+from flowsculpt.pipeline.shot import read_film, read_shot
+from flowsculpt.render.scene.render_quality import QUALITIES
 
 pytestmark = pytest.mark.quick
 
@@ -54,7 +54,7 @@ def test_all_sides_are_even_and_all_qualities_have_about_one_aspect(aspect: floa
 
 
 def test_all_qualities_are_framed_for_the_aspect_of_final(tmp_path: Path) -> None:
-    from pipeline.production.execution.project import Project
+    from flowsculpt.pipeline.production.execution.project import Project
 
     file = tmp_path / "a.yaml"
     file.write_text(f'{SHOT}picture: {{aspect: "4:5"}}\n')

@@ -7,13 +7,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.errors import MissingInputError, ShotError
-from pipeline.mesh import TriangleMesh
-from pipeline.mesh.control_net import PIECES, bspline_surface
-from pipeline.plugins.interchange.mesh_writers import write_mesh
-from pipeline.shot import read_shot
-from pipeline.shot.point_subjects import RADIUS, CloudInSolid, CloudOfFile, NetOfFile, NetOfRows, NetOfSolid
-from pipeline.shot.subjects import Solid
+from flowsculpt.pipeline.errors import MissingInputError, ShotError
+from flowsculpt.pipeline.mesh import TriangleMesh
+from flowsculpt.pipeline.mesh.control_net import PIECES, bspline_surface
+from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
+from flowsculpt.pipeline.shot import read_shot
+from flowsculpt.pipeline.shot.point_subjects import (
+    RADIUS,
+    CloudInSolid,
+    CloudOfFile,
+    NetOfFile,
+    NetOfRows,
+    NetOfSolid,
+)
+from flowsculpt.pipeline.shot.subjects import Solid
 
 HEAD = "title: T\nframes: 1-3\n"
 BALL = "{solid: icosphere, radius: 2}"

@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.animation import animate
-from pipeline.errors import FrameError, ShotError
-from pipeline.flow import keyed
-from pipeline.mesh import validate
-from pipeline.resample import Curvature, DistanceToCamera, ThresholdFormula, Thresholds
-from pipeline.shot import Motion, read_shot
-from pipeline.shot.documents.resampling import KeyedCamera, KeyedThreshold
-from pipeline.shot.motion import Resampling
+from flowsculpt.pipeline.animation import animate
+from flowsculpt.pipeline.errors import FrameError, ShotError
+from flowsculpt.pipeline.flow import keyed
+from flowsculpt.pipeline.mesh import validate
+from flowsculpt.pipeline.resample import Curvature, DistanceToCamera, ThresholdFormula, Thresholds
+from flowsculpt.pipeline.shot import Motion, read_shot
+from flowsculpt.pipeline.shot.documents.resampling import KeyedCamera, KeyedThreshold
+from flowsculpt.pipeline.shot.motion import Resampling
 
 SHOT = """\
 title: Ball

@@ -9,14 +9,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.animation import animate
-from pipeline.errors import ShotError, UsageError
-from pipeline.flow.regions import BoxRegion
-from pipeline.mesh import box, icosphere
-from pipeline.mesh.placed_copies import Placements
-from pipeline.mesh.solids import six_sided_box
-from pipeline.shot import Shot, read_shot
-from pipeline.shot.copies import Copies, bounding_sphere
+from flowsculpt.pipeline.animation import animate
+from flowsculpt.pipeline.errors import ShotError, UsageError
+from flowsculpt.pipeline.flow.regions import BoxRegion
+from flowsculpt.pipeline.mesh import box, icosphere
+from flowsculpt.pipeline.mesh.placed_copies import Placements
+from flowsculpt.pipeline.mesh.solids import six_sided_box
+from flowsculpt.pipeline.shot import Shot, read_shot
+from flowsculpt.pipeline.shot.copies import Copies, bounding_sphere
 
 SHOT = """\
 title: Two

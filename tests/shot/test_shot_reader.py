@@ -10,16 +10,16 @@ from typing import Any
 
 import pytest
 
-from pipeline.flow import Sequence, Streamlines, keyed
-from pipeline.flow.catalogue.basic import Rotation
-from pipeline.flow.catalogue.deformations import Twist
-from pipeline.flow.catalogue.vortices import Vortex
-from pipeline.mesh import validate
-from pipeline.mesh.solids import box
-from pipeline.plugins.interchange.mesh_writers import write_mesh
-from pipeline.resample import Thresholds
-from pipeline.shot import Motion, Resampling, read_shot
-from render.scene.render_quality import QUALITIES
+from flowsculpt.pipeline.flow import Sequence, Streamlines, keyed
+from flowsculpt.pipeline.flow.catalogue.basic import Rotation
+from flowsculpt.pipeline.flow.catalogue.deformations import Twist
+from flowsculpt.pipeline.flow.catalogue.vortices import Vortex
+from flowsculpt.pipeline.mesh import validate
+from flowsculpt.pipeline.mesh.solids import box
+from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
+from flowsculpt.pipeline.resample import Thresholds
+from flowsculpt.pipeline.shot import Motion, Resampling, read_shot
+from flowsculpt.render.scene.render_quality import QUALITIES
 
 GOOD = (Path(__file__).parent / "cube.yaml").read_text(encoding="utf-8")
 

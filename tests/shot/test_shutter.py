@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.errors import ShotError
-from pipeline.shot import Shot, read_shot
+from flowsculpt.pipeline.errors import ShotError
+from flowsculpt.pipeline.shot import Shot, read_shot
 
 HEAD = "title: T\nframes: 1-24\nsubject: {solid: box}\nresample: off\n"
 

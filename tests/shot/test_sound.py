@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.errors import ShotError
-from pipeline.plugins.sheets.keyed_curves import curves_of
-from pipeline.production.request.manifest import mesh_keys
-from pipeline.shot import read_shot
-from pipeline.shot.shot import Shot
+from flowsculpt.pipeline.errors import ShotError
+from flowsculpt.pipeline.plugins.sheets.keyed_curves import curves_of
+from flowsculpt.pipeline.production.request.manifest import mesh_keys
+from flowsculpt.pipeline.shot import read_shot
+from flowsculpt.pipeline.shot.shot import Shot
 from tests.sounds import RATE, sine, times, write_sound
 
 HEAD = "title: S\nframes: 1-25\nsubject: {solid: box}\n"

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.errors import MissingInputError, ShotError
-from pipeline.shot.yaml.named_files import is_edit
-from pipeline.shot.yaml.yaml_source import YamlSource
+from flowsculpt.pipeline.errors import MissingInputError, ShotError
+from flowsculpt.pipeline.shot.yaml.named_files import is_edit
+from flowsculpt.pipeline.shot.yaml.yaml_source import YamlSource
 
 
 def source(folder: Path, text: str) -> YamlSource:

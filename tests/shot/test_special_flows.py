@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.errors import ShotError
-from pipeline.flow import Sequence, Streamlines
-from pipeline.flow.catalogue.external_fields import Attraction, FormulaField, Sampled, Wind
-from pipeline.flow.catalogue.vortices import CurlNoise
-from pipeline.flow.flow import PythonFlow
-from pipeline.shot import Shot, read_shot
+from flowsculpt.pipeline.errors import ShotError
+from flowsculpt.pipeline.flow import Sequence, Streamlines
+from flowsculpt.pipeline.flow.catalogue.external_fields import Attraction, FormulaField, Sampled, Wind
+from flowsculpt.pipeline.flow.catalogue.vortices import CurlNoise
+from flowsculpt.pipeline.flow.flow import PythonFlow
+from flowsculpt.pipeline.shot import Shot, read_shot
 
 HEAD = "title: T\nframes: 1-24\nsubject: {solid: icosphere}\nresample: off\nflows:\n"
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"

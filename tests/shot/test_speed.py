@@ -12,11 +12,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.animation import animate, mesh_at_subframe
-from pipeline.errors import FrameError, ShotError, UsageError
-from pipeline.flow import EASINGS, Keyframes, keyed
-from pipeline.flow.keyframes import FormulaCurve, _integral, elapsed
-from pipeline.shot import Shot, read_shot
+from flowsculpt.pipeline.animation import animate, mesh_at_subframe
+from flowsculpt.pipeline.errors import FrameError, ShotError, UsageError
+from flowsculpt.pipeline.flow import EASINGS, Keyframes, keyed
+from flowsculpt.pipeline.flow.keyframes import FormulaCurve, _integral, elapsed
+from flowsculpt.pipeline.shot import Shot, read_shot
 
 SHOT = """\
 title: Speed

@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 
-from pipeline.errors import ShotError
-from pipeline.flow import Keyframes
-from pipeline.flow.keyframes import Handle
-from pipeline.flow.parameters import number_at, vector_at
-from pipeline.shot import read_shot
+from flowsculpt.pipeline.errors import ShotError
+from flowsculpt.pipeline.flow import Keyframes
+from flowsculpt.pipeline.flow.keyframes import Handle
+from flowsculpt.pipeline.flow.parameters import number_at, vector_at
+from flowsculpt.pipeline.shot import read_shot
 
 SHOT = """\
 title: Keys

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.errors import MissingInputError, ShotError
-from pipeline.shot import read_shot
-from render.post.colour import to_display, view_exactly
-from render.post.view import ACES
+from flowsculpt.pipeline.errors import MissingInputError, ShotError
+from flowsculpt.pipeline.shot import read_shot
+from flowsculpt.render.post.colour import to_display, view_exactly
+from flowsculpt.render.post.view import ACES
 
 SHOT = "title: A\nframes: 1-3\nsubject: {solid: box}\nresample: {max_edge_length: 0.5}\n"
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.errors import FlowsculptError
-from pipeline.shot import read_shot
+from flowsculpt.pipeline.errors import FlowsculptError
+from flowsculpt.pipeline.shot import read_shot
 
 SHOT = "title: t\nframes: 1-2\nsubject: {solid: box}\nresample: {max_edge_length: 0.3}\nflows: []\n"
 

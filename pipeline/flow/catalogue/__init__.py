@@ -5,7 +5,7 @@ are made from their classes. The others (`attraction`, `formula`, `sampled` and 
 documents of shot files.
 """
 
-from pipeline.flow.catalogue import attractors, basic, deformations, vortices
+from flowsculpt.pipeline.flow.catalogue import attractors, basic, deformations, vortices
 
 FLOWS: tuple[type, ...] = (
     *basic.LINEAR,

@@ -8,8 +8,8 @@ from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Annotated, ClassVar
 
-from pipeline.flow.kernels import field_kernels as kernels
-from pipeline.flow.parameters import (
+from flowsculpt.pipeline.flow.kernels import field_kernels as kernels
+from flowsculpt.pipeline.flow.parameters import (
     ORIGIN,
     Number,
     ParameterDoc,
@@ -19,7 +19,7 @@ from pipeline.flow.parameters import (
     number_at,
     vector_at,
 )
-from pipeline.flow.velocity import BasicField
+from flowsculpt.pipeline.flow.velocity import BasicField
 
 _SCALE = ParameterDoc("of its units in one of the scene's")
 _TIME_SCALE = ParameterDoc("of its time units in a second")

@@ -9,8 +9,8 @@ import math
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal
 
-from pipeline.flow.kernels import field_kernels as kernels
-from pipeline.flow.parameters import (
+from flowsculpt.pipeline.flow.kernels import field_kernels as kernels
+from flowsculpt.pipeline.flow.parameters import (
     ORIGIN,
     Direction,
     Number,
@@ -24,7 +24,7 @@ from pipeline.flow.parameters import (
     unit,
     vector_at,
 )
-from pipeline.flow.velocity import BasicField
+from flowsculpt.pipeline.flow.velocity import BasicField
 
 
 class _LinearField(BasicField):

@@ -15,11 +15,11 @@ from abc import abstractmethod
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from pipeline.arrays import Points
-from pipeline.errors import FrameError
-from pipeline.flow.flow import Flow
-from pipeline.flow.kernels import deformation_kernels as kernels
-from pipeline.flow.parameters import (
+from flowsculpt.pipeline.arrays import Points
+from flowsculpt.pipeline.errors import FrameError
+from flowsculpt.pipeline.flow.flow import Flow
+from flowsculpt.pipeline.flow.kernels import deformation_kernels as kernels
+from flowsculpt.pipeline.flow.parameters import (
     ORIGIN,
     Direction,
     Number,
@@ -33,7 +33,7 @@ from pipeline.flow.parameters import (
     number_at,
     unit,
 )
-from pipeline.flow.streamlines import StepPlan
+from flowsculpt.pipeline.flow.streamlines import StepPlan
 
 
 @dataclass(frozen=True)

@@ -10,12 +10,12 @@ from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 
-from pipeline.arrays import Floats, Points, Vectors
-from pipeline.errors import UsageError
-from pipeline.flow.compiled_formulas import FRAME, NAMES, compile_formulas
-from pipeline.flow.kernels import external_kernels as kernels
-from pipeline.flow.keyframes import frame_at
-from pipeline.flow.parameters import (
+from flowsculpt.pipeline.arrays import Floats, Points, Vectors
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.flow.compiled_formulas import FRAME, NAMES, compile_formulas
+from flowsculpt.pipeline.flow.kernels import external_kernels as kernels
+from flowsculpt.pipeline.flow.keyframes import frame_at
+from flowsculpt.pipeline.flow.parameters import (
     ORIGIN,
     Number,
     ParameterDoc,
@@ -26,12 +26,12 @@ from pipeline.flow.parameters import (
     number_at,
     vector_at,
 )
-from pipeline.flow.regions import TriangleTree, segments
-from pipeline.flow.samples import Samples
-from pipeline.flow.velocity import ExternalField
-from pipeline.formula import Expression, time_values
-from pipeline.kernels import BlockKernel
-from pipeline.mesh.meshes import TriangleMesh
+from flowsculpt.pipeline.flow.regions import TriangleTree, segments
+from flowsculpt.pipeline.flow.samples import Samples
+from flowsculpt.pipeline.flow.velocity import ExternalField
+from flowsculpt.pipeline.formula import Expression, time_values
+from flowsculpt.pipeline.kernels import BlockKernel
+from flowsculpt.pipeline.mesh.meshes import TriangleMesh
 
 SEGMENTS = 16  # segments that approximate each span of a curve
 
@@ -205,7 +205,7 @@ class FormulaField(ExternalField):
 
         FormulaField(("-y", "x", "0.3 * sin(t)"))
 
-    texts  along x, y and z, units per second; see `pipeline.formula`
+    texts  along x, y and z, units per second; see `flowsculpt.pipeline.formula`
     words  further names and their values, constant or keyed: changing these compiles nothing
     fps    frames per second, for `frame`
     first  the number of the frame at 0 seconds

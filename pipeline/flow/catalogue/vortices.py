@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Any, ClassVar, Literal
 
-from pipeline.flow.catalogue.basic import Strain
-from pipeline.flow.kernels import external_kernels
-from pipeline.flow.kernels import field_kernels as kernels
-from pipeline.flow.parameters import (
+from flowsculpt.pipeline.flow.catalogue.basic import Strain
+from flowsculpt.pipeline.flow.kernels import external_kernels
+from flowsculpt.pipeline.flow.kernels import field_kernels as kernels
+from flowsculpt.pipeline.flow.parameters import (
     ORIGIN,
     Direction,
     Number,
@@ -28,8 +28,8 @@ from pipeline.flow.parameters import (
     unit,
     vector_at,
 )
-from pipeline.flow.velocity import BasicField, ExternalField, Program, VelocityField
-from pipeline.kernels import BlockKernel
+from flowsculpt.pipeline.flow.velocity import BasicField, ExternalField, Program, VelocityField
+from flowsculpt.pipeline.kernels import BlockKernel
 
 Profile = Literal["lamb_oseen", "gaussian", "rankine"]
 

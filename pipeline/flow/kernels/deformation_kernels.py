@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import math
 
-from pipeline.arrays import Floats
-from pipeline.flow.kernels.instructions import DEFORMATIONS, X, Y, Z
-from pipeline.kernels import kernel
+from flowsculpt.pipeline.arrays import Floats
+from flowsculpt.pipeline.flow.kernels.instructions import DEFORMATIONS, X, Y, Z
+from flowsculpt.pipeline.kernels import kernel
 
 TWIST = DEFORMATIONS  # radians per unit along the axis 6
 STRETCH = DEFORMATIONS + 1  # factor along the axis 6, and across it 7

@@ -22,9 +22,9 @@ from typing import Any
 import numpy as np
 from numba import uint64
 
-from pipeline.arrays import AnyArray, Floats
-from pipeline.flow.kernels.instructions import BLOCK, doubles_at
-from pipeline.kernels import block_kernel, kernel
+from flowsculpt.pipeline.arrays import AnyArray, Floats
+from flowsculpt.pipeline.flow.kernels.instructions import BLOCK, doubles_at
+from flowsculpt.pipeline.kernels import block_kernel, kernel
 
 _X, _Y, _Z = uint64(0x9E3779B97F4A7C15), uint64(0xC2B2AE3D27D4EB4F), uint64(0x165667B19E3779F9)
 _MOMENT, _OCTAVE = uint64(0xD6E8FEB86659FD93), uint64(0xA0761D6478BD642F)

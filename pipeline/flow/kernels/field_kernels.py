@@ -24,9 +24,9 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.arrays import Floats, Indices, Points, Vectors
-from pipeline.flow.kernels import instructions as op
-from pipeline.flow.kernels.instructions import (
+from flowsculpt.pipeline.arrays import Floats, Indices, Points, Vectors
+from flowsculpt.pipeline.flow.kernels import instructions as op
+from flowsculpt.pipeline.flow.kernels.instructions import (
     ATTRACTORS,
     BLOCK,
     CELLULAR,
@@ -48,7 +48,7 @@ from pipeline.flow.kernels.instructions import (
     load,
     store,
 )
-from pipeline.flow.kernels.region_kernels import (
+from flowsculpt.pipeline.flow.kernels.region_kernels import (
     ball_weight,
     box_weight,
     capsule_weight,
@@ -56,7 +56,7 @@ from pipeline.flow.kernels.region_kernels import (
     half_space_weight,
     mesh_weight,
 )
-from pipeline.kernels import higher_kernel, kernel
+from flowsculpt.pipeline.kernels import higher_kernel, kernel
 
 LAMB_OSEEN, GAUSSIAN, RANKINE, RING = range(VORTICES, VORTICES + 4)
 

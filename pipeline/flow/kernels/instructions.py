@@ -23,9 +23,9 @@ An external function is what C would declare as
     void f(const double *numbers, int64_t n, const double *x, const double *y, const double *z, double t,
            double *u, double *v, double *w)
 
-It *adds* its velocity at n points to u, v and w; `pipeline.kernels.block_kernel` makes one from a Python
-function. Just before a closing bracket it may also multiply the sum of the group so far: a region of any
-shape.
+It *adds* its velocity at n points to u, v and w; `flowsculpt.pipeline.kernels.block_kernel` makes one from a
+Python function. Just before a closing bracket it may also multiply the sum of the group so far: a region of
+any shape.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from pipeline.arrays import Floats, Points
-from pipeline.kernels import higher_kernel, kernel
+from flowsculpt.pipeline.arrays import Floats, Points
+from flowsculpt.pipeline.kernels import higher_kernel, kernel
 
 COLUMNS = 12
 """Numbers in a row: as many as the widest row, a transform, needs."""

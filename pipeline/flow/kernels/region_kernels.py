@@ -29,11 +29,11 @@ import math
 import numpy as np
 from numba import prange
 
-from pipeline.arrays import AnyArray, Floats, Points
-from pipeline.flow.kernels import instructions as op
-from pipeline.flow.kernels.external_kernels import DEEPEST, nearest
-from pipeline.flow.kernels.instructions import doubles_at
-from pipeline.kernels import kernel
+from flowsculpt.pipeline.arrays import AnyArray, Floats, Points
+from flowsculpt.pipeline.flow.kernels import instructions as op
+from flowsculpt.pipeline.flow.kernels.external_kernels import DEEPEST, nearest
+from flowsculpt.pipeline.flow.kernels.instructions import doubles_at
+from flowsculpt.pipeline.kernels import kernel
 
 HEADER = 10
 

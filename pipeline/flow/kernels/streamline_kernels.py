@@ -22,10 +22,10 @@ import math
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
-from pipeline.flow.kernels.deformation_kernels import deform
-from pipeline.flow.kernels.field_kernels import TRANSLATION, level_count, run_program
-from pipeline.flow.kernels.instructions import (
+from flowsculpt.pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
+from flowsculpt.pipeline.flow.kernels.deformation_kernels import deform
+from flowsculpt.pipeline.flow.kernels.field_kernels import TRANSLATION, level_count, run_program
+from flowsculpt.pipeline.flow.kernels.instructions import (
     BLOCK,
     COLUMNS,
     DEFORMATIONS,
@@ -38,7 +38,7 @@ from pipeline.flow.kernels.instructions import (
     load,
     store,
 )
-from pipeline.kernels import kernel
+from flowsculpt.pipeline.kernels import kernel
 
 POSITION = 0  # three runs: all points of the block
 START = 3 * BLOCK  # three runs: the points that take this sub-step

@@ -6,9 +6,9 @@ import math
 
 import numba
 
-from pipeline.arrays import Faces, Floats, Indices, Points
-from pipeline.kernels import kernel, only_read
-from pipeline.mesh.kernels.halfedge import CONST_MATRIX, INTS, LEAN, VECTOR
+from flowsculpt.pipeline.arrays import Faces, Floats, Indices, Points
+from flowsculpt.pipeline.kernels import kernel, only_read
+from flowsculpt.pipeline.mesh.kernels.halfedge import CONST_MATRIX, INTS, LEAN, VECTOR
 
 _CONST_FACES = only_read(numba.int32[:, ::1])
 _NORMAL = numba.types.UniTuple(numba.float64, 3)

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 import numba
 import numpy as np
 
-from pipeline.arrays import AnyArray, Floats, Indices
-from pipeline.kernels import kernel, only_read
+from flowsculpt.pipeline.arrays import AnyArray, Floats, Indices
+from flowsculpt.pipeline.kernels import kernel, only_read
 
 SOUND, CROWDED, DISAGREEING = 0, 1, 2
 _BLOCK, _PART = 48, 48 << 12  # half-edges in one block, and per thread

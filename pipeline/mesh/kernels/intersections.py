@@ -6,9 +6,9 @@ import numba
 import numpy as np
 from numba import prange
 
-from pipeline.arrays import AnyArray, Faces, Floats, Indices, Points
-from pipeline.kernels import kernel, only_read
-from pipeline.mesh.kernels.halfedge import CONST_MATRIX, INTS, LEAN, VECTOR
+from flowsculpt.pipeline.arrays import AnyArray, Faces, Floats, Indices, Points
+from flowsculpt.pipeline.kernels import kernel, only_read
+from flowsculpt.pipeline.mesh.kernels.halfedge import CONST_MATRIX, INTS, LEAN, VECTOR
 
 _FACES = only_read(numba.int32[:, ::1])
 _BOXES = numba.float32[:, ::1]

@@ -10,9 +10,9 @@ import math
 import numba
 import numpy as np
 
-from pipeline.arrays import AnyArray, Faces, Floats, Indices, Points, Vectors
-from pipeline.kernels import kernel, only_read
-from pipeline.mesh.kernels.halfedge import (
+from flowsculpt.pipeline.arrays import AnyArray, Faces, Floats, Indices, Points, Vectors
+from flowsculpt.pipeline.kernels import kernel, only_read
+from flowsculpt.pipeline.mesh.kernels.halfedge import (
     CONST_INTS,
     CONST_MATRIX,
     CONST_VECTOR,

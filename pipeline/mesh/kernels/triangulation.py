@@ -5,9 +5,9 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from pipeline.arrays import AnyArray, Faces, Points
-from pipeline.kernels import kernel
-from pipeline.mesh.kernels.halfedge import INTS, MATRIX, VECTOR
+from flowsculpt.pipeline.arrays import AnyArray, Faces, Points
+from flowsculpt.pipeline.kernels import kernel
+from flowsculpt.pipeline.mesh.kernels.halfedge import INTS, MATRIX, VECTOR
 
 FORBIDDEN = 1e30
 """Cost of a diagonal that is an edge already; it is used only if nothing else is left."""

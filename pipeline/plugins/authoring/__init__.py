@@ -1,28 +1,28 @@
 """Authoring: new shots and shows, checks and schemas of shot files, and lists of flows."""
 
-from pipeline.plugin import Command, Plugin
+from flowsculpt.pipeline.plugin import Command, Plugin
 
 PLUGIN = Plugin(
     name="authoring",
     version="1",
     commands={
         "new": Command(
-            "pipeline.plugins.authoring.new_command:new",
+            "flowsculpt.pipeline.plugins.authoring.new_command:new",
             "Begin a shot, or a show: write files that are ready to render.",
             "Write shots",
         ),
         "validate": Command(
-            "pipeline.plugins.authoring.validate_command:validate",
+            "flowsculpt.pipeline.plugins.authoring.validate_command:validate",
             "Check shot files and report every error by file, line and column.",
             "Write shots",
         ),
         "flows": Command(
-            "pipeline.plugins.authoring.schema_command:flows",
+            "flowsculpt.pipeline.plugins.authoring.schema_command:flows",
             "List the flows, or the parameters of one.",
             "Write shots",
         ),
         "schema": Command(
-            "pipeline.plugins.authoring.schema_command:schema",
+            "flowsculpt.pipeline.plugins.authoring.schema_command:schema",
             "Print the JSON Schema by which editors complete and check shot files.",
             "Write shots",
         ),

@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.animation import animate
-from pipeline.animation.flow_cost import estimated_vertices
-from pipeline.arrays import Points
-from pipeline.errors import FrameError
-from pipeline.mesh import PolygonMesh
-from pipeline.mesh.face_soup import components
-from pipeline.shot import Motion
-from pipeline.shot.subjects import Model, Solid, Subject
+from flowsculpt.pipeline.animation import animate
+from flowsculpt.pipeline.animation.flow_cost import estimated_vertices
+from flowsculpt.pipeline.arrays import Points
+from flowsculpt.pipeline.errors import FrameError
+from flowsculpt.pipeline.mesh import PolygonMesh
+from flowsculpt.pipeline.mesh.face_soup import components
+from flowsculpt.pipeline.shot import Motion
+from flowsculpt.pipeline.shot.subjects import Model, Solid, Subject
 
 LARGEST_COMPUTED = 3_000_000
 """Vertices up to which the first frame is computed; a larger one is estimated by its area."""

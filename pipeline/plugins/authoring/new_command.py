@@ -14,13 +14,18 @@ from typing import Annotated, Any
 
 import typer
 
-from pipeline.cli.options import Common, require_one_of
-from pipeline.cli.output import print_result, print_warning
-from pipeline.errors import FlowsculptError, UsageError
-from pipeline.plugin import plugins
-from pipeline.plugins.authoring.schema_command import SCHEMAS, defaults_of, write_schemas, write_text
-from pipeline.plugins.authoring.shot_copies import CopiedShot, copied_shot
-from pipeline.plugins.authoring.shot_templates import (
+from flowsculpt.pipeline.cli.options import Common, require_one_of
+from flowsculpt.pipeline.cli.output import print_result, print_warning
+from flowsculpt.pipeline.errors import FlowsculptError, UsageError
+from flowsculpt.pipeline.plugin import plugins
+from flowsculpt.pipeline.plugins.authoring.schema_command import (
+    SCHEMAS,
+    defaults_of,
+    write_schemas,
+    write_text,
+)
+from flowsculpt.pipeline.plugins.authoring.shot_copies import CopiedShot, copied_shot
+from flowsculpt.pipeline.plugins.authoring.shot_templates import (
     FIRST_SHOT,
     FLOW_FILES,
     SCHEMA,
@@ -31,11 +36,11 @@ from pipeline.plugins.authoring.shot_templates import (
     show_files,
     without_shared,
 )
-from pipeline.production.request.lookup import FILM, SHOTS, find_shot, shot_names
-from pipeline.shot import read_shot
-from pipeline.shot.documents.flow_documents import DOCUMENTS
-from pipeline.shot.yaml.named_files import is_edit, name_fault, shot_files, text_of
-from render.base.atomic_write import atomic_write, disk_errors
+from flowsculpt.pipeline.production.request.lookup import FILM, SHOTS, find_shot, shot_names
+from flowsculpt.pipeline.shot import read_shot
+from flowsculpt.pipeline.shot.documents.flow_documents import DOCUMENTS
+from flowsculpt.pipeline.shot.yaml.named_files import is_edit, name_fault, shot_files, text_of
+from flowsculpt.render.base.atomic_write import atomic_write, disk_errors
 
 MODELS = "models"
 """Folder in shots/ for copies of models."""

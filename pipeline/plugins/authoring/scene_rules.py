@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numba
 import numpy as np
 
-from pipeline.animation.flow_cost import (
+from flowsculpt.pipeline.animation.flow_cost import (
     COARSE,
     FINE,
     TYPICAL_EXTENT,
@@ -30,19 +30,19 @@ from pipeline.animation.flow_cost import (
     growth_warning,
     is_usual_size,
 )
-from pipeline.animation.loop import step_into
-from pipeline.arrays import Points
-from pipeline.errors import FrameError
-from pipeline.flow import Flow, Placed, VelocityField
-from pipeline.flow.flow_map import checked_displacement
-from pipeline.flow.kernels.instructions import BLOCK
-from pipeline.flow.parameters import number_at, shot_name, unit, vector_at
-from pipeline.flow.streamlines import MAX_SUBSTEPS
-from pipeline.plugins.authoring.first_frame import FirstFrame, small_parts
-from pipeline.production.request.framing import frame_all
-from pipeline.shot import Motion, Shot
-from pipeline.shot.subjects import Model, PluginSurface
-from render.scene.render_camera import WideCamera
+from flowsculpt.pipeline.animation.loop import step_into
+from flowsculpt.pipeline.arrays import Points
+from flowsculpt.pipeline.errors import FrameError
+from flowsculpt.pipeline.flow import Flow, Placed, VelocityField
+from flowsculpt.pipeline.flow.flow_map import checked_displacement
+from flowsculpt.pipeline.flow.kernels.instructions import BLOCK
+from flowsculpt.pipeline.flow.parameters import number_at, shot_name, unit, vector_at
+from flowsculpt.pipeline.flow.streamlines import MAX_SUBSTEPS
+from flowsculpt.pipeline.plugins.authoring.first_frame import FirstFrame, small_parts
+from flowsculpt.pipeline.production.request.framing import frame_all
+from flowsculpt.pipeline.shot import Motion, Shot
+from flowsculpt.pipeline.shot.subjects import Model, PluginSurface
+from flowsculpt.render.scene.render_camera import WideCamera
 
 Where = tuple[Any, ...]
 

@@ -12,11 +12,11 @@ from pydantic import BaseModel
 from rich.console import Group
 from rich.text import Text
 
-from pipeline.cli.options import Common, output_option, require_one_of
-from pipeline.cli.output import print_result, table
-from pipeline.errors import FlowsculptError, MachineError
-from pipeline.plugin import named, plugins
-from pipeline.plugins.authoring.shot_schemas import (
+from flowsculpt.pipeline.cli.options import Common, output_option, require_one_of
+from flowsculpt.pipeline.cli.output import print_result, table
+from flowsculpt.pipeline.errors import FlowsculptError, MachineError
+from flowsculpt.pipeline.plugin import named, plugins
+from flowsculpt.pipeline.plugins.authoring.shot_schemas import (
     default_text,
     defaults_schema,
     facts,
@@ -24,12 +24,12 @@ from pipeline.plugins.authoring.shot_schemas import (
     markdown,
     shot_schema,
 )
-from pipeline.plugins.authoring.shot_templates import usual_strength
-from pipeline.production.request.lookup import SHOTS
-from pipeline.shot.documents.flow_documents import DOCUMENTS
-from pipeline.shot.yaml.named_files import DEFAULTS
-from pipeline.shot.yaml.yaml_source import YamlSource
-from render.base.atomic_write import atomic_write
+from flowsculpt.pipeline.plugins.authoring.shot_templates import usual_strength
+from flowsculpt.pipeline.production.request.lookup import SHOTS
+from flowsculpt.pipeline.shot.documents.flow_documents import DOCUMENTS
+from flowsculpt.pipeline.shot.yaml.named_files import DEFAULTS
+from flowsculpt.pipeline.shot.yaml.yaml_source import YamlSource
+from flowsculpt.render.base.atomic_write import atomic_write
 
 SCHEMAS = Path(".schema")
 """The folder beside shots with the schemas by which editors check them."""

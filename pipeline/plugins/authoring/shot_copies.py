@@ -12,8 +12,8 @@ from typing import Any
 from ruamel.yaml import YAML
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
-from pipeline.production.request.lookup import SHOTS
-from pipeline.shot.yaml.yaml_source import flow_style
+from flowsculpt.pipeline.production.request.lookup import SHOTS
+from flowsculpt.pipeline.shot.yaml.yaml_source import flow_style
 
 _WORDS = ("title", "intent")
 """Entries that name no file."""

@@ -16,15 +16,15 @@ from pydantic import BaseModel
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import core_schema
 
-from pipeline.cli.options import require_one_of
-from pipeline.flow import VelocityField
-from pipeline.flow.flow import PythonFlow
-from pipeline.flow.parameters import Parameter, summary
-from pipeline.shot.documents.flow_documents import DOCUMENTS, FlowParameters, description_of
-from pipeline.shot.documents.flow_entries import FlowDocument, VelocityDocument
-from pipeline.shot.documents.look_documents import LOOKS
-from pipeline.shot.documents.shot_documents import FilmDocument, ShotDocument
-from render.scene.scene_lights import LIGHTS
+from flowsculpt.pipeline.cli.options import require_one_of
+from flowsculpt.pipeline.flow import VelocityField
+from flowsculpt.pipeline.flow.flow import PythonFlow
+from flowsculpt.pipeline.flow.parameters import Parameter, summary
+from flowsculpt.pipeline.shot.documents.flow_documents import DOCUMENTS, FlowParameters, description_of
+from flowsculpt.pipeline.shot.documents.flow_entries import FlowDocument, VelocityDocument
+from flowsculpt.pipeline.shot.documents.look_documents import LOOKS
+from flowsculpt.pipeline.shot.documents.shot_documents import FilmDocument, ShotDocument
+from flowsculpt.render.scene.scene_lights import LIGHTS
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 

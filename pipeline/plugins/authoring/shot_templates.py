@@ -17,15 +17,15 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.errors import FlowsculptError
-from pipeline.mesh import PolygonMesh
-from pipeline.mesh.read import names_parts, read_paint, states_up, usual_up
-from pipeline.plugins.authoring.first_frame import small_parts
-from pipeline.plugins.authoring.shot_schemas import default_text, facts
-from pipeline.shot.documents.look_documents import LOOKS
-from pipeline.shot.subjects import SOLIDS, Model
-from render.scene.scene_lights import LIGHTS
-from render.scene.scene_stage import STAGES
+from flowsculpt.pipeline.errors import FlowsculptError
+from flowsculpt.pipeline.mesh import PolygonMesh
+from flowsculpt.pipeline.mesh.read import names_parts, read_paint, states_up, usual_up
+from flowsculpt.pipeline.plugins.authoring.first_frame import small_parts
+from flowsculpt.pipeline.plugins.authoring.shot_schemas import default_text, facts
+from flowsculpt.pipeline.shot.documents.look_documents import LOOKS
+from flowsculpt.pipeline.shot.subjects import SOLIDS, Model
+from flowsculpt.render.scene.scene_lights import LIGHTS
+from flowsculpt.render.scene.scene_stage import STAGES
 
 SCHEMA = "# yaml-language-server: $schema={}\n"
 """Tells editors the schema of a file, relative to it."""

@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
-from pipeline.animation.flow_cost import flows_of
-from pipeline.cli.options import Common, Settings, shots_argument
-from pipeline.cli.output import (
+from flowsculpt.pipeline.animation.flow_cost import flows_of
+from flowsculpt.pipeline.cli.options import Common, Settings, shots_argument
+from flowsculpt.pipeline.cli.output import (
     exit_with,
     out,
     print_error,
@@ -18,15 +18,15 @@ from pipeline.cli.output import (
     size,
     table,
 )
-from pipeline.errors import FlowsculptError, FrameError, ShotError, UsageError
-from pipeline.flow.flow import python_flows
-from pipeline.long_computations import Progress, reporting_to
-from pipeline.plugins.authoring.first_frame import FirstFrame, FirstFrames
-from pipeline.plugins.authoring.scene_rules import Finding, findings, loop_report
-from pipeline.production.execution.project import Project
-from pipeline.production.picture_sequences import begun, light_notes, shown_picture, white
-from pipeline.production.request.keys import picture_keys
-from pipeline.production.request.lookup import (
+from flowsculpt.pipeline.errors import FlowsculptError, FrameError, ShotError, UsageError
+from flowsculpt.pipeline.flow.flow import python_flows
+from flowsculpt.pipeline.long_computations import Progress, reporting_to
+from flowsculpt.pipeline.plugins.authoring.first_frame import FirstFrame, FirstFrames
+from flowsculpt.pipeline.plugins.authoring.scene_rules import Finding, findings, loop_report
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.picture_sequences import begun, light_notes, shown_picture, white
+from flowsculpt.pipeline.production.request.keys import picture_keys
+from flowsculpt.pipeline.production.request.lookup import (
     NO_SHOTS,
     crop_of,
     edit_names,
@@ -35,12 +35,12 @@ from pipeline.production.request.lookup import (
     misnamed_shots,
     shot_names,
 )
-from pipeline.shot import Motion, Shot, read_film, read_shot
-from pipeline.shot.motion import Clock
-from pipeline.shot.motion_checks import outside_note
-from pipeline.shot.subject_checks import SubjectView, subject_views
-from pipeline.shot.yaml.inheritance import inherited
-from pipeline.shot.yaml.yaml_source import YamlSource, dotted
+from flowsculpt.pipeline.shot import Motion, Shot, read_film, read_shot
+from flowsculpt.pipeline.shot.motion import Clock
+from flowsculpt.pipeline.shot.motion_checks import outside_note
+from flowsculpt.pipeline.shot.subject_checks import SubjectView, subject_views
+from flowsculpt.pipeline.shot.yaml.inheritance import inherited
+from flowsculpt.pipeline.shot.yaml.yaml_source import YamlSource, dotted
 
 
 def validate(

@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.arrays import Points
-from pipeline.errors import FrameError, UsageError
-from pipeline.flow import Flow
-from pipeline.flow.keyframes import Keyframes
-from pipeline.flow.parameters import Number, Vector, number_at
-from pipeline.plugins.become.fitting import Detail
-from pipeline.plugins.become.stored_fits import (
+from flowsculpt.pipeline.arrays import Points
+from flowsculpt.pipeline.errors import FrameError, UsageError
+from flowsculpt.pipeline.flow import Flow
+from flowsculpt.pipeline.flow.keyframes import Keyframes
+from flowsculpt.pipeline.flow.parameters import Number, Vector, number_at
+from flowsculpt.pipeline.plugins.become.fitting import Detail
+from flowsculpt.pipeline.plugins.become.stored_fits import (
     DOUBTFUL,
     REFUSED,
     VERSION,
@@ -23,8 +23,8 @@ from pipeline.plugins.become.stored_fits import (
     fit_between,
     path_of,
 )
-from pipeline.shot.point_subjects import CloudInSolid
-from pipeline.shot.subjects import Model, Solid
+from flowsculpt.pipeline.shot.point_subjects import CloudInSolid
+from flowsculpt.pipeline.shot.subjects import Model, Solid
 
 MOTION = 2
 """Raised when the same fit moves a surface in another way."""

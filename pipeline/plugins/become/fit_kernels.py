@@ -13,10 +13,10 @@ import math
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Floats, Points
-from pipeline.flow.kernels.external_kernels import DEEPEST, nearest
-from pipeline.flow.kernels.instructions import doubles_at
-from pipeline.kernels import kernel
+from flowsculpt.pipeline.arrays import AnyArray, Floats, Points
+from flowsculpt.pipeline.flow.kernels.external_kernels import DEEPEST, nearest
+from flowsculpt.pipeline.flow.kernels.instructions import doubles_at
+from flowsculpt.pipeline.kernels import kernel
 
 Four = tuple[float, float, float, float]
 

@@ -33,9 +33,9 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Floats, Points
-from pipeline.plugins.become import fit_kernels as kernels
-from pipeline.plugins.become.target import (
+from flowsculpt.pipeline.arrays import AnyArray, Floats, Points
+from flowsculpt.pipeline.plugins.become import fit_kernels as kernels
+from flowsculpt.pipeline.plugins.become.target import (
     PATCH,
     FittedSurface,
     GrownPart,
@@ -44,7 +44,7 @@ from pipeline.plugins.become.target import (
     lengths,
     within_cube,
 )
-from pipeline.plugins.become.velocity_path import (
+from flowsculpt.pipeline.plugins.become.velocity_path import (
     STEPS,
     Data,
     Pair,

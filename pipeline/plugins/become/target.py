@@ -7,9 +7,9 @@ from functools import cached_property
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Faces, Floats, Points, Vectors
-from pipeline.flow.regions import TriangleTree, with_distances
-from pipeline.plugins.become import fit_kernels as kernels
+from flowsculpt.pipeline.arrays import AnyArray, Faces, Floats, Points, Vectors
+from flowsculpt.pipeline.flow.regions import TriangleTree, with_distances
+from flowsculpt.pipeline.plugins.become import fit_kernels as kernels
 
 PATCH = 50
 """Samples in a patch; they follow each other in the order of the tree, where neighbours are near."""

@@ -26,8 +26,8 @@ from functools import cached_property
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Floats, Points
-from pipeline.plugins.become import fit_kernels as kernels
+from flowsculpt.pipeline.arrays import AnyArray, Floats, Points
+from flowsculpt.pipeline.plugins.become import fit_kernels as kernels
 
 KNOTS = 5
 """Times of the path, evenly from 0 to 1; between them velocities are blended."""

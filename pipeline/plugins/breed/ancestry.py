@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from pipeline.shot.documents.field_types import Document
+from flowsculpt.pipeline.shot.documents.field_types import Document
 
 
 class AncestryDocument(Document):

@@ -8,18 +8,24 @@ from typing import Annotated
 
 import typer
 
-from pipeline.cli.options import AllowCode, Common, output_option
-from pipeline.cli.output import print_result, progress_bars
-from pipeline.errors import UsageError
-from pipeline.plugins.breed.breeding import Litter
-from pipeline.plugins.breed.generation import CHILDREN, GENERATIONS, Breeding, counted, forget_interrupted
-from pipeline.plugins.breed.generation_page import OPTION, next_name, read_choice
-from pipeline.plugins.breed.shot_genome import Genome
-from pipeline.production.request.lookup import find_shot, names_edit
-from pipeline.production.store.locks import writing
-from pipeline.shot import Shot, read_shot
-from pipeline.shot.yaml.named_files import is_edit, name_fault
-from render.base.plural import plural
+from flowsculpt.pipeline.cli.options import AllowCode, Common, output_option
+from flowsculpt.pipeline.cli.output import print_result, progress_bars
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.plugins.breed.breeding import Litter
+from flowsculpt.pipeline.plugins.breed.generation import (
+    CHILDREN,
+    GENERATIONS,
+    Breeding,
+    counted,
+    forget_interrupted,
+)
+from flowsculpt.pipeline.plugins.breed.generation_page import OPTION, next_name, read_choice
+from flowsculpt.pipeline.plugins.breed.shot_genome import Genome
+from flowsculpt.pipeline.production.request.lookup import find_shot, names_edit
+from flowsculpt.pipeline.production.store.locks import writing
+from flowsculpt.pipeline.shot import Shot, read_shot
+from flowsculpt.pipeline.shot.yaml.named_files import is_edit, name_fault
+from flowsculpt.render.base.plural import plural
 
 CANDIDATES, CHANGE = 40, 0.3
 """How many are tried, and how far they go from their parents, by default."""

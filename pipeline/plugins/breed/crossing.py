@@ -11,9 +11,16 @@ import copy
 from pathlib import Path
 from typing import Any
 
-from pipeline.plugins.breed.flow_mutations import Draft
-from pipeline.plugins.breed.gene_values import Chance, at_times, is_number, mapped, rounded, times_of
-from pipeline.plugins.breed.shot_genome import Genome, leaves_of
+from flowsculpt.pipeline.plugins.breed.flow_mutations import Draft
+from flowsculpt.pipeline.plugins.breed.gene_values import (
+    Chance,
+    at_times,
+    is_number,
+    mapped,
+    rounded,
+    times_of,
+)
+from flowsculpt.pipeline.plugins.breed.shot_genome import Genome, leaves_of
 
 MOST_ENTRIES = 4
 """Entries under `flows` of a child."""

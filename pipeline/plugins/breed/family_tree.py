@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, BaseModel, Field, ValidationError
 
-from pipeline.errors import FlowsculptError, UsageError
-from pipeline.shot.yaml.named_files import name_fault
-from render.graphics.contact_sheet import FONT, GROUND, INK, QUIET
-from render.graphics.typesetting import cut_short, write
-from render.post.image import read_png
+from flowsculpt.pipeline.errors import FlowsculptError, UsageError
+from flowsculpt.pipeline.shot.yaml.named_files import name_fault
+from flowsculpt.render.graphics.contact_sheet import FONT, GROUND, INK, QUIET
+from flowsculpt.render.graphics.typesetting import cut_short, write
+from flowsculpt.render.post.image import read_png
 
 RECORD = "generation.json"
 """The file that says what a generation was bred from."""

@@ -13,8 +13,8 @@ from functools import cache
 from importlib import resources
 from typing import Any
 
-from pipeline.flow.parameters import Parameter
-from pipeline.plugins.breed.gene_values import (
+from flowsculpt.pipeline.flow.parameters import Parameter
+from flowsculpt.pipeline.plugins.breed.gene_values import (
     AXES,
     EXPONENTS,
     STRENGTHS,
@@ -28,8 +28,8 @@ from pipeline.plugins.breed.gene_values import (
     turned,
     vector_of,
 )
-from pipeline.plugins.breed.shot_genome import COMPOSITIONS, Genome, Leaf, flow_lists, leaves_of
-from pipeline.shot.documents.flow_documents import DOCUMENTS
+from flowsculpt.pipeline.plugins.breed.shot_genome import COMPOSITIONS, Genome, Leaf, flow_lists, leaves_of
+from flowsculpt.pipeline.shot.documents.flow_documents import DOCUMENTS
 
 USUAL_SECONDS = 2.4
 """Seconds in which a flow of the palette acts with its usual strength: those of a shot of 3 s."""

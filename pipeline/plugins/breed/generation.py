@@ -29,11 +29,11 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.errors import FlowsculptError, UsageError
-from pipeline.plugins.breed.breeding import Child, Litter, child_of
-from pipeline.plugins.breed.family_tree import PICTURES, RECORD, family_picture
-from pipeline.plugins.breed.generation_page import PageChild, page_text
-from pipeline.plugins.breed.selection import (
+from flowsculpt.pipeline.errors import FlowsculptError, UsageError
+from flowsculpt.pipeline.plugins.breed.breeding import Child, Litter, child_of
+from flowsculpt.pipeline.plugins.breed.family_tree import PICTURES, RECORD, family_picture
+from flowsculpt.pipeline.plugins.breed.generation_page import PageChild, page_text
+from flowsculpt.pipeline.plugins.breed.selection import (
     ALIKE,
     EXPLODES,
     FAINT,
@@ -44,17 +44,17 @@ from pipeline.plugins.breed.selection import (
     chosen,
     judged,
 )
-from pipeline.plugins.breed.trials import Trial, tried
-from pipeline.production.store import readers
-from pipeline.production.store.digests import CorruptFileError
-from pipeline.production.store.paths import STATE
-from pipeline.shot import Shot
-from render.base.atomic_write import atomic_write, disk_errors
-from render.base.python_process import ForkedProcess, may_fork
-from render.base.root_files import held, remove_tree
-from render.graphics.contact_sheet import FONT, ContactSheet
-from render.graphics.typesetting import wrap
-from render.post.image import write_png
+from flowsculpt.pipeline.plugins.breed.trials import Trial, tried
+from flowsculpt.pipeline.production.store import readers
+from flowsculpt.pipeline.production.store.digests import CorruptFileError
+from flowsculpt.pipeline.production.store.paths import STATE
+from flowsculpt.pipeline.shot import Shot
+from flowsculpt.render.base.atomic_write import atomic_write, disk_errors
+from flowsculpt.render.base.python_process import ForkedProcess, may_fork
+from flowsculpt.render.base.root_files import held, remove_tree
+from flowsculpt.render.graphics.contact_sheet import FONT, ContactSheet
+from flowsculpt.render.graphics.typesetting import wrap
+from flowsculpt.render.post.image import write_png
 
 CHILDREN = 12
 """Children of a generation."""

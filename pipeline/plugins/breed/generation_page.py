@@ -22,9 +22,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.errors import UsageError, shortened
-from pipeline.plugins.breed.family_tree import RECORD, read_record
-from render.post.image import jpeg_bytes
+from flowsculpt.pipeline.errors import UsageError, shortened
+from flowsculpt.pipeline.plugins.breed.family_tree import RECORD, read_record
+from flowsculpt.render.post.image import jpeg_bytes
 
 OPTION = "--from-page"
 
@@ -49,7 +49,7 @@ def page_text(
     parents: Sequence[tuple[str, NDArray[np.uint8]]],
 ) -> str:
     """Return the page of a generation; `folder` is its path as commands name it."""
-    part = files("pipeline.plugins.breed")
+    part = files("flowsculpt.pipeline.plugins.breed")
     facts = {
         "folder": folder,
         "name": record["name"],

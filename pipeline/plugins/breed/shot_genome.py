@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.shot import Shot
-from pipeline.shot.documents.flow_documents import DOCUMENTS, FlowParameters
-from pipeline.shot.yaml.inheritance import inherited
-from pipeline.shot.yaml.yaml_source import flow_style
+from flowsculpt.pipeline.shot import Shot
+from flowsculpt.pipeline.shot.documents.flow_documents import DOCUMENTS, FlowParameters
+from flowsculpt.pipeline.shot.yaml.inheritance import inherited
+from flowsculpt.pipeline.shot.yaml.yaml_source import flow_style
 
 INHERITED = ("extends", "looks", "rigs")
 """Entries whose effect is spelt out in a genome."""

@@ -11,12 +11,12 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.animation import MeshFrame, animate, material_of
-from pipeline.animation.flow_cost import costliest_flow
-from pipeline.arrays import AnyArray, Floats, Points
-from pipeline.errors import FrameError
-from pipeline.mesh import icosphere
-from pipeline.production.request.framing import (
+from flowsculpt.pipeline.animation import MeshFrame, animate, material_of
+from flowsculpt.pipeline.animation.flow_cost import costliest_flow
+from flowsculpt.pipeline.arrays import AnyArray, Floats, Points
+from flowsculpt.pipeline.errors import FrameError
+from flowsculpt.pipeline.mesh import icosphere
+from flowsculpt.pipeline.production.request.framing import (
     BoundingSpheres,
     Extent,
     Framing,
@@ -24,17 +24,17 @@ from pipeline.production.request.framing import (
     together,
     with_stage_in_view,
 )
-from pipeline.production.request.manifest import thresholds_at
-from pipeline.production.request.shading import Shading, is_cloud, radii, speeds
-from pipeline.resample import Curvature
-from pipeline.shot import Motion, Shot
-from render.post.colour import quantise
-from render.raster import Shape, StageSetup, preview, wide_picture
-from render.scene.patterns import SPEED, Measure, Pigment
-from render.scene.render_camera import Camera, WideCamera
-from render.scene.scene import stage_fades
-from render.scene.surface import Surface
-from render.scene.vertex_colours import vertex_colours
+from flowsculpt.pipeline.production.request.manifest import thresholds_at
+from flowsculpt.pipeline.production.request.shading import Shading, is_cloud, radii, speeds
+from flowsculpt.pipeline.resample import Curvature
+from flowsculpt.pipeline.shot import Motion, Shot
+from flowsculpt.render.post.colour import quantise
+from flowsculpt.render.raster import Shape, StageSetup, preview, wide_picture
+from flowsculpt.render.scene.patterns import SPEED, Measure, Pigment
+from flowsculpt.render.scene.render_camera import Camera, WideCamera
+from flowsculpt.render.scene.scene import stage_fades
+from flowsculpt.render.scene.surface import Surface
+from flowsculpt.render.scene.vertex_colours import vertex_colours
 
 SHOWN = 9
 """Pictures of a trial, at equal distances up to the last frame."""

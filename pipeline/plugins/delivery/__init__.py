@@ -1,25 +1,27 @@
 """Deliverables: frames encoded for others, relit frames, and timelines of editing programs."""
 
-from pipeline.plugin import Command, Plugin
+from flowsculpt.pipeline.plugin import Command, Plugin
 
 PLUGIN = Plugin(
     name="delivery",
     version="1",
     commands={
         "deliver": Command(
-            "pipeline.plugins.delivery.deliver_command:deliver",
+            "flowsculpt.pipeline.plugins.delivery.deliver_command:deliver",
             "Encode shots and films for review, editing, archive or web.",
             "Deliver",
         ),
         "relight": Command(
-            "pipeline.plugins.delivery.relighting:relight",
+            "flowsculpt.pipeline.plugins.delivery.relighting:relight",
             "Change lights of finished frames by factors, without rendering.",
             "Render",
         ),
     },
     exporters={
-        "otio": Command("pipeline.plugins.delivery.timeline:otio", "OpenTimelineIO, for editing programs.")
+        "otio": Command(
+            "flowsculpt.pipeline.plugins.delivery.timeline:otio", "OpenTimelineIO, for editing programs."
+        )
     },
-    edits={".otio": "pipeline.plugins.delivery.timeline_import:edit_of"},
-    sequences=("pipeline.plugins.delivery.relighting:relit_sequences",),
+    edits={".otio": "flowsculpt.pipeline.plugins.delivery.timeline_import:edit_of"},
+    sequences=("flowsculpt.pipeline.plugins.delivery.relighting:relit_sequences",),
 )

@@ -10,8 +10,8 @@ from typing import Annotated, Any
 
 import typer
 
-from pipeline.cli.execution import execute, report_plan
-from pipeline.cli.options import (
+from flowsculpt.pipeline.cli.execution import execute, report_plan
+from flowsculpt.pipeline.cli.options import (
     Common,
     Frames,
     PictureOptions,
@@ -20,7 +20,7 @@ from pipeline.cli.options import (
     require_one_of,
     words_of,
 )
-from pipeline.cli.output import (
+from flowsculpt.pipeline.cli.output import (
     duration,
     exit_with,
     out,
@@ -29,9 +29,9 @@ from pipeline.cli.output import (
     print_warning,
     progress_bars,
 )
-from pipeline.errors import FrameError, UsageError
-from pipeline.plugin import plugins
-from pipeline.plugins.delivery.deliverables import (
+from flowsculpt.pipeline.errors import FrameError, UsageError
+from flowsculpt.pipeline.plugin import plugins
+from flowsculpt.pipeline.plugins.delivery.deliverables import (
     DELIVERABLES,
     SLATES,
     DeliveredFile,
@@ -42,18 +42,18 @@ from pipeline.plugins.delivery.deliverables import (
     lost_frames,
     shot_source,
 )
-from pipeline.plugins.delivery.gain_map import is_gain_map, require_gain_maps
-from pipeline.plugins.delivery.relighting import RelitFrames, relit_version
-from pipeline.production.execution.project import Project
-from pipeline.production.planning.plan import Plan
-from pipeline.production.request.lookup import base_of, crop_of, edit_names, find_edit
-from pipeline.production.request.render_request import RenderRequest
-from pipeline.shot.yaml.named_files import is_edit
-from render.base.plural import plural
-from render.graphics.typesetting import FIELDS, BurnIn
-from render.movie.codecs import Encode, encode_named
-from render.post.hdr import HDR_DISPLAYS
-from render.scene.render_quality import DEFAULT_QUALITY
+from flowsculpt.pipeline.plugins.delivery.gain_map import is_gain_map, require_gain_maps
+from flowsculpt.pipeline.plugins.delivery.relighting import RelitFrames, relit_version
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.planning.plan import Plan
+from flowsculpt.pipeline.production.request.lookup import base_of, crop_of, edit_names, find_edit
+from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt.pipeline.shot.yaml.named_files import is_edit
+from flowsculpt.render.base.plural import plural
+from flowsculpt.render.graphics.typesetting import FIELDS, BurnIn
+from flowsculpt.render.movie.codecs import Encode, encode_named
+from flowsculpt.render.post.hdr import HDR_DISPLAYS
+from flowsculpt.render.scene.render_quality import DEFAULT_QUALITY
 
 USUAL_SIDES = dict.fromkeys(("phone", "hdr10", "hdr10-av1", "hlg"), 1080)
 """Pixels along the shorter side that the screens of deliverables usually show, by their names."""

@@ -18,34 +18,34 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.errors import FrameError, MachineError
-from pipeline.frames import FrameRange, FrameRate
-from pipeline.plugin import Plugin, plugins
-from pipeline.plugins.delivery.gain_map import GAIN_MAP, is_gain_map, write_gain_map
-from pipeline.plugins.delivery.gif import GIF, write_gif
-from pipeline.plugins.delivery.relighting import relit_version
-from pipeline.production.request.audio import AudioClip, AudioTrack, samples_of
-from pipeline.production.request.edit import Edit
-from pipeline.production.request.keys import PictureKeys, picture_keys
-from pipeline.production.request.provenance import Provenance, records
-from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.stages import PipelineStage
-from pipeline.production.store import paths, readers
-from pipeline.production.store.history import History
-from pipeline.production.store.store import Key, Store, key_of
-from pipeline.production.tasks.encoding import cut_together, in_loop, loop_dissolve
-from render.base.atomic_write import disk_errors
-from render.base.plural import plural
-from render.base.root_files import make_folder
-from render.base.serialise import to_plain
-from render.graphics.cards import Screen, Slate, failure_card
-from render.graphics.typesetting import BurnIn
-from render.movie.codecs import ENCODES, FILM_START, NAME_ENDS, Encode, timecode
-from render.movie.encode import write_movie
-from render.movie.movie_frames import Frame, dissolve, mix_frames, prefetch
-from render.post.colour import quantise, to_display
-from render.post.hdr import HDR_DISPLAYS, ContentLight, hdr_graphics
-from render.scene.render_camera import Projection
+from flowsculpt.pipeline.errors import FrameError, MachineError
+from flowsculpt.pipeline.frames import FrameRange, FrameRate
+from flowsculpt.pipeline.plugin import Plugin, plugins
+from flowsculpt.pipeline.plugins.delivery.gain_map import GAIN_MAP, is_gain_map, write_gain_map
+from flowsculpt.pipeline.plugins.delivery.gif import GIF, write_gif
+from flowsculpt.pipeline.plugins.delivery.relighting import relit_version
+from flowsculpt.pipeline.production.request.audio import AudioClip, AudioTrack, samples_of
+from flowsculpt.pipeline.production.request.edit import Edit
+from flowsculpt.pipeline.production.request.keys import PictureKeys, picture_keys
+from flowsculpt.pipeline.production.request.provenance import Provenance, records
+from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt.pipeline.production.stages import PipelineStage
+from flowsculpt.pipeline.production.store import paths, readers
+from flowsculpt.pipeline.production.store.history import History
+from flowsculpt.pipeline.production.store.store import Key, Store, key_of
+from flowsculpt.pipeline.production.tasks.encoding import cut_together, in_loop, loop_dissolve
+from flowsculpt.render.base.atomic_write import disk_errors
+from flowsculpt.render.base.plural import plural
+from flowsculpt.render.base.root_files import make_folder
+from flowsculpt.render.base.serialise import to_plain
+from flowsculpt.render.graphics.cards import Screen, Slate, failure_card
+from flowsculpt.render.graphics.typesetting import BurnIn
+from flowsculpt.render.movie.codecs import ENCODES, FILM_START, NAME_ENDS, Encode, timecode
+from flowsculpt.render.movie.encode import write_movie
+from flowsculpt.render.movie.movie_frames import Frame, dissolve, mix_frames, prefetch
+from flowsculpt.render.post.colour import quantise, to_display
+from flowsculpt.render.post.hdr import HDR_DISPLAYS, ContentLight, hdr_graphics
+from flowsculpt.render.scene.render_camera import Projection
 
 DELIVER = PipelineStage(
     "deliver", version=2, packages=("av", "OpenImageIO"), doing="encoding deliverables", makes="movie"
@@ -535,8 +535,8 @@ def _counted(frames: Iterator[Frame], passed: Callable[[], None]) -> Iterator[Fr
 
 def audio_track(file: Path) -> AudioTrack:
     """Return a sound file as audio track. Raises MissingImageError or CorruptImageError."""
-    from render.base.input_files import digest_of_file
-    from render.movie.movie_sound import silence_in
+    from flowsculpt.render.base.input_files import digest_of_file
+    from flowsculpt.render.movie.movie_sound import silence_in
 
     silence = silence_in(file)
     return AudioTrack(str(file.absolute()), digest_of_file(file), silence=silence)

@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.errors import MachineError
-from render.base.atomic_write import atomic_write
-from render.base.python_process import command_line
-from render.base.render_errors import BadInputError
-from render.movie.codecs import AVIF, Container, Encode
-from render.movie.movie_frames import Frame
-from render.post.hdr import BT2020, GRAPHICS_WHITE, PEAK, nits_of_pq
-from render.scene.rgb_spaces import WorkingSpace
+from flowsculpt.pipeline.errors import MachineError
+from flowsculpt.render.base.atomic_write import atomic_write
+from flowsculpt.render.base.python_process import command_line
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.movie.codecs import AVIF, Container, Encode
+from flowsculpt.render.movie.movie_frames import Frame
+from flowsculpt.render.post.hdr import BT2020, GRAPHICS_WHITE, PEAK, nits_of_pq
+from flowsculpt.render.scene.rgb_spaces import WorkingSpace
 
 GAIN_MAP = replace(AVIF, name="gain-map", container=Container("gain-map", ".jpg"), codec="libultrahdr")
 """JPEG with a gain map, made of frames in PQ; it holds one frame."""

@@ -16,9 +16,9 @@ import av
 import numpy as np
 from av.filter import Graph
 
-from render.base.atomic_write import atomic_write
-from render.movie.codecs import Container, Encode
-from render.movie.movie_frames import Frame, to_pixel_format
+from flowsculpt.render.base.atomic_write import atomic_write
+from flowsculpt.render.movie.codecs import Container, Encode
+from flowsculpt.render.movie.movie_frames import Frame, to_pixel_format
 
 _DITHER = {"dither": "sierra2_4a", "diff_mode": "rectangle"}
 

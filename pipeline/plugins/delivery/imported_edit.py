@@ -21,11 +21,11 @@ from opentimelineio import adapters, schema
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap
 
-from pipeline.errors import FlowsculptError, ShotError, UsageError, reason_of, suggestion
-from pipeline.file_contents import as_utf8
-from pipeline.frames import FrameRange, FrameRate
-from pipeline.plugins.delivery.imported_sound import ImportedSound
-from pipeline.plugins.delivery.timeline_times import (
+from flowsculpt.pipeline.errors import FlowsculptError, ShotError, UsageError, reason_of, suggestion
+from flowsculpt.pipeline.file_contents import as_utf8
+from flowsculpt.pipeline.frames import FrameRange, FrameRate
+from flowsculpt.pipeline.plugins.delivery.imported_sound import ImportedSound
+from flowsculpt.pipeline.plugins.delivery.timeline_times import (
     fault_of,
     frames_in,
     is_on,
@@ -33,9 +33,9 @@ from pipeline.plugins.delivery.timeline_times import (
     require_rate,
     span_of,
 )
-from pipeline.shot.yaml.named_files import shown
-from render.base.input_files import read_input
-from render.base.limited_process import serve
+from flowsculpt.pipeline.shot.yaml.named_files import shown
+from flowsculpt.render.base.input_files import read_input
+from flowsculpt.render.base.limited_process import serve
 
 _FIRST_LINE = "# Made from {name} by flowsculpt film --edit, which replaces this file.\n"
 

@@ -11,9 +11,9 @@ from urllib.parse import unquote, urlsplit
 
 from opentimelineio import schema
 
-from pipeline.errors import UsageError
-from pipeline.plugins.delivery.timeline_times import available_range, is_on
-from pipeline.shot.yaml.named_files import shown
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.plugins.delivery.timeline_times import available_range, is_on
+from flowsculpt.pipeline.shot.yaml.named_files import shown
 
 LEVELS = ("gain", "fade_in", "fade_out")
 """Settings of a sound that stand in the metadata of its clip, by their names in the edit."""

@@ -21,19 +21,19 @@ from urllib.parse import quote
 import typer
 from opentimelineio import opentime, schema
 
-from pipeline.cli.options import Common, Quality, ShotOptions, output_option, require_one_of
-from pipeline.cli.output import print_result
-from pipeline.errors import UsageError
-from pipeline.frames import FrameRange
-from pipeline.plugins.delivery.imported_sound import LEVELS
-from pipeline.production.request.audio import AudioClip, AudioTrack
-from pipeline.production.request.edit import Edit, EditItem
-from pipeline.production.request.lookup import FILM, find_edit
-from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.store.store import Store
-from render.base.plural import plural
-from render.movie.codecs import ENCODES, FILM_START, NAME_ENDS, Encode
-from render.scene.render_quality import DEFAULT_QUALITY
+from flowsculpt.pipeline.cli.options import Common, Quality, ShotOptions, output_option, require_one_of
+from flowsculpt.pipeline.cli.output import print_result
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.frames import FrameRange
+from flowsculpt.pipeline.plugins.delivery.imported_sound import LEVELS
+from flowsculpt.pipeline.production.request.audio import AudioClip, AudioTrack
+from flowsculpt.pipeline.production.request.edit import Edit, EditItem
+from flowsculpt.pipeline.production.request.lookup import FILM, find_edit
+from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt.pipeline.production.store.store import Store
+from flowsculpt.render.base.plural import plural
+from flowsculpt.render.movie.codecs import ENCODES, FILM_START, NAME_ENDS, Encode
+from flowsculpt.render.scene.render_quality import DEFAULT_QUALITY
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ def _shots_by_begin(edit: Edit, requests: Sequence[RenderRequest]) -> Iterator[t
 
 def _heard(edit: Edit, clip: AudioClip, request: RenderRequest | None) -> Iterator[HeardSound]:
     """Yield the sounds that are heard under a run of frames, as `AudioClip.segment` places them."""
-    from render.movie.movie_sound import RATE, require_sound  # imports PyAV, which takes time
+    from flowsculpt.render.movie.movie_sound import RATE, require_sound  # imports PyAV, which takes time
 
     def samples(frames: int) -> int:
         return round(frames / edit.frame_rate.fps * RATE)
@@ -121,7 +121,7 @@ def sound_tracks(sounds: Sequence[HeardSound], url: Callable[[Path], str]) -> li
 
 def _parts(sound: HeardSound, end: int, url: Callable[[Path], str]) -> Iterator[Any]:
     """Yield the silence since `end`, the last sample of the track, and the clip with its transitions."""
-    from render.movie.movie_sound import RATE
+    from flowsculpt.render.movie.movie_sound import RATE
 
     def time(samples: int) -> Any:
         return opentime.RationalTime(samples, RATE)

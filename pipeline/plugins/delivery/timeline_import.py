@@ -10,11 +10,11 @@ from collections.abc import Collection
 from contextlib import suppress
 from pathlib import Path
 
-from pipeline.errors import FlowsculptError, MissingInputError, ShotError, UsageError
-from pipeline.file_contents import as_utf8
-from pipeline.shot.yaml.named_files import shown
-from render.base.input_files import read_input
-from render.base.limited_process import ParserError, answer_of
+from flowsculpt.pipeline.errors import FlowsculptError, MissingInputError, ShotError, UsageError
+from flowsculpt.pipeline.file_contents import as_utf8
+from flowsculpt.pipeline.shot.yaml.named_files import shown
+from flowsculpt.render.base.input_files import read_input
+from flowsculpt.render.base.limited_process import ParserError, answer_of
 
 _ERRORS: tuple[type[FlowsculptError], ...] = (ShotError, MissingInputError, UsageError)
 
@@ -24,7 +24,7 @@ def edit_of(timeline: Path, shots: Collection[str], folder: Path) -> tuple[Path,
     frames = _frames_of_movies(timeline, shots, folder)
     words = [str(timeline), str(folder), json.dumps(frames), *shots]
     try:
-        answer = answer_of("pipeline.plugins.delivery.imported_edit", timeline, *words)
+        answer = answer_of("flowsculpt.pipeline.plugins.delivery.imported_edit", timeline, *words)
     except ParserError as error:
         fault = f"it cannot be read as OpenTimelineIO ({error}); export it again"
         raise ShotError(f"{shown(timeline)}: {fault}") from None
@@ -42,7 +42,7 @@ def _frames_of_movies(timeline: Path, shots: Collection[str], folder: Path) -> d
         content = as_utf8(read_input(timeline))
         if b'"ExternalReference.' not in content:
             return {}
-        from pipeline.shot.yaml.inheritance import inherited  # takes time
+        from flowsculpt.pipeline.shot.yaml.inheritance import inherited  # takes time
 
         for shot in shots:
             with suppress(FlowsculptError):  # the reader of the edit reports its faults

@@ -1,8 +1,8 @@
 """Farms: jobs for render managers and Kubernetes, and the tasks that they run."""
 
-from pipeline.plugin import Command, Plugin
+from flowsculpt.pipeline.plugin import Command, Plugin
 
-_COMMANDS = "pipeline.plugins.farm.farm_commands"
+_COMMANDS = "flowsculpt.pipeline.plugins.farm.farm_commands"
 
 PLUGIN = Plugin(
     name="farm",

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from pipeline.plugins.farm.task_runner import BY_FRAMES
-from pipeline.production.planning.plan import Job, Plan
-from pipeline.production.stages import STAGES
+from flowsculpt.pipeline.plugins.farm.task_runner import BY_FRAMES
+from flowsculpt.pipeline.production.planning.plan import Job, Plan
+from flowsculpt.pipeline.production.stages import STAGES
 
 STEPS = {
     "Surfaces": ("simulate", "smooth_normals", "frame_camera"),

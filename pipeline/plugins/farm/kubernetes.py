@@ -16,13 +16,13 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from pipeline.errors import UsageError
-from pipeline.plugins.farm.farm_steps import FarmStep, steps_of
-from pipeline.production.planning.plan import Plan
-from pipeline.production.store.remote_store import VARIABLE
-from pipeline.production.store.store import key_of
-from render.base.plural import plural
-from render.base.serialise import to_plain
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.plugins.farm.farm_steps import FarmStep, steps_of
+from flowsculpt.pipeline.production.planning.plan import Plan
+from flowsculpt.pipeline.production.store.remote_store import VARIABLE
+from flowsculpt.pipeline.production.store.store import key_of
+from flowsculpt.render.base.plural import plural
+from flowsculpt.render.base.serialise import to_plain
 
 CHUNK = 8  # frames of a pod: each costs the start of a container and a renderer
 RETRIES = 2  # times that a failed pod is replaced

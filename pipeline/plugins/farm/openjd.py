@@ -1,8 +1,8 @@
 """A plan as a job template of Open Job Description 2023-09, which render managers such as Deadline Cloud run.
 
 Its steps do what Snakemake's rules do, each by
-`python -m pipeline.plugins.farm.openjd ROOT PLAN STORE JOB…` on a worker that sees the root, or the
-remote store: the surfaces of a shot in one task, its frames in chunks of any numbers, its movie; then the
+`python -m flowsculpt.pipeline.plugins.farm.openjd ROOT PLAN STORE JOB…` on a worker that sees the root, or
+the remote store: the surfaces of a shot in one task, its frames in chunks of any numbers, its movie; then the
 film. They share the frozen plan and the store, take no lock, and find what others have made.
 Source: https://github.com/OpenJobDescription/openjd-specifications/wiki (2023-09 Template Schemas).
 """
@@ -15,13 +15,13 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from pipeline.errors import FlowsculptError
-from pipeline.frames import FrameRange
-from pipeline.plugins.farm.farm_steps import FarmStep, steps_of
-from pipeline.plugins.farm.task_runner import do
-from pipeline.production.planning.plan import Plan
-from pipeline.production.store.remote_store import VARIABLE, remote_stores
-from render.base.python_process import command
+from flowsculpt.pipeline.errors import FlowsculptError
+from flowsculpt.pipeline.frames import FrameRange
+from flowsculpt.pipeline.plugins.farm.farm_steps import FarmStep, steps_of
+from flowsculpt.pipeline.plugins.farm.task_runner import do
+from flowsculpt.pipeline.production.planning.plan import Plan
+from flowsculpt.pipeline.production.store.remote_store import VARIABLE, remote_stores
+from flowsculpt.render.base.python_process import command
 
 CHUNK = 8  # frames that a task makes until the manager knows how long one takes
 
@@ -94,7 +94,7 @@ def _step(step: FarmStep, number: int, names: Sequence[str], threads: int) -> di
     given = ["{{Param.Root}}", "{{Param.Plan}}", "{{Param.Store}}"]
     action = {
         "command": "{{Param.Python}}",
-        "args": command("pipeline.plugins.farm.openjd", *given, *tasks)[1:],
+        "args": command("flowsculpt.pipeline.plugins.farm.openjd", *given, *tasks)[1:],
         "timeout": seconds,
         "cancelation": {"mode": "NOTIFY_THEN_TERMINATE", "notifyPeriodInSeconds": NOTICE_SECONDS},
     }

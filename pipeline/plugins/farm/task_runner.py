@@ -12,12 +12,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline.errors import MachineError, MissingInputError, UsageError, suggestion
-from pipeline.frames import FrameRange
-from pipeline.production.planning.plan import Job, Plan, versions_here
-from pipeline.production.store.remote_store import store_url
-from pipeline.production.store.store import Store, upload_missed
-from render.base.plural import plural
+from flowsculpt.pipeline.errors import MachineError, MissingInputError, UsageError, suggestion
+from flowsculpt.pipeline.frames import FrameRange
+from flowsculpt.pipeline.production.planning.plan import Job, Plan, versions_here
+from flowsculpt.pipeline.production.store.remote_store import store_url
+from flowsculpt.pipeline.production.store.store import Store, upload_missed
+from flowsculpt.render.base.plural import plural
 
 BY_FRAMES = ("render", "finish")  # the stages whose frames several workers may share out
 
@@ -59,7 +59,7 @@ def do(
     and for a task that is not in it, MachineError where this worker has other versions of packages than the
     machine that planned, or the remote store does not take what was made.
     """
-    from pipeline.production.tasks.worker import main
+    from flowsculpt.pipeline.production.tasks.worker import main
 
     plan_file = plan_file.absolute()
     plan = _plan(plan_file)

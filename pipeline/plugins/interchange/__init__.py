@@ -1,17 +1,19 @@
 """Interchange: models of other 3-D programs, and shots and resampled models as files for them."""
 
-from pipeline.plugin import Command, Plugin
+from flowsculpt.pipeline.plugin import Command, Plugin
 
-_COMMANDS = "pipeline.plugins.interchange.export_commands"
-_ONE_MESH = "pipeline.plugins.interchange.one_mesh_commands"
-_ANIMATIONS = "pipeline.plugins.interchange.animation_commands"
+_COMMANDS = "flowsculpt.pipeline.plugins.interchange.export_commands"
+_ONE_MESH = "flowsculpt.pipeline.plugins.interchange.one_mesh_commands"
+_ANIMATIONS = "flowsculpt.pipeline.plugins.interchange.animation_commands"
 
 PLUGIN = Plugin(
     name="interchange",
     version="1",
     commands={
         "resample": Command(
-            "pipeline.plugins.interchange.resample_command:resample", "Resample one mesh file.", "Maintain"
+            "flowsculpt.pipeline.plugins.interchange.resample_command:resample",
+            "Resample one mesh file.",
+            "Maintain",
         )
     },
     exporters={
@@ -30,21 +32,25 @@ PLUGIN = Plugin(
         "mdd": Command(f"{_ONE_MESH}:mdd", "One mesh that moves, for Blender and Cinema 4D."),
     },
     mesh_formats={
-        "obj": "pipeline.plugins.interchange.obj_files:OBJ",
-        "stl": "pipeline.plugins.interchange.stl_files:STL",
-        "off": "pipeline.plugins.interchange.off_files:OFF",
-        "glb": "pipeline.plugins.interchange.gltf_files:GLTF",
-        "gltf": "pipeline.plugins.interchange.gltf_files:GLTF",
-        "fbx": "pipeline.plugins.interchange.fbx_files:FBX",
-        "dae": "pipeline.plugins.interchange.collada_files:COLLADA",
-        "3mf": "pipeline.plugins.interchange.threemf_files:THREEMF",
-        **dict.fromkeys(("usd", "usda", "usdc", "usdz"), "pipeline.plugins.interchange.usd_files:USD"),
+        "obj": "flowsculpt.pipeline.plugins.interchange.obj_files:OBJ",
+        "stl": "flowsculpt.pipeline.plugins.interchange.stl_files:STL",
+        "off": "flowsculpt.pipeline.plugins.interchange.off_files:OFF",
+        "glb": "flowsculpt.pipeline.plugins.interchange.gltf_files:GLTF",
+        "gltf": "flowsculpt.pipeline.plugins.interchange.gltf_files:GLTF",
+        "fbx": "flowsculpt.pipeline.plugins.interchange.fbx_files:FBX",
+        "dae": "flowsculpt.pipeline.plugins.interchange.collada_files:COLLADA",
+        "3mf": "flowsculpt.pipeline.plugins.interchange.threemf_files:THREEMF",
+        **dict.fromkeys(
+            ("usd", "usda", "usdc", "usdz"), "flowsculpt.pipeline.plugins.interchange.usd_files:USD"
+        ),
     },
-    animations=("pipeline.plugins.interchange.animation_export:animation",),
+    animations=("flowsculpt.pipeline.plugins.interchange.animation_export:animation",),
     paints={
-        "obj": "pipeline.plugins.interchange.obj_paint:OBJ_PAINT",
-        **dict.fromkeys(("glb", "gltf"), "pipeline.plugins.interchange.gltf_paint:GLTF_PAINT"),
-        "fbx": "pipeline.plugins.interchange.fbx_paint:FBX_PAINT",
-        **dict.fromkeys(("usd", "usda", "usdc", "usdz"), "pipeline.plugins.interchange.usd_files:USD_PAINT"),
+        "obj": "flowsculpt.pipeline.plugins.interchange.obj_paint:OBJ_PAINT",
+        **dict.fromkeys(("glb", "gltf"), "flowsculpt.pipeline.plugins.interchange.gltf_paint:GLTF_PAINT"),
+        "fbx": "flowsculpt.pipeline.plugins.interchange.fbx_paint:FBX_PAINT",
+        **dict.fromkeys(
+            ("usd", "usda", "usdc", "usdz"), "flowsculpt.pipeline.plugins.interchange.usd_files:USD_PAINT"
+        ),
     },
 )

@@ -10,12 +10,12 @@ from typing import IO
 
 import numpy as np
 
-from pipeline.errors import MachineError
-from pipeline.plugins.interchange.one_mesh import OneMesh
-from pipeline.plugins.interchange.point_caches import even_step
-from pipeline.plugins.interchange.refining import Began
-from pipeline.plugins.interchange.scene_readers import require_package
-from render.base.python_process import command, environment
+from flowsculpt.pipeline.errors import MachineError
+from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh
+from flowsculpt.pipeline.plugins.interchange.point_caches import even_step
+from flowsculpt.pipeline.plugins.interchange.refining import Began
+from flowsculpt.pipeline.plugins.interchange.scene_readers import require_package
+from flowsculpt.render.base.python_process import command, environment
 
 
 def require_alembic() -> None:
@@ -46,7 +46,7 @@ def write_alembic(path: Path, title: str, meshes: Sequence[OneMesh], began: Bega
         for mesh in meshes
     ]
     facts = {"title": title, "rate": float(meshes[0].rate.fps), "meshes": described}
-    words = command("pipeline.plugins.interchange.alembic_writer", str(path))
+    words = command("flowsculpt.pipeline.plugins.interchange.alembic_writer", str(path))
     pipe = subprocess.PIPE
     with subprocess.Popen(words, stdin=pipe, stderr=pipe, env=environment()) as writer:
         assert writer.stdin is not None and writer.stderr is not None

@@ -1,4 +1,4 @@
-"""Write an Alembic file of meshes: `python -m pipeline.plugins.interchange.alembic_writer FILE`.
+"""Write an Alembic file of meshes: `python -m flowsculpt.pipeline.plugins.interchange.alembic_writer FILE`.
 
 A process of its own, since the library ends its process where the disk is full. The package alembic3d, an
 unofficial build of Alembic's own bindings, must be installed.

@@ -7,29 +7,29 @@ from typing import Annotated, Any
 
 import typer
 
-from pipeline.cli.execution import execute, report_plan
-from pipeline.cli.options import Common, Shot
-from pipeline.cli.output import exit_with, print_result, progress_bars, size
-from pipeline.plugins.interchange.alembic_export import require_alembic
-from pipeline.plugins.interchange.animation_export import (
+from flowsculpt.pipeline.cli.execution import execute, report_plan
+from flowsculpt.pipeline.cli.options import Common, Shot
+from flowsculpt.pipeline.cli.output import exit_with, print_result, progress_bars, size
+from flowsculpt.pipeline.plugins.interchange.alembic_export import require_alembic
+from flowsculpt.pipeline.plugins.interchange.animation_export import (
     AlembicExport,
     AnimationExport,
     GltfExport,
     VertexTextureExport,
     WebExport,
 )
-from pipeline.plugins.interchange.copy_instances import require_rigid
-from pipeline.plugins.interchange.export_commands import OneMeshOptions, asked_for
-from pipeline.plugins.interchange.gltf_instances import GltfInstancesExport
-from pipeline.plugins.interchange.one_mesh_commands import (
+from flowsculpt.pipeline.plugins.interchange.copy_instances import require_rigid
+from flowsculpt.pipeline.plugins.interchange.export_commands import OneMeshOptions, asked_for
+from flowsculpt.pipeline.plugins.interchange.gltf_instances import GltfInstancesExport
+from flowsculpt.pipeline.plugins.interchange.one_mesh_commands import (
     mesh_facts,
     mesh_in_words,
     report_unifying,
 )
-from pipeline.plugins.interchange.unifying import Unification
-from pipeline.plugins.interchange.web_player import require_three_js
-from pipeline.production.store.locks import writing
-from render.scene.render_quality import DEFAULT_QUALITY
+from flowsculpt.pipeline.plugins.interchange.unifying import Unification
+from flowsculpt.pipeline.plugins.interchange.web_player import require_three_js
+from flowsculpt.pipeline.production.store.locks import writing
+from flowsculpt.render.scene.render_quality import DEFAULT_QUALITY
 
 Plain = Annotated[
     bool,

@@ -11,26 +11,30 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar
 
-from pipeline.errors import FrameError
-from pipeline.plugin import Animation
-from pipeline.plugins.interchange.alembic_export import write_alembic
-from pipeline.plugins.interchange.animated_gltf import Moving, quantized_animation, write_animated_gltf
-from pipeline.plugins.interchange.drawn_mesh import DrawnMesh, KeyPoses
-from pipeline.plugins.interchange.exported_frame import EXPORT, KeyedFiles
-from pipeline.plugins.interchange.exported_materials import pictures_recipe
-from pipeline.plugins.interchange.one_mesh import OneMesh
-from pipeline.plugins.interchange.point_caches import even_step
-from pipeline.plugins.interchange.refining import Began
-from pipeline.plugins.interchange.unifying import Unification
-from pipeline.plugins.interchange.vertex_textures import VertexTextures
-from pipeline.plugins.interchange.web_player import PARTS, WebPage, require_three_js
-from pipeline.production.request.cameras import camera_file
-from pipeline.production.request.framing import Framing
-from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.store.store import Key, Store, key_of
-from render.base.plural import plural
-from render.base.serialise import to_plain
-from render.scene.materials import LOOKS
+from flowsculpt.pipeline.errors import FrameError
+from flowsculpt.pipeline.plugin import Animation
+from flowsculpt.pipeline.plugins.interchange.alembic_export import write_alembic
+from flowsculpt.pipeline.plugins.interchange.animated_gltf import (
+    Moving,
+    quantized_animation,
+    write_animated_gltf,
+)
+from flowsculpt.pipeline.plugins.interchange.drawn_mesh import DrawnMesh, KeyPoses
+from flowsculpt.pipeline.plugins.interchange.exported_frame import EXPORT, KeyedFiles
+from flowsculpt.pipeline.plugins.interchange.exported_materials import pictures_recipe
+from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh
+from flowsculpt.pipeline.plugins.interchange.point_caches import even_step
+from flowsculpt.pipeline.plugins.interchange.refining import Began
+from flowsculpt.pipeline.plugins.interchange.unifying import Unification
+from flowsculpt.pipeline.plugins.interchange.vertex_textures import VertexTextures
+from flowsculpt.pipeline.plugins.interchange.web_player import PARTS, WebPage, require_three_js
+from flowsculpt.pipeline.production.request.cameras import camera_file
+from flowsculpt.pipeline.production.request.framing import Framing
+from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt.pipeline.production.store.store import Key, Store, key_of
+from flowsculpt.render.base.plural import plural
+from flowsculpt.render.base.serialise import to_plain
+from flowsculpt.render.scene.materials import LOOKS
 
 _VERSION = 1  # of the formats as they are written here
 

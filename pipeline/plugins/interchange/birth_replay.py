@@ -5,9 +5,9 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from pipeline.arrays import AnyArray, Floats, Indices
-from pipeline.kernels import kernel
-from pipeline.mesh.kernels.halfedge import (
+from flowsculpt.pipeline.arrays import AnyArray, Floats, Indices
+from flowsculpt.pipeline.kernels import kernel
+from flowsculpt.pipeline.mesh.kernels.halfedge import (
     LEAN,
     MESH_ARRAYS,
     VECTOR,
@@ -15,7 +15,7 @@ from pipeline.mesh.kernels.halfedge import (
     following,
     preceding,
 )
-from pipeline.resample.kernels.split import split_edge
+from flowsculpt.pipeline.resample.kernels.split import split_edge
 
 _TABLE = numba.int32[:, ::1]
 

@@ -11,11 +11,11 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Floats, Points
-from pipeline.errors import MeshError, brief, shortened
-from pipeline.file_contents import number_fault
-from pipeline.mesh.mesh_formats import FileSurface, MeshFormat, reader_of
-from pipeline.plugins.interchange.scene_readers import (
+from flowsculpt.pipeline.arrays import AnyArray, Floats, Points
+from flowsculpt.pipeline.errors import MeshError, brief, shortened
+from flowsculpt.pipeline.file_contents import number_fault
+from flowsculpt.pipeline.mesh.mesh_formats import FileSurface, MeshFormat, reader_of
+from flowsculpt.pipeline.plugins.interchange.scene_readers import (
     PlacedMeshes,
     Polygons,
     bound_note,
@@ -24,7 +24,7 @@ from pipeline.plugins.interchange.scene_readers import (
     one_file,
     require_vertices,
 )
-from pipeline.plugins.interchange.xml_elements import Element, parse_elements
+from flowsculpt.pipeline.plugins.interchange.xml_elements import Element, parse_elements
 
 _LINES = ("lines", "linestrips")
 

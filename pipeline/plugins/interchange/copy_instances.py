@@ -8,13 +8,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.animation import MeshFrame
-from pipeline.arrays import AnyArray, Floats, Points, Vectors
-from pipeline.errors import UsageError
-from pipeline.mesh.placed_copies import Placements
-from pipeline.plugins.interchange.one_mesh import OneMesh
-from pipeline.plugins.interchange.unifying import Unification
-from pipeline.production.request.shading import vertex_motion
+from flowsculpt.pipeline.animation import MeshFrame
+from flowsculpt.pipeline.arrays import AnyArray, Floats, Points, Vectors
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.mesh.placed_copies import Placements
+from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh
+from flowsculpt.pipeline.plugins.interchange.unifying import Unification
+from flowsculpt.pipeline.production.request.shading import vertex_motion
 
 REMEDY = "Leave out --instances"
 

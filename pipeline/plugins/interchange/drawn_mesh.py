@@ -14,9 +14,9 @@ from functools import cached_property
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Faces, Floats, Indices, Points, Vectors
-from pipeline.mesh.meshes import edge_keys, morton_order
-from pipeline.plugins.interchange.one_mesh import OneMesh
+from flowsculpt.pipeline.arrays import AnyArray, Faces, Floats, Indices, Points, Vectors
+from flowsculpt.pipeline.mesh.meshes import edge_keys, morton_order
+from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh
 
 MOST_ERROR = 0.25
 """Distance of a vertex between keyframes from its true position, maximum edge lengths of the frame."""

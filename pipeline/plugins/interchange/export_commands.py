@@ -10,21 +10,21 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pipeline.cli.execution import execute, report_plan
-from pipeline.cli.options import Common, Frames, Quality, Shot, ShotOptions, Subject, output_option
-from pipeline.cli.output import exit_with, print_error, print_result, progress_bars
-from pipeline.errors import FrameError, UsageError
-from pipeline.plugins.interchange.model_export import LONGEST_SIDE, ModelExport, require_still
-from pipeline.plugins.interchange.usd_files import require_usd
-from pipeline.production.execution.project import Project
-from pipeline.production.planning.frame_states import mesh_states
-from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.store.locks import writing
-from render.base.plural import plural
-from render.scene.render_quality import DEFAULT_QUALITY
+from flowsculpt.pipeline.cli.execution import execute, report_plan
+from flowsculpt.pipeline.cli.options import Common, Frames, Quality, Shot, ShotOptions, Subject, output_option
+from flowsculpt.pipeline.cli.output import exit_with, print_error, print_result, progress_bars
+from flowsculpt.pipeline.errors import FrameError, UsageError
+from flowsculpt.pipeline.plugins.interchange.model_export import LONGEST_SIDE, ModelExport, require_still
+from flowsculpt.pipeline.plugins.interchange.usd_files import require_usd
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.planning.frame_states import mesh_states
+from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt.pipeline.production.store.locks import writing
+from flowsculpt.render.base.plural import plural
+from flowsculpt.render.scene.render_quality import DEFAULT_QUALITY
 
 if TYPE_CHECKING:
-    from pipeline.plugins.interchange.usd_export import UsdExport
+    from flowsculpt.pipeline.plugins.interchange.usd_export import UsdExport
 
 Folder = Annotated[
     Path | None, output_option("Write to this folder. Default: a folder in renders/SHOT.", "DIR")
@@ -97,7 +97,7 @@ def usd(
     if options.vertices is not None or options.until is not None:
         remedy = "leave them out with --instances" if instances else "add --one-mesh"
         raise UsageError(f"--vertices and --until reduce one mesh; {remedy}")
-    from pipeline.plugins.interchange.usd_export import UsdExport
+    from flowsculpt.pipeline.plugins.interchange.usd_export import UsdExport
 
     _export(common, project, asked, [UsdExport(asked, project.store, folder)])
 
@@ -111,10 +111,10 @@ def _one_mesh_stage(
     instances: bool,
 ) -> None:
     """Write a stage with one mesh of each subject, or with the instances of each."""
-    from pipeline.plugins.interchange.copy_instances import require_rigid
-    from pipeline.plugins.interchange.unifying import Unification
-    from pipeline.plugins.interchange.usd_instances import InstancesStage
-    from pipeline.plugins.interchange.usd_one_mesh import OneMeshStage
+    from flowsculpt.pipeline.plugins.interchange.copy_instances import require_rigid
+    from flowsculpt.pipeline.plugins.interchange.unifying import Unification
+    from flowsculpt.pipeline.plugins.interchange.usd_instances import InstancesStage
+    from flowsculpt.pipeline.plugins.interchange.usd_one_mesh import OneMeshStage
 
     parts = tuple(Unification(part, project.store, options.vertices, options.until) for part in asked.parts)
     if instances:

@@ -13,14 +13,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pipeline.animation import MeshFrame, material_of
-from pipeline.arrays import AnyArray, Faces, Floats, Indices, Points, Vectors
-from pipeline.errors import FrameError
-from pipeline.mesh.halfedge_mesh import IDENTITY
-from pipeline.mesh.normals import ShadedMesh
-from pipeline.production.request.manifest import thresholds_at
-from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.request.shading import (
+from flowsculpt.pipeline.animation import MeshFrame, material_of
+from flowsculpt.pipeline.arrays import AnyArray, Faces, Floats, Indices, Points, Vectors
+from flowsculpt.pipeline.errors import FrameError
+from flowsculpt.pipeline.mesh.halfedge_mesh import IDENTITY
+from flowsculpt.pipeline.mesh.normals import ShadedMesh
+from flowsculpt.pipeline.production.request.manifest import thresholds_at
+from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt.pipeline.production.request.shading import (
     STEP,
     Shading,
     flow_cache_data,
@@ -29,18 +29,18 @@ from pipeline.production.request.shading import (
     radii,
     vertex_motion,
 )
-from pipeline.production.stages import PipelineStage
-from pipeline.production.store import readers
-from pipeline.production.store.digests import digest_of
-from pipeline.production.store.locks import of_key
-from pipeline.production.store.remote_store import LOG
-from pipeline.production.store.store import Key, Store, key_of
-from pipeline.shot import Shot
-from pipeline.shot.subjects import Model, Solid
-from render.base.drafts import sweep_hidden_drafts
-from render.base.serialise import Colour, to_plain
-from render.base.state_files import mapping, read_state
-from render.scene.materials import (
+from flowsculpt.pipeline.production.stages import PipelineStage
+from flowsculpt.pipeline.production.store import readers
+from flowsculpt.pipeline.production.store.digests import digest_of
+from flowsculpt.pipeline.production.store.locks import of_key
+from flowsculpt.pipeline.production.store.remote_store import LOG
+from flowsculpt.pipeline.production.store.store import Key, Store, key_of
+from flowsculpt.pipeline.shot import Shot
+from flowsculpt.pipeline.shot.subjects import Model, Solid
+from flowsculpt.render.base.drafts import sweep_hidden_drafts
+from flowsculpt.render.base.serialise import Colour, to_plain
+from flowsculpt.render.base.state_files import mapping, read_state
+from flowsculpt.render.scene.materials import (
     BrushedMetal,
     Diffuse,
     Glass,
@@ -53,11 +53,11 @@ from render.scene.materials import (
     Satin,
     Smoke,
 )
-from render.scene.painted_faces import PaintedFaces
-from render.scene.patterns import SPEED
-from render.scene.surface import Surface
-from render.scene.textures import Texture
-from render.scene.vertex_colours import vertex_colours
+from flowsculpt.render.scene.painted_faces import PaintedFaces
+from flowsculpt.render.scene.patterns import SPEED
+from flowsculpt.render.scene.surface import Surface
+from flowsculpt.render.scene.textures import Texture
+from flowsculpt.render.scene.vertex_colours import vertex_colours
 
 EXPORT = PipelineStage("export", version=3, doing="exporting", makes="geometry", per_quality=False)
 

@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.arrays import AnyArray
-from pipeline.plugins.interchange.exported_frame import PreviewSurface, preview_surface
-from render.post.embedded_textures import (
+from flowsculpt.pipeline.arrays import AnyArray
+from flowsculpt.pipeline.plugins.interchange.exported_frame import PreviewSurface, preview_surface
+from flowsculpt.render.post.embedded_textures import (
     EmbeddedPicture,
     at_most,
     bordered,
@@ -21,10 +21,10 @@ from render.post.embedded_textures import (
     png,
     resized,
 )
-from render.scene.materials import Material, Opacity, Painted, PatternedMaterial, Satin
-from render.scene.painted_faces import VERTEX_COLOURS
-from render.scene.rgb_spaces import srgb_of_linear
-from render.scene.textures import WHOLE, WIDEST, Texture
+from flowsculpt.render.scene.materials import Material, Opacity, Painted, PatternedMaterial, Satin
+from flowsculpt.render.scene.painted_faces import VERTEX_COLOURS
+from flowsculpt.render.scene.rgb_spaces import srgb_of_linear
+from flowsculpt.render.scene.textures import WHOLE, WIDEST, Texture
 
 COMPACT = 2048
 """The most pixels along a side of pictures in compressed files; finer ones are averaged."""

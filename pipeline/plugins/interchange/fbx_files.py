@@ -17,12 +17,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Floats, Points
-from pipeline.errors import MeshError, shortened
-from pipeline.file_contents import text_content
-from pipeline.mesh.face_soup import FaceSoup
-from pipeline.mesh.mesh_formats import FileSurface, MeshFormat
-from pipeline.plugins.interchange.scene_readers import (
+from flowsculpt.pipeline.arrays import AnyArray, Floats, Points
+from flowsculpt.pipeline.errors import MeshError, shortened
+from flowsculpt.pipeline.file_contents import text_content
+from flowsculpt.pipeline.mesh.face_soup import FaceSoup
+from flowsculpt.pipeline.mesh.mesh_formats import FileSurface, MeshFormat
+from flowsculpt.pipeline.plugins.interchange.scene_readers import (
     PlacedMeshes,
     Polygons,
     answered,
@@ -35,14 +35,14 @@ from pipeline.plugins.interchange.scene_readers import (
     require_package,
     unpacked_surface,
 )
-from render.base.input_files import read_input, require_input
-from render.base.limited_process import MEMORY, allow_memory, answer_about_content, serve
-from render.base.plural import plural
+from flowsculpt.render.base.input_files import read_input, require_input
+from flowsculpt.render.base.limited_process import MEMORY, allow_memory, answer_about_content, serve
+from flowsculpt.render.base.plural import plural
 
 if TYPE_CHECKING:
     import ufbx
 
-_MODULE = "pipeline.plugins.interchange.fbx_files"
+_MODULE = "flowsculpt.pipeline.plugins.interchange.fbx_files"
 
 
 def read_fbx(path: Path) -> FileSurface:

@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Floats
-from pipeline.errors import MeshError, brief, shortened
-from pipeline.plugins.interchange.fbx_files import (
+from flowsculpt.pipeline.arrays import AnyArray, Floats
+from flowsculpt.pipeline.errors import MeshError, brief, shortened
+from flowsculpt.pipeline.plugins.interchange.fbx_files import (
     MOST_BYTES,
     counted,
     faces_of,
@@ -27,8 +27,8 @@ from pipeline.plugins.interchange.fbx_files import (
     shown_meshes,
     uncollected,
 )
-from pipeline.plugins.interchange.model_paint import ModelPaint, packed
-from pipeline.plugins.interchange.painted_materials import (
+from flowsculpt.pipeline.plugins.interchange.model_paint import ModelPaint, packed
+from flowsculpt.pipeline.plugins.interchange.painted_materials import (
     GREY,
     mask_of,
     opacity_of,
@@ -36,18 +36,24 @@ from pipeline.plugins.interchange.painted_materials import (
     picture,
     picture_within,
 )
-from pipeline.plugins.interchange.scene_readers import PlacedMeshes, Polygons, answered, asked, content_of
-from render.base.input_files import digest_of_file, read_input, require_input
-from render.base.limited_process import MEMORY, allow_memory, answer_about_content, serve
-from render.scene.materials import Opacity, PatternedMaterial
-from render.scene.painted_faces import Files, ModelMaterials, PaintReader
-from render.scene.rgb_spaces import linear_of_srgb
-from render.scene.textures import CLAMP, REPEAT, Texture
+from flowsculpt.pipeline.plugins.interchange.scene_readers import (
+    PlacedMeshes,
+    Polygons,
+    answered,
+    asked,
+    content_of,
+)
+from flowsculpt.render.base.input_files import digest_of_file, read_input, require_input
+from flowsculpt.render.base.limited_process import MEMORY, allow_memory, answer_about_content, serve
+from flowsculpt.render.scene.materials import Opacity, PatternedMaterial
+from flowsculpt.render.scene.painted_faces import Files, ModelMaterials, PaintReader
+from flowsculpt.render.scene.rgb_spaces import linear_of_srgb
+from flowsculpt.render.scene.textures import CLAMP, REPEAT, Texture
 
 if TYPE_CHECKING:
     import ufbx
 
-_MODULE = "pipeline.plugins.interchange.fbx_paint"
+_MODULE = "flowsculpt.pipeline.plugins.interchange.fbx_paint"
 MATERIALS = "materials 5"
 """The question for materials, with the version of the answers, which are stored by it."""
 

@@ -15,14 +15,18 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Faces
-from pipeline.errors import UsageError
-from pipeline.plugins.interchange.exported_materials import COMPACT, ExportedMaterial, exported_materials
-from pipeline.plugins.interchange.meshopt_encoder import encode_attributes, encode_indices
-from render.base.atomic_write import disk_errors
-from render.post.embedded_textures import EmbeddedPicture
-from render.scene.materials import Material
-from render.scene.textures import BLACK, CLAMP, MIRROR, REPEAT, WIDEST
+from flowsculpt.pipeline.arrays import AnyArray, Faces
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.plugins.interchange.exported_materials import (
+    COMPACT,
+    ExportedMaterial,
+    exported_materials,
+)
+from flowsculpt.pipeline.plugins.interchange.meshopt_encoder import encode_attributes, encode_indices
+from flowsculpt.render.base.atomic_write import disk_errors
+from flowsculpt.render.post.embedded_textures import EmbeddedPicture
+from flowsculpt.render.scene.materials import Material
+from flowsculpt.render.scene.textures import BLACK, CLAMP, MIRROR, REPEAT, WIDEST
 
 FLOAT, SHORT, WIDE, UNSIGNED = 5126, 5122, 5125, 5123  # component types
 _VERTICES, _INDICES = 34962, 34963  # targets of buffer views

@@ -16,9 +16,9 @@ from sys import float_info
 from typing import Any, BinaryIO
 from urllib.parse import unquote, unquote_to_bytes
 
-from pipeline.errors import MeshError, brief
-from pipeline.mesh.mesh_formats import early_end
-from render.base.input_files import opened_input, read_input, size_of
+from flowsculpt.pipeline.errors import MeshError, brief
+from flowsculpt.pipeline.mesh.mesh_formats import early_end
+from flowsculpt.render.base.input_files import opened_input, read_input, size_of
 
 _LARGEST = float_info.max
 

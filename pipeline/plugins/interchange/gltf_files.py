@@ -11,11 +11,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Floats, Points
-from pipeline.errors import MissingInputError, brief, reason_of
-from pipeline.mesh.mesh_formats import FileSurface, MeshFormat, ModelFiles, file_surface
-from pipeline.plugins.interchange.gltf_document import MESHOPT, MOST_BYTES, GltfDocument, JsonObject
-from pipeline.plugins.interchange.gltf_scene import (
+from flowsculpt.pipeline.arrays import AnyArray, Floats, Points
+from flowsculpt.pipeline.errors import MissingInputError, brief, reason_of
+from flowsculpt.pipeline.mesh.mesh_formats import FileSurface, MeshFormat, ModelFiles, file_surface
+from flowsculpt.pipeline.plugins.interchange.gltf_document import (
+    MESHOPT,
+    MOST_BYTES,
+    GltfDocument,
+    JsonObject,
+)
+from flowsculpt.pipeline.plugins.interchange.gltf_scene import (
     FAN,
     INSTANCING,
     TRIANGLES,
@@ -24,11 +29,15 @@ from pipeline.plugins.interchange.gltf_scene import (
     rotations,
     translations,
 )
-from pipeline.plugins.interchange.meshopt import FILTERS, MODES
-from pipeline.plugins.interchange.scene_readers import packed_surface, require_package, unpacked_surface
-from render.base.input_files import digest_of_file, joint_digest, require_input
-from render.base.limited_process import MEMORY, allow_memory, answer_of, serve
-from render.base.plural import plural
+from flowsculpt.pipeline.plugins.interchange.meshopt import FILTERS, MODES
+from flowsculpt.pipeline.plugins.interchange.scene_readers import (
+    packed_surface,
+    require_package,
+    unpacked_surface,
+)
+from flowsculpt.render.base.input_files import digest_of_file, joint_digest, require_input
+from flowsculpt.render.base.limited_process import MEMORY, allow_memory, answer_of, serve
+from flowsculpt.render.base.plural import plural
 
 _COMPONENTS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _SIZES = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
@@ -340,7 +349,7 @@ def read_gltf(path: Path) -> FileSurface:
     if any(scene.draco_of(part) is not None for part in scene.distinct):
         require_package("glTF files with Draco data", "DracoPy", "DracoPy", "models")
     files_of_buffers(scene)
-    surface = unpacked_surface(answer_of("pipeline.plugins.interchange.gltf_files", path))
+    surface = unpacked_surface(answer_of("flowsculpt.pipeline.plugins.interchange.gltf_files", path))
     return surface._replace(notes=tuple(_notes(scene)))
 
 

@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Floats
-from pipeline.plugins.interchange.animation_export import AnimationExport
-from pipeline.plugins.interchange.copy_instances import Instances
-from pipeline.plugins.interchange.drawn_mesh import DrawnMesh
-from pipeline.plugins.interchange.gltf_content import FLOAT, GltfContent
-from pipeline.plugins.interchange.one_mesh import OneMesh
-from pipeline.plugins.interchange.refining import Began
-from render.base.plural import plural
-from render.scene.materials import Material
+from flowsculpt.pipeline.arrays import AnyArray, Floats
+from flowsculpt.pipeline.plugins.interchange.animation_export import AnimationExport
+from flowsculpt.pipeline.plugins.interchange.copy_instances import Instances
+from flowsculpt.pipeline.plugins.interchange.drawn_mesh import DrawnMesh
+from flowsculpt.pipeline.plugins.interchange.gltf_content import FLOAT, GltfContent
+from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh
+from flowsculpt.pipeline.plugins.interchange.refining import Began
+from flowsculpt.render.base.plural import plural
+from flowsculpt.render.scene.materials import Material
 
 
 class _CopyNodes(GltfContent):

@@ -17,13 +17,18 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Floats
-from pipeline.errors import MeshError, brief
-from pipeline.plugins.interchange.gltf_document import MOST_BYTES, GltfDocument, JsonObject
-from pipeline.plugins.interchange.gltf_files import SceneArrays, Triangles, files_of_buffers, placed
-from pipeline.plugins.interchange.gltf_scene import DefaultScene, PlacedPrimitive
-from pipeline.plugins.interchange.model_paint import ModelPaint, packed
-from pipeline.plugins.interchange.painted_materials import (
+from flowsculpt.pipeline.arrays import AnyArray, Floats
+from flowsculpt.pipeline.errors import MeshError, brief
+from flowsculpt.pipeline.plugins.interchange.gltf_document import MOST_BYTES, GltfDocument, JsonObject
+from flowsculpt.pipeline.plugins.interchange.gltf_files import (
+    SceneArrays,
+    Triangles,
+    files_of_buffers,
+    placed,
+)
+from flowsculpt.pipeline.plugins.interchange.gltf_scene import DefaultScene, PlacedPrimitive
+from flowsculpt.pipeline.plugins.interchange.model_paint import ModelPaint, packed
+from flowsculpt.pipeline.plugins.interchange.painted_materials import (
     GREY,
     alpha_of,
     opacity_of,
@@ -31,11 +36,11 @@ from pipeline.plugins.interchange.painted_materials import (
     picture,
     picture_within,
 )
-from render.base.input_files import digest_of_file, require_input
-from render.base.limited_process import MEMORY, allow_memory, answer_of, serve
-from render.scene.materials import PatternedMaterial
-from render.scene.painted_faces import Files, ModelMaterials, PaintReader
-from render.scene.textures import CLAMP, MIRROR, REPEAT, REPEATED, Texture
+from flowsculpt.render.base.input_files import digest_of_file, require_input
+from flowsculpt.render.base.limited_process import MEMORY, allow_memory, answer_of, serve
+from flowsculpt.render.scene.materials import PatternedMaterial
+from flowsculpt.render.scene.painted_faces import Files, ModelMaterials, PaintReader
+from flowsculpt.render.scene.textures import CLAMP, MIRROR, REPEAT, REPEATED, Texture
 
 _TRANSFORM = "KHR_texture_transform"
 _GLOSSINESS = "KHR_materials_pbrSpecularGlossiness"
@@ -346,7 +351,7 @@ def _content_of_view(document: GltfDocument, image: JsonObject, files: dict[Path
 
 def _read(path: Path) -> ModelPaint:
     PaintedScene.read(path)  # raises in this process what users can mend
-    return ModelPaint.unpacked(answer_of("pipeline.plugins.interchange.gltf_paint", path))
+    return ModelPaint.unpacked(answer_of("flowsculpt.pipeline.plugins.interchange.gltf_paint", path))
 
 
 GLTF_PAINT = PaintReader(_files, _materials, _read)

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.arrays import AnyArray
-from pipeline.errors import MeshError, brief
-from pipeline.plugins.interchange.gltf_document import MESHOPT, GltfDocument, JsonObject
+from flowsculpt.pipeline.arrays import AnyArray
+from flowsculpt.pipeline.errors import MeshError, brief
+from flowsculpt.pipeline.plugins.interchange.gltf_document import MESHOPT, GltfDocument, JsonObject
 
 DRACO, INSTANCING = "KHR_draco_mesh_compression", "EXT_mesh_gpu_instancing"
 _QUANTIZATION, _VISIBILITY = "KHR_mesh_quantization", "KHR_node_visibility"

@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Floats, Indices
-from pipeline.errors import MeshError
-from pipeline.mesh.meshes import PolygonMesh, TriangleMesh
-from pipeline.mesh.normals import NORMAL, vertex_normals
-from render.base.atomic_write import atomic_write
+from flowsculpt.pipeline.arrays import AnyArray, Floats, Indices
+from flowsculpt.pipeline.errors import MeshError
+from flowsculpt.pipeline.mesh.meshes import PolygonMesh, TriangleMesh
+from flowsculpt.pipeline.mesh.normals import NORMAL, vertex_normals
+from flowsculpt.render.base.atomic_write import atomic_write
 
 _PLY_TYPES = {"f8": "double", "f4": "float", "i4": "int", "i2": "short", "i1": "char", "u1": "uchar"}
 _COMPONENTS = {NORMAL: ("nx", "ny", "nz")}

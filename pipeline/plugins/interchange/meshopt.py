@@ -10,7 +10,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from pipeline.arrays import AnyArray
+from flowsculpt.pipeline.arrays import AnyArray
 
 T = TypeVar("T")
 

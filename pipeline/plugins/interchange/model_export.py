@@ -18,29 +18,29 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Floats, Points, Vectors
-from pipeline.errors import FrameError, MeshError, UsageError
-from pipeline.flow.regions import TriangleTree
-from pipeline.mesh import TriangleMesh, face_normals
-from pipeline.mesh.normals import NORMAL, unit
-from pipeline.mesh.validation import validate
-from pipeline.plugins.interchange.drawn_mesh import split_corners
-from pipeline.plugins.interchange.exported_frame import (
+from flowsculpt.pipeline.arrays import AnyArray, Floats, Points, Vectors
+from flowsculpt.pipeline.errors import FrameError, MeshError, UsageError
+from flowsculpt.pipeline.flow.regions import TriangleTree
+from flowsculpt.pipeline.mesh import TriangleMesh, face_normals
+from flowsculpt.pipeline.mesh.normals import NORMAL, unit
+from flowsculpt.pipeline.mesh.validation import validate
+from flowsculpt.pipeline.plugins.interchange.drawn_mesh import split_corners
+from flowsculpt.pipeline.plugins.interchange.exported_frame import (
     ExportedFrame,
     KeyedFiles,
     frame_key,
     stored_frame,
 )
-from pipeline.plugins.interchange.exported_materials import pictures_recipe
-from pipeline.plugins.interchange.gltf_content import GltfContent
-from pipeline.plugins.interchange.mesh_writers import write_mesh
-from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.store.store import Key, Store, key_of
-from pipeline.statistics import self_intersections
-from render.base.atomic_write import disk_errors
-from render.base.serialise import to_plain
-from render.scene.materials import Material
-from render.scene.rgb_spaces import srgb_of_linear
+from flowsculpt.pipeline.plugins.interchange.exported_materials import pictures_recipe
+from flowsculpt.pipeline.plugins.interchange.gltf_content import GltfContent
+from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
+from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt.pipeline.production.store.store import Key, Store, key_of
+from flowsculpt.pipeline.statistics import self_intersections
+from flowsculpt.render.base.atomic_write import disk_errors
+from flowsculpt.render.base.serialise import to_plain
+from flowsculpt.render.scene.materials import Material
+from flowsculpt.render.scene.rgb_spaces import srgb_of_linear
 
 RAYS = 4000  # the most faces that rays start from, chosen evenly
 

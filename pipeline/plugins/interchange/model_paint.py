@@ -19,13 +19,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Faces, Floats, Indices, Points
-from pipeline.mesh.face_soup import components, first_alike
-from pipeline.mesh.meshes import edge_keys, triangulate
-from render.scene.painted_faces import PaintedFaces
+from flowsculpt.pipeline.arrays import AnyArray, Faces, Floats, Indices, Points
+from flowsculpt.pipeline.mesh.face_soup import components, first_alike
+from flowsculpt.pipeline.mesh.meshes import edge_keys, triangulate
+from flowsculpt.render.scene.painted_faces import PaintedFaces
 
 if TYPE_CHECKING:
-    from pipeline.flow.regions import TriangleTree
+    from flowsculpt.pipeline.flow.regions import TriangleTree
 
 _STEPS = 1e-5
 """Texture coordinates and colours that differ by less are the same."""
@@ -126,7 +126,7 @@ class ModelPaint:
 
     @cached_property
     def _trees(self) -> _Trees:
-        from pipeline.flow.regions import TriangleTree  # processes that read files need no numba
+        from flowsculpt.pipeline.flow.regions import TriangleTree  # processes that read files need no numba
 
         by_chart = np.split(np.argsort(self.charts, kind="stable"), np.cumsum(np.bincount(self.charts))[:-1])
         parts = [*by_chart, np.arange(len(self.charts))]
@@ -141,7 +141,7 @@ class ModelPaint:
 
     def _nearest(self, points: Points, wanted: AnyArray) -> tuple[AnyArray, Floats]:
         """Return the nearest triangles (N,) of trees, and shares (N, 2) of their last two corners."""
-        from pipeline.plugins.interchange.paint_kernels import find_nearest
+        from flowsculpt.pipeline.plugins.interchange.paint_kernels import find_nearest
 
         own, found, shares = self._trees, np.empty(len(points), np.int64), np.zeros((len(points), 2))
         for first in range(0, len(points), _BLOCK):

@@ -14,10 +14,16 @@ from itertools import pairwise
 
 import numpy as np
 
-from pipeline.errors import MeshError
-from pipeline.file_contents import number_fault, text_content
-from pipeline.mesh.mesh_formats import FileSurface, MeshFormat, offsets_of, polygon_surface, reader_of
-from render.base.plural import plural
+from flowsculpt.pipeline.errors import MeshError
+from flowsculpt.pipeline.file_contents import number_fault, text_content
+from flowsculpt.pipeline.mesh.mesh_formats import (
+    FileSurface,
+    MeshFormat,
+    offsets_of,
+    polygon_surface,
+    reader_of,
+)
+from flowsculpt.render.base.plural import plural
 
 _PARTING = (b"o", b"g", b"s", b"usemtl")
 """Statements that begin another object, group, smoothing group or material."""

@@ -16,12 +16,12 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.errors import MeshError, brief
-from pipeline.file_contents import number_fault, text_content
-from pipeline.mesh.mesh_formats import MOST_BYTES
-from pipeline.plugins.interchange.model_paint import ModelPaint
-from pipeline.plugins.interchange.obj_files import statements
-from pipeline.plugins.interchange.painted_materials import (
+from flowsculpt.pipeline.errors import MeshError, brief
+from flowsculpt.pipeline.file_contents import number_fault, text_content
+from flowsculpt.pipeline.mesh.mesh_formats import MOST_BYTES
+from flowsculpt.pipeline.plugins.interchange.model_paint import ModelPaint
+from flowsculpt.pipeline.plugins.interchange.obj_files import statements
+from flowsculpt.pipeline.plugins.interchange.painted_materials import (
     GREY,
     file_beside,
     found_beside,
@@ -30,11 +30,11 @@ from pipeline.plugins.interchange.painted_materials import (
     painted,
     picture,
 )
-from render.base.input_files import digest_of_file, read_input
-from render.scene.materials import Opacity, PatternedMaterial
-from render.scene.painted_faces import Files, ModelMaterials, PaintReader
-from render.scene.rgb_spaces import linear_of_srgb
-from render.scene.textures import ALPHA, CLAMP, Texture
+from flowsculpt.render.base.input_files import digest_of_file, read_input
+from flowsculpt.render.scene.materials import Opacity, PatternedMaterial
+from flowsculpt.render.scene.painted_faces import Files, ModelMaterials, PaintReader
+from flowsculpt.render.scene.rgb_spaces import linear_of_srgb
+from flowsculpt.render.scene.textures import ALPHA, CLAMP, Texture
 
 _NAMES = re.compile(rb"^[ \t]*(usemtl|mtllib)[ \t]+([^\r\n]*)", re.MULTILINE)
 

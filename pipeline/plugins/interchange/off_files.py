@@ -10,10 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Floats, Points
-from pipeline.errors import MeshError
-from pipeline.file_contents import number_fault, text_content
-from pipeline.mesh.mesh_formats import (
+from flowsculpt.pipeline.arrays import AnyArray, Floats, Points
+from flowsculpt.pipeline.errors import MeshError
+from flowsculpt.pipeline.file_contents import number_fault, text_content
+from flowsculpt.pipeline.mesh.mesh_formats import (
     FileSurface,
     MeshFormat,
     early_end,

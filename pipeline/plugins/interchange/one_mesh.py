@@ -12,12 +12,12 @@ from functools import cached_property
 
 import numpy as np
 
-from pipeline.arrays import Faces, Floats, Indices, Points, Vectors
-from pipeline.frames import FrameRate
-from pipeline.mesh.meshes import TriangleMesh
-from pipeline.mesh.normals import NORMAL, fan_normals, split_at_creases, trusted_normals
-from pipeline.production.store.store import Key
-from render.scene.painted_faces import PaintedFaces
+from flowsculpt.pipeline.arrays import Faces, Floats, Indices, Points, Vectors
+from flowsculpt.pipeline.frames import FrameRate
+from flowsculpt.pipeline.mesh.meshes import TriangleMesh
+from flowsculpt.pipeline.mesh.normals import NORMAL, fan_normals, split_at_creases, trusted_normals
+from flowsculpt.pipeline.production.store.store import Key
+from flowsculpt.render.scene.painted_faces import PaintedFaces
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,16 +7,16 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from pipeline.cli.options import Common, Shot
-from pipeline.cli.output import print_result, progress_bars
-from pipeline.errors import FrameError
-from pipeline.plugins.interchange.export_commands import OneMeshOptions, asked_for
-from pipeline.plugins.interchange.one_mesh import OneMesh
-from pipeline.plugins.interchange.point_caches import PointCacheExport
-from pipeline.plugins.interchange.unifying import Unification
-from pipeline.production.store.locks import writing
-from render.base.plural import plural
-from render.scene.render_quality import DEFAULT_QUALITY
+from flowsculpt.pipeline.cli.options import Common, Shot
+from flowsculpt.pipeline.cli.output import print_result, progress_bars
+from flowsculpt.pipeline.errors import FrameError
+from flowsculpt.pipeline.plugins.interchange.export_commands import OneMeshOptions, asked_for
+from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh
+from flowsculpt.pipeline.plugins.interchange.point_caches import PointCacheExport
+from flowsculpt.pipeline.plugins.interchange.unifying import Unification
+from flowsculpt.pipeline.production.store.locks import writing
+from flowsculpt.render.base.plural import plural
+from flowsculpt.render.scene.render_quality import DEFAULT_QUALITY
 
 
 def pc2(common: Common, shot: Shot, options: OneMeshOptions) -> None:

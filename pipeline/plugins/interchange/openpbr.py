@@ -9,9 +9,18 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from pipeline.plugins.interchange.exported_frame import preview_surface
-from render.base.serialise import Triple
-from render.scene.materials import Diffuse, Glass, Gouraud, Material, Painted, Plastic, Satin, Smoke
+from flowsculpt.pipeline.plugins.interchange.exported_frame import preview_surface
+from flowsculpt.render.base.serialise import Triple
+from flowsculpt.render.scene.materials import (
+    Diffuse,
+    Glass,
+    Gouraud,
+    Material,
+    Painted,
+    Plastic,
+    Satin,
+    Smoke,
+)
 
 Inputs = dict[str, float | Triple]
 

@@ -23,15 +23,15 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.errors import UsageError
-from pipeline.frames import FrameRange
-from pipeline.plugins.interchange.exported_frame import KeyedFiles
-from pipeline.plugins.interchange.model_export import write_obj
-from pipeline.plugins.interchange.one_mesh import OneMesh
-from pipeline.plugins.interchange.refining import Began
-from pipeline.plugins.interchange.unifying import Unification, exported
-from pipeline.production.store.store import key_of
-from render.base.atomic_write import disk_errors
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.frames import FrameRange
+from flowsculpt.pipeline.plugins.interchange.exported_frame import KeyedFiles
+from flowsculpt.pipeline.plugins.interchange.model_export import write_obj
+from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh
+from flowsculpt.pipeline.plugins.interchange.refining import Began
+from flowsculpt.pipeline.plugins.interchange.unifying import Unification, exported
+from flowsculpt.pipeline.production.store.store import key_of
+from flowsculpt.render.base.atomic_write import disk_errors
 
 _VERSION = 1  # of both formats as they are written here
 

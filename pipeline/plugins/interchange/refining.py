@@ -28,27 +28,27 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from pipeline.animation.loop import blocks_of, creased, step_into
-from pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
-from pipeline.errors import FrameError, UsageError, VertexBudgetError
-from pipeline.flow.flow_map import FlowMap
-from pipeline.mesh import TriangleMesh
-from pipeline.mesh.analytic_surfaces import AnalyticSurface
-from pipeline.mesh.halfedge_mesh import CREASE, SEAM, HalfedgeMesh
-from pipeline.mesh.normals import NORMAL, vertex_normals
-from pipeline.plugins.interchange.birth_replay import mix_births, replay_births
-from pipeline.production.request.manifest import thresholds_at
-from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.stages import PipelineStage
-from pipeline.production.store import readers
-from pipeline.production.store.store import Key, Store, key_of
-from pipeline.resample import Exact, edges_by_angle
-from pipeline.resample.kernels.pass_state import Limits
-from pipeline.resample.kernels.split import BIRTH_HALFEDGE
-from pipeline.resample.placement import REST, REST_NORMAL, column_of
-from pipeline.resample.resample_pass import ResamplePass
-from pipeline.resample.thresholds import Thresholds, TriangleShape
-from pipeline.shot.motion import Resampling
+from flowsculpt.pipeline.animation.loop import blocks_of, creased, step_into
+from flowsculpt.pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
+from flowsculpt.pipeline.errors import FrameError, UsageError, VertexBudgetError
+from flowsculpt.pipeline.flow.flow_map import FlowMap
+from flowsculpt.pipeline.mesh import TriangleMesh
+from flowsculpt.pipeline.mesh.analytic_surfaces import AnalyticSurface
+from flowsculpt.pipeline.mesh.halfedge_mesh import CREASE, SEAM, HalfedgeMesh
+from flowsculpt.pipeline.mesh.normals import NORMAL, vertex_normals
+from flowsculpt.pipeline.plugins.interchange.birth_replay import mix_births, replay_births
+from flowsculpt.pipeline.production.request.manifest import thresholds_at
+from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt.pipeline.production.stages import PipelineStage
+from flowsculpt.pipeline.production.store import readers
+from flowsculpt.pipeline.production.store.store import Key, Store, key_of
+from flowsculpt.pipeline.resample import Exact, edges_by_angle
+from flowsculpt.pipeline.resample.kernels.pass_state import Limits
+from flowsculpt.pipeline.resample.kernels.split import BIRTH_HALFEDGE
+from flowsculpt.pipeline.resample.placement import REST, REST_NORMAL, column_of
+from flowsculpt.pipeline.resample.resample_pass import ResamplePass
+from flowsculpt.pipeline.resample.thresholds import Thresholds, TriangleShape
+from flowsculpt.pipeline.shot.motion import Resampling
 
 KIND = "refined"
 """The kind of its files in the store."""

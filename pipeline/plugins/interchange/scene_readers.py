@@ -13,13 +13,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Floats, Points
-from pipeline.errors import FlowsculptError, MachineError, MeshError, MissingInputError, brief
-from pipeline.mesh.mesh_formats import FileSurface, ModelFiles
-from render.base.input_files import digest_of_file, joint_digest
-from render.base.limited_process import answer_of
-from render.base.plural import plural
-from render.base.python_process import command_line
+from flowsculpt.pipeline.arrays import AnyArray, Floats, Points
+from flowsculpt.pipeline.errors import FlowsculptError, MachineError, MeshError, MissingInputError, brief
+from flowsculpt.pipeline.mesh.mesh_formats import FileSurface, ModelFiles
+from flowsculpt.render.base.input_files import digest_of_file, joint_digest
+from flowsculpt.render.base.limited_process import answer_of
+from flowsculpt.render.base.plural import plural
+from flowsculpt.render.base.python_process import command_line
 
 MOST_MESHES, MOST_CORNERS = 20_000, 20_000_000
 """Meshes that are placed, and corners of faces of all; instances count each time."""

@@ -18,23 +18,23 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from pipeline.arrays import Floats
-from pipeline.errors import MeshError, brief, shortened
-from pipeline.mesh.mesh_formats import FileSurface, MeshFormat, ModelFiles, reader_of
-from pipeline.plugins.interchange.scene_readers import (
+from flowsculpt.pipeline.arrays import Floats
+from flowsculpt.pipeline.errors import MeshError, brief, shortened
+from flowsculpt.pipeline.mesh.mesh_formats import FileSurface, MeshFormat, ModelFiles, reader_of
+from flowsculpt.pipeline.plugins.interchange.scene_readers import (
     PlacedMeshes,
     Polygons,
     joined,
     one_file,
     require_vertices,
 )
-from pipeline.plugins.interchange.xml_elements import (
+from flowsculpt.pipeline.plugins.interchange.xml_elements import (
     Element,
     limited_parser,
     local_name,
     parse_elements,
 )
-from render.base.input_files import joint_digest, size_of
+from flowsculpt.render.base.input_files import joint_digest, size_of
 
 MOST_OBJECTS = 50_000  # objects that are visited; those of components count each time
 

@@ -15,30 +15,37 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.animation.frame import FrameReport, MeshFrame
-from pipeline.animation.loop import animate, step_into
-from pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
-from pipeline.errors import UsageError
-from pipeline.mesh import TriangleMesh
-from pipeline.mesh.normals import carried_normals
-from pipeline.plugins.interchange.birth_replay import raise_to_dependents
-from pipeline.plugins.interchange.exported_frame import (
+from flowsculpt.pipeline.animation.frame import FrameReport, MeshFrame
+from flowsculpt.pipeline.animation.loop import animate, step_into
+from flowsculpt.pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.mesh import TriangleMesh
+from flowsculpt.pipeline.mesh.normals import carried_normals
+from flowsculpt.pipeline.plugins.interchange.birth_replay import raise_to_dependents
+from flowsculpt.pipeline.plugins.interchange.exported_frame import (
     ExportedFrame,
     has_colours,
     rendered_surface,
     surface_recipe,
     texture_coordinates,
 )
-from pipeline.plugins.interchange.one_mesh import OneMesh, Reduction
-from pipeline.plugins.interchange.refining import KIND, UNIFY, Began, Refined, Refiner, with_hard_edges
-from pipeline.production.request.manifest import thresholds_at
-from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.request.shading import vertex_motion
-from pipeline.production.store import readers
-from pipeline.production.store.store import Key, Store, key_of
-from pipeline.shot import Motion
-from render.scene.materials import Painted
-from render.scene.vertex_colours import vertex_colours
+from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh, Reduction
+from flowsculpt.pipeline.plugins.interchange.refining import (
+    KIND,
+    UNIFY,
+    Began,
+    Refined,
+    Refiner,
+    with_hard_edges,
+)
+from flowsculpt.pipeline.production.request.manifest import thresholds_at
+from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt.pipeline.production.request.shading import vertex_motion
+from flowsculpt.pipeline.production.store import readers
+from flowsculpt.pipeline.production.store.store import Key, Store, key_of
+from flowsculpt.pipeline.shot import Motion
+from flowsculpt.render.scene.materials import Painted
+from flowsculpt.render.scene.vertex_colours import vertex_colours
 
 
 class _Errors(NamedTuple):

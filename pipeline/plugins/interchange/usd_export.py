@@ -24,9 +24,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdShade, Vt
 
-from pipeline.arrays import AnyArray
-from pipeline.errors import FrameError
-from pipeline.plugins.interchange.exported_frame import (
+from flowsculpt.pipeline.arrays import AnyArray
+from flowsculpt.pipeline.errors import FrameError
+from flowsculpt.pipeline.plugins.interchange.exported_frame import (
     EXPORT,
     ExportedFrame,
     KeyedFiles,
@@ -36,9 +36,14 @@ from pipeline.plugins.interchange.exported_frame import (
     has_coordinates,
     stored_frame,
 )
-from pipeline.plugins.interchange.exported_materials import number_planes, parts_of
-from pipeline.plugins.interchange.usd_materials import MATERIALX, add_material, bind, connect_opacity
-from pipeline.plugins.interchange.usd_prims import (
+from flowsculpt.pipeline.plugins.interchange.exported_materials import number_planes, parts_of
+from flowsculpt.pipeline.plugins.interchange.usd_materials import (
+    MATERIALX,
+    add_material,
+    bind,
+    connect_opacity,
+)
+from flowsculpt.pipeline.plugins.interchange.usd_prims import (
     CameraSettings,
     add_camera,
     add_lights,
@@ -46,19 +51,19 @@ from pipeline.plugins.interchange.usd_prims import (
     sky_map,
     write_picture,
 )
-from pipeline.production.request.cameras import camera_file
-from pipeline.production.request.framing import Framing
-from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.store.store import Key, Store, key_of
-from pipeline.shot import Picture, Shot
-from render.base.atomic_write import cannot_write
-from render.base.serialise import to_plain
-from render.scene.materials import Diffuse, Material, Opacity, Satin
-from render.scene.painted_faces import VERTEX_COLOURS
-from render.scene.scene_stage import Stage
+from flowsculpt.pipeline.production.request.cameras import camera_file
+from flowsculpt.pipeline.production.request.framing import Framing
+from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt.pipeline.production.store.store import Key, Store, key_of
+from flowsculpt.pipeline.shot import Picture, Shot
+from flowsculpt.render.base.atomic_write import cannot_write
+from flowsculpt.render.base.serialise import to_plain
+from flowsculpt.render.scene.materials import Diffuse, Material, Opacity, Satin
+from flowsculpt.render.scene.painted_faces import VERTEX_COLOURS
+from flowsculpt.render.scene.scene_stage import Stage
 
 if TYPE_CHECKING:
-    from pipeline.production.request.framing import Framing
+    from flowsculpt.pipeline.production.request.framing import Framing
 
 
 SCULPTURE = "sculpture"  # name of the prim that clips move
@@ -256,7 +261,7 @@ class SculptureFiles:
 
     @cached_property
     def is_cloud(self) -> bool:
-        from pipeline.shot.point_subjects import Cloud
+        from flowsculpt.pipeline.shot.point_subjects import Cloud
 
         return isinstance(self.request.shot.motion.subject, Cloud)
 

@@ -15,25 +15,30 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from pipeline.errors import MissingInputError
-from pipeline.mesh.mesh_formats import FileSurface, MeshFormat, ModelFiles, ScenePart
-from pipeline.plugins.interchange.model_paint import ModelPaint
-from pipeline.plugins.interchange.painted_materials import (
+from flowsculpt.pipeline.errors import MissingInputError
+from flowsculpt.pipeline.mesh.mesh_formats import FileSurface, MeshFormat, ModelFiles, ScenePart
+from flowsculpt.pipeline.plugins.interchange.model_paint import ModelPaint
+from flowsculpt.pipeline.plugins.interchange.painted_materials import (
     opacity_of,
     painted,
     picture,
     picture_within,
 )
-from pipeline.plugins.interchange.scene_readers import answered, asked, require_package, unpacked_surface
-from render.base.input_files import digest_of_file, joint_digest
-from render.base.limited_process import allow_memory, serve
-from render.base.state_files import mapping
-from render.base.user_cache import cache_path, load_answer, store_answer
-from render.scene.materials import PatternedMaterial
-from render.scene.painted_faces import Files, ModelMaterials, PaintReader
-from render.scene.textures import BLACK, CLAMP, REPEAT, Texture
+from flowsculpt.pipeline.plugins.interchange.scene_readers import (
+    answered,
+    asked,
+    require_package,
+    unpacked_surface,
+)
+from flowsculpt.render.base.input_files import digest_of_file, joint_digest
+from flowsculpt.render.base.limited_process import allow_memory, serve
+from flowsculpt.render.base.state_files import mapping
+from flowsculpt.render.base.user_cache import cache_path, load_answer, store_answer
+from flowsculpt.render.scene.materials import PatternedMaterial
+from flowsculpt.render.scene.painted_faces import Files, ModelMaterials, PaintReader
+from flowsculpt.render.scene.textures import BLACK, CLAMP, REPEAT, Texture
 
-_MODULE = "pipeline.plugins.interchange.usd_files"
+_MODULE = "flowsculpt.pipeline.plugins.interchange.usd_files"
 
 _VERSION = 1  # goes up when the process answers otherwise about the same files
 
@@ -196,7 +201,7 @@ def answer(path: str, question: str, options: str) -> bytes:
     _load_usd()
     from pxr import Tf
 
-    from pipeline.plugins.interchange.usd_reader import answer_about, content_of_picture, one_line
+    from flowsculpt.pipeline.plugins.interchange.usd_reader import answer_about, content_of_picture, one_line
 
     try:
         if question == "picture":

@@ -15,11 +15,11 @@ from pathlib import Path
 
 from pxr import Sdf
 
-from pipeline.plugins.interchange.exported_frame import EXPORT, KeyedFiles
-from pipeline.plugins.interchange.one_mesh import OneMesh
-from pipeline.plugins.interchange.refining import Began
-from pipeline.plugins.interchange.unifying import Unification, exported
-from pipeline.plugins.interchange.usd_export import (
+from flowsculpt.pipeline.plugins.interchange.exported_frame import EXPORT, KeyedFiles
+from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh
+from flowsculpt.pipeline.plugins.interchange.refining import Began
+from flowsculpt.pipeline.plugins.interchange.unifying import Unification, exported
+from flowsculpt.pipeline.plugins.interchange.usd_export import (
     SampledAttribute,
     SculptureFiles,
     UsdExport,
@@ -28,7 +28,7 @@ from pipeline.plugins.interchange.usd_export import (
     usd_array,
     write_layer,
 )
-from pipeline.production.store.store import key_of
+from flowsculpt.pipeline.production.store.store import key_of
 
 _SAMPLED = ("points", "primvars:normals", "extent")  # what differs from frame to frame
 

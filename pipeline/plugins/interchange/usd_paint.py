@@ -14,12 +14,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from pxr import Ar, Usd, UsdGeom, UsdShade
 
-from pipeline.arrays import AnyArray, Floats
-from pipeline.errors import MeshError, brief
-from pipeline.plugins.interchange.model_paint import packed
-from pipeline.plugins.interchange.painted_materials import GREY
-from pipeline.plugins.interchange.scene_readers import Polygons
-from pipeline.plugins.interchange.usd_reader import (
+from flowsculpt.pipeline.arrays import AnyArray, Floats
+from flowsculpt.pipeline.errors import MeshError, brief
+from flowsculpt.pipeline.plugins.interchange.model_paint import packed
+from flowsculpt.pipeline.plugins.interchange.painted_materials import GREY
+from flowsculpt.pipeline.plugins.interchange.scene_readers import Polygons
+from flowsculpt.pipeline.plugins.interchange.usd_reader import (
     StageMeshes,
     content_of_picture,
     numbers_at,
@@ -27,7 +27,7 @@ from pipeline.plugins.interchange.usd_reader import (
     start_of,
     time_of,
 )
-from render.scene.textures import ALPHA
+from flowsculpt.render.scene.textures import ALPHA
 
 _DISPLAY_COLOR = "displayColor"
 

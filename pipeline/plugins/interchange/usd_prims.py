@@ -18,14 +18,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdLux
 
-from pipeline.arrays import AnyArray, Floats
-from render.base.serialise import Colour, Triple
-from render.mitsuba.emitters import gradient_map
-from render.post.image import write_exr
-from render.scene.aovs import RenderedFrame
-from render.scene.render_camera import Camera
-from render.scene.scene_lights import LightRig, Softbox, Sun
-from render.scene.sky import SUN_WIDTH
+from flowsculpt.pipeline.arrays import AnyArray, Floats
+from flowsculpt.render.base.serialise import Colour, Triple
+from flowsculpt.render.mitsuba.emitters import gradient_map
+from flowsculpt.render.post.image import write_exr
+from flowsculpt.render.scene.aovs import RenderedFrame
+from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.scene_lights import LightRig, Softbox, Sun
+from flowsculpt.render.scene.sky import SUN_WIDTH
 
 
 class CameraSettings(NamedTuple):

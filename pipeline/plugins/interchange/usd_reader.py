@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from pxr import Ar, Sdf, Usd, UsdGeom
 
-from pipeline.arrays import AnyArray, Floats
-from pipeline.errors import FlowsculptError, MeshError, MissingInputError, brief, suggestion
-from pipeline.plugins.interchange.scene_readers import (
+from flowsculpt.pipeline.arrays import AnyArray, Floats
+from flowsculpt.pipeline.errors import FlowsculptError, MeshError, MissingInputError, brief, suggestion
+from flowsculpt.pipeline.plugins.interchange.scene_readers import (
     PlacedMeshes,
     Polygons,
     joined,
@@ -25,9 +25,9 @@ from pipeline.plugins.interchange.scene_readers import (
     require_vertices,
     reversed_faces,
 )
-from render.base.input_files import require_input
-from render.base.limited_process import MEMORY, allow_memory
-from render.base.plural import plural
+from flowsculpt.render.base.input_files import require_input
+from flowsculpt.render.base.limited_process import MEMORY, allow_memory
+from flowsculpt.render.base.plural import plural
 
 MOST_BYTES = 1 << 30  # size of the largest layer
 _MOST_LAYERS = 10_000
@@ -222,7 +222,7 @@ def answer_about(path: str, question: str, prim: str | None, time_code: float | 
     allow_memory(MEMORY + 40 * layers.size)
     stage = _opened(path)
     if question in ("paint", "materials"):
-        from pipeline.plugins.interchange.usd_paint import answer_about_paint
+        from flowsculpt.pipeline.plugins.interchange.usd_paint import answer_about_paint
 
         return answer_about_paint(stage, question, prim, time_code)
     if question == "facts":

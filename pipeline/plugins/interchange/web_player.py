@@ -21,23 +21,27 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Floats
-from pipeline.errors import MissingInputError
-from pipeline.plugins.interchange.animated_gltf import Moving, closes
-from pipeline.plugins.interchange.exported_materials import COMPACT, ExportedMaterial, exported_materials
-from pipeline.plugins.interchange.one_mesh import OneMesh
-from pipeline.production.request.framing import Framing
-from pipeline.shot import Picture, Shot
-from render.base.atomic_write import disk_errors
-from render.graphics.three_js import FETCH, three_js
-from render.post.colour import view_table
-from render.post.embedded_textures import EmbeddedPicture
-from render.scene.materials import Glass, Material, Smoke
-from render.scene.render_camera import Camera
-from render.scene.scene_lights import LightRig, Softbox
-from render.scene.scene_stage import Stage
+from flowsculpt.pipeline.arrays import AnyArray, Floats
+from flowsculpt.pipeline.errors import MissingInputError
+from flowsculpt.pipeline.plugins.interchange.animated_gltf import Moving, closes
+from flowsculpt.pipeline.plugins.interchange.exported_materials import (
+    COMPACT,
+    ExportedMaterial,
+    exported_materials,
+)
+from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh
+from flowsculpt.pipeline.production.request.framing import Framing
+from flowsculpt.pipeline.shot import Picture, Shot
+from flowsculpt.render.base.atomic_write import disk_errors
+from flowsculpt.render.graphics.three_js import FETCH, three_js
+from flowsculpt.render.post.colour import view_table
+from flowsculpt.render.post.embedded_textures import EmbeddedPicture
+from flowsculpt.render.scene.materials import Glass, Material, Smoke
+from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.scene_lights import LightRig, Softbox
+from flowsculpt.render.scene.scene_stage import Stage
 
-PARTS = files("pipeline.plugins.interchange")
+PARTS = files("flowsculpt.pipeline.plugins.interchange")
 
 _TABLE = 33  # colours along each side of the view's table
 

@@ -1,9 +1,9 @@
 """Layout: copies on a grid, in a ring or disc, along a spiral, or on a surface."""
 
-from pipeline.plugin import Plugin
+from flowsculpt.pipeline.plugin import Plugin
 
 PLUGIN = Plugin(
     name="layout",
     version="1",
-    layouts={"layout": "pipeline.plugins.layout.copy_layouts:OneLayout"},
+    layouts={"layout": "flowsculpt.pipeline.plugins.layout.copy_layouts:OneLayout"},
 )

@@ -9,13 +9,13 @@ from typing import Annotated, Any, Self
 import numpy as np
 from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 
-from pipeline.arrays import Floats, Points, Vectors
-from pipeline.errors import UsageError
-from pipeline.mesh import TriangleMesh, face_normals, read_mesh
-from pipeline.mesh.normals import unit
-from pipeline.mesh.points import on_surface
-from pipeline.mesh.read import model_files
-from pipeline.shot.documents.field_types import (
+from flowsculpt.pipeline.arrays import Floats, Points, Vectors
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.mesh import TriangleMesh, face_normals, read_mesh
+from flowsculpt.pipeline.mesh.normals import unit
+from flowsculpt.pipeline.mesh.points import on_surface
+from flowsculpt.pipeline.mesh.read import model_files
+from flowsculpt.pipeline.shot.documents.field_types import (
     DEGREE,
     ORIGIN,
     Degrees,
@@ -27,10 +27,10 @@ from pipeline.shot.documents.field_types import (
     one_of,
     optional,
 )
-from pipeline.shot.documents.subject_kinds import CopyLayout
-from pipeline.shot.subjects import SOLIDS, Solid
-from pipeline.shot.yaml.document_validation import ParseContext, as_finding, bad_value
-from render.base.plural import indefinite, plural
+from flowsculpt.pipeline.shot.documents.subject_kinds import CopyLayout
+from flowsculpt.pipeline.shot.subjects import SOLIDS, Solid
+from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext, as_finding, bad_value
+from flowsculpt.render.base.plural import indefinite, plural
 
 UP = [0.0, 1.0, 0.0]
 

@@ -14,8 +14,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pipeline.arrays import AnyArray
-from pipeline.errors import UsageError
+from flowsculpt.pipeline.arrays import AnyArray
+from flowsculpt.pipeline.errors import UsageError
 
 
 class TooWideError(UsageError):

@@ -11,12 +11,12 @@ from typing import Any, Literal
 import numpy as np
 import shapely
 
-from pipeline.arrays import AnyArray
-from pipeline.errors import UsageError
-from pipeline.mesh import PolygonMesh, TriangleMesh
-from pipeline.mesh.validation import twin_corners
-from pipeline.plugins.lettering.bevel import TooWideError, bevelled
-from pipeline.plugins.lettering.outlines import OutlineShape, polygons_of, rings_of
+from flowsculpt.pipeline.arrays import AnyArray
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.mesh import PolygonMesh, TriangleMesh
+from flowsculpt.pipeline.mesh.validation import twin_corners
+from flowsculpt.pipeline.plugins.lettering.bevel import TooWideError, bevelled
+from flowsculpt.pipeline.plugins.lettering.outlines import OutlineShape, polygons_of, rings_of
 
 HARD = math.radians(30.0)
 """Angle between faces from which on the edge between them is a crease."""

@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 from pydantic import Field, GetJsonSchemaHandler, model_validator
 from pydantic_core import CoreSchema
 
-from pipeline.errors import UsageError
-from pipeline.mesh import TriangleMesh
-from pipeline.shot.documents.field_types import LARGEST, Positive, optional
-from pipeline.shot.documents.subject_kinds import SubjectKind
-from pipeline.shot.yaml.document_validation import bad_value
-from render.base.input_files import digest_of_file
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.mesh import TriangleMesh
+from flowsculpt.pipeline.shot.documents.field_types import LARGEST, Positive, optional
+from flowsculpt.pipeline.shot.documents.subject_kinds import SubjectKind
+from flowsculpt.pipeline.shot.yaml.document_validation import bad_value
+from flowsculpt.render.base.input_files import digest_of_file
 
 if TYPE_CHECKING:  # the libraries of outlines take time to import, and most shots have none
-    from pipeline.plugins.lettering.outline_process import Outlines
+    from flowsculpt.pipeline.plugins.lettering.outline_process import Outlines
 
 Index = Annotated[int, Field(ge=1)]
 
@@ -57,7 +57,7 @@ class OutlineKind(SubjectKind):
                 f"two bevels of {self.bevel:g} leave nothing of a depth of {self.depth:g}. "
                 f"Write bevel: {0.1 * self.depth:.2g}, or raise depth."
             )
-        from pipeline.plugins.lettering.extrusion import Section
+        from flowsculpt.pipeline.plugins.lettering.extrusion import Section
 
         profile = Section(float(self.depth), float(self.bevel), self.profile, self.steps)
         return self.outlines(folder).solid(profile)
@@ -91,14 +91,14 @@ class TextKind(OutlineKind):
 
     def files(self) -> tuple[str | Path, ...]:
         """Return the font, except for the default one: every installation has it in a place of its own."""
-        from pipeline.plugins.lettering.fonts import font_file
+        from flowsculpt.pipeline.plugins.lettering.fonts import font_file
 
         return (font_file(self.font),) if self.font else ()
 
     @model_validator(mode="after")
     def _count_font(self) -> Self:
         if not self.font:
-            from pipeline.plugins.lettering.fonts import font_file
+            from flowsculpt.pipeline.plugins.lettering.fonts import font_file
 
             self._digests.append(digest_of_file(Path(font_file(self.font))))
         elif face := self._face:
@@ -108,13 +108,13 @@ class TextKind(OutlineKind):
     @property
     def _face(self) -> int:
         """The number of the face of an installed family, where none is set."""
-        from pipeline.plugins.lettering.fonts import face_of_family
+        from flowsculpt.pipeline.plugins.lettering.fonts import face_of_family
 
         return 0 if self.face else face_of_family(self.font)
 
     def outlines(self, folder: Path) -> Outlines:
-        from pipeline.plugins.lettering.fonts import font_file
-        from pipeline.plugins.lettering.outline_process import Outlines
+        from flowsculpt.pipeline.plugins.lettering.fonts import font_file
+        from flowsculpt.pipeline.plugins.lettering.outline_process import Outlines
 
         settings = {
             "text": self.text,
@@ -152,7 +152,7 @@ class SvgKind(OutlineKind):
         return (self.file,)
 
     def outlines(self, folder: Path) -> Outlines:
-        from pipeline.plugins.lettering.outline_process import Outlines
+        from flowsculpt.pipeline.plugins.lettering.outline_process import Outlines
 
         settings = {"size": float(self.size), "tolerance": float(self.tolerance)}
         return Outlines(folder / self.file, settings, "path", self.path)

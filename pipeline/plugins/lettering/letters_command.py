@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pipeline.cli.options import Common
-from pipeline.cli.output import print_result
-from pipeline.errors import UsageError
-from pipeline.plugins.lettering.kinds import TextKind
-from pipeline.production.request.lookup import SHOTS
-from pipeline.shot.documents.flow_documents import DOCUMENTS
-from pipeline.shot.yaml.named_files import name_fault
-from render.base.atomic_write import atomic_write, disk_errors
+from flowsculpt.pipeline.cli.options import Common
+from flowsculpt.pipeline.cli.output import print_result
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.plugins.lettering.kinds import TextKind
+from flowsculpt.pipeline.production.request.lookup import SHOTS
+from flowsculpt.pipeline.shot.documents.flow_documents import DOCUMENTS
+from flowsculpt.pipeline.shot.yaml.named_files import name_fault
+from flowsculpt.render.base.atomic_write import atomic_write, disk_errors
 
 if TYPE_CHECKING:
-    from pipeline.plugins.lettering.outlines import OutlineShape
+    from flowsculpt.pipeline.plugins.lettering.outlines import OutlineShape
 
 SHOT = """\
 title: {title}

@@ -17,15 +17,15 @@ from typing import Any, NamedTuple
 import numpy as np
 import shapely
 
-from pipeline.errors import UsageError
-from pipeline.mesh import TriangleMesh
-from pipeline.plugins.lettering.extrusion import Section, extruded, solids
-from pipeline.plugins.lettering.outlines import OutlineShape
-from pipeline.plugins.lettering.starts import starts
-from pipeline.plugins.lettering.svg_outlines import drawn_shapes
-from pipeline.plugins.lettering.text_outlines import TextSettings, letters
-from render.base.input_files import digest_of_file
-from render.base.limited_process import (
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.mesh import TriangleMesh
+from flowsculpt.pipeline.plugins.lettering.extrusion import Section, extruded, solids
+from flowsculpt.pipeline.plugins.lettering.outlines import OutlineShape
+from flowsculpt.pipeline.plugins.lettering.starts import starts
+from flowsculpt.pipeline.plugins.lettering.svg_outlines import drawn_shapes
+from flowsculpt.pipeline.plugins.lettering.text_outlines import TextSettings, letters
+from flowsculpt.render.base.input_files import digest_of_file
+from flowsculpt.render.base.limited_process import (
     MEMORY,
     ParserError,
     allow_memory,
@@ -33,7 +33,7 @@ from render.base.limited_process import (
     answer_of_fork,
     serve,
 )
-from render.base.plural import plural
+from flowsculpt.render.base.plural import plural
 
 READING, EXTRUDING = 6.0, 60.0
 """Seconds of a core that outlines may take, and solids."""

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import shapely
 
-from pipeline.arrays import AnyArray
-from pipeline.mesh import TriangleMesh, icosphere
-from pipeline.plugins.lettering.extrusion import Section, extruded, joined
-from pipeline.plugins.lettering.outlines import OutlineShape, polygons_of
+from flowsculpt.pipeline.arrays import AnyArray
+from flowsculpt.pipeline.mesh import TriangleMesh, icosphere
+from flowsculpt.pipeline.plugins.lettering.extrusion import Section, extruded, joined
+from flowsculpt.pipeline.plugins.lettering.outlines import OutlineShape, polygons_of
 
 TUBE = 0.4
 """Radius of a ring's tube over that of the ring."""

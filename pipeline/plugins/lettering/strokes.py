@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import shapely
 
-from pipeline.arrays import AnyArray
-from pipeline.plugins.lettering.outlines import PolylinePen
+from flowsculpt.pipeline.arrays import AnyArray
+from flowsculpt.pipeline.plugins.lettering.outlines import PolylinePen
 
 CAPS = {"butt": "flat", "round": "round", "square": "square"}
 JOINS = {"round": "round", "bevel": "bevel"}

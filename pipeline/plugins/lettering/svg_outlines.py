@@ -26,13 +26,13 @@ from fontTools.pens.transformPen import TransformPen
 from fontTools.svgLib.path import parse_path
 from shapely import affinity
 
-from pipeline.arrays import AnyArray
-from pipeline.errors import UsageError, shortened
-from pipeline.plugins.lettering.outlines import OutlineShape, PolylinePen, filled
-from pipeline.plugins.lettering.strokes import Stroke, stroked
-from pipeline.plugins.lettering.style_sheets import StyleSheets
-from pipeline.plugins.lettering.svg_values import DECIMAL, LARGEST, TURNING, Box, length, matrix_of
-from render.base.input_files import read_input, size_of
+from flowsculpt.pipeline.arrays import AnyArray
+from flowsculpt.pipeline.errors import UsageError, shortened
+from flowsculpt.pipeline.plugins.lettering.outlines import OutlineShape, PolylinePen, filled
+from flowsculpt.pipeline.plugins.lettering.strokes import Stroke, stroked
+from flowsculpt.pipeline.plugins.lettering.style_sheets import StyleSheets
+from flowsculpt.pipeline.plugins.lettering.svg_values import DECIMAL, LARGEST, TURNING, Box, length, matrix_of
+from flowsculpt.render.base.input_files import read_input, size_of
 
 MOST_BYTES = 1 << 26
 MOST_PATHS = 5000

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 
 from fontTools.misc.transform import Transform
 
-from pipeline.errors import UsageError, shortened
+from flowsculpt.pipeline.errors import UsageError, shortened
 
 LARGEST = 1e12
 """Largest number of units in a drawing."""

@@ -14,10 +14,10 @@ from typing import Any, Literal
 
 from fontTools.ttLib.sfnt import SFNTReader
 
-from pipeline.errors import UsageError, reason_of, shortened
-from pipeline.plugins.lettering.outlines import OutlineShape, PolylinePen, filled
-from pipeline.plugins.lettering.text_direction import visual_runs
-from render.base.input_files import read_input
+from flowsculpt.pipeline.errors import UsageError, reason_of, shortened
+from flowsculpt.pipeline.plugins.lettering.outlines import OutlineShape, PolylinePen, filled
+from flowsculpt.pipeline.plugins.lettering.text_direction import visual_runs
+from flowsculpt.render.base.input_files import read_input
 
 
 @contextmanager

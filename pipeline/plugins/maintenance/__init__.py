@@ -1,46 +1,46 @@
 """The state of a root: what is done, why a frame is not, what is damaged, and what nothing needs."""
 
-from pipeline.plugin import Command, Plugin
+from flowsculpt.pipeline.plugin import Command, Plugin
 
 PLUGIN = Plugin(
     name="maintenance",
     version="1",
     commands={
         "status": Command(
-            "pipeline.plugins.maintenance.status_commands:status",
+            "flowsculpt.pipeline.plugins.maintenance.status_commands:status",
             "List which frames are done, stale and missing.",
             "Maintain",
         ),
         "why": Command(
-            "pipeline.plugins.maintenance.status_commands:why",
+            "flowsculpt.pipeline.plugins.maintenance.status_commands:why",
             "Explain why a frame would be rendered again.",
             "Maintain",
         ),
         "report": Command(
-            "pipeline.plugins.maintenance.status_commands:report",
+            "flowsculpt.pipeline.plugins.maintenance.status_commands:report",
             "Show where the time of a run went.",
             "Maintain",
         ),
         "verify": Command(
-            "pipeline.plugins.maintenance.store_commands:verify",
+            "flowsculpt.pipeline.plugins.maintenance.store_commands:verify",
             "Check every stored file and make damaged ones again.",
             "Maintain",
         ),
         "audit": Command(
-            "pipeline.plugins.maintenance.audit_command:audit",
+            "flowsculpt.pipeline.plugins.maintenance.audit_command:audit",
             "Make random finished frames again, and compare their bits.",
             "Maintain",
         ),
         "clean": Command(
-            "pipeline.plugins.maintenance.store_commands:clean",
+            "flowsculpt.pipeline.plugins.maintenance.store_commands:clean",
             "Delete stored files that nothing needs.",
             "Maintain",
         ),
         "doctor": Command(
-            "pipeline.plugins.maintenance.doctor_command:doctor",
+            "flowsculpt.pipeline.plugins.maintenance.doctor_command:doctor",
             "Show what is installed, and what would make it faster.",
             "Maintain",
         ),
     },
-    summaries=("pipeline.plugins.maintenance.run_report:brief",),
+    summaries=("flowsculpt.pipeline.plugins.maintenance.run_report:brief",),
 )

@@ -15,18 +15,25 @@ from graphlib import TopologicalSorter
 from multiprocessing import forkserver, get_context
 from typing import TypeGuard
 
-from pipeline.errors import MachineError
-from pipeline.kernels import compile_module
-from render.base.kernel_cache import DECORATORS, SOURCES, imported_modules, kernel_modules
+from flowsculpt.pipeline.errors import MachineError
+from flowsculpt.pipeline.kernels import compile_module
+from flowsculpt.render.base.kernel_cache import (
+    DECORATORS,
+    SOURCES,
+    imported_modules,
+    kernel_modules,
+    module_of,
+    source_of,
+)
 
 PREPARED = (
-    "render.frame.feature_edges",
-    "render.frame.fireflies",
-    "render.frame.sample_sums",
-    "render.movie.movie_frames",
-    "render.post.colour",
-    "render.post.half_floats",
-    "render.raster",
+    "flowsculpt.render.frame.feature_edges",
+    "flowsculpt.render.frame.fireflies",
+    "flowsculpt.render.frame.sample_sums",
+    "flowsculpt.render.movie.movie_frames",
+    "flowsculpt.render.post.colour",
+    "flowsculpt.render.post.half_floats",
+    "flowsculpt.render.raster",
 )
 """Modules whose function `prepare` compiles the kernels of pictures, and bakes the tables of displays."""
 
@@ -40,7 +47,7 @@ def build_kernels(calls: Mapping[str, set[str]], processes: int, advance: Callab
     Raises MachineError where a process is killed, as it is when memory runs out.
     """
     context = get_context("forkserver")
-    context.set_forkserver_preload(["pipeline.plugins.maintenance.kernel_compiler"])
+    context.set_forkserver_preload(["flowsculpt.pipeline.plugins.maintenance.kernel_compiler"])
     try:
         with ProcessPoolExecutor(processes, context) as pool:
             _build_all(calls, processes, pool, advance)
@@ -89,7 +96,7 @@ def kernels_called_by_kernels() -> set[tuple[str, str]]:
     mentioned: set[str] = set()
     for package in ("pipeline", "render"):
         for source in (SOURCES / package).rglob("*.py"):
-            module = ".".join(source.relative_to(SOURCES).with_suffix("").parts)
+            module = module_of(source)
             for statement in ast.parse(source.read_text(encoding="utf-8")).body:
                 if _is_kernel(statement):
                     kernels.add((module, statement.name))
@@ -133,6 +140,7 @@ def _longest_chains(calls: Mapping[str, Iterable[str]]) -> dict[str, int]:
 
 def _source_size(unit: str) -> int:
     """Return the bytes of a module's source, or of all sources of a package."""
-    path = SOURCES.joinpath(*unit.split("."))
-    sources = path.glob("*.py") if path.is_dir() else [path.with_suffix(".py")]
+    module = source_of(unit)
+    package = module.with_suffix("")
+    sources = package.glob("*.py") if package.is_dir() else [module]
     return sum(source.stat().st_size for source in sources)

@@ -26,7 +26,7 @@ from numba.core.postproc import PostProcessor, VariableLifetime
 from numba.core.targetconfig import ConfigStack, TargetConfig
 from numba.core.types.functions import BaseFunction
 
-from render.base.kernel_cache import KernelCache
+from flowsculpt.render.base.kernel_cache import KernelCache
 
 VERSIONS = ("0.68.",)
 """What versions of numba begin with whose private parts these are."""

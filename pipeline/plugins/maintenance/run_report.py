@@ -16,13 +16,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from pipeline.cli.options import Common
-from pipeline.errors import MissingInputError
-from pipeline.production.planning.timings import read_statistics
-from pipeline.production.stages import STAGES
-from pipeline.production.store.event_log import Event, EventReader, logs_of
-from pipeline.production.store.paths import EVENTS
-from render.base.work_clock import Timing
+from flowsculpt.pipeline.cli.options import Common
+from flowsculpt.pipeline.errors import MissingInputError
+from flowsculpt.pipeline.production.planning.timings import read_statistics
+from flowsculpt.pipeline.production.stages import STAGES
+from flowsculpt.pipeline.production.store.event_log import Event, EventReader, logs_of
+from flowsculpt.pipeline.production.store.paths import EVENTS
+from flowsculpt.render.base.work_clock import Timing
 
 STARTING, PLANNING, UNENDED = "starting", "planning", "unended"
 """CPU seconds that no frame accounts for. UNENDED takes the place of PLANNING where jobs were killed or

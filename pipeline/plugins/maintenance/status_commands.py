@@ -12,20 +12,27 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Group
 
-from pipeline.cli.options import Common, Quality, Settings, Shot, project_of, shots_argument
-from pipeline.cli.output import duration, exit_with, print_error, print_result, print_warning, table
-from pipeline.errors import FlowsculptError
-from pipeline.plugins.maintenance.run_report import LABELS, RunReport, named_run
-from pipeline.production.execution.project import Project
-from pipeline.production.planning.frame_states import FrameStates, mesh_states, picture_states
-from pipeline.production.request.lookup import find_shot, misnamed_shots, shot_names
-from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.store.history import History
-from render.base.plural import plural
-from render.scene.render_quality import DEFAULT_QUALITY, QUALITIES
+from flowsculpt.pipeline.cli.options import Common, Quality, Settings, Shot, project_of, shots_argument
+from flowsculpt.pipeline.cli.output import (
+    duration,
+    exit_with,
+    print_error,
+    print_result,
+    print_warning,
+    table,
+)
+from flowsculpt.pipeline.errors import FlowsculptError
+from flowsculpt.pipeline.plugins.maintenance.run_report import LABELS, RunReport, named_run
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.planning.frame_states import FrameStates, mesh_states, picture_states
+from flowsculpt.pipeline.production.request.lookup import find_shot, misnamed_shots, shot_names
+from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt.pipeline.production.store.history import History
+from flowsculpt.render.base.plural import plural
+from flowsculpt.render.scene.render_quality import DEFAULT_QUALITY, QUALITIES
 
 if TYPE_CHECKING:
-    from pipeline.plugins.maintenance.why import Explanation
+    from flowsculpt.pipeline.plugins.maintenance.why import Explanation
 
 
 def status(
@@ -146,7 +153,10 @@ def why(
     that it rests on were edited since the frame was rendered, and which options --set differ. Without a frame
     it explains the first that is not up to date.
     """
-    from pipeline.plugins.maintenance.why import explain, first_undone  # loads numpy and OpenImageIO
+    from flowsculpt.pipeline.plugins.maintenance.why import (  # loads numpy and OpenImageIO
+        explain,
+        first_undone,
+    )
 
     project, path = project_of(common, settings), find_shot(shot)
     request = project.as_finished(project.request(path, quality, None if frame is None else str(frame)))

@@ -12,12 +12,12 @@ from typing import Annotated, NamedTuple, TypeVar
 
 import typer
 
-from pipeline.cli.execution import execute
-from pipeline.cli.options import Common, Settings, project_of
-from pipeline.cli.output import print_error, print_result, print_warning, progress_bars, size
-from pipeline.errors import MachineError
-from pipeline.plugins.maintenance.clean import collect_garbage
-from pipeline.plugins.maintenance.store_repair import (
+from flowsculpt.pipeline.cli.execution import execute
+from flowsculpt.pipeline.cli.options import Common, Settings, project_of
+from flowsculpt.pipeline.cli.output import print_error, print_result, print_warning, progress_bars, size
+from flowsculpt.pipeline.errors import MachineError
+from flowsculpt.pipeline.plugins.maintenance.clean import collect_garbage
+from flowsculpt.pipeline.plugins.maintenance.store_repair import (
     begun_films,
     begun_requests,
     evict,
@@ -25,7 +25,7 @@ from pipeline.plugins.maintenance.store_repair import (
     remedy,
     repairs,
 )
-from pipeline.plugins.maintenance.verify import (
+from flowsculpt.pipeline.plugins.maintenance.verify import (
     PublishedFile,
     ShownFile,
     StoredFile,
@@ -40,11 +40,11 @@ from pipeline.plugins.maintenance.verify import (
     shown_with_digest,
     verify_shown,
 )
-from pipeline.plugins.maintenance.verify import verify as verify_store
-from pipeline.production.store.event_log import RUNS
-from pipeline.production.store.locks import exclusive
-from pipeline.production.store.store import Store
-from render.base.plural import plural
+from flowsculpt.pipeline.plugins.maintenance.verify import verify as verify_store
+from flowsculpt.pipeline.production.store.event_log import RUNS
+from flowsculpt.pipeline.production.store.locks import exclusive
+from flowsculpt.pipeline.production.store.store import Store
+from flowsculpt.render.base.plural import plural
 
 
 def clean(

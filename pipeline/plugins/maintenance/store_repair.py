@@ -15,15 +15,15 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
-from pipeline.errors import FlowsculptError
-from pipeline.plugins.maintenance.verify import ShownFile, StoredFile, inode, shown_files
-from pipeline.production.execution.project import Project
-from pipeline.production.picture_sequences import begun
-from pipeline.production.planning.plan import Plan
-from pipeline.production.planning.planner import Planner
-from pipeline.production.request.edit import Edit
-from pipeline.production.request.keys import PictureKeys, picture_keys
-from pipeline.production.request.lookup import (
+from flowsculpt.pipeline.errors import FlowsculptError
+from flowsculpt.pipeline.plugins.maintenance.verify import ShownFile, StoredFile, inode, shown_files
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.picture_sequences import begun
+from flowsculpt.pipeline.production.planning.plan import Plan
+from flowsculpt.pipeline.production.planning.planner import Planner
+from flowsculpt.pipeline.production.request.edit import Edit
+from flowsculpt.pipeline.production.request.keys import PictureKeys, picture_keys
+from flowsculpt.pipeline.production.request.lookup import (
     FILM,
     edit_names,
     find_edit,
@@ -32,13 +32,13 @@ from pipeline.production.request.lookup import (
     options_of,
     shot_names,
 )
-from pipeline.production.request.render_request import FORMS, RenderRequest
-from pipeline.production.store.paths import PLANS, RENDERS
-from pipeline.production.store.store import Key, Store
-from render.base.root_files import remove
-from render.base.serialise import from_plain
-from render.base.state_files import UNUSABLE, read_state
-from render.scene.render_quality import DEFAULT_QUALITY
+from flowsculpt.pipeline.production.request.render_request import FORMS, RenderRequest
+from flowsculpt.pipeline.production.store.paths import PLANS, RENDERS
+from flowsculpt.pipeline.production.store.store import Key, Store
+from flowsculpt.render.base.root_files import remove
+from flowsculpt.render.base.serialise import from_plain
+from flowsculpt.render.base.state_files import UNUSABLE, read_state
+from flowsculpt.render.scene.render_quality import DEFAULT_QUALITY
 
 Film = tuple[Edit, list[RenderRequest]]
 """An edit at one quality, and the requests of its clips."""

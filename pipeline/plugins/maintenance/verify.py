@@ -15,18 +15,26 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from pipeline.errors import MissingInputError
-from pipeline.frames import FrameRange
-from pipeline.production.request.provenance import FILE, Provenance, records
-from pipeline.production.store import readers
-from pipeline.production.store.digests import ALTERED, CorruptFileError
-from pipeline.production.store.paths import DIGESTS, NOTES, PUBLISHED, RENDERS, REPEATED, STATE, repeated
-from pipeline.production.store.store import Key, Store
-from pipeline.shot.yaml.named_files import is_there
-from render.base.atomic_write import machine_error
-from render.base.input_files import digest_of_file
-from render.movie.probe import probe_movie
-from render.post.image import read_png
+from flowsculpt.pipeline.errors import MissingInputError
+from flowsculpt.pipeline.frames import FrameRange
+from flowsculpt.pipeline.production.request.provenance import FILE, Provenance, records
+from flowsculpt.pipeline.production.store import readers
+from flowsculpt.pipeline.production.store.digests import ALTERED, CorruptFileError
+from flowsculpt.pipeline.production.store.paths import (
+    DIGESTS,
+    NOTES,
+    PUBLISHED,
+    RENDERS,
+    REPEATED,
+    STATE,
+    repeated,
+)
+from flowsculpt.pipeline.production.store.store import Key, Store
+from flowsculpt.pipeline.shot.yaml.named_files import is_there
+from flowsculpt.render.base.atomic_write import machine_error
+from flowsculpt.render.base.input_files import digest_of_file
+from flowsculpt.render.movie.probe import probe_movie
+from flowsculpt.render.post.image import read_png
 
 
 def _json(path: Path) -> object:

@@ -15,25 +15,25 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
-from pipeline.errors import FlowsculptError
-from pipeline.frames import FrameRange
-from pipeline.production.planning.frame_states import KnownPictures
-from pipeline.production.request.cameras import camera_file
-from pipeline.production.request.keys import PictureKeys, picture_header, raw_header
-from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.request.shot_source import ShotSource
-from pipeline.production.stages import STAGES
-from pipeline.production.store import readers
-from pipeline.production.store.digests import CorruptFileError
-from pipeline.production.store.history import History
-from pipeline.production.store.paths import PLANS
-from pipeline.production.store.store import Store
-from pipeline.shot.yaml.inheritance import OPTION, inherited
-from pipeline.shot.yaml.yaml_source import Where, YamlSource, in_yaml
-from render.base.render_errors import RenderError
-from render.base.serialise import from_plain
-from render.base.state_files import read_state
-from render.post.image import CONVENTION, read_header
+from flowsculpt.pipeline.errors import FlowsculptError
+from flowsculpt.pipeline.frames import FrameRange
+from flowsculpt.pipeline.production.planning.frame_states import KnownPictures
+from flowsculpt.pipeline.production.request.cameras import camera_file
+from flowsculpt.pipeline.production.request.keys import PictureKeys, picture_header, raw_header
+from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt.pipeline.production.request.shot_source import ShotSource
+from flowsculpt.pipeline.production.stages import STAGES
+from flowsculpt.pipeline.production.store import readers
+from flowsculpt.pipeline.production.store.digests import CorruptFileError
+from flowsculpt.pipeline.production.store.history import History
+from flowsculpt.pipeline.production.store.paths import PLANS
+from flowsculpt.pipeline.production.store.store import Store
+from flowsculpt.pipeline.shot.yaml.inheritance import OPTION, inherited
+from flowsculpt.pipeline.shot.yaml.yaml_source import Where, YamlSource, in_yaml
+from flowsculpt.render.base.render_errors import RenderError
+from flowsculpt.render.base.serialise import from_plain
+from flowsculpt.render.base.state_files import read_state
+from flowsculpt.render.post.image import CONVENTION, read_header
 
 MISSING = object()
 """Stands for a value that one of two data does not have."""

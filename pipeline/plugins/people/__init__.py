@@ -1,5 +1,7 @@
 """People: figures that show how large a sculpture is."""
 
-from pipeline.plugin import Plugin
+from flowsculpt.pipeline.plugin import Plugin
 
-PLUGIN = Plugin(name="people", version="1", subjects={"person": "pipeline.plugins.people.person:PersonKind"})
+PLUGIN = Plugin(
+    name="people", version="1", subjects={"person": "flowsculpt.pipeline.plugins.people.person:PersonKind"}
+)

@@ -18,10 +18,10 @@ import numpy as np
 from pydantic import Field, GetJsonSchemaHandler, model_validator
 from pydantic_core import CoreSchema
 
-from pipeline.arrays import AnyArray, Faces, Floats, Points
-from pipeline.mesh import TriangleMesh
-from pipeline.shot.documents.field_types import Positive
-from pipeline.shot.documents.subject_kinds import SubjectKind
+from flowsculpt.pipeline.arrays import AnyArray, Faces, Floats, Points
+from flowsculpt.pipeline.mesh import TriangleMesh
+from flowsculpt.pipeline.shot.documents.field_types import Positive
+from flowsculpt.pipeline.shot.documents.subject_kinds import SubjectKind
 
 BLEND = 0.016
 """Width of the blends between limbs, over the height of the person."""

@@ -1,9 +1,11 @@
 """Version 1 of the resampler (1990): polyhedra with faces of any number of sides, `method: polyhedra`."""
 
-from pipeline.plugin import Plugin
+from flowsculpt.pipeline.plugin import Plugin
 
 PLUGIN = Plugin(
     name="polyhedra",
     version="1",
-    resamplers={"polyhedra": "pipeline.plugins.polyhedra.polyhedral_resampler:PolyhedralResampler"},
+    resamplers={
+        "polyhedra": "flowsculpt.pipeline.plugins.polyhedra.polyhedral_resampler:PolyhedralResampler"
+    },
 )

@@ -6,20 +6,20 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Floats, Points
-from pipeline.errors import UsageError
-from pipeline.mesh.meshes import PolygonMesh
-from pipeline.plugins.polyhedra.polyhedron import (
+from flowsculpt.pipeline.arrays import AnyArray, Floats, Points
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.mesh.meshes import PolygonMesh
+from flowsculpt.pipeline.plugins.polyhedra.polyhedron import (
     OUTSIDE,
     LengthLimits,
     Polyhedron,
     PolyhedronEditor,
     inherited,
 )
-from pipeline.plugins.polyhedra.subdivision import Collapser, Slicer
-from pipeline.resample.polygon_resampler import Collapse, Cutting, PolygonResampler
-from pipeline.resample.resample_pass import PolyhedralReport, not_finite
-from pipeline.resample.thresholds import Thresholds
+from flowsculpt.pipeline.plugins.polyhedra.subdivision import Collapser, Slicer
+from flowsculpt.pipeline.resample.polygon_resampler import Collapse, Cutting, PolygonResampler
+from flowsculpt.pipeline.resample.resample_pass import PolyhedralReport, not_finite
+from flowsculpt.pipeline.resample.thresholds import Thresholds
 
 _ATTRIBUTE = "attribute."
 _LARGEST = 1e150  # squares of larger coordinates overflow

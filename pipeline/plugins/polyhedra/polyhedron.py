@@ -12,11 +12,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Floats
-from pipeline.errors import VertexBudgetError
-from pipeline.mesh.meshes import PolygonMesh, edge_keys
-from pipeline.mesh.validation import require, twin_corners
-from pipeline.resample.thresholds import Thresholds
+from flowsculpt.pipeline.arrays import AnyArray, Floats
+from flowsculpt.pipeline.errors import VertexBudgetError
+from flowsculpt.pipeline.mesh.meshes import PolygonMesh, edge_keys
+from flowsculpt.pipeline.mesh.validation import require, twin_corners
+from flowsculpt.pipeline.resample.thresholds import Thresholds
 
 OUTSIDE = -1  # the face beyond a boundary, and the mark of a removed element
 

@@ -12,8 +12,8 @@ from collections.abc import Iterable
 from itertools import pairwise
 from typing import NamedTuple
 
-from pipeline.errors import FrameError
-from pipeline.plugins.polyhedra.polyhedron import (
+from flowsculpt.pipeline.errors import FrameError
+from flowsculpt.pipeline.plugins.polyhedra.polyhedron import (
     OUTSIDE,
     Point,
     PolyhedronEditor,
@@ -24,7 +24,7 @@ from pipeline.plugins.polyhedra.polyhedron import (
     newell,
     norm,
 )
-from pipeline.resample.polygon_resampler import Cutting
+from flowsculpt.pipeline.resample.polygon_resampler import Cutting
 
 _MIN_SNAP = 0.25  # of the maximum: a cut that passes a vertex more closely goes through it
 _MAX_SNAP = 0.49  # of a face's maximum; below half of it every cut makes both parts narrower
@@ -363,7 +363,7 @@ class _End(NamedTuple):
 def can_collapse(editor: PolyhedronEditor, h: int) -> Decision:
     """Decide whether the edge of h may collapse, and to which share of its length, by the rules of version 2.
 
-    Reasons as in `pipeline.resample.resample_pass`: link, boundary, feature, too_long, fold.
+    Reasons as in `flowsculpt.pipeline.resample.resample_pass`: link, boundary, feature, too_long, fold.
     """
     near, far = _end(editor, h), _end(editor, h ^ 1)
     fault = _link_fault(editor, h, near, far)

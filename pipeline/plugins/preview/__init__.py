@@ -1,26 +1,26 @@
 """Previews by a rasteriser, first pictures of a run, the live page, and shots within other programs."""
 
-from pipeline.plugin import Command, Plugin
+from flowsculpt.pipeline.plugin import Command, Plugin
 
 PLUGIN = Plugin(
     name="preview",
     version="1",
     commands={
         "preview": Command(
-            "pipeline.plugins.preview.preview_command:preview",
+            "flowsculpt.pipeline.plugins.preview.preview_command:preview",
             "Draw a shot in seconds, without a path tracer, or live while you edit.",
             "Look",
         ),
         "edit": Command(
-            "pipeline.plugins.preview.program_commands:edit",
+            "flowsculpt.pipeline.plugins.preview.program_commands:edit",
             "Edit values of a shot file, for programs: JSON in, JSON out.",
             "Write shots",
         ),
         "frames": Command(
-            "pipeline.plugins.preview.program_commands:frames",
+            "flowsculpt.pipeline.plugins.preview.program_commands:frames",
             "List the files and cameras of a shot's frames, for programs.",
             "Look",
         ),
     },
-    watchers=("pipeline.plugins.preview.first_look:first_look",),
+    watchers=("flowsculpt.pipeline.plugins.preview.first_look:first_look",),
 )

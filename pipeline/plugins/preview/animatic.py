@@ -18,15 +18,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.animation.loop import step_into
-from pipeline.arrays import AnyArray, Indices
-from pipeline.errors import FrameError
-from pipeline.plugins.preview.sketch import Sketch, is_closed
-from pipeline.plugins.preview.surface_stream import SurfaceStream, in_order
-from pipeline.production.request.audio import samples_of
-from pipeline.production.request.cameras import camera_file
-from pipeline.production.request.edit import Edit
-from pipeline.production.request.framing import (
+from flowsculpt.pipeline.animation.loop import step_into
+from flowsculpt.pipeline.arrays import AnyArray, Indices
+from flowsculpt.pipeline.errors import FrameError
+from flowsculpt.pipeline.plugins.preview.sketch import Sketch, is_closed
+from flowsculpt.pipeline.plugins.preview.surface_stream import SurfaceStream, in_order
+from flowsculpt.pipeline.production.request.audio import samples_of
+from flowsculpt.pipeline.production.request.cameras import camera_file
+from flowsculpt.pipeline.production.request.edit import Edit
+from flowsculpt.pipeline.production.request.framing import (
     AHEAD,
     BoundingSpheres,
     Extent,
@@ -36,16 +36,16 @@ from pipeline.production.request.framing import (
     together,
     with_stage_in_view,
 )
-from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.store import paths
-from pipeline.production.store.store import Store
-from pipeline.production.tasks.encoding import cut_together, in_loop, loop_dissolve
-from pipeline.shot import Motion
-from render.graphics.cards import Screen
-from render.movie.codecs import PLAYBLAST, timecode
-from render.movie.encode import write_movie
-from render.movie.movie_frames import dissolve, mix_frames
-from render.post.image import write_png
+from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt.pipeline.production.store import paths
+from flowsculpt.pipeline.production.store.store import Store
+from flowsculpt.pipeline.production.tasks.encoding import cut_together, in_loop, loop_dissolve
+from flowsculpt.pipeline.shot import Motion
+from flowsculpt.render.graphics.cards import Screen
+from flowsculpt.render.movie.codecs import PLAYBLAST, timecode
+from flowsculpt.render.movie.encode import write_movie
+from flowsculpt.render.movie.movie_frames import dissolve, mix_frames
+from flowsculpt.render.post.image import write_png
 
 SIZES = {"still": (960, 540), "movie": (480, 270)}  # pixels of a 16:9 picture; other aspects have as many
 

@@ -11,11 +11,11 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext, supp
 from pathlib import Path
 from typing import IO
 
-from pipeline.cli.options import Common
-from pipeline.cli.output import err
-from pipeline.production.planning.plan import Plan
-from pipeline.production.request.render_request import RenderRequest
-from render.base import python_process
+from flowsculpt.pipeline.cli.options import Common
+from flowsculpt.pipeline.cli.output import err
+from flowsculpt.pipeline.production.planning.plan import Plan
+from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt.render.base import python_process
 
 FEWEST = 24  # frames that an animatic has at the least: fewer are soon rendered
 ENDING_SECONDS = 3.0  # seconds in which the process that draws leaves, before it is killed
@@ -32,7 +32,7 @@ def first_look(common: Common, plan: Plan, preview: bool) -> AbstractContextMana
 
 def arguments_for(common: Common, plan: Plan, animatic: bool = True) -> list[str] | None:
     """Return the arguments of the process that makes the pictures; None where none are shown."""
-    from pipeline.plugins.preview.first_pictures import WITHOUT, shown_requests
+    from flowsculpt.pipeline.plugins.preview.first_pictures import WITHOUT, shown_requests
 
     requests = shown_requests(plan)
     frames = sum(len(request.requested) for request in requests)
@@ -57,7 +57,7 @@ def _is_new(root: Path, request: RenderRequest) -> bool:
 def _process(root: Path, *words: str) -> Iterator[None]:
     """Have a process make the pictures, and print its lines; end it with the context."""
     process = subprocess.Popen(
-        python_process.command("pipeline.plugins.preview.first_pictures", *words),
+        python_process.command("flowsculpt.pipeline.plugins.preview.first_pictures", *words),
         cwd=root,
         env=python_process.environment(),
         stdin=subprocess.DEVNULL,

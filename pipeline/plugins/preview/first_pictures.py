@@ -19,18 +19,18 @@ from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING
 
-from pipeline.errors import FlowsculptError
-from pipeline.production.planning.plan import Plan
-from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.request.shot_source import PlanningCache
-from pipeline.production.store.event_log import EventLog, EventReader
-from pipeline.production.store.paths import EVENTS
-from pipeline.production.store.store import Store
-from pipeline.production.tasks.job import Context, cpu_of_job
-from render.base.plural import plural
+from flowsculpt.pipeline.errors import FlowsculptError
+from flowsculpt.pipeline.production.planning.plan import Plan
+from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt.pipeline.production.request.shot_source import PlanningCache
+from flowsculpt.pipeline.production.store.event_log import EventLog, EventReader
+from flowsculpt.pipeline.production.store.paths import EVENTS
+from flowsculpt.pipeline.production.store.store import Store
+from flowsculpt.pipeline.production.tasks.job import Context, cpu_of_job
+from flowsculpt.render.base.plural import plural
 
 if TYPE_CHECKING:  # who only waits for a frame needs no rasteriser
-    from pipeline.plugins.preview.animatic import Animatic
+    from flowsculpt.pipeline.plugins.preview.animatic import Animatic
 
 POLL_SECONDS = 0.2
 
@@ -92,9 +92,9 @@ class FirstPictures:
 
     def animatics(self) -> Iterator[str]:
         """Draw the animatic of the film, or of each shot when it can be drawn; yield where they are."""
-        from pipeline.plugins.preview.animatic import Animatic, film_path, write_film_animatic
-        from pipeline.plugins.preview.sketch import Sketch
-        from pipeline.plugins.preview.surface_stream import SurfaceStream
+        from flowsculpt.pipeline.plugins.preview.animatic import Animatic, film_path, write_film_animatic
+        from flowsculpt.pipeline.plugins.preview.sketch import Sketch
+        from flowsculpt.pipeline.plugins.preview.surface_stream import SurfaceStream
 
         cache = PlanningCache(self._root)
         requests = [request.with_cache(cache) for request in shown_requests(self._plan)]
@@ -121,7 +121,7 @@ class FirstPictures:
 
     def frame(self) -> Iterator[str]:
         """Write the first frame that the run finishes as a PNG; yield where it is."""
-        from pipeline.production.tasks.encoding import make_still
+        from flowsculpt.pipeline.production.tasks.encoding import make_still
 
         job, number = self._first_finished()
         context = Context.of(self._root, self._plan, job)

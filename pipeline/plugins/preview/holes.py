@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Floats
-from render.scene.materials import Painted
-from render.scene.painted_faces import PaintedFaces
-from render.scene.surface import Surface
-from render.scene.textures import REPEATED, texels_at
+from flowsculpt.pipeline.arrays import AnyArray, Floats
+from flowsculpt.render.scene.materials import Painted
+from flowsculpt.render.scene.painted_faces import PaintedFaces
+from flowsculpt.render.scene.surface import Surface
+from flowsculpt.render.scene.textures import REPEATED, texels_at
 
 
 def _pieces(across: int) -> Floats:

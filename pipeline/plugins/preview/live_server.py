@@ -22,9 +22,9 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from pipeline.errors import FlowsculptError, MachineError, UsageError
-from pipeline.plugins.preview.live_session import LiveFeed, LiveSession
-from pipeline.plugins.preview.shot_editor import (
+from flowsculpt.pipeline.errors import FlowsculptError, MachineError, UsageError
+from flowsculpt.pipeline.plugins.preview.live_session import LiveFeed, LiveSession
+from flowsculpt.pipeline.plugins.preview.shot_editor import (
     MOST_REQUEST_BYTES,
     ShotEditor,
     StaleError,
@@ -32,8 +32,8 @@ from pipeline.plugins.preview.shot_editor import (
     json_object,
     where_in,
 )
-from pipeline.plugins.preview.trial_pictures import TrialPictures
-from render.base.atomic_write import machine_error
+from flowsculpt.pipeline.plugins.preview.trial_pictures import TrialPictures
+from flowsculpt.render.base.atomic_write import machine_error
 
 ADDRESS = "127.0.0.1"
 
@@ -44,7 +44,7 @@ SCRIPTS = (
 
 SCRIPT, STYLE = "text/javascript; charset=utf-8", "text/css; charset=utf-8"
 
-PREVIEW, REVIEW = "pipeline.plugins.preview", "pipeline.plugins.review"
+PREVIEW, REVIEW = "flowsculpt.pipeline.plugins.preview", "flowsculpt.pipeline.plugins.review"
 """Packages that hold files of the page: colours and type are those of the review page."""
 
 PAGE = {

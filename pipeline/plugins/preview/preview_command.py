@@ -10,32 +10,45 @@ from typing import Annotated
 
 import typer
 
-from pipeline.animation import FrameProgress
-from pipeline.animation.flow_cost import estimated_vertices, growth_warning
-from pipeline.cli.options import Common, ShotOptions, at_option, frames_option, output_option
-from pipeline.cli.output import err, frame_progress, make_folder_of, print_error, print_result, print_warning
-from pipeline.errors import FlowsculptError, UsageError
-from pipeline.flow.flow import require_permission
-from pipeline.long_computations import Progress, reporting_to
-from pipeline.plugins.preview.animatic import (
+from flowsculpt.pipeline.animation import FrameProgress
+from flowsculpt.pipeline.animation.flow_cost import estimated_vertices, growth_warning
+from flowsculpt.pipeline.cli.options import Common, ShotOptions, at_option, frames_option, output_option
+from flowsculpt.pipeline.cli.output import (
+    err,
+    frame_progress,
+    make_folder_of,
+    print_error,
+    print_result,
+    print_warning,
+)
+from flowsculpt.pipeline.errors import FlowsculptError, UsageError
+from flowsculpt.pipeline.flow.flow import require_permission
+from flowsculpt.pipeline.long_computations import Progress, reporting_to
+from flowsculpt.pipeline.plugins.preview.animatic import (
     Animatic,
     FrameCallback,
     FramedSurfaces,
     film_path,
     write_film_animatic,
 )
-from pipeline.plugins.preview.live_server import actions_of, serving
-from pipeline.plugins.preview.live_session import LiveFeed, LiveSession, files_of, stamp, wait_for_edit
-from pipeline.plugins.preview.shot_editor import ShotEditor
-from pipeline.plugins.preview.sketch import Sketch
-from pipeline.plugins.preview.surface_stream import SurfaceStream
-from pipeline.production.request.edit import Edit
-from pipeline.production.request.lookup import find_edit, find_shot, names_edit
-from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.store.store import Store
-from render.base.plural import plural
-from render.graphics.typesetting import BurnIn
-from render.scene.render_quality import DEFAULT_QUALITY
+from flowsculpt.pipeline.plugins.preview.live_server import actions_of, serving
+from flowsculpt.pipeline.plugins.preview.live_session import (
+    LiveFeed,
+    LiveSession,
+    files_of,
+    stamp,
+    wait_for_edit,
+)
+from flowsculpt.pipeline.plugins.preview.shot_editor import ShotEditor
+from flowsculpt.pipeline.plugins.preview.sketch import Sketch
+from flowsculpt.pipeline.plugins.preview.surface_stream import SurfaceStream
+from flowsculpt.pipeline.production.request.edit import Edit
+from flowsculpt.pipeline.production.request.lookup import find_edit, find_shot, names_edit
+from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt.pipeline.production.store.store import Store
+from flowsculpt.render.base.plural import plural
+from flowsculpt.render.graphics.typesetting import BurnIn
+from flowsculpt.render.scene.render_quality import DEFAULT_QUALITY
 
 
 def preview(

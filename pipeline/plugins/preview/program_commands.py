@@ -15,10 +15,10 @@ from typing import Annotated, Any
 
 import typer
 
-from pipeline.cli.options import Common, Frames, Shot, ShotOptions, quality_option
-from pipeline.cli.output import exit_with, print_error, print_warning
-from pipeline.errors import FlowsculptError, UsageError
-from pipeline.plugins.preview.shot_editor import (
+from flowsculpt.pipeline.cli.options import Common, Frames, Shot, ShotOptions, quality_option
+from flowsculpt.pipeline.cli.output import exit_with, print_error, print_warning
+from flowsculpt.pipeline.errors import FlowsculptError, UsageError
+from flowsculpt.pipeline.plugins.preview.shot_editor import (
     MOST_REQUEST_BYTES,
     ShotEditor,
     StaleError,
@@ -26,19 +26,19 @@ from pipeline.plugins.preview.shot_editor import (
     edits_in,
     json_object,
 )
-from pipeline.production.execution.project import Project
-from pipeline.production.execution.run import PATIENCE, Outcome, run
-from pipeline.production.planning.frame_states import picture_states
-from pipeline.production.planning.plan import Plan
-from pipeline.production.request.cameras import camera_file
-from pipeline.production.request.lookup import find_shot
-from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.stages import STAGES
-from pipeline.production.store.event_log import EventReader, poll
-from pipeline.production.store.history import History
-from pipeline.production.store.store import Store
-from pipeline.shot.yaml.named_files import text_of
-from render.scene.render_quality import DEFAULT_QUALITY
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.execution.run import PATIENCE, Outcome, run
+from flowsculpt.pipeline.production.planning.frame_states import picture_states
+from flowsculpt.pipeline.production.planning.plan import Plan
+from flowsculpt.pipeline.production.request.cameras import camera_file
+from flowsculpt.pipeline.production.request.lookup import find_shot
+from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt.pipeline.production.stages import STAGES
+from flowsculpt.pipeline.production.store.event_log import EventReader, poll
+from flowsculpt.pipeline.production.store.history import History
+from flowsculpt.pipeline.production.store.store import Store
+from flowsculpt.pipeline.shot.yaml.named_files import text_of
+from flowsculpt.render.scene.render_quality import DEFAULT_QUALITY
 
 POLL_SECONDS = 0.2  # between looks at what a run has done
 

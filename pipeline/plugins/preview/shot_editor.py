@@ -17,15 +17,15 @@ from pathlib import Path
 from threading import RLock
 from typing import Any
 
-from pipeline.errors import FlowsculptError, MissingInputError, ShotError, UsageError
-from pipeline.plugins.preview.settable_values import settable_values
-from pipeline.plugins.preview.text_edits import ValueEdit, edited, parsed
-from pipeline.shot.shot_reader import read_clock, read_shot
-from pipeline.shot.yaml.inheritance import inherited_files
-from pipeline.shot.yaml.named_files import MOST_BYTES, text_of
-from pipeline.shot.yaml.yaml_source import Where, YamlSource, dotted
-from render.base.atomic_write import ChangedFileError, atomic_write
-from render.base.input_files import read_input
+from flowsculpt.pipeline.errors import FlowsculptError, MissingInputError, ShotError, UsageError
+from flowsculpt.pipeline.plugins.preview.settable_values import settable_values
+from flowsculpt.pipeline.plugins.preview.text_edits import ValueEdit, edited, parsed
+from flowsculpt.pipeline.shot.shot_reader import read_clock, read_shot
+from flowsculpt.pipeline.shot.yaml.inheritance import inherited_files
+from flowsculpt.pipeline.shot.yaml.named_files import MOST_BYTES, text_of
+from flowsculpt.pipeline.shot.yaml.yaml_source import Where, YamlSource, dotted
+from flowsculpt.render.base.atomic_write import ChangedFileError, atomic_write
+from flowsculpt.render.base.input_files import read_input
 
 MOST_STEPS = 200  # edits that can be undone
 

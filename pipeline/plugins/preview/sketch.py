@@ -11,26 +11,26 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.arrays import AnyArray, Floats, Points, Vectors
-from pipeline.flow import checked_displacement
-from pipeline.kernels import readable
-from pipeline.mesh import TriangleMesh, icosphere
-from pipeline.mesh.kernels.halfedge import SOUND, match_twins
-from pipeline.plugins.preview.holes import without_holes
-from pipeline.production.request.framing import Framing
-from pipeline.production.request.render_request import RenderRequest
-from pipeline.shot import Motion
-from render.graphics.typesetting import BurnIn
-from render.movie.codecs import timecode
-from render.post.colour import quantise
-from render.raster import Edges, Shape, StageSetup, preview, wide_picture, with_lines
-from render.scene.materials import Material, Painted
-from render.scene.painted_faces import PaintedFaces
-from render.scene.patterns import COPY_PLACE, SPEED, Pigment
-from render.scene.render_camera import Camera, WideCamera
-from render.scene.scene import stage_fades
-from render.scene.surface import Surface
-from render.scene.vertex_colours import vertex_colours
+from flowsculpt.pipeline.arrays import AnyArray, Floats, Points, Vectors
+from flowsculpt.pipeline.flow import checked_displacement
+from flowsculpt.pipeline.kernels import readable
+from flowsculpt.pipeline.mesh import TriangleMesh, icosphere
+from flowsculpt.pipeline.mesh.kernels.halfedge import SOUND, match_twins
+from flowsculpt.pipeline.plugins.preview.holes import without_holes
+from flowsculpt.pipeline.production.request.framing import Framing
+from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt.pipeline.shot import Motion
+from flowsculpt.render.graphics.typesetting import BurnIn
+from flowsculpt.render.movie.codecs import timecode
+from flowsculpt.render.post.colour import quantise
+from flowsculpt.render.raster import Edges, Shape, StageSetup, preview, wide_picture, with_lines
+from flowsculpt.render.scene.materials import Material, Painted
+from flowsculpt.render.scene.painted_faces import PaintedFaces
+from flowsculpt.render.scene.patterns import COPY_PLACE, SPEED, Pigment
+from flowsculpt.render.scene.render_camera import Camera, WideCamera
+from flowsculpt.render.scene.scene import stage_fades
+from flowsculpt.render.scene.surface import Surface
+from flowsculpt.render.scene.vertex_colours import vertex_colours
 
 MOST_BALLS = 20_000
 """Most points of a cloud that are drawn; of more points a part is drawn, with larger balls."""

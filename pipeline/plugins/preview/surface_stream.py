@@ -23,19 +23,19 @@ from typing import TypeVar
 
 import psutil
 
-from pipeline.animation import FrameProgressCallback, MeshFrame, animate_reporting
-from pipeline.arrays import AnyArray
-from pipeline.errors import FrameError
-from pipeline.mesh.normals import MOST_PIECES
-from pipeline.mesh.placed_copies import all_copies
-from pipeline.production.request.keys import speed_data
-from pipeline.production.request.manifest import thresholds_at
-from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.request.shading import Shading, speeds
-from pipeline.production.store import readers
-from pipeline.production.store.store import Key, Store, key_of
-from render.base.atomic_write import atomic_write, disk_errors
-from render.scene.patterns import SPEED
+from flowsculpt.pipeline.animation import FrameProgressCallback, MeshFrame, animate_reporting
+from flowsculpt.pipeline.arrays import AnyArray
+from flowsculpt.pipeline.errors import FrameError
+from flowsculpt.pipeline.mesh.normals import MOST_PIECES
+from flowsculpt.pipeline.mesh.placed_copies import all_copies
+from flowsculpt.pipeline.production.request.keys import speed_data
+from flowsculpt.pipeline.production.request.manifest import thresholds_at
+from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt.pipeline.production.request.shading import Shading, speeds
+from flowsculpt.pipeline.production.store import readers
+from flowsculpt.pipeline.production.store.store import Key, Store, key_of
+from flowsculpt.render.base.atomic_write import atomic_write, disk_errors
+from flowsculpt.render.scene.patterns import SPEED
 
 SLOW = 0.25  # core-seconds from which on a simulated frame is stored
 

@@ -18,8 +18,8 @@ from typing import Any, Literal
 
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
-from pipeline.errors import ShotError
-from pipeline.shot.yaml.yaml_source import Where, YamlSource, composed, dotted, flow_style, scalar
+from flowsculpt.pipeline.errors import ShotError
+from flowsculpt.pipeline.shot.yaml.yaml_source import Where, YamlSource, composed, dotted, flow_style, scalar
 
 
 def replaced(text: str, start: int, end: int, words: str) -> str:

@@ -20,28 +20,28 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.animation import FrameReport, MeshFrame, animate
-from pipeline.animation.frame import with_material
-from pipeline.arrays import AnyArray, Floats, Points, Vectors
-from pipeline.errors import UsageError
-from pipeline.flow.flow_map import checked_displacement
-from pipeline.mesh import TriangleMesh
-from pipeline.mesh.normals import vertex_normals
-from pipeline.plugins.preview.animatic import size_for
-from pipeline.plugins.preview.live_session import Drawn, LiveSession, camera_data
-from pipeline.plugins.preview.shot_editor import ShotEditor
-from pipeline.plugins.preview.text_edits import ValueEdit
-from pipeline.production.request.framing import AHEAD, Framing, frame_all, with_stage_in_view
-from pipeline.production.request.manifest import thresholds_at
-from pipeline.production.request.render_request import RenderRequest, TurntableAngle
-from pipeline.production.request.shading import STEP, Shading
-from pipeline.production.request.shot_source import NO_CACHE
-from pipeline.resample import Thresholds
-from pipeline.shot import Motion, Resampling, Solid
-from pipeline.shot.yaml.yaml_source import Where
-from render.post.image import jpeg_bytes
-from render.scene.patterns import SPEED
-from render.scene.render_camera import Camera
+from flowsculpt.pipeline.animation import FrameReport, MeshFrame, animate
+from flowsculpt.pipeline.animation.frame import with_material
+from flowsculpt.pipeline.arrays import AnyArray, Floats, Points, Vectors
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.flow.flow_map import checked_displacement
+from flowsculpt.pipeline.mesh import TriangleMesh
+from flowsculpt.pipeline.mesh.normals import vertex_normals
+from flowsculpt.pipeline.plugins.preview.animatic import size_for
+from flowsculpt.pipeline.plugins.preview.live_session import Drawn, LiveSession, camera_data
+from flowsculpt.pipeline.plugins.preview.shot_editor import ShotEditor
+from flowsculpt.pipeline.plugins.preview.text_edits import ValueEdit
+from flowsculpt.pipeline.production.request.framing import AHEAD, Framing, frame_all, with_stage_in_view
+from flowsculpt.pipeline.production.request.manifest import thresholds_at
+from flowsculpt.pipeline.production.request.render_request import RenderRequest, TurntableAngle
+from flowsculpt.pipeline.production.request.shading import STEP, Shading
+from flowsculpt.pipeline.production.request.shot_source import NO_CACHE
+from flowsculpt.pipeline.resample import Thresholds
+from flowsculpt.pipeline.shot import Motion, Resampling, Solid
+from flowsculpt.pipeline.shot.yaml.yaml_source import Where
+from flowsculpt.render.post.image import jpeg_bytes
+from flowsculpt.render.scene.patterns import SPEED
+from flowsculpt.render.scene.render_camera import Camera
 
 MOST_STEPS = 24  # steps in which points are carried to a frame; each spans several frames in a long shot
 MOST_WEIGHTS = 1 << 21  # weights of carried points for vertices, at most, and with it their memory: 8 MiB

@@ -12,11 +12,11 @@ import re
 from pathlib import Path
 from zipfile import ZipFile
 
-from pipeline.mesh.meshes import require_existing
-from pipeline.production.store.paths import SUFFIXES
-from pipeline.production.store.store import Key
-from render.base.serialise import from_plain
-from render.base.state_files import mapping, plain_data
+from flowsculpt.pipeline.mesh.meshes import require_existing
+from flowsculpt.pipeline.production.store.paths import SUFFIXES
+from flowsculpt.pipeline.production.store.store import Key
+from flowsculpt.render.base.serialise import from_plain
+from flowsculpt.render.base.state_files import mapping, plain_data
 
 KERNELS = "kernels"
 """The kind of archives of compiled kernels, which stores of roots do not have."""
@@ -67,20 +67,20 @@ def fault_of(kind: str, key: Key, path: Path) -> str | None:
 
 
 def _key_of_picture(path: Path) -> object:
-    from render.post.image import read_header  # OpenImageIO, which other kinds do not need
+    from flowsculpt.render.post.image import read_header  # OpenImageIO, which other kinds do not need
 
     return read_header(path).get("key")
 
 
 def _key_of_arrays(path: Path) -> Key:
-    from pipeline.production.store.readers import key_in
+    from flowsculpt.pipeline.production.store.readers import key_in
 
     return key_in(path)
 
 
 def _require_surface(kind: str, key: Key, path: Path) -> None:
     """Read a file of arrays to its end. Raises any error where it is not what its kind says."""
-    from pipeline.production.store import readers
+    from flowsculpt.pipeline.production.store import readers
 
     if kind == "mesh":
         readers.mesh_frame(key, number=0)(path)  # the number is the business of shots
@@ -98,7 +98,7 @@ def _require_surface(kind: str, key: Key, path: Path) -> None:
 
 def _require_cameras(data: dict[str, object]) -> None:
     """Read the cameras of all frames. Raises BadInputError for what is not a camera."""
-    from pipeline.production.request.framing import Framing
+    from flowsculpt.pipeline.production.request.framing import Framing
 
     for number, camera in data.items():
         if number.isdecimal():

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from functools import cache
 
-from pipeline.cli.options import Common
-from pipeline.cli.output import exit_with, print_result
-from pipeline.errors import MachineError, UsageError
-from pipeline.production.store.locks import writing
-from pipeline.production.store.remote_store import READ_ONLY, VARIABLE, is_read_only
-from pipeline.production.store.store import Name, Store, Uploaded, missed_uploads, upload_all
-from render.base.plural import plural
+from flowsculpt.pipeline.cli.options import Common
+from flowsculpt.pipeline.cli.output import exit_with, print_result
+from flowsculpt.pipeline.errors import MachineError, UsageError
+from flowsculpt.pipeline.production.store.locks import writing
+from flowsculpt.pipeline.production.store.remote_store import READ_ONLY, VARIABLE, is_read_only
+from flowsculpt.pipeline.production.store.store import Name, Store, Uploaded, missed_uploads, upload_all
+from flowsculpt.render.base.plural import plural
 
 
 def push(common: Common) -> None:

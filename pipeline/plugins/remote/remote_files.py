@@ -28,8 +28,8 @@ from functools import lru_cache, partial
 from pathlib import Path
 from types import SimpleNamespace
 
-from pipeline.plugins.remote.fetched_content import fault_of, suffix_of
-from pipeline.plugins.remote.remote_requests import (
+from flowsculpt.pipeline.plugins.remote.fetched_content import fault_of, suffix_of
+from flowsculpt.pipeline.plugins.remote.remote_requests import (
     NO_FOLDER,
     RemoteRequests,
     UnreachableError,
@@ -37,10 +37,10 @@ from pipeline.plugins.remote.remote_requests import (
     load_package,
     open_url,
 )
-from pipeline.plugins.remote.shared_kernels import fetch_kernels, send_kernels
-from pipeline.production.store.digests import digest_of
-from pipeline.production.store.remote_store import SIDE_BY_SIDE
-from render.base.atomic_write import machine_error
+from flowsculpt.pipeline.plugins.remote.shared_kernels import fetch_kernels, send_kernels
+from flowsculpt.pipeline.production.store.digests import digest_of
+from flowsculpt.pipeline.production.store.remote_store import SIDE_BY_SIDE
+from flowsculpt.render.base.atomic_write import machine_error
 
 LISTED_SECONDS = 60.0
 """Seconds for which a listing counts: what others upload meanwhile is seen after these."""
@@ -254,4 +254,4 @@ STORES = SimpleNamespace(
     send_kernels=send_kernels,
     fetch_kernels=fetch_kernels,
 )
-"""Finds remote stores by their addresses, for `pipeline.production.store.remote_store`."""
+"""Finds remote stores by their addresses, for `flowsculpt.pipeline.production.store.remote_store`."""

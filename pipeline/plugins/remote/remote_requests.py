@@ -22,9 +22,9 @@ from pathlib import Path
 from typing import Any, TypeVar
 from urllib.parse import urlsplit
 
-from pipeline.errors import MachineError, UsageError, suggestion
-from pipeline.production.store.remote_store import LOG
-from render.base.python_process import command_line
+from flowsculpt.pipeline.errors import MachineError, UsageError, suggestion
+from flowsculpt.pipeline.production.store.remote_store import LOG
+from flowsculpt.render.base.python_process import command_line
 
 OPTION = "--store"
 

@@ -12,9 +12,9 @@ import tempfile
 import zipfile
 from pathlib import Path
 
-from pipeline.plugins.remote.fetched_content import KERNELS
-from pipeline.production.store.digests import digest_of
-from pipeline.production.store.remote_store import (
+from flowsculpt.pipeline.plugins.remote.fetched_content import KERNELS
+from flowsculpt.pipeline.production.store.digests import digest_of
+from flowsculpt.pipeline.production.store.remote_store import (
     LOG,
     RemoteStore,
     has_kernels,
@@ -22,8 +22,8 @@ from pipeline.production.store.remote_store import (
     kernels_key,
     note_all_compiled,
 )
-from render.base.atomic_write import atomic_write
-from render.base.user_cache import kernel_homes
+from flowsculpt.render.base.atomic_write import atomic_write
+from flowsculpt.render.base.user_cache import kernel_homes
 
 _FILE = re.compile(r"[^/\\:]+\.kernel")
 
@@ -71,7 +71,7 @@ def fetch_kernels(remote: RemoteStore, planned: str | None = None) -> bool:
 
 def _pack(archive: Path) -> None:
     """Write all kernels of this machine to an archive."""
-    from render.base.kernel_cache import all_kernels, kernel_folders
+    from flowsculpt.render.base.kernel_cache import all_kernels, kernel_folders
 
     files = {
         f"{name}/{path.name}": path
@@ -93,7 +93,7 @@ def _unpack(archive: Path) -> bool:
 
     Nothing is written of an archive that holds any other file.
     """
-    from render.base.kernel_cache import all_kernels, folder_name
+    from flowsculpt.render.base.kernel_cache import all_kernels, folder_name
 
     with zipfile.ZipFile(archive) as packed:
         names = [name.partition("/")[::2] for name in packed.namelist()]

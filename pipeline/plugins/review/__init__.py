@@ -1,8 +1,8 @@
 """The review page: pictures of shots side by side, measures of their meshes, and notes on them."""
 
-from pipeline.plugin import Command, Plugin
+from flowsculpt.pipeline.plugin import Command, Plugin
 
-_COMMANDS = "pipeline.plugins.review.review_commands"
+_COMMANDS = "flowsculpt.pipeline.plugins.review.review_commands"
 
 PLUGIN = Plugin(
     name="review",
@@ -14,12 +14,12 @@ PLUGIN = Plugin(
             "Look",
         ),
         "figures": Command(
-            "pipeline.plugins.review.figures:figures",
+            "flowsculpt.pipeline.plugins.review.figures:figures",
             "Plot the measures of a shot's meshes over its frames.",
             "Look",
         ),
         "notes": Command(f"{_COMMANDS}:notes", "List the notes that reviewers wrote about a shot.", "Look"),
     },
-    schemas={"notes": "pipeline.plugins.review.review_notes:NotesDocument"},
-    notes="pipeline.plugins.review.review_notes:notes_file",
+    schemas={"notes": "flowsculpt.pipeline.plugins.review.review_notes:NotesDocument"},
+    notes="flowsculpt.pipeline.plugins.review.review_notes:notes_file",
 )

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.arrays import Floats
-from pipeline.cli.options import (
+from flowsculpt.pipeline.arrays import Floats
+from flowsculpt.pipeline.cli.options import (
     Common,
     Crossings,
     Plot,
@@ -18,16 +18,16 @@ from pipeline.cli.options import (
     ShotOptions,
     Subject,
 )
-from pipeline.cli.output import print_result
-from pipeline.errors import MissingInputError, UsageError
-from pipeline.plugins.review.measures import TIMED_STAGES, limits_of, measured
-from pipeline.production.execution.project import Project
-from pipeline.production.planning.timings import LatestTimings, render_seconds
-from pipeline.production.request.lookup import find_shot
-from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.stages import STAGES
-from render.graphics.plot import Curves, HeatMap, Panel, StackedBars, plot_panels
-from render.scene.render_quality import DEFAULT_QUALITY
+from flowsculpt.pipeline.cli.output import print_result
+from flowsculpt.pipeline.errors import MissingInputError, UsageError
+from flowsculpt.pipeline.plugins.review.measures import TIMED_STAGES, limits_of, measured
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.planning.timings import LatestTimings, render_seconds
+from flowsculpt.pipeline.production.request.lookup import find_shot
+from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt.pipeline.production.stages import STAGES
+from flowsculpt.render.graphics.plot import Curves, HeatMap, Panel, StackedBars, plot_panels
+from flowsculpt.render.scene.render_quality import DEFAULT_QUALITY
 
 LONGEST_BAR = 1.6
 """The axis of seconds ends at this multiple of the 90th percentile, for first frames compile kernels."""

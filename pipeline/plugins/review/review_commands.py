@@ -8,19 +8,27 @@ from typing import Annotated
 
 import typer
 
-from pipeline.cli.options import Common, Crossings, Shot, ShotOptions, Shots, quality_option, require_one_of
-from pipeline.cli.output import print_result, print_warning, progress_bars, size, table
-from pipeline.errors import UsageError
-from pipeline.plugins.review.review_notes import STATUSES, NotesFolder, ReviewNote, as_data, merged
-from pipeline.plugins.review.review_page import HINT, ReviewPage, Search
-from pipeline.production.request.lookup import find_shot, require_quality
-from pipeline.production.store.history import History
-from pipeline.production.store.locks import writing
-from pipeline.shot.yaml.named_files import NAME
-from render.base.plural import plural
-from render.base.render_errors import readable
-from render.graphics.three_js import three_js
-from render.scene.render_quality import QUALITIES
+from flowsculpt.pipeline.cli.options import (
+    Common,
+    Crossings,
+    Shot,
+    ShotOptions,
+    Shots,
+    quality_option,
+    require_one_of,
+)
+from flowsculpt.pipeline.cli.output import print_result, print_warning, progress_bars, size, table
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.plugins.review.review_notes import STATUSES, NotesFolder, ReviewNote, as_data, merged
+from flowsculpt.pipeline.plugins.review.review_page import HINT, ReviewPage, Search
+from flowsculpt.pipeline.production.request.lookup import find_shot, require_quality
+from flowsculpt.pipeline.production.store.history import History
+from flowsculpt.pipeline.production.store.locks import writing
+from flowsculpt.pipeline.shot.yaml.named_files import NAME
+from flowsculpt.render.base.plural import plural
+from flowsculpt.render.base.render_errors import readable
+from flowsculpt.render.graphics.three_js import three_js
+from flowsculpt.render.scene.render_quality import QUALITIES
 
 FORMS = ("jpeg", "png")
 

@@ -17,11 +17,11 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError, model_validator
 
-from pipeline.errors import MissingInputError, UsageError, brief
-from pipeline.production.store.locks import making, writing
-from pipeline.production.store.paths import NOTES
-from pipeline.shot.yaml.named_files import MOST_LETTERS, NAME, is_there
-from render.base.atomic_write import ChangedFileError, atomic_write, machine_error
+from flowsculpt.pipeline.errors import MissingInputError, UsageError, brief
+from flowsculpt.pipeline.production.store.locks import making, writing
+from flowsculpt.pipeline.production.store.paths import NOTES
+from flowsculpt.pipeline.shot.yaml.named_files import MOST_LETTERS, NAME, is_there
+from flowsculpt.render.base.atomic_write import ChangedFileError, atomic_write, machine_error
 
 FORMAT = "flowsculpt notes"
 VERSION = 1

@@ -17,14 +17,14 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.arrays import AnyArray
-from pipeline.errors import FlowsculptError
-from pipeline.plugin import plugins
-from pipeline.plugins.review.measures import simulated
-from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.store import readers
-from pipeline.production.store.digests import CorruptFileError
-from pipeline.production.store.store import Key, Store, key_of
+from flowsculpt.pipeline.arrays import AnyArray
+from flowsculpt.pipeline.errors import FlowsculptError
+from flowsculpt.pipeline.plugin import plugins
+from flowsculpt.pipeline.plugins.review.measures import simulated
+from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt.pipeline.production.store import readers
+from flowsculpt.pipeline.production.store.digests import CorruptFileError
+from flowsculpt.pipeline.production.store.store import Key, Store, key_of
 
 FORMAT = 2
 

@@ -1,8 +1,8 @@
 """Contact sheets, wedges, and curves of what a shot says of its frames."""
 
-from pipeline.plugin import Command, Plugin
+from flowsculpt.pipeline.plugin import Command, Plugin
 
-_COMMANDS = "pipeline.plugins.sheets.sheet_commands"
+_COMMANDS = "flowsculpt.pipeline.plugins.sheets.sheet_commands"
 
 PLUGIN = Plugin(
     name="sheets",
@@ -12,5 +12,5 @@ PLUGIN = Plugin(
         "curves": Command(f"{_COMMANDS}:curves", "Draw everything in a shot that changes over time.", "Look"),
         "wedge": Command(f"{_COMMANDS}:wedge", "Render a shot in a grid of variations.", "Render"),
     },
-    sequences=("pipeline.plugins.sheets.wedge:wedge_sequences",),
+    sequences=("flowsculpt.pipeline.plugins.sheets.wedge:wedge_sequences",),
 )

@@ -17,20 +17,20 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from pipeline.errors import FlowsculptError, ShotError, UsageError
-from pipeline.frames import FrameRange
-from pipeline.production.execution.project import Project
-from pipeline.production.picture_sequences import SequenceGrid, SequenceQuery, shown_picture
-from pipeline.production.planning.plan import Plan
-from pipeline.production.request.keys import picture_keys
-from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.store import paths
-from pipeline.production.store.store import key_of
-from pipeline.shot.yaml.named_files import shown
-from render.graphics.contact_sheet import columns_for, fitted_sheet
-from render.movie.codecs import H264_8_BITS
-from render.movie.encode import write_movie
-from render.post.image import read_header, write_png
+from flowsculpt.pipeline.errors import FlowsculptError, ShotError, UsageError
+from flowsculpt.pipeline.frames import FrameRange
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.picture_sequences import SequenceGrid, SequenceQuery, shown_picture
+from flowsculpt.pipeline.production.planning.plan import Plan
+from flowsculpt.pipeline.production.request.keys import picture_keys
+from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt.pipeline.production.store import paths
+from flowsculpt.pipeline.production.store.store import key_of
+from flowsculpt.pipeline.shot.yaml.named_files import shown
+from flowsculpt.render.graphics.contact_sheet import columns_for, fitted_sheet
+from flowsculpt.render.movie.codecs import H264_8_BITS
+from flowsculpt.render.movie.encode import write_movie
+from flowsculpt.render.post.image import read_header, write_png
 
 OPTION = "--vary"
 MOST_CELLS = 100  # cells of a wedge at most, without --yes

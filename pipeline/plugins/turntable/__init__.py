@@ -1,13 +1,13 @@
 """Turntables: an object turned before the camera, then the lights around it."""
 
-from pipeline.plugin import Command, Plugin
+from flowsculpt.pipeline.plugin import Command, Plugin
 
 PLUGIN = Plugin(
     name="turntable",
     version="1",
     commands={
         "turntable": Command(
-            "pipeline.plugins.turntable.turntable_movie:turntable",
+            "flowsculpt.pipeline.plugins.turntable.turntable_movie:turntable",
             "Render an object turning, then the lights turning around it.",
             "Render",
         )

@@ -17,8 +17,8 @@ from typing import Annotated, Any, cast
 import typer
 from numpy.typing import NDArray
 
-from pipeline.cli.execution import execute_and_report
-from pipeline.cli.options import (
+from flowsculpt.pipeline.cli.execution import execute_and_report
+from flowsculpt.pipeline.cli.options import (
     Common,
     Quality,
     Scale,
@@ -29,31 +29,31 @@ from pipeline.cli.options import (
     require_one_of,
     words_of,
 )
-from pipeline.cli.output import progress_bars
-from pipeline.errors import MissingInputError, UsageError, suggestion
-from pipeline.frames import FrameRange
-from pipeline.mesh.read import format_of, usual_up
-from pipeline.production.execution.project import Project
-from pipeline.production.picture_sequences import shown_picture
-from pipeline.production.planning.plan import Plan
-from pipeline.production.request.keys import PictureKeys, picture_keys
-from pipeline.production.request.lookup import SHOTS, cropped_name, find_shot, movie_bits
-from pipeline.production.request.render_request import TURNS, RenderRequest, Turntable
-from pipeline.production.stages import PipelineStage
-from pipeline.production.store.paths import Folders
-from pipeline.production.store.store import Store, key_of
-from pipeline.shot.documents.look_documents import LOOKS
-from pipeline.shot.yaml.inheritance import inherited
-from pipeline.shot.yaml.named_files import DEFAULTS, NAME, is_there
-from pipeline.shot.yaml.yaml_source import YamlSource
-from render.base.input_files import require_input
-from render.base.plural import plural
-from render.graphics.contact_sheet import Caption, ContactSheet, columns_for, fitted_sheet
-from render.movie.codecs import movie_encode
-from render.movie.encode import write_movie
-from render.movie.movie_frames import prefetch
-from render.post.image import write_png
-from render.scene.render_quality import DEFAULT_QUALITY
+from flowsculpt.pipeline.cli.output import progress_bars
+from flowsculpt.pipeline.errors import MissingInputError, UsageError, suggestion
+from flowsculpt.pipeline.frames import FrameRange
+from flowsculpt.pipeline.mesh.read import format_of, usual_up
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.picture_sequences import shown_picture
+from flowsculpt.pipeline.production.planning.plan import Plan
+from flowsculpt.pipeline.production.request.keys import PictureKeys, picture_keys
+from flowsculpt.pipeline.production.request.lookup import SHOTS, cropped_name, find_shot, movie_bits
+from flowsculpt.pipeline.production.request.render_request import TURNS, RenderRequest, Turntable
+from flowsculpt.pipeline.production.stages import PipelineStage
+from flowsculpt.pipeline.production.store.paths import Folders
+from flowsculpt.pipeline.production.store.store import Store, key_of
+from flowsculpt.pipeline.shot.documents.look_documents import LOOKS
+from flowsculpt.pipeline.shot.yaml.inheritance import inherited
+from flowsculpt.pipeline.shot.yaml.named_files import DEFAULTS, NAME, is_there
+from flowsculpt.pipeline.shot.yaml.yaml_source import YamlSource
+from flowsculpt.render.base.input_files import require_input
+from flowsculpt.render.base.plural import plural
+from flowsculpt.render.graphics.contact_sheet import Caption, ContactSheet, columns_for, fitted_sheet
+from flowsculpt.render.movie.codecs import movie_encode
+from flowsculpt.render.movie.encode import write_movie
+from flowsculpt.render.movie.movie_frames import prefetch
+from flowsculpt.render.post.image import write_png
+from flowsculpt.render.scene.render_quality import DEFAULT_QUALITY
 
 TURNTABLE_SHEET = PipelineStage(
     "turntable_sheet", version=2, packages=("av", "OpenImageIO"), doing="laying out sheets", makes="png"
@@ -64,7 +64,7 @@ BOTH = "both"
 UPS = ("y", "z")  # the axes of a mesh file that can point up
 
 STAGE = "turntable"
-"""The stage of a turntable, a name in `render.scene.scene_stage.STAGES`: with balls and a chart."""
+"""The stage of a turntable, a name in `STAGES` of `scene_stage`: with balls and a chart."""
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,8 @@
 """Published versions of shots."""
 
-from pipeline.plugin import Command, Plugin
+from flowsculpt.pipeline.plugin import Command, Plugin
 
-_COMMANDS = "pipeline.plugins.versions.version_commands"
+_COMMANDS = "flowsculpt.pipeline.plugins.versions.version_commands"
 
 PLUGIN = Plugin(
     name="versions",
@@ -14,7 +14,7 @@ PLUGIN = Plugin(
             f"{_COMMANDS}:reproduce", "Render a published version again, and compare.", "Deliver"
         ),
     },
-    summaries=("pipeline.plugins.versions.hooks:tell_of_run",),
-    delivered=("pipeline.plugins.versions.hooks:tell_of_delivery",),
-    sequences=("pipeline.plugins.versions.publishing:published_sequences",),
+    summaries=("flowsculpt.pipeline.plugins.versions.hooks:tell_of_run",),
+    delivered=("flowsculpt.pipeline.plugins.versions.hooks:tell_of_delivery",),
+    sequences=("flowsculpt.pipeline.plugins.versions.publishing:published_sequences",),
 )

@@ -28,22 +28,22 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from pipeline.errors import FlowsculptError, FrameError, MissingInputError, UsageError
-from pipeline.frames import FrameRange
-from pipeline.plugin import plugins
-from pipeline.plugins.versions.reproduction import pixels_of, restored
-from pipeline.production.picture_sequences import (
+from flowsculpt.pipeline.errors import FlowsculptError, FrameError, MissingInputError, UsageError
+from flowsculpt.pipeline.frames import FrameRange
+from flowsculpt.pipeline.plugin import plugins
+from flowsculpt.pipeline.plugins.versions.reproduction import pixels_of, restored
+from flowsculpt.pipeline.production.picture_sequences import (
     PLAIN,
     PictureDisplay,
     PictureSequence,
     SequenceQuery,
     display_of,
 )
-from pipeline.production.planning.timings import SHARED_STAGES, LatestTimings, read_statistics
-from pipeline.production.request.audio import samples_of
-from pipeline.production.request.keys import FrameKeys, PictureKeys, picture_keys
-from pipeline.production.request.lookup import movie_bits
-from pipeline.production.request.provenance import (
+from flowsculpt.pipeline.production.planning.timings import SHARED_STAGES, LatestTimings, read_statistics
+from flowsculpt.pipeline.production.request.audio import samples_of
+from flowsculpt.pipeline.production.request.keys import FrameKeys, PictureKeys, picture_keys
+from flowsculpt.pipeline.production.request.lookup import movie_bits
+from flowsculpt.pipeline.production.request.provenance import (
     FILE,
     VERSION,
     FrameRecord,
@@ -54,21 +54,21 @@ from pipeline.production.request.provenance import (
     records,
     stage_versions,
 )
-from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.store.locks import lock_name, making, writing
-from pipeline.production.store.paths import published
-from pipeline.production.store.store import DAMAGED, Key, Store
-from pipeline.production.tasks.encoding import in_loop, loop_dissolve
-from render.base.atomic_write import disk_errors
-from render.base.input_files import digest_of_file
-from render.base.render_errors import RenderError
-from render.base.root_files import held, remove_tree
-from render.movie.codecs import movie_encode
-from render.movie.encode import write_movie
-from render.movie.movie_frames import Frame, mix_frames
-from render.movie.probe import probe_movie
-from render.post.colour import quantise, to_display
-from render.post.image import read_exr
+from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt.pipeline.production.store.locks import lock_name, making, writing
+from flowsculpt.pipeline.production.store.paths import published
+from flowsculpt.pipeline.production.store.store import DAMAGED, Key, Store
+from flowsculpt.pipeline.production.tasks.encoding import in_loop, loop_dissolve
+from flowsculpt.render.base.atomic_write import disk_errors
+from flowsculpt.render.base.input_files import digest_of_file
+from flowsculpt.render.base.render_errors import RenderError
+from flowsculpt.render.base.root_files import held, remove_tree
+from flowsculpt.render.movie.codecs import movie_encode
+from flowsculpt.render.movie.encode import write_movie
+from flowsculpt.render.movie.movie_frames import Frame, mix_frames
+from flowsculpt.render.movie.probe import probe_movie
+from flowsculpt.render.post.colour import quantise, to_display
+from flowsculpt.render.post.image import read_exr
 
 _DRAFT = ".draft."
 

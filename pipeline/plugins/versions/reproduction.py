@@ -13,25 +13,25 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.errors import MachineError, MissingInputError, UsageError
-from pipeline.frames import FrameRange
-from pipeline.production.execution.project import Project
-from pipeline.production.planning.plan import Plan
-from pipeline.production.planning.profile import variant_for
-from pipeline.production.request.keys import PictureKeys, picture_keys
-from pipeline.production.request.provenance import Provenance
-from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.request.shot_source import ShotSource
-from pipeline.production.store.paths import repeated
-from pipeline.production.store.store import Store
-from pipeline.shot.yaml.named_files import is_there
-from render.base.input_files import digest_of_file
-from render.base.render_errors import RenderError
-from render.post.image import read_exr
+from flowsculpt.pipeline.errors import MachineError, MissingInputError, UsageError
+from flowsculpt.pipeline.frames import FrameRange
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.planning.plan import Plan
+from flowsculpt.pipeline.production.planning.profile import variant_for
+from flowsculpt.pipeline.production.request.keys import PictureKeys, picture_keys
+from flowsculpt.pipeline.production.request.provenance import Provenance
+from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt.pipeline.production.request.shot_source import ShotSource
+from flowsculpt.pipeline.production.store.paths import repeated
+from flowsculpt.pipeline.production.store.store import Store
+from flowsculpt.pipeline.shot.yaml.named_files import is_there
+from flowsculpt.render.base.input_files import digest_of_file
+from flowsculpt.render.base.render_errors import RenderError
+from flowsculpt.render.post.image import read_exr
 
 
 def pixels_of(path: Path) -> str:
-    """Return the SHA-256 of all values of a picture. Raises what `render.post.image.read_exr` raises."""
+    """Return the SHA-256 of all values of a picture. Raises what `read_exr` raises."""
     layers, _ = read_exr(path)
     digest = hashlib.sha256()
     for name in sorted(layers.arrays):

@@ -11,8 +11,8 @@ from typing import Annotated, Any
 
 import typer
 
-from pipeline.cli.execution import execute, report_plan
-from pipeline.cli.options import (
+from flowsculpt.pipeline.cli.execution import execute, report_plan
+from flowsculpt.pipeline.cli.options import (
     AllowCode,
     Common,
     Force,
@@ -23,18 +23,18 @@ from pipeline.cli.options import (
     Variant,
     project_of,
 )
-from pipeline.cli.output import exit_with, print_error, print_result, print_warning, table
-from pipeline.errors import MissingInputError, UsageError
-from pipeline.frames import FrameRange
-from pipeline.plugins.versions.hooks import Hook, hooks_of, tell_published
-from pipeline.plugins.versions.publishing import Patch, Release
-from pipeline.plugins.versions.reproduction import Comparison, Reproduction
-from pipeline.production.request.lookup import find_shot
-from pipeline.production.request.provenance import FILE, Provenance, records
-from pipeline.production.store.paths import PUBLISHED, published
-from pipeline.production.store.remote_store import VARIABLE
-from render.base.plural import plural
-from render.scene.render_quality import DEFAULT_QUALITY
+from flowsculpt.pipeline.cli.output import exit_with, print_error, print_result, print_warning, table
+from flowsculpt.pipeline.errors import MissingInputError, UsageError
+from flowsculpt.pipeline.frames import FrameRange
+from flowsculpt.pipeline.plugins.versions.hooks import Hook, hooks_of, tell_published
+from flowsculpt.pipeline.plugins.versions.publishing import Patch, Release
+from flowsculpt.pipeline.plugins.versions.reproduction import Comparison, Reproduction
+from flowsculpt.pipeline.production.request.lookup import find_shot
+from flowsculpt.pipeline.production.request.provenance import FILE, Provenance, records
+from flowsculpt.pipeline.production.store.paths import PUBLISHED, published
+from flowsculpt.pipeline.production.store.remote_store import VARIABLE
+from flowsculpt.render.base.plural import plural
+from flowsculpt.render.scene.render_quality import DEFAULT_QUALITY
 
 
 def publish(

@@ -7,30 +7,36 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from pipeline.errors import UsageError, suggestion
-from pipeline.frames import FrameRange
-from pipeline.production.planning.frame_states import (
+from flowsculpt.pipeline.errors import UsageError, suggestion
+from flowsculpt.pipeline.frames import FrameRange
+from flowsculpt.pipeline.production.planning.frame_states import (
     FrameStates,
     is_in_words,
     mesh_states,
     picture_states,
     selected,
 )
-from pipeline.production.planning.plan import Plan
-from pipeline.production.planning.planner import Planner
-from pipeline.production.planning.profile import Profile, variant_for
-from pipeline.production.planning.timings import measured
-from pipeline.production.request.edit import Edit, ResolvedEdit, resolved_edit
-from pipeline.production.request.keys import picture_keys
-from pipeline.production.request.lookup import FILM, find_edit, find_shot, names_edit, require_quality
-from pipeline.production.request.render_request import FORMS, RenderRequest
-from pipeline.production.request.shot_source import PlanningCache, ShotSource, SourceCache
-from pipeline.production.stages import forced_with
-from pipeline.production.store import paths
-from pipeline.production.store.history import History
-from pipeline.production.store.paths import STATE
-from pipeline.production.store.store import Store
-from render.scene.render_quality import CONVENTIONS, DEFAULT_QUALITY
+from flowsculpt.pipeline.production.planning.plan import Plan
+from flowsculpt.pipeline.production.planning.planner import Planner
+from flowsculpt.pipeline.production.planning.profile import Profile, variant_for
+from flowsculpt.pipeline.production.planning.timings import measured
+from flowsculpt.pipeline.production.request.edit import Edit, ResolvedEdit, resolved_edit
+from flowsculpt.pipeline.production.request.keys import picture_keys
+from flowsculpt.pipeline.production.request.lookup import (
+    FILM,
+    find_edit,
+    find_shot,
+    names_edit,
+    require_quality,
+)
+from flowsculpt.pipeline.production.request.render_request import FORMS, RenderRequest
+from flowsculpt.pipeline.production.request.shot_source import PlanningCache, ShotSource, SourceCache
+from flowsculpt.pipeline.production.stages import forced_with
+from flowsculpt.pipeline.production.store import paths
+from flowsculpt.pipeline.production.store.history import History
+from flowsculpt.pipeline.production.store.paths import STATE
+from flowsculpt.pipeline.production.store.store import Store
+from flowsculpt.render.scene.render_quality import CONVENTIONS, DEFAULT_QUALITY
 
 States = Callable[[RenderRequest, Store, History], FrameStates]
 

@@ -16,22 +16,22 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from pipeline.errors import FrameError, MachineError
-from pipeline.plugin import plugins
-from pipeline.production.execution import snakemake
-from pipeline.production.execution.snakemake import end_family
-from pipeline.production.planning.plan import Plan
-from pipeline.production.planning.profile import Profile
-from pipeline.production.request.shot_source import PlanningCache
-from pipeline.production.store.event_log import Event, EventLog, EventReader, poll
-from pipeline.production.store.history import summarise
-from pipeline.production.store.locks import making, writing
-from pipeline.production.store.paths import EVENTS
-from pipeline.production.store.store import Store, remove_checkpoints, sweep, upload_missed
-from render.base.atomic_write import disk_errors
-from render.base.processes import is_at_work, start_of
-from render.base.root_files import touch
-from render.base.work_clock import cpu_seconds
+from flowsculpt.pipeline.errors import FrameError, MachineError
+from flowsculpt.pipeline.plugin import plugins
+from flowsculpt.pipeline.production.execution import snakemake
+from flowsculpt.pipeline.production.execution.snakemake import end_family
+from flowsculpt.pipeline.production.planning.plan import Plan
+from flowsculpt.pipeline.production.planning.profile import Profile
+from flowsculpt.pipeline.production.request.shot_source import PlanningCache
+from flowsculpt.pipeline.production.store.event_log import Event, EventLog, EventReader, poll
+from flowsculpt.pipeline.production.store.history import summarise
+from flowsculpt.pipeline.production.store.locks import making, writing
+from flowsculpt.pipeline.production.store.paths import EVENTS
+from flowsculpt.pipeline.production.store.store import Store, remove_checkpoints, sweep, upload_missed
+from flowsculpt.render.base.atomic_write import disk_errors
+from flowsculpt.render.base.processes import is_at_work, start_of
+from flowsculpt.render.base.root_files import touch
+from flowsculpt.render.base.work_clock import cpu_seconds
 
 ROUNDS = 6
 """The most times that a run plans. Each may find one more damaged file on the way from a film to a mesh: a

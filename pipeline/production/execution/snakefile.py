@@ -25,23 +25,23 @@ from typing import TYPE_CHECKING, Any
 
 from snakemake_interface_executor_plugins.executors.remote import RemoteExecutor
 
-from pipeline.errors import FlowsculptError, UsageError, suggestion
-from pipeline.production.execution.run import with_inputs_here
-from pipeline.production.planning.plan import Job, Plan, check_done_files, movie_record
-from pipeline.production.planning.profile import Share
-from pipeline.production.request.lookup import FILM, find_edit, find_shot, today_name
-from pipeline.production.stages import PLUGIN_STAGES, STAGES, forced_with
-from pipeline.production.store.history import summarise
-from pipeline.production.store.locks import making, writing
-from pipeline.production.store.store import Store, upload_missed
-from pipeline.production.tasks.job import MOST_FAULTS, faults_of_hosts
-from render.base.atomic_write import atomic_write
-from render.base.python_process import command, command_line, distrust_working_folder
-from render.scene.render_quality import DEFAULT_QUALITY
+from flowsculpt.pipeline.errors import FlowsculptError, UsageError, suggestion
+from flowsculpt.pipeline.production.execution.run import with_inputs_here
+from flowsculpt.pipeline.production.planning.plan import Job, Plan, check_done_files, movie_record
+from flowsculpt.pipeline.production.planning.profile import Share
+from flowsculpt.pipeline.production.request.lookup import FILM, find_edit, find_shot, today_name
+from flowsculpt.pipeline.production.stages import PLUGIN_STAGES, STAGES, forced_with
+from flowsculpt.pipeline.production.store.history import summarise
+from flowsculpt.pipeline.production.store.locks import making, writing
+from flowsculpt.pipeline.production.store.store import Store, upload_missed
+from flowsculpt.pipeline.production.tasks.job import MOST_FAULTS, faults_of_hosts
+from flowsculpt.render.base.atomic_write import atomic_write
+from flowsculpt.render.base.python_process import command, command_line, distrust_working_folder
+from flowsculpt.render.scene.render_quality import DEFAULT_QUALITY
 
 if TYPE_CHECKING:
-    from pipeline.production.execution.project import Project
-    from pipeline.production.planning.planner import Planner
+    from flowsculpt.pipeline.production.execution.project import Project
+    from flowsculpt.pipeline.production.planning.planner import Planner
 
 SETTINGS = ("edit", "shot", "shots", "frames", "quality", "allow_code")
 """Names that `--config` accepts."""
@@ -53,7 +53,7 @@ DEFAULT_CORES = 2
 """Cores to plan for when a command such as --rulegraph runs nothing and names none."""
 
 
-JOB_PROCESS = re.sub("[{}]", r"\g<0>\g<0>", command_line("pipeline.production.tasks.job_process"))
+JOB_PROCESS = re.sub("[{}]", r"\g<0>\g<0>", command_line("flowsculpt.pipeline.production.tasks.job_process"))
 """The program of a job in the shell commands of rules, in which Snakemake fills in `{params}`."""
 
 
@@ -199,7 +199,7 @@ class PlannedWorkflow:
 
         If jobs are to run, hold the locks, restore links and freeze the plan.
         """
-        from pipeline.production.execution.project import Project  # which jobs need not wait for
+        from flowsculpt.pipeline.production.execution.project import Project  # which jobs need not wait for
 
         workflow, config = self._workflow, self._config
         settings, is_farm = workflow.dag_settings, not workflow.local_exec

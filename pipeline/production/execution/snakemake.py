@@ -2,8 +2,8 @@
 
 A process of its own can be ended with all of its jobs, prints where it likes, and leaves our signal handlers
 alone. It is forked from this one where that is sound. Elsewhere it is started as `python -m
-pipeline.production.execution.snakemake WORDS…` in the root: Snakemake's own command line, so that a profile
-means here what it means to Snakemake.
+flowsculpt.pipeline.production.execution.snakemake WORDS…` in the root: Snakemake's own command line, so that
+a profile means here what it means to Snakemake.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ from tempfile import TemporaryFile, gettempdir
 
 import psutil
 
-from pipeline.errors import MachineError, UsageError
-from pipeline.production.planning.plan import Plan
-from pipeline.production.planning.profile import Profile, shipped
-from pipeline.production.stages import STILLS
-from pipeline.production.store.paths import LOGS, STATE
-from pipeline.production.tasks.job_server import job_server
-from render.base import python_process
-from render.base.atomic_write import PROBE, REMEDIES, disk_errors, machine_error
-from render.base.python_process import ForkedProcess, may_fork
-from render.base.root_files import forbid_links, guard, held, open_file, require_own_folders
-from render.base.user_cache import user_number
+from flowsculpt.pipeline.errors import MachineError, UsageError
+from flowsculpt.pipeline.production.planning.plan import Plan
+from flowsculpt.pipeline.production.planning.profile import Profile, shipped
+from flowsculpt.pipeline.production.stages import STILLS
+from flowsculpt.pipeline.production.store.paths import LOGS, STATE
+from flowsculpt.pipeline.production.tasks.job_server import job_server
+from flowsculpt.render.base import python_process
+from flowsculpt.render.base.atomic_write import PROBE, REMEDIES, disk_errors, machine_error
+from flowsculpt.render.base.python_process import ForkedProcess, may_fork
+from flowsculpt.render.base.root_files import forbid_links, guard, held, open_file, require_own_folders
+from flowsculpt.render.base.user_cache import user_number
 
 RULES = {stage.name: "stills" for stage in STILLS}
 """The rule of each stage that does not have the name of its rule."""
@@ -134,7 +134,7 @@ def _start(root: Path, output: int, words: list[str], is_local: bool) -> ForkedP
     if is_local and may_fork():
         return ForkedProcess(lambda: main(words), output, root)
     return Popen(
-        python_process.command("pipeline.production.execution.snakemake", *words),
+        python_process.command("flowsculpt.pipeline.production.execution.snakemake", *words),
         cwd=root,
         env=python_process.environment(),
         stdin=subprocess.DEVNULL,

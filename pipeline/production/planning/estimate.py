@@ -22,16 +22,16 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from pipeline.production.planning.frame_states import KnownPictures
-from pipeline.production.planning.plan import Job, Plan
-from pipeline.production.planning.timings import SHARED_STAGES, statistics_in
-from pipeline.production.request.lookup import base_of, pixels
-from pipeline.production.request.render_request import FORMS
-from pipeline.production.store.event_log import Event
-from pipeline.production.store.history import History
-from pipeline.production.store.store import Store
-from render.base.plural import plural
-from render.scene.render_quality import DEFAULT_QUALITY, QUALITIES, Quality
+from flowsculpt.pipeline.production.planning.frame_states import KnownPictures
+from flowsculpt.pipeline.production.planning.plan import Job, Plan
+from flowsculpt.pipeline.production.planning.timings import SHARED_STAGES, statistics_in
+from flowsculpt.pipeline.production.request.lookup import base_of, pixels
+from flowsculpt.pipeline.production.request.render_request import FORMS
+from flowsculpt.pipeline.production.store.event_log import Event
+from flowsculpt.pipeline.production.store.history import History
+from flowsculpt.pipeline.production.store.store import Store
+from flowsculpt.render.base.plural import plural
+from flowsculpt.render.scene.render_quality import DEFAULT_QUALITY, QUALITIES, Quality
 
 _KINDS = {"render": "raw", "finish": "frame", **{form: form for form in FORMS}}
 """Kinds of files by the stage that makes them, of pictures one by one."""

@@ -11,14 +11,14 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
-from pipeline.errors import UsageError, suggestion
-from pipeline.frames import FrameRange
-from pipeline.production.request.cameras import ShownCameras
-from pipeline.production.request.keys import PictureKeys, picture_keys
-from pipeline.production.request.render_request import FORMS, RenderRequest
-from pipeline.production.stages import PLUGIN_STAGES
-from pipeline.production.store.history import SHARED, History
-from pipeline.production.store.store import Key, Store
+from flowsculpt.pipeline.errors import UsageError, suggestion
+from flowsculpt.pipeline.frames import FrameRange
+from flowsculpt.pipeline.production.request.cameras import ShownCameras
+from flowsculpt.pipeline.production.request.keys import PictureKeys, picture_keys
+from flowsculpt.pipeline.production.request.render_request import FORMS, RenderRequest
+from flowsculpt.pipeline.production.stages import PLUGIN_STAGES
+from flowsculpt.pipeline.production.store.history import SHARED, History
+from flowsculpt.pipeline.production.store.store import Key, Store
 
 PICTURE_STAGES = ("render", *(stage.name for stage in PLUGIN_STAGES), "finish")
 MESH_STAGES = ("simulate",)

@@ -19,27 +19,27 @@ from datetime import datetime, timedelta
 from functools import cached_property
 from pathlib import Path
 
-from pipeline.frames import FrameRange
-from pipeline.plugin import plugins
-from pipeline.production.planning.profile import Share
-from pipeline.production.planning.timings import (
+from flowsculpt.pipeline.frames import FrameRange
+from flowsculpt.pipeline.plugin import plugins
+from flowsculpt.pipeline.production.planning.profile import Share
+from flowsculpt.pipeline.production.planning.timings import (
     LEAST_MIB,
     UNMEASURED_MIB,
     UNMEASURED_MINUTES,
     MeasuredResources,
 )
-from pipeline.production.request.edit import Edit
-from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.stages import STAGES
-from pipeline.production.store.event_log import logs_of
-from pipeline.production.store.locks import lock_name
-from pipeline.production.store.paths import DONE, PLANS
-from pipeline.production.store.remote_store import remote_stores, store_url
-from pipeline.production.store.store import Key, Store
-from render.base.atomic_write import atomic_write
-from render.base.root_files import remove, set_time
-from render.base.serialise import NOT_PLAIN, from_plain, to_plain
-from render.base.state_files import read_state, usable
+from flowsculpt.pipeline.production.request.edit import Edit
+from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt.pipeline.production.stages import STAGES
+from flowsculpt.pipeline.production.store.event_log import logs_of
+from flowsculpt.pipeline.production.store.locks import lock_name
+from flowsculpt.pipeline.production.store.paths import DONE, PLANS
+from flowsculpt.pipeline.production.store.remote_store import remote_stores, store_url
+from flowsculpt.pipeline.production.store.store import Key, Store
+from flowsculpt.render.base.atomic_write import atomic_write
+from flowsculpt.render.base.root_files import remove, set_time
+from flowsculpt.render.base.serialise import NOT_PLAIN, from_plain, to_plain
+from flowsculpt.render.base.state_files import read_state, usable
 
 
 def done_file(stage: str, shot: str, quality: str, frames: Sequence[int], key: str) -> str:
@@ -299,7 +299,9 @@ class Plan:
         known, _, frames = name.partition(":")
         if not frames:
             return next(job for job in self.jobs if job.name == known)
-        from render.mitsuba.engine import available_cores  # what else is in it takes time to import
+        from flowsculpt.render.mitsuba.engine import (
+            available_cores,  # what else is in it takes time to import
+        )
 
         whole = next(job for job in self.jobs if known in (job.name, job.stage))
         numbers = tuple(FrameRange.parse(frames))

@@ -18,16 +18,16 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from pipeline.errors import UsageError
-from pipeline.production.planning.plan import Job, Link, Plan, done_file, with_threads
-from pipeline.production.planning.profile import Share
-from pipeline.production.planning.timings import measured
-from pipeline.production.request.cameras import CameraFile
-from pipeline.production.request.edit import Edit
-from pipeline.production.request.keys import FrameKeys, PictureKeys, picture_keys, staged_keys
-from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.stages import STAGES
-from pipeline.production.store.store import Key, Store, key_of
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.production.planning.plan import Job, Link, Plan, done_file, with_threads
+from flowsculpt.pipeline.production.planning.profile import Share
+from flowsculpt.pipeline.production.planning.timings import measured
+from flowsculpt.pipeline.production.request.cameras import CameraFile
+from flowsculpt.pipeline.production.request.edit import Edit
+from flowsculpt.pipeline.production.request.keys import FrameKeys, PictureKeys, picture_keys, staged_keys
+from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt.pipeline.production.stages import STAGES
+from flowsculpt.pipeline.production.store.store import Key, Store, key_of
 
 
 class _PlaceholderFramings(CameraFile):
@@ -95,7 +95,7 @@ class PlanEntry:
     def require_permission(self) -> None:
         """Raises UsageError where the shot runs Python files, and may not."""
         if self.request.manifest.runs_python:
-            from pipeline.flow.flow import require_permission
+            from flowsculpt.pipeline.flow.flow import require_permission
 
             for part in self.request.shot.parts:
                 require_permission(part.motion.flow)

@@ -27,13 +27,13 @@ from typing import Any
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
-from pipeline.errors import MachineError, MissingInputError, UsageError, suggestion
-from pipeline.production.store.paths import STATE
-from render.base.atomic_write import atomic_write
-from render.base.python_process import command_line
-from render.base.state_files import mapping, read_state
-from render.mitsuba.engine import DEFAULT_ORDER, GPU_VARIANTS, VARIANTS, choose, works
-from render.mitsuba.llvm import OLDEST_VERSION
+from flowsculpt.pipeline.errors import MachineError, MissingInputError, UsageError, suggestion
+from flowsculpt.pipeline.production.store.paths import STATE
+from flowsculpt.render.base.atomic_write import atomic_write
+from flowsculpt.render.base.python_process import command_line
+from flowsculpt.render.base.state_files import mapping, read_state
+from flowsculpt.render.mitsuba.engine import DEFAULT_ORDER, GPU_VARIANTS, VARIANTS, choose, works
+from flowsculpt.render.mitsuba.llvm import OLDEST_VERSION
 
 PROFILES = Path("profiles")
 
@@ -215,7 +215,7 @@ _LACKING = {
     "cuda_ad_rgb": "Mitsuba finds no NVIDIA GPU with a driver that it can use",
     "metal_ad_rgb": "Mitsuba finds no Apple GPU that it can use",
     "llvm_ad_rgb": f"it has no libLLVM of version {OLDEST_VERSION} or later that works; on Debian and Ubuntu "
-    "`python -m render.mitsuba.engine` there fetches one",
+    "`python -m flowsculpt.render.mitsuba.engine` there fetches one",
 }
 """Reasons why a machine cannot use a variant, by variant."""
 

@@ -15,13 +15,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pipeline.production.stages import STAGES
-from pipeline.production.store.history import History
-from render.base.state_files import read_state
+from flowsculpt.pipeline.production.stages import STAGES
+from flowsculpt.pipeline.production.store.history import History
+from flowsculpt.render.base.state_files import read_state
 
 if TYPE_CHECKING:
-    from pipeline.production.request.render_request import RenderRequest
-    from pipeline.production.store.store import Key
+    from flowsculpt.pipeline.production.request.render_request import RenderRequest
+    from flowsculpt.pipeline.production.store.store import Key
 
 
 SHARED_STAGES = frozenset(name for name, stage in STAGES.items() if not stage.per_quality)

@@ -8,14 +8,14 @@ from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline.errors import FrameError
-from pipeline.frames import FrameRate
-from render.base.input_files import digest_of_file
-from render.base.serialise import OMIT_DEFAULT, to_plain
+from flowsculpt.pipeline.errors import FrameError
+from flowsculpt.pipeline.frames import FrameRate
+from flowsculpt.render.base.input_files import digest_of_file
+from flowsculpt.render.base.serialise import OMIT_DEFAULT, to_plain
 
 if TYPE_CHECKING:
-    from pipeline.shot.shot import SoundTrack
-    from render.movie.movie_sound import Samples, Segment, Sound
+    from flowsculpt.pipeline.shot.shot import SoundTrack
+    from flowsculpt.render.movie.movie_sound import Samples, Segment, Sound
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class AudioTrack:
 
     def sound(self) -> Sound:
         """Return the sound. Raises FrameError where the file was changed."""
-        from render.movie.movie_sound import Sound
+        from flowsculpt.render.movie.movie_sound import Sound
 
         path = Path(self.file)
         if not self.is_unchanged:
@@ -90,7 +90,7 @@ class AudioClip:
 
     def segment(self, rate: FrameRate) -> Segment:
         """Return what is mixed. Raises FrameError where a file was changed."""
-        from render.movie.movie_sound import Segment
+        from flowsculpt.render.movie.movie_sound import Segment
 
         skipped = float(self.skipped / rate.fps)
         sounds = [track.sound() for track in self.tracks]
@@ -118,10 +118,10 @@ def sound_of_frames(
 def samples_of(clips: Sequence[AudioClip], frames: int, rate: FrameRate) -> Iterator[Samples] | None:
     """Return the sound under a movie of so many frames, in blocks; None without clips.
 
-    Raises FrameError where a file was changed, and as `render.movie.movie_sound.require_sound` does.
+    Raises FrameError where a file was changed, and as `require_sound` of `movie_sound` does.
     """
     if not clips:
         return None
-    from render.movie.movie_sound import mixed
+    from flowsculpt.render.movie.movie_sound import mixed
 
     return mixed([clip.segment(rate) for clip in clips], Fraction(frames) / rate.fps)

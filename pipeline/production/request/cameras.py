@@ -14,17 +14,17 @@ from functools import cached_property
 from hashlib import sha256
 from typing import TYPE_CHECKING, Any
 
-from pipeline.errors import FrameError
-from pipeline.production.stages import FRAME_CAMERA
-from pipeline.production.store.digests import CorruptFileError
-from pipeline.production.store.store import Key, Store, key_of
-from render.base.render_errors import BadInputError
-from render.base.serialise import from_plain
-from render.base.state_files import mapping, read_state
+from flowsculpt.pipeline.errors import FrameError
+from flowsculpt.pipeline.production.stages import FRAME_CAMERA
+from flowsculpt.pipeline.production.store.digests import CorruptFileError
+from flowsculpt.pipeline.production.store.store import Key, Store, key_of
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.base.serialise import from_plain
+from flowsculpt.render.base.state_files import mapping, read_state
 
 if TYPE_CHECKING:
-    from pipeline.production.request.framing import Framing
-    from pipeline.production.request.render_request import RenderRequest
+    from flowsculpt.pipeline.production.request.framing import Framing
+    from flowsculpt.pipeline.production.request.render_request import RenderRequest
 
 
 class CameraFile(Mapping[int, "Framing"]):
@@ -50,7 +50,7 @@ class CameraFile(Mapping[int, "Framing"]):
         if number not in self._numbers:
             raise KeyError(number)
         if number not in self._built:
-            from pipeline.production.request.framing import Framing
+            from flowsculpt.pipeline.production.request.framing import Framing
 
             try:
                 self._built[number] = from_plain(Framing, self.data[str(number)])
@@ -176,7 +176,7 @@ def _inputs(request: RenderRequest) -> dict[int, Key]:
 
     One that follows the sculpture depends on the frames near its own, others on all frames.
     """
-    from pipeline.production.request.framing import AHEAD
+    from flowsculpt.pipeline.production.request.framing import AHEAD
 
     numbers = sorted(request.angles)
     views = {number: request.view(number) for number in numbers}

@@ -9,23 +9,23 @@ from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline.errors import FlowsculptError
-from pipeline.frames import FrameRate
-from pipeline.production.request.audio import AudioClip, AudioTrack, sound_of_frames
-from pipeline.production.request.lookup import movie_bits
-from pipeline.production.request.manifest import ShotManifest
-from pipeline.production.request.shot_source import PlanningCache, spare_modules
-from pipeline.production.stages import FILM
-from pipeline.production.store import paths
-from pipeline.production.store.store import Key, key_of
-from pipeline.shot.yaml.named_files import text_of
-from render.base.serialise import to_plain
+from flowsculpt.pipeline.errors import FlowsculptError
+from flowsculpt.pipeline.frames import FrameRate
+from flowsculpt.pipeline.production.request.audio import AudioClip, AudioTrack, sound_of_frames
+from flowsculpt.pipeline.production.request.lookup import movie_bits
+from flowsculpt.pipeline.production.request.manifest import ShotManifest
+from flowsculpt.pipeline.production.request.shot_source import PlanningCache, spare_modules
+from flowsculpt.pipeline.production.stages import FILM
+from flowsculpt.pipeline.production.store import paths
+from flowsculpt.pipeline.production.store.store import Key, key_of
+from flowsculpt.pipeline.shot.yaml.named_files import text_of
+from flowsculpt.render.base.serialise import to_plain
 
 if TYPE_CHECKING:
-    from pipeline.production.request.keys import FrameKeys
-    from pipeline.production.request.render_request import RenderRequest
-    from pipeline.shot import Film
-    from pipeline.shot.shot import Card, Clip
+    from flowsculpt.pipeline.production.request.keys import FrameKeys
+    from flowsculpt.pipeline.production.request.render_request import RenderRequest
+    from flowsculpt.pipeline.shot import Film
+    from flowsculpt.pipeline.shot.shot import Card, Clip
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class Edit:
     @classmethod
     def of(cls, film: Film, name: str) -> Edit:
         """Return the edit of a film file; the movie is called `name`."""
-        from pipeline.shot.shot import Card, Clip
+        from flowsculpt.pipeline.shot.shot import Card, Clip
 
         clips = count()
 
@@ -181,7 +181,7 @@ def resolved_edit(
         with suppress(FlowsculptError):  # reading the film tells all that is wrong
             if known.is_current(manifest_of):
                 return known
-    from pipeline.shot import read_film
+    from flowsculpt.pipeline.shot import read_film
 
     spare_modules()
     resolved = ResolvedEdit.of(read_film(path, settings, text), path.stem)

@@ -17,12 +17,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Floats
-from render.scene.render_camera import Camera, WideCamera
-from render.scene.scene_stage import Stage, StagePlacement
+from flowsculpt.pipeline.arrays import AnyArray, Floats
+from flowsculpt.render.scene.render_camera import Camera, WideCamera
+from flowsculpt.render.scene.scene_stage import Stage, StagePlacement
 
 if TYPE_CHECKING:
-    from pipeline.shot.camera_path import Lens, View, WideLens
+    from flowsculpt.pipeline.shot.camera_path import Lens, View, WideLens
 
 
 DOWN = (0.0, -1.0, 0.0)

@@ -11,15 +11,22 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline.production.request.cameras import CameraFile, camera_file
-from pipeline.production.stages import FINISH, FRAME_CAMERA, RENDER, SIMULATE, SMOOTH_NORMALS, STAGES
-from pipeline.production.store.store import Key, Store, key_of
-from render.base.serialise import from_plain, to_plain
+from flowsculpt.pipeline.production.request.cameras import CameraFile, camera_file
+from flowsculpt.pipeline.production.stages import (
+    FINISH,
+    FRAME_CAMERA,
+    RENDER,
+    SIMULATE,
+    SMOOTH_NORMALS,
+    STAGES,
+)
+from flowsculpt.pipeline.production.store.store import Key, Store, key_of
+from flowsculpt.render.base.serialise import from_plain, to_plain
 
 if TYPE_CHECKING:
-    from pipeline.production.request.framing import Framing
-    from pipeline.production.request.render_request import RenderRequest
-    from render.scene.render_camera import Projection
+    from flowsculpt.pipeline.production.request.framing import Framing
+    from flowsculpt.pipeline.production.request.render_request import RenderRequest
+    from flowsculpt.render.scene.render_camera import Projection
 
 
 def raw_key(request: RenderRequest, number: int, framings: Mapping[int, Framing]) -> Key:
@@ -54,7 +61,7 @@ def _motion_data(request: RenderRequest, number: int, framings: Mapping[int, Fra
     turn = request.turntable.step(number) if request.turntable else None
     flow: list[Any] = []
     if request.turntable is None and offsets:
-        from pipeline.production.request.shading import flow_cache_data
+        from flowsculpt.pipeline.production.request.shading import flow_cache_data
 
         flow = [flow_cache_data(part.motion, number, offsets) for part in request.shot.parts]
         flow = flow if request.shot.subjects else flow[0]
@@ -65,8 +72,8 @@ def speed_data(request: RenderRequest, number: int) -> list[Any]:
     """Return what decides the colours of a picture that shows speeds; nothing of others."""
     if not request.measures_speed:
         return []
-    from pipeline.production.request.shading import STEP, flow_cache_data
-    from render.scene.patterns import SPEED
+    from flowsculpt.pipeline.production.request.shading import STEP, flow_cache_data
+    from flowsculpt.render.scene.patterns import SPEED
 
     mesh, motions = request.angles[number].mesh, [part.motion for part in request.shot.parts]
     data = [flow_cache_data(motion, mesh, (-STEP, STEP)) for motion in motions]
@@ -253,7 +260,10 @@ def picture_header(request: RenderRequest, number: int) -> dict[str, Any]:
 
 def projection_of(header: Mapping[str, Any]) -> Projection:
     """Return the projection of a picture by its header."""
-    from render.scene.render_camera import PERSPECTIVE, Projection  # numpy, which planning does without
+    from flowsculpt.render.scene.render_camera import (  # numpy, which planning does without
+        PERSPECTIVE,
+        Projection,
+    )
 
     wide = header.get("camera", {}).get("wide")
     return from_plain(Projection, wide) if wide else PERSPECTIVE

@@ -14,12 +14,12 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from pipeline.errors import MissingInputError, UsageError, suggestion
-from pipeline.plugin import plugins
-from pipeline.shot.yaml.named_files import is_edit, is_there, name_fault, shot_files, shown
-from pipeline.shot.yaml.synonyms import value_meant
-from render.base.input_files import kind_of_path
-from render.scene.render_quality import FORMER_NAMES, QUALITIES, Crop, Quality
+from flowsculpt.pipeline.errors import MissingInputError, UsageError, suggestion
+from flowsculpt.pipeline.plugin import plugins
+from flowsculpt.pipeline.shot.yaml.named_files import is_edit, is_there, name_fault, shot_files, shown
+from flowsculpt.pipeline.shot.yaml.synonyms import value_meant
+from flowsculpt.render.base.input_files import kind_of_path
+from flowsculpt.render.scene.render_quality import FORMER_NAMES, QUALITIES, Crop, Quality
 
 LEAST, MOST = 1.0, 400.0
 """Limits of `--scale`, per cent."""

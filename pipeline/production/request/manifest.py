@@ -13,17 +13,17 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline.errors import MissingInputError
-from pipeline.production.request.audio import AudioTrack
-from pipeline.production.stages import PLUGIN_STAGES, SIMULATE, SMOOTH_NORMALS
-from pipeline.production.store.paths import STATE
-from pipeline.production.store.store import Key, key_of
-from render.base.input_files import digest_of_file
-from render.scene.render_quality import Quality
+from flowsculpt.pipeline.errors import MissingInputError
+from flowsculpt.pipeline.production.request.audio import AudioTrack
+from flowsculpt.pipeline.production.stages import PLUGIN_STAGES, SIMULATE, SMOOTH_NORMALS
+from flowsculpt.pipeline.production.store.paths import STATE
+from flowsculpt.pipeline.production.store.store import Key, key_of
+from flowsculpt.render.base.input_files import digest_of_file
+from flowsculpt.render.scene.render_quality import Quality
 
 if TYPE_CHECKING:  # reading shots takes a second; planning spares it where the cache holds all
-    from pipeline.resample import Thresholds
-    from pipeline.shot import Motion, Shot
+    from flowsculpt.pipeline.resample import Thresholds
+    from flowsculpt.pipeline.shot import Motion, Shot
 
 InputDigests = tuple[tuple[str, str], ...]
 """Paths of the files that a shot reads, in order, and the SHA-256 of their contents."""
@@ -80,7 +80,7 @@ class ShotManifest:
     @classmethod
     def of(cls, shot: Shot) -> ShotManifest:
         """Compile the manifest of a shot."""
-        from pipeline.flow.flow import python_flows
+        from flowsculpt.pipeline.flow.flow import python_flows
 
         inputs, picture, clock = input_digests(shot.files), shot.picture, shot.motion.clock
         return cls(
@@ -184,7 +184,7 @@ def mesh_keys(motion: Motion) -> dict[int, Key]:
 
 def normals_keys(shot: Shot, meshes: Mapping[int, Key]) -> dict[int, Key]:
     """Return keys by frame of a shot of one subject; `meshes` are the keys of its meshes."""
-    from pipeline.shot.motion import as_data
+    from flowsculpt.pipeline.shot.motion import as_data
 
     motion, pieces = shot.motion, shot.picture.tessellate
     first = thresholds_at(motion, motion.frames.first).hard_angle
@@ -201,7 +201,7 @@ def thresholds_at(motion: Motion, number: int) -> Thresholds:
 
     Without resampling they are the default, whose hard angle makes creases.
     """
-    from pipeline.resample import Thresholds
+    from flowsculpt.pipeline.resample import Thresholds
 
     resampling = motion.resampling_at(number) or motion.shape
     return resampling.thresholds if resampling else Thresholds(1.0)
@@ -209,7 +209,7 @@ def thresholds_at(motion: Motion, number: int) -> Thresholds:
 
 def measures_speed(shot: Shot) -> bool:
     """Tell whether the colours of a shot, or of one of its subjects, are the speed of the flow."""
-    from render.scene.patterns import SPEED, Measure
+    from flowsculpt.render.scene.patterns import SPEED, Measure
 
     patterns = [part.picture.look.pattern for part in shot.parts]
     return any(isinstance(pattern, Measure) and pattern.of == SPEED for pattern in patterns)

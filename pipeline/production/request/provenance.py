@@ -14,15 +14,22 @@ from typing import Any
 
 import psutil
 
-from pipeline.errors import MissingInputError, UsageError
-from pipeline.production.request.lookup import is_quality, today_name
-from pipeline.production.request.shot_source import ShotSource
-from pipeline.production.stages import ASSEMBLE, FINISH, FRAME_CAMERA, RENDER, SIMULATE, SMOOTH_NORMALS
-from pipeline.shot.yaml.named_files import NAME, is_there
-from render.base.render_errors import BadInputError
-from render.base.serialise import from_plain, to_plain
-from render.base.state_files import UNUSABLE
-from render.mitsuba.engine import available_cores
+from flowsculpt.pipeline.errors import MissingInputError, UsageError
+from flowsculpt.pipeline.production.request.lookup import is_quality, today_name
+from flowsculpt.pipeline.production.request.shot_source import ShotSource
+from flowsculpt.pipeline.production.stages import (
+    ASSEMBLE,
+    FINISH,
+    FRAME_CAMERA,
+    RENDER,
+    SIMULATE,
+    SMOOTH_NORMALS,
+)
+from flowsculpt.pipeline.shot.yaml.named_files import NAME, is_there
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.base.serialise import from_plain, to_plain
+from flowsculpt.render.base.state_files import UNUSABLE
+from flowsculpt.render.mitsuba.engine import available_cores
 
 FILE = "provenance.json"
 FORMAT = 2

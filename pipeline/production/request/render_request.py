@@ -13,23 +13,23 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline.errors import UsageError
-from pipeline.frames import FrameRange
-from pipeline.production.request.audio import AudioClip, sound_of_frames
-from pipeline.production.request.lookup import crop_of, movie_bits, quality_named
-from pipeline.production.request.manifest import ShotManifest, measures_speed
-from pipeline.production.request.shot_source import PlanningCache, ShotSource
-from pipeline.production.stages import ASSEMBLE, FRAME_CAMERA, STAGES, STILLS
-from pipeline.production.store.paths import Folders
-from pipeline.production.store.store import Key, key_of
-from render.base.serialise import to_plain
-from render.scene.render_quality import QUALITIES, Quality
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.frames import FrameRange
+from flowsculpt.pipeline.production.request.audio import AudioClip, sound_of_frames
+from flowsculpt.pipeline.production.request.lookup import crop_of, movie_bits, quality_named
+from flowsculpt.pipeline.production.request.manifest import ShotManifest, measures_speed
+from flowsculpt.pipeline.production.request.shot_source import PlanningCache, ShotSource
+from flowsculpt.pipeline.production.stages import ASSEMBLE, FRAME_CAMERA, STAGES, STILLS
+from flowsculpt.pipeline.production.store.paths import Folders
+from flowsculpt.pipeline.production.store.store import Key, key_of
+from flowsculpt.render.base.serialise import to_plain
+from flowsculpt.render.scene.render_quality import QUALITIES, Quality
 
 if TYPE_CHECKING:
-    from pipeline.shot import Shot
-    from pipeline.shot.camera_path import View
-    from pipeline.shot.shot import AovSelection, Picture
-    from render.scene.render_camera import Projection
+    from flowsculpt.pipeline.shot import Shot
+    from flowsculpt.pipeline.shot.camera_path import View
+    from flowsculpt.pipeline.shot.shot import AovSelection, Picture
+    from flowsculpt.render.scene.render_camera import Projection
 
 
 TURNS = ("object", "lights")
@@ -314,7 +314,7 @@ class RenderRequest:
         return self.manifest.shown_as
 
     def seed(self, number: int) -> int:
-        from render.frame.batch_schedule import seed_of
+        from flowsculpt.render.frame.batch_schedule import seed_of
 
         return seed_of(self.folders.name, number)
 
@@ -338,7 +338,10 @@ class RenderRequest:
     @property
     def projection(self) -> Projection:
         """The projection of its pictures: the shot's, but a turntable is always seen in perspective."""
-        from render.scene.render_camera import PERSPECTIVE, Projection  # numpy, which planning does without
+        from flowsculpt.render.scene.render_camera import (  # numpy, which planning does without
+            PERSPECTIVE,
+            Projection,
+        )
 
         return PERSPECTIVE if self.turntable else Projection(*self.manifest.projection)
 
@@ -427,7 +430,7 @@ class RenderRequest:
 
     @cached_property
     def _offsets_of_aovs(self) -> tuple[float, ...]:
-        from pipeline.production.request.shading import STEP
+        from flowsculpt.pipeline.production.request.shading import STEP
 
         steps = {"velocity": (-STEP, STEP), "motion": (1.0,), "after": (1.0,), "before": (-1.0,)}
         return tuple(offset for name in self.aovs.extra for offset in steps.get(name, ()))
@@ -473,7 +476,7 @@ class RenderRequest:
 
         Of several subjects, a list.
         """
-        from pipeline.shot.point_subjects import ControlNet
+        from flowsculpt.pipeline.shot.point_subjects import ControlNet
 
         if self.shot.subjects:
             return [part.net_pieces() for part in self.parts]
@@ -525,5 +528,5 @@ class RenderRequest:
 
     @property
     def loop(self) -> tuple[str, int] | None:
-        """Kind and count of its movie's loop, of `pipeline.shot.motion.Loop`; None for a part of the shot."""
+        """Kind and count of its movie's loop, of `Loop` in `motion`; None for a part of the shot."""
         return self.manifest.loop if self.is_whole and self.turntable is None else None

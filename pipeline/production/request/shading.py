@@ -17,12 +17,12 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.animation import MeshFrame, material_of, moved_to_subframe
-from pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
-from pipeline.flow.flow_map import checked_cache_data
-from pipeline.mesh import TriangleMesh
-from pipeline.mesh.control_net import bspline_surface, bspline_values
-from pipeline.mesh.normals import (
+from flowsculpt.pipeline.animation import MeshFrame, material_of, moved_to_subframe
+from flowsculpt.pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
+from flowsculpt.pipeline.flow.flow_map import checked_cache_data
+from flowsculpt.pipeline.mesh import TriangleMesh
+from flowsculpt.pipeline.mesh.control_net import bspline_surface, bspline_values
+from flowsculpt.pipeline.mesh.normals import (
     MOST_PIECES,
     ShadedMesh,
     split_at_creases,
@@ -32,14 +32,14 @@ from pipeline.mesh.normals import (
     twins_of,
     vertex_normals,
 )
-from pipeline.mesh.placed_copies import COPIES, STARTS, Placements, all_copies, shifted
-from pipeline.production.request.framing import Framing, rotate_y
-from pipeline.resample import Thresholds
-from pipeline.shot import Motion
-from pipeline.shot.point_subjects import RADIUS
-from render.base.serialise import from_plain, to_plain
-from render.scene.render_camera import Camera
-from render.scene.render_quality import Quality
+from flowsculpt.pipeline.mesh.placed_copies import COPIES, STARTS, Placements, all_copies, shifted
+from flowsculpt.pipeline.production.request.framing import Framing, rotate_y
+from flowsculpt.pipeline.resample import Thresholds
+from flowsculpt.pipeline.shot import Motion
+from flowsculpt.pipeline.shot.point_subjects import RADIUS
+from flowsculpt.render.base.serialise import from_plain, to_plain
+from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.render_quality import Quality
 
 LEAST = 0.2
 """Pixels between an edge and the patch over it that no one sees."""

@@ -25,26 +25,26 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from pipeline.errors import FlowsculptError, MachineError, MissingInputError, UsageError
-from pipeline.plugin import plugins
-from pipeline.production.request.manifest import (
+from flowsculpt.pipeline.errors import FlowsculptError, MachineError, MissingInputError, UsageError
+from flowsculpt.pipeline.plugin import plugins
+from flowsculpt.pipeline.production.request.manifest import (
     InputDigests,
     ShotManifest,
     SurfaceKeys,
     changed_inputs,
     input_digests,
 )
-from pipeline.production.store.paths import STATE
-from pipeline.production.store.store import Store, key_of
-from pipeline.shot.yaml.named_files import DEFAULTS, is_there, text_of
-from render.base.atomic_write import atomic_write
-from render.base.render_errors import BadInputError
-from render.base.root_files import make_folder, remove, set_time
-from render.base.serialise import NOT_PLAIN, from_plain, to_plain
-from render.base.user_cache import writable_cache
+from flowsculpt.pipeline.production.store.paths import STATE
+from flowsculpt.pipeline.production.store.store import Store, key_of
+from flowsculpt.pipeline.shot.yaml.named_files import DEFAULTS, is_there, text_of
+from flowsculpt.render.base.atomic_write import atomic_write
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.base.root_files import make_folder, remove, set_time
+from flowsculpt.render.base.serialise import NOT_PLAIN, from_plain, to_plain
+from flowsculpt.render.base.user_cache import writable_cache
 
 if TYPE_CHECKING:
-    from pipeline.shot import Shot
+    from flowsculpt.pipeline.shot import Shot
 
 
 Data = TypeVar("Data")
@@ -213,7 +213,7 @@ class ShotSource:
         """The shot with all its subjects, which the origin reads if its text and settings are the same."""
         if self.origin is not None and self.origin._file == self._file:
             return self.origin._whole
-        from pipeline.shot import read_shot
+        from flowsculpt.pipeline.shot import read_shot
 
         spare_modules()
         return read_shot(self.path, self.text, self.settings, dict(self.beside), self.allow_code)
@@ -306,7 +306,7 @@ class SourceCache:
 def _rests_on(path: Path, text: str) -> dict[str, str]:
     """Return names and texts of the other files that a shot is made of; most shots extend none."""
     if "extends" in text:
-        from pipeline.shot.yaml.inheritance import inherited_files
+        from flowsculpt.pipeline.shot.yaml.inheritance import inherited_files
 
         return inherited_files(path, text)
     defaults = path.with_name(DEFAULTS)

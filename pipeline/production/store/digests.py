@@ -18,9 +18,9 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline.production.store.paths import DIGESTS
-from render.base.atomic_write import atomic_write, disk_errors
-from render.base.root_files import appended, remove
+from flowsculpt.pipeline.production.store.paths import DIGESTS
+from flowsculpt.render.base.atomic_write import atomic_write, disk_errors
+from flowsculpt.render.base.root_files import appended, remove
 
 SUFFIX = ".b2"
 

@@ -35,10 +35,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from pipeline.production.store.paths import EVENTS
-from render.base.atomic_write import machine_error
-from render.base.root_files import appended
-from render.base.state_files import plain_data
+from flowsculpt.pipeline.production.store.paths import EVENTS
+from flowsculpt.render.base.atomic_write import machine_error
+from flowsculpt.render.base.root_files import appended
+from flowsculpt.render.base.state_files import plain_data
 
 Event = dict[str, Any]
 

@@ -22,16 +22,16 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from pipeline.errors import MachineError
-from pipeline.production.stages import STAGES
-from pipeline.production.store.event_log import RUNS, Event, EventReader, event_in, logs_of
-from pipeline.production.store.locks import lock_name, of_key
-from pipeline.production.store.paths import LOGS, STATE
-from pipeline.production.store.remote_store import LOG
-from render.base.atomic_write import atomic_write, machine_error
-from render.base.processes import command_of, is_at_work
-from render.base.root_files import remove, remove_tree
-from render.base.state_files import UNUSABLE, mapping, plain_data, read_state, usable
+from flowsculpt.pipeline.errors import MachineError
+from flowsculpt.pipeline.production.stages import STAGES
+from flowsculpt.pipeline.production.store.event_log import RUNS, Event, EventReader, event_in, logs_of
+from flowsculpt.pipeline.production.store.locks import lock_name, of_key
+from flowsculpt.pipeline.production.store.paths import LOGS, STATE
+from flowsculpt.pipeline.production.store.remote_store import LOG
+from flowsculpt.render.base.atomic_write import atomic_write, machine_error
+from flowsculpt.render.base.processes import command_of, is_at_work
+from flowsculpt.render.base.root_files import remove, remove_tree
+from flowsculpt.render.base.state_files import UNUSABLE, mapping, plain_data, read_state, usable
 
 HISTORY = STATE / "history"
 

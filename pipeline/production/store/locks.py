@@ -19,12 +19,12 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
-from pipeline.errors import MachineError
-from pipeline.production.store.paths import STATE
-from render.base.atomic_write import disk_errors
-from render.base.root_files import open_file, remove, require_own_folders
-from render.base.state_files import read_state
-from render.base.user_cache import user_number
+from flowsculpt.pipeline.errors import MachineError
+from flowsculpt.pipeline.production.store.paths import STATE
+from flowsculpt.render.base.atomic_write import disk_errors
+from flowsculpt.render.base.root_files import open_file, remove, require_own_folders
+from flowsculpt.render.base.state_files import read_state
+from flowsculpt.render.base.user_cache import user_number
 
 LOCKS = STATE / "locks"
 ROOT = STATE / "lock"

@@ -6,8 +6,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline.errors import MachineError
-from render.base.root_files import guard
+from flowsculpt.pipeline.errors import MachineError
+from flowsculpt.render.base.root_files import guard
 
 STATE = Path(".flowsculpt")
 STORE = STATE / "store"

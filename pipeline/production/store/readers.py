@@ -12,17 +12,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Points
-from pipeline.errors import FlowsculptError
-from pipeline.mesh.placed_copies import COPIES, Placements, all_copies, extremes
-from pipeline.production.store.digests import CorruptFileError
-from pipeline.production.store.store import Key
-from render.base.state_files import UNUSABLE
-from render.post.image import read_exr
-from render.scene.aovs import RenderedFrame
+from flowsculpt.pipeline.arrays import AnyArray, Points
+from flowsculpt.pipeline.errors import FlowsculptError
+from flowsculpt.pipeline.mesh.placed_copies import COPIES, Placements, all_copies, extremes
+from flowsculpt.pipeline.production.store.digests import CorruptFileError
+from flowsculpt.pipeline.production.store.store import Key
+from flowsculpt.render.base.state_files import UNUSABLE
+from flowsculpt.render.post.image import read_exr
+from flowsculpt.render.scene.aovs import RenderedFrame
 
 if TYPE_CHECKING:
-    from pipeline.animation import MeshFrame
+    from flowsculpt.pipeline.animation import MeshFrame
 
 Size = tuple[int, int]
 """Width and height in pixels."""
@@ -61,8 +61,8 @@ def arrays(key: Key) -> Callable[[Path], dict[str, AnyArray]]:
 
 def mesh_frame(key: Key, number: int) -> Callable[[Path], MeshFrame]:
     """Return a reader of the mesh frame of `key`, which a shot shows as frame `number`."""
-    from pipeline.animation import MeshFrame
-    from pipeline.mesh.meshes import freeze
+    from flowsculpt.pipeline.animation import MeshFrame
+    from flowsculpt.pipeline.mesh.meshes import freeze
 
     def read(path: Path) -> MeshFrame:
         named = arrays(key)(path)

@@ -12,11 +12,11 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Protocol
 
-from pipeline.errors import UsageError
-from pipeline.plugin import named, plugins
-from pipeline.production.store.digests import DIGITS
-from render.base.atomic_write import atomic_write
-from render.base.user_cache import kernel_homes
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.plugin import named, plugins
+from flowsculpt.pipeline.production.store.digests import DIGITS
+from flowsculpt.render.base.atomic_write import atomic_write
+from flowsculpt.render.base.user_cache import kernel_homes
 
 VARIABLE = "FLOWSCULPT_STORE"
 """The environment variable that holds the address. Processes and farms pass it on to their jobs."""
@@ -118,7 +118,10 @@ def has_kernels(key: str) -> bool:
 
 def kernels_key() -> str:
     """Return the digest of all that decides what is compiled on this machine."""
-    from render.base.kernel_cache import all_kernels, folder_name  # numba, which many jobs never need
+    from flowsculpt.render.base.kernel_cache import (  # numba, which many jobs never need
+        all_kernels,
+        folder_name,
+    )
 
     parts = "\n".join([folder_name(), *all_kernels()])
     return hashlib.blake2b(parts.encode(), digest_size=DIGITS // 2).hexdigest()

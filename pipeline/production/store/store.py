@@ -35,10 +35,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
-from pipeline.errors import FrameError, MachineError
-from pipeline.production.store.digests import CorruptFileError, Digests, digest_of
-from pipeline.production.store.paths import CHECKPOINTS, STATE, STORE, SUFFIXES
-from pipeline.production.store.remote_store import (
+from flowsculpt.pipeline.errors import FrameError, MachineError
+from flowsculpt.pipeline.production.store.digests import CorruptFileError, Digests, digest_of
+from flowsculpt.pipeline.production.store.paths import CHECKPOINTS, STATE, STORE, SUFFIXES
+from flowsculpt.pipeline.production.store.remote_store import (
     LOG,
     SIDE_BY_SIDE,
     RemoteStore,
@@ -46,14 +46,14 @@ from pipeline.production.store.remote_store import (
     remote_stores,
     store_url,
 )
-from render.base.atomic_write import atomic_write, disk_errors
-from render.base.drafts import disk_time, draft_name, sweep_drafts
-from render.base.plural import plural
-from render.base.render_errors import CorruptImageError, FlowsculptError, MissingImageError
-from render.base.root_files import guard, held, remove, touch
+from flowsculpt.render.base.atomic_write import atomic_write, disk_errors
+from flowsculpt.render.base.drafts import disk_time, draft_name, sweep_drafts
+from flowsculpt.render.base.plural import plural
+from flowsculpt.render.base.render_errors import CorruptImageError, FlowsculptError, MissingImageError
+from flowsculpt.render.base.root_files import guard, held, remove, touch
 
 if TYPE_CHECKING:
-    from render.frame.checkpoint import Checkpoint
+    from flowsculpt.render.frame.checkpoint import Checkpoint
 
 
 T = TypeVar("T")
@@ -425,7 +425,7 @@ def checkpoint_of(
 
     warn, urgent  see `Checkpoint`
     """
-    from render.frame.checkpoint import Checkpoint
+    from flowsculpt.render.frame.checkpoint import Checkpoint
 
     path = store.root / CHECKPOINTS / f"{_checkpoint_name(target)}.{key}.npz"
     remove_checkpoints(store, [target], keep=path)

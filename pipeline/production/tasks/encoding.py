@@ -7,22 +7,22 @@ from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
-from pipeline.errors import FlowsculptError, FrameError
-from pipeline.frames import FrameRate
-from pipeline.production.request.audio import AudioClip, samples_of
-from pipeline.production.request.edit import Edit
-from pipeline.production.request.keys import PictureKeys, projection_of
-from pipeline.production.request.lookup import movie_bits
-from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.store.store import Key
-from pipeline.production.tasks.job import Context
-from render.base.work_clock import WorkClock
-from render.graphics.cards import Screen, TitleCard, title_frames
-from render.movie.codecs import movie_encode
-from render.movie.encode import write_movie
-from render.movie.movie_frames import ClipFrames, Frame, dissolve, mix_frames, prefetch
-from render.post.colour import quantise, to_display
-from render.post.image import write_jpeg, write_png
+from flowsculpt.pipeline.errors import FlowsculptError, FrameError
+from flowsculpt.pipeline.frames import FrameRate
+from flowsculpt.pipeline.production.request.audio import AudioClip, samples_of
+from flowsculpt.pipeline.production.request.edit import Edit
+from flowsculpt.pipeline.production.request.keys import PictureKeys, projection_of
+from flowsculpt.pipeline.production.request.lookup import movie_bits
+from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt.pipeline.production.store.store import Key
+from flowsculpt.pipeline.production.tasks.job import Context
+from flowsculpt.render.base.work_clock import WorkClock
+from flowsculpt.render.graphics.cards import Screen, TitleCard, title_frames
+from flowsculpt.render.movie.codecs import movie_encode
+from flowsculpt.render.movie.encode import write_movie
+from flowsculpt.render.movie.movie_frames import ClipFrames, Frame, dissolve, mix_frames, prefetch
+from flowsculpt.render.post.colour import quantise, to_display
+from flowsculpt.render.post.image import write_jpeg, write_png
 
 T = TypeVar("T")
 
@@ -52,7 +52,7 @@ def in_loop(
     """Yield the frames of a request's movie: those of a dissolve into the beginning come last, mixed with it.
 
     shown  yields frames by their numbers
-    mix    as of `render.movie.movie_frames.dissolve`
+    mix    as of `flowsculpt.render.movie.movie_frames.dissolve`
     """
     if not (count := loop_dissolve(request)):
         return shown(numbers)
@@ -117,7 +117,7 @@ def _reported(context: Context, frames: Iterator[Frame], clock: WorkClock) -> It
 def cut_together(
     edit: Edit, screen: Screen, shown: Callable[[int], Iterator[T]], card: Callable[[Frame], T]
 ) -> Iterator[ClipFrames[T]]:
-    """Yield the clips of a film for `render.movie.movie_frames.dissolve`.
+    """Yield the clips of a film for `flowsculpt.render.movie.movie_frames.dissolve`.
 
     screen  where cards stand in the pictures
     shown   the frames of the film's request in a place

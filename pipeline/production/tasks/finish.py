@@ -10,27 +10,27 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pipeline.errors import FrameError
-from pipeline.frames import FrameRate
-from pipeline.plugin import named, plugins
-from pipeline.production.request.cameras import camera_file
-from pipeline.production.request.keys import FrameKeys, PictureKeys
-from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.stages import FINISH, STAGES
-from pipeline.production.tasks.job import Context
-from render.base.foreign_code import is_of_user, reason_of_foreign
-from render.movie.codecs import timecode
-from render.post.compositing import LayerInputs, Viewpoint, compositing_layers, mattes_header
-from render.post.denoise import FilmDenoiser, RawFrame
-from render.post.exr_names import ExrAttributes
-from render.post.image import write_exr
-from render.scene.aovs import DENOISER, Pixels, RenderedFrame
-from render.scene.materials import LOOKS, Material
-from render.scene.scene import SUBJECT
-from render.scene.scene_lights import groups_in, light_layers, with_beauty
+from flowsculpt.pipeline.errors import FrameError
+from flowsculpt.pipeline.frames import FrameRate
+from flowsculpt.pipeline.plugin import named, plugins
+from flowsculpt.pipeline.production.request.cameras import camera_file
+from flowsculpt.pipeline.production.request.keys import FrameKeys, PictureKeys
+from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt.pipeline.production.stages import FINISH, STAGES
+from flowsculpt.pipeline.production.tasks.job import Context
+from flowsculpt.render.base.foreign_code import is_of_user, reason_of_foreign
+from flowsculpt.render.movie.codecs import timecode
+from flowsculpt.render.post.compositing import LayerInputs, Viewpoint, compositing_layers, mattes_header
+from flowsculpt.render.post.denoise import FilmDenoiser, RawFrame
+from flowsculpt.render.post.exr_names import ExrAttributes
+from flowsculpt.render.post.image import write_exr
+from flowsculpt.render.scene.aovs import DENOISER, Pixels, RenderedFrame
+from flowsculpt.render.scene.materials import LOOKS, Material
+from flowsculpt.render.scene.scene import SUBJECT
+from flowsculpt.render.scene.scene_lights import groups_in, light_layers, with_beauty
 
 if TYPE_CHECKING:
-    from pipeline.production.request.framing import Framing
+    from flowsculpt.pipeline.production.request.framing import Framing
 
 
 def finish(context: Context) -> bool:
@@ -214,7 +214,7 @@ class FinishedFrames:
 
     def _inputs(self, number: int) -> LayerInputs:
         """Return what `compositing_layers` needs besides the AOVs."""
-        from pipeline.production.request.shading import framing_at  # takes a moment
+        from flowsculpt.pipeline.production.request.shading import framing_at  # takes a moment
 
         picture, quality = self.request.picture(number), self.request.quality
         around = (framing_at(self.framings, number, offset) for offset in (0.0, -1.0, 1.0))

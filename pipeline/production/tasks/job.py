@@ -15,24 +15,24 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from pipeline.errors import FlowsculptError, FrameError
-from pipeline.production.planning.plan import Job, Plan, movie_record, write_manifest
-from pipeline.production.request.keys import picture_keys
-from pipeline.production.request.shot_source import PlanningCache
-from pipeline.production.stages import STAGES
-from pipeline.production.store.event_log import Event, EventLog, EventReader
-from pipeline.production.store.paths import EVENTS
-from pipeline.production.store.remote_store import LOG
-from pipeline.production.store.store import Key, Store
-from render.base.atomic_write import atomic_write
-from render.base.processes import start_of
-from render.base.root_files import guard, set_time
-from render.base.work_clock import Timing, WorkClock, cpu_seconds
+from flowsculpt.pipeline.errors import FlowsculptError, FrameError
+from flowsculpt.pipeline.production.planning.plan import Job, Plan, movie_record, write_manifest
+from flowsculpt.pipeline.production.request.keys import picture_keys
+from flowsculpt.pipeline.production.request.shot_source import PlanningCache
+from flowsculpt.pipeline.production.stages import STAGES
+from flowsculpt.pipeline.production.store.event_log import Event, EventLog, EventReader
+from flowsculpt.pipeline.production.store.paths import EVENTS
+from flowsculpt.pipeline.production.store.remote_store import LOG
+from flowsculpt.pipeline.production.store.store import Key, Store
+from flowsculpt.render.base.atomic_write import atomic_write
+from flowsculpt.render.base.processes import start_of
+from flowsculpt.render.base.root_files import guard, set_time
+from flowsculpt.render.base.work_clock import Timing, WorkClock, cpu_seconds
 
 if TYPE_CHECKING:
-    from pipeline.production.request.keys import PictureKeys
-    from pipeline.production.request.render_request import RenderRequest
-    from render.scene.aovs import RenderedFrame
+    from flowsculpt.pipeline.production.request.keys import PictureKeys
+    from flowsculpt.pipeline.production.request.render_request import RenderRequest
+    from flowsculpt.render.scene.aovs import RenderedFrame
 
 T = TypeVar("T")
 
@@ -243,7 +243,7 @@ class Context:
 
         shown_as  the stage of a plug-in that made a raw picture
         """
-        from pipeline.production.store import readers  # numpy, which a supervisor does not need
+        from flowsculpt.pipeline.production.store import readers  # numpy, which a supervisor does not need
 
         reader = readers.picture(key, request.quality.rendered_size)
         return self.read(kind, key, request.place(shown_as or kind, number), reader)

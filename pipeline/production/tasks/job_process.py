@@ -1,4 +1,4 @@
-"""The process of one job, as Snakemake starts it: `python -m pipeline.production.tasks.job_process PLAN JOB`.
+"""The process of one job, as Snakemake starts it, with a plan and the name of a job.
 
 Where a job server runs, it forks the process that works. This one then passes on the signals that it gets,
 and ends with the same exit code. Elsewhere this process does the job itself. It imports next to nothing
@@ -36,7 +36,7 @@ def main(words: list[str]) -> int:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, passed_on)
         if connection is not None:
             return _end_of_forked(connection)
-    from pipeline.production.tasks.worker import run
+    from flowsculpt.pipeline.production.tasks.worker import run
 
     return run(words)
 

@@ -28,8 +28,8 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import NoReturn
 
-from pipeline.production.tasks.job_process import NUMBER, SERVER
-from render.base.python_process import ENDING
+from flowsculpt.pipeline.production.tasks.job_process import NUMBER, SERVER
+from flowsculpt.render.base.python_process import ENDING
 
 REQUEST_BYTES = 65536
 """The longest request: the words of a job, which a command line has to hold too."""
@@ -97,10 +97,10 @@ def _load_what_jobs_need() -> None:
     import portalocker  # noqa: F401  # for the locks of jobs
     from numba.core.registry import cpu_target
 
-    from pipeline.production.stages import STAGES
-    from pipeline.production.store.remote_store import remote_stores, store_url
-    from pipeline.production.tasks.worker import task_of
-    from pipeline.shot import read_shot
+    from flowsculpt.pipeline.production.stages import STAGES
+    from flowsculpt.pipeline.production.store.remote_store import remote_stores, store_url
+    from flowsculpt.pipeline.production.tasks.worker import task_of
+    from flowsculpt.pipeline.shot import read_shot
 
     for stage in STAGES:
         task_of(stage)
@@ -204,7 +204,7 @@ def _work(out: int, err: int, words: list[str], folder: str, process: int) -> No
     folder    its working folder
     process   its id
     """
-    from pipeline.production.tasks.worker import run
+    from flowsculpt.pipeline.production.tasks.worker import run
 
     signal.signal(signal.SIGINT, signal.default_int_handler)
     for number in set(ENDING) - {signal.SIGINT}:

@@ -11,32 +11,32 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pipeline.animation.flow_cost import flows_of
-from pipeline.arrays import AnyArray
-from pipeline.mesh.placed_copies import all_copies
-from pipeline.production.request.cameras import camera_file
-from pipeline.production.request.framing import Framing, rotate_y
-from pipeline.production.request.keys import FrameKeys, raw_header
-from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.request.shading import diced, pieces_without_facets
-from pipeline.production.store import readers
-from pipeline.production.store.store import Key, checkpoint_of
-from pipeline.production.tasks.finish import raw_attributes
-from pipeline.production.tasks.job import Context
-from pipeline.production.tasks.supervisor import MemoryGuard, StopRequest, deferred_signals
-from render.base.work_clock import Timing, WorkClock, peak_memory
-from render.frame.checkpoint import Checkpoint
-from render.frame.render_frame import ShutterInterval, render_frame
-from render.mitsuba.engine import Engine, choose
-from render.post.image import write_exr
-from render.scene.aovs import COPY, RenderedFrame
-from render.scene.painted_faces import PaintedFaces
-from render.scene.patterns import SPEED, Pigment
-from render.scene.scene import SUBJECT, Geometry, MotionSample, Scene, SceneSubject
-from render.scene.surface import Spheres, Surface, outlines
+from flowsculpt.pipeline.animation.flow_cost import flows_of
+from flowsculpt.pipeline.arrays import AnyArray
+from flowsculpt.pipeline.mesh.placed_copies import all_copies
+from flowsculpt.pipeline.production.request.cameras import camera_file
+from flowsculpt.pipeline.production.request.framing import Framing, rotate_y
+from flowsculpt.pipeline.production.request.keys import FrameKeys, raw_header
+from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt.pipeline.production.request.shading import diced, pieces_without_facets
+from flowsculpt.pipeline.production.store import readers
+from flowsculpt.pipeline.production.store.store import Key, checkpoint_of
+from flowsculpt.pipeline.production.tasks.finish import raw_attributes
+from flowsculpt.pipeline.production.tasks.job import Context
+from flowsculpt.pipeline.production.tasks.supervisor import MemoryGuard, StopRequest, deferred_signals
+from flowsculpt.render.base.work_clock import Timing, WorkClock, peak_memory
+from flowsculpt.render.frame.checkpoint import Checkpoint
+from flowsculpt.render.frame.render_frame import ShutterInterval, render_frame
+from flowsculpt.render.mitsuba.engine import Engine, choose
+from flowsculpt.render.post.image import write_exr
+from flowsculpt.render.scene.aovs import COPY, RenderedFrame
+from flowsculpt.render.scene.painted_faces import PaintedFaces
+from flowsculpt.render.scene.patterns import SPEED, Pigment
+from flowsculpt.render.scene.scene import SUBJECT, Geometry, MotionSample, Scene, SceneSubject
+from flowsculpt.render.scene.surface import Spheres, Surface, outlines
 
 if TYPE_CHECKING:
-    from pipeline.production.request.shading import Shading, Shown, SurfaceMotion
+    from flowsculpt.pipeline.production.request.shading import Shading, Shown, SurfaceMotion
 
 
 def subject_looks(request: RenderRequest, number: int, sample: MotionSample) -> list[SceneSubject]:
@@ -70,7 +70,7 @@ class ShownFrame:
         sample = _sample(framing, [subject.now() for subject in subjects])
         if not request.offsets(number):
             return sample, None, None
-        from pipeline.production.request.shading import framing_at
+        from flowsculpt.pipeline.production.request.shading import framing_at
 
         def at(offset: float) -> MotionSample:
             there = framing_at(self.framings, number, offset)
@@ -134,7 +134,7 @@ class _ShownSubject:
     @cached_property
     def _shading(self) -> Shading:
         """The shading of the mesh, diced for this picture where the shot asks for that."""
-        from pipeline.production.tasks.surfaces import shading_of
+        from flowsculpt.pipeline.production.tasks.surfaces import shading_of
 
         request = self.request
         shading, pixels = shading_of(self.context, request, self._mesh), request.shot.picture.dicing
@@ -178,7 +178,7 @@ class _ShownSubject:
             arrays, pieces = self._shading.arrays(), self._shading.pieces
         if picture.look.wireframe is None or "faces" not in arrays:
             return arrays
-        from pipeline.shot.point_subjects import ControlNet
+        from flowsculpt.pipeline.shot.point_subjects import ControlNet
 
         if isinstance(request.shot.motion.subject, ControlNet):
             return arrays  # all edges of a net are drawn
@@ -186,7 +186,7 @@ class _ShownSubject:
 
     @cached_property
     def _motion(self) -> SurfaceMotion:
-        from pipeline.production.request.shading import flow_motion, turntable_motion
+        from flowsculpt.pipeline.production.request.shading import flow_motion, turntable_motion
 
         request = self.request
         motion = request.shot.motion
@@ -216,7 +216,7 @@ class _ShownSubject:
             attributes[COPY] = (indices[:, None] + self.first_copy).astype(np.float32)
         if not request.measures_speed:
             return attributes
-        from pipeline.production.request.shading import speeds
+        from flowsculpt.pipeline.production.request.shading import speeds
 
         return {**attributes, SPEED: speeds(request.shot.motion, self._shading)}
 

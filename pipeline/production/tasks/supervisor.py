@@ -20,13 +20,13 @@ from types import FrameType
 
 import psutil
 
-from pipeline.errors import UsageError
-from pipeline.production.planning.plan import Job
-from pipeline.production.planning.profile import avoid
-from pipeline.production.store.event_log import Event, EventReader
-from pipeline.production.tasks.job import ENVIRONMENT, Context
-from render.base import python_process
-from render.base.python_process import ENDING, ForkedProcess, may_fork
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.production.planning.plan import Job
+from flowsculpt.pipeline.production.planning.profile import avoid
+from flowsculpt.pipeline.production.store.event_log import Event, EventReader
+from flowsculpt.pipeline.production.tasks.job import ENVIRONMENT, Context
+from flowsculpt.render.base import python_process
+from flowsculpt.render.base.python_process import ENDING, ForkedProcess, may_fork
 
 CRASHES = {
     number for number in signal.Signals if number.name in ("SIGABRT", "SIGBUS", "SIGFPE", "SIGILL", "SIGSEGV")
@@ -139,7 +139,7 @@ def renderer(plan_path: str, job: Job, render: Callable[[int], int]) -> Start:
         if may_fork():
             return ForkedProcess(lambda: render(settled))
         words = [plan_path, job.name, "--threads", str(job.threads), "--child", str(settled)]
-        command = python_process.command("pipeline.production.tasks.job_process", *words)
+        command = python_process.command("flowsculpt.pipeline.production.tasks.job_process", *words)
         return Popen(command, env=python_process.environment(), stdin=subprocess.DEVNULL)
 
     return start

@@ -14,12 +14,12 @@ from types import TracebackType
 
 import numpy as np
 
-from pipeline.animation import FrameProgress, MeshFrame, animate_reporting
-from pipeline.arrays import AnyArray
-from pipeline.errors import FlowsculptError, FrameError
-from pipeline.mesh.control_net import bspline_surface
-from pipeline.production.request.cameras import note_framing
-from pipeline.production.request.framing import (
+from flowsculpt.pipeline.animation import FrameProgress, MeshFrame, animate_reporting
+from flowsculpt.pipeline.arrays import AnyArray
+from flowsculpt.pipeline.errors import FlowsculptError, FrameError
+from flowsculpt.pipeline.mesh.control_net import bspline_surface
+from flowsculpt.pipeline.production.request.cameras import note_framing
+from flowsculpt.pipeline.production.request.framing import (
     BoundingSpheres,
     Extent,
     frame_all,
@@ -27,14 +27,14 @@ from pipeline.production.request.framing import (
     together,
     with_stage_in_view,
 )
-from pipeline.production.request.manifest import thresholds_at
-from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.request.shading import Shading, radii
-from pipeline.production.store import readers
-from pipeline.production.store.readers import write_npz
-from pipeline.production.tasks.job import Context
-from render.base.serialise import to_plain
-from render.base.work_clock import Timing, WorkClock
+from flowsculpt.pipeline.production.request.manifest import thresholds_at
+from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt.pipeline.production.request.shading import Shading, radii
+from flowsculpt.pipeline.production.store import readers
+from flowsculpt.pipeline.production.store.readers import write_npz
+from flowsculpt.pipeline.production.tasks.job import Context
+from flowsculpt.render.base.serialise import to_plain
+from flowsculpt.render.base.work_clock import Timing, WorkClock
 
 LARGE = 100_000
 """A mesh frame of at least so many vertices that nobody asks for is stored only now and then."""

@@ -1,4 +1,4 @@
-"""Do one job: `python -m pipeline.production.tasks.worker PLAN JOB`, and options.
+"""Do one job: `python -m flowsculpt.pipeline.production.tasks.worker PLAN JOB`, and options.
 
 Rendering happens in children: a renderer that crashes takes only itself along. What a job needs is imported
 only by the process that does it, so that its supervisor starts at once.
@@ -19,15 +19,15 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
-from pipeline.errors import FlowsculptError, FrameError, MachineError
-from pipeline.plugin import fault_of_plugin
-from pipeline.production.planning.plan import Plan, write_manifest
-from pipeline.production.planning.profile import VariantError, require_variant
-from pipeline.production.stages import STAGES
-from pipeline.production.store.locks import of_key, writing
-from pipeline.production.store.remote_store import has_kernels, remote_stores
-from pipeline.production.tasks.job import ENVIRONMENT, Context, cpu_of_job
-from pipeline.production.tasks.supervisor import (
+from flowsculpt.pipeline.errors import FlowsculptError, FrameError, MachineError
+from flowsculpt.pipeline.plugin import fault_of_plugin
+from flowsculpt.pipeline.production.planning.plan import Plan, write_manifest
+from flowsculpt.pipeline.production.planning.profile import VariantError, require_variant
+from flowsculpt.pipeline.production.stages import STAGES
+from flowsculpt.pipeline.production.store.locks import of_key, writing
+from flowsculpt.pipeline.production.store.remote_store import has_kernels, remote_stores
+from flowsculpt.pipeline.production.tasks.job import ENVIRONMENT, Context, cpu_of_job
+from flowsculpt.pipeline.production.tasks.supervisor import (
     INTERRUPTED,
     RESTART_WORKER,
     MemoryLimitError,
@@ -35,11 +35,11 @@ from pipeline.production.tasks.supervisor import (
     fall_back_to_other_variant,
     renderer,
 )
-from render.base.atomic_write import machine_error
-from render.base.foreign_code import is_of_user
-from render.base.python_process import ENDING, postpone_collection
-from render.base.root_files import open_file
-from render.mitsuba.engine import GPU_VARIANTS, available_cores
+from flowsculpt.render.base.atomic_write import machine_error
+from flowsculpt.render.base.foreign_code import is_of_user
+from flowsculpt.render.base.python_process import ENDING, postpone_collection
+from flowsculpt.render.base.root_files import open_file
+from flowsculpt.render.mitsuba.engine import GPU_VARIANTS, available_cores
 
 
 def main(
@@ -190,7 +190,7 @@ def _as_failure(error: FlowsculptError | OSError, root: Path) -> FlowsculptError
 def task_of(stage: str) -> Callable[[Context], bool]:
     """Return the function that does the jobs of a stage; it returns True if all went well."""
     row = STAGES[stage]
-    return getattr(import_module(f"pipeline.production.tasks.{row.module}"), row.function or stage)
+    return getattr(import_module(f"flowsculpt.pipeline.production.tasks.{row.module}"), row.function or stage)
 
 
 def _limit_kernels(threads: int) -> None:
@@ -232,7 +232,7 @@ def _exit_code(work: Callable[[], int]) -> int:
 
 
 def _arguments(words: Sequence[str]) -> dict[str, Any]:
-    parser = ArgumentParser(prog="python -m pipeline.production.tasks.worker")
+    parser = ArgumentParser(prog="python -m flowsculpt.pipeline.production.tasks.worker")
     parser.add_argument("plan_path")
     parser.add_argument("job_name")
     parser.add_argument("--threads", type=int)

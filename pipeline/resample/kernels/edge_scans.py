@@ -13,10 +13,18 @@ import math
 import numba
 import numpy as np
 
-from pipeline.arrays import Faces, Floats, Indices, Points, Vectors
-from pipeline.kernels import kernel
-from pipeline.mesh.kernels.halfedge import INTS, LEAN, MATRIX, MESH_ARRAYS, VECTOR, MeshArrays, following
-from pipeline.resample.kernels.pass_state import (
+from flowsculpt.pipeline.arrays import Faces, Floats, Indices, Points, Vectors
+from flowsculpt.pipeline.kernels import kernel
+from flowsculpt.pipeline.mesh.kernels.halfedge import (
+    INTS,
+    LEAN,
+    MATRIX,
+    MESH_ARRAYS,
+    VECTOR,
+    MeshArrays,
+    following,
+)
+from flowsculpt.pipeline.resample.kernels.pass_state import (
     CHANGES,
     FRESH,
     LIMITS,

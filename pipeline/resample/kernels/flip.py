@@ -8,9 +8,9 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from pipeline.arrays import Indices, Points
-from pipeline.kernels import kernel
-from pipeline.mesh.kernels.halfedge import (
+from flowsculpt.pipeline.arrays import Indices, Points
+from flowsculpt.pipeline.kernels import kernel
+from flowsculpt.pipeline.mesh.kernels.halfedge import (
     INTS,
     LEAN,
     MATRIX,
@@ -22,7 +22,7 @@ from pipeline.mesh.kernels.halfedge import (
     join,
     preceding,
 )
-from pipeline.resample.kernels.pass_state import (
+from flowsculpt.pipeline.resample.kernels.pass_state import (
     CHANGES,
     FRESH,
     LIMITS,

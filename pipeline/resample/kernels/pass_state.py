@@ -21,9 +21,9 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
-from pipeline.kernels import kernel
-from pipeline.mesh.kernels.halfedge import (
+from flowsculpt.pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
+from flowsculpt.pipeline.kernels import kernel
+from flowsculpt.pipeline.mesh.kernels.halfedge import (
     BYTES,
     INTS,
     LEAN,

@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
-from pipeline.kernels import kernel
-from pipeline.mesh.kernels.halfedge import (
+from flowsculpt.pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
+from flowsculpt.pipeline.kernels import kernel
+from flowsculpt.pipeline.mesh.kernels.halfedge import (
     BYTES,
     INTS,
     LEAN,
@@ -23,7 +23,7 @@ from pipeline.mesh.kernels.halfedge import (
     MeshArrays,
     following,
 )
-from pipeline.resample.kernels.pass_state import (
+from flowsculpt.pipeline.resample.kernels.pass_state import (
     CHANGES,
     LIMITS,
     MAX_TURN_COSINE,

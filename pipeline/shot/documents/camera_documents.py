@@ -5,9 +5,9 @@ from typing import Annotated, Any
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
-from pipeline.flow.parameters import Number, VectorParameter, vector_at
-from pipeline.shot.camera_path import EYE_DISTANCE, FULL_FRAME, CameraPath, Shutter
-from pipeline.shot.documents.curves import (
+from flowsculpt.pipeline.flow.parameters import Number, VectorParameter, vector_at
+from flowsculpt.pipeline.shot.camera_path import EYE_DISTANCE, FULL_FRAME, CameraPath, Shutter
+from flowsculpt.pipeline.shot.documents.curves import (
     ABOVE_0,
     ANYWHERE,
     CURVE,
@@ -28,7 +28,7 @@ from pipeline.shot.documents.curves import (
     sampled_frames,
     within,
 )
-from pipeline.shot.documents.field_types import (
+from flowsculpt.pipeline.shot.documents.field_types import (
     DEGREE,
     ByForm,
     Document,
@@ -40,9 +40,9 @@ from pipeline.shot.documents.field_types import (
     one_of,
     optional,
 )
-from pipeline.shot.motion import Clock
-from pipeline.shot.yaml.document_validation import finding
-from render.scene.render_camera import KINDS, Projection
+from flowsculpt.pipeline.shot.motion import Clock
+from flowsculpt.pipeline.shot.yaml.document_validation import finding
+from flowsculpt.render.scene.render_camera import KINDS, Projection
 
 SAFE_AREAS = {"action": 0.035, "title": 0.05}
 """Margins by name: the fractions at each side outside the safe areas of SMPTE ST 2046-1."""

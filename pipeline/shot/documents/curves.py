@@ -7,8 +7,8 @@ from typing import Annotated, Any, Generic, NamedTuple, Self, TypeGuard, TypeVar
 
 from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr, ValidationInfo, model_validator
 
-from pipeline.errors import UsageError, shortened
-from pipeline.flow.keyframes import (
+from flowsculpt.pipeline.errors import UsageError, shortened
+from flowsculpt.pipeline.flow.keyframes import (
     BEZIER,
     EASINGS,
     Envelope,
@@ -18,9 +18,9 @@ from pipeline.flow.keyframes import (
     Keyframes,
     SoundCurve,
 )
-from pipeline.flow.parameters import Curve, Number, Values, VectorParameter
-from pipeline.formula import TIME, Expression, FormulaError
-from pipeline.shot.documents.field_types import (
+from flowsculpt.pipeline.flow.parameters import Curve, Number, Values, VectorParameter
+from flowsculpt.pipeline.formula import TIME, Expression, FormulaError
+from flowsculpt.pipeline.shot.documents.field_types import (
     MAPPING_IS_SECOND,
     ByForm,
     Document,
@@ -37,9 +37,9 @@ from pipeline.shot.documents.field_types import (
     optional,
     vector,
 )
-from pipeline.shot.motion import TIME_PATTERN, Clock
-from pipeline.shot.yaml.document_validation import ParseContext, as_finding, bad_value
-from pipeline.shot.yaml.yaml_source import in_yaml
+from flowsculpt.pipeline.shot.motion import TIME_PATTERN, Clock
+from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext, as_finding, bad_value
+from flowsculpt.pipeline.shot.yaml.yaml_source import in_yaml
 
 T = TypeVar("T")
 
@@ -114,7 +114,7 @@ class _FollowsSound(Document):
         return self
 
     def _read(self, context: ParseContext, clock: Clock | None) -> Envelope:
-        from render.movie.band_level import band_level  # imports PyAV, which takes time
+        from flowsculpt.render.movie.band_level import band_level  # imports PyAV, which takes time
 
         path = context.file(self.audio)
         low, high = BANDS[self.band] if isinstance(self.band, str) else self.band

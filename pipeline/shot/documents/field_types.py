@@ -22,16 +22,16 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, PydanticCustomError
 
-from pipeline.errors import shortened, suggestion
-from pipeline.flow.parameters import Vector, X, Y, Z
-from pipeline.flow.streamlines import MAX_SUBSTEPS
-from pipeline.formula import Expression, FormulaError
-from pipeline.plugin import plugins
-from pipeline.shot.yaml.document_validation import bad_value, finding
-from pipeline.shot.yaml.messages import number_in
-from pipeline.shot.yaml.synonyms import value_meant
-from pipeline.shot.yaml.yaml_source import in_yaml
-from render.base.plural import indefinite, plural
+from flowsculpt.pipeline.errors import shortened, suggestion
+from flowsculpt.pipeline.flow.parameters import Vector, X, Y, Z
+from flowsculpt.pipeline.flow.streamlines import MAX_SUBSTEPS
+from flowsculpt.pipeline.formula import Expression, FormulaError
+from flowsculpt.pipeline.plugin import plugins
+from flowsculpt.pipeline.shot.yaml.document_validation import bad_value, finding
+from flowsculpt.pipeline.shot.yaml.messages import number_in
+from flowsculpt.pipeline.shot.yaml.synonyms import value_meant
+from flowsculpt.pipeline.shot.yaml.yaml_source import in_yaml
+from flowsculpt.render.base.plural import indefinite, plural
 
 DEGREE = math.radians(1.0)
 

@@ -25,9 +25,9 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema
 
-from pipeline.errors import reason_of, shortened
-from pipeline.flow import Flow, VelocityField, catalogue
-from pipeline.flow.catalogue.external_fields import (
+from flowsculpt.pipeline.errors import reason_of, shortened
+from flowsculpt.pipeline.flow import Flow, VelocityField, catalogue
+from flowsculpt.pipeline.flow.catalogue.external_fields import (
     MAX_NUMBERS,
     Attraction,
     FormulaField,
@@ -35,18 +35,25 @@ from pipeline.flow.catalogue.external_fields import (
     Target,
     Wind,
 )
-from pipeline.flow.catalogue.vortices import CurlNoise
-from pipeline.flow.compiled_formulas import NAMES
-from pipeline.flow.flow import MOST_CODE, PluginMap, PythonFlow
-from pipeline.flow.parameters import Parameter, ParameterDoc, parameter, parameters_of, shot_name, summary
-from pipeline.flow.samples import Samples, read_samples
-from pipeline.flow.velocity import PluginField
-from pipeline.formula import CONSTANTS, FUNCTIONS
-from pipeline.mesh.read import read_mesh
-from pipeline.plugin import Plugin, plugins
-from pipeline.shot.documents import curves
-from pipeline.shot.documents.curves import NumberField, number
-from pipeline.shot.documents.field_types import (
+from flowsculpt.pipeline.flow.catalogue.vortices import CurlNoise
+from flowsculpt.pipeline.flow.compiled_formulas import NAMES
+from flowsculpt.pipeline.flow.flow import MOST_CODE, PluginMap, PythonFlow
+from flowsculpt.pipeline.flow.parameters import (
+    Parameter,
+    ParameterDoc,
+    parameter,
+    parameters_of,
+    shot_name,
+    summary,
+)
+from flowsculpt.pipeline.flow.samples import Samples, read_samples
+from flowsculpt.pipeline.flow.velocity import PluginField
+from flowsculpt.pipeline.formula import CONSTANTS, FUNCTIONS
+from flowsculpt.pipeline.mesh.read import read_mesh
+from flowsculpt.pipeline.plugin import Plugin, plugins
+from flowsculpt.pipeline.shot.documents import curves
+from flowsculpt.pipeline.shot.documents.curves import NumberField, number
+from flowsculpt.pipeline.shot.documents.field_types import (
     Axis,
     Document,
     NumberOrText,
@@ -59,9 +66,9 @@ from pipeline.shot.documents.field_types import (
     parsed_formula,
     vector,
 )
-from pipeline.shot.motion import Clock
-from pipeline.shot.yaml.document_validation import ParseContext, as_finding, finding
-from render.base.input_files import read_input
+from flowsculpt.pipeline.shot.motion import Clock
+from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext, as_finding, finding
+from flowsculpt.render.base.input_files import read_input
 
 
 class FlowParameters(Document):

@@ -20,9 +20,18 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema
 
-from pipeline.errors import shortened
-from pipeline.flow import Flow, Repeated, Reversed, Sequence, Streamlines, Sum, Transform, VelocityField
-from pipeline.flow.composition import (
+from flowsculpt.pipeline.errors import shortened
+from flowsculpt.pipeline.flow import (
+    Flow,
+    Repeated,
+    Reversed,
+    Sequence,
+    Streamlines,
+    Sum,
+    Transform,
+    VelocityField,
+)
+from flowsculpt.pipeline.flow.composition import (
     Mirror,
     RegionField,
     ScaledField,
@@ -31,8 +40,8 @@ from pipeline.flow.composition import (
     placed,
     within,
 )
-from pipeline.flow.parameters import Number
-from pipeline.flow.regions import (
+from flowsculpt.pipeline.flow.parameters import Number
+from flowsculpt.pipeline.flow.regions import (
     FALLOFF_TYPES,
     BoxRegion,
     CapsuleRegion,
@@ -44,9 +53,9 @@ from pipeline.flow.regions import (
     Region,
     SphereRegion,
 )
-from pipeline.frames import FrameRange, FrameRate
-from pipeline.mesh.read import read_mesh
-from pipeline.shot.documents.curves import (
+from flowsculpt.pipeline.frames import FrameRange, FrameRate
+from flowsculpt.pipeline.mesh.read import read_mesh
+from flowsculpt.pipeline.shot.documents.curves import (
     NotNegativeField,
     PlaceField,
     PositiveField,
@@ -55,7 +64,7 @@ from pipeline.shot.documents.curves import (
     number,
     place,
 )
-from pipeline.shot.documents.field_types import (
+from flowsculpt.pipeline.shot.documents.field_types import (
     DEGREE,
     ORIGIN,
     Axis,
@@ -71,11 +80,11 @@ from pipeline.shot.documents.field_types import (
     require_three,
     vector,
 )
-from pipeline.shot.documents.flow_documents import BARE, entries
-from pipeline.shot.motion import SECONDS_PATTERN, Clock
-from pipeline.shot.yaml.document_validation import ParseContext, as_finding, bad_value, finding
-from pipeline.shot.yaml.messages import models_in, needed_names
-from pipeline.shot.yaml.yaml_source import in_yaml
+from flowsculpt.pipeline.shot.documents.flow_documents import BARE, entries
+from flowsculpt.pipeline.shot.motion import SECONDS_PATTERN, Clock
+from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext, as_finding, bad_value, finding
+from flowsculpt.pipeline.shot.yaml.messages import models_in, needed_names
+from flowsculpt.pipeline.shot.yaml.yaml_source import in_yaml
 
 
 class SphereDocument(Document):

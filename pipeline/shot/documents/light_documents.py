@@ -7,8 +7,8 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr, ValidationInfo, model_validator
 
-from pipeline.errors import shortened
-from pipeline.shot.documents.field_types import (
+from flowsculpt.pipeline.errors import shortened
+from flowsculpt.pipeline.shot.documents.field_types import (
     DEGREE,
     HEX_PATTERN,
     MAPPING_IS_SECOND,
@@ -26,11 +26,11 @@ from pipeline.shot.documents.field_types import (
     parsed_colour,
     vector,
 )
-from pipeline.shot.yaml.document_validation import ParseContext, as_finding, bad_value, finding
-from pipeline.shot.yaml.yaml_source import in_yaml
-from render.scene.scene_lights import LIGHTS, LightRig, Sky, Softbox
-from render.scene.scene_stage import STAGES, Stage
-from render.scene.sky import Daylight, Environment, environment_of, sun_position
+from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext, as_finding, bad_value, finding
+from flowsculpt.pipeline.shot.yaml.yaml_source import in_yaml
+from flowsculpt.render.scene.scene_lights import LIGHTS, LightRig, Sky, Softbox
+from flowsculpt.render.scene.scene_stage import STAGES, Stage
+from flowsculpt.render.scene.sky import Daylight, Environment, environment_of, sun_position
 
 
 class StageDocument(Document):

@@ -10,9 +10,9 @@ from typing import Annotated, Any, Self
 
 from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 
-from pipeline.errors import shortened, suggestion
-from pipeline.plugin import Plugin, plugins
-from pipeline.shot.documents.field_types import (
+from flowsculpt.pipeline.errors import shortened, suggestion
+from flowsculpt.pipeline.plugin import Plugin, plugins
+from flowsculpt.pipeline.shot.documents.field_types import (
     HEX_PATTERN,
     MAPPING_IS_SECOND,
     Axis,
@@ -30,7 +30,7 @@ from pipeline.shot.documents.field_types import (
     optional,
     vector,
 )
-from pipeline.shot.documents.look_parts import (
+from flowsculpt.pipeline.shot.documents.look_parts import (
     AbsorptionDocument,
     ColourOrPicture,
     MeasureDocument,
@@ -42,16 +42,16 @@ from pipeline.shot.documents.look_parts import (
     SubsurfaceDocument,
     WireframeDocument,
 )
-from pipeline.shot.yaml.document_validation import ParseContext, finding, missing_file
-from pipeline.shot.yaml.named_files import is_there
-from pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource, listed
-from render.base.input_files import digest_of_file
-from render.base.render_errors import RenderError
-from render.mitsuba.bsdf_plugins import refusal
-from render.scene.materials import LOOKS as OWN_LOOKS
-from render.scene.materials import Material, MitsubaMaterial, PatternedMaterial
-from render.scene.materials.mitsuba_bsdf import BSDFS, PLUGINS, TEXTURES, Bsdf, MitsubaPlugin
-from render.scene.textures import Texture, read_picture, reading_of
+from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext, finding, missing_file
+from flowsculpt.pipeline.shot.yaml.named_files import is_there
+from flowsculpt.pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource, listed
+from flowsculpt.render.base.input_files import digest_of_file
+from flowsculpt.render.base.render_errors import RenderError
+from flowsculpt.render.mitsuba.bsdf_plugins import refusal
+from flowsculpt.render.scene.materials import LOOKS as OWN_LOOKS
+from flowsculpt.render.scene.materials import Material, MitsubaMaterial, PatternedMaterial
+from flowsculpt.render.scene.materials.mitsuba_bsdf import BSDFS, PLUGINS, TEXTURES, Bsdf, MitsubaPlugin
+from flowsculpt.render.scene.textures import Texture, read_picture, reading_of
 
 
 def _look_of_plugin(plugin: Plugin, name: str, look: Any) -> Material:

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Self
 
 from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr, ValidationInfo, model_validator
 
-from pipeline.shot.documents.field_types import (
+from flowsculpt.pipeline.shot.documents.field_types import (
     DEGREE,
     HEX_PATTERN,
     ORIGIN,
@@ -31,13 +31,13 @@ from pipeline.shot.documents.field_types import (
     require_three,
     vector,
 )
-from pipeline.shot.yaml.document_validation import ParseContext, as_finding, finding
-from render.base.render_errors import RenderError
-from render.scene.materials import Absorption, Relief, Subsurface
-from render.scene.patterns import COLOUR_MAPS, KINDS, PATTERNS, Measure, Pigment
-from render.scene.surface import Wireframe
-from render.scene.texture_projection import PROJECTIONS, TextureProjection
-from render.scene.textures import Texture, texture_of
+from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext, as_finding, finding
+from flowsculpt.render.base.render_errors import RenderError
+from flowsculpt.render.scene.materials import Absorption, Relief, Subsurface
+from flowsculpt.render.scene.patterns import COLOUR_MAPS, KINDS, PATTERNS, Measure, Pigment
+from flowsculpt.render.scene.surface import Wireframe
+from flowsculpt.render.scene.texture_projection import PROJECTIONS, TextureProjection
+from flowsculpt.render.scene.textures import Texture, texture_of
 
 _PROJECTIONS_WITH = {
     "axis": ("planar", "cylindrical", "spherical"),

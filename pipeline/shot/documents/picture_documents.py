@@ -10,9 +10,9 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, model_validator
 
-from pipeline.file_contents import as_utf8
-from pipeline.frames import FrameRange
-from pipeline.shot.documents.field_types import (
+from flowsculpt.pipeline.file_contents import as_utf8
+from flowsculpt.pipeline.frames import FrameRange
+from flowsculpt.pipeline.shot.documents.field_types import (
     MAPPING_IS_SECOND,
     ByForm,
     Document,
@@ -22,15 +22,21 @@ from pipeline.shot.documents.field_types import (
     one_of,
     optional,
 )
-from pipeline.shot.documents.light_documents import LightsDocument, require_rig
-from pipeline.shot.documents.look_documents import LookField, look_of
-from pipeline.shot.shot import FrameOverride
-from pipeline.shot.yaml.document_validation import ParseContext, as_finding, bad_value, finding
-from pipeline.shot.yaml.yaml_source import in_yaml
-from render.base.input_files import read_input
-from render.post.view import ACES, BUILT_IN, ColourView, view_of
-from render.scene.render_quality import BATCH_SAMPLES, MOST_TEMPORAL_FRAMES, QUALITIES, even, final_size
-from render.scene.scene_lights import LIGHTS, LightRig
+from flowsculpt.pipeline.shot.documents.light_documents import LightsDocument, require_rig
+from flowsculpt.pipeline.shot.documents.look_documents import LookField, look_of
+from flowsculpt.pipeline.shot.shot import FrameOverride
+from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext, as_finding, bad_value, finding
+from flowsculpt.pipeline.shot.yaml.yaml_source import in_yaml
+from flowsculpt.render.base.input_files import read_input
+from flowsculpt.render.post.view import ACES, BUILT_IN, ColourView, view_of
+from flowsculpt.render.scene.render_quality import (
+    BATCH_SAMPLES,
+    MOST_TEMPORAL_FRAMES,
+    QUALITIES,
+    even,
+    final_size,
+)
+from flowsculpt.render.scene.scene_lights import LIGHTS, LightRig
 
 NARROWEST, WIDEST = 0.2, 5.0
 """Limits of an aspect: automatic framing and the stages are made for these."""

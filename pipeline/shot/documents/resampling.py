@@ -9,13 +9,13 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from pipeline.arrays import AnyArray, Points
-from pipeline.flow.parameters import Curve, Number, VectorParameter, number_at, vector_at
-from pipeline.formula import PLACE, Expression
-from pipeline.plugin import plugins
-from pipeline.resample import Curvature, DistanceToCamera, ThresholdFormula, Thresholds
-from pipeline.resample.thresholds import DEFAULT_HARD_ANGLE, FORMULA_NAMES, Threshold
-from pipeline.shot.documents.curves import (
+from flowsculpt.pipeline.arrays import AnyArray, Points
+from flowsculpt.pipeline.flow.parameters import Curve, Number, VectorParameter, number_at, vector_at
+from flowsculpt.pipeline.formula import PLACE, Expression
+from flowsculpt.pipeline.plugin import plugins
+from flowsculpt.pipeline.resample import Curvature, DistanceToCamera, ThresholdFormula, Thresholds
+from flowsculpt.pipeline.resample.thresholds import DEFAULT_HARD_ANGLE, FORMULA_NAMES, Threshold
+from flowsculpt.pipeline.shot.documents.curves import (
     ABOVE_0,
     NOT_BELOW_0,
     Bounds,
@@ -28,7 +28,7 @@ from pipeline.shot.documents.curves import (
     place,
     within,
 )
-from pipeline.shot.documents.field_types import (
+from flowsculpt.pipeline.shot.documents.field_types import (
     DEGREE,
     MAPPING_IS_SECOND,
     ByForm,
@@ -42,7 +42,7 @@ from pipeline.shot.documents.field_types import (
     one_of,
     optional,
 )
-from pipeline.shot.motion import Clock, Resampling
+from flowsculpt.pipeline.shot.motion import Clock, Resampling
 
 HardAngle = Annotated[float, Field(gt=0, lt=180)]
 _ANGLES = Bounds(math.ulp(0.0), math.nextafter(180.0, 0.0), "above 0 and below 180")

@@ -16,13 +16,13 @@ from pydantic import (
     model_validator,
 )
 
-from pipeline.errors import shortened
-from pipeline.frames import FASTEST, SLOWEST
-from pipeline.mesh.normals import MOST_PIECES
-from pipeline.plugin import Plugin, plugins
-from pipeline.shot.documents.camera_documents import CameraDocument, ShutterDocument
-from pipeline.shot.documents.curves import NumberField, Start
-from pipeline.shot.documents.field_types import (
+from flowsculpt.pipeline.errors import shortened
+from flowsculpt.pipeline.frames import FASTEST, SLOWEST
+from flowsculpt.pipeline.mesh.normals import MOST_PIECES
+from flowsculpt.pipeline.plugin import Plugin, plugins
+from flowsculpt.pipeline.shot.documents.camera_documents import CameraDocument, ShutterDocument
+from flowsculpt.pipeline.shot.documents.curves import NumberField, Start
+from flowsculpt.pipeline.shot.documents.field_types import (
     MAPPING_IS_SECOND,
     ByForm,
     Count,
@@ -34,29 +34,29 @@ from pipeline.shot.documents.field_types import (
     one_of,
     optional,
 )
-from pipeline.shot.documents.flow_documents import BARE
-from pipeline.shot.documents.flow_entries import DASHES, FlowDocument
-from pipeline.shot.documents.light_documents import LightGroupsField, StageDocument
-from pipeline.shot.documents.look_documents import LookField
-from pipeline.shot.documents.picture_documents import (
+from flowsculpt.pipeline.shot.documents.flow_documents import BARE
+from flowsculpt.pipeline.shot.documents.flow_entries import DASHES, FlowDocument
+from flowsculpt.pipeline.shot.documents.light_documents import LightGroupsField, StageDocument
+from flowsculpt.pipeline.shot.documents.look_documents import LookField
+from flowsculpt.pipeline.shot.documents.picture_documents import (
     LightsField,
     OverrideDocument,
     PictureShapeDocument,
     QualitiesDocument,
     ViewDocument,
 )
-from pipeline.shot.documents.resampling import ResampleField
-from pipeline.shot.documents.subject_documents import SubjectDocument, SubjectsField
-from pipeline.shot.shot import SoundTrack
-from pipeline.shot.yaml.document_validation import ParseContext, as_finding, bad_value, finding
-from pipeline.shot.yaml.messages import number_in
-from pipeline.shot.yaml.synonyms import synonym
-from pipeline.shot.yaml.yaml_source import in_yaml
-from render.base.input_files import digest_of_file
-from render.scene.aovs import AOVS
-from render.scene.render_quality import CONVENTIONS
-from render.scene.rgb_spaces import REC709, WORKING_SPACES
-from render.scene.scene_stage import STAGES
+from flowsculpt.pipeline.shot.documents.resampling import ResampleField
+from flowsculpt.pipeline.shot.documents.subject_documents import SubjectDocument, SubjectsField
+from flowsculpt.pipeline.shot.shot import SoundTrack
+from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext, as_finding, bad_value, finding
+from flowsculpt.pipeline.shot.yaml.messages import number_in
+from flowsculpt.pipeline.shot.yaml.synonyms import synonym
+from flowsculpt.pipeline.shot.yaml.yaml_source import in_yaml
+from flowsculpt.render.base.input_files import digest_of_file
+from flowsculpt.render.scene.aovs import AOVS
+from flowsculpt.render.scene.render_quality import CONVENTIONS
+from flowsculpt.render.scene.rgb_spaces import REC709, WORKING_SPACES
+from flowsculpt.render.scene.scene_stage import STAGES
 
 StageField = Annotated[
     Annotated[str, one_of(STAGES, "stage")] | StageDocument,
@@ -140,7 +140,7 @@ class SoundDocument(Document):
     def _can_be_read(self, info: ValidationInfo) -> Self:
         """Read the sound of a shot; `film_reader` reads that of an edit."""
         if (info.context or {}).get("parse_context") is not None:
-            from render.movie.movie_sound import require_sound
+            from flowsculpt.render.movie.movie_sound import require_sound
 
             path = ParseContext.of(info).file(self.file)
             as_finding(lambda: require_sound(path))
@@ -151,7 +151,7 @@ class SoundDocument(Document):
 
         Raises MissingInputError or BadInputError where it cannot be read.
         """
-        from render.movie.movie_sound import silence_in
+        from flowsculpt.render.movie.movie_sound import silence_in
 
         file = (folder / self.file).absolute()
         values = {name: float(value) for name, value in self.model_dump(exclude={"file"}).items()}

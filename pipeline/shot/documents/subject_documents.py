@@ -17,11 +17,11 @@ from pydantic import (
     model_validator,
 )
 
-from pipeline.mesh.control_net import LEAST
-from pipeline.mesh.read import model_files, read_paint
-from pipeline.plugin import Plugin, plugins
-from pipeline.shot.copies import MOST_COPIES, Copies, OrderedPlaces
-from pipeline.shot.documents.field_types import (
+from flowsculpt.pipeline.mesh.control_net import LEAST
+from flowsculpt.pipeline.mesh.read import model_files, read_paint
+from flowsculpt.pipeline.plugin import Plugin, plugins
+from flowsculpt.pipeline.shot.copies import MOST_COPIES, Copies, OrderedPlaces
+from flowsculpt.pipeline.shot.documents.field_types import (
     DEGREE,
     MAPPING_IS_SECOND,
     ORIGIN,
@@ -37,12 +37,12 @@ from pipeline.shot.documents.field_types import (
     one_of,
     optional,
 )
-from pipeline.shot.documents.flow_entries import DASHES, FlowDocument, RegionDocument
-from pipeline.shot.documents.look_documents import LookField
-from pipeline.shot.documents.resampling import ResampleField
-from pipeline.shot.documents.subject_kinds import CopyLayout, SubjectKind
-from pipeline.shot.motion import Clock
-from pipeline.shot.point_subjects import (
+from flowsculpt.pipeline.shot.documents.flow_entries import DASHES, FlowDocument, RegionDocument
+from flowsculpt.pipeline.shot.documents.look_documents import LookField
+from flowsculpt.pipeline.shot.documents.resampling import ResampleField
+from flowsculpt.pipeline.shot.documents.subject_kinds import CopyLayout, SubjectKind
+from flowsculpt.pipeline.shot.motion import Clock
+from flowsculpt.pipeline.shot.point_subjects import (
     MOST_POINTS,
     NETS,
     Cloud,
@@ -53,9 +53,9 @@ from pipeline.shot.point_subjects import (
     NetOfRows,
     NetOfSolid,
 )
-from pipeline.shot.subjects import SOLIDS, Model, PluginSurface, Solid
-from pipeline.shot.yaml.document_validation import bad_value
-from render.base.input_files import digest_of_file, joint_digest
+from flowsculpt.pipeline.shot.subjects import SOLIDS, Model, PluginSurface, Solid
+from flowsculpt.pipeline.shot.yaml.document_validation import bad_value
+from flowsculpt.render.base.input_files import digest_of_file, joint_digest
 
 CLOSED = {"none": (False, False), "rows": (True, False), "columns": (False, True), "both": (True, True)}
 """Ends of a net that are joined: the last row to the first, the last column to the first."""

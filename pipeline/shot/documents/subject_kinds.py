@@ -6,11 +6,11 @@ from typing import Self
 
 from pydantic import PrivateAttr, ValidationInfo, model_validator
 
-from pipeline.arrays import Floats, Points
-from pipeline.mesh import TriangleMesh, require
-from pipeline.shot.documents.field_types import Document
-from pipeline.shot.yaml.document_validation import ParseContext, as_finding
-from render.base.input_files import joint_digest
+from flowsculpt.pipeline.arrays import Floats, Points
+from flowsculpt.pipeline.mesh import TriangleMesh, require
+from flowsculpt.pipeline.shot.documents.field_types import Document
+from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext, as_finding
+from flowsculpt.render.base.input_files import joint_digest
 
 
 class SubjectKind(Document):

@@ -16,14 +16,14 @@ from unicodedata import normalize
 from pydantic import BaseModel, ValidationError, ValidationInfo
 from pydantic_core import PydanticCustomError
 
-from pipeline.errors import FlowsculptError, MissingInputError, ShotError, reason_of
-from pipeline.mesh.read import model_files
-from pipeline.plugin import fault_of_plugin
-from pipeline.shot.yaml.messages import problems_of
-from pipeline.shot.yaml.named_files import is_folder, is_there, shown
-from pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource
-from render.base.input_files import digest_of_file, kind_of_path
-from render.base.number_order import in_order
+from flowsculpt.pipeline.errors import FlowsculptError, MissingInputError, ShotError, reason_of
+from flowsculpt.pipeline.mesh.read import model_files
+from flowsculpt.pipeline.plugin import fault_of_plugin
+from flowsculpt.pipeline.shot.yaml.messages import problems_of
+from flowsculpt.pipeline.shot.yaml.named_files import is_folder, is_there, shown
+from flowsculpt.pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource
+from flowsculpt.render.base.input_files import digest_of_file, kind_of_path
+from flowsculpt.render.base.number_order import in_order
 
 MOST_PROBLEMS = 50
 """The most problems of one file that are reported at once."""

@@ -16,10 +16,18 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from pipeline.errors import MissingInputError, ShotError, UsageError, brief, shortened, suggestion
-from pipeline.shot.motion import Clock, parse_frames, parse_rate
-from pipeline.shot.yaml.named_files import DEFAULTS, is_there, shot_files, shown, text_of
-from pipeline.shot.yaml.yaml_source import HEX_COLOUR, Spot, Where, YamlSource, dotted, in_yaml, quoted
+from flowsculpt.pipeline.errors import MissingInputError, ShotError, UsageError, brief, shortened, suggestion
+from flowsculpt.pipeline.shot.motion import Clock, parse_frames, parse_rate
+from flowsculpt.pipeline.shot.yaml.named_files import DEFAULTS, is_there, shot_files, shown, text_of
+from flowsculpt.pipeline.shot.yaml.yaml_source import (
+    HEX_COLOUR,
+    Spot,
+    Where,
+    YamlSource,
+    dotted,
+    in_yaml,
+    quoted,
+)
 
 OPTION = "--set"
 

@@ -14,11 +14,11 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from pipeline.errors import suggestion
-from pipeline.plugin import plugins
-from pipeline.shot.yaml.synonyms import synonym, value_meant
-from pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource, dotted, shown
-from render.base.plural import plural
+from flowsculpt.pipeline.errors import suggestion
+from flowsculpt.pipeline.plugin import plugins
+from flowsculpt.pipeline.shot.yaml.synonyms import synonym, value_meant
+from flowsculpt.pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource, dotted, shown
+from flowsculpt.render.base.plural import plural
 
 Models = list[type[BaseModel]]
 

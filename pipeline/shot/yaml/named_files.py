@@ -6,12 +6,12 @@ import errno
 import re
 from pathlib import Path
 
-from pipeline.errors import MissingInputError, ShotError, shortened
-from pipeline.file_contents import as_utf8
-from render.base.atomic_write import machine_error
-from render.base.input_files import read_input
-from render.base.plural import indefinite
-from render.base.render_errors import BadInputError
+from flowsculpt.pipeline.errors import MissingInputError, ShotError, shortened
+from flowsculpt.pipeline.file_contents import as_utf8
+from flowsculpt.render.base.atomic_write import machine_error
+from flowsculpt.render.base.input_files import read_input
+from flowsculpt.render.base.plural import indefinite
+from flowsculpt.render.base.render_errors import BadInputError
 
 DEFAULTS = "defaults.yaml"
 """The file beside shots that holds defaults for all of them."""

@@ -23,8 +23,8 @@ from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from ruamel.yaml.reader import ReaderError
 from ruamel.yaml.scanner import RoundTripScanner
 
-from pipeline.errors import ShotError, brief, shortened
-from pipeline.shot.yaml.named_files import MOST_BYTES, text_of
+from flowsculpt.pipeline.errors import ShotError, brief, shortened
+from flowsculpt.pipeline.shot.yaml.named_files import MOST_BYTES, text_of
 
 HEX_COLOUR = re.compile(r"#(?:[0-9a-fA-F]{3}){1,2}(?![0-9a-zA-Z])")
 """A colour as web pages have it. Outside of quotes YAML takes it as a comment."""

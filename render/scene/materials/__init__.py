@@ -1,6 +1,6 @@
 """Materials: what the sculpture is made of. Plain descriptions; `render.mitsuba.materials` builds them."""
 
-from render.scene.materials.material import (
+from flowsculpt.render.scene.materials.material import (
     Absorption,
     Material,
     Opacity,
@@ -8,8 +8,8 @@ from render.scene.materials.material import (
     Relief,
     Subsurface,
 )
-from render.scene.materials.mitsuba_bsdf import Bsdf
-from render.scene.materials.models import (
+from flowsculpt.render.scene.materials.mitsuba_bsdf import Bsdf
+from flowsculpt.render.scene.materials.models import (
     LOOKS,
     BrushedMetal,
     Diffuse,

@@ -9,13 +9,13 @@ from typing import Any, ClassVar, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.render_errors import BadInputError
-from render.base.serialise import OMIT_DEFAULT, Colour, Triple
-from render.scene.patterns import Measure, Pigment
-from render.scene.picture_file import Pixels
-from render.scene.surface import Wireframe
-from render.scene.texture_projection import MODEL, TextureProjection
-from render.scene.textures import Texture, continued
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.base.serialise import OMIT_DEFAULT, Colour, Triple
+from flowsculpt.render.scene.patterns import Measure, Pigment
+from flowsculpt.render.scene.picture_file import Pixels
+from flowsculpt.render.scene.surface import Wireframe
+from flowsculpt.render.scene.texture_projection import MODEL, TextureProjection
+from flowsculpt.render.scene.textures import Texture, continued
 
 M = TypeVar("M", bound="Material")
 

@@ -13,9 +13,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from render.base.serialise import NOT_PLAIN, Triple
-from render.scene.rgb_spaces import REC709, WORKING_SPACES, WorkingSpace
-from render.scene.textures import Texture
+from flowsculpt.render.base.serialise import NOT_PLAIN, Triple
+from flowsculpt.render.scene.rgb_spaces import REC709, WORKING_SPACES, WorkingSpace
+from flowsculpt.render.scene.textures import Texture
 
 
 class MitsubaPlugin(NamedTuple):

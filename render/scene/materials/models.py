@@ -9,13 +9,19 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.render_errors import BadInputError
-from render.base.serialise import OMIT_DEFAULT, Triple
-from render.scene.materials.material import Absorption, Material, PatternedMaterial, Relief, Subsurface
-from render.scene.materials.mitsuba_bsdf import Bsdf
-from render.scene.patterns import Measure, Pigment
-from render.scene.texture_projection import MODEL, TextureProjection
-from render.scene.textures import Texture
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.base.serialise import OMIT_DEFAULT, Triple
+from flowsculpt.render.scene.materials.material import (
+    Absorption,
+    Material,
+    PatternedMaterial,
+    Relief,
+    Subsurface,
+)
+from flowsculpt.render.scene.materials.mitsuba_bsdf import Bsdf
+from flowsculpt.render.scene.patterns import Measure, Pigment
+from flowsculpt.render.scene.texture_projection import MODEL, TextureProjection
+from flowsculpt.render.scene.textures import Texture
 
 _DIM, _DARK = (0.12, 0.12, 0.123), (0.035, 0.037, 0.042)
 """Reflectances of stages: a mirror of a pale floor is as pale, and so is smoke before a pale wall. In a dim

@@ -7,8 +7,8 @@ import jsonschema
 import pytest
 from ruamel.yaml import YAML
 
-from pipeline.plugins.authoring.shot_templates import SHARED
-from pipeline.shot import read_film, read_shot
+from flowsculpt.pipeline.plugins.authoring.shot_templates import SHARED
+from flowsculpt.pipeline.shot import read_film, read_shot
 from tests.conftest import ProjectFolder
 
 OWN = """\

@@ -11,15 +11,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.animation import animate
-from pipeline.animation.flow_cost import estimated_vertices
-from pipeline.errors import FrameError
-from pipeline.mesh import icosphere
-from pipeline.plugins.authoring.first_frame import FirstFrame, FirstFrames
-from pipeline.plugins.authoring.scene_rules import Finding, findings, is_inside, rounded_up
-from pipeline.plugins.authoring.shot_templates import model_template
-from pipeline.resample import Thresholds, resample
-from pipeline.shot import read_shot
+from flowsculpt.pipeline.animation import animate
+from flowsculpt.pipeline.animation.flow_cost import estimated_vertices
+from flowsculpt.pipeline.errors import FrameError
+from flowsculpt.pipeline.mesh import icosphere
+from flowsculpt.pipeline.plugins.authoring.first_frame import FirstFrame, FirstFrames
+from flowsculpt.pipeline.plugins.authoring.scene_rules import Finding, findings, is_inside, rounded_up
+from flowsculpt.pipeline.plugins.authoring.shot_templates import model_template
+from flowsculpt.pipeline.resample import Thresholds, resample
+from flowsculpt.pipeline.shot import read_shot
 from tests.conftest import QUALITY, ProjectFolder, commanded
 
 pytestmark = pytest.mark.quick

@@ -11,11 +11,11 @@ from typing import Any
 import jsonschema
 import pytest
 
-from pipeline.errors import ShotError
-from pipeline.plugins.authoring.shot_schemas import defaults_schema, film_schema, shot_schema
-from pipeline.shot import read_shot
-from pipeline.shot.documents.flow_documents import DOCUMENTS
-from pipeline.shot.yaml.yaml_source import YamlSource
+from flowsculpt.pipeline.errors import ShotError
+from flowsculpt.pipeline.plugins.authoring.shot_schemas import defaults_schema, film_schema, shot_schema
+from flowsculpt.pipeline.shot import read_shot
+from flowsculpt.pipeline.shot.documents.flow_documents import DOCUMENTS
+from flowsculpt.pipeline.shot.yaml.yaml_source import YamlSource
 
 HOME = Path(__file__).parents[3]
 SHOTS = sorted(path for path in (HOME / "shots").glob("*.yaml"))

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.mesh import icosphere
-from pipeline.plugins.interchange.mesh_writers import write_mesh
-from pipeline.shot import read_shot
+from flowsculpt.pipeline.mesh import icosphere
+from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
+from flowsculpt.pipeline.shot import read_shot
 
 SHOT = """\
 title: B

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.animation import animate
-from pipeline.errors import UsageError
-from pipeline.plugins.authoring.shot_schemas import facts
-from pipeline.plugins.authoring.shot_templates import (
+from flowsculpt.pipeline.animation import animate
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.plugins.authoring.shot_schemas import facts
+from flowsculpt.pipeline.plugins.authoring.shot_templates import (
     FLOW_FILES,
     FRAMES,
     preset_of,
@@ -18,8 +18,8 @@ from pipeline.plugins.authoring.shot_templates import (
     shot_of_flow,
     shot_of_shot,
 )
-from pipeline.shot import read_shot
-from pipeline.shot.documents.flow_documents import DOCUMENTS
+from flowsculpt.pipeline.shot import read_shot
+from flowsculpt.pipeline.shot.documents.flow_documents import DOCUMENTS
 
 each = pytest.mark.parametrize("flow", DOCUMENTS)
 SLOW = pytest.mark.soak
@@ -86,7 +86,7 @@ def _needs_a_preset(flow: str) -> bool:
 def test_flows_without_a_preset_are_set_up_by_their_parameters(
     flow: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("pipeline.plugins.authoring.shot_templates.presets", dict)
+    monkeypatch.setattr("flowsculpt.pipeline.plugins.authoring.shot_templates.presets", dict)
     read_shot(tmp_path / "a.yaml", shot_of_flow(flow, "a"))
 
 

@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.plugins.breed import generation
-from pipeline.plugins.breed.family_tree import rows_of
-from pipeline.plugins.breed.selection import STILL, Candidate, chosen, judged
-from pipeline.plugins.breed.trials import SHOWN, Trial, tried
-from pipeline.shot import read_shot
-from render.post.image import read_png
+from flowsculpt.pipeline.plugins.breed import generation
+from flowsculpt.pipeline.plugins.breed.family_tree import rows_of
+from flowsculpt.pipeline.plugins.breed.selection import STILL, Candidate, chosen, judged
+from flowsculpt.pipeline.plugins.breed.trials import SHOWN, Trial, tried
+from flowsculpt.pipeline.shot import read_shot
+from flowsculpt.render.post.image import read_png
 from tests.conftest import commanded
 
 NAME, FEW = "T010_tiny", ("--candidates", "4")

@@ -11,10 +11,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.plugins.breed.breeding import Litter, child_of
-from pipeline.plugins.breed.flow_mutations import MOTION, Draft, Idea, bounded
-from pipeline.plugins.breed.gene_values import Chance
-from pipeline.plugins.breed.picture_mutations import (
+from flowsculpt.pipeline.plugins.breed.breeding import Litter, child_of
+from flowsculpt.pipeline.plugins.breed.flow_mutations import MOTION, Draft, Idea, bounded
+from flowsculpt.pipeline.plugins.breed.gene_values import Chance
+from flowsculpt.pipeline.plugins.breed.picture_mutations import (
     CLEAR_RIGS,
     FORM,
     MIRROR_RIGS,
@@ -23,9 +23,9 @@ from pipeline.plugins.breed.picture_mutations import (
     RIGS,
     relit,
 )
-from pipeline.plugins.breed.shot_genome import Genome, flow_lists, leaves_of, text_of_shot
-from pipeline.shot import read_shot
-from pipeline.shot.yaml.yaml_source import YamlSource
+from flowsculpt.pipeline.plugins.breed.shot_genome import Genome, flow_lists, leaves_of, text_of_shot
+from flowsculpt.pipeline.shot import read_shot
+from flowsculpt.pipeline.shot.yaml.yaml_source import YamlSource
 
 SHOTS = Path("shots")
 BREEDABLE = [
@@ -113,7 +113,7 @@ def test_a_pair_of_vortices_stays_a_pair_unless_a_mutation_breaks_it() -> None:
 
 def test_no_change_gives_a_child_that_moves_as_its_parent_does() -> None:
     made = draft("A010_cube", 1, change=0.0)
-    from pipeline.plugins.breed.flow_mutations import drift
+    from flowsculpt.pipeline.plugins.breed.flow_mutations import drift
 
     before = copy.deepcopy(made.data["flows"])
     drift(made)

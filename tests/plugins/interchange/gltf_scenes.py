@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.arrays import AnyArray
-from pipeline.mesh import TriangleMesh
+from flowsculpt.pipeline.arrays import AnyArray
+from flowsculpt.pipeline.mesh import TriangleMesh
 
 _TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
 _COMPONENTS = {"i1": 5120, "u1": 5121, "i2": 5122, "u2": 5123, "u4": 5125, "f4": 5126}

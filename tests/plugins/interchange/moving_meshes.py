@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from pipeline.arrays import Floats, Points
-from pipeline.frames import FrameRate
-from pipeline.mesh import TriangleMesh, box, icosphere
-from pipeline.plugins.interchange.drawn_mesh import DrawnMesh
-from pipeline.plugins.interchange.one_mesh import OneMesh
+from flowsculpt.pipeline.arrays import Floats, Points
+from flowsculpt.pipeline.frames import FrameRate
+from flowsculpt.pipeline.mesh import TriangleMesh, box, icosphere
+from flowsculpt.pipeline.plugins.interchange.drawn_mesh import DrawnMesh
+from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh
 
 RATE = FrameRate(24)
 

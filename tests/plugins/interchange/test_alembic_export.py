@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from alembic3d import Abc, AbcGeom
 
-from pipeline.errors import MachineError, UsageError
-from pipeline.mesh import box, icosphere
-from pipeline.plugins.interchange.alembic_export import write_alembic
-from pipeline.plugins.interchange.one_mesh import OneMesh
+from flowsculpt.pipeline.errors import MachineError, UsageError
+from flowsculpt.pipeline.mesh import box, icosphere
+from flowsculpt.pipeline.plugins.interchange.alembic_export import write_alembic
+from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh
 from tests.full_disk import disk_of
 from tests.plugins.interchange.moving_meshes import moving, painted
 

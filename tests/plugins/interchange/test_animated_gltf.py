@@ -13,19 +13,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from playwright.sync_api import Browser
 
-from pipeline.arrays import AnyArray, Floats
-from pipeline.plugins.interchange.animated_gltf import (
+from flowsculpt.pipeline.arrays import AnyArray, Floats
+from flowsculpt.pipeline.plugins.interchange.animated_gltf import (
     Moving,
     closes,
     quantized_animation,
     write_animated_gltf,
 )
-from pipeline.plugins.interchange.drawn_mesh import MOST_ERROR, DrawnMesh, KeyPoses
-from pipeline.plugins.interchange.gltf_document import GltfDocument
-from pipeline.plugins.interchange.meshopt import FILTERS, MODES, decode_attributes, decode_indices
-from pipeline.plugins.interchange.meshopt_encoder import encode_attributes, encode_indices
-from render.graphics.three_js import three_js
-from render.scene.materials import LOOKS
+from flowsculpt.pipeline.plugins.interchange.drawn_mesh import MOST_ERROR, DrawnMesh, KeyPoses
+from flowsculpt.pipeline.plugins.interchange.gltf_document import GltfDocument
+from flowsculpt.pipeline.plugins.interchange.meshopt import FILTERS, MODES, decode_attributes, decode_indices
+from flowsculpt.pipeline.plugins.interchange.meshopt_encoder import encode_attributes, encode_indices
+from flowsculpt.render.graphics.three_js import three_js
+from flowsculpt.render.scene.materials import LOOKS
 from tests.plugins.interchange.moving_meshes import ball, painted_box
 from tests.plugins.interchange.node_programs import gltf_messages, module
 from tests.plugins.review.conftest import browser

@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from pipeline.plugins.interchange import gltf_content, vertex_textures, web_player
-from pipeline.plugins.interchange.gltf_document import GltfDocument
-from pipeline.plugins.interchange.web_player import three_js
+from flowsculpt.pipeline.plugins.interchange import gltf_content, vertex_textures, web_player
+from flowsculpt.pipeline.plugins.interchange.gltf_document import GltfDocument
+from flowsculpt.pipeline.plugins.interchange.web_player import three_js
 from tests.conftest import commanded
 from tests.full_disk import disk_of
 from tests.plugins.review.studio import simulated

@@ -13,14 +13,14 @@ import OpenImageIO as oiio
 import pytest
 from pxr import Usd, UsdGeom
 
-from pipeline.mesh.mesh_formats import ScenePart
-from pipeline.mesh.read import read_surface, usual_up
-from pipeline.plugins.interchange.unifying import one_mesh
-from pipeline.production.execution.project import Project
-from pipeline.production.request.cameras import camera_file
-from pipeline.production.store.readers import read_npz
-from pipeline.production.store.store import Store
-from render.post.image import read_exr
+from flowsculpt.pipeline.mesh.mesh_formats import ScenePart
+from flowsculpt.pipeline.mesh.read import read_surface, usual_up
+from flowsculpt.pipeline.plugins.interchange.unifying import one_mesh
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.request.cameras import camera_file
+from flowsculpt.pipeline.production.store.readers import read_npz
+from flowsculpt.pipeline.production.store.store import Store
+from flowsculpt.render.post.image import read_exr
 from tests.conftest import commanded
 from tests.plugins.interchange.test_usd_instances import SHOT as COPIES
 from tests.plugins.review.studio import simulated

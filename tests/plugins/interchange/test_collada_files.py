@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.errors import MeshError
-from pipeline.mesh import PolygonMesh
-from pipeline.mesh.read import model_files, read_surface, repair_surface, usual_up
-from pipeline.plugins.interchange.collada_files import read_collada
+from flowsculpt.pipeline.errors import MeshError
+from flowsculpt.pipeline.mesh import PolygonMesh
+from flowsculpt.pipeline.mesh.read import model_files, read_surface, repair_surface, usual_up
+from flowsculpt.pipeline.plugins.interchange.collada_files import read_collada
 
 CORNERS = " ".join(f"{x} {y} {z}" for x in (-1, 1) for y in (-1, 1) for z in (-1, 1))
 QUADS = "0 1 3 2  4 6 7 5  0 4 5 1  2 3 7 6  0 2 6 4  1 5 7 3"

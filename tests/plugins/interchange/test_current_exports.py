@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.plugins.interchange.exported_frame import KeyedFiles
-from pipeline.production.store.store import Store
+from flowsculpt.pipeline.plugins.interchange.exported_frame import KeyedFiles
+from flowsculpt.pipeline.production.store.store import Store
 from tests.conftest import commanded
 from tests.plugins.review.studio import simulated
 

@@ -11,24 +11,24 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from pipeline.animation import animate
-from pipeline.arrays import AnyArray
-from pipeline.plugins.interchange.animated_gltf import Moving, write_animated_gltf
-from pipeline.plugins.interchange.drawn_mesh import DrawnMesh, KeyPoses
-from pipeline.plugins.interchange.exported_frame import exported_frame
-from pipeline.plugins.interchange.exported_materials import exported_materials, pictures_recipe
-from pipeline.plugins.interchange.gltf_document import GltfDocument
-from pipeline.plugins.interchange.model_export import write_glb
-from pipeline.plugins.interchange.one_mesh import OneMesh
-from pipeline.plugins.interchange.unifying import Unification
-from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.request.shot_source import ShotSource
-from pipeline.production.store.store import Store
-from pipeline.shot import Shot
-from render.base.input_files import digest_of_file
-from render.post.embedded_textures import embedded
-from render.scene.materials import LOOKS, Painted, Plastic
-from render.scene.textures import Texture, texture_of
+from flowsculpt.pipeline.animation import animate
+from flowsculpt.pipeline.arrays import AnyArray
+from flowsculpt.pipeline.plugins.interchange.animated_gltf import Moving, write_animated_gltf
+from flowsculpt.pipeline.plugins.interchange.drawn_mesh import DrawnMesh, KeyPoses
+from flowsculpt.pipeline.plugins.interchange.exported_frame import exported_frame
+from flowsculpt.pipeline.plugins.interchange.exported_materials import exported_materials, pictures_recipe
+from flowsculpt.pipeline.plugins.interchange.gltf_document import GltfDocument
+from flowsculpt.pipeline.plugins.interchange.model_export import write_glb
+from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh
+from flowsculpt.pipeline.plugins.interchange.unifying import Unification
+from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt.pipeline.production.request.shot_source import ShotSource
+from flowsculpt.pipeline.production.store.store import Store
+from flowsculpt.pipeline.shot import Shot
+from flowsculpt.render.base.input_files import digest_of_file
+from flowsculpt.render.post.embedded_textures import embedded
+from flowsculpt.render.scene.materials import LOOKS, Painted, Plastic
+from flowsculpt.render.scene.textures import Texture, texture_of
 from tests.plugins.interchange.node_programs import gltf_messages
 from tests.plugins.interchange.test_animated_gltf import Player
 from tests.plugins.interchange.test_model_paint import gltf_box, painted_box, shot_of

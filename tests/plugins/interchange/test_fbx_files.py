@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.errors import MachineError, MeshError
-from pipeline.mesh import PolygonMesh
-from pipeline.mesh.read import model_files, read_surface, repair_surface, usual_up
-from pipeline.plugins.authoring.shot_templates import model_template
-from pipeline.plugins.interchange import scene_readers
-from pipeline.plugins.interchange.fbx_files import up_axis, visible_surface
+from flowsculpt.pipeline.errors import MachineError, MeshError
+from flowsculpt.pipeline.mesh import PolygonMesh
+from flowsculpt.pipeline.mesh.read import model_files, read_surface, repair_surface, usual_up
+from flowsculpt.pipeline.plugins.authoring.shot_templates import model_template
+from flowsculpt.pipeline.plugins.interchange import scene_readers
+from flowsculpt.pipeline.plugins.interchange.fbx_files import up_axis, visible_surface
 from tests.plugins.interchange.fbx_writer import (
     CORNERS,
     SIDES,

@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.animation import animate, material_of
-from pipeline.errors import MeshError, MissingInputError
-from pipeline.plugins.authoring.shot_templates import model_template
-from pipeline.plugins.interchange.fbx_paint import FBX_PAINT, MATERIALS
-from pipeline.plugins.interchange.scene_readers import asked
-from render.base.render_errors import BadInputError
-from render.scene.materials import Diffuse, Painted, Satin
-from render.scene.painted_faces import VERTEX_COLOURS
+from flowsculpt.pipeline.animation import animate, material_of
+from flowsculpt.pipeline.errors import MeshError, MissingInputError
+from flowsculpt.pipeline.plugins.authoring.shot_templates import model_template
+from flowsculpt.pipeline.plugins.interchange.fbx_paint import FBX_PAINT, MATERIALS
+from flowsculpt.pipeline.plugins.interchange.scene_readers import asked
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.scene.materials import Diffuse, Painted, Satin
+from flowsculpt.render.scene.painted_faces import VERTEX_COLOURS
 from tests.plugins.interchange.fbx_writer import (
     SIDES,
     N,
@@ -67,7 +67,7 @@ def facts(objects: list[N], links: Any = LINKS, **settings: Any) -> list[dict[st
     with TemporaryDirectory() as folder:
         path = write(Path(folder) / "box.fbx", objects, links, **settings)
         found: list[dict[str, Any]] = json.loads(
-            asked("pipeline.plugins.interchange.fbx_paint", path, MATERIALS)
+            asked("flowsculpt.pipeline.plugins.interchange.fbx_paint", path, MATERIALS)
         )
     return found
 

@@ -14,14 +14,14 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.arrays import AnyArray
-from pipeline.errors import MachineError, MeshError, MissingInputError
-from pipeline.mesh import box, icosphere
-from pipeline.mesh.read import model_files, read_surface
-from pipeline.plugins.interchange import scene_readers
-from pipeline.plugins.interchange.gltf_document import GltfDocument
-from pipeline.plugins.interchange.gltf_files import SceneArrays, Triangles
-from pipeline.plugins.interchange.gltf_scene import DefaultScene
+from flowsculpt.pipeline.arrays import AnyArray
+from flowsculpt.pipeline.errors import MachineError, MeshError, MissingInputError
+from flowsculpt.pipeline.mesh import box, icosphere
+from flowsculpt.pipeline.mesh.read import model_files, read_surface
+from flowsculpt.pipeline.plugins.interchange import scene_readers
+from flowsculpt.pipeline.plugins.interchange.gltf_document import GltfDocument
+from flowsculpt.pipeline.plugins.interchange.gltf_files import SceneArrays, Triangles
+from flowsculpt.pipeline.plugins.interchange.gltf_scene import DefaultScene
 from tests.plugins.interchange.gltf_scenes import GltfScene, box_scene, with_instances
 from tests.plugins.interchange.test_meshopt import STREAMS
 
@@ -318,7 +318,7 @@ def test_of_a_scene_that_shows_none_of_the_meshes_this_is_said(tmp_path: Path) -
 def test_meshes_that_nodes_multiply_beyond_reason_are_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("pipeline.plugins.interchange.gltf_scene._MOST_PARTS", 99)
+    monkeypatch.setattr("flowsculpt.pipeline.plugins.interchange.gltf_scene._MOST_PARTS", 99)
     scene = GltfScene()
     mesh = scene.mesh(*[{"attributes": {"POSITION": scene.accessor(box().vertices)}}] * 10)
     for _ in range(10):

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 import trimesh
 
-from pipeline.mesh.placed_copies import nearest_rotations
-from pipeline.mesh.read import read_mesh
-from pipeline.plugins.interchange.gltf_instances import quaternions
-from pipeline.plugins.interchange.one_mesh import OneMesh
-from pipeline.plugins.interchange.unifying import one_mesh
-from pipeline.production.execution.project import Project
+from flowsculpt.pipeline.mesh.placed_copies import nearest_rotations
+from flowsculpt.pipeline.mesh.read import read_mesh
+from flowsculpt.pipeline.plugins.interchange.gltf_instances import quaternions
+from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh
+from flowsculpt.pipeline.plugins.interchange.unifying import one_mesh
+from flowsculpt.pipeline.production.execution.project import Project
 from tests.conftest import commanded
 from tests.plugins.interchange.test_usd import NAME
 from tests.plugins.interchange.test_usd_instances import SHOT

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from pipeline.errors import MachineError, MeshError
-from pipeline.mesh import PolygonMesh, TriangleMesh, box, icosphere, read_mesh, require
-from pipeline.plugins.interchange.mesh_writers import write_mesh
+from flowsculpt.pipeline.errors import MachineError, MeshError
+from flowsculpt.pipeline.mesh import PolygonMesh, TriangleMesh, box, icosphere, read_mesh, require
+from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
 
 
 def ball() -> TriangleMesh:

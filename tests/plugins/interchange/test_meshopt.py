@@ -13,8 +13,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.arrays import AnyArray
-from pipeline.plugins.interchange.meshopt import FILTERS, MODES
+from flowsculpt.pipeline.arrays import AnyArray
+from flowsculpt.pipeline.plugins.interchange.meshopt import FILTERS, MODES
 
 STREAMS: dict[str, dict[str, Any]] = {
     stream["name"]: stream | {"encoded": base64.b64decode(stream["encoded"])}

@@ -11,20 +11,20 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from pipeline.animation import MeshFrame, animate, material_of
-from pipeline.arrays import AnyArray
-from pipeline.errors import MeshError, MissingInputError, ShotError
-from pipeline.mesh import TriangleMesh, box
-from pipeline.plugins.authoring.shot_templates import model_template, shot_of_flow
-from pipeline.plugins.interchange.exported_frame import exported_frame
-from pipeline.plugins.interchange.model_paint import ModelPaint
-from pipeline.production.request.shading import Shading
-from pipeline.shot import Shot, read_shot
-from render.base.serialise import to_plain
-from render.scene.materials import Diffuse, Painted, Satin
-from render.scene.painted_faces import PaintedFaces
-from render.scene.surface import Surface
-from render.scene.vertex_colours import vertex_colours
+from flowsculpt.pipeline.animation import MeshFrame, animate, material_of
+from flowsculpt.pipeline.arrays import AnyArray
+from flowsculpt.pipeline.errors import MeshError, MissingInputError, ShotError
+from flowsculpt.pipeline.mesh import TriangleMesh, box
+from flowsculpt.pipeline.plugins.authoring.shot_templates import model_template, shot_of_flow
+from flowsculpt.pipeline.plugins.interchange.exported_frame import exported_frame
+from flowsculpt.pipeline.plugins.interchange.model_paint import ModelPaint
+from flowsculpt.pipeline.production.request.shading import Shading
+from flowsculpt.pipeline.shot import Shot, read_shot
+from flowsculpt.render.base.serialise import to_plain
+from flowsculpt.render.scene.materials import Diffuse, Painted, Satin
+from flowsculpt.render.scene.painted_faces import PaintedFaces
+from flowsculpt.render.scene.surface import Surface
+from flowsculpt.render.scene.vertex_colours import vertex_colours
 from tests.plugins.interchange.gltf_scenes import GltfScene
 from tests.plugins.interchange.test_gltf_files import version_1
 

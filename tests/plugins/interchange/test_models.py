@@ -15,15 +15,15 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from pxr import Sdf
 
-from pipeline.arrays import Floats
-from pipeline.errors import MeshError
-from pipeline.mesh import TriangleMesh, box, icosphere
-from pipeline.mesh.normals import split_at_creases
-from pipeline.mesh.points import read_points
-from pipeline.mesh.read import read_mesh, read_surface
-from pipeline.plugins.interchange.exported_frame import ExportedFrame
-from pipeline.plugins.interchange.mesh_writers import write_mesh
-from pipeline.plugins.interchange.model_export import (
+from flowsculpt.pipeline.arrays import Floats
+from flowsculpt.pipeline.errors import MeshError
+from flowsculpt.pipeline.mesh import TriangleMesh, box, icosphere
+from flowsculpt.pipeline.mesh.normals import split_at_creases
+from flowsculpt.pipeline.mesh.points import read_points
+from flowsculpt.pipeline.mesh.read import read_mesh, read_surface
+from flowsculpt.pipeline.plugins.interchange.exported_frame import ExportedFrame
+from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
+from flowsculpt.pipeline.plugins.interchange.model_export import (
     PrintReport,
     point_normals,
     print_model,
@@ -32,9 +32,9 @@ from pipeline.plugins.interchange.model_export import (
     write_obj,
     write_ply,
 )
-from pipeline.plugins.interchange.usd_export import sampled_attributes, write_clip
-from render.scene.materials import LOOKS
-from render.scene.rgb_spaces import linear_of_srgb, srgb_of_linear
+from flowsculpt.pipeline.plugins.interchange.usd_export import sampled_attributes, write_clip
+from flowsculpt.render.scene.materials import LOOKS
+from flowsculpt.render.scene.rgb_spaces import linear_of_srgb, srgb_of_linear
 from tests.conftest import commanded
 from tests.plugins.review.studio import simulated
 

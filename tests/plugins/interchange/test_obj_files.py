@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.errors import MeshError
-from pipeline.mesh.points import read_net, read_points
-from pipeline.plugins.interchange.obj_files import read_wavefront
+from flowsculpt.pipeline.errors import MeshError
+from flowsculpt.pipeline.mesh.points import read_net, read_points
+from flowsculpt.pipeline.plugins.interchange.obj_files import read_wavefront
 from tests.mesh.brick import OBJ, QUADS, read, require_brick, rows
 
 ENCODINGS = ("utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "utf-32", "utf-32-be")

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.errors import MeshError
+from flowsculpt.pipeline.errors import MeshError
 from tests.mesh.brick import POINTS, QUADS, read, require_brick, rows
 
 FACES = rows(QUADS, "4 {}")

@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from pipeline.arrays import Points
-from pipeline.frames import FrameRate
-from pipeline.mesh import TriangleMesh, box, icosphere
-from pipeline.mesh.normals import split_at_creases, vertex_normals
-from pipeline.plugins.interchange.one_mesh import OneMesh
+from flowsculpt.pipeline.arrays import Points
+from flowsculpt.pipeline.frames import FrameRate
+from flowsculpt.pipeline.mesh import TriangleMesh, box, icosphere
+from flowsculpt.pipeline.mesh.normals import split_at_creases, vertex_normals
+from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh
 
 
 def twisted(surface: TriangleMesh, frames: int = 24) -> OneMesh:
@@ -66,6 +66,6 @@ def test_velocities_are_those_of_the_points() -> None:
 
 
 def _sharp_edges(mesh: TriangleMesh) -> np.ndarray:
-    from pipeline.resample import edges_by_angle
+    from flowsculpt.pipeline.resample import edges_by_angle
 
     return edges_by_angle(mesh, math.radians(40.0))

@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 from pxr import UsdShade
 
-from pipeline.animation import animate
-from pipeline.errors import MeshError
-from pipeline.mesh.read import read_paint
-from pipeline.plugins.interchange.exported_frame import exported_frame
-from pipeline.plugins.interchange.exported_materials import exported_materials, pictures_recipe
-from pipeline.plugins.interchange.fbx_paint import FBX_PAINT
-from pipeline.plugins.interchange.gltf_document import GltfDocument
-from pipeline.plugins.interchange.model_export import write_glb
-from pipeline.plugins.interchange.usd_files import USD_PAINT
-from pipeline.plugins.interchange.usd_materials import add_material
-from render.scene.materials import Diffuse, Opacity, PatternedMaterial
-from render.scene.textures import ALPHA
+from flowsculpt.pipeline.animation import animate
+from flowsculpt.pipeline.errors import MeshError
+from flowsculpt.pipeline.mesh.read import read_paint
+from flowsculpt.pipeline.plugins.interchange.exported_frame import exported_frame
+from flowsculpt.pipeline.plugins.interchange.exported_materials import exported_materials, pictures_recipe
+from flowsculpt.pipeline.plugins.interchange.fbx_paint import FBX_PAINT
+from flowsculpt.pipeline.plugins.interchange.gltf_document import GltfDocument
+from flowsculpt.pipeline.plugins.interchange.model_export import write_glb
+from flowsculpt.pipeline.plugins.interchange.usd_files import USD_PAINT
+from flowsculpt.pipeline.plugins.interchange.usd_materials import add_material
+from flowsculpt.render.scene.materials import Diffuse, Opacity, PatternedMaterial
+from flowsculpt.render.scene.textures import ALPHA
 from tests.plugins.interchange import test_fbx_paint as fbx
 from tests.plugins.interchange import test_usd_paint as usd
 from tests.plugins.interchange.gltf_scenes import GltfScene

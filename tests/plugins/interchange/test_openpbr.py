@@ -12,9 +12,18 @@ from MaterialX.PyMaterialXGenGlsl import GlslShaderGenerator
 from MaterialX.PyMaterialXGenShader import GenContext
 from pxr import Sdf, Usd, UsdShade
 
-from pipeline.plugins.interchange.openpbr import openpbr_inputs
-from pipeline.plugins.interchange.usd_materials import add_material, connect_opacity
-from render.scene.materials import LOOKS, Absorption, Glass, Opacity, Plastic, Satin, Smoke, Subsurface
+from flowsculpt.pipeline.plugins.interchange.openpbr import openpbr_inputs
+from flowsculpt.pipeline.plugins.interchange.usd_materials import add_material, connect_opacity
+from flowsculpt.render.scene.materials import (
+    LOOKS,
+    Absorption,
+    Glass,
+    Opacity,
+    Plastic,
+    Satin,
+    Smoke,
+    Subsurface,
+)
 
 TYPES = {
     "color3f": "color3",

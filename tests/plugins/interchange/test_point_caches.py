@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.mesh.read import read_mesh
-from pipeline.plugins.interchange.unifying import one_mesh
-from pipeline.production.store.store import Store
+from flowsculpt.pipeline.mesh.read import read_mesh
+from flowsculpt.pipeline.plugins.interchange.unifying import one_mesh
+from flowsculpt.pipeline.production.store.store import Store
 from tests.conftest import commanded
 from tests.plugins.interchange.unified_shots import BOX, TWIST, of_text
 

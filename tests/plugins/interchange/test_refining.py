@@ -11,20 +11,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.animation import animate
-from pipeline.animation.loop import step_into
-from pipeline.arrays import Floats
-from pipeline.errors import FrameError, UsageError
-from pipeline.flow.flow_map import FlowMap
-from pipeline.mesh import TriangleMesh
-from pipeline.mesh.normals import split_at_creases
-from pipeline.mesh.validation import require
-from pipeline.plugins.interchange.exported_frame import exported_frame
-from pipeline.plugins.interchange.one_mesh import OneMesh
-from pipeline.plugins.interchange.refining import KIND, Refined, Refiner
-from pipeline.plugins.interchange.unifying import Unification, one_mesh
-from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.store.store import Store
+from flowsculpt.pipeline.animation import animate
+from flowsculpt.pipeline.animation.loop import step_into
+from flowsculpt.pipeline.arrays import Floats
+from flowsculpt.pipeline.errors import FrameError, UsageError
+from flowsculpt.pipeline.flow.flow_map import FlowMap
+from flowsculpt.pipeline.mesh import TriangleMesh
+from flowsculpt.pipeline.mesh.normals import split_at_creases
+from flowsculpt.pipeline.mesh.validation import require
+from flowsculpt.pipeline.plugins.interchange.exported_frame import exported_frame
+from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh
+from flowsculpt.pipeline.plugins.interchange.refining import KIND, Refined, Refiner
+from flowsculpt.pipeline.plugins.interchange.unifying import Unification, one_mesh
+from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt.pipeline.production.store.store import Store
 from tests.plugins.interchange.unified_shots import BALL, BOX, SHEET, TWIST, of_text, request_of, up_to
 
 SLACK = 1.0 + 1e-9

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.mesh import TriangleMesh, box, icosphere, read_mesh, read_polygons, require
-from pipeline.plugins.interchange.mesh_writers import write_mesh
-from pipeline.plugins.interchange.resample_command import REFUSALS
-from pipeline.resample.kernels.collapse import REASONS
+from flowsculpt.pipeline.mesh import TriangleMesh, box, icosphere, read_mesh, read_polygons, require
+from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
+from flowsculpt.pipeline.plugins.interchange.resample_command import REFUSALS
+from flowsculpt.pipeline.resample.kernels.collapse import REASONS
 
 
 def lengths(mesh: TriangleMesh):

@@ -9,13 +9,13 @@ import pytest
 import trimesh
 from pxr import Usd, UsdGeom
 
-from pipeline.animation import animate, material_of
-from pipeline.arrays import Floats
-from pipeline.errors import ShotError
-from pipeline.mesh.analytic_surfaces import AnalyticSurface
-from pipeline.plugins.interchange.exported_frame import exported_frame, surface_recipe
-from pipeline.plugins.interchange.model_export import write_glb, write_obj
-from pipeline.shot import Shot, read_shot
+from flowsculpt.pipeline.animation import animate, material_of
+from flowsculpt.pipeline.arrays import Floats
+from flowsculpt.pipeline.errors import ShotError
+from flowsculpt.pipeline.mesh.analytic_surfaces import AnalyticSurface
+from flowsculpt.pipeline.plugins.interchange.exported_frame import exported_frame, surface_recipe
+from flowsculpt.pipeline.plugins.interchange.model_export import write_glb, write_obj
+from flowsculpt.pipeline.shot import Shot, read_shot
 from tests.plugins.interchange.test_animated_gltf import Player
 from tests.plugins.interchange.test_animation_commands import export
 from tests.plugins.interchange.test_model_paint import FLOWS, paint_of, painted_box, picture

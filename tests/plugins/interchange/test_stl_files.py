@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.errors import MeshError
-from pipeline.plugins.interchange import stl_files
+from flowsculpt.pipeline.errors import MeshError
+from flowsculpt.pipeline.plugins.interchange import stl_files
 from tests.mesh.brick import POINTS, TRIANGLES, read, require_brick
 
 FACETS = [

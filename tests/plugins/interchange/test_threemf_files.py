@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.errors import MeshError
-from pipeline.mesh.read import model_files, read_surface, usual_up
-from pipeline.plugins.interchange.threemf_files import read_threemf
-from render.base.input_files import digest_of_file
+from flowsculpt.pipeline.errors import MeshError
+from flowsculpt.pipeline.mesh.read import model_files, read_surface, usual_up
+from flowsculpt.pipeline.plugins.interchange.threemf_files import read_threemf
+from flowsculpt.render.base.input_files import digest_of_file
 
 RELATIONS = '<Relationships><Relationship Target="/3D/a.model" Type="http://x/3dmodel"/></Relationships>'
 CORNERS = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]

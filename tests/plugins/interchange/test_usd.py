@@ -14,17 +14,17 @@ import pytest
 from numpy.typing import NDArray
 from pxr import Gf, Usd, UsdGeom, UsdLux, UsdShade, UsdValidation
 
-from pipeline.animation import MeshFrame, animate, mesh_at_subframe
-from pipeline.errors import FrameError
-from pipeline.mesh.normals import split_at_creases
-from pipeline.plugins.interchange.usd_export import UsdExport, add_floor, clip_times
-from pipeline.production.execution.project import Project
-from pipeline.production.request.cameras import camera_file
-from pipeline.production.request.manifest import thresholds_at
-from pipeline.production.store.readers import read_npz
-from pipeline.shot import read_shot
-from render.post.image import read_exr, write_png
-from render.scene.scene_stage import Stage
+from flowsculpt.pipeline.animation import MeshFrame, animate, mesh_at_subframe
+from flowsculpt.pipeline.errors import FrameError
+from flowsculpt.pipeline.mesh.normals import split_at_creases
+from flowsculpt.pipeline.plugins.interchange.usd_export import UsdExport, add_floor, clip_times
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.request.cameras import camera_file
+from flowsculpt.pipeline.production.request.manifest import thresholds_at
+from flowsculpt.pipeline.production.store.readers import read_npz
+from flowsculpt.pipeline.shot import read_shot
+from flowsculpt.render.post.image import read_exr, write_png
+from flowsculpt.render.scene.scene_stage import Stage
 from tests.conftest import commanded
 from tests.full_disk import disk_of
 from tests.plugins.review.studio import simulated
@@ -371,7 +371,7 @@ def test_bad_requests_are_one_message(root, tmp_path, monkeypatch):
     code, words = commanded(root, "export", "usd", NAME, "-f", "5-9")
     assert code == 2 and "frames 7-9 are not in the shot, which has 1-6" in words
     monkeypatch.setitem(sys.modules, "pxr", None)
-    monkeypatch.setattr("pipeline.plugins.interchange.scene_readers.find_spec", lambda name: None)
+    monkeypatch.setattr("flowsculpt.pipeline.plugins.interchange.scene_readers.find_spec", lambda name: None)
     code, words = commanded(root, "export", "usd", NAME)
     assert code == 4 and "need the package usd-core (209 MB), which is not installed" in words
     assert "-m pip install usd-core" in words

@@ -6,8 +6,8 @@ import math
 
 import pytest
 
-from pipeline.plugins.interchange.usd_prims import CameraSettings, add_camera
-from render.scene.render_camera import Camera
+from flowsculpt.pipeline.plugins.interchange.usd_prims import CameraSettings, add_camera
+from flowsculpt.render.scene.render_camera import Camera
 
 pytestmark = pytest.mark.quick
 UsdGeom = pytest.importorskip("pxr.UsdGeom")

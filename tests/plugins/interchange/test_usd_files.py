@@ -11,15 +11,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdUtils
 
-from pipeline.errors import FlowsculptError, MachineError, MeshError, MissingInputError, ShotError
-from pipeline.mesh import PolygonMesh, read_mesh
-from pipeline.mesh.mesh_formats import ScenePart
-from pipeline.mesh.read import model_files, read_surface, repair_surface, usual_up
-from pipeline.plugins.authoring.shot_templates import model_template
-from pipeline.plugins.interchange import scene_readers
-from pipeline.plugins.interchange.scene_readers import joined
-from pipeline.plugins.interchange.usd_reader import StageMeshes
-from pipeline.shot import Model, read_shot
+from flowsculpt.pipeline.errors import FlowsculptError, MachineError, MeshError, MissingInputError, ShotError
+from flowsculpt.pipeline.mesh import PolygonMesh, read_mesh
+from flowsculpt.pipeline.mesh.mesh_formats import ScenePart
+from flowsculpt.pipeline.mesh.read import model_files, read_surface, repair_surface, usual_up
+from flowsculpt.pipeline.plugins.authoring.shot_templates import model_template
+from flowsculpt.pipeline.plugins.interchange import scene_readers
+from flowsculpt.pipeline.plugins.interchange.scene_readers import joined
+from flowsculpt.pipeline.plugins.interchange.usd_reader import StageMeshes
+from flowsculpt.pipeline.shot import Model, read_shot
 
 CORNERS = [(x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)]
 SIDES = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]

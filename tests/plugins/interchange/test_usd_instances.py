@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from pxr import Usd, UsdGeom
 
-from pipeline.mesh.mesh_formats import ScenePart
-from pipeline.mesh.read import read_surface
-from pipeline.plugins.interchange.copy_instances import Instances, rigid_velocities
-from pipeline.plugins.interchange.unifying import Unification, one_mesh
-from pipeline.production.execution.project import Project
+from flowsculpt.pipeline.mesh.mesh_formats import ScenePart
+from flowsculpt.pipeline.mesh.read import read_surface
+from flowsculpt.pipeline.plugins.interchange.copy_instances import Instances, rigid_velocities
+from flowsculpt.pipeline.plugins.interchange.unifying import Unification, one_mesh
+from flowsculpt.pipeline.production.execution.project import Project
 from tests.conftest import commanded
 from tests.plugins.interchange.test_usd import NAME, findings
 

@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 from pxr import Usd, UsdGeom, UsdShade
 
-from pipeline.mesh.mesh_formats import ScenePart
-from pipeline.mesh.read import read_paint
-from pipeline.plugins.interchange.one_mesh import OneMesh
-from pipeline.plugins.interchange.unifying import one_mesh
-from pipeline.plugins.interchange.usd_materials import add_material
-from pipeline.plugins.interchange.usd_one_mesh import write_one_mesh
-from pipeline.production.execution.project import Project
-from render.post.image import read_exr, write_png
-from render.scene.materials import LOOKS
-from render.scene.rgb_spaces import srgb_of_linear
+from flowsculpt.pipeline.mesh.mesh_formats import ScenePart
+from flowsculpt.pipeline.mesh.read import read_paint
+from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh
+from flowsculpt.pipeline.plugins.interchange.unifying import one_mesh
+from flowsculpt.pipeline.plugins.interchange.usd_materials import add_material
+from flowsculpt.pipeline.plugins.interchange.usd_one_mesh import write_one_mesh
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.render.post.image import read_exr, write_png
+from flowsculpt.render.scene.materials import LOOKS
+from flowsculpt.render.scene.rgb_spaces import srgb_of_linear
 from tests.conftest import commanded
 from tests.plugins.interchange.moving_meshes import RATE, painted_box
 from tests.plugins.interchange.test_model_paint import painted_box as painted_model

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from pxr import UsdUtils
 
-from pipeline.animation import animate, material_of
-from pipeline.errors import MeshError, MissingInputError
-from pipeline.mesh.mesh_formats import ScenePart
-from pipeline.mesh.read import read_paint
-from pipeline.plugins.authoring.shot_templates import model_template
-from pipeline.plugins.interchange.usd_files import USD_PAINT
-from render.base.render_errors import BadInputError
-from render.scene.materials import Diffuse, Painted, Satin
-from render.scene.painted_faces import VERTEX_COLOURS
+from flowsculpt.pipeline.animation import animate, material_of
+from flowsculpt.pipeline.errors import MeshError, MissingInputError
+from flowsculpt.pipeline.mesh.mesh_formats import ScenePart
+from flowsculpt.pipeline.mesh.read import read_paint
+from flowsculpt.pipeline.plugins.authoring.shot_templates import model_template
+from flowsculpt.pipeline.plugins.interchange.usd_files import USD_PAINT
+from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.scene.materials import Diffuse, Painted, Satin
+from flowsculpt.render.scene.painted_faces import VERTEX_COLOURS
 from tests.plugins.interchange.test_model_paint import SIDES, on_box, paint_of, picture, shot_of
 
 POINTS = ", ".join(f"({x}, {y}, {z})" for x in (-1, 1) for y in (-1, 1) for z in (-1, 1))

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from pxr import Usd, UsdGeom, UsdShade
 
-from pipeline.errors import UsageError
-from pipeline.plugins.interchange.usd_export import UsdExport
-from pipeline.production.execution.project import Project
-from pipeline.production.store import readers
-from pipeline.production.tasks.job import Context
-from pipeline.production.tasks.worker import task_of
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.plugins.interchange.usd_export import UsdExport
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.store import readers
+from flowsculpt.pipeline.production.tasks.job import Context
+from flowsculpt.pipeline.production.tasks.worker import task_of
 from tests.conftest import commanded
 
 NAME = "T010_two"

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 import trimesh
 
-from pipeline.errors import UsageError
-from pipeline.mesh import icosphere
-from pipeline.plugins.interchange import vertex_textures
-from pipeline.plugins.interchange.drawn_mesh import DrawnMesh
-from pipeline.plugins.interchange.vertex_textures import Layout, VertexTextures
-from render.post.image import read_exr, read_png
-from render.scene.materials import LOOKS
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.mesh import icosphere
+from flowsculpt.pipeline.plugins.interchange import vertex_textures
+from flowsculpt.pipeline.plugins.interchange.drawn_mesh import DrawnMesh
+from flowsculpt.pipeline.plugins.interchange.vertex_textures import Layout, VertexTextures
+from flowsculpt.render.post.image import read_exr, read_png
+from flowsculpt.render.scene.materials import LOOKS
 from tests.plugins.interchange.moving_meshes import ball, moving, painted_box
 from tests.plugins.interchange.node_programs import gltf_messages
 
@@ -60,7 +60,7 @@ def test_textures_decoded_by_the_formula_are_the_mesh(
 
 
 def _coordinates(path: Path) -> np.ndarray:
-    from pipeline.plugins.interchange.gltf_document import GltfDocument
+    from flowsculpt.pipeline.plugins.interchange.gltf_document import GltfDocument
 
     document = GltfDocument.read(path)
     root, content = document.root.values, document.buffer(0)

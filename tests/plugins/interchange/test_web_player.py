@@ -14,22 +14,29 @@ from numpy.typing import NDArray
 from playwright.sync_api import Browser
 from playwright.sync_api import Page as Tab
 
-from pipeline.mesh import icosphere
-from pipeline.plugins.interchange.animated_gltf import Moving
-from pipeline.plugins.interchange.drawn_mesh import DrawnMesh, KeyPoses
-from pipeline.plugins.interchange.web_player import FOLD, WebPage, differences, folded, irradiance, planes
-from pipeline.production.request.framing import Framing
-from pipeline.shot import read_shot
-from render.base.input_files import digest_of_file
-from render.graphics.three_js import three_js
-from render.post.image import read_png, write_png
-from render.scene.materials import Diffuse, Painted
-from render.scene.painted_faces import PaintedFaces
-from render.scene.render_camera import Camera
-from render.scene.scene_lights import LightRig, Sky, Softbox
-from render.scene.scene_stage import StagePlacement
-from render.scene.texture_projection import TextureProjection
-from render.scene.textures import texture_of
+from flowsculpt.pipeline.mesh import icosphere
+from flowsculpt.pipeline.plugins.interchange.animated_gltf import Moving
+from flowsculpt.pipeline.plugins.interchange.drawn_mesh import DrawnMesh, KeyPoses
+from flowsculpt.pipeline.plugins.interchange.web_player import (
+    FOLD,
+    WebPage,
+    differences,
+    folded,
+    irradiance,
+    planes,
+)
+from flowsculpt.pipeline.production.request.framing import Framing
+from flowsculpt.pipeline.shot import read_shot
+from flowsculpt.render.base.input_files import digest_of_file
+from flowsculpt.render.graphics.three_js import three_js
+from flowsculpt.render.post.image import read_png, write_png
+from flowsculpt.render.scene.materials import Diffuse, Painted
+from flowsculpt.render.scene.painted_faces import PaintedFaces
+from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.scene_lights import LightRig, Sky, Softbox
+from flowsculpt.render.scene.scene_stage import StagePlacement
+from flowsculpt.render.scene.texture_projection import TextureProjection
+from flowsculpt.render.scene.textures import texture_of
 from tests.plugins.interchange.moving_meshes import moving, painted
 from tests.plugins.review.chromium import LIMIT, wait_for
 from tests.plugins.review.conftest import browser

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.request.shot_source import ShotSource
+from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt.pipeline.production.request.shot_source import ShotSource
 
 BOX = "{solid: box, size: [2, 2, 2]}"
 SHEET = "{solid: sheet, size: [2, 2]}"

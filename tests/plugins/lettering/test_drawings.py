@@ -14,12 +14,12 @@ from pathlib import Path
 import pytest
 import shapely
 
-from pipeline.errors import UsageError
-from pipeline.plugins.lettering import outline_process
-from pipeline.plugins.lettering.kinds import SvgKind
-from pipeline.plugins.lettering.outlines import OutlineShape
-from pipeline.plugins.lettering.svg_outlines import SvgDrawing, drawn_shapes
-from render.base import limited_process
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.plugins.lettering import outline_process
+from flowsculpt.pipeline.plugins.lettering.kinds import SvgKind
+from flowsculpt.pipeline.plugins.lettering.outlines import OutlineShape
+from flowsculpt.pipeline.plugins.lettering.svg_outlines import SvgDrawing, drawn_shapes
+from flowsculpt.render.base import limited_process
 
 OPEN = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 100 100"{}>'
 WIDE, TALL = '<path class="l" d="M0 0H80V20H0Z"/>', '<path class="d" d="M0 0H20V80H0Z"/>'
@@ -225,8 +225,8 @@ def test_drawings_that_would_take_for_ever_are_read_or_refused_within_seconds(tm
 STOPPED = """
 import sys
 from pathlib import Path
-from pipeline.plugins.lettering import outline_process
-from pipeline.plugins.lettering.kinds import SvgKind
+from flowsculpt.pipeline.plugins.lettering import outline_process
+from flowsculpt.pipeline.plugins.lettering.kinds import SvgKind
 print("reading", flush=True)
 SvgKind.model_construct(file="a.svg", bevel=0.0).surface(Path(sys.argv[1]))
 """

@@ -12,10 +12,10 @@ from fontTools.pens.ttGlyphPen import TTGlyphPen
 from fontTools.ttLib import TTCollection, TTFont
 from matplotlib import font_manager
 
-from pipeline.errors import UsageError
-from pipeline.plugins.lettering.fonts import face_of_family, font_file
-from pipeline.plugins.lettering.kinds import TextKind
-from pipeline.plugins.lettering.text_outlines import TextSettings, letters
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.plugins.lettering.fonts import face_of_family, font_file
+from flowsculpt.pipeline.plugins.lettering.kinds import TextKind
+from flowsculpt.pipeline.plugins.lettering.text_outlines import TextSettings, letters
 from tests.conftest import ProjectFolder
 
 

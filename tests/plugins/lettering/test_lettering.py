@@ -14,32 +14,32 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.errors import MissingInputError, ShotError, UsageError
-from pipeline.mesh import TriangleMesh, validate
-from pipeline.mesh.read import read_mesh
-from pipeline.plugins.lettering.bevel import TooWideError, bevelled
-from pipeline.plugins.lettering.extrusion import Section, extruded, solids
-from pipeline.plugins.lettering.fonts import font_file
-from pipeline.plugins.lettering.kinds import TextKind
-from pipeline.plugins.lettering.outlines import filled, polygons_of, rings_of
-from pipeline.plugins.lettering.starts import starts
-from pipeline.plugins.lettering.svg_outlines import drawn_shapes
-from pipeline.plugins.lettering.text_outlines import TextSettings, letters
-from pipeline.shot import Shot, read_shot
+from flowsculpt.pipeline.errors import MissingInputError, ShotError, UsageError
+from flowsculpt.pipeline.mesh import TriangleMesh, validate
+from flowsculpt.pipeline.mesh.read import read_mesh
+from flowsculpt.pipeline.plugins.lettering.bevel import TooWideError, bevelled
+from flowsculpt.pipeline.plugins.lettering.extrusion import Section, extruded, solids
+from flowsculpt.pipeline.plugins.lettering.fonts import font_file
+from flowsculpt.pipeline.plugins.lettering.kinds import TextKind
+from flowsculpt.pipeline.plugins.lettering.outlines import filled, polygons_of, rings_of
+from flowsculpt.pipeline.plugins.lettering.starts import starts
+from flowsculpt.pipeline.plugins.lettering.svg_outlines import drawn_shapes
+from flowsculpt.pipeline.plugins.lettering.text_outlines import TextSettings, letters
+from flowsculpt.pipeline.shot import Shot, read_shot
 from tests.conftest import ProjectFolder
 
 FONT = Path(font_file(""))
 BESIDE_ANOTHER_HARFBUZZ = """
 import ctypes, importlib.metadata, sys
 from pathlib import Path
-from render.graphics.typesetting import lettering
+from flowsculpt.render.graphics.typesetting import lettering
 
 lettering("A", "DroidSans", 16)  # loads the system's HarfBuzz, if it has one
 for file in importlib.metadata.files("pillow"):
     if file.name.startswith("libharfbuzz"):
         ctypes.CDLL(str(file.locate()), ctypes.RTLD_GLOBAL)
 
-from pipeline.plugins.lettering import text_outlines
+from flowsculpt.pipeline.plugins.lettering import text_outlines
 contained = ctypes.CDLL(sys.modules["uharfbuzz._harfbuzz"].__file__).hb_version_string
 contained.restype = ctypes.c_char_p
 assert text_outlines.hb.version_string() == contained().decode()

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.errors import UsageError
-from pipeline.plugins.lettering.fonts import font_file
-from pipeline.plugins.lettering.text_direction import embedding_levels, visual_runs
-from pipeline.plugins.lettering.text_outlines import TextSettings, letters
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.plugins.lettering.fonts import font_file
+from flowsculpt.pipeline.plugins.lettering.text_direction import embedding_levels, visual_runs
+from flowsculpt.pipeline.plugins.lettering.text_outlines import TextSettings, letters
 
 HEBREW = dict(zip("ABCDEF", "אבגדהו", strict=True))
 ARABIC = dict(zip("XYZ", "ابت", strict=True)) | dict(zip("789", "٧٨٩", strict=True))

@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.errors import UsageError
-from pipeline.plugins.maintenance import audit_command
-from pipeline.plugins.maintenance.audit_command import Audit, difference
-from pipeline.production.request.keys import FrameKeys
-from pipeline.production.store.locks import lock_name, making
-from render.post.image import read_exr, write_exr
-from render.scene.aovs import RenderedFrame
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.plugins.maintenance import audit_command
+from flowsculpt.pipeline.plugins.maintenance.audit_command import Audit, difference
+from flowsculpt.pipeline.production.request.keys import FrameKeys
+from flowsculpt.pipeline.production.store.locks import lock_name, making
+from flowsculpt.render.post.image import read_exr, write_exr
+from flowsculpt.render.scene.aovs import RenderedFrame
 from tests.conftest import QUALITY, ProjectFolder
 
 NAME = "T010_tiny"

@@ -12,8 +12,8 @@ from typing import Any
 
 import pytest
 
-from pipeline.errors import FrameError
-from pipeline.plugins.maintenance.verify import (
+from flowsculpt.pipeline.errors import FrameError
+from flowsculpt.pipeline.plugins.maintenance.verify import (
     PublishedFile,
     ShownFile,
     StoredFile,
@@ -26,9 +26,9 @@ from pipeline.plugins.maintenance.verify import (
     verify_shown,
     verify_stored,
 )
-from pipeline.production.store.digests import digest_of
-from pipeline.production.store.store import Store
-from render.post.image import read_header
+from flowsculpt.pipeline.production.store.digests import digest_of
+from flowsculpt.pipeline.production.store.store import Store
+from flowsculpt.render.post.image import read_header
 from tests.conftest import QUALITY
 
 NAME = "T010_tiny"

@@ -11,14 +11,14 @@ from typing import Any
 
 import pytest
 
-from pipeline.plugins.become.stored_fits import path_of
-from pipeline.plugins.maintenance.clean import collect_garbage
-from pipeline.plugins.maintenance.verify import verify
-from pipeline.production.execution.project import Project
-from pipeline.production.request.lookup import find_shot
-from pipeline.production.store.locks import writing
-from pipeline.production.store.store import Store
-from render.post.image import read_header
+from flowsculpt.pipeline.plugins.become.stored_fits import path_of
+from flowsculpt.pipeline.plugins.maintenance.clean import collect_garbage
+from flowsculpt.pipeline.plugins.maintenance.verify import verify
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.request.lookup import find_shot
+from flowsculpt.pipeline.production.store.locks import writing
+from flowsculpt.pipeline.production.store.store import Store
+from flowsculpt.render.post.image import read_header
 from tests.conftest import QUALITY
 
 NAME = "T010_tiny"
@@ -111,8 +111,10 @@ def test_cleaning_deletes_trials_of_breed_and_fits_that_were_not_used_for_long(
     monkeypatch.chdir(project.path)
     fits = tmp_path_factory.mktemp("cache") / "fits"
     fits.mkdir()
-    monkeypatch.setattr("pipeline.plugins.become.unneeded_fits.writable_cache", lambda: fits.parent)
-    monkeypatch.setattr("render.base.user_cache.readable_cache", lambda: fits.parent)
+    monkeypatch.setattr(
+        "flowsculpt.pipeline.plugins.become.unneeded_fits.writable_cache", lambda: fits.parent
+    )
+    monkeypatch.setattr("flowsculpt.render.base.user_cache.readable_cache", lambda: fits.parent)
     text = project.shot.read_text()
     project.shot.write_text(text.replace("flows:", "flows:\n  - become: {solid: icosphere, detail: coarse}"))
     requests = [Project(project.path, 2).request(find_shot(NAME), QUALITY)]

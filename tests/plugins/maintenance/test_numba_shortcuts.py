@@ -8,8 +8,8 @@ from pathlib import Path
 import numba
 import pytest
 
-from pipeline.plugins.maintenance.kernel_build import kernels_called_by_kernels
-from pipeline.plugins.maintenance.numba_shortcuts import VERSIONS
+from flowsculpt.pipeline.plugins.maintenance.kernel_build import kernels_called_by_kernels
+from flowsculpt.pipeline.plugins.maintenance.numba_shortcuts import VERSIONS
 
 ROOT = Path(__file__).parents[3]
 
@@ -18,7 +18,7 @@ import numba
 import numpy as np
 from numba.core import ir
 from numba.core.compiler import Flags, run_frontend
-from pipeline.plugins.maintenance.numba_shortcuts import take_shortcuts
+from flowsculpt.pipeline.plugins.maintenance.numba_shortcuts import take_shortcuts
 
 def total(values):
     copy = np.zeros(len(values))
@@ -64,7 +64,7 @@ def test_the_shortcuts_know_the_version_of_numba_that_is_installed() -> None:
 
 SUMS = """
 import numpy as np
-from render.base.kernel_cache import cached_kernel
+from flowsculpt.render.base.kernel_cache import cached_kernel
 
 @cached_kernel
 def half(number):
@@ -82,7 +82,7 @@ def call():
 """
 
 COMPILE_ONLY = """
-from pipeline.plugins.maintenance.numba_shortcuts import take_shortcuts
+from flowsculpt.pipeline.plugins.maintenance.numba_shortcuts import take_shortcuts
 take_shortcuts({("sums", "half")})
 import sums
 print(sums.call())
@@ -116,7 +116,7 @@ def test_a_kernel_that_only_kernels_call_has_no_machine_code_until_python_calls_
 @pytest.mark.slow
 def test_no_kernel_that_python_calls_counts_as_called_by_kernels_alone() -> None:
     inner = kernels_called_by_kernels()
-    assert ("pipeline.resample.kernels.collapse", "collapse_queued") not in inner
-    assert ("pipeline.flow.kernels.streamline_kernels", "advect") not in inner
-    assert ("pipeline.flow.kernels.streamline_kernels", "advance_span") in inner
+    assert ("flowsculpt.pipeline.resample.kernels.collapse", "collapse_queued") not in inner
+    assert ("flowsculpt.pipeline.flow.kernels.streamline_kernels", "advect") not in inner
+    assert ("flowsculpt.pipeline.flow.kernels.streamline_kernels", "advance_span") in inner
     assert len(inner) > 100

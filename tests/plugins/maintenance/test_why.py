@@ -12,15 +12,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.mesh import box
-from pipeline.plugins.interchange.mesh_writers import write_mesh
-from pipeline.plugins.maintenance.why import Explanation, differences, explain, option_differences
-from pipeline.production.execution.project import Project
-from pipeline.production.request.keys import picture_header
-from pipeline.production.request.lookup import find_shot
-from pipeline.production.stages import FINISH, FRAME_CAMERA, RENDER
-from render.post.image import read_exr, write_exr
-from render.scene.aovs import RenderedFrame
+from flowsculpt.pipeline.mesh import box
+from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
+from flowsculpt.pipeline.plugins.maintenance.why import Explanation, differences, explain, option_differences
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.request.keys import picture_header
+from flowsculpt.pipeline.production.request.lookup import find_shot
+from flowsculpt.pipeline.production.stages import FINISH, FRAME_CAMERA, RENDER
+from flowsculpt.render.post.image import read_exr, write_exr
+from flowsculpt.render.scene.aovs import RenderedFrame
 from tests.conftest import QUALITY, commanded
 
 NAME = "T010_tiny"

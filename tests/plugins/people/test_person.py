@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from pipeline.errors import ShotError
-from pipeline.plugins.people.person import person, surface_net
-from pipeline.shot import Shot, read_shot
+from flowsculpt.pipeline.errors import ShotError
+from flowsculpt.pipeline.plugins.people.person import person, surface_net
+from flowsculpt.pipeline.shot import Shot, read_shot
 
 SHOT = """\
 title: A crowd

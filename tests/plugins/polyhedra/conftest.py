@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from pipeline.mesh import PolygonMesh, icosphere, sheet
+from flowsculpt.pipeline.mesh import PolygonMesh, icosphere, sheet
 
 SQUARE = [(-1, -1), (1, -1), (1, 1), (-1, 1)]
 ELL = [(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)]

@@ -5,15 +5,15 @@ import math
 import numpy as np
 import pytest
 
-from pipeline.arrays import Points
-from pipeline.errors import UsageError
-from pipeline.mesh import PolygonMesh, require
-from pipeline.plugins.polyhedra.polyhedral_resampler import PolyhedralResampler
-from pipeline.plugins.polyhedra.polyhedron import LengthLimits, Polyhedron, PolyhedronEditor
-from pipeline.plugins.polyhedra.subdivision import Slicer
-from pipeline.resample import Thresholds, edges_by_angle, edges_in_region
-from pipeline.resample.polygon_resampler import Cutting
-from pipeline.resample.thresholds import WithinBall, WithinBox
+from flowsculpt.pipeline.arrays import Points
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.mesh import PolygonMesh, require
+from flowsculpt.pipeline.plugins.polyhedra.polyhedral_resampler import PolyhedralResampler
+from flowsculpt.pipeline.plugins.polyhedra.polyhedron import LengthLimits, Polyhedron, PolyhedronEditor
+from flowsculpt.pipeline.plugins.polyhedra.subdivision import Slicer
+from flowsculpt.pipeline.resample import Thresholds, edges_by_angle, edges_in_region
+from flowsculpt.pipeline.resample.polygon_resampler import Cutting
+from flowsculpt.pipeline.resample.thresholds import WithinBall, WithinBox
 
 KINDS = ["cube", "ell", "comb", "star", "drum", "ring", "open box", "leaf", "tetrahedron", "ball", "cloth"]
 COARSE = Thresholds(0.3)

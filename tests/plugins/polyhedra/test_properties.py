@@ -5,12 +5,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.arrays import Floats, Points
-from pipeline.errors import FrameError
-from pipeline.mesh import PolygonMesh, require, validate
-from pipeline.plugins.polyhedra.polyhedral_resampler import PolyhedralResampler
-from pipeline.resample import Thresholds
-from pipeline.resample.polygon_resampler import Collapse, Cutting
+from flowsculpt.pipeline.arrays import Floats, Points
+from flowsculpt.pipeline.errors import FrameError
+from flowsculpt.pipeline.mesh import PolygonMesh, require, validate
+from flowsculpt.pipeline.plugins.polyhedra.polyhedral_resampler import PolyhedralResampler
+from flowsculpt.pipeline.resample import Thresholds
+from flowsculpt.pipeline.resample.polygon_resampler import Collapse, Cutting
 
 KINDS = ["cube", "ell", "comb", "star", "drum", "ring", "open box", "leaf", "tetrahedron", "ball", "cloth"]
 

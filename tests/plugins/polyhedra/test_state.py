@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.errors import FrameError, MeshError, UsageError
-from pipeline.mesh import PolygonMesh, require
-from pipeline.plugins.polyhedra.polyhedral_resampler import PolyhedralResampler
-from pipeline.resample import Thresholds
-from pipeline.resample.polygon_resampler import Cutting
+from flowsculpt.pipeline.errors import FrameError, MeshError, UsageError
+from flowsculpt.pipeline.mesh import PolygonMesh, require
+from flowsculpt.pipeline.plugins.polyhedra.polyhedral_resampler import PolyhedralResampler
+from flowsculpt.pipeline.resample import Thresholds
+from flowsculpt.pipeline.resample.polygon_resampler import Cutting
 
 THRESHOLDS = Thresholds(0.35)
 

@@ -7,17 +7,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.errors import MeshError
-from pipeline.mesh import PolygonMesh, require
-from pipeline.plugins.polyhedra.polyhedron import (
+from flowsculpt.pipeline.errors import MeshError
+from flowsculpt.pipeline.mesh import PolygonMesh, require
+from flowsculpt.pipeline.plugins.polyhedra.polyhedron import (
     OUTSIDE,
     LengthLimits,
     Polyhedron,
     PolyhedronEditor,
     between,
 )
-from pipeline.plugins.polyhedra.subdivision import Collapser, can_collapse
-from pipeline.resample import Thresholds
+from flowsculpt.pipeline.plugins.polyhedra.subdivision import Collapser, can_collapse
+from flowsculpt.pipeline.resample import Thresholds
 
 Step = Callable[[Polyhedron, np.random.Generator], None]
 

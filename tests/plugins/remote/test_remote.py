@@ -9,15 +9,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.errors import FrameError, MachineError, UsageError
-from pipeline.plugins.remote import remote_files, remote_requests
-from pipeline.plugins.remote.push_command import lacking_names, upload_lacking
-from pipeline.plugins.remote.remote_files import RemoteFiles
-from pipeline.production.store.readers import with_key, write_npz
-from pipeline.production.store.remote_store import READ_ONLY, VARIABLE
-from pipeline.production.store.store import Store, missed_uploads, upload_missed
-from render.post.image import write_exr
-from render.scene.aovs import RenderedFrame
+from flowsculpt.pipeline.errors import FrameError, MachineError, UsageError
+from flowsculpt.pipeline.plugins.remote import remote_files, remote_requests
+from flowsculpt.pipeline.plugins.remote.push_command import lacking_names, upload_lacking
+from flowsculpt.pipeline.plugins.remote.remote_files import RemoteFiles
+from flowsculpt.pipeline.production.store.readers import with_key, write_npz
+from flowsculpt.pipeline.production.store.remote_store import READ_ONLY, VARIABLE
+from flowsculpt.pipeline.production.store.store import Store, missed_uploads, upload_missed
+from flowsculpt.render.post.image import write_exr
+from flowsculpt.render.scene.aovs import RenderedFrame
 
 KEY = "ab" * 16
 OTHER = "cd" * 16
@@ -152,7 +152,7 @@ def test_a_file_that_cannot_be_read_though_it_is_what_was_sent_leaves_the_remote
     def refuse(path: Path) -> None:
         raise remote_error
 
-    from pipeline.production.store.digests import CorruptFileError
+    from flowsculpt.pipeline.production.store.digests import CorruptFileError
 
     remote_error = CorruptFileError("not a camera")
     with pytest.raises(FrameError, match="run again to make it again"):

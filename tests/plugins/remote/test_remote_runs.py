@@ -9,8 +9,8 @@ import uuid
 
 import pytest
 
-from pipeline.production.store.remote_store import READ_ONLY, VARIABLE
-from pipeline.production.store.store import missed_uploads
+from flowsculpt.pipeline.production.store.remote_store import READ_ONLY, VARIABLE
+from flowsculpt.pipeline.production.store.store import missed_uploads
 from tests.conftest import QUALITY, commanded
 from tests.plugins.remote.s3 import BUCKET
 from tests.production.snakemake import snakemake

@@ -7,9 +7,9 @@ import uuid
 
 import pytest
 
-from pipeline.plugins.remote import remote_files, remote_requests
-from pipeline.plugins.remote.remote_files import RemoteFiles
-from pipeline.production.store.store import Store, missed_uploads, upload_missed
+from flowsculpt.pipeline.plugins.remote import remote_files, remote_requests
+from flowsculpt.pipeline.plugins.remote.remote_files import RemoteFiles
+from flowsculpt.pipeline.production.store.store import Store, missed_uploads, upload_missed
 from tests.plugins.remote.s3 import BUCKET, CREDENTIALS, Proxy
 
 KEYS = [f"{number:032x}" for number in range(40)]

@@ -5,18 +5,18 @@ import zipfile
 
 import pytest
 
-from pipeline.plugins.remote.remote_files import RemoteFiles
-from pipeline.plugins.remote.shared_kernels import fetch_kernels, send_kernels
-from pipeline.production.planning.plan import Plan
-from pipeline.production.store.digests import digest_of
-from pipeline.production.store.remote_store import (
+from flowsculpt.pipeline.plugins.remote.remote_files import RemoteFiles
+from flowsculpt.pipeline.plugins.remote.shared_kernels import fetch_kernels, send_kernels
+from flowsculpt.pipeline.production.planning.plan import Plan
+from flowsculpt.pipeline.production.store.digests import digest_of
+from flowsculpt.pipeline.production.store.remote_store import (
     VARIABLE,
     has_kernels,
     kernels_key,
     note_all_compiled,
 )
-from render.base.kernel_cache import all_kernels, folder_name
-from render.base.user_cache import kernel_homes
+from flowsculpt.render.base.kernel_cache import all_kernels, folder_name
+from flowsculpt.render.base.user_cache import kernel_homes
 
 pytestmark = pytest.mark.quick
 

@@ -20,8 +20,8 @@ from pathlib import Path
 from filelock import FileLock
 from playwright.sync_api import Browser, Error, Page, sync_playwright
 
-from render.base.render_errors import MachineError
-from render.mitsuba.llvm import PrivateApt, apt_available
+from flowsculpt.render.base.render_errors import MachineError
+from flowsculpt.render.mitsuba.llvm import PrivateApt, apt_available
 
 PACKAGES = ("chromium-headless-shell", "fonts-dejavu-core")
 

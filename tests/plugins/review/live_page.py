@@ -15,12 +15,12 @@ from pathlib import Path
 from playwright.sync_api import Browser, FloatRect
 from playwright.sync_api import Page as Tab
 
-from pipeline.plugins.preview.live_server import actions_of, serving
-from pipeline.plugins.preview.live_session import READY, LiveFeed, LiveSession
-from pipeline.plugins.preview.shot_editor import ShotEditor
-from pipeline.plugins.preview.sketch import Sketch
-from pipeline.plugins.preview.surface_stream import SurfaceStream
-from pipeline.production.execution.project import Project
+from flowsculpt.pipeline.plugins.preview.live_server import actions_of, serving
+from flowsculpt.pipeline.plugins.preview.live_session import READY, LiveFeed, LiveSession
+from flowsculpt.pipeline.plugins.preview.shot_editor import ShotEditor
+from flowsculpt.pipeline.plugins.preview.sketch import Sketch
+from flowsculpt.pipeline.plugins.preview.surface_stream import SurfaceStream
+from flowsculpt.pipeline.production.execution.project import Project
 from tests.plugins.live_follower import save_whole
 from tests.plugins.review.chromium import LIMIT, wait_for
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from playwright.sync_api import Page as Tab
 
-from render.post.image import read_png
+from flowsculpt.render.post.image import read_png
 from tests.plugins.review.chromium import wait_for
 from tests.plugins.review.studio import number_in
 

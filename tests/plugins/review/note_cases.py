@@ -6,7 +6,7 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from pipeline.plugins.review.review_notes import FORMAT, VERSION
+from flowsculpt.pipeline.plugins.review.review_notes import FORMAT, VERSION
 
 ATTACK = "<img src=x onerror='window.attacked = 1'><script>window.attacked = 1</script>"
 TIMES = [f"2026-11-2{day}T09:00:00.{part}Z" for day in (1, 2) for part in ("000", "001")]

@@ -13,17 +13,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.plugins.sheets.wedge import Grid, Wedge
-from pipeline.production.execution.project import Project
-from pipeline.production.planning.plan import Plan
-from pipeline.production.request.keys import picture_keys
-from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.store.event_log import EventLog
-from pipeline.production.store.paths import EVENTS
-from pipeline.production.tasks.job import Context
-from pipeline.production.tasks.worker import task_of
-from render.post.image import write_exr
-from render.scene.aovs import RenderedFrame
+from flowsculpt.pipeline.plugins.sheets.wedge import Grid, Wedge
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.planning.plan import Plan
+from flowsculpt.pipeline.production.request.keys import picture_keys
+from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt.pipeline.production.store.event_log import EventLog
+from flowsculpt.pipeline.production.store.paths import EVENTS
+from flowsculpt.pipeline.production.tasks.job import Context
+from flowsculpt.pipeline.production.tasks.worker import task_of
+from flowsculpt.render.post.image import write_exr
+from flowsculpt.render.scene.aovs import RenderedFrame
 from tests.conftest import commanded
 
 NAME = "T010_tiny"

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.plugins.review.page_pictures import SCOPE_COLUMNS, SCOPE_LEVELS, scope_script
+from flowsculpt.pipeline.plugins.review.page_pictures import SCOPE_COLUMNS, SCOPE_LEVELS, scope_script
 from tests.plugins.review.looker import Looker, Opened
 from tests.plugins.review.studio import NAME, Desk
 

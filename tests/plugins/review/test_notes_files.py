@@ -11,7 +11,7 @@ import opentimelineio
 from hypothesis import given, settings
 from pydantic import ValidationError
 
-from pipeline.plugins.review.review_notes import NotesDocument, as_data, merged, read_notes
+from flowsculpt.pipeline.plugins.review.review_notes import NotesDocument, as_data, merged, read_notes
 from tests.plugins.review.looker import Opened, downloaded
 from tests.plugins.review.note_cases import ATTACK, IDS, NOTES, TIMES, document, note, revision, stroke
 from tests.plugins.review.test_review_notes import WRONG

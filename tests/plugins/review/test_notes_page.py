@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser
 
-from pipeline.plugins.review.review_notes import read_notes
+from flowsculpt.pipeline.plugins.review.review_notes import read_notes
 from tests.plugins.review.chromium import wait_for
 from tests.plugins.review.looker import Looker, Opened, downloaded, drawn, notes_of, written
 from tests.plugins.review.note_cases import ATTACK, IDS, note, revision, stroke

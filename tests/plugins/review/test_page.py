@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pipeline.plugins.review.review_page import HINT
-from render.graphics.three_js import three_js
-from render.post.image import read_png
+from flowsculpt.pipeline.plugins.review.review_page import HINT
+from flowsculpt.render.graphics.three_js import three_js
+from flowsculpt.render.post.image import read_png
 from tests.plugins.review.looker import Opened
 from tests.plugins.review.studio import FAILED, LAST, MISSING, Desk, number_in
 
@@ -239,7 +239,7 @@ def test_a_page_without_three_works_and_says_how_to_get_it(
     (folder / "data.js").write_text(f"window.reviewData = {json.dumps(told)};")
     look = opened(folder / "index.html", frame=2)
     look.press("m", "ArrowRight")
-    assert "render.graphics.three_js fetches it" in look.tab.inner_text("#panel-mesh")
+    assert "flowsculpt.render.graphics.three_js fetches it" in look.tab.inner_text("#panel-mesh")
     assert look.number == 3
 
 

@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 
-from pipeline.errors import UsageError
-from pipeline.plugins.review.review_notes import (
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.plugins.review.review_notes import (
     NotesDocument,
     NotesFolder,
     ReviewNote,

@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pipeline.mesh import icosphere
-from pipeline.plugin import Animation, Plugin, Plugins
-from pipeline.plugins.review import view_3d
-from pipeline.plugins.review.view_3d import PageMeshes
-from render.graphics.three_js import three_js
+from flowsculpt.pipeline.mesh import icosphere
+from flowsculpt.pipeline.plugin import Animation, Plugin, Plugins
+from flowsculpt.pipeline.plugins.review import view_3d
+from flowsculpt.pipeline.plugins.review.view_3d import PageMeshes
+from flowsculpt.render.graphics.three_js import three_js
 from tests.plugins.review.looker import Opened
 from tests.plugins.review.studio import LAST, NAME, SHOT, Desk, simulated
 

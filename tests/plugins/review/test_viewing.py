@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.plugins.review.page_pictures import LayerWriter, as_script
-from pipeline.production.execution.project import Project
-from pipeline.production.picture_sequences import PLAIN, PictureSequence
-from render.post.colour import to_display
-from render.post.hdr import nits_of_pq
-from render.post.image import read_exr, read_png, write_exr
-from render.scene.aovs import RenderedFrame
+from flowsculpt.pipeline.plugins.review.page_pictures import LayerWriter, as_script
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.picture_sequences import PLAIN, PictureSequence
+from flowsculpt.render.post.colour import to_display
+from flowsculpt.render.post.hdr import nits_of_pq
+from flowsculpt.render.post.image import read_exr, read_png, write_exr
+from flowsculpt.render.scene.aovs import RenderedFrame
 from tests.plugins.review.looker import Looker, Opened
 from tests.plugins.review.studio import NAME, Desk
 

@@ -15,12 +15,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.mesh import TriangleMesh, box, icosphere
-from pipeline.plugins.review.figures import panels
-from pipeline.plugins.review.measures import BINS, edge_lengths, measured, roundness_of, volume_of
-from pipeline.plugins.review.review_page import tabled
-from pipeline.plugins.review.view_3d import as_script
-from render.post.image import read_png
+from flowsculpt.pipeline.mesh import TriangleMesh, box, icosphere
+from flowsculpt.pipeline.plugins.review.figures import panels
+from flowsculpt.pipeline.plugins.review.measures import BINS, edge_lengths, measured, roundness_of, volume_of
+from flowsculpt.pipeline.plugins.review.review_page import tabled
+from flowsculpt.pipeline.plugins.review.view_3d import as_script
+from flowsculpt.render.post.image import read_png
 from tests.plugins.review.note_cases import IDS, document, note
 from tests.plugins.review.studio import FAILED, FAULT, LAST, MISSING, NAME, TITLE, Desk, number_in
 

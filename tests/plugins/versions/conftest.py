@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.errors import MissingInputError
+from flowsculpt.pipeline.errors import MissingInputError
 from tests.plugins.versions.desk import MODEL, NAME, RENDER, SHOT, Desk
 
 

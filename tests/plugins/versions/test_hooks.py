@@ -10,10 +10,10 @@ from types import SimpleNamespace
 
 import pytest
 
-from pipeline.errors import FlowsculptError
-from pipeline.plugins.versions.hooks import HOOKS_FILE, hooks_of, tell_of_delivery, tell_of_run
-from pipeline.production.store.event_log import EventLog
-from pipeline.production.store.paths import EVENTS
+from flowsculpt.pipeline.errors import FlowsculptError
+from flowsculpt.pipeline.plugins.versions.hooks import HOOKS_FILE, hooks_of, tell_of_delivery, tell_of_run
+from flowsculpt.pipeline.production.store.event_log import EventLog
+from flowsculpt.pipeline.production.store.paths import EVENTS
 
 
 def teller(path: Path, code: int = 0) -> str:

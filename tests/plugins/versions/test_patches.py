@@ -7,15 +7,15 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.errors import FrameError, MissingInputError, UsageError
-from pipeline.plugins.review.review_page import Search
-from pipeline.plugins.versions.publishing import Patch
-from pipeline.plugins.versions.reproduction import Reproduction
-from pipeline.production.execution.project import Project
-from pipeline.production.request.provenance import FILE, Provenance
-from pipeline.production.store.history import History
-from render.base.input_files import digest_of_file
-from render.movie.probe import probe_movie
+from flowsculpt.pipeline.errors import FrameError, MissingInputError, UsageError
+from flowsculpt.pipeline.plugins.review.review_page import Search
+from flowsculpt.pipeline.plugins.versions.publishing import Patch
+from flowsculpt.pipeline.plugins.versions.reproduction import Reproduction
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.request.provenance import FILE, Provenance
+from flowsculpt.pipeline.production.store.history import History
+from flowsculpt.render.base.input_files import digest_of_file
+from flowsculpt.render.movie.probe import probe_movie
 from tests.plugins.versions.desk import NAME, QUALITY, Desk, done
 
 LOOK = "look: glaze\n"

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.production.planning.profile import shipped
+from flowsculpt.pipeline.production.planning.profile import shipped
 
 SLURM = Path(__file__).with_name("slurm.py")
 

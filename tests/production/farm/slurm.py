@@ -30,8 +30,8 @@ from pathlib import Path
 
 import psutil
 
-from render.base.render_errors import MachineError
-from render.mitsuba.llvm import PrivateApt, apt_available
+from flowsculpt.render.base.render_errors import MachineError
+from flowsculpt.render.mitsuba.llvm import PrivateApt, apt_available
 
 PACKAGES = ("slurmctld", "slurmd", "slurm-client", "munge")
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from render.mitsuba.engine import works
+from flowsculpt.render.mitsuba.engine import works
 
 NAME = "T010_tiny"
 QUALITY = "draft.scale10"

@@ -10,10 +10,10 @@ from typing import Any
 
 import pytest
 
-from pipeline.plugins.farm.flamenco import JOB_TYPE
-from pipeline.plugins.farm.task_runner import _jobs
-from pipeline.production.execution.project import Project
-from pipeline.production.planning.plan import Plan
+from flowsculpt.pipeline.plugins.farm.flamenco import JOB_TYPE
+from flowsculpt.pipeline.plugins.farm.task_runner import _jobs
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.planning.plan import Plan
 from tests.conftest import ProjectFolder
 
 pytestmark = pytest.mark.quick

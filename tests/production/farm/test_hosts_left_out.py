@@ -14,14 +14,14 @@ from typing import Any
 
 import pytest
 
-from pipeline.errors import FrameError, MachineError
-from pipeline.production.execution.project import Project
-from pipeline.production.execution.snakefile import PlannedWorkflow
-from pipeline.production.planning.profile import Profile
-from pipeline.production.tasks import worker
-from pipeline.production.tasks.job import Context, faults_of_hosts
-from render.base.atomic_write import atomic_write
-from render.base.work_clock import Timing
+from flowsculpt.pipeline.errors import FrameError, MachineError
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.execution.snakefile import PlannedWorkflow
+from flowsculpt.pipeline.production.planning.profile import Profile
+from flowsculpt.pipeline.production.tasks import worker
+from flowsculpt.pipeline.production.tasks.job import Context, faults_of_hosts
+from flowsculpt.render.base.atomic_write import atomic_write
+from flowsculpt.render.base.work_clock import Timing
 from tests.conftest import QUALITY, ProjectFolder
 from tests.production.farm.conftest import Farm, quick_profile
 from tests.production.farm.slurm import SlurmError, running

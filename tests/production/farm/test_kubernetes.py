@@ -16,9 +16,9 @@ import kubernetes_validate
 import pytest
 from ruamel.yaml import YAML
 
-from pipeline.errors import UsageError
-from pipeline.plugins.farm.kubernetes import KubernetesJob
-from pipeline.production.execution.project import Project
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.plugins.farm.kubernetes import KubernetesJob
+from flowsculpt.pipeline.production.execution.project import Project
 from tests.conftest import commanded
 
 NAME = "T010_tiny"

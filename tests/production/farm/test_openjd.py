@@ -8,16 +8,16 @@ from pathlib import Path
 import pytest
 from ruamel.yaml import YAML
 
-from pipeline.cli.options import Common, PictureOptions
-from pipeline.errors import UsageError
-from pipeline.frames import FrameRange
-from pipeline.plugins.farm import farm_commands
-from pipeline.plugins.farm.openjd import _written, template
-from pipeline.production.execution.project import Project
-from pipeline.production.planning.profile import Profile
-from pipeline.production.tasks.job import Context
-from pipeline.production.tasks.surfaces import simulate
-from render.post.image import read_exr
+from flowsculpt.pipeline.cli.options import Common, PictureOptions
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.frames import FrameRange
+from flowsculpt.pipeline.plugins.farm import farm_commands
+from flowsculpt.pipeline.plugins.farm.openjd import _written, template
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.planning.profile import Profile
+from flowsculpt.pipeline.production.tasks.job import Context
+from flowsculpt.pipeline.production.tasks.surfaces import simulate
+from flowsculpt.render.post.image import read_exr
 from tests.conftest import commanded
 
 NAME = "T010_tiny"

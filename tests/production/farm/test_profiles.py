@@ -8,22 +8,22 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.errors import MachineError, MissingInputError, UsageError
-from pipeline.production.execution.project import Project
-from pipeline.production.execution.snakemake import _words, complaint
-from pipeline.production.planning.plan import Job, Plan
-from pipeline.production.planning.planner import batches
-from pipeline.production.planning.profile import SIDE_BY_SIDE, Profile
-from pipeline.production.planning.timings import (
+from flowsculpt.pipeline.errors import MachineError, MissingInputError, UsageError
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.execution.snakemake import _words, complaint
+from flowsculpt.pipeline.production.planning.plan import Job, Plan
+from flowsculpt.pipeline.production.planning.planner import batches
+from flowsculpt.pipeline.production.planning.profile import SIDE_BY_SIDE, Profile
+from flowsculpt.pipeline.production.planning.timings import (
     LEAST_MIB,
     START_MINUTES,
     UNMEASURED_MIB,
     MeasuredResources,
 )
-from pipeline.production.store.event_log import EventLog, EventReader
-from pipeline.production.store.paths import EVENTS
-from pipeline.production.store.store import Store
-from pipeline.production.tasks.job import Context
+from flowsculpt.pipeline.production.store.event_log import EventLog, EventReader
+from flowsculpt.pipeline.production.store.paths import EVENTS
+from flowsculpt.pipeline.production.store.store import Store
+from flowsculpt.pipeline.production.tasks.job import Context
 
 NAME = "T010_tiny"
 
@@ -239,7 +239,7 @@ def test_every_other_host_has_an_event_log_of_its_own(tmp_path, monkeypatch):
 
 
 def test_a_simulation_tried_again_goes_on_from_its_last_frame(folder):
-    from pipeline.production.tasks.surfaces import simulate
+    from flowsculpt.pipeline.production.tasks.surfaces import simulate
 
     plan = Project(folder, 1).meshes([NAME], "1-3")
     (job,) = plan.jobs

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.errors import MachineError
-from pipeline.plugins.farm import task_runner as tasks
-from pipeline.plugins.remote import remote_files, remote_requests
-from pipeline.production.execution.project import Project
-from pipeline.production.store.remote_store import VARIABLE
-from pipeline.production.store.store import Store
+from flowsculpt.pipeline.errors import MachineError
+from flowsculpt.pipeline.plugins.farm import task_runner as tasks
+from flowsculpt.pipeline.plugins.remote import remote_files, remote_requests
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.store.remote_store import VARIABLE
+from flowsculpt.pipeline.production.store.store import Store
 
 NAME = "T010_tiny"
 QUALITY = "draft.scale10"
@@ -21,7 +21,7 @@ QUALITY = "draft.scale10"
 
 def do_task(plan: Path, root: Path, store: str, *words: str) -> subprocess.CompletedProcess[str]:
     """Do a task in a root of its own, from a folder without shots."""
-    command = [sys.executable, "-m", "pipeline.cli", "--no-progress", "--store", store, "--root", str(root)]
+    command = [sys.executable, "-m", "flowsculpt", "--no-progress", "--store", store, "--root", str(root)]
     return subprocess.run(
         [*command, "task", str(plan), *words], cwd=plan.parent, capture_output=True, text=True, timeout=300
     )

@@ -11,11 +11,11 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.production.execution.project import Project
-from pipeline.production.store.paths import STATE
-from pipeline.production.store.store import missed_uploads
-from pipeline.production.tasks.job import Context
-from pipeline.production.tasks.surfaces import simulate
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.store.paths import STATE
+from flowsculpt.pipeline.production.store.store import missed_uploads
+from flowsculpt.pipeline.production.tasks.job import Context
+from flowsculpt.pipeline.production.tasks.surfaces import simulate
 from tests.production.snakemake import snakemake
 
 NAME = "T010_tiny"
@@ -64,7 +64,7 @@ def start(project, *words):
     command = [
         sys.executable,
         "-m",
-        "pipeline.cli",
+        "flowsculpt",
         "--no-progress",
         "--json",
         *words,

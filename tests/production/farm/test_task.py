@@ -9,8 +9,8 @@ from importlib.metadata import version
 
 import pytest
 
-from pipeline.production.execution.project import Project
-from render.mitsuba.engine import works
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.render.mitsuba.engine import works
 from tests.conftest import commanded
 
 NAME = "T010_tiny"
@@ -27,7 +27,7 @@ def plan(project):
 
 def test_tasks_side_by_side_make_the_frames_of_a_shot_and_its_movie(project, plan):
     assert project.run("task", plan, "simulate", "smooth_normals", "frame_camera").code == 0
-    command = [sys.executable, "-m", "pipeline.cli", "task", plan]
+    command = [sys.executable, "-m", "flowsculpt", "task", plan]
     renders = [subprocess.Popen([*command, f"render:{part}"], cwd=project.path) for part in ("1-2", "3,4")]
     assert [render.wait(300) for render in renders] == [0, 0]
     assert project.run("task", plan, "finish", "assemble").code == 0

@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from pipeline.production.store.digests import digest_of
+from flowsculpt.pipeline.production.store.digests import digest_of
 from tests.conftest import QUALITY, Run
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="LD_PRELOAD is Linux's")
@@ -56,7 +56,7 @@ class Disk:
 
     def run(self, kinds: str, seed: int, rate: int, *words: str) -> Run:
         """Run a command of ours; one call in `rate` meets a fault of the kinds."""
-        return self.start(kinds, seed, rate, "-m", "pipeline.cli", "--no-progress", "-j", "2", *words)
+        return self.start(kinds, seed, rate, "-m", "flowsculpt", "--no-progress", "-j", "2", *words)
 
     def start(self, kinds: str, seed: int, rate: int, *words: str) -> Run:
         """Run Python in the project's folder."""

@@ -11,7 +11,7 @@ from tempfile import TemporaryDirectory
 
 import pytest
 
-from pipeline.production.store.store import Store
+from flowsculpt.pipeline.production.store.store import Store
 from tests.conftest import QUALITY, ProjectFolder
 
 NAME = "T010_tiny"

@@ -1,0 +1,47 @@
+"""The command `flowsculpt`, also `python -m flowsculpt`.
+
+Modules are imported where Ctrl-C ends the command without a traceback.
+"""
+
+from __future__ import annotations
+
+import os
+
+INTERRUPTED = 130
+
+
+def main() -> None:
+    """Run the command line."""
+    try:
+        _start()
+    except KeyboardInterrupt:  # until `_end` is set
+        os._exit(INTERRUPTED)
+
+
+def _start() -> None:
+    import signal
+
+    if signal.getsignal(signal.SIGINT) == signal.default_int_handler:
+        signal.signal(signal.SIGINT, _end)
+    from flowsculpt.render.base.python_process import distrust_working_folder, postpone_collection
+
+    distrust_working_folder()  # which `python -m` has put first, before anything else is imported
+    postpone_collection()
+    from flowsculpt.pipeline.cli.app import main as start
+    from flowsculpt.pipeline.cli.standard_streams import prepare_streams
+
+    prepare_streams()
+    try:
+        start()
+    finally:
+        if signal.getsignal(signal.SIGINT) != signal.SIG_IGN:
+            signal.signal(signal.SIGINT, _end)
+
+
+def _end(number: int, frame: object) -> None:
+    """End at once on Ctrl-C: nothing has begun yet, or everything is done."""
+    os._exit(INTERRUPTED)
+
+
+if __name__ == "__main__":
+    main()
