@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 CORES ?= $(shell nproc 2>/dev/null || sysctl -n hw.ncpu)
 
-.PHONY: film showreel test quick soak bench blender blender-extension check docs reference figures pictures wheel setup lock clean
+.PHONY: film showreel test quick soak bounds bench blender blender-extension check docs reference figures pictures wheel setup lock clean
 .DELETE_ON_ERROR:
 
 film: .venv/ready
@@ -23,9 +23,15 @@ quick: .venv/ready-dev
 	$(BIN)/ruff format --check .
 	$(BIN)/python -m pytest -q -m "not (soak or renderer or slow)" -n 2 --dist loadfile --no-loadscope-reorder
 
-# Long runs, and all other tests with examples that are new every time.
+# Long runs, and all other tests with examples that are new every time; then the tests with other versions of packages.
 soak: .venv/ready-dev
 	$(BIN)/python -m pytest --hypothesis-profile=new
+	$(MAKE) bounds
+
+# The tests with the lowest versions of packages that pyproject.toml allows, and with the newest there are.
+bounds: .venv/ready-dev
+	$(BIN)/python tests/checks/dependency_bounds.py lowest-direct
+	$(BIN)/python tests/checks/dependency_bounds.py highest
 
 check: .venv/ready-dev
 	$(BIN)/ruff check .
@@ -129,8 +135,8 @@ blender: .venv/ready-cycles
 
 lock:
 	echo pip | uv pip compile $(LOCK) - -o requirements-pip.lock
-	uv pip compile $(LOCK) --extra models --group build pyproject.toml -o requirements.lock
-	uv pip compile $(LOCK) --extra models --group build --group dev pyproject.toml -c requirements.lock -o requirements-dev.lock
+	uv pip compile $(LOCK) --extra film --extra models --group build pyproject.toml -o requirements.lock
+	uv pip compile $(LOCK) --extra film --extra models --group build --group dev pyproject.toml -c requirements.lock -o requirements-dev.lock
 LOCK := --quiet --upgrade --python-version 3.11 --universal --generate-hashes --no-emit-index-url --no-emit-find-links --no-annotate --custom-compile-command "make lock"
 
 clean:

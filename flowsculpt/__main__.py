@@ -6,8 +6,9 @@ Modules are imported where Ctrl-C ends the command without a traceback.
 from __future__ import annotations
 
 import os
+import sys
 
-INTERRUPTED = 130
+MACHINE, INTERRUPTED = 4, 130
 
 
 def main() -> None:
@@ -23,9 +24,11 @@ def _start() -> None:
 
     if signal.getsignal(signal.SIGINT) == signal.default_int_handler:
         signal.signal(signal.SIGINT, _end)
-    from flowsculpt.render.base.python_process import distrust_working_folder, postpone_collection
+    from flowsculpt.render.base.python_process import distrust_working_folder, postpone_collection, prepare
 
     distrust_working_folder()  # which `python -m` has put first, before anything else is imported
+    prepare()
+    _require_packages()
     postpone_collection()
     from flowsculpt.pipeline.cli.app import main as start
     from flowsculpt.pipeline.cli.standard_streams import prepare_streams
@@ -36,6 +39,19 @@ def _start() -> None:
     finally:
         if signal.getsignal(signal.SIGINT) != signal.SIG_IGN:
             signal.signal(signal.SIGINT, _end)
+
+
+def _require_packages() -> None:
+    """End with one line where only the library is installed, which needs none of these packages."""
+    from importlib.util import find_spec
+
+    missing = [name for name in ("typer", "snakemake", "mitsuba") if find_spec(name) is None]
+    if missing:
+        sys.stderr.write(
+            f"error: flowsculpt is installed as a library, without {missing[0]} and other packages that its "
+            "commands need; install them: pip install 'flowsculpt[film]'\n"
+        )
+        sys.exit(MACHINE)
 
 
 def _end(number: int, frame: object) -> None:

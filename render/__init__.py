@@ -8,15 +8,10 @@ The public names, each imported from its module when first used:
 from importlib import import_module
 from typing import Any
 
-from flowsculpt.render.base.python_process import (
-    forget_unreadable_settings,
-    import_numba_elsewhere,
-    prefer_installed_packages,
-)
+from flowsculpt.render.base.python_process import is_own, prepare
 
-prefer_installed_packages()
-forget_unreadable_settings()
-import_numba_elsewhere()
+if is_own():
+    prepare()
 
 _MODULES = {
     "flowsculpt.render.base.render_errors": (

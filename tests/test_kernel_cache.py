@@ -93,7 +93,7 @@ if __name__ == "__main__":
 
 
 def test_no_vector_library_with_other_bits_is_taken():
-    code = "import flowsculpt.pipeline.kernels, numba.core.config as c\n"
+    code = "import flowsculpt.pipeline.production, numba.core.config as c\n"
     code += "print(c.DISABLE_INTEL_SVML, c.USING_SVML)"
     environment = {name: value for name, value in os.environ.items() if "SVML" not in name}
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)

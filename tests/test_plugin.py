@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from flowsculpt.pipeline import api
+from flowsculpt import api
 from flowsculpt.pipeline.plugin import API, Plugin, Plugins
 
 GREETER = """\
@@ -240,7 +240,7 @@ def test_a_flow_that_lacks_a_method_is_left_out_with_the_name_of_the_method(marb
 STONE = """
 import numpy as np
 from pydantic import Field
-from flowsculpt.pipeline.api import SubjectKind, TriangleMesh, UsageError, icosphere
+from flowsculpt.api import SubjectKind, TriangleMesh, UsageError, icosphere
 
 
 class Stone(SubjectKind):
@@ -325,7 +325,7 @@ def plugin(name: str = "greeter", rest: str = "") -> str:
         ("placed", "one = 1\nraise ValueError('one')", "placed.py:2)"),
         (
             "eager",
-            "from flowsculpt.pipeline.api import Plugin, read_shot\nPLUGIN = Plugin('eager', '1')",
+            "from flowsculpt.api import Plugin, read_shot\nPLUGIN = Plugin('eager', '1')",
             "eager imports what itself needs the plug-ins, such as read_shot; import that in the functions",
         ),
         (
@@ -333,11 +333,11 @@ def plugin(name: str = "greeter", rest: str = "") -> str:
             plugin("wider", ", lenses={}"),
             "keyword argument 'lenses'; a later flowsculpt may have it",
         ),
-        ("newer", "from flowsculpt.pipeline.api import Lens", "; a later flowsculpt may have it"),
+        ("newer", "from flowsculpt.api import Lens", "; a later flowsculpt may have it"),
         ("number", plugin("number", ", api='1'"), "its field api is not a whole number"),
         (
             "nameless",
-            "from flowsculpt.pipeline.api import Plugin\nPLUGIN = Plugin(3, '1')",
+            "from flowsculpt.api import Plugin\nPLUGIN = Plugin(3, '1')",
             "its field name is not text",
         ),
         (

@@ -71,7 +71,7 @@ def reason_of_foreign(error: BaseException) -> str:
         text = "its text cannot be written"
     lines = [line for line in text.splitlines() if not line.startswith(_NUMBA_LINES)]
     line = " ".join(f"{type(error).__name__}: {' '.join(lines)}".split()).removesuffix(":")
-    of_api = isinstance(error, ImportError) and error.name == "flowsculpt.pipeline.api"
+    of_api = isinstance(error, ImportError) and error.name == "flowsculpt.api"
     if of_api or line.startswith("TypeError: Plugin.__init__() got an unexpected keyword"):
         return f"{line}; a later flowsculpt may have it"
     return line

@@ -34,6 +34,7 @@ from numba.core.serialize import dumps
 
 from flowsculpt import render
 from flowsculpt.render.base.atomic_write import atomic_write
+from flowsculpt.render.base.python_process import is_own
 from flowsculpt.render.base.render_errors import MachineError
 from flowsculpt.render.base.user_cache import kernel_homes, readable_cache, writable_cache
 
@@ -120,21 +121,23 @@ def one_at_a_time(function: F) -> F:
 
 
 def use_kernel_cache() -> None:
-    """Have numba compile for `cpu_level`, and keep caches of a user's own functions in our folder too.
+    """Have numba compile for `cpu_level`; called before it makes its compiler.
 
-    Called before numba makes its compiler. Raises MachineError where numba is kept from compiling.
-
-    The environment of another program may name a layer of threads that is not installed: the best that numba
-    can load starts threads here, or `workqueue`, which it always has.
+    Raises MachineError where numba is kept from compiling. Other settings of numba are those of a process of
+    our own: caches of a user's functions lie in our folder too. The environment of another program may name a
+    layer of threads that is not installed: the best that numba can load starts threads here, or `workqueue`,
+    which it always has.
     """
-    numba.config._config_fname = ""  # see `import_numba_elsewhere`; numba looks again when it compiles
     if numba.config.DISABLE_JIT:
         raise MachineError("NUMBA_DISABLE_JIT is set, but flowsculpt needs compiled kernels; unset it")
+    if cpu_level() != HOST:
+        numba.config.CPU_NAME, numba.config.CPU_FEATURES = cpu_level(), ""
+    if not is_own():
+        return
+    numba.config._config_fname = ""  # see `python_process`; numba looks again when it compiles
     if numba.config.THREADING_LAYER != "workqueue":
         numba.config.THREADING_LAYER = "default"
     numba.config.THREADING_LAYER_PRIORITY = ["tbb", "omp", "workqueue"]
-    if cpu_level() != HOST:
-        numba.config.CPU_NAME, numba.config.CPU_FEATURES = cpu_level(), ""
     numba.config.CACHE_DIR = str(_written_folder())
     Cache._guard_against_spurious_io_errors = lambda self: suppress(OSError)  # a full disk stores none
 

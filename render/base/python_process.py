@@ -18,6 +18,7 @@ import threading
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import chdir, contextmanager, suppress
+from functools import cache
 from pathlib import Path
 
 import flowsculpt
@@ -130,20 +131,61 @@ def _forked(work: Callable[[], int | None], output: int | None, folder: Path | N
     sys.exit(work())
 
 
-def distrust_working_folder() -> None:
-    """Take the working folder out of the search paths of this process, and of all that it starts."""
-    folders, named = _untrusted(), _named()
-    sys.path[:] = [e for e in sys.path if e in named or not (_is_relative(e) or _whole(e) in folders)]
-    os.environ.update(environment())
+def is_own() -> bool:
+    """Tell whether this is a process of flowsculpt's own, not one that uses the library."""
+    return _OWN in os.environ
 
 
-def prefer_installed_packages() -> None:
+@cache
+def prepare() -> None:
+    """Make this process, and all that it starts, one of flowsculpt's own: as every command and job of it is.
+
+    A process that uses the library keeps its settings and search path.
+    """
+    os.environ[_OWN] = "1"
+    # Looked at when numba is first imported: see kernels.py.
+    os.environ["NUMBA_DISABLE_INTEL_SVML"] = "1"
+    # Threads that wait for the rest of a kernel sleep. Left to itself libgomp has them spin, and where others
+    # work beside, a kernel for a hundred points then takes 10 ms, not 5 µs. It looks once, when it is loaded.
+    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+    _prefer_installed_packages()
+    _forget_unreadable_settings()
+    _import_numba_elsewhere()
+
+
+_OWN = "FLOWSCULPT_PROCESS"
+"""The environment variable of processes of flowsculpt's own."""
+
+
+def _prefer_installed_packages() -> None:
     """Have what is installed come before PYTHONPATH, which may hold other versions of the same packages.
 
     Houdini, Maya and ROS name their own numpy there, for every Python.
     """
     named = {os.path.abspath(entry) for entry in _named()} - {str(PACKAGE_ROOT)}  # noqa: PTH100  # as `site`
     sys.path.sort(key=lambda entry: entry in named)
+
+
+def _forget_unreadable_settings() -> None:
+    """Leave out settings of numba that it cannot read, as another program or version of it may have."""
+    threads = os.environ.get("NUMBA_NUM_THREADS", "1")
+    if not threads.isdecimal() or not int(threads):
+        del os.environ["NUMBA_NUM_THREADS"]
+    warnings.filterwarnings("ignore", "Environment variable 'NUMBA_", RuntimeWarning)
+
+
+def _import_numba_elsewhere() -> None:
+    """Import numba in another folder if this one holds settings for it, which it reads when imported."""
+    if os.path.exists(".numba_config.yaml"):  # noqa: PTH110  # a Path's raises errors of the disk
+        with chdir("/"):
+            import numba  # noqa: F401
+
+
+def distrust_working_folder() -> None:
+    """Take the working folder out of the search paths of this process, and of all that it starts."""
+    folders, named = _untrusted(), _named()
+    sys.path[:] = [e for e in sys.path if e in named or not (_is_relative(e) or _whole(e) in folders)]
+    os.environ.update(environment())
 
 
 def postpone_collection() -> None:
@@ -163,24 +205,9 @@ def postpone_collection() -> None:
     gc.set_threshold(LOADED_OBJECTS, *usual[1:])
 
 
-def forget_unreadable_settings() -> None:
-    """Leave out settings of numba that it cannot read, as another program or version of it may have."""
-    threads = os.environ.get("NUMBA_NUM_THREADS", "1")
-    if not threads.isdecimal() or not int(threads):
-        del os.environ["NUMBA_NUM_THREADS"]
-    warnings.filterwarnings("ignore", "Environment variable 'NUMBA_", RuntimeWarning)
-
-
-def import_numba_elsewhere() -> None:
-    """Import numba in another folder if this one holds settings for it, which it reads when imported."""
-    if os.path.exists(".numba_config.yaml"):  # noqa: PTH110  # a Path's raises errors of the disk
-        with chdir("/"):
-            import numba  # noqa: F401
-
-
 def environment_of_others() -> dict[str, str]:
     """Return the environment for a program of the user, such as a Python script with modules next to it."""
-    given = dict(os.environ)
+    given = {name: value for name, value in os.environ.items() if name != _OWN}
     if not sys.flags.safe_path:
         given.pop(SAFE_PATH, None)
     return given

@@ -85,7 +85,7 @@ def test_packages_of_others_that_are_called_pipeline_and_render_stay_theirs(envi
     assert "A010_first" in environment.run("validate", "A010_first", cwd=tmp_path / "show")
     code = "import flowsculpt.pipeline, pipeline, render; print(pipeline.OWNER, render.OWNER)"
     words = [environment.folder / "bin" / "python", "-c", code]
-    done = subprocess.run(words, env=env(), capture_output=True, text=True, check=True)
+    done = subprocess.run(words, cwd=tmp_path, env=env(), capture_output=True, text=True, check=True)
     assert done.stdout == "the other pipeline the other render\n"
 
 

@@ -62,7 +62,8 @@ def test_an_account_without_a_home_gets_one_that_holds_nothing(monkeypatch: pyte
         assert os.environ["HOME"] == named
 
 
-OURS = "import flowsculpt, sys; sys.argv = ['flowsculpt', *sys.argv[1:]]; flowsculpt.main()"
+OURS = "from flowsculpt.__main__ import main; import sys; sys.argv = ['flowsculpt', *sys.argv[1:]]; main()"
+OWN = "from flowsculpt.render.base.python_process import prepare; prepare(); "
 ROOT = Path(__file__).parents[2]
 
 
@@ -70,7 +71,7 @@ def test_packages_that_another_program_names_in_pythonpath_are_passed_over(tmp_p
     for name in ("numpy", "pydantic", "rich", "ruamel", "typer", "yaml"):
         (tmp_path / name).mkdir()
         (tmp_path / name / "__init__.py").write_text("raise ImportError('of another Python')")
-    code = "import render, sys, numpy, pydantic, rich, typer, yaml; print(sys.path[-1])"
+    code = f"{OWN}import sys, numpy, pydantic, rich, typer, yaml; print(sys.path[-1])"
     paths = {**os.environ, "PYTHONPATH": f"{ROOT}{os.pathsep}{tmp_path}"}
     done = subprocess.run([sys.executable, "-c", code], env=paths, capture_output=True, text=True)
     assert (done.stdout, done.stderr) == (f"{tmp_path}\n", ""), "plug-ins there are found"
@@ -78,7 +79,14 @@ def test_packages_that_another_program_names_in_pythonpath_are_passed_over(tmp_p
 
 @pytest.mark.slow
 def test_ctrl_c_while_the_command_starts_says_nothing_and_exits_with_130(tmp_path: Path) -> None:
-    for module in ("signal", "pathlib", "importlib.metadata", "render", "rich.console", "typer.main"):
+    for module in (
+        "signal",
+        "pathlib",
+        "importlib.metadata",
+        "flowsculpt.render",
+        "rich.console",
+        "typer.main",
+    ):
         words = [sys.executable, "-X", "importtime", "-c", OURS, "status"]
         with subprocess.Popen(words, cwd=ROOT, stderr=subprocess.PIPE, text=True) as process:
             assert process.stderr is not None
@@ -96,7 +104,7 @@ def test_ctrl_c_while_the_command_starts_says_nothing_and_exits_with_130(tmp_pat
 )
 def test_settings_of_numba_that_it_cannot_read_are_passed_over(setting: str) -> None:
     name, _, value = setting.partition("=")
-    code = "import flowsculpt.pipeline.resample, numba; numba.set_num_threads(1)"
+    code = f"{OWN}import flowsculpt.pipeline.resample, numba; numba.set_num_threads(1)"
     settings = {**os.environ, f"NUMBA_{name}": value}
     done = subprocess.run(
         [sys.executable, "-c", code], env=settings, capture_output=True, text=True, cwd=ROOT

@@ -1,6 +1,6 @@
 """Marbled paper: a comb that draws inks into feathers, the inks, and mist between camera and subject."""
 
-from flowsculpt.pipeline.api import Command, PictureStage, Plugin
+from flowsculpt.api import Command, PictureStage, Plugin
 
 PLUGIN = Plugin(
     name="marbling",

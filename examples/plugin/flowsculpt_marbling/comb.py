@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from flowsculpt.pipeline.api import ExternalField, Number, ParameterDoc, Positive, block_kernel, number_at
+from flowsculpt.api import ExternalField, Number, ParameterDoc, Positive, block_kernel, number_at
 
 
 @block_kernel

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from flowsculpt.pipeline.api import Common, Shot, animate, print_result, read_shot
+from flowsculpt.api import Common, Shot, animate, print_result, read_shot
 
 
 def inks(common: Common) -> None:

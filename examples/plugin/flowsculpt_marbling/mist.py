@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from pydantic import Field
 
-from flowsculpt.pipeline.api import Document, RenderedFrame
+from flowsculpt.api import Document, RenderedFrame
 
 
 class Mist(Document):

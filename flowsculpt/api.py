@@ -1,4 +1,4 @@
-"""The public API: what plug-ins, scripts and notebooks may import. All else may change with any version.
+"""The public API of plug-ins: what they may import. All else may change with any version.
 
 Each name is imported from its module when first used, so that the module of a `Plugin` costs no command time.
 """
@@ -96,5 +96,5 @@ __all__ = sorted(_MODULE_OF)
 
 def __getattr__(name: str) -> Any:
     if name not in _MODULE_OF:
-        raise AttributeError(f"flowsculpt.pipeline.api has no {name!r}: it is not part of the public API")
+        raise AttributeError(f"flowsculpt.api has no {name!r}: it is not part of the public API")
     return getattr(import_module(_MODULE_OF[name]), name)
