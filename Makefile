@@ -1,9 +1,10 @@
 # `make film` makes the film, `make test` tests the project; each sets up what it needs first.
-PYTHON ?= python3
+# A .venv that is there keeps its Python; another Python needs another checkout, or `rm -r .venv`.
+PYTHON ?= $(if $(realpath .venv/bin/python),.venv/bin/python,python3)
 BIN := .venv/bin
 CORES ?= $(shell nproc 2>/dev/null || sysctl -n hw.ncpu)
 
-.PHONY: film showreel test quick soak bounds bench blender blender-extension check docs reference figures pictures wheel setup lock clean
+.PHONY: film showreel test quick soak bounds bench blender blender-extension check docs reference figures pictures wheel setup lock clean same-python
 .DELETE_ON_ERROR:
 
 film: .venv/ready
@@ -93,9 +94,10 @@ UNCOMPILED := /tests?/|/numba/cuda/|/numpy/(distutils|f2py)/
 UNCOMPILED := $(UNCOMPILED)|/(docutils|fontTools|hatchling|matplotlib|mpl_toolkits|pip|pkg_resources|pygments|setuptools)/
 PIP := --quiet --no-compile --require-hashes -r requirements-pip.lock
 
-.venv/ready: requirements-pip.lock requirements.lock pyproject.toml
+.venv/ready: requirements-pip.lock requirements.lock pyproject.toml | same-python
 	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))' || \
-		{ echo "flowsculpt's lock supports Python 3.11, 3.12 and 3.13, and $(PYTHON) is none of them;" \
+		{ echo "flowsculpt's lock supports Python 3.11, 3.12 and 3.13, and $(PYTHON) is none of them (for 3.14," \
+		"immutables, which Snakemake needs, and opentimelineio have no wheels);" \
 		"point make at one: make PYTHON=python3.12 film" >&2; exit 4; }
 	@$(PYTHON) -c 'import ensurepip' 2>/dev/null || \
 		{ echo "flowsculpt needs Python's venv module: apt-get install python3-venv" >&2; exit 4; }
@@ -109,6 +111,12 @@ PIP := --quiet --no-compile --require-hashes -r requirements-pip.lock
 	@echo "2 of 2: the renderer and kernels, on all cores (about a minute on two)"
 	@$(BIN)/flowsculpt -j $(CORES) doctor --prepare
 	@touch $@
+
+same-python:
+	@test ! -L $(BIN)/python || test $(PYTHON) = $(BIN)/python || { \
+		old=$$($(BIN)/python -V 2>/dev/null); new=$$($(PYTHON) -V 2>/dev/null); test "$${old%.*}" = "$${new%.*}" || \
+		{ echo ".venv has $${old:-a Python that is gone}, and $(PYTHON) is $${new:-no Python};" \
+		"to set up another, remove it: rm -r .venv" >&2; exit 4; }; }
 
 .venv/ready-dev: .venv/ready requirements-dev.lock
 	$(BIN)/python -m pip install --quiet --require-hashes -r requirements-dev.lock

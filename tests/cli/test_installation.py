@@ -89,22 +89,65 @@ def test_packages_of_others_that_are_called_pipeline_and_render_stay_theirs(envi
     assert done.stdout == "the other pipeline the other render\n"
 
 
-def test_set_up_says_at_once_which_pythons_it_supports(tmp_path):
+def interpreter(path: Path, version: str) -> Path:
+    """A Python of the tests, which calls itself another version."""
+    number = tuple(map(int, version.split(".")))
+    program = f"import sys; sys.version_info = {number}; ${{2#import sys; }}"
+    told = f"if [ $1 = -V ]; then echo Python {version}; exit; fi"
+    path.write_text(f'#!/bin/sh\n{told}\nexec "{sys.executable}" -c "{program}"\n')
+    path.chmod(0o755)
+    return path
+
+
+def make(*words: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    """Run make on a copy of the project's Makefile."""
     for name in ("Makefile", "pyproject.toml", "requirements-pip.lock", "requirements.lock"):
-        shutil.copy(ROOT / name, tmp_path)
-    newer = tmp_path / "python3.14"
-    program = "import sys; sys.version_info = (3, 14, 0); ${2#import sys; }"
-    newer.write_text(f'#!/bin/sh\nexec "{sys.executable}" -c "{program}"\n')
-    newer.chmod(0o755)
-    words = ["make", "--no-print-directory", f"PYTHON={newer}", "setup"]
-    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=300)
+        shutil.copy(ROOT / name, cwd)
+    command = ["make", "--no-print-directory", *words]
+    variables = {name: value for name, value in os.environ.items() if name != "PYTHON"}
+    return subprocess.run(command, cwd=cwd, env=variables, capture_output=True, text=True, timeout=300)
+
+
+def test_set_up_says_at_once_which_pythons_it_supports(tmp_path):
+    newer = interpreter(tmp_path / "python3.14", "3.14.0")
+    done = make(f"PYTHON={newer}", "setup", cwd=tmp_path)
     told = done.stderr.splitlines()[0]
     assert done.returncode != 0 and told.startswith(
         "flowsculpt's lock supports Python 3.11, 3.12 and 3.13, and"
     )
+    assert "for 3.14, immutables, which Snakemake needs, and opentimelineio have no wheels" in told
     assert "make PYTHON=python3.12" in told and not (tmp_path / ".venv").exists()
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     assert project["requires-python"] == ">=3.11,<3.14"
+
+
+@pytest.mark.parametrize(
+    ("there", "asked", "fact"),
+    [
+        ("3.11.7", "3.13.0", ".venv has Python 3.11.7, and ./asked is Python 3.13.0; "),
+        ("3.13.0", "3.1.3", ".venv has Python 3.13.0, and ./asked is Python 3.1.3; "),
+        ("3.12.1", "", ".venv has Python 3.12.1, and ./asked is no Python; "),
+        ("", "3.12.1", ".venv has a Python that is gone, and ./asked is Python 3.12.1; "),
+        ("3.12.1", "3.12.9", ""),
+    ],
+)
+def test_make_refuses_another_python_than_that_of_the_environment(tmp_path, there, asked, fact):
+    (tmp_path / ".venv/bin").mkdir(parents=True)
+    (tmp_path / ".venv/bin/python").symlink_to(tmp_path / "there")
+    for name, version in (("there", there), ("asked", asked)):
+        if version:
+            interpreter(tmp_path / name, version)
+    done = make("PYTHON=./asked", "same-python", cwd=tmp_path)
+    assert (done.returncode != 0) == bool(fact) and done.stderr.startswith(fact)
+    assert not fact or "to set up another, remove it: rm -r .venv" in done.stderr
+
+
+def test_an_environment_keeps_its_python_where_make_is_given_none(tmp_path):
+    (tmp_path / ".venv/bin").mkdir(parents=True)
+    (tmp_path / ".venv/bin/python").symlink_to(interpreter(tmp_path / "there", "3.1.0"))
+    assert "and .venv/bin/python is none of them" in make("setup", cwd=tmp_path).stderr
+    (tmp_path / "there").unlink()
+    assert make("setup", cwd=tmp_path).stderr.startswith(".venv has a Python that is gone, and python3 is ")
 
 
 @pytest.mark.soak
