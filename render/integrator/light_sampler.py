@@ -294,8 +294,8 @@ class Cone:
         si.wi = -direction
         light = np.array(mi.luminance(emitter.eval(si)))
         inside = float((light > 0.1 * light.max()).mean())
-        if inside > 1.0 - (_WIDENING - 1.0) / 2.0:
-            return 1.0  # the sun is off
+        if inside > 1.0 - (_WIDENING - 1.0) / 2.0 or not light.any():
+            return 1.0  # the sun is off, or all is
         rounded = float(np.float32(1.0) - np.cos(np.float32(width / 2.0)))
         return rounded / (inside * (1.0 - math.cos(_WIDENING * width / 2.0)))
 

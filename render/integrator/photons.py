@@ -81,12 +81,14 @@ def photon_count(samples: int) -> int:
 
 def casters(scene: Any) -> list[Any]:
     """Return the shapes of a scene that throw caustics: they reflect or refract, and nothing diffusely."""
-    return [shape for shape in scene.shapes() if not shape.is_emitter() and _is_smooth(shape.bsdf().flags())]
+    return [shape for shape in scene.shapes() if not shape.is_emitter() and _is_caster(shape)]
 
 
-def _is_smooth(flags: Any) -> bool:
+def _is_caster(shape: Any) -> bool:
+    flags = shape.bsdf().flags()
     has_smooth = mi.has_flag(flags, mi.BSDFFlags.Delta) | mi.has_flag(flags, mi.BSDFFlags.Glossy)
-    return bool(has_smooth) and not mi.has_flag(flags, mi.BSDFFlags.Diffuse)
+    is_point = dr.norm(shape.bbox().extents()) == 0.0  # a collapsed body, which no sphere surrounds
+    return bool(has_smooth) and not is_point and not mi.has_flag(flags, mi.BSDFFlags.Diffuse)
 
 
 def caster_sphere(scene: Any) -> tuple[Any, Any]:

@@ -18,6 +18,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from flowsculpt.render.base.render_errors import BadInputError
 from flowsculpt.render.scene import noise
 from flowsculpt.render.scene.patterns import CELLS, OUTSIDE, TEXELS, Pigment, in_ramp
 from flowsculpt.render.scene.surface import Surface
@@ -28,6 +29,9 @@ PLACE = "pattern_place"
 ROWS = ("pattern_x", "pattern_y", "pattern_z")
 """Names of the vertex attributes (V, 3) with the rows of the matrix from present steps to steps at rest."""
 
+FARTHEST = 1e6
+"""Scales from a pattern's centre up to which texels have numbers of 32 bits, and pictures no NaN."""
+
 STEP = 2e-3
 """Length of steps at rest by which relief is differentiated, in scales of the pattern."""
 
@@ -35,9 +39,16 @@ STEP = 2e-3
 def with_places(surface: Surface, pigment: Pigment) -> Surface:
     """Return the surface with the vertex attributes that the textures of a pigment read.
 
-    Raises BadInputError where it has no rest positions.
+    Raises BadInputError where it has no rest positions, or they are too far from the pattern's centre.
     """
-    places = {PLACE: pigment.places(surface).astype(np.float32)}
+    at_rest = pigment.places(surface)
+    reach = float(np.linalg.norm(at_rest - pigment.centre, axis=1).max()) / pigment.scale + pigment.turbulence
+    if reach > FARTHEST and pigment.pattern != "palette":
+        raise BadInputError(
+            f"look's pigment has scale {pigment.scale:g}, and the surface reaches {reach:.3g} scales from "
+            f"its centre; patterns go as far as {FARTHEST:g}. Raise scale, or move centre"
+        )
+    places = {PLACE: at_rest.astype(np.float32)}
     if pigment.heights:
         rest = surface.require_rest("look has a relief")
         rows = steps_at_rest(surface.vertices.astype(np.float64), rest, surface.faces)

@@ -57,13 +57,25 @@ def mesh(
     )
     values = mi.traverse(made)
     values["vertex_positions"] = aligned(surface.vertices, np.float32)
-    values["vertex_normals"] = aligned(surface.normals, np.float32)
+    values["vertex_normals"] = aligned(_normals(surface), np.float32)
     values["vertex_texcoords"] = aligned(np.broadcast_to(uv, (len(surface.vertices), 2)), np.float32)
     values["faces"] = aligned(surface.faces, np.uint32)
     values.update()
     for attribute, array in surface.attributes.items():
         made.add_attribute(f"vertex_{attribute}", array.shape[1], aligned(array, np.float32))
     return made
+
+
+def _normals(surface: Surface) -> NDArray[np.floating]:
+    """Return the normals (V, 3) of a surface; where a face has none, as flows may leave it, that of the face.
+
+    Mitsuba's would be NaN there."""
+    known = np.logical_or.reduce(surface.normals, axis=1)
+    bare = surface.faces[:0] if known.all() else surface.faces[~known[surface.faces].any(axis=1)]
+    a, b, c = surface.vertices[bare.T].astype(np.float64)
+    normals, across = surface.normals.astype(np.float32), np.cross(b - a, c - a)
+    normals[bare] = (across / np.maximum(np.linalg.norm(across, axis=1), 1e-300)[:, None])[:, None]
+    return normals
 
 
 def stage_shapes(scene: Scene, size: tuple[int, int]) -> dict[str, Any]:

@@ -23,6 +23,9 @@ SUN_WIDTH = math.radians(0.5358)
 WIDEST = 4096
 """Columns that are kept of a map; finer ones are averaged. A lens of 26° sees 300 of them."""
 
+BRIGHTEST = 1e10
+"""Largest radiance of a map, above the sun's in cd/m²: sums of squared light are of single precision."""
+
 _FORMATS = ("openexr", "hdr", "tiff")
 """File formats that hold linear light; others hold display values."""
 
@@ -60,8 +63,8 @@ class Daylight:
             )
         if not 1.0 <= self.turbidity <= 10.0:
             raise BadInputError(f"turbidity is {self.turbidity}; it must lie between 1 and 10")
-        if not (0.0 < self.width <= 0.5 and self.sun >= 0.0 and self.sky >= 0.0):
-            raise BadInputError("the sun needs a width above 0 and up to 0.5 rad, sun and sky at least 0")
+        if not (1e-3 <= self.width <= 0.5 and self.sun >= 0.0 and self.sky >= 0.0):
+            raise BadInputError("the sun needs a width from 0.001 to 0.5 rad, sun and sky at least 0")
 
     @property
     def direction(self) -> Triple:
@@ -136,7 +139,7 @@ def read_map(path: str, digest: str) -> Pixels:
     digest  of the content, so that a changed file is read again
 
     Raises BadInputError for a file that holds no linear light, is truncated, is not twice as wide as high,
-    or has pixels that are not finite or below 0.
+    or has pixels that are not finite, below 0 or above BRIGHTEST.
     """
     require_decodable(path, digest)
     pixels, stated = _pixels(path)
@@ -149,6 +152,12 @@ def read_map(path: str, digest: str) -> Pixels:
     if pixels.min() < 0.0:
         row, column = np.argwhere(pixels.min(axis=2) < 0.0)[0]
         raise BadInputError(f"{path}: pixel {column}, {row} is below 0; light must not be. Clamp it at 0")
+    if pixels.max() > BRIGHTEST:
+        row, column = np.argwhere(pixels.max(axis=2) > BRIGHTEST)[0]
+        raise BadInputError(
+            f"{path}: pixel {column}, {row} is {pixels[row, column].max():.3g}; light goes up to "
+            f"{BRIGHTEST:g}. Clamp it, for example with oiiotool --clamp:max={BRIGHTEST:g}"
+        )
     return _averaged(pixels if stated is None else linear_pixels(pixels, stated, path))
 
 

@@ -205,6 +205,8 @@ def _spoilt(name: str) -> np.ndarray:
         pixels[3, 5, 1] = math.nan
     if name == "negative":
         pixels[7, 9, 2] = -0.5
+    if name == "huge":
+        pixels[2, 4] = 1e30
     return pixels[:, :-1] if name == "shape" else pixels[..., :1] if name == "grey" else pixels
 
 
@@ -214,6 +216,7 @@ def _spoilt(name: str) -> np.ndarray:
     [
         ("nan", "pixel 5, 3 and 0 others are not finite"),
         ("negative", "pixel 9, 7 is below 0"),
+        ("huge", "pixel 4, 2 is 1e\\+30; light goes up to 1e\\+10. Clamp it"),
         ("shape", "it is 63 × 32 pixels; a map of all directions must be twice as wide as high"),
         ("grey", "a picture of 1 channels in openexr"),
     ],
@@ -245,7 +248,7 @@ def test_where_a_map_lies_is_no_part_of_the_picture() -> None:
     [
         lambda: Daylight(elevation=-0.1),
         lambda: Daylight(turbidity=11.0),
-        lambda: Daylight(width=0.0),
+        lambda: Daylight(width=1e-4),
         lambda: Daylight(sun=-1.0),
     ],
 )

@@ -143,6 +143,16 @@ def test_a_sample_of_a_picture_shows_the_pattern_at_its_place_at_rest(pattern: s
     assert np.quantile(off, 0.97) < 0.02  # the others lie on borders
 
 
+def test_a_pattern_too_fine_for_its_surface_is_refused(engine: Engine) -> None:
+    from flowsculpt.render.mitsuba.pattern_textures import with_places
+
+    points = np.float32([[0, 0, 0], [2, 0, 0], [0, 2, 0]])
+    surface = Surface(points, np.zeros_like(points), np.int32([[0, 1, 2]]), rest=points)
+    with_places(surface, Pigment("gradient", (RED, BLUE), scale=3e-6))
+    with pytest.raises(BadInputError, match=r"reaches 2e\+09 scales from its centre; .* Raise scale"):
+        with_places(surface, Pigment("gradient", (RED, BLUE), scale=1e-9))
+
+
 @pytest.mark.parametrize("stretch", [1.0, 2.0])
 def test_relief_is_as_steep_as_its_height_over_the_present_surface(stretch: float, engine: Engine) -> None:
     import mitsuba as mi
