@@ -13,6 +13,8 @@ from urllib.parse import unquote, urlsplit
 import pytest
 from ruamel.yaml import YAML
 
+import flowsculpt
+
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 ATTRIBUTE = re.compile(r'\b(?:href|src)="([^"]*)"')
@@ -51,6 +53,23 @@ def test_every_link_and_picture_of_the_site_is_there(site: Path) -> None:
             assert file.exists(), f"{page.name}: {target}"
             if link.fragment and file in anchors:
                 assert unquote(link.fragment) in anchors[file], f"{page.name}: {target}"
+
+
+def test_every_public_name_of_the_library_has_a_readable_entry(site: Path) -> None:
+    page = (site / "api.html").read_text()
+    assert {f"flowsculpt.{name}" for name in flowsculpt.__all__} <= set(ANCHOR.findall(page))
+    for entry in re.findall(r'<dt class="sig.+?<dd>(.*?)</dd>', page, re.DOTALL):
+        assert entry.strip(), "every entry has a docstring"
+    text = re.sub(r"<[^>]+>", "", page)
+    assert not re.findall(r"&lt;[\w.]+ object|0x[0-9a-f]{6}|&lt;factory&gt;|ndarray\[tuple", text)
+
+
+def test_every_shot_of_the_gallery_is_in_its_grid_with_its_file(site: Path) -> None:
+    page = (site / "gallery.html").read_text()
+    grid = page.partition('<p class="stills">')[2].partition("</p>")[0]
+    shots = re.findall(r"^## (\w+)$", (DOCS / "gallery.md").read_text(), re.MULTILINE)
+    assert re.findall(r"_images/(\w+)\.webp", grid) == shots
+    assert re.findall(r"<code>shots/(\w+)\.yaml</code>", page) == shots
 
 
 @pytest.mark.parametrize("name", ["settings", "commands"])
