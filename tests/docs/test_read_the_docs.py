@@ -1,4 +1,4 @@
-"""Read the Docs can build the site: it knows all that its file holds, whose commands work in an empty environment."""
+"""Read the Docs can build the site: it knows every key of its file, whose commands need nothing else."""
 
 from __future__ import annotations
 

@@ -6,14 +6,20 @@ import importlib.util
 import re
 import subprocess
 import sys
+from collections.abc import Iterator
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from threading import Thread
 from typing import Any
 from urllib.parse import unquote, urlsplit
 
 import pytest
+from playwright.sync_api import Browser
 from ruamel.yaml import YAML
 
 import flowsculpt
+from tests.plugins.review.chromium import LIMIT, ChromiumError, fetch, running
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -29,6 +35,22 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
     return folder
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    try:
+        fetch()
+        with running() as found:
+            yield found
+    except ChromiumError as error:
+        pytest.skip(f"no browser: {error}")
+
+
+class QuietHandler(SimpleHTTPRequestHandler):
+    """Serves a folder and writes no log."""
+
+    def log_message(self, format: str, *args: Any) -> None: ...
 
 
 def test_every_page_of_the_docs_is_in_the_site_and_its_contents(site: Path) -> None:
@@ -70,6 +92,32 @@ def test_every_shot_of_the_gallery_is_in_its_grid_with_its_file(site: Path) -> N
     shots = re.findall(r"^## (\w+)$", (DOCS / "gallery.md").read_text(), re.MULTILINE)
     assert re.findall(r"_images/(\w+)\.webp", grid) == shots
     assert re.findall(r"<code>shots/(\w+)\.yaml</code>", page) == shots
+
+
+@pytest.mark.slow
+def test_a_search_finds_its_pages_on_a_server_and_from_a_folder(site: Path, browser: Browser) -> None:
+    handler = partial(QuietHandler, directory=str(site))
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        Thread(target=server.serve_forever, daemon=True).start()
+        for address in (f"http://127.0.0.1:{server.server_port}", site.as_uri()):
+            tab = browser.new_page()
+            tab.goto(f"{address}/index.html")
+            tab.fill("input[name=q]", "cryptomatte")
+            tab.keyboard.press("Enter")
+            tab.wait_for_selector("#search-results a[href^='compositing.html']", timeout=1000 * LIMIT)
+            tab.close()
+        server.shutdown()
+
+
+@pytest.mark.slow
+def test_every_page_is_as_narrow_as_a_phone(site: Path, browser: Browser) -> None:
+    tab = browser.new_page(viewport={"width": 390, "height": 844})
+    widths = {}
+    for page in site.glob("*.html"):
+        tab.goto(page.as_uri(), wait_until="domcontentloaded", timeout=1000 * LIMIT)
+        widths[page.name] = tab.evaluate("document.documentElement.scrollWidth")
+    tab.close()
+    assert {name: width for name, width in widths.items() if width > 390} == {}
 
 
 @pytest.mark.parametrize("name", ["settings", "commands"])
