@@ -38,8 +38,7 @@ IDENTITY = "store.id"
 
 _NO_LINK = getattr(os, "O_NOFOLLOW", 0)
 _FOLDER = getattr(os, "O_DIRECTORY", 0) | getattr(os, "O_PATH", 0)
-_DESCRIPTORS = Path("/proc/self/fd")
-_CAN_HOLD = _DESCRIPTORS.is_dir()
+_CAN_HOLD = Path("/proc/self/fd").is_dir()
 _roots: set[str] = set()
 """Absolute paths that end with a slash."""
 
@@ -66,7 +65,7 @@ def held(folder: Path, make: bool = False) -> Iterator[Path]:
             outer, descriptor = descriptor, _open_inner(place, root, names[:count], make)
             if outer >= 0:
                 os.close(outer)
-            place = _DESCRIPTORS / str(descriptor) if _CAN_HOLD else place / names[count - 1]
+            place = _opened(descriptor) if _CAN_HOLD else place / names[count - 1]
         yield place
     except OSError as error:
         if isinstance(error.filename, str) and names:  # say the name that people know
@@ -187,12 +186,17 @@ def _open_inner(outer: Path, root: Path, names: Sequence[str], make: bool) -> in
     if place.is_symlink() and not is_moved_store:
         raise _refusal(root.joinpath(*names), place)
     descriptor = os.open(place, _FOLDER | (0 if is_moved_store else _NO_LINK)) if _CAN_HOLD else -1
-    opened = _DESCRIPTORS / str(descriptor) if _CAN_HOLD else place
+    opened = _opened(descriptor) if _CAN_HOLD else place
     if is_moved_store and not (_identity(outer) and _identity(outer) == _identity(opened)):
         if _CAN_HOLD:
             os.close(descriptor)
         raise _refusal(root.joinpath(*names), place)
     return descriptor
+
+
+def _opened(descriptor: int) -> Path:
+    """Return the path of a folder that this process holds, which is right in its child processes too."""
+    return Path(f"/proc/{os.getpid()}/fd/{descriptor}")
 
 
 def _refusal(path: Path, link: Path) -> MachineError:

@@ -81,6 +81,13 @@ def test_files_are_written_once_and_again_where_they_are_damaged(root: Path, for
     assert less["subjects"][0]["vertices"] == 320 and less["subjects"][0]["frames"] == [2, 3, 4, 5]
 
 
+def test_an_alembic_file_is_written_by_its_own_process_and_kept(root: Path) -> None:
+    report = export(root, "abc", NAME)
+    assert report["written"] == [f"{NAME}.abc"]
+    assert report["bytes"] == (root / "renders" / NAME / "models" / f"{NAME}.abc").stat().st_size
+    assert export(root, "abc", NAME)["written"] == []
+
+
 def test_a_compressed_file_is_written_with_a_word_on_programs_that_lack_the_compression(
     root: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
