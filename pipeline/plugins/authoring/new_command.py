@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import filecmp
 import os
 import shlex
-import shutil
-from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -18,13 +14,14 @@ from flowsculpt.pipeline.cli.options import Common, require_one_of
 from flowsculpt.pipeline.cli.output import print_result, print_warning
 from flowsculpt.pipeline.errors import FlowsculptError, UsageError
 from flowsculpt.pipeline.plugin import plugins
+from flowsculpt.pipeline.plugins.authoring.gallery_shots import GALLERY, gallery_files, gallery_names
+from flowsculpt.pipeline.plugins.authoring.new_files import Content, same_contents, write_new
 from flowsculpt.pipeline.plugins.authoring.schema_command import (
     SCHEMAS,
     defaults_of,
     write_schemas,
-    write_text,
 )
-from flowsculpt.pipeline.plugins.authoring.shot_copies import CopiedShot, copied_shot
+from flowsculpt.pipeline.plugins.authoring.shot_copies import CopiedShot, copied_shot, whole_text
 from flowsculpt.pipeline.plugins.authoring.shot_templates import (
     FIRST_SHOT,
     FLOW_FILES,
@@ -39,8 +36,10 @@ from flowsculpt.pipeline.plugins.authoring.shot_templates import (
 from flowsculpt.pipeline.production.request.lookup import FILM, SHOTS, find_shot, shot_names
 from flowsculpt.pipeline.shot import read_shot
 from flowsculpt.pipeline.shot.documents.flow_documents import DOCUMENTS
-from flowsculpt.pipeline.shot.yaml.named_files import is_edit, name_fault, shot_files, text_of
-from flowsculpt.render.base.atomic_write import atomic_write, disk_errors
+from flowsculpt.pipeline.shot.yaml.inheritance import inherited
+from flowsculpt.pipeline.shot.yaml.named_files import DEFAULTS, is_edit, name_fault, shot_files, text_of
+from flowsculpt.render.base.atomic_write import disk_errors
+from flowsculpt.render.base.plural import plural
 
 MODELS = "models"
 """Folder in shots/ for copies of models."""
@@ -63,11 +62,16 @@ def new(
         typer.Option(
             "--from",
             metavar="FLOW|SHOT",
-            help="A flow, with a subject that suits it; or the name or path of a shot to copy.",
+            help="A flow, with a subject that suits it; or a shot to copy: the name of one here or in the "
+            f"gallery, or a path. The gallery has {', '.join(gallery_names())}.",
         ),
     ] = "twist",
     show: Annotated[
         bool, typer.Option("--show", help="Begin a show: a folder with a first shot, defaults and an edit.")
+    ] = False,
+    gallery: Annotated[
+        bool,
+        typer.Option("--gallery", help="With --show: the show is the gallery, with all shots and its films."),
     ] = False,
     model: Annotated[
         Path | None,
@@ -81,12 +85,14 @@ def new(
 ) -> None:
     """Begin a shot, or a show: write files that are ready to render.
 
-    `flowsculpt new A020_ring --from vortex_ring` writes shots/A020_ring.yaml; `--from A010_cube` would copy
-    that shot. `flowsculpt flows` lists the flows.
+    `flowsculpt new A020_ring --from vortex_ring` writes shots/A020_ring.yaml; `flowsculpt flows` lists the
+    flows. `flowsculpt new A040_mine --from B060_bloom` copies that shot of the gallery, if there is none of
+    this name here, with the models and sounds that it names.
 
     `flowsculpt new --show my_show` writes a folder with shots/A010_first.yaml, shots/defaults.yaml, which all
     its shots share, and the edit shots/film.yaml, so that `flowsculpt film` works there at once. What is in
-    the folder already stays as it is.
+    the folder already stays as it is. With `--gallery` the shots, models, music and films are those of the
+    gallery.
 
     `flowsculpt new A030_bunny --model bunny.obj` writes a shot of a model under a gentle twist, or under the
     flow that `--from` names. A model outside the project's folder is copied to shots/models; one inside stays
@@ -101,8 +107,15 @@ def new(
                 "--show begins a folder and --model one shot; begin the show first, then run flowsculpt new "
                 "NAME --model FILE in its folder"
             )
-        _begin_show(common, Path(name or "."), source)
+        if gallery and source != "twist":
+            raise UsageError(f"--gallery brings its shots along; leave --from {source} out")
+        _begin_show(common, Path(name or "."), source, gallery)
         return
+    if gallery:
+        raise UsageError(
+            "--gallery begins a show: flowsculpt new --show NAME --gallery; flowsculpt new NAME --from "
+            "B060_bloom copies one shot of it"
+        )
     if name is None:
         raise UsageError(
             "new needs the name of a shot, as in flowsculpt new A010_mine; "
@@ -123,10 +136,7 @@ def new(
     if not common.dry_run:
         with disk_errors(path):
             write_schemas(SHOTS)
-            for file, write in shot.beside.items():
-                with atomic_write(file) as draft:
-                    write(draft)
-            write_text(path, _SHOT_SCHEMA + shot.text)
+            write_new({**shot.beside, path: _SHOT_SCHEMA + shot.text})
     for remark in shot.remarks:
         print_warning(remark)
     written = ", ".join(map(str, files))
@@ -140,12 +150,12 @@ def new(
 class _NewShot:
     """The text of a new shot.
 
-    beside   by path, the functions that write files beside it
+    beside   by path, the files beside it
     remarks  what to tell about the model
     """
 
     text: str
-    beside: dict[Path, Callable[[Path], object]] = field(default_factory=dict)
+    beside: dict[Path, Content] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
 
 
@@ -155,25 +165,39 @@ def _of_source(source: str, name: str) -> _NewShot:
         file = FLOW_FILES.get(source)
         text = without_shared(shot_of_flow(source, name), defaults_of(SHOTS))
         return _NewShot(text, {SHOTS / f"{name}{file[0]}": file[1]} if file else {})
-    known = shot_names()
+    known, of_gallery = shot_names(), gallery_names()
     if source not in known and not source.endswith((".yaml", ".yml")):
-        require_one_of(source, [*known, *DOCUMENTS], f"{source!r} is neither a flow nor a shot.")
-    path = find_shot(source)
-    text = shot_of_shot(text_of(path), name)
-    copy = CopiedShot(text, text)
+        words = dict.fromkeys((*known, *of_gallery, *DOCUMENTS))
+        require_one_of(source, words, f"{source!r} is neither a flow nor a shot.")
+    is_of_gallery = source in of_gallery and source not in known
+    path = GALLERY / f"{source}.yaml" if is_of_gallery else find_shot(source)
+    target = SHOTS / f"{name}.yaml"
     try:
-        if path.parent.resolve() != SHOTS.resolve():
-            copy = copied_shot(text, path.parent, [file for file, _ in read_shot(path).files])
-        read_shot(SHOTS / f"{name}.yaml", copy.today)
+        if path.parent.resolve() == SHOTS.resolve():
+            text = shot_of_shot(text_of(path), name)
+            copy, remarks = CopiedShot(text, text), []
+        else:
+            files = [file for file, _ in read_shot(path).files]
+            stays = path.parent.resolve() != GALLERY
+            copy = copied_shot(path, shot_of_shot(whole_text(path), name), files, stays)
+            remarks = _about_defaults(target, copy.today, source)
+        read_shot(target, copy.today)
     except FlowsculptError as error:
         first = str(error).splitlines()[0]
         raise UsageError(f"a copy of {source} would not be good in {SHOTS}/: {first}") from None
-    beside: dict[Path, Callable[[Path], object]] = {
-        copied: partial(shutil.copyfile, file)
-        for copied, file in copy.copies.items()
-        if not _same_contents(file, copied)
+    beside: dict[Path, Content] = {
+        copied: file for copied, file in copy.copies.items() if not same_contents(file, copied)
     }
-    return _NewShot(copy.text, beside)
+    return _NewShot(copy.text, beside, remarks)
+
+
+def _about_defaults(target: Path, text: str, source: str) -> list[str]:
+    """Return a remark about a copy that is not as the shot in another folder, by the defaults of this one."""
+    alone, here = inherited(target, text, (), {}).data, inherited(target, text, (), None).data
+    names = ", ".join(name for name, value in here.items() if value != alone.get(name))
+    if not names or read_shot(target, text) == read_shot(target, text, beside={}):
+        return []
+    return [f"{SHOTS / DEFAULTS} changes this copy of {source}: {names}; what the shot itself says wins"]
 
 
 def _of_model(model: Path, source: str, name: str) -> _NewShot:
@@ -199,54 +223,51 @@ def _of_model(model: Path, source: str, name: str) -> _NewShot:
         copied = SHOTS / MODELS / model.name
         reference = f"{MODELS}/{model.name}"
         where = f"{model} lies outside this folder; the shot shows its copy {copied}"
-        if not _same_contents(model, copied):
-            beside[copied] = partial(shutil.copyfile, place)
+        if not same_contents(model, copied):
+            beside[copied] = place
     template = model_template(place, reference, is_copy)
     text = without_shared(shot_of_flow(source, name, template), defaults_of(SHOTS))
     return _NewShot(text, beside, [where, *template.notes])
 
 
-def _same_contents(file: Path, copied: Path) -> bool:
-    """Tell whether a copy of a file is there already. Raises UsageError where it has other contents."""
-    if not copied.exists():
-        return False
-    if file.is_file() and not filecmp.cmp(file, copied, shallow=False):
-        raise UsageError(f"{copied} is there already with other contents; rename one of the two files")
-    return True
+def _begin_show(common: Common, folder: Path, source: str, gallery: bool) -> None:
+    """Write the files of a show that are not there yet, and report them and those that stay.
 
-
-def _begin_show(common: Common, folder: Path, source: str) -> None:
-    """Write the files of a show that are not there yet, and report them and those that stay."""
+    Raises UsageError for a file of other contents in place of one of the gallery, before any is written.
+    """
     if folder.exists() and not folder.is_dir():
         raise UsageError(f"{folder} is a file; name the folder of the show, or a new one")
-    paths = [path for path in shot_files(folder / SHOTS) if path.name != FILM.name]
-    shots = [path.stem for path in paths if not is_edit(path)]
-    files: dict[Path, Callable[[Path], Any]] = {}
-    for name, text in show_files(folder.absolute().name, shots or [FIRST_SHOT]).items():
-        files[folder / name] = partial(write_text, text=text)
+    shots = [path.stem for path in shot_files(folder / SHOTS) if path.name != FILM.name and not is_edit(path)]
+    copies = {folder / name: file for name, file in gallery_files().items()} if gallery else {}
+    shots = [*gallery_names()] if gallery else shots
+    files: dict[Path, Content] = {}
     if not shots:
         require_one_of(source, DOCUMENTS, f"{source!r} is not a flow.")
-        shot = without_shared(shot_of_flow(source, FIRST_SHOT), SHARED)
-        files[folder / SHOTS / f"{FIRST_SHOT}.yaml"] = partial(write_text, text=_SHOT_SCHEMA + shot)
+        shot = _SHOT_SCHEMA + without_shared(shot_of_flow(source, FIRST_SHOT), SHARED)
         if source in FLOW_FILES:
             ending, write = FLOW_FILES[source]
             files[folder / SHOTS / f"{FIRST_SHOT}{ending}"] = write
+        files[folder / SHOTS / f"{FIRST_SHOT}.yaml"] = shot
+    for name, text in show_files(folder.absolute().name, shots or [FIRST_SHOT]).items():
+        if not (gallery and name.endswith(".yaml")):
+            files[folder / name] = text
     kept = [path for path in files if path.exists()]
+    kept += [path for path, file in copies.items() if same_contents(file, path)]
+    files.update(copies)
     written = [path for path in files if path not in kept]
     if not common.dry_run:
         with disk_errors(folder):
-            (folder / SHOTS).mkdir(parents=True, exist_ok=True)
-            for path in written:
-                path.parent.mkdir(parents=True, exist_ok=True)
-                files[path](path)
+            write_new({path: files[path] for path in written})
             write_schemas(folder / SHOTS)
     facts = {
         "folder": str(folder),
         "written": [str(path) for path in written],
         "kept": [str(p) for p in kept],
     }
-    lines = [f"{path}: {common.done('written')}" for path in written]
+    lines = [f"{path}: {common.done('written')}" for path in written if path not in copies]
     lines += [f"{path}: kept as it is" for path in kept]
+    if count := sum(path in copies for path in written):
+        lines.append(f"{folder / SHOTS}: {plural(count, 'file')} of the gallery: {common.done('written')}")
     enter = "" if folder.resolve() == Path.cwd() else f"cd {shlex.quote(str(folder))}; "
     lines.append(f"Go on: {enter}flowsculpt preview {(shots or [FIRST_SHOT])[0]}; flowsculpt film")
     print_result("\n".join(lines), facts, common.json)

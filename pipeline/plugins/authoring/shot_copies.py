@@ -1,22 +1,31 @@
-"""Copies of shots in shots/, which name the same files, or copies of those outside of the project."""
+"""Copies of shots in shots/, with what they inherit, which name the same files, or copies of others."""
 
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any
 
-from ruamel.yaml import YAML
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
+from flowsculpt.pipeline.errors import UsageError
 from flowsculpt.pipeline.production.request.lookup import SHOTS
-from flowsculpt.pipeline.shot.yaml.yaml_source import flow_style
+from flowsculpt.pipeline.shot.yaml.inheritance import inherited, inherited_files
+from flowsculpt.pipeline.shot.yaml.named_files import text_of
+from flowsculpt.pipeline.shot.yaml.yaml_source import YamlSource, composed, flow_style
 
 _WORDS = ("title", "intent")
 """Entries that name no file."""
+
+INHERITED = ("extends", "looks", "rigs")
+"""Entries whose effect is spelt out in a copy."""
+
+_COMMENTS = re.compile(r"(?:^[ \t]*(?:#.*)?\n)+\Z", re.MULTILINE)
+"""The comments between an entry and the next, which belong to the next."""
 
 
 @dataclass(frozen=True)
@@ -33,28 +42,62 @@ class CopiedShot:
     copies: dict[Path, Path] = field(default_factory=dict)
 
 
-def copied_shot(text: str, folder: Path, files: list[Path]) -> CopiedShot:
-    """Return the copy of the text of a shot in a folder, which reads files.
+def copied_shot(path: Path, text: str, files: list[Path], keeps_files: bool) -> CopiedShot:
+    """Return the copy of a shot that reads files, from its text, which may differ from that of its file.
 
-    Files below this folder stay where they are. A copy of another keeps the name of its folder, if the shot
-    names one, and so do the files that it names itself, such as the material library and pictures of an OBJ.
+    keeps_files  True if files below this folder stay where they are
+
+    A copy of a file keeps its place below the folder of the shot; of others, the name of their folder, if the
+    shot names one. So do the files that it names itself, such as the material library and pictures of an OBJ.
+    Raises UsageError where one of those lies elsewhere.
     """
-    there, here = {file.resolve() for file in files}, Path.cwd().resolve()
+    folder, here = path.parent.resolve(), Path.cwd().resolve()
+    there = {file.resolve() for file in files}
     copies: dict[Path, Path] = {}
     final = today = text
-    for node in reversed([*_names(YAML(typ="rt").compose(text))]):
+    for node in reversed([*_names(composed(text))]):
         place = (folder / node.value).resolve()
         if place not in there and not any(fnmatch(file.as_posix(), place.as_posix()) for file in there):
             continue
-        now = new = Path(os.path.relpath(place, SHOTS.resolve()))
-        if not place.is_relative_to(here):
+        new = Path(os.path.relpath(place, SHOTS.resolve()))
+        if not (keeps_files and place.is_relative_to(here)):
             new = Path(*place.parts[-2:]) if len(Path(node.value).parts) > 1 else Path(place.name)
+            new = place.relative_to(folder) if place.is_relative_to(folder) else new
             along = (file for file in there if file.is_relative_to(place.parent))
             copies |= {(SHOTS / new).parent / file.relative_to(place.parent): file for file in along}
         begin, end = node.start_mark.index, node.end_mark.index
         final = final[:begin] + flow_style(new.as_posix()) + final[end:]
-        today = today[:begin] + flow_style(now.as_posix()) + today[end:]
+        today = today[:begin] + flow_style(place.as_posix()) + today[end:]
+    for file in sorted(there - {*copies.values()}):
+        if not (keeps_files and file.is_relative_to(here)):
+            raise UsageError(f"{file} is named by another file, of another folder; copy both into {SHOTS}")
     return CopiedShot(final, today, copies)
+
+
+def whole_text(path: Path) -> str:
+    """Return the text of a shot with what it inherits from files beside it, which its copy does not have.
+
+    Entries that inherit nothing stay as they are written. Raises ShotError and MissingInputError.
+    """
+    text = text_of(path)
+    if not (beside := inherited_files(path, text)):
+        return text
+    own, whole = YamlSource.read(path, text).data, inherited(path, text, (), beside).data
+    node = composed(text)
+    if not isinstance(node, MappingNode):
+        return text  # the reader reports it
+    begins = [name.start_mark.index for name, _ in node.value]
+    entries = [text[begin:end] for begin, end in zip(begins, [*begins[1:], len(text)], strict=True)]
+    written = {name.value: entry for (name, _), entry in zip(node.value, entries, strict=True)}
+    lines = ["" if node.flow_style else text[: begins[0]]]
+    for name in dict.fromkeys((*own, *whole)):
+        entry = written.get(name, "")
+        if name in INHERITED or own.get(name) != whole[name] or node.flow_style:
+            comments = _COMMENTS.search(entry)
+            spelt_out = "" if name in INHERITED else f"{flow_style(name)}: {flow_style(whole[name])}\n"
+            entry = f"{spelt_out}{comments[0] if comments else ''}"
+        lines.append(f"{entry}\n" if entry[-1:] not in ("", "\n") else entry)
+    return "".join(lines)
 
 
 def _names(node: Node | None) -> Iterator[Any]:

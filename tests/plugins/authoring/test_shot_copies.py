@@ -80,3 +80,51 @@ def test_a_file_of_other_contents_is_not_replaced(project, outside):
     done = project.call("new", "A030_new", "--from", str(outside / "b.yaml"))
     assert done.code == 2 and "shots/tone.wav is there already with other contents" in done.err
     assert not (project.path / "shots/A030_new.yaml").exists()
+
+
+BASE = """\
+# what all have
+frames: 1-4
+subject: {solid: box, size: [1, 1, 1]}
+resample: {max_edge_length: 0.5}
+camera: {azimuth: 20, focal_length: 60}
+look: ink
+lights: bright
+"""
+
+TOP = """\
+title: Top
+extends: base
+# Closer than the base.
+camera: {elevation: 7}
+# Its flow.
+flows: [{twist: {amount: 2}}] # degrees"""
+
+DEFAULTS = """\
+rate: 30
+looks: {ink: {material: glaze, colour: [0.1, 0.2, 0.5]}}
+rigs: {bright: {rig: studio, exposure: 1, softboxes: [{name: k, position: [1, 4, 2], radiance: 9}]}}
+"""
+
+
+def test_a_copy_has_what_its_shot_inherits_in_its_own_folder(project, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("other show")
+    for name, text in (("base", BASE), ("top", TOP), ("defaults", DEFAULTS)):
+        (folder / f"{name}.yaml").write_text(text)
+    done = project.call("new", "A030_new", "--from", str(folder / "top.yaml"))
+    assert done.code == 0 and not done.err, done.err
+    text = (project.path / "shots/A030_new.yaml").read_text()
+    assert "# Closer than the base.\ncamera: {" in text
+    assert "# Its flow.\nflows: [{twist: {amount: 2}}] # degrees\n" in text
+    there, here = read_shot(folder / "top.yaml"), read_shot(project.path / "shots/A030_new.yaml")
+    assert (here.motion, here.picture, here.rate) == (there.motion, there.picture, there.rate)
+
+
+def test_a_model_whose_files_lie_elsewhere_is_not_copied_without_them(project, outside):
+    (outside.parent / "materials").mkdir()
+    (outside / "parts/b.mtl").rename(outside.parent / "materials/b.mtl")
+    model = outside / "parts/ball.obj"
+    model.write_text(model.read_text().replace("mtllib b.mtl", "mtllib ../../materials/b.mtl"))
+    done = project.call("new", "A030_new", "--from", str(outside / "b.yaml"))
+    assert done.code == 2 and "materials/b.mtl is named by another file, of another folder" in done.err
+    assert not (project.path / "shots/A030_new.yaml").exists()
