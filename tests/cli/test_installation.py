@@ -71,6 +71,22 @@ def test_the_wheel_begins_and_checks_a_show_outside_of_any_checkout(environment,
     assert "A010_first" in environment.run("validate", "A010_first", cwd=tmp_path / "show")
 
 
+def test_the_wheel_brings_the_gallery(environment, tmp_path):
+    environment.run("new", "--show", "my", "--gallery", cwd=tmp_path)
+    planned = environment.run("--dry-run", "film", "showreel", cwd=tmp_path / "my")
+    assert "encoding the film" in planned, "it has read all shots, with their models and music"
+    environment.run("new", "A040", "--from", "B060_bloom", cwd=tmp_path / "my")
+    assert "Bloom" not in (tmp_path / "my/shots/A040.yaml").read_text()
+
+
+def test_a_show_around_the_environment_gets_copies_of_models_in_it(environment):
+    environment.run("new", "A040", "--from", "B190_moon", cwd=environment.folder)
+    shots = environment.folder / "shots"
+    assert (shots / "models/B190_person.ply").is_file()
+    assert "model: models/B190_person.ply" in (shots / "A040.yaml").read_text()
+    shutil.rmtree(shots)
+
+
 def test_the_wheel_adds_one_name_to_those_that_python_can_import(wheel):
     with zipfile.ZipFile(wheel) as file:
         tops = {name.partition("/")[0] for name in file.namelist()}
@@ -165,3 +181,31 @@ def test_the_wheel_and_its_locked_packages_render_in_an_empty_environment(wheel,
     assert (show / "renders/A010_first/draft/frames/A010_first.0003.exr").is_file()
     assert [*(show / "renders/turntable").rglob("*.mp4")]
     assert [*(show / "renders/review").rglob("index.html")]
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("installer", ["uv", "pipx"])
+def test_a_film_can_be_made_from_an_empty_folder_with(installer, wheel, tmp_path):
+    """As docs/your-show.md says, with the newest packages that the wheel allows."""
+    tools = tmp_path / "tools"
+    venv.create(tools, with_pip=True)
+    pip("--python", tools, "install", installer)
+    own = {"UV_TOOL_DIR": "uv", "UV_TOOL_BIN_DIR": "bin", "PIPX_HOME": "pipx", "PIPX_BIN_DIR": "bin"}
+    variables = env() | {name: str(tmp_path / folder) for name, folder in own.items()}
+
+    def run(*words: str | Path, cwd: Path = tmp_path) -> None:
+        done = subprocess.run(words, cwd=cwd, env=variables, capture_output=True, text=True, timeout=1200)
+        assert done.returncode == 0 and "Traceback" not in done.stderr, (words, done.stdout, done.stderr)
+
+    words = (
+        ["uv", "tool", "install", "--python", sys.executable] if installer == "uv" else ["pipx", "install"]
+    )
+    run(tools / "bin" / words[0], *words[1:], f"{wheel}[film]")
+    command, show = tmp_path / "bin/flowsculpt", tmp_path / "my"
+    run(command, "new", "--show", "my", "--gallery")
+    run(command, "render", "A010_cube", "-f", "1-2", cwd=show)
+    text = "title: Short\nsound: {file: film_music.opus}\nshots: [{shot: A010_cube, frames: 2-3}]\n"
+    (show / "shots/short.yaml").write_text(text)
+    run(command, "film", "short", cwd=show)
+    assert (show / "renders/A010_cube/draft/frames/A010_cube.0002.exr").is_file()
+    assert (show / "renders/film/draft/short.mp4").is_file()
