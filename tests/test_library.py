@@ -47,3 +47,31 @@ print(settings == dict(os.environ), path == sys.path)
 def test_importing_the_library_imports_no_module_and_sets_no_variable() -> None:
     done = subprocess.run([sys.executable, "-c", IMPORT], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines() == ["['flowsculpt']", "True True"]
+
+
+ALONE = """
+import sys
+BASE = {"flowsculpt", "numpy", "numba", "llvmlite", "platformdirs", *sys.stdlib_module_names}
+
+class OnlyBase:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] not in BASE:
+            raise ModuleNotFoundError(f"{name} is not installed", name=name)
+
+sys.meta_path.insert(0, OnlyBase())
+import flowsculpt
+for name in flowsculpt.__all__:
+    getattr(flowsculpt, name)
+for suffix in ("ply", "obj", "off", "stl", "glb"):
+    flowsculpt.write_mesh(flowsculpt.icosphere(4), f"a.{suffix}")
+    assert flowsculpt.validate(flowsculpt.read_mesh(f"a.{suffix}")).closed
+sculpture = flowsculpt.Resampler(flowsculpt.read_mesh("a.obj"), flowsculpt.Thresholds(0.3))
+flow = flowsculpt.Sequence((flowsculpt.Streamlines(flowsculpt.Vortex()), flowsculpt.Stretch(amount=1.2)))
+sculpture.vertices[:] = flow.displace(sculpture.vertices, 0.0, 0.1)
+print(sculpture.resample().splits)
+"""
+
+
+def test_meshes_flows_and_files_need_no_package_of_films(tmp_path: Path) -> None:
+    done = subprocess.run([sys.executable, "-c", ALONE], capture_output=True, text=True, cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "") and int(done.stdout) > 100

@@ -1,8 +1,10 @@
-"""Write meshes, each format as exactly as it can hold the numbers; STL and GLB by trimesh."""
+"""Write meshes, each format as exactly as it can hold the numbers."""
 
 from __future__ import annotations
 
 import io
+import json
+import struct
 from collections.abc import Callable, Iterator, Mapping
 from itertools import pairwise
 from pathlib import Path
@@ -13,11 +15,16 @@ import numpy as np
 from flowsculpt.pipeline.arrays import AnyArray, Floats, Indices
 from flowsculpt.pipeline.errors import MeshError
 from flowsculpt.pipeline.mesh.meshes import PolygonMesh, TriangleMesh
-from flowsculpt.pipeline.mesh.normals import NORMAL, vertex_normals
+from flowsculpt.pipeline.mesh.normals import NORMAL, face_normals, vertex_normals
+from flowsculpt.pipeline.plugins.interchange.stl_files import TRIANGLE
 from flowsculpt.render.base.atomic_write import atomic_write
 
 _PLY_TYPES = {"f8": "double", "f4": "float", "i4": "int", "i2": "short", "i1": "char", "u1": "uchar"}
-_COMPONENTS = {NORMAL: ("nx", "ny", "nz")}
+
+UV = "uv"
+"""Name of the vertex attribute (V, 2) with texture coordinates, 0 to 1 to the right and upwards."""
+
+_COMPONENTS = {NORMAL: ("nx", "ny", "nz"), UV: ("s", "t")}
 
 Mesh = TriangleMesh | PolygonMesh
 
@@ -25,16 +32,29 @@ Mesh = TriangleMesh | PolygonMesh
 def write_mesh(mesh: Mesh, path: str | Path) -> None:
     """Write a surface in the format of the suffix; a failed write leaves the old file.
 
-    Polygons stay polygons in PLY, OBJ and OFF; the other formats get triangles.
-
-    ply   binary, float64, with the vertex attributes, one number a property: name_x, name_y, …; nx, ny, nz
-    obj   text that reads back as the same float64; with the attribute `normal`, if there is one
+    ply   binary, float64, with the vertex attributes, one number a property: name_x, name_y, …; nx, ny, nz;
+          s, t
+    obj   text that reads back as the same float64; with the attributes `normal` and `uv`, if there are any
     off   text that reads back as the same float64
     stl   binary, float32, loose triangles
-    glb   float32, with vertex normals
+    glb   float32, with vertex normals, and the attribute `uv`, if there is one
     npz   float64: vertices, faces, creases and each attribute as `attribute:<name>`
 
-    Raises MeshError for another suffix and MachineError where the file cannot be written.
+    `normal` is (V, 3); `uv`, texture coordinates to the right and upwards, is (V, 2). Polygons stay polygons
+    in PLY, OBJ and OFF; the other formats get triangles.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh or PolygonMesh
+    path : str or Path
+        In a folder that exists or can be made; its suffix is the format.
+
+    Raises
+    ------
+    MeshError
+        For another suffix, and where `normal` or `uv` has another shape.
+    MachineError
+        Where the file cannot be written.
     """
     path = Path(path)
     writer = WRITERS.get(path.suffix.lstrip(".").lower())
@@ -112,14 +132,24 @@ def _scalars(attributes: Mapping[str, AnyArray]) -> Iterator[tuple[str, AnyArray
 def _obj(mesh: Mesh) -> bytes:
     out = io.StringIO()
     out.writelines(f"v {x!r} {y!r} {z!r}\n" for x, y, z in mesh.vertices.tolist())
-    normals = mesh.attributes.get(NORMAL)
+    normals, uvs = _attribute(mesh, NORMAL, 3), _attribute(mesh, UV, 2)
+    if uvs is not None:
+        out.writelines(f"vt {u!r} {v!r}\n" for u, v in uvs.tolist())
     if normals is not None:
         out.writelines(f"vn {x!r} {y!r} {z!r}\n" for x, y, z in normals.tolist())
-    for face in _face_lists(mesh):
-        corners = (f"{v + 1}" if normals is None else f"{v + 1}//{v + 1}" for v in face)
-        out.write(f"f {' '.join(corners)}\n")
+    corner = "{0}" if uvs is None and normals is None else "{0}/" if uvs is None else "{0}/{0}"
+    corner += "" if normals is None else "/{0}"
+    out.writelines(f"f {' '.join(corner.format(v + 1) for v in face)}\n" for face in _face_lists(mesh))
     out.writelines(f"t crease 2/1/0 {a} {b} 10\n" for a, b in mesh.creases.tolist())
     return out.getvalue().encode()
+
+
+def _attribute(mesh: Mesh, name: str, width: int) -> Floats | None:
+    """Return a vertex attribute (V, width), or None. Raises MeshError where it has another shape."""
+    values = mesh.attributes.get(name)
+    if values is not None and values.shape[1:] != (width,):
+        raise MeshError(f"attribute {name!r} has shape {values.shape}; it must be ({len(values)}, {width})")
+    return None if values is None else values.astype(np.float64)
 
 
 def _off(mesh: Mesh) -> bytes:
@@ -131,18 +161,49 @@ def _off(mesh: Mesh) -> bytes:
 
 
 def _stl(mesh: Mesh) -> bytes:
-    import trimesh  # slow to import; most runs write no mesh file
-
     mesh = _triangles(mesh)
-    return bytes(trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).export(file_type="stl"))
+    rows = np.zeros(len(mesh.faces), TRIANGLE)
+    rows["normal"], rows["corners"] = face_normals(mesh), mesh.vertices[mesh.faces]
+    return bytes(80) + struct.pack("<I", len(rows)) + rows.tobytes()
 
 
 def _glb(mesh: Mesh) -> bytes:
-    import trimesh
-
     mesh = _triangles(mesh)
-    loose = trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_normals=_shading(mesh), process=False)
-    return bytes(loose.export(file_type="glb", include_normals=True))
+    if not len(mesh.faces):
+        raise MeshError("a GLB without a face is not valid; write a PLY")
+    parts = {"POSITION": mesh.vertices.astype("<f4"), "NORMAL": _shading(mesh).astype("<f4")}
+    uvs = _attribute(mesh, UV, 2)
+    if uvs is not None:
+        parts["TEXCOORD_0"] = np.column_stack([uvs[:, 0], 1.0 - uvs[:, 1]]).astype("<f4")  # downwards
+    arrays = [*parts.values(), mesh.faces.reshape(-1, 1).astype("<u4")]
+    kinds = [*((f"VEC{values.shape[1]}", 5126, 34962) for values in parts.values()), ("SCALAR", 5125, 34963)]
+    accessors: list[dict[str, Any]] = []
+    views: list[dict[str, Any]] = []
+    start = 0
+    for values, (kind, component, target) in zip(arrays, kinds, strict=True):
+        accessors.append(
+            {"bufferView": len(views), "componentType": component, "count": len(values), "type": kind}
+        )
+        views.append({"buffer": 0, "byteOffset": start, "byteLength": values.nbytes, "target": target})
+        start += values.nbytes
+    low, high = parts["POSITION"].min(axis=0), parts["POSITION"].max(axis=0)
+    accessors[0] |= {"min": low.tolist(), "max": high.tolist()}
+    attributes = {name: number for number, name in enumerate(parts)}
+    document = {
+        "asset": {"version": "2.0", "generator": "flowsculpt"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": attributes, "indices": len(parts), "material": 0}]}],
+        "materials": [{"pbrMetallicRoughness": {"metallicFactor": 0.0}}],  # without any it would be metal
+        "accessors": accessors,
+        "bufferViews": views,
+        "buffers": [{"byteLength": start}],
+    }
+    text = json.dumps(document, separators=(",", ":")).encode()
+    text += b" " * (-len(text) % 4)
+    head = struct.pack("<4sIII4s", b"glTF", 2, 28 + len(text) + start, len(text), b"JSON")
+    return b"".join([head, text, struct.pack("<I4s", start, b"BIN\0"), *(part.tobytes() for part in arrays)])
 
 
 def _triangles(mesh: Mesh) -> TriangleMesh:

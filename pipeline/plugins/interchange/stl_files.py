@@ -15,7 +15,7 @@ from flowsculpt.render.base.plural import plural
 
 _HEADER = 84  # bytes before the triangles of a binary file; the last four are their number
 
-_TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
 _MOST_TRIANGLES = 500_000_000  # more triangles than any file holds: such a header is text or damaged
 _START = 1024  # bytes that tell text from a binary file
@@ -46,7 +46,7 @@ def read_stl(content: bytes) -> FileSurface:
 def _is_text(content: bytes) -> bool:
     """Tell text from a binary file, whose header may begin with `solid` too."""
     promised = int.from_bytes(content[80:_HEADER], "little")
-    if len(content) == _HEADER + _TRIANGLE.itemsize * promised:
+    if len(content) == _HEADER + TRIANGLE.itemsize * promised:
         return False
     try:
         start = as_utf8(content[:_START]).lower()
@@ -60,15 +60,15 @@ def _binary_points(content: bytes) -> Points:
         size = plural(len(content), "byte")
         raise ValueError(f"it ends early: it has {size}, and its header alone needs {_HEADER}")
     promised = int.from_bytes(content[80:_HEADER], "little")
-    present = (len(content) - _HEADER) // _TRIANGLE.itemsize
+    present = (len(content) - _HEADER) // TRIANGLE.itemsize
     if promised > _MOST_TRIANGLES:
         raise ValueError("it has no STL header")
     if present < promised:
         raise early_end(promised, "triangle", present)
-    if present > promised and content[_HEADER + promised * _TRIANGLE.itemsize :].strip(b"\0"):
+    if present > promised and content[_HEADER + promised * TRIANGLE.itemsize :].strip(b"\0"):
         count = plural(promised, "triangle")
         raise ValueError(f"its header promises {count}, and there is room for {present}")
-    triangles = np.frombuffer(content, _TRIANGLE, promised, _HEADER)
+    triangles = np.frombuffer(content, TRIANGLE, promised, _HEADER)
     return triangles["corners"].reshape(-1, 3).astype(np.float64)
 
 

@@ -56,6 +56,35 @@ def test_ply_carries_the_attributes_as_numbers_others_can_read(tmp_path: Path) -
     np.testing.assert_allclose(read.vertex_normals, mesh.attributes["normal"], atol=1e-6)
 
 
+@pytest.mark.parametrize("suffix", ["ply", "obj", "glb"])
+def test_texture_coordinates_are_where_other_programs_read_them(tmp_path: Path, suffix: str) -> None:
+    mesh = ball().with_attributes(uv=np.random.default_rng(1).random((162, 2)))
+    write_mesh(mesh, tmp_path / f"a.{suffix}")
+    read = trimesh.load(tmp_path / f"a.{suffix}", process=False, force="mesh")
+    uv, corners = mesh.attributes["uv"][mesh.faces], read.visual.uv[read.faces]
+    np.testing.assert_allclose(read.vertices[read.faces], mesh.vertices[mesh.faces], atol=1e-7)
+    np.testing.assert_allclose(corners, uv, atol=1e-7)
+
+
+@pytest.mark.parametrize("suffix", ["obj", "glb"])
+def test_texture_coordinates_of_another_shape_are_refused(tmp_path: Path, suffix: str) -> None:
+    with pytest.raises(MeshError, match=r"attribute 'uv' has shape \(162, 3\); it must be \(162, 2\)"):
+        write_mesh(ball().with_attributes(uv=np.zeros((162, 3))), tmp_path / f"a.{suffix}")
+    assert not list(tmp_path.iterdir())
+
+
+def test_stl_is_what_others_read(tmp_path: Path) -> None:
+    write_mesh(ball(), tmp_path / "a.stl")
+    read = trimesh.load(tmp_path / "a.stl")
+    assert read.is_watertight and read.volume == pytest.approx(
+        trimesh.Trimesh(ball().vertices, ball().faces).volume
+    )
+    stored = np.frombuffer((tmp_path / "a.stl").read_bytes()[84:], "<f4,<f4,<f4,V36,<u2")
+    np.testing.assert_allclose(
+        read.face_normals, np.stack([stored[f"f{k}"] for k in range(3)], axis=1), atol=1e-5
+    )
+
+
 def test_glb_is_what_the_standard_asks_for(tmp_path: Path) -> None:
     write_mesh(box(), tmp_path / "a.glb")
     data = (tmp_path / "a.glb").read_bytes()
