@@ -42,6 +42,8 @@ from flowsculpt.pipeline.mesh import sheet as sheet
 from flowsculpt.pipeline.mesh import torus as torus
 from flowsculpt.pipeline.mesh import validate as validate
 from flowsculpt.pipeline.mesh import vertex_normals as vertex_normals
+from flowsculpt.pipeline.plugins.interchange.foreign_meshes import TextureCoordinates as TextureCoordinates
+from flowsculpt.pipeline.plugins.interchange.foreign_meshes import repair_mesh as repair_mesh
 from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh as write_mesh
 from flowsculpt.pipeline.resample import Chord as Chord
 from flowsculpt.pipeline.resample import Curvature as Curvature

@@ -223,7 +223,8 @@ def _without_touching(charts: AnyArray, corners: AnyArray, alike: AnyArray, coor
         np.minimum.at(low, chart, at)
         np.maximum.at(high, chart, at)
         touches = np.isfinite(low[:, 0])
-        axis = np.argmax(np.where(touches[:, None], high - low, 0.0), axis=1)
+        low[~touches] = high[~touches] = 0.0
+        axis = np.argmax(high - low, axis=1)
         cut = 0.5 * (low + high)[np.arange(len(low)), axis]
         beyond = touches[charts] & (middles[np.arange(len(charts)), axis[charts]] > cut[charts])
         charts = 2 * charts + beyond
