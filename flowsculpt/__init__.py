@@ -2,13 +2,14 @@
 
     from flowsculpt import Resampler, Thresholds, icosphere
 
-`__init__.pyi` lists them, for type checkers and for this file. Everything else lies in the packages
-`flowsculpt.pipeline` and `flowsculpt.render`, and may change with any version.
+`__init__.pyi` lists them. Everything else lies in the packages `flowsculpt.pipeline` and `flowsculpt.render`,
+and may change with any version.
 """
 
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from importlib import import_module
 from typing import Any
 
@@ -17,22 +18,24 @@ if not os.path.exists(os.path.join(_HERE, "render", "__init__.py")):  # noqa: PT
     __path__.append(os.path.dirname(_HERE))  # noqa: PTH120  # in a checkout they lie beside this folder
 
 
-def _modules() -> dict[str, str]:
-    """Return the module of each public name: lines of `__init__.pyi` read ``from MODULE import N as N``."""
-    with open(os.path.join(_HERE, "__init__.pyi"), encoding="utf-8") as stub:  # noqa: PTH118, PTH123
+def lazy_names(module: str, file: str) -> tuple[list[str], Callable[[str], Any]]:
+    """Return the names in the stub of a module, and the `__getattr__` that imports each when it is used.
+
+    Type checkers and editors read the stub too. Its lines are ``from MODULE import NAME as NAME``.
+    """
+    with open(f"{file}i", encoding="utf-8") as stub:  # noqa: PTH123
         imports = [line.split() for line in stub if line.startswith("from ")]
-    return {name: module for _, module, _, name, *_ in imports}
+    modules = {name: module for _, module, _, name, *_ in imports}
+
+    def imported(name: str) -> Any:
+        if name not in modules:
+            raise AttributeError(f"module {module!r} has no attribute {name!r}")
+        return getattr(import_module(modules[name]), name)
+
+    return sorted(modules), imported
 
 
-_MODULE_OF = _modules()
-
-__all__ = sorted(_MODULE_OF)
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _MODULE_OF:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(_MODULE_OF[name]), name)
+__all__, __getattr__ = lazy_names(__name__, __file__)
 
 
 def __dir__() -> list[str]:

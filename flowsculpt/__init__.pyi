@@ -7,12 +7,12 @@ from flowsculpt.pipeline.errors import MeshError as MeshError
 from flowsculpt.pipeline.errors import MissingInputError as MissingInputError
 from flowsculpt.pipeline.errors import UsageError as UsageError
 from flowsculpt.pipeline.flow import Flow as Flow
-from flowsculpt.pipeline.flow import Keyframes as Keyframes
 from flowsculpt.pipeline.flow import Sequence as Sequence
 from flowsculpt.pipeline.flow import Streamlines as Streamlines
 from flowsculpt.pipeline.flow import Sum as Sum
 from flowsculpt.pipeline.flow import Transform as Transform
 from flowsculpt.pipeline.flow import VelocityField as VelocityField
+from flowsculpt.pipeline.flow import keyed as keyed
 from flowsculpt.pipeline.flow.catalogue.attractors import Lorenz as Lorenz
 from flowsculpt.pipeline.flow.catalogue.basic import DoubleGyre as DoubleGyre
 from flowsculpt.pipeline.flow.catalogue.basic import Enright as Enright
@@ -26,6 +26,7 @@ from flowsculpt.pipeline.flow.catalogue.deformations import Shear as Shear
 from flowsculpt.pipeline.flow.catalogue.deformations import Stretch as Stretch
 from flowsculpt.pipeline.flow.catalogue.deformations import Taper as Taper
 from flowsculpt.pipeline.flow.catalogue.deformations import Twist as Twist
+from flowsculpt.pipeline.flow.catalogue.external_fields import FormulaField as FormulaField
 from flowsculpt.pipeline.flow.catalogue.vortices import CurlNoise as CurlNoise
 from flowsculpt.pipeline.flow.catalogue.vortices import SpiralVortex as SpiralVortex
 from flowsculpt.pipeline.flow.catalogue.vortices import Vortex as Vortex

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import logging
 import re
+import threading
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import nullcontext
@@ -290,14 +291,20 @@ class Plugins:
 
 
 _LOADING: list[str] = []  # the entry point whose module is being imported
+_LOOKS = threading.RLock()  # held by the thread that looks for plug-ins
 
 
 @cache
 def plugins() -> Plugins:
     """Return the plug-ins of this environment; they are looked for once in a process.
 
-    Raises ImportError while they are being looked for.
+    Raises ImportError in a thread while it looks for them.
     """
+    with _LOOKS:
+        return _found()
+
+
+def _found() -> Plugins:
     if _LOADING:
         raise ImportError(
             f"{_LOADING[0].partition(':')[0]} imports what itself needs the plug-ins, such as read_shot; "

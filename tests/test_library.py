@@ -6,10 +6,12 @@ import subprocess
 import sys
 from inspect import getdoc
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 import flowsculpt
+from flowsculpt import api, mesh
 
 
 @pytest.mark.parametrize("name", flowsculpt.__all__)
@@ -20,12 +22,15 @@ def test_each_public_name_is_there_with_a_docstring_of_its_own(name: str) -> Non
     assert len(getdoc(public) or "") >= 40
 
 
-def test_readers_of_types_see_the_names_that_python_has() -> None:
-    stub = Path(flowsculpt.__file__).with_name("__init__.pyi").read_text(encoding="utf-8")
+@pytest.mark.parametrize("module", [flowsculpt, mesh, api], ids=lambda module: module.__name__)
+def test_readers_of_types_see_the_names_that_python_has(module: Any) -> None:
     seen: dict[str, object] = {}
-    exec(stub, seen)
-    assert sorted(seen.keys() - {"__builtins__", "__doc__"}) == flowsculpt.__all__
-    assert all(seen[name] is getattr(flowsculpt, name) for name in flowsculpt.__all__)
+    exec(Path(f"{module.__file__}i").read_text(encoding="utf-8"), seen)
+    assert sorted(seen.keys() - {"__builtins__", "__doc__"}) == module.__all__
+    assert all(seen[name] is getattr(module, name) for name in module.__all__)
+
+
+def test_editors_complete_the_public_names() -> None:
     assert set(flowsculpt.__all__) <= set(dir(flowsculpt))
 
 

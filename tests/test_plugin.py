@@ -2,16 +2,13 @@
 
 import json
 import os
-import re
 import shutil
 import subprocess
 import sys
-from importlib import import_module
 from pathlib import Path
 
 import pytest
 
-from flowsculpt import api
 from flowsculpt.pipeline.plugin import API, Plugin, Plugins
 
 GREETER = """\
@@ -427,16 +424,6 @@ def test_the_version_is_printed_without_importing_a_plug_in(environment):
     environment.install("broken", "raise SystemExit('imported')")
     done = environment.run("--version")
     assert done.returncode == 0 and done.stdout.startswith("flowsculpt ") and not done.stderr
-
-
-def test_the_public_names_are_the_same_for_readers_of_types_and_at_run_time():
-    (block,) = re.findall(r"if TYPE_CHECKING:\n(.*?)\n\n", Path(api.__file__).read_text(), re.DOTALL)
-    typed = dict(reversed(pair) for pair in re.findall(r"from (\S+) import (\w+) as \2", block))
-    assert sorted(typed) == api.__all__
-    for name, module in typed.items():
-        assert getattr(api, name) is getattr(import_module(module), name)
-    with pytest.raises(AttributeError, match="it is not part of the public API"):
-        _ = api.YamlSource
 
 
 def test_a_command_whose_module_does_not_load_ends_with_one_line(environment):

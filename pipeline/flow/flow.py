@@ -319,7 +319,7 @@ def _module(path: Path, digest: str) -> ModuleType:
     try:
         exec(compile(source, str(path), "exec", dont_inherit=True), vars(module))
     except BaseException as error:
-        del sys.modules[module.__name__]
+        sys.modules.pop(module.__name__, None)  # or another thread has
         if not isinstance(error, Exception | SystemExit):
             raise
         raise FrameError(

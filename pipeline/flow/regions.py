@@ -30,7 +30,7 @@ from flowsculpt.pipeline.flow.parameters import (
     unit,
     vector_at,
 )
-from flowsculpt.pipeline.flow.velocity import Instruction
+from flowsculpt.pipeline.flow.velocity import Instruction, StableProperty
 from flowsculpt.pipeline.mesh.meshes import TriangleMesh
 from flowsculpt.pipeline.mesh.validation import require
 
@@ -123,7 +123,7 @@ class ClosedSurface:
     def digest(self) -> str:
         return hashlib.sha256(self.data).hexdigest()
 
-    @property
+    @StableProperty
     def lookup(self) -> Lookup:
         return _lookup(self)
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, is_dataclass, replace
-from typing import Any, NamedTuple
+from functools import cached_property
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -14,6 +15,8 @@ from flowsculpt.pipeline.flow.kernels import instructions as op
 from flowsculpt.pipeline.flow.kernels.field_kernels import velocities
 from flowsculpt.pipeline.flow.parameters import kernel_points, number_at, parameters_of, shot_name
 from flowsculpt.pipeline.kernels import BlockKernel, in_threads
+
+T = TypeVar("T")
 
 
 class Instruction(NamedTuple):
@@ -70,6 +73,16 @@ def table_of(program: Program) -> Floats:
     for k, row in enumerate(program):
         table[k, : len(row.numbers)] = row.numbers
     return table
+
+
+class StableProperty(cached_property[T]):
+    """A property computed when first used, whose first value stays: kernels know its memory by address.
+
+    Threads that compute it at once all get the value that was there first.
+    """
+
+    def __get__(self, instance: Any, owner: Any = None) -> Any:
+        return self if instance is None else vars(instance).setdefault(self.attrname, self.func(instance))
 
 
 class VelocityField(ABC):

@@ -4,41 +4,6 @@ Names are imported on first use: processes that read a model's file need no comp
 third of a second to import.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from flowsculpt import lazy_names
 
-if TYPE_CHECKING:
-    from flowsculpt.pipeline.mesh.halfedge_mesh import HalfedgeMesh as HalfedgeMesh
-    from flowsculpt.pipeline.mesh.meshes import PolygonMesh as PolygonMesh
-    from flowsculpt.pipeline.mesh.meshes import TriangleMesh as TriangleMesh
-    from flowsculpt.pipeline.mesh.normals import ShadedMesh as ShadedMesh
-    from flowsculpt.pipeline.mesh.normals import dihedral_angles as dihedral_angles
-    from flowsculpt.pipeline.mesh.normals import face_normals as face_normals
-    from flowsculpt.pipeline.mesh.normals import split_at_creases as split_at_creases
-    from flowsculpt.pipeline.mesh.normals import vertex_normals as vertex_normals
-    from flowsculpt.pipeline.mesh.read import read_mesh as read_mesh
-    from flowsculpt.pipeline.mesh.read import read_polygons as read_polygons
-    from flowsculpt.pipeline.mesh.solids import box as box
-    from flowsculpt.pipeline.mesh.solids import icosphere as icosphere
-    from flowsculpt.pipeline.mesh.solids import rod as rod
-    from flowsculpt.pipeline.mesh.solids import sheet as sheet
-    from flowsculpt.pipeline.mesh.solids import torus as torus
-    from flowsculpt.pipeline.mesh.validation import Soundness as Soundness
-    from flowsculpt.pipeline.mesh.validation import require as require
-    from flowsculpt.pipeline.mesh.validation import validate as validate
-
-_MODULES = {
-    "halfedge_mesh": ("HalfedgeMesh",),
-    "meshes": ("PolygonMesh", "TriangleMesh"),
-    "normals": ("ShadedMesh", "dihedral_angles", "face_normals", "split_at_creases", "vertex_normals"),
-    "read": ("read_mesh", "read_polygons"),
-    "solids": ("box", "icosphere", "rod", "sheet", "torus"),
-    "validation": ("Soundness", "require", "validate"),
-}
-
-
-def __getattr__(name: str) -> Any:
-    for module, names in _MODULES.items():
-        if name in names:
-            return getattr(import_module(f"{__name__}.{module}"), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+__all__, __getattr__ = lazy_names(__name__, __file__)

@@ -2,63 +2,100 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import subprocess
 import sys
-from collections.abc import Callable
+import threading
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from flowsculpt.pipeline.arrays import Points
+from flowsculpt.pipeline.flow.catalogue.external_fields import FormulaField, Sampled, Target, Wind
+from flowsculpt.pipeline.flow.regions import ClosedSurface
+from flowsculpt.pipeline.flow.samples import Samples
 from flowsculpt.pipeline.kernels import BlockKernel
-from flowsculpt.pipeline.mesh import icosphere, vertex_normals
-from flowsculpt.pipeline.resample import Chord, Curved, Exact, Resampler, Thresholds
-from flowsculpt.pipeline.resample.placement import Placement
+from flowsculpt.pipeline.mesh import box, icosphere
+from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
+from tests.resample.films import FILMS
 
 
-def _twisted(points: Points) -> Points:
-    angle, grown = 0.15 * points[:, 1], points * [1.06, 1.02, 0.95]
-    x, y, z = grown.T
-    return np.column_stack([x * np.cos(angle) - z * np.sin(angle), y, x * np.sin(angle) + z * np.cos(angle)])
-
-
-def _film_of(placement: Callable[[list[int]], Placement], size: int, frames: int = 10) -> str:
-    """Return the digest of the last frame of a sphere that is twisted."""
-    now, sphere = [0], icosphere(size)
-    mesh = sphere.with_attributes(normal=vertex_normals(sphere))
-    resampler = Resampler(mesh, Thresholds(max_edge_length=0.09), placement(now))
-    for frame in range(1, frames):
-        now[0] = frame
-        resampler.vertices[:] = _twisted(resampler.vertices)
-        resampler.resample()
-    last = resampler.mesh
-    return hashlib.sha256(last.vertices.tobytes() + last.faces.tobytes()).hexdigest()
-
-
-PLACEMENTS = {
-    "chord": lambda now: Chord(),
-    "curved": lambda now: Curved(),
-    "exact": lambda now: Exact(lambda rest: _carried(rest, now[0])),
-}
-
-
-def _carried(rest: Points, frames: int) -> Points:
-    for _ in range(frames):
-        rest = _twisted(rest)
-    return rest
-
-
-@pytest.mark.parametrize("placement", PLACEMENTS)
-def test_films_of_four_threads_have_the_bits_of_films_one_after_the_other(placement: str) -> None:
-    sizes = [12, 13, 14, 15]
-    alone = [_film_of(PLACEMENTS[placement], size) for size in sizes]
+def _differing(rounds: int) -> list[str]:
+    """Return the films whose bits differ from those of the same film alone, of twelve in four threads."""
+    alone = {name: film() for name, film in FILMS.items()}
     with ThreadPoolExecutor(4) as pool:
-        for _ in range(3):
-            together = pool.map(lambda size: _film_of(PLACEMENTS[placement], size), sizes)
-            assert list(together) == alone
+        made = list(pool.map(lambda name: (name, FILMS[name]()), rounds * list(FILMS)))
+    return [name for name, digest in made if digest != alone[name]]
+
+
+@pytest.mark.slow
+def test_twelve_films_in_four_threads_have_the_bits_that_they_have_alone() -> None:
+    assert len({film() for film in FILMS.values()}) == len(FILMS) == 12
+    assert _differing(rounds=2) == []
+
+
+@pytest.mark.soak
+def test_four_hundred_films_in_four_threads_have_the_bits_that_they_have_alone() -> None:
+    assert _differing(rounds=34) == []
+
+
+GRID = Samples((np.arange(2.0), np.arange(2.0), np.arange(2.0)), np.zeros(1), np.zeros((1, 2, 2, 2, 3)), ())
+
+
+@pytest.mark.parametrize(
+    ("value", "name"),
+    [
+        (Target.points(np.eye(3)), "tree"),
+        (Wind(((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))), "_curve"),
+        (FormulaField(("y", "x", "1")), "block"),
+        (Sampled(GRID), "_memory"),
+        (ClosedSurface.of(box()), "lookup"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else type(value).__name__,
+)
+def test_threads_that_first_use_a_flow_at_once_share_the_memory_whose_address_kernels_take(
+    value: Any, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    computed = vars(type(value))[name]
+    original, both = computed.func, threading.Barrier(2)
+
+    def slow(owner: Any) -> Any:
+        with suppress(threading.BrokenBarrierError):  # where a lock lets one thread through only
+            both.wait(0.5)
+        return original(owner)
+
+    monkeypatch.setattr(computed, "func", slow)
+    with ThreadPoolExecutor(2) as pool:
+        one, other = pool.map(lambda _: getattr(value, name), range(2))
+    assert one is other is getattr(value, name)
+
+
+READERS = """
+import sys, threading
+from concurrent.futures import ThreadPoolExecutor
+from flowsculpt import read_mesh
+
+ready = threading.Barrier(4)
+
+def read(_):
+    ready.wait()
+    return len(read_mesh(sys.argv[1]).faces)
+
+with ThreadPoolExecutor(4) as pool:
+    print(*pool.map(read, range(4)))
+"""
+
+
+@pytest.mark.slow
+def test_threads_read_their_first_files_at_once(tmp_path: Path) -> None:
+    """Plug-ins, which bring the formats, are looked for then."""
+    write_mesh(icosphere(2), tmp_path / "ball.obj")
+    command = [sys.executable, "-c", READERS, str(tmp_path / "ball.obj")]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert (done.stdout, done.stderr) == ("80 80 80 80\n", "")
 
 
 STATISTICS = """

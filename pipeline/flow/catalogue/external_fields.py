@@ -28,7 +28,7 @@ from flowsculpt.pipeline.flow.parameters import (
 )
 from flowsculpt.pipeline.flow.regions import TriangleTree, segments
 from flowsculpt.pipeline.flow.samples import Samples
-from flowsculpt.pipeline.flow.velocity import ExternalField
+from flowsculpt.pipeline.flow.velocity import ExternalField, StableProperty
 from flowsculpt.pipeline.formula import Expression, time_values
 from flowsculpt.pipeline.kernels import BlockKernel
 from flowsculpt.pipeline.mesh.meshes import TriangleMesh
@@ -100,7 +100,7 @@ class Target:
     def digest(self) -> str:
         return hashlib.sha256(self.data).hexdigest()
 
-    @cached_property
+    @StableProperty
     def tree(self) -> TriangleTree:
         return TriangleTree.of(np.frombuffer(self.data).reshape(-1, 3, 3))
 
@@ -165,7 +165,7 @@ class Wind(ExternalField):
     radius: Annotated[Positive, ParameterDoc("R, beyond which no wind blows", "units")] = 1.0
     closed: Annotated[bool, ParameterDoc("from the last point the curve goes on to the first")] = False
 
-    @cached_property
+    @StableProperty
     def _curve(self) -> tuple[Floats, int, int, float]:
         """The kernel's array, the starts of its triangles and of its tangents, and the largest turn of T."""
         points, tangents = catmull_rom(np.array(self.through, np.float64), self.closed, SEGMENTS)
@@ -249,7 +249,7 @@ class FormulaField(ExternalField):
         named = tuple(name for name, _ in self.words)
         return (*named, FRAME) if FRAME in self._used_names else named
 
-    @cached_property
+    @StableProperty
     def block(self) -> BlockKernel:
         return compile_formulas(self.expressions, self._names)
 
@@ -361,7 +361,7 @@ class Sampled(ExternalField):
     start: Annotated[float, ParameterDoc("of the samples when the shot starts", "s")] = 0.0
     loop: Annotated[bool, ParameterDoc("repeat after the last time; else its samples stay")] = False
 
-    @cached_property
+    @StableProperty
     def _memory(self) -> Floats:
         axes = self.samples.axes
         header = [*map(len, axes), self.between == "cubic", _OUTSIDE[self.outside]]
