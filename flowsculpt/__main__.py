@@ -26,8 +26,8 @@ def _start() -> None:
         signal.signal(signal.SIGINT, _end)
     from flowsculpt.render.base.python_process import distrust_working_folder, postpone_collection, prepare
 
-    distrust_working_folder()  # which `python -m` has put first, before anything else is imported
     prepare()
+    distrust_working_folder()  # which `python -m` has put first, before anything else is imported
     _require_packages()
     postpone_collection()
     from flowsculpt.pipeline.cli.app import main as start

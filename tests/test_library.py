@@ -11,7 +11,8 @@ from typing import Any
 import pytest
 
 import flowsculpt
-from flowsculpt import api, mesh
+from flowsculpt import api
+from flowsculpt.pipeline import mesh
 
 
 @pytest.mark.parametrize("name", flowsculpt.__all__)
