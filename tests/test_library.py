@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
+from importlib.util import find_spec
 from inspect import getdoc
 from pathlib import Path
 from typing import Any
@@ -81,3 +83,16 @@ print(sculpture.resample().splits)
 def test_meshes_flows_and_files_need_no_package_of_films(tmp_path: Path) -> None:
     done = subprocess.run([sys.executable, "-c", ALONE], capture_output=True, text=True, cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "") and int(done.stdout) > 100
+
+
+def test_the_examples_of_the_page_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    page = Path(__file__).parents[1] / "docs" / "library.md"
+    blocks = re.findall(r"^```python\n(.*?)^```", page.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
+    names: dict[str, Any] = {}
+    for block in blocks:
+        if "import pyvista" not in block or find_spec("pyvista"):  # half a gigabyte
+            exec(block, names)
+    assert flowsculpt.validate(flowsculpt.read_mesh("even.ply")).closed
+    assert len(names["moved"].faces) > len(names["model"].faces)
+    assert len(blocks) == 4

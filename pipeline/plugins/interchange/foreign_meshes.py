@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from flowsculpt.pipeline.mesh.read import read_paint, repair_surface
 from flowsculpt.pipeline.plugins.interchange.mesh_writers import UV
 from flowsculpt.pipeline.plugins.interchange.model_paint import ModelPaint
 from flowsculpt.pipeline.resample.placement import REST
+from flowsculpt.render.base.plural import plural
 from flowsculpt.render.scene.painted_faces import Paint
 
 
@@ -26,7 +28,8 @@ def repair_mesh(mesh: TriangleMesh | PolygonMesh) -> tuple[TriangleMesh, tuple[s
     trimesh, PyVista and glTF double them at seams of textures and at sharp edges. Vertices at one place are
     merged, faces wound alike, duplicate faces dropped, and parts that touch at a point or edge separated.
 
-    Creases are kept, seams are not. Merged vertices have the attributes of the first of them.
+    Creases are kept, seams are not. Merged vertices have the attributes of the first of them; where these
+    differ, as texture coordinates do at a seam, the changes say so: see `TextureCoordinates`.
 
     Parameters
     ----------
@@ -52,7 +55,17 @@ def repair_mesh(mesh: TriangleMesh | PolygonMesh) -> tuple[TriangleMesh, tuple[s
     repaired, changes = repair_surface(surface)
     source = _vertices_at(mesh.vertices, repaired.vertices)
     attributes = {name: values[source] for name, values in mesh.attributes.items()}
-    return repaired.triangulated().with_attributes(**attributes), changes
+    return repaired.triangulated().with_attributes(**attributes), (*changes, *_lost_values(mesh))
+
+
+def _lost_values(mesh: TriangleMesh | PolygonMesh) -> Iterator[str]:
+    """Yield a line for each attribute that differs between vertices at one place."""
+    first = _vertices_at(mesh.vertices, mesh.vertices)
+    for name, values in mesh.attributes.items():
+        count = int((values != values[first]).reshape(len(values), -1).any(axis=1).sum())
+        if count:
+            places = plural(count, "vertex", "vertices")
+            yield f"attribute {name!r} of {places} differs from that of others there: dropped"
 
 
 def _vertices_at(vertices: Points, places: Points) -> AnyArray:
