@@ -21,7 +21,7 @@ COUNTED_FRAMES = 8
 
 @dataclass(frozen=True)
 class MeshStatistics:
-    """A surface is mesh-like if `mean_edge / diameter` is small and `median_dihedral` near π.
+    """Measures of a surface: mesh-like if `mean_edge / diameter` is small and `median_dihedral` near π.
 
     mean_edge        mean edge length, scene units; every edge counts once for each of its faces
     diameter         diagonal of the bounding box, scene units
@@ -45,7 +45,10 @@ _MATCHED_TOGETHER = 1 << 18
 
 
 def mesh_statistics(mesh: TriangleMesh, count_crossings: bool = True) -> MeshStatistics:
-    """Return the statistics of a sound mesh. Counting crossings takes much longer than all others."""
+    """Return the statistics of a sound mesh.
+
+    count_crossings  False leaves out the pairs of faces that intersect, which take longer than all others
+    """
     lengths, area = lengths_and_areas(mesh.vertices, mesh.faces)
     low, high = mesh.bounds
     return MeshStatistics(

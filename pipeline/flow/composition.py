@@ -237,7 +237,10 @@ MAX_ITERATIONS = 100
 
 @dataclass(frozen=True)
 class Sum(VelocityField):
-    """Velocities added up, then integrated together: the order of the fields does not matter."""
+    """Velocities added up, then integrated together: the order of the fields does not matter.
+
+    Follow them by `Streamlines(Sum((one, other)))`.
+    """
 
     fields: tuple[VelocityField, ...]
 

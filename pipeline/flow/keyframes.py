@@ -396,7 +396,12 @@ class Keyframes(Curve):
 def keyed(
     times: tuple[float, ...], values: tuple[float, ...] | tuple[Vector, ...], ease: str = "sine_in_out"
 ) -> Keyframes:
-    """Return keyframes with one easing throughout: `keyed((0, 1, 3), (0, 4, 4))`."""
+    """Return keyframes with one easing throughout, such as `keyed((0, 1, 3), (0, 4, 4))`.
+
+    times   seconds from the start, ascending
+    values  one a time: numbers, or vectors as tuples; a parameter of a flow takes them in place of a number
+    ease    a name of EASINGS, such as "linear", "cubic_in" or "sine_in_out"
+    """
     rows = tuple(v if isinstance(v, tuple) else (float(v),) for v in values)
     return Keyframes(tuple(times), rows, (ease,) * len(rows))
 

@@ -86,7 +86,10 @@ class StableProperty(cached_property[T]):
 
 
 class VelocityField(ABC):
-    """Velocities in scene units per second, at any point and time, as a program for the kernels."""
+    """Velocities in scene units per second, at any point and time, as a program for the kernels.
+
+    A field moves nothing by itself: `Streamlines` of it is a flow.
+    """
 
     @abstractmethod
     def program(self, time: float) -> Program:

@@ -75,9 +75,13 @@ def names_parts(path: str | Path) -> bool:
 
 
 def read_mesh(path: str | Path) -> TriangleMesh:
-    """Read a surface and triangulate its polygons (P23).
+    """Return the surface of a file in triangles: PLY, OBJ, STL, OFF, GLB, DAE, 3MF; with extras FBX and USD.
 
-    Keeps the creases of the file. Raises the errors of `read_polygons`.
+    Scenes are joined, coincident vertices merged, polygons cut into triangles (P23), and what is not sound is
+    repaired. Keeps the creases of the file, and no attributes: see `TextureCoordinates` for those.
+
+    Raises MissingInputError where there is no such file, MeshError where it cannot be read or repaired, and
+    MachineError without the package that reads its format.
     """
     return read_polygons(path).triangulated()
 

@@ -43,7 +43,11 @@ def box(
 def sheet(
     size: tuple[float, float] = (2.0, 2.0), edge_length: float | None = None, centre: ArrayLike = ORIGIN
 ) -> TriangleMesh:
-    """Return a flat rectangle in the plane y = 0 that faces upwards; `size` is along x and z."""
+    """Return a flat rectangle in the plane y = 0 that faces upwards.
+
+    size         along x and z
+    edge_length  it is cut into squares no larger than this; without it, one square
+    """
     extents = np.asarray(size, np.float64)
     positive("size", extents)
     grid, faces = square_grid(cut_into(extents[1], edge_length), cut_into(extents[0], edge_length))
@@ -53,7 +57,10 @@ def sheet(
 
 
 def icosphere(frequency: int = 8, radius: float = 1.0, centre: ArrayLike = ORIGIN) -> TriangleMesh:
-    """Return a geodesic sphere: an icosahedron with edges cut into `frequency` parts; 10 n² + 2 vertices."""
+    """Return a geodesic sphere of 10 frequency² + 2 vertices.
+
+    frequency  parts into which the edges of an icosahedron are cut
+    """
     if frequency < 1:
         raise UsageError(f"frequency {frequency} must be at least 1; 16 gives a sphere of 2562 vertices")
     positive("radius", np.array([radius]))
@@ -67,7 +74,11 @@ def icosphere(frequency: int = 8, radius: float = 1.0, centre: ArrayLike = ORIGI
 def torus(
     radius: float = 1.0, tube_radius: float = 0.4, edge_length: float = 0.1, centre: ArrayLike = ORIGIN
 ) -> TriangleMesh:
-    """Return a ring around the y axis; `radius` reaches to the middle of the tube."""
+    """Return a ring around the y axis.
+
+    radius       from the axis to the middle of the tube, more than `tube_radius` (UsageError otherwise)
+    edge_length  of its triangles, about
+    """
     positive("radius and tube_radius", np.array([radius, tube_radius, edge_length]))
     if tube_radius >= radius:
         raise UsageError(
@@ -86,7 +97,12 @@ def rod(
     caps: str = "round",
     centre: ArrayLike = ORIGIN,
 ) -> TriangleMesh:
-    """Return a bar along the y axis. `length` includes the caps, which are "round" or "flat"."""
+    """Return a bar along the y axis.
+
+    length       with its caps
+    edge_length  of its triangles, about
+    caps         "round" or "flat"
+    """
     positive("length, radius and edge_length", np.array([length, radius, edge_length]))
     if caps not in ("round", "flat"):
         raise UsageError(f"caps {caps!r} must be 'round' or 'flat'")

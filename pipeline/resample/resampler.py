@@ -206,9 +206,11 @@ class Resampler:
                    for new vertices on the chord only (UsageError otherwise)
 
     Vertex attributes are carried along: a new vertex gets the mean of its parents' values, a merged one those
-    of the end that stays (integers and flags are never mixed). If the mesh has an attribute `identity`, a
-    different int64 for every vertex, a new vertex gets a number never used before, and `births` names its
-    parents. `unsorted` counts the vertices born since the vertices were last sorted; at first all.
+    of its place (integers and flags are never mixed). If the mesh has an attribute `identity`, a different
+    int64 for every vertex, a new vertex gets a number never used before, and `births` names its parents.
+    `unsorted` counts the vertices born since the vertices were last sorted; at first all.
+
+    Threads may each have a resampler of their own.
     """
 
     def __init__(
@@ -350,7 +352,16 @@ def resample(
     min_roundness: float = DEFAULT_ROUNDNESS,
     splits: Splits = "edges",
 ) -> tuple[TriangleMesh, Report]:
-    """Resample one mesh once. For a film keep a `Resampler`, which keeps the connectivity."""
+    """Return a mesh resampled once, and the report. For a film keep a `Resampler`: it keeps the connectivity.
+
+    mesh           finite, oriented, manifold; open or closed (MeshError otherwise)
+    thresholds     length limits and hard angle
+    placement      where new vertices go: `Chord()`, `Curved()` or an `Exact`
+    min_roundness  triangles below it are improved: 1 is equilateral, 0 leaves them as they are
+    splits         "edges" or "faces", as of a `Resampler`
+
+    Attributes, creases and seams come along. Raises FrameError where `max_vertices` would be exceeded.
+    """
     resampler = Resampler(mesh, thresholds, placement, min_roundness, splits)
     report = resampler.resample()
     return resampler.mesh, report

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -31,21 +31,8 @@ def repair_mesh(mesh: TriangleMesh | PolygonMesh) -> tuple[TriangleMesh, tuple[s
     Creases are kept, seams are not. Merged vertices have the attributes of the first of them; where these
     differ, as texture coordinates do at a seam, the changes say so: see `TextureCoordinates`.
 
-    Parameters
-    ----------
-    mesh : TriangleMesh or PolygonMesh
-
-    Returns
-    -------
-    TriangleMesh
-        See `validate` for whether it is closed.
-    tuple of str
-        One line for each kind of change, with the count and the coordinates of the first.
-
-    Raises
-    ------
-    MeshError
-        Where nothing sound can be made of it.
+    Returns the surface, for which `validate` says whether it is closed, and one line for each kind of change
+    with its count and the coordinates of the first. Raises MeshError where nothing sound can be made of it.
     """
     faces = mesh if isinstance(mesh, PolygonMesh) else PolygonMesh.from_triangles(mesh)
     offsets, corners = faces.offsets.astype(np.int64), faces.corners.astype(np.int64)
@@ -53,25 +40,29 @@ def repair_mesh(mesh: TriangleMesh | PolygonMesh) -> tuple[TriangleMesh, tuple[s
         tagged=faces.creases.astype(np.int64)
     )
     repaired, changes = repair_surface(surface)
-    source = _vertices_at(mesh.vertices, repaired.vertices)
+    first, source = _first_vertices(mesh.vertices, repaired.vertices)
     attributes = {name: values[source] for name, values in mesh.attributes.items()}
-    return repaired.triangulated().with_attributes(**attributes), (*changes, *_lost_values(mesh))
+    lost = _lost_values(mesh.attributes, first)
+    return repaired.triangulated().with_attributes(**attributes), (*changes, *lost)
 
 
-def _lost_values(mesh: TriangleMesh | PolygonMesh) -> Iterator[str]:
-    """Yield a line for each attribute that differs between vertices at one place."""
-    first = _vertices_at(mesh.vertices, mesh.vertices)
-    for name, values in mesh.attributes.items():
+def _lost_values(attributes: Mapping[str, AnyArray], first: AnyArray) -> Iterator[str]:
+    """Yield a line for each attribute that differs between vertices and the `first` (V,) at their place."""
+    for name, values in attributes.items():
         count = int((values != values[first]).reshape(len(values), -1).any(axis=1).sum())
         if count:
             places = plural(count, "vertex", "vertices")
             yield f"attribute {name!r} of {places} differs from that of others there: dropped"
 
 
-def _vertices_at(vertices: Points, places: Points) -> AnyArray:
-    """Return the first vertex (N,) at each place (N, 3), or len(vertices) and more where there is none."""
+def _first_vertices(vertices: Points, places: Points) -> tuple[AnyArray, AnyArray]:
+    """Return the first vertex at each vertex (V,) and at each place (N,), V or more where there is none.
+
+    The places tell how near is the same.
+    """
     both = np.concatenate([vertices, places])
-    return first_alike(both, np.isfinite(both).all(axis=1))[len(vertices) :]
+    first = first_alike(both, np.arange(len(both)) >= len(vertices))
+    return first[: len(vertices)], first[len(vertices) :]
 
 
 class TextureCoordinates:
@@ -80,24 +71,17 @@ class TextureCoordinates:
     Each vertex keeps its place on the mesh at rest, as the attribute `rest`. A corner of a new face takes the
     coordinates of the nearest point of the mesh there, on the face's own side of a seam.
 
-    Parameters
-    ----------
-    vertices : (V, 3)
-    faces : (F, 3)
-    uv : (V, 2), or (F, 3, 2) for the corners of each face
-        To the right and upwards. Vertices with one pair each are double at seams, as those of trimesh are.
+    vertices  (V, 3)
+    faces     (F, 3)
+    uv        (V, 2), or (F, 3, 2) for the corners of each face: to the right and upwards. Vertices with one
+              pair each are double at seams, as those of trimesh are
 
-    Raises
-    ------
-    MeshError
-        Where the arrays have other shapes, there is no face, or a number is not finite.
+    Raises MeshError where the arrays have other shapes, there is no face, or a number is not finite.
 
-    Examples
-    --------
-    >>> texture = TextureCoordinates(model.vertices, model.faces, model.visual.uv)
-    >>> mesh, changes = repair_mesh(TriangleMesh(model.vertices, model.faces))
-    >>> sculpture = Resampler(texture.prepare(mesh), Thresholds(0.05))
-    >>> textured = texture.split(sculpture.mesh)  # textured.attributes["uv"]
+        texture = TextureCoordinates(model.vertices, model.faces, model.visual.uv)
+        mesh, changes = repair_mesh(TriangleMesh(model.vertices, model.faces))
+        sculpture = Resampler(texture.prepare(mesh), Thresholds(0.05))
+        textured = texture.split(sculpture.mesh)  # textured.attributes["uv"]
     """
 
     _paint: Paint
@@ -135,9 +119,9 @@ class TextureCoordinates:
 
         Raises UsageError where a vertex lies at no vertex of the textured mesh: prepare it before it moves.
         """
-        lost = _vertices_at(self._paint.points, mesh.vertices) >= len(self._paint.points)
-        if lost.any():
-            vertex = int(np.argmax(lost))
+        _, first = _first_vertices(self._paint.points, mesh.vertices)
+        if (first >= len(self._paint.points)).any():
+            vertex = int(np.argmax(first >= len(self._paint.points)))
             raise UsageError(
                 f"vertex {vertex} is at {mesh.vertices[vertex]}, where the mesh with texture coordinates has "
                 "none. Prepare the mesh before it moves."

@@ -43,18 +43,8 @@ def write_mesh(mesh: Mesh, path: str | Path) -> None:
     `normal` is (V, 3); `uv`, texture coordinates to the right and upwards, is (V, 2). Polygons stay polygons
     in PLY, OBJ and OFF; the other formats get triangles.
 
-    Parameters
-    ----------
-    mesh : TriangleMesh or PolygonMesh
-    path : str or Path
-        In a folder that exists or can be made; its suffix is the format.
-
-    Raises
-    ------
-    MeshError
-        For another suffix, and where `normal` or `uv` has another shape.
-    MachineError
-        Where the file cannot be written.
+    Raises MeshError for another suffix and where `normal` or `uv` has another shape, and MachineError where
+    the file cannot be written.
     """
     path = Path(path)
     writer = WRITERS.get(path.suffix.lstrip(".").lower())

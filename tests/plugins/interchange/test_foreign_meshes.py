@@ -44,7 +44,12 @@ def place_of(uv: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def test_vertices_that_are_double_become_one_and_keep_their_attributes() -> None:
     double = ring()
+    far = np.array([[1e9, 0.0, 0.0], [np.nan, 0.0, 0.0]])  # of no face
+    more = {name: np.concatenate([values, values[:2]]) for name, values in double.attributes.items()}
+    among, dropped = repair_mesh(TriangleMesh(np.concatenate([double.vertices, far]), double.faces, more))
+    assert "2 vertices belong to no face" in dropped[1]
     mesh, changes = repair_mesh(double)
+    np.testing.assert_array_equal(among.attributes["heat"], mesh.attributes["heat"])
     assert validate(double).boundary_edges > 0 and validate(mesh).closed and len(mesh.vertices) == 24 * 12
     assert changes == (
         "37 vertices lie on others, the first at (1.4, 0, 0), vertex 12: merged",
