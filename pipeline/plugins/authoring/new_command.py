@@ -185,8 +185,9 @@ def _of_source(source: str, name: str) -> _NewShot:
     except FlowsculptError as error:
         first = str(error).splitlines()[0]
         raise UsageError(f"a copy of {source} would not be good in {SHOTS}/: {first}") from None
+    remedy = "rename it, in shots that name it too"
     beside: dict[Path, Content] = {
-        copied: file for copied, file in copy.copies.items() if not same_contents(file, copied)
+        copied: file for copied, file in copy.copies.items() if not same_contents(file, copied, remedy)
     }
     return _NewShot(copy.text, beside, remarks)
 
@@ -233,7 +234,7 @@ def _of_model(model: Path, source: str, name: str) -> _NewShot:
 def _begin_show(common: Common, folder: Path, source: str, gallery: bool) -> None:
     """Write the files of a show that are not there yet, and report them and those that stay.
 
-    Raises UsageError for a file of other contents in place of one of the gallery, before any is written.
+    Raises UsageError for a file that stands in the way of the gallery, before any is written.
     """
     if folder.exists() and not folder.is_dir():
         raise UsageError(f"{folder} is a file; name the folder of the show, or a new one")
@@ -252,7 +253,10 @@ def _begin_show(common: Common, folder: Path, source: str, gallery: bool) -> Non
         if not (gallery and name.endswith(".yaml")):
             files[folder / name] = text
     kept = [path for path in files if path.exists()]
-    kept += [path for path, file in copies.items() if same_contents(file, path)]
+    another = "the gallery needs a folder of its own, so name a new one"
+    kept += [path for path, file in copies.items() if same_contents(file, path, another)]
+    if gallery and (defaults := folder / SHOTS / DEFAULTS) not in copies and defaults.exists():
+        raise UsageError(f"{defaults} would change the gallery's shots; {another}")
     files.update(copies)
     written = [path for path in files if path not in kept]
     if not common.dry_run:

@@ -8,20 +8,18 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from flowsculpt.pipeline.errors import UsageError
-from flowsculpt.pipeline.plugins.authoring.gallery_shots import GALLERY
 from flowsculpt.render.base.atomic_write import ChangedFileError, atomic_write
 
 Content = str | Path | Callable[[Path], object]
 """What a new file holds: a text, the contents of a file, or what a function writes to a path."""
 
 
-def same_contents(file: Path, copied: Path) -> bool:
+def same_contents(file: Path, copied: Path, remedy: str = "rename one of the two files") -> bool:
     """Tell whether a copy of a file is there already. Raises UsageError where it has other contents."""
     if not copied.exists():
         return False
     if file.is_file() and not filecmp.cmp(file, copied, shallow=False):
-        remedy = "it, in shots that name it too" if GALLERY in file.parents else "one of the two files"
-        raise UsageError(f"{copied} is there already with other contents; rename {remedy}")
+        raise UsageError(f"{copied} is there already with other contents; {remedy}")
     return True
 
 
@@ -37,7 +35,7 @@ def write_new(files: Mapping[Path, Content]) -> None:
                 break
             except ChangedFileError:
                 if attempt:
-                    raise UsageError(f"{path} was written by others meanwhile; choose another name") from None
+                    raise UsageError(f"{path} is there already; choose another name") from None
 
 
 def _write_once(path: Path, content: Content) -> None:

@@ -92,18 +92,23 @@ def test_a_copy_that_the_defaults_of_the_show_change_is_told(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("words", "taken"),
+    ("words", "taken", "says"),
     [
-        (("A020", "--from", "B190_moon"), "models/B190_person.ply"),
-        (("--show", "--gallery"), "models/B190_person.ply"),
-        (("--show", "--gallery"), "film.yaml"),
+        (("A020", "--from", "B190_moon"), "models/B190_person.ply", "with other contents; rename it"),
+        (
+            ("--show", "--gallery"),
+            "models/B190_person.ply",
+            "with other contents; the gallery needs a folder",
+        ),
+        (("--show", "--gallery"), "film.yaml", "with other contents; the gallery needs a folder of its own"),
+        (("--show", "--gallery"), "defaults.yaml", "would change the gallery's shots; the gallery needs"),
     ],
 )
-def test_a_file_of_the_show_is_never_replaced_by_one_of_the_gallery(tmp_path, words, taken):
+def test_a_file_of_the_show_is_never_replaced_by_one_of_the_gallery(tmp_path, words, taken, says):
     (tmp_path / "shots/models").mkdir(parents=True)
     (tmp_path / "shots" / taken).write_text("mine")
     done = ProjectFolder(tmp_path).call("new", *words)
-    assert done.code == 2 and f"shots/{taken} is there already with other contents; rename it" in done.err
+    assert done.code == 2 and f"shots/{taken} " in done.err and says in done.err
     assert [file.read_text() for file in tmp_path.rglob("*") if file.is_file()] == ["mine"]
 
 
@@ -129,7 +134,7 @@ def test_of_two_that_write_one_file_at_once_the_first_one_stays(tmp_path, other)
     if other == "ours":
         write_new({file: write})
     else:
-        with pytest.raises(UsageError, match=r"A020.yaml was written by others meanwhile; choose another"):
+        with pytest.raises(UsageError, match=r"A020.yaml is there already; choose another name"):
             write_new({file: write})
     assert file.read_text() == other and [*tmp_path.iterdir()] == [file]
 
