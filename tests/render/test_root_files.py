@@ -221,7 +221,7 @@ OWN_FOLDERS = {
     "pipeline/production/tasks/job_server.py": "a temporary folder",
     "pipeline/production/tasks/surfaces.py": "a draft of the store",
     "pipeline/production/store/store.py": "drafts that `atomic_write` yields",
-    "pipeline/plugins/authoring/new_command.py": "shots and shows that the user names",
+    "pipeline/plugins/authoring/new_files.py": "drafts of files beside the shots",
     "pipeline/plugins/authoring/schema_command.py": "a file beside the shots that the user asks for",
     "pipeline/plugins/authoring/shot_templates.py": "files beside a new shot",
     "pipeline/plugins/become/stored_fits.py": "the user's cache",

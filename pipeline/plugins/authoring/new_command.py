@@ -16,11 +16,7 @@ from flowsculpt.pipeline.errors import FlowsculptError, UsageError
 from flowsculpt.pipeline.plugin import plugins
 from flowsculpt.pipeline.plugins.authoring.gallery_shots import GALLERY, gallery_files, gallery_names
 from flowsculpt.pipeline.plugins.authoring.new_files import Content, same_contents, write_new
-from flowsculpt.pipeline.plugins.authoring.schema_command import (
-    SCHEMAS,
-    defaults_of,
-    write_schemas,
-)
+from flowsculpt.pipeline.plugins.authoring.schema_command import SCHEMAS, defaults_of, write_schemas
 from flowsculpt.pipeline.plugins.authoring.shot_copies import CopiedShot, copied_shot, whole_text
 from flowsculpt.pipeline.plugins.authoring.shot_templates import (
     FIRST_SHOT,
@@ -169,9 +165,8 @@ def _of_source(source: str, name: str) -> _NewShot:
     if source not in known and not source.endswith((".yaml", ".yml")):
         words = dict.fromkeys((*known, *of_gallery, *DOCUMENTS))
         require_one_of(source, words, f"{source!r} is neither a flow nor a shot.")
-    is_of_gallery = source in of_gallery and source not in known
-    path = GALLERY / f"{source}.yaml" if is_of_gallery else find_shot(source)
-    target = SHOTS / f"{name}.yaml"
+    is_here = source in known or source not in of_gallery
+    path, target = find_shot(source) if is_here else GALLERY / f"{source}.yaml", SHOTS / f"{name}.yaml"
     try:
         if path.parent.resolve() == SHOTS.resolve():
             text = shot_of_shot(text_of(path), name)
