@@ -7,6 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from typer.main import get_command
 
@@ -17,6 +18,7 @@ from flowsculpt.pipeline.production.request.lookup import is_quality
 from tests.conftest import commanded
 
 ROOT = Path(__file__).parents[2]
+FROM_OTHERS = sorted((ROOT / "docs").glob("from-*.md"))
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
 YOUR_SHOW, TUTORIAL = ROOT / "docs" / "your-show.md", ROOT / "docs" / "tutorial.md"
 ALL = command_words()
@@ -28,13 +30,20 @@ PLACEHOLDERS = {"COMMAND": "status", "FRAME": "1"}
 OUTSIDE = {"git", "make", "source"}
 """Programs beside flowsculpt that the pages call: to install and to upgrade."""
 
-AS_WRITTEN = {"new", "validate", "flows", "status", "versions", "doctor"}
+AS_WRITTEN = {"new", "validate", "flows", "status", "versions", "doctor", "resample"}
 """Commands that take a second or two."""
 
 OF_A_SAMPLE = {"greet", "export txt", "export"}
 """Commands of the plug-in in docs/plugins.md, which tests/test_plugin.py calls; and the group alone."""
 
-OF_RESULTS = {"audit", "publish", "relight", "reproduce", "review", "verify"}
+WIND = f"""\
+<VTKFile type="ImageData"><ImageData WholeExtent="0 2 0 2 0 2" Origin="-2 -2 -2" Spacing="2 2 2">
+<Piece Extent="0 2 0 2 0 2"><PointData Vectors="wind">
+<DataArray type="Float64" Name="wind" NumberOfComponents="3" format="ascii">{"0.1 " * 81}</DataArray>
+</PointData></Piece></ImageData></VTKFile>
+"""
+
+OF_RESULTS = {"audit", "figures", "publish", "relight", "reproduce", "review", "verify"}
 """Commands that need rendered frames, or all of a store, even with --dry-run."""
 
 
@@ -102,6 +111,8 @@ class Reader:
             first, _, _ = block.partition("\n")
             if language == "yaml" and first.startswith("# shots/"):
                 (self.folder / first.removeprefix("# ")).write_text(block)
+            if language == "python" and "\nfrom flowsculpt import" in block:
+                exec(block, {})
             for line in block.splitlines() if not language else ():
                 self._do(shlex.split(line, comments=True))
 
@@ -134,8 +145,11 @@ class Reader:
 
 @pytest.fixture
 def beside(tmp_path: Path) -> Path:
-    """A folder outside of any clone, with a model."""
+    """A folder outside of any clone, with a model and two winds."""
     write_mesh(icosphere(12), tmp_path / "bunny.obj")
+    axis = np.linspace(-2.0, 2.0, 3)
+    np.savez(tmp_path / "wind.npz", x=axis, y=axis, z=axis, velocity=np.full((3, 3, 3, 3), 0.1))
+    (tmp_path / "wind.vti").write_text(WIND)
     return tmp_path
 
 
@@ -149,6 +163,23 @@ def test_a_show_can_be_begun_as_its_page_says(beside):
 def test_the_tutorial_can_be_begun_as_its_page_says(tmp_path):
     Reader(tmp_path, quick=True).follow(TUTORIAL.read_text())
     assert "wrung" in (tmp_path / "first_film/shots/A010_first.yaml").read_text()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", FROM_OTHERS, ids=lambda page: page.stem)
+def test_the_way_from_another_program_can_be_begun_as_its_page_says(beside, page):
+    assert page.read_text().count("\n") <= 60, "it is one screen"
+    reader = Reader(beside, quick=True)
+    reader.drawn = True  # the soak test below draws
+    reader.follow(page.read_text())
+    code, said = commanded(beside / "my_show", "validate")
+    assert code == 0, said
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("page", FROM_OTHERS, ids=lambda page: page.stem)
+def test_the_way_from_another_program_and_back_works_as_its_page_says(beside, page):
+    Reader(beside, quick=False).follow(page.read_text())
 
 
 @pytest.mark.soak
