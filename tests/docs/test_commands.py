@@ -172,7 +172,8 @@ def test_the_way_from_another_program_can_be_begun_as_its_page_says(beside, page
     reader = Reader(beside, quick=True)
     reader.drawn = True  # the soak test below draws
     reader.follow(page.read_text())
-    code, said = commanded(beside / "my_show", "validate")
+    with contextlib.chdir(beside / "my_show"):
+        code, said = commanded(Path(), "validate")
     assert code == 0, said
 
 
