@@ -1,0 +1,20 @@
+"""Resampling; `__init__.py` imports each name from its module when it is first used."""
+
+from flowsculpt.pipeline.resample.placement import Chord as Chord
+from flowsculpt.pipeline.resample.placement import Curved as Curved
+from flowsculpt.pipeline.resample.placement import Exact as Exact
+from flowsculpt.pipeline.resample.placement import Placement as Placement
+from flowsculpt.pipeline.resample.polygon_resampler import PolygonResampler as PolygonResampler
+from flowsculpt.pipeline.resample.polygon_resampler import polygon_resampler as polygon_resampler
+from flowsculpt.pipeline.resample.resample_pass import PolyhedralReport as PolyhedralReport
+from flowsculpt.pipeline.resample.resample_pass import Report as Report
+from flowsculpt.pipeline.resample.resampler import Resampler as Resampler
+from flowsculpt.pipeline.resample.resampler import resample as resample
+from flowsculpt.pipeline.resample.thresholds import Curvature as Curvature
+from flowsculpt.pipeline.resample.thresholds import DistanceToCamera as DistanceToCamera
+from flowsculpt.pipeline.resample.thresholds import ThresholdFormula as ThresholdFormula
+from flowsculpt.pipeline.resample.thresholds import Thresholds as Thresholds
+from flowsculpt.pipeline.resample.thresholds import WithinBall as WithinBall
+from flowsculpt.pipeline.resample.thresholds import WithinBox as WithinBox
+from flowsculpt.pipeline.resample.thresholds import edges_by_angle as edges_by_angle
+from flowsculpt.pipeline.resample.thresholds import edges_in_region as edges_in_region
