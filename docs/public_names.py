@@ -120,8 +120,7 @@ def _plain_type(annotation: Any, owner: Any) -> str:
 
 def is_inherited(app: Any, what: str, name: str, value: Any, skip: bool, options: Any) -> bool | None:
     """Return True, to skip it, for a member that a public base, or one derived from it, defines."""
-    function = inspect.unwrap(getattr(value, "fget", None) or getattr(value, "__func__", None) or value)
-    owner = getattr(flowsculpt, getattr(function, "__qualname__", "").partition(".")[0], None)
+    owner = getattr(flowsculpt, getattr(_function(value), "__qualname__", "").partition(".")[0], None)
     if not inspect.isclass(owner):
         return None
     known = tuple(_bases(owner))
@@ -131,6 +130,12 @@ def is_inherited(app: Any, what: str, name: str, value: Any, skip: bool, options
 def _bases(value: type) -> list[type]:
     """Return the classes that a public class inherits from and that are public too."""
     return [base for base in value.__mro__[1:] if getattr(flowsculpt, base.__name__, None) is base]
+
+
+def _function(member: Any) -> Any:
+    """Return the function of a method or property."""
+    functions = (getattr(member, name, None) for name in ("fget", "func", "__func__"))
+    return inspect.unwrap(next(filter(None, functions), member))
 
 
 def format_docstring(app: Any, what: str, name: str, value: Any, options: Any, lines: list[str]) -> None:
@@ -146,7 +151,8 @@ def format_docstring(app: Any, what: str, name: str, value: Any, options: Any, l
         if bases := _bases(value):
             lines += ["", f"It also has the members of :py:class:`~flowsculpt.{bases[0].__name__}`."]
     if what == "property":
-        lines += ["", f":type: {_plain_type(value.fget.__annotations__.get('return', ''), value.fget)}"]
+        function = _function(value)
+        lines += ["", f":type: {_plain_type(function.__annotations__.get('return', ''), function)}"]
 
 
 def _describes_parameters(value: Any, lines: list[str]) -> bool:
@@ -177,6 +183,8 @@ def _converted(lines: list[str], raw: list[str], field: str) -> list[str]:
             size = 1 + _indented(lines[place + 1 :], column)
             *others, last = row[1].split(", ")
             texts = [row[3], *(line[column:] for line in lines[place + 1 : place + size])]
+            if not any(_ROW.fullmatch(text) for text in texts[1:]):
+                texts = [text.strip() for text in texts]
             inner = _converted(texts, [line[column:] for line in raw[place : place + size]], BULLET)
             written += [field.format(other) for other in others]
             written += [f"{field.format(last)} {inner[0]}", *(f"    {line}".rstrip() for line in inner[1:])]
