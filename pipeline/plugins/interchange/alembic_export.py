@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import IO
 
@@ -55,7 +56,8 @@ def write_alembic(path: Path, title: str, meshes: Sequence[OneMesh], began: Bega
             _send(writer.stdin, meshes, began)
             writer.stdin.close()
         except BrokenPipeError:  # its exit code says why
-            pass
+            with suppress(BrokenPipeError):
+                writer.stdin.close()  # of what it has not taken
         except BaseException:
             writer.kill()
             raise

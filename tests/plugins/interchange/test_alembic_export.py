@@ -13,6 +13,8 @@ from flowsculpt.pipeline.errors import MachineError, UsageError
 from flowsculpt.pipeline.mesh import box, icosphere
 from flowsculpt.pipeline.plugins.interchange.alembic_export import write_alembic
 from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh
+from flowsculpt.render.base import root_files
+from flowsculpt.render.base.atomic_write import atomic_write
 from tests.full_disk import disk_of
 from tests.plugins.interchange.moving_meshes import moving, painted
 
@@ -43,6 +45,20 @@ def test_each_frame_is_at_its_number_with_its_points_normals_and_texture_coordin
         if mesh.texture is not None:
             found = np.array(schema.getUVsParam().getExpandedValue(Abc.ISampleSelector(0.0)).getVals())
             assert found.reshape(-1, 3, 2) == pytest.approx(mesh.texture[:, ::-1], abs=1e-6)
+
+
+def test_a_file_is_written_into_a_folder_that_is_held_against_links(tmp_path: Path) -> None:
+    root_files.guard(tmp_path)
+    path = tmp_path / "renders" / "T010" / "a.abc"
+    with atomic_write(path) as draft:
+        write_alembic(draft, "Twisted", [moving(icosphere(2))], uncounted)
+    assert path.stat().st_size > 1000
+
+
+def test_a_writer_that_ends_early_says_why(tmp_path: Path) -> None:
+    (tmp_path / "a.abc").mkdir()
+    with pytest.raises(MachineError, match=r"a\.abc could not be written: Could not open file"):
+        write_alembic(tmp_path / "a.abc", "Twisted", [moving(icosphere(40), range(1, 60))], uncounted)
 
 
 def test_a_full_disk_is_one_message_although_the_library_ends_its_process(tmp_path: Path) -> None:
