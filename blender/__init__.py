@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Stage and render flow sculptures in Blender: an extension that runs the installed program flowsculpt."""
 
 from __future__ import annotations

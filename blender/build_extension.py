@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Build the extension's zip: `python3 blender/build_extension.py`. Equal sources give equal bytes."""
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ def build_extension(folder: Path) -> Path:
     manifest = tomllib.loads((SOURCES / "blender_manifest.toml").read_text(encoding="utf-8"))
     target = folder / f"{manifest['id']}-blender-{manifest['version']}.zip"
     modules = [path for path in SOURCES.glob("*.py") if path.name != Path(__file__).name]
-    files = [SOURCES / "blender_manifest.toml", SOURCES.parent / "LICENSE", *modules]
+    files = [SOURCES / "blender_manifest.toml", SOURCES / "LICENSE", *modules]
     folder.mkdir(parents=True, exist_ok=True)
     with zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as packed:
         for path in sorted(files, key=lambda path: path.name):

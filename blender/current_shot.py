@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """The shot that is open now, and the handlers that follow frame changes, undo and new files."""
 
 from __future__ import annotations

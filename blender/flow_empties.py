@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Flows as empties: where each value of a flow stands in Blender, and what an edit of it is in the file.
 
 Empties are children of the shot's root, which is turned so that their coordinates are those of the shot file,

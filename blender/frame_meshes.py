@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Meshes of simulated frames as data blocks of Blender, one for each key.
 
 A stored mesh never changes, so a data block is built once; showing a frame is giving it to the object. Data

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """F-curves of an object or camera, and the keys of a shot file that they stand for.
 
 Easings, handles and extrapolation have Blender's meaning in both. A key's easing leads from it to the next.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Run the program flowsculpt: find it, check its version, and follow its answers, which are lines of JSON."""
 
 from __future__ import annotations

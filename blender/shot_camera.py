@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """The camera of a shot, from its frames to Blender, and from Blender to the shot file.
 
 Blender's camera has z up in the scene; the shot's has y. Both have the field of view across the longer side.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """The operators of the sidebar. Long ones run flowsculpt in the background and report when it is over."""
 
 import time

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """The shot that Blender shows: its objects, the mesh of each frame, and edits that are not in the file yet.
 
 What the file has is kept here and not in Blender's data, so that undoing a move in Blender is one more edit.

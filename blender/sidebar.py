@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """The panel in the sidebar of the 3D view, the settings of a scene, and the preferences of the extension."""
 
 import textwrap
