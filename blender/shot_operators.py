@@ -6,8 +6,10 @@ from pathlib import Path
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
+from bpy_extras.io_utils import ImportHelper
 
 from .current_shot import cancel_runs, current, preferences, replace_simulation, require_shot
+from .exported_films import SUFFIXES, import_file, open_film
 from .program import Answer, ProgramError, Run, find_program
 from .shown_shot import ShownShot, remove_objects, shots_in
 
@@ -360,18 +362,23 @@ class UseInScene(_Running, bpy.types.Operator):
         return Run(shot.program, ["export", self.form, shot.name, "--json", *plain], shot.folder)
 
     def done(self, context: bpy.types.Context, answer: Answer) -> None:
-        file = str(self._shot.folder / answer["path"])
-        imports = {
-            "abc": lambda: bpy.ops.wm.alembic_import(
-                filepath=file, as_background_job=False, set_frame_range=False
-            ),
-            "usd": lambda: bpy.ops.wm.usd_import(filepath=file, set_frame_range=False),
-            "gltf": lambda: bpy.ops.import_scene.gltf(filepath=file),
-        }
+        import_file(self._shot.folder / answer["path"])
+
+
+class OpenFilm(_Reporting, ImportHelper, bpy.types.Operator):
+    bl_idname = "flowsculpt.open_film"
+    bl_label = "Open an Exported Film…"
+    bl_description = "Show what flowsculpt export has written, with its frames and rate; needs no program"
+    bl_options = {"REGISTER", "UNDO"}
+
+    filter_glob: StringProperty(default=";".join(f"*{suffix}" for suffix in SUFFIXES), options={"HIDDEN"})
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
         try:
-            imports[self.form]()
-        except RuntimeError as error:
-            raise ProgramError(f"{file}: Blender cannot import it: {error}") from None
+            self.report({"INFO"}, open_film(Path(bpy.path.abspath(self.filepath)), context.scene))
+        except ProgramError as error:
+            return self.refused(error)
+        return {"FINISHED"}
 
 
 OPERATORS = (
@@ -384,4 +391,5 @@ OPERATORS = (
     SubjectFromMesh,
     RenderShot,
     UseInScene,
+    OpenFilm,
 )

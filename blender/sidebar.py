@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The panel in the sidebar of the 3D view, the settings of a scene, and the preferences of the extension."""
 
+import shutil
 import textwrap
 from collections.abc import Iterable
 from pathlib import Path
@@ -8,12 +9,18 @@ from pathlib import Path
 import bpy
 from bpy.props import BoolProperty, EnumProperty, IntProperty, PointerProperty, StringProperty
 
-from .current_shot import PACKAGE, current, is_busy
+from .current_shot import PACKAGE, current, is_busy, preferences
+from .exported_films import FILM
 from .program import ProgramError
 from .shot_operators import QUALITIES, progress_words
 from .shown_shot import shots_in
 
 LINE = 40  # characters of a line of a message in the panel
+
+NO_PROGRAM = (
+    "To edit and render shots, install the program flowsculpt (pipx install flowsculpt), or give its path in "
+    "the preferences."
+)
 
 
 def _shots(settings: bpy.types.PropertyGroup, context: bpy.types.Context, text: str) -> Iterable[str]:
@@ -54,6 +61,11 @@ class FlowsculptPreferences(bpy.types.AddonPreferences):
         self.layout.prop(self, "memory")
 
 
+def _draw_message(layout: bpy.types.UILayout, message: str) -> None:
+    for index, line in enumerate(textwrap.wrap(message, LINE)):
+        layout.label(text=line, icon="BLANK1" if index else "ERROR")
+
+
 class ShotPanel(bpy.types.Panel):
     bl_idname = "FLOWSCULPT_PT_shot"
     bl_label = "Flowsculpt"
@@ -63,6 +75,13 @@ class ShotPanel(bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, settings, shot = self.layout, context.scene.flowsculpt, current.shot
+        film = context.scene.get(FILM)
+        if film and not Path(film).is_file():
+            _draw_message(layout, f"{film} is not there any more. Open it where it is now.")
+        layout.operator("flowsculpt.open_film", icon="FILE_FOLDER")
+        if shutil.which(preferences().program or "flowsculpt") is None:
+            _draw_message(layout, NO_PROGRAM)
+            return
         layout.prop(settings, "folder")
         layout.prop(settings, "shot")
         row = layout.row(align=True)
@@ -80,8 +99,7 @@ class ShotPanel(bpy.types.Panel):
             row.operator("flowsculpt.cancel", text="", icon="CANCEL")
         else:
             layout.operator("flowsculpt.make")
-        for index, line in enumerate(textwrap.wrap(shot.message, LINE)):
-            layout.label(text=line, icon="BLANK1" if index else "ERROR")
+        _draw_message(layout, shot.message)
         row = layout.row()
         row.prop(settings, "writes")
         row.prop(settings, "simulates")

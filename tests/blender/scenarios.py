@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import shutil
+import subprocess
 import sys
 import time
 from collections.abc import Callable
@@ -350,6 +352,72 @@ def use_in_scene(show: Path) -> None:
         assert bpy.ops.flowsculpt.use_in_scene(form=form) == {"FINISHED"}
         new = set(bpy.data.objects) - before
         assert any(item.type == "MESH" and len(item.data.vertices) > 50 for item in new), form
+
+
+def film(show: Path) -> None:
+    """Exported films are opened without the program: the same shape, frames and rate from every format."""
+    (show / "shots" / f"{SHOT}.yaml").write_text(text(show) + "rate: 23.976\n")
+    module, program = sys.modules[f"{MODULE}.program"], preferences().program
+    for form, *options in (("abc",), ("usd",), ("gltf", "--plain"), ("pc2",), ("mdd",)):
+        words = [program, "export", form, SHOT, *options]
+        subprocess.run(words, cwd=show, env=module._environment(), check=True, capture_output=True)
+    preferences().program, os.environ["PATH"] = "", ""
+    scene, folder, shapes = bpy.context.scene, show / "renders" / SHOT, []
+    files = [
+        folder / "models" / f"{SHOT}.abc",
+        folder / "usd" / f"{SHOT}.usda",
+        folder / "models" / f"{SHOT}.glb",
+    ]
+    files += [folder / "caches" / f"{SHOT}.pc2", folder / "caches" / f"{SHOT}.mdd"]
+    for file in files:
+        assert bpy.ops.flowsculpt.open_film(filepath=str(file)) == {"FINISHED"}
+        first = 0 if file.suffix == ".glb" else 1
+        assert (scene.frame_start, scene.frame_end) == (first, first + 5), file
+        assert math.isclose(scene.render.fps / scene.render.fps_base, 23.976, rel_tol=1e-5), file
+        shapes.append([extent(number) for number in (first, first + 5)])
+        looks = [slot.material for each in film_meshes() for slot in each.material_slots]
+        assert bool(looks) == (file.suffix in (".usda", ".glb")), "materials that the file holds"
+    assert np.allclose(shapes, shapes[0], atol=0.15), "a glTF is within a quarter of an edge"
+    assert np.allclose(shapes[0][0], 2.0, atol=1e-5) and not np.allclose(*shapes[0], atol=0.2)
+    film_mistakes(files, show)
+
+
+def film_mistakes(files: list[Path], show: Path) -> None:
+    """A film that is damaged, incomplete or not there is one message, and the one before stays."""
+    usd, (shape,) = files[1].parent, film_meshes()
+    cut = show / "cut.abc"
+    for content, name in (
+        (files[0].read_bytes()[:-500], "cut.abc"),
+        (b"", "none.glb"),
+        (b"junk", "junk.pc2"),
+    ):
+        (show / name).write_bytes(content)
+        (show / f"{name}.obj").write_bytes(b"")
+        assert f"{name}: damaged" in refused(bpy.ops.flowsculpt.open_film, filepath=str(show / name))
+    (usd / f"{SHOT}.0003.usdc").rename(show / "elsewhere.usdc")
+    said = refused(bpy.ops.flowsculpt.open_film, filepath=str(files[1]))
+    assert f"{SHOT}.0003.usdc is missing beside it" in said
+    assert "not found" in refused(bpy.ops.flowsculpt.open_film, filepath=str(show / "nothing.abc"))
+    assert "not a film that" in refused(bpy.ops.flowsculpt.open_film, filepath=str(Path(__file__)))
+    assert film_meshes() == [shape] and bpy.context.scene.frame_end == 6 and cut.exists()
+    files[-1].unlink()
+    drawn = Layout()
+    sys.modules[f"{MODULE}.sidebar"].ShotPanel.draw(drawn, bpy.context)
+    words = " ".join(word for word in drawn.words if word not in ("ERROR", "BLANK1"))
+    assert f"{SHOT}.mdd is not there any more. Open it where it is now." in words
+    assert "install the program flowsculpt" in words and "flowsculpt.open" not in drawn.words
+
+
+def film_meshes() -> list[Any]:
+    return [each for each in bpy.data.objects if each.type == "MESH" and each.name != "floor"]
+
+
+def extent(number: int) -> np.ndarray:
+    """Return the size of the film's mesh at a frame, as it is shown."""
+    bpy.context.scene.frame_set(number)
+    (shape,) = film_meshes()
+    shown = shape.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    return np.ptp([shown.matrix_world @ vertex.co for vertex in shown.data.vertices], axis=0)
 
 
 def subject(show: Path) -> None:

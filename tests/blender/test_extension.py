@@ -70,6 +70,7 @@ def in_blender(scenario: str, package: Path, folder: Path, shot: str = SHOT) -> 
             "camera",
             "render",
             "use_in_scene",
+            "film",
             "subject",
             "mistakes",
         ),
@@ -78,3 +79,10 @@ def in_blender(scenario: str, package: Path, folder: Path, shot: str = SHOT) -> 
 )
 def test_an_artist_works_with_a_shot(scenario: str, package: Path, tmp_path: Path) -> None:
     in_blender(scenario, package, tmp_path)
+
+
+def test_blender_finds_the_package_valid(package: Path) -> None:
+    (tool,) = (BLENDER / "bpy").glob("*/scripts/addons_core/bl_pkg/cli/blender_ext.py")
+    command = [sys.executable, "-P", str(tool), "validate", str(package)]  # what `extension validate` runs
+    ran = subprocess.run(command, capture_output=True, text=True)
+    assert ran.returncode == 0, ran.stdout + ran.stderr

@@ -90,7 +90,7 @@ class _Animation(GltfContent):
     def _animate(self, node: int, keys: KeyPoses) -> None:
         """Add a channel that blends from each pose to the next one; at the first all weights are 0."""
         numbers, mesh = np.array(keys.numbers), keys.drawn.mesh
-        times = ((numbers - mesh.frames[0]) / float(mesh.rate.fps)).astype("<f4")
+        times = self.times(mesh, numbers)
         weights = np.eye(len(numbers), dtype="<f4")[:, 1:]
         sampler = {
             "input": self.accessor(self.raw(times), times, "SCALAR", FLOAT, bounded=True),

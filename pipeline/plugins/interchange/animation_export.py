@@ -36,7 +36,7 @@ from flowsculpt.render.base.plural import plural
 from flowsculpt.render.base.serialise import to_plain
 from flowsculpt.render.scene.materials import LOOKS
 
-_VERSION = 1  # of the formats as they are written here
+_VERSION = 2  # of the formats as they are written here
 
 _UNSEEN = 0.05  # error of vertices that players can do without, maximum edge lengths
 

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flowsculpt.pipeline.arrays import AnyArray, Faces
 from flowsculpt.pipeline.errors import UsageError
@@ -23,6 +24,7 @@ from flowsculpt.pipeline.plugins.interchange.exported_materials import (
     exported_materials,
 )
 from flowsculpt.pipeline.plugins.interchange.meshopt_encoder import encode_attributes, encode_indices
+from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh
 from flowsculpt.render.base.atomic_write import disk_errors
 from flowsculpt.render.post.embedded_textures import EmbeddedPicture
 from flowsculpt.render.scene.materials import Material
@@ -62,6 +64,7 @@ class GltfContent:
                 *("images", "samplers", "textures"),
             )
         }
+        self.timing: dict[str, float] = {}
         self.channels: list[dict[str, Any]] = []
         self.channel_samplers: list[dict[str, Any]] = []
         self._textures: dict[EmbeddedPicture, int] = {}
@@ -114,6 +117,12 @@ class GltfContent:
             )
         return found
 
+    def times(self, mesh: OneMesh, numbers: NDArray[np.integer]) -> NDArray[np.float32]:
+        """Return the seconds of frames from the first one of a mesh; note its rate, which a clip has not."""
+        rate = float(mesh.rate.fps)
+        self.timing = {"rate": rate, "first": mesh.frames[0], "last": mesh.frames[-1]}
+        return ((numbers - mesh.frames[0]) / rate).astype("<f4")
+
     def document(self, name: str) -> dict[str, Any]:
         """Return the JSON of the file, with everything that was added."""
         buffers: list[dict[str, Any]] = [{"byteLength": len(self.binary)}]
@@ -132,7 +141,7 @@ class GltfContent:
         }
         if self.channels:
             animation = {"name": name, "channels": self.channels, "samplers": self.channel_samplers}
-            document["animations"] = [animation]
+            document["animations"] = [animation | {"extras": self.timing}]
         return document
 
     def colours(self, colours: AnyArray) -> int:

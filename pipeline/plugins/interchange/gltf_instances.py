@@ -24,12 +24,12 @@ class _CopyNodes(GltfContent):
 
     def add(self, copies: Instances, look: Material) -> None:
         """Add the shape, and a node for each copy with its animation."""
-        name, numbers, rate = copies.mesh.name, copies.mesh.frames, copies.mesh.rate.fps
+        name, numbers = copies.mesh.name, copies.mesh.frames
         meshes = self._meshes(copies, look)
         placements = [copies.placements(number) for number in numbers]
         turns = _in_order(np.stack([quaternions(each.rotations) for each in placements]))
         places = np.stack([each.origins for each in placements])
-        times = ((np.array(numbers) - numbers[0]) / float(rate)).astype("<f4")
+        times = self.times(copies.mesh, np.array(numbers))
         when = self.accessor(self.raw(times), times, "SCALAR", FLOAT, bounded=True)
         for k, size in enumerate(placements[0].sizes.tolist()):
             node = {

@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Films that flowsculpt has exported: opened by Blender's importers, without the program."""
+
+from __future__ import annotations
+
+import json
+import mmap
+import re
+import struct
+from pathlib import Path
+from typing import NamedTuple
+
+import bpy
+
+from .program import ProgramError
+
+FILM = "flowsculpt_film"
+"""Custom property of a scene and of the collection of its film: the file that was opened."""
+
+CACHES = (".pc2", ".mdd")
+SUFFIXES = (".abc", ".usda", ".usdc", ".usd", ".usdz", ".glb", *CACHES)
+
+
+class Timing(NamedTuple):
+    """What a file says of its time, None where nothing.
+
+    rate    frames a second
+    frames  its first and its last one
+    step    frames from sample to sample
+    """
+
+    rate: float | None = None
+    frames: tuple[int, int] | None = None
+    step: float = 1.0
+
+
+def open_film(path: Path, scene: bpy.types.Scene) -> str:
+    """Import a film in place of the one before, and take its frames and rate; return what it is.
+
+    Raises ProgramError where the file cannot be shown; the scene stays as it was.
+    """
+    if not path.is_file():
+        raise ProgramError(f"{path}: not found. Choose the file where it is now")
+    if path.suffix.lower() not in SUFFIXES:
+        forms = "usd, abc, gltf --plain, pc2 or mdd"
+        raise ProgramError(f"{path.name}: not a film that Blender opens. Use flowsculpt export {forms}")
+    render, earlier = scene.render, [each for each in bpy.data.collections if FILM in each]
+    was = render.fps, render.fps_base, scene.frame_start, scene.frame_end
+    collection = bpy.data.collections.new(f"Flowsculpt {path.stem}")
+    collection[FILM] = str(path)
+    scene.collection.children.link(collection)
+    layer = bpy.context.view_layer
+    active, ours = layer.active_layer_collection, layer.layer_collection.children[collection.name]
+    layer.active_layer_collection = ours
+    try:
+        timing = _timing(path)
+        if timing.rate:
+            render.fps, render.fps_base = round(timing.rate), round(timing.rate) / timing.rate
+        import_file(path, sets_range=True)
+        if timing.frames:
+            scene.frame_start, scene.frame_end = timing.frames
+        scene.frame_set(scene.frame_start)
+        _require(_has_faces(collection))
+    except Exception as error:  # of damaged files, importers raise anything
+        layer.active_layer_collection = active
+        _remove(collection)
+        render.fps, render.fps_base, scene.frame_start, scene.frame_end = was
+        if isinstance(error, ProgramError):
+            raise
+        raise ProgramError(f"{path.name}: damaged, or not a film of flowsculpt. Export it again") from None
+    layer.active_layer_collection = active
+    for each in earlier:
+        _remove(each)
+    scene[FILM] = str(path)
+    cameras = (each for each in collection.all_objects if each.type == "CAMERA")
+    scene.camera = scene.camera or next(cameras, None)
+    held = "" if timing.rate else ", the scene's rate: the file has none"
+    rate = f"{render.fps / render.fps_base:g} frames a second{held}"
+    return f"{path.name}: frames {scene.frame_start} to {scene.frame_end}, {rate}"
+
+
+def import_file(path: Path, sets_range: bool = False) -> None:
+    """Import a file by the importer of its suffix. Raises ProgramError where Blender refuses it."""
+    file, kind = {"filepath": str(path)}, path.suffix.lower()
+    try:
+        if kind == ".abc":
+            done = bpy.ops.wm.alembic_import(**file, as_background_job=False, set_frame_range=sets_range)
+        elif kind == ".glb":
+            done = bpy.ops.import_scene.gltf(**file)
+        elif kind in CACHES:
+            done = bpy.ops.wm.obj_import(filepath=f"{path}.obj")
+            _move_by_cache(bpy.context.selected_objects[0], path)
+        else:
+            done = bpy.ops.wm.usd_import(**file, set_frame_range=sets_range)
+    except RuntimeError as error:
+        reason = str(error).removeprefix("Error: ").split("\n")[0].strip()
+        remedy = "Export it with --plain" if "meshopt" in reason else "Export it again"
+        raise ProgramError(f"{path.name}: Blender cannot import it: {reason}. {remedy}") from None
+    _require(done == {"FINISHED"})
+
+
+def _move_by_cache(shape: bpy.types.Object, path: Path) -> None:
+    """Have a point cache move a mesh."""
+    modifier, timing = shape.modifiers.new("film", "MESH_CACHE"), _timing(path)
+    modifier.filepath, modifier.cache_format = str(path), path.suffix[1:].upper()
+    modifier.frame_start, modifier.frame_scale = timing.frames[0], 1.0 / timing.step
+
+
+def _timing(path: Path) -> Timing:
+    """Read the frames and rate of a film. Raises ProgramError where files beside it are missing."""
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+        kind, names = path.suffix.lower(), [f"{path.name}.obj"] if path.suffix.lower() in CACHES else []
+        if content[:5] == b"#usda":
+            names = [name.decode() for name in re.findall(rb"@\./([^@\n]+)@", content)]
+        missing = [name for name in dict.fromkeys(names) if not (path.parent / name).is_file()]
+        if missing:
+            others = f" and {len(missing) - 1} more are" if missing[1:] else " is"
+            raise ProgramError(f"{path.name}: {missing[0]}{others} missing beside it. Copy its whole folder")
+        if kind == ".glb":
+            clips = json.loads(content[20 : 20 + struct.unpack_from("<I", content, 12)[0]])["animations"]
+            rate, first, last = (clips[0].get("extras", {}).get(name) for name in ("rate", "first", "last"))
+            return Timing(rate, None if rate is None else (0, last - first))
+        if kind == ".pc2":
+            points, first, step, count = struct.unpack_from("<iffi", content, 16)
+            _require(len(content) == 32 + 12 * points * count)
+            return Timing(None, (round(first), round(first + step * (count - 1))), step)
+        if kind == ".mdd":
+            count, points = struct.unpack_from(">ii", content)
+            seconds = struct.unpack_from(f">{count}f", content, 8)
+            _require(len(content) == 8 + 4 * count + 12 * points * count)
+            return Timing(1.0 / seconds[1] if count > 1 else None, (1, count))
+        if kind == ".abc":  # Blender ends where a file that is cut short leads it beyond its end
+            _require(content[:6] == b"Ogawa\xff" and struct.unpack_from("<Q", content, 8)[0] < len(content))
+        rate = re.search(rb"(?:_ai_DCC_FPS=|timeCodesPerSecond = )([\d.]+)", content)
+        return Timing(float(rate[1]) if rate else None)
+
+
+def _require(is_whole: bool) -> None:
+    if not is_whole:
+        raise ValueError("a damaged file")
+
+
+def _has_faces(collection: bpy.types.Collection) -> bool:
+    """Tell whether a film shows anything."""
+    graph = bpy.context.evaluated_depsgraph_get()
+    shapes = (each.object for each in graph.object_instances if each.object.type == "MESH")
+    ours = {each.name for each in collection.all_objects}
+    return any(len(shape.data.polygons) > 0 for shape in shapes if shape.name in ours)
+
+
+def _remove(collection: bpy.types.Collection) -> None:
+    """Remove a film and its objects."""
+    for item in list(collection.all_objects):
+        bpy.data.objects.remove(item)
+    for each in (*collection.children_recursive, collection):
+        bpy.data.collections.remove(each)
