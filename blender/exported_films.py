@@ -8,30 +8,20 @@ import mmap
 import re
 import struct
 from pathlib import Path
-from typing import NamedTuple
 
 import bpy
 
 from .program import ProgramError
 
 FILM = "flowsculpt_film"
-"""Custom property of a scene and of the collection of its film: the file that was opened."""
+"""Custom property of the collection of a film: the file that was opened."""
 
 CACHES = (".pc2", ".mdd")
 SUFFIXES = (".abc", ".usda", ".usdc", ".usd", ".usdz", ".glb", *CACHES)
 
 
-class Timing(NamedTuple):
-    """What a file says of its time, None where nothing.
-
-    rate    frames a second
-    frames  its first and its last one
-    step    frames from sample to sample
-    """
-
-    rate: float | None = None
-    frames: tuple[int, int] | None = None
-    step: float = 1.0
+Timing = tuple[float | None, tuple[int, int] | None, float]
+"""Frames a second, first and last frame, and frames between samples; None where a file does not say."""
 
 
 def open_film(path: Path, scene: bpy.types.Scene) -> str:
@@ -53,12 +43,11 @@ def open_film(path: Path, scene: bpy.types.Scene) -> str:
     active, ours = layer.active_layer_collection, layer.layer_collection.children[collection.name]
     layer.active_layer_collection = ours
     try:
-        timing = _timing(path)
-        if timing.rate:
-            render.fps, render.fps_base = round(timing.rate), round(timing.rate) / timing.rate
+        rate, frames, _ = _timing(path)
+        if rate:
+            render.fps, render.fps_base = round(rate), round(rate) / rate
         import_file(path, sets_range=True)
-        if timing.frames:
-            scene.frame_start, scene.frame_end = timing.frames
+        scene.frame_start, scene.frame_end = frames or (scene.frame_start, scene.frame_end)
         scene.frame_set(scene.frame_start)
         _require(_has_faces(collection))
     except Exception as error:  # of damaged files, importers raise anything
@@ -71,12 +60,10 @@ def open_film(path: Path, scene: bpy.types.Scene) -> str:
     layer.active_layer_collection = active
     for each in earlier:
         _remove(each)
-    scene[FILM] = str(path)
-    cameras = (each for each in collection.all_objects if each.type == "CAMERA")
-    scene.camera = scene.camera or next(cameras, None)
-    held = "" if timing.rate else ", the scene's rate: the file has none"
-    rate = f"{render.fps / render.fps_base:g} frames a second{held}"
-    return f"{path.name}: frames {scene.frame_start} to {scene.frame_end}, {rate}"
+    scene.camera = scene.camera or next((o for o in collection.all_objects if o.type == "CAMERA"), None)
+    held = "" if rate else ", the scene's rate: the file has none"
+    shown = f"frames {scene.frame_start} to {scene.frame_end}, {render.fps / render.fps_base:g} a second"
+    return f"{path.name}: {shown}{held}"
 
 
 def import_file(path: Path, sets_range: bool = False) -> None:
@@ -88,8 +75,10 @@ def import_file(path: Path, sets_range: bool = False) -> None:
         elif kind == ".glb":
             done = bpy.ops.import_scene.gltf(**file)
         elif kind in CACHES:
-            done = bpy.ops.wm.obj_import(filepath=f"{path}.obj")
-            _move_by_cache(bpy.context.selected_objects[0], path)
+            done, (_, frames, step) = bpy.ops.wm.obj_import(filepath=f"{path}.obj"), _timing(path)
+            cache = bpy.context.selected_objects[0].modifiers.new("film", "MESH_CACHE")
+            cache.filepath, cache.cache_format = str(path), path.suffix[1:].upper()
+            cache.frame_start, cache.frame_scale = frames[0], 1.0 / step
         else:
             done = bpy.ops.wm.usd_import(**file, set_frame_range=sets_range)
     except RuntimeError as error:
@@ -97,13 +86,6 @@ def import_file(path: Path, sets_range: bool = False) -> None:
         remedy = "Export it with --plain" if "meshopt" in reason else "Export it again"
         raise ProgramError(f"{path.name}: Blender cannot import it: {reason}. {remedy}") from None
     _require(done == {"FINISHED"})
-
-
-def _move_by_cache(shape: bpy.types.Object, path: Path) -> None:
-    """Have a point cache move a mesh."""
-    modifier, timing = shape.modifiers.new("film", "MESH_CACHE"), _timing(path)
-    modifier.filepath, modifier.cache_format = str(path), path.suffix[1:].upper()
-    modifier.frame_start, modifier.frame_scale = timing.frames[0], 1.0 / timing.step
 
 
 def _timing(path: Path) -> Timing:
@@ -119,20 +101,20 @@ def _timing(path: Path) -> Timing:
         if kind == ".glb":
             clips = json.loads(content[20 : 20 + struct.unpack_from("<I", content, 12)[0]])["animations"]
             rate, first, last = (clips[0].get("extras", {}).get(name) for name in ("rate", "first", "last"))
-            return Timing(rate, None if rate is None else (0, last - first))
+            return rate, None if rate is None else (0, last - first), 1.0
         if kind == ".pc2":
             points, first, step, count = struct.unpack_from("<iffi", content, 16)
             _require(len(content) == 32 + 12 * points * count)
-            return Timing(None, (round(first), round(first + step * (count - 1))), step)
+            return None, (round(first), round(first + step * (count - 1))), step
         if kind == ".mdd":
             count, points = struct.unpack_from(">ii", content)
             seconds = struct.unpack_from(f">{count}f", content, 8)
             _require(len(content) == 8 + 4 * count + 12 * points * count)
-            return Timing(1.0 / seconds[1] if count > 1 else None, (1, count))
+            return 1.0 / seconds[1] if count > 1 else None, (1, count), 1.0
         if kind == ".abc":  # Blender ends where a file that is cut short leads it beyond its end
             _require(content[:6] == b"Ogawa\xff" and struct.unpack_from("<Q", content, 8)[0] < len(content))
         rate = re.search(rb"(?:_ai_DCC_FPS=|timeCodesPerSecond = )([\d.]+)", content)
-        return Timing(float(rate[1]) if rate else None)
+        return float(rate[1]) if rate else None, None, 1.0
 
 
 def _require(is_whole: bool) -> None:
@@ -141,15 +123,12 @@ def _require(is_whole: bool) -> None:
 
 
 def _has_faces(collection: bpy.types.Collection) -> bool:
-    """Tell whether a film shows anything."""
-    graph = bpy.context.evaluated_depsgraph_get()
-    shapes = (each.object for each in graph.object_instances if each.object.type == "MESH")
-    ours = {each.name for each in collection.all_objects}
-    return any(len(shape.data.polygons) > 0 for shape in shapes if shape.name in ours)
+    graph, ours = bpy.context.evaluated_depsgraph_get(), {each.name for each in collection.all_objects}
+    shapes = (each.object for each in graph.object_instances if each.object.name in ours)
+    return any(shape.type == "MESH" and len(shape.data.polygons) > 0 for shape in shapes)
 
 
 def _remove(collection: bpy.types.Collection) -> None:
-    """Remove a film and its objects."""
     for item in list(collection.all_objects):
         bpy.data.objects.remove(item)
     for each in (*collection.children_recursive, collection):

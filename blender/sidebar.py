@@ -75,8 +75,9 @@ class ShotPanel(bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, settings, shot = self.layout, context.scene.flowsculpt, current.shot
-        film = context.scene.get(FILM)
-        if film and not Path(film).is_file():
+        for film in (
+            each[FILM] for each in bpy.data.collections if FILM in each and not Path(each[FILM]).is_file()
+        ):
             _draw_message(layout, f"{film} is not there any more. Open it where it is now.")
         layout.operator("flowsculpt.open_film", icon="FILE_FOLDER")
         if shutil.which(preferences().program or "flowsculpt") is None:

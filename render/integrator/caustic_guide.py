@@ -138,7 +138,7 @@ class CausticGuide:
     def pdf(self, cell: Any, direction: Any, active: Any) -> Any:
         """Return the density of a direction in a cell."""
         across, down, density = _to_square(direction)
-        column, row = (dr.minimum(mi.UInt32(part * SIDE), SIDE - 1) for part in (across, down))
+        column, row = (dr.minimum(mi.UInt32(part * SIDE), SIDE - 1) for part in (across, down))  # also of NaN
         below, above = self._bounds(cell, row * SIDE + column, active)
         return (above - below) * _BINS * density
 

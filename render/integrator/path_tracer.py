@@ -167,8 +167,7 @@ def _sum_samples(tracer: PathTracer, sampler: OwenSampler, corner: Any, size: An
 
 
 def _finite(parts: list[Any]) -> list[Any]:
-    """Return parts that are black where they are not finite. `dr.minimum`, `maximum` and `clip` pass NaN on
-    (Dr.Jit 1.5), in any order: it is mended where it arises, and indices are limited as integers."""
+    """Return parts, black where not finite. `dr.minimum` and `clip` pass NaN on: its sources are mended."""
     is_finite = dr.isfinite(mi.luminance(sum(parts[1:], parts[0])))
     return [dr.select(is_finite, part, 0.0) for part in parts]
 

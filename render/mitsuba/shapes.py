@@ -67,9 +67,7 @@ def mesh(
 
 
 def _normals(surface: Surface) -> NDArray[np.floating]:
-    """Return the normals (V, 3) of a surface; where a face has none, as flows may leave it, that of the face.
-
-    Mitsuba's would be NaN there."""
+    """Return normals (V, 3); faces that flows have left without any get their own, else Mitsuba's is NaN."""
     known = np.logical_or.reduce(surface.normals, axis=1)
     bare = surface.faces[:0] if known.all() else surface.faces[~known[surface.faces].any(axis=1)]
     a, b, c = surface.vertices[bare.T].astype(np.float64)
