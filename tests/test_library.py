@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
+import pickle
 import re
 import subprocess
 import sys
+from collections.abc import Callable
+from copy import deepcopy
 from importlib.util import find_spec
 from inspect import getdoc
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import flowsculpt
 from flowsculpt import api
 from flowsculpt.pipeline import mesh
+from flowsculpt.pipeline.flow.catalogue.external_fields import Attraction, FormulaField, Target, Wind
+from flowsculpt.pipeline.flow.composition import Sum, within
+from flowsculpt.pipeline.flow.regions import ClosedSurface, MeshRegion
 
 
 @pytest.mark.parametrize("name", flowsculpt.__all__)
@@ -40,6 +47,41 @@ def test_editors_complete_the_public_names() -> None:
 def test_a_name_that_is_not_there_is_an_attribute_error() -> None:
     with pytest.raises(AttributeError, match="module 'flowsculpt' has no attribute 'Resample'"):
         _ = flowsculpt.Resample  # type: ignore[attr-defined]
+
+
+BALL = flowsculpt.icosphere(4).with_attributes(heat=np.arange(162.0)).with_creases([[0, 1]])
+
+
+@pytest.mark.parametrize("duplicate", [deepcopy, lambda value: pickle.loads(pickle.dumps(value))])
+def test_values_and_resamplers_go_to_other_processes(duplicate: Callable[[Any], Any]) -> None:
+    """Pools pickle them; flows after they were used here, with what kernels know by address."""
+    polygons = flowsculpt.PolygonMesh.from_triangles(BALL)
+    for surface in BALL, polygons:
+        ours, theirs = vars(surface), vars(duplicate(surface))
+        np.testing.assert_equal(
+            {**theirs, "attributes": dict(theirs["attributes"])},
+            {**ours, "attributes": dict(ours["attributes"])},
+        )
+    texture = flowsculpt.TextureCoordinates(BALL.vertices, BALL.faces, BALL.vertices[:, :2])
+    resampler = flowsculpt.Resampler(texture.prepare(BALL), flowsculpt.Thresholds(0.3))
+    again = duplicate(resampler)
+    assert again.resample() == duplicate(resampler.resample())
+    np.testing.assert_equal(again.state(), resampler.state())
+    one, other = (value.split(resampler.mesh) for value in (texture, duplicate(texture)))
+    np.testing.assert_equal(dict(one.attributes), dict(other.attributes))
+
+
+@pytest.mark.parametrize("duplicate", [deepcopy, lambda value: pickle.loads(pickle.dumps(value))])
+def test_flows_that_were_used_go_to_other_processes(duplicate: Callable[[Any], Any]) -> None:
+    field = Sum(
+        (FormulaField(("y", "x", "1")), Attraction(Target.points(np.eye(3))), Wind(((0, 0, 0), (1, 0, 0))))
+    )
+    turn = flowsculpt.Twist(amount=flowsculpt.keyed((0, 1), (0, 2)))
+    surface = ClosedSurface.of(flowsculpt.box())
+    flow = flowsculpt.Sequence((flowsculpt.Streamlines(field), within(turn, MeshRegion(surface=surface))))
+    moved = flow.displace(BALL.vertices, 0.0, 0.1)
+    assert duplicate(flow) == flow
+    np.testing.assert_array_equal(duplicate(flow).displace(BALL.vertices, 0.0, 0.1), moved)
 
 
 IMPORT = """

@@ -158,6 +158,11 @@ class ExternalField(VelocityField):
     def numbers(self, time: float) -> tuple[float, ...]:
         """Return the function's numbers at a time, at most ten; some may be addresses of arrays."""
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what a pickle holds: nothing that is known by address in this process."""
+        known = {name for name in vars(self) if isinstance(getattr(type(self), name, None), cached_property)}
+        return {name: value for name, value in vars(self).items() if name not in known}
+
     def cache_data(self, time: float) -> Any:
         """Return all that decides its velocities at a time, JSON-able and without any address."""
         return [time, *self.numbers(time)]

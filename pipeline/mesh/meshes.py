@@ -109,6 +109,10 @@ class TriangleMesh:
         """(2, 3): the lowest and the highest coordinates of the vertices."""
         return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        arrays = self.vertices, self.faces, dict(self.attributes), self.creases, self.seams
+        return TriangleMesh, arrays  # pickle knows no mapping that is only read
+
     def __repr__(self) -> str:
         names = ", ".join(self.attributes) or "no attributes"
         return f"TriangleMesh({len(self.vertices)} vertices, {len(self.faces)} faces, {names})"
@@ -297,6 +301,10 @@ class PolygonMesh(FaceLists):
         object.__setattr__(self, "corners", frozen(corners, np.int32))
         object.__setattr__(self, "attributes", MappingProxyType(dict(shared.attributes)))
         object.__setattr__(self, "creases", shared.creases)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        arrays = self.vertices, self.offsets, self.corners, dict(self.attributes), self.creases
+        return PolygonMesh.from_arrays, arrays
 
     def face(self, number: int) -> Indices:
         """Return the corners (n,) of one face."""

@@ -24,7 +24,8 @@ def test_every_script_is_drawn_and_told_of_in_the_docs() -> None:
 def test_every_picture_of_the_docs_is_there_and_small() -> None:
     for page in DOCS.glob("*.md"):
         for name in re.findall(r"\]\((pictures/[^)]+)\)", page.read_text()):
-            assert 1_000 < (DOCS / name).stat().st_size < 300_000, name
+            most = 600_000 if name == "pictures/film.webp" else 300_000  # which moves
+            assert 1_000 < (DOCS / name).stat().st_size < most, name
 
 
 def test_a_figure_is_the_same_bytes_however_often_it_is_drawn(
