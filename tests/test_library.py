@@ -18,7 +18,7 @@ import pytest
 
 import flowsculpt
 from flowsculpt import api
-from flowsculpt.pipeline import mesh
+from flowsculpt.pipeline import flow, mesh
 from flowsculpt.pipeline.flow.catalogue.external_fields import Attraction, FormulaField, Target, Wind
 from flowsculpt.pipeline.flow.composition import Sum, within
 from flowsculpt.pipeline.flow.regions import ClosedSurface, MeshRegion
@@ -32,7 +32,10 @@ def test_each_public_name_is_there_with_a_docstring_of_its_own(name: str) -> Non
     assert len(getdoc(public) or "") >= 40
 
 
-@pytest.mark.parametrize("module", [flowsculpt, mesh, api], ids=lambda module: module.__name__)
+MODULES = [flowsculpt, flow, mesh, api]
+
+
+@pytest.mark.parametrize("module", MODULES, ids=lambda module: module.__name__)
 def test_readers_of_types_see_the_names_that_python_has(module: Any) -> None:
     seen: dict[str, object] = {}
     exec(Path(f"{module.__file__}i").read_text(encoding="utf-8"), seen)

@@ -1,4 +1,4 @@
-"""Flows; `__init__.py` imports each name from its module when it is first used."""
+"""Names of flows, and the modules that `__init__.py` imports them from when they are first used."""
 
 from flowsculpt.pipeline.flow.composition import Blend as Blend
 from flowsculpt.pipeline.flow.composition import Mirror as Mirror
