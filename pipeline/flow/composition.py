@@ -237,10 +237,7 @@ MAX_ITERATIONS = 100
 
 @dataclass(frozen=True)
 class Sum(VelocityField):
-    """Velocities added up, then integrated together: the order of the fields does not matter.
-
-    Follow them by `Streamlines(Sum((one, other)))`.
-    """
+    """Velocities added up, then integrated together, in any order, by `Streamlines(Sum((one, other)))`."""
 
     fields: tuple[VelocityField, ...]
 

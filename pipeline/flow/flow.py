@@ -94,8 +94,7 @@ class Flow(ABC):
     """A mapping of points into points, as it acts during a step of time.
 
     A flow is a value: pure, without memory, and it neither knows nor cares whether the points are
-    particles, control points or the vertices of a mesh (P4). A `Resampler` asks for none: any function may
-    move its vertices.
+    particles, control points or the vertices of a mesh (P4).
     """
 
     @abstractmethod
