@@ -18,8 +18,8 @@ from .shown_shot import shots_in
 LINE = 40  # characters of a line of a message in the panel
 
 NO_PROGRAM = (
-    "To edit and render shots, install the program flowsculpt (pipx install flowsculpt[film]), or give its path in "
-    "the preferences."
+    "To edit and render shots, install the program flowsculpt (pipx install flowsculpt[film]), or give its "
+    "path in the preferences."
 )
 
 
