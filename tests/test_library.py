@@ -17,8 +17,8 @@ import numpy as np
 import pytest
 
 import flowsculpt
-from flowsculpt import api
-from flowsculpt.pipeline import flow, mesh
+from flowsculpt import api, render
+from flowsculpt.pipeline import flow, mesh, resample, shot
 from flowsculpt.pipeline.flow.catalogue.external_fields import Attraction, FormulaField, Target, Wind
 from flowsculpt.pipeline.flow.composition import Sum, within
 from flowsculpt.pipeline.flow.regions import ClosedSurface, MeshRegion
@@ -32,7 +32,7 @@ def test_each_public_name_is_there_with_a_docstring_of_its_own(name: str) -> Non
     assert len(getdoc(public) or "") >= 40
 
 
-MODULES = [flowsculpt, flow, mesh, api]
+MODULES = [flowsculpt, flow, mesh, resample, shot, render, api]
 
 
 @pytest.mark.parametrize("module", MODULES, ids=lambda module: module.__name__)

@@ -14,6 +14,6 @@ def test_every_public_name_can_be_imported() -> None:
 
 
 def test_importing_the_package_imports_no_renderer() -> None:
-    code = "import sys, render; print([m for m in ('mitsuba', 'numba', 'OpenImageIO') if m in sys.modules])"
+    code = "import sys, flowsculpt.render; print([m for m in ('mitsuba', 'numba', 'OpenImageIO') if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"

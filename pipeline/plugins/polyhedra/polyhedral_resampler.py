@@ -17,7 +17,7 @@ from flowsculpt.pipeline.plugins.polyhedra.polyhedron import (
     inherited,
 )
 from flowsculpt.pipeline.plugins.polyhedra.subdivision import Collapser, Slicer
-from flowsculpt.pipeline.resample.polygon_resampler import Collapse, Cutting, PolygonResampler
+from flowsculpt.pipeline.resample.polygon_resamplers import Collapse, Cutting, PolygonResampler
 from flowsculpt.pipeline.resample.resample_pass import PolyhedralReport, not_finite
 from flowsculpt.pipeline.resample.thresholds import Thresholds
 

@@ -24,7 +24,7 @@ from flowsculpt.pipeline.plugins.polyhedra.polyhedron import (
     newell,
     norm,
 )
-from flowsculpt.pipeline.resample.polygon_resampler import Cutting
+from flowsculpt.pipeline.resample.polygon_resamplers import Cutting
 
 _MIN_SNAP = 0.25  # of the maximum: a cut that passes a vertex more closely goes through it
 _MAX_SNAP = 0.49  # of a face's maximum; below half of it every cut makes both parts narrower

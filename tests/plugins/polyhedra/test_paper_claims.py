@@ -12,7 +12,7 @@ from flowsculpt.pipeline.plugins.polyhedra.polyhedral_resampler import Polyhedra
 from flowsculpt.pipeline.plugins.polyhedra.polyhedron import LengthLimits, Polyhedron, PolyhedronEditor
 from flowsculpt.pipeline.plugins.polyhedra.subdivision import Slicer
 from flowsculpt.pipeline.resample import Thresholds, edges_by_angle, edges_in_region
-from flowsculpt.pipeline.resample.polygon_resampler import Cutting
+from flowsculpt.pipeline.resample.polygon_resamplers import Cutting
 from flowsculpt.pipeline.resample.thresholds import WithinBall, WithinBox
 
 KINDS = ["cube", "ell", "comb", "star", "drum", "ring", "open box", "leaf", "tetrahedron", "ball", "cloth"]

@@ -10,7 +10,7 @@ from flowsculpt.pipeline.errors import FrameError
 from flowsculpt.pipeline.mesh import PolygonMesh, require, validate
 from flowsculpt.pipeline.plugins.polyhedra.polyhedral_resampler import PolyhedralResampler
 from flowsculpt.pipeline.resample import Thresholds
-from flowsculpt.pipeline.resample.polygon_resampler import Collapse, Cutting
+from flowsculpt.pipeline.resample.polygon_resamplers import Collapse, Cutting
 
 KINDS = ["cube", "ell", "comb", "star", "drum", "ring", "open box", "leaf", "tetrahedron", "ball", "cloth"]
 

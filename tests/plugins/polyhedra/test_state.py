@@ -9,7 +9,7 @@ from flowsculpt.pipeline.errors import FrameError, MeshError, UsageError
 from flowsculpt.pipeline.mesh import PolygonMesh, require
 from flowsculpt.pipeline.plugins.polyhedra.polyhedral_resampler import PolyhedralResampler
 from flowsculpt.pipeline.resample import Thresholds
-from flowsculpt.pipeline.resample.polygon_resampler import Cutting
+from flowsculpt.pipeline.resample.polygon_resamplers import Cutting
 
 THRESHOLDS = Thresholds(0.35)
 
