@@ -141,11 +141,12 @@ blender: .venv/ready-cycles
 	$(BIN)/python -m pip install --quiet --no-deps --target .venv/peers -r benchmarks/requirements.txt
 	@touch $@
 
+# Versions of packages are part of keys: `fewest` takes one of each for all Pythons, not the newest for each.
 lock:
 	echo pip | uv pip compile $(LOCK) - -o requirements-pip.lock
 	uv pip compile $(LOCK) --extra film --extra models --group build pyproject.toml -o requirements.lock
 	uv pip compile $(LOCK) --extra film --extra models --group build --group dev pyproject.toml -c requirements.lock -o requirements-dev.lock
-LOCK := --quiet --upgrade --python-version 3.11 --universal --generate-hashes --no-emit-index-url --no-emit-find-links --no-annotate --custom-compile-command "make lock"
+LOCK := --quiet --upgrade --python-version 3.11 --universal --fork-strategy fewest --generate-hashes --no-emit-index-url --no-emit-find-links --no-annotate --custom-compile-command "make lock"
 
 clean:
 	rm -rf renders .flowsculpt .snakemake
