@@ -31,6 +31,10 @@ if TYPE_CHECKING:
 sys.dont_write_bytecode = False
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
+# Shells start what runs in the background (`make test &`) deaf to interrupts, and all that it starts.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
 # No example fails for the time that it takes: a busy machine stalls any of them for seconds.
 settings.register_profile("new", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 # The same examples in every run, so that what fails was broken by a change; `make soak` looks for others.

@@ -162,9 +162,13 @@ def test_an_interrupt_ends_a_frame_that_would_take_half_an_hour(tmp_path: Path) 
         env={**os.environ, "PYTHONPATH": str(Path.cwd())},
     )
     assert process.stdout is not None
-    while process.stdout.readline() != b"1\n":
-        assert process.poll() is None
-    time.sleep(1.0)
-    process.send_signal(signal.SIGINT)
-    frames, complaint = process.communicate(timeout=300)
+    try:
+        while process.stdout.readline() != b"1\n":
+            assert process.poll() is None
+        time.sleep(1.0)
+        process.send_signal(signal.SIGINT)
+        frames, complaint = process.communicate(timeout=300)
+    finally:
+        process.kill()
+        process.wait()
     assert b"KeyboardInterrupt" in complaint and not frames, "the second frame was never done"
