@@ -12,7 +12,10 @@ job has made, and has their digest in its name: an edited shot asks for other na
 its graph, done-files are compared with the store, so a stale one counts as missing.
 """
 
-from flowsculpt.pipeline.production.execution.snakefile import JOB_PROCESS, PlannedWorkflow
+from flowsculpt.pipeline.production.execution.snakefile import (
+    JOB_PROCESS,
+    PlannedWorkflow,
+)
 
 plan = PlannedWorkflow(workflow, config)
 
