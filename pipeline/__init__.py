@@ -2,3 +2,6 @@
 
 The layers import downwards only; `docs/architecture.md` draws them.
 """
+
+if __name__ == "pipeline":  # in a checkout; everything would be imported a second time
+    raise ModuleNotFoundError("import flowsculpt.pipeline", name=__name__)

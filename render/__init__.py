@@ -8,6 +8,9 @@ The public names, each imported from its module when first used:
 from flowsculpt import lazy_names
 from flowsculpt.render.base.python_process import is_own, prepare
 
+if __name__ == "render":  # in a checkout; everything would be imported a second time
+    raise ModuleNotFoundError("import flowsculpt.render", name=__name__)
+
 if is_own():
     prepare()
 

@@ -331,6 +331,7 @@ def plugin(name: str = "greeter", rest: str = "") -> str:
             "keyword argument 'lenses'; a later flowsculpt may have it",
         ),
         ("newer", "from flowsculpt.api import Lens", "; a later flowsculpt may have it"),
+        ("older", "from pipeline.api import Plugin", "since flowsculpt 0.2.0 it is flowsculpt.pipeline"),
         ("number", plugin("number", ", api='1'"), "its field api is not a whole number"),
         (
             "nameless",

@@ -71,7 +71,10 @@ def reason_of_foreign(error: BaseException) -> str:
         text = "its text cannot be written"
     lines = [line for line in text.splitlines() if not line.startswith(_NUMBA_LINES)]
     line = " ".join(f"{type(error).__name__}: {' '.join(lines)}".split()).removesuffix(":")
-    of_api = isinstance(error, ImportError) and error.name == "flowsculpt.api"
+    absent = error.name if isinstance(error, ImportError) else None
+    if absent in ("pipeline", "render"):
+        return f"{line}; since flowsculpt 0.2.0 it is flowsculpt.{absent}, and for plug-ins flowsculpt.api"
+    of_api = absent == "flowsculpt.api"
     if of_api or line.startswith("TypeError: Plugin.__init__() got an unexpected keyword"):
         return f"{line}; a later flowsculpt may have it"
     return line
