@@ -26,6 +26,7 @@ for owner, names in {
 }.items():
     for name in names.split():
         delattr(owner, name)
+os.process_cpu_count = os.cpu_count  # as Python 3.13 has it where threads are not bound to cores
 """
 """Takes away from our packages what Windows lacks; libraries choose their parts by the system itself."""
 
