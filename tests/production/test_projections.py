@@ -44,10 +44,10 @@ def there(project, monkeypatch):
 def told(path: Path) -> tuple[int, ...] | None:
     """Projection and bounds left, top, right and bottom that FFmpeg reads from a movie; None without."""
     with av.open(str(path)) as container:
-        found = {entry.type.name: bytes(entry) for entry in next(container.decode(video=0)).side_data}
-    if "SPHERICAL" not in found:
+        found = next(container.decode(video=0)).side_data.get("SPHERICAL")
+    if found is None:
         return None
-    kind, _, _, _, *bounds = struct.unpack_from("<i3i4I", found["SPHERICAL"])
+    kind, _, _, _, *bounds = struct.unpack_from("<i3i4I", bytes(found))
     return kind, *bounds
 
 

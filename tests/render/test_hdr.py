@@ -69,15 +69,14 @@ def test_a_grey_card_comes_back_with_its_nits(encode: Encode, value: float, tmp_
     with av.open(str(tmp_path / "a.mp4")) as container:
         shown = next(container.decode(video=0))
         luma = (shown.reformat(format="yuv444p16le").to_ndarray()[..., 0] / 256.0 - 16.0) / 219.0
-        said = {str(data.type).rpartition(".")[2].split(":")[0]: bytes(data) for data in shown.side_data}
+        names = ("CONTENT_LIGHT_LEVEL", "MASTERING_DISPLAY_METADATA")
+        levels, display = (bytes(shown.side_data.get(name) or b"") for name in names)
     found = nits(np.repeat(luma.mean()[None], 3), encode.display)
     assert found == pytest.approx(value, rel=0.01)
     if light is None:
         return
     assert light.brightest == light.average == pytest.approx(value, abs=1)
-    levels = next(data for name, data in said.items() if "CONTENT_LIGHT" in name)
     assert struct.unpack_from("=II", levels) == (light.brightest, light.average)
-    display = next(data for name, data in said.items() if "MASTERING" in name)
     numbers = struct.unpack_from("=20i", display)
     red_x, peak = numbers[0] / numbers[1], numbers[18] / numbers[19]
     assert (red_x, peak) == pytest.approx((0.68, 1000.0), rel=1e-3)

@@ -52,8 +52,8 @@ def written(path: Path, encode: Encode, projection: Projection) -> Path:
 def side_data(path: Path) -> dict[str, bytes]:
     """Return what FFmpeg tells of the projection of the first picture, by name."""
     with av.open(str(path)) as container:
-        frame = next(container.decode(video=0))
-        return {entry.type.name: bytes(entry) for entry in frame.side_data}
+        found = next(container.decode(video=0)).side_data
+        return {name: bytes(found[name]) for name in ("SPHERICAL", "STEREO3D") if found.get(name)}
 
 
 def shown_as(path: Path) -> tuple[int, ...]:
