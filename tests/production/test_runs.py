@@ -225,7 +225,17 @@ def test_an_interrupted_run_ends_with_130_and_keeps_what_is_done(project):
 
 
 @pytest.mark.parametrize(
-    "signals", [[signal.SIGTERM], [signal.SIGHUP], [signal.SIGINT, signal.SIGINT, signal.SIGTERM]]
+    "signals",
+    [
+        [signal.SIGTERM],
+        pytest.param(
+            [signal.SIGHUP],
+            marks=pytest.mark.skipif(
+                signal.getsignal(signal.SIGHUP) is signal.SIG_IGN, reason="nohup has hangups ignored"
+            ),
+        ),
+        [signal.SIGINT, signal.SIGINT, signal.SIGTERM],
+    ],
 )
 def test_signals_to_the_command_alone_end_all_of_its_processes(project, signals):
     lengthen(project)
