@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import subprocess
 import sys
 import time
@@ -13,6 +14,10 @@ import psutil
 import pytest
 
 LAST_NUMBER = Path("/proc/sys/kernel/ns_last_pid")
+
+HEARS_HANGUPS = pytest.mark.skipif(
+    signal.getsignal(signal.SIGHUP) is signal.SIG_IGN, reason="nohup has hangups ignored"
+)
 
 
 def wait_until(is_true: Callable[[], object], seconds: float = 120.0) -> None:

@@ -12,6 +12,7 @@ import pytest
 from flowsculpt.render.movie.probe import probe_movie
 from flowsculpt.render.post.image import read_exr, read_header
 from tests.conftest import QUALITY
+from tests.processes import HEARS_HANGUPS
 
 NAME = "T010_tiny"
 FILM = f"renders/film/{QUALITY}/film.mp4"
@@ -228,12 +229,7 @@ def test_an_interrupted_run_ends_with_130_and_keeps_what_is_done(project):
     "signals",
     [
         [signal.SIGTERM],
-        pytest.param(
-            [signal.SIGHUP],
-            marks=pytest.mark.skipif(
-                signal.getsignal(signal.SIGHUP) is signal.SIG_IGN, reason="nohup has hangups ignored"
-            ),
-        ),
+        pytest.param([signal.SIGHUP], marks=HEARS_HANGUPS),
         [signal.SIGINT, signal.SIGINT, signal.SIGTERM],
     ],
 )

@@ -13,6 +13,7 @@ from flowsculpt.render.base.render_errors import BadInputError, MachineError
 from flowsculpt.render.mitsuba import engine, llvm
 from flowsculpt.render.mitsuba.engine import Engine, choose, works
 from flowsculpt.render.mitsuba.llvm import LibLlvm
+from tests.processes import HEARS_HANGUPS
 
 pytestmark = pytest.mark.renderer
 
@@ -51,7 +52,7 @@ def _probes_end_by(name: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setattr(sys, "executable", str(script))
 
 
-@pytest.mark.parametrize("name", ["KILL", "TERM", "INT", "HUP"])
+@pytest.mark.parametrize("name", ["KILL", "TERM", "INT", pytest.param("HUP", marks=HEARS_HANGUPS)])
 def test_a_probe_killed_from_outside_says_nothing(
     name: str, empty_cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
