@@ -104,7 +104,7 @@ def test_ctrl_c_while_the_command_starts_says_nothing_and_exits_with_130(tmp_pat
 )
 def test_settings_of_numba_that_it_cannot_read_are_passed_over(setting: str) -> None:
     name, _, value = setting.partition("=")
-    code = f"{OWN}import flowsculpt.pipeline.resample, numba; numba.set_num_threads(1)"
+    code = f"{OWN}import flowsculpt.pipeline.resample.resampler, numba; numba.set_num_threads(1)"
     settings = {**os.environ, f"NUMBA_{name}": value}
     done = subprocess.run(
         [sys.executable, "-c", code], env=settings, capture_output=True, text=True, cwd=ROOT
