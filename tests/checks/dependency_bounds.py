@@ -41,7 +41,7 @@ def environment(resolution: str) -> Path:
     )
     run(
         *(uv, "pip", "install", "--quiet", "--python", python),
-        *("-r", versions, "-c", versions, "--group", "dev", "pip", "-e", "."),
+        *("-r", versions, "-c", versions, "--group", "dev", "--group", "build", "pip", "-e", "."),
     )
     return python
 

@@ -209,3 +209,31 @@ def test_a_film_can_be_made_from_an_empty_folder_with(installer, wheel, tmp_path
     run(command, "film", "short", cwd=show)
     assert (show / "renders/A010_cube/draft/frames/A010_cube.0002.exr").is_file()
     assert (show / "renders/film/draft/short.mp4").is_file()
+
+
+@pytest.mark.soak
+def test_the_wheel_passes_what_the_index_checks(wheel, tmp_path):
+    venv.create(tmp_path / "tools", with_pip=True)
+    pip("--python", tmp_path / "tools", "install", "twine", "check-wheel-contents")
+    for words in (["twine", "check", "--strict"], ["check-wheel-contents"]):
+        command = [tmp_path / "tools" / "bin" / words[0], *words[1:], wheel]
+        done = subprocess.run(command, env=env(), capture_output=True, text=True)
+        assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.mark.soak
+def test_the_library_alone_takes_a_quarter_of_a_gigabyte(wheel, tmp_path):
+    """As uv installs it: pip adds 30 MB of compiled Python. numpy, numba and llvmlite are all but 8 MB of it."""
+    tools, library = tmp_path / "tools", tmp_path / "library"
+    venv.create(tools, with_pip=True)
+    pip("--python", tools, "install", "uv")
+    for words in (["venv", library], ["pip", "install", wheel]):
+        command = [tools / "bin/uv", *words, "--quiet", "--python"]
+        python = library if "pip" in words else sys.executable
+        subprocess.run([*command, python], env=env(), check=True, timeout=600)
+    code = "from flowsculpt import Resampler, Thresholds, icosphere\n"
+    code += "print(Resampler(icosphere(8), Thresholds(0.1)).resample().vertices)"
+    words = [library / "bin" / "python", "-B", "-c", code]
+    done = subprocess.run(words, cwd=tmp_path, env=env(), capture_output=True, text=True, check=True)
+    size = sum(file.stat().st_size for file in library.rglob("*") if not file.is_symlink() and file.is_file())
+    assert int(done.stdout) > 642 and size <= 250 * 2**20
