@@ -282,7 +282,7 @@ def test_a_file_that_is_no_timeline_is_refused_in_one_line(content: str, tmp_pat
 
 def test_a_timeline_of_thousands_of_stacks_in_each_other_is_refused(tmp_path: Path) -> None:
     begin, child, end = saved(tmp_path, clip()).read_text().rpartition('"children": [')
-    nested = '{"OTIO_SCHEMA": "Stack.1", "children": [' * 3000 + "]}" * 3000
+    nested = '{"OTIO_SCHEMA": "Stack.1", "children": [' * 100_000 + "]}" * 100_000
     (tmp_path / "deep.otio").write_text(f"{begin}{child}{nested}, {end}")
     with pytest.raises(ShotError, match="too many brackets"):
         edit_of(tmp_path / "deep.otio", ("A",), tmp_path)
