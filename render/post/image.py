@@ -96,8 +96,9 @@ def write_exr(
     content = BytesIO()
     with OpenEXR.File(written, channels) as file:
         file.write(content)
-    with atomic_write(path) as temporary:
-        temporary.write_bytes(content.getbuffer())
+    # Left to itself, the buffer would outlive its owner where the disk refuses it.
+    with atomic_write(path) as temporary, content.getbuffer() as encoded:
+        temporary.write_bytes(encoded)
 
 
 def _planes(array: Pixels, kind: str, factor: float) -> Iterator[NDArray[np.float16] | Pixels]:
