@@ -96,9 +96,9 @@ def write_exr(
     content = BytesIO()
     with OpenEXR.File(written, channels) as file:
         file.write(content)
-    # Left to itself, the buffer would outlive its owner where the disk refuses it.
-    with atomic_write(path) as temporary, content.getbuffer() as encoded:
-        temporary.write_bytes(encoded)
+    # No copy, and no `getbuffer`: where the disk refuses it, Python 3.12.1 crashes on collecting that.
+    with atomic_write(path) as temporary:
+        temporary.write_bytes(content.getvalue())
 
 
 def _planes(array: Pixels, kind: str, factor: float) -> Iterator[NDArray[np.float16] | Pixels]:

@@ -57,8 +57,8 @@ def write_gif(
             last = frame.pts
             movie.mux(stream.encode(frame))
         movie.mux(stream.encode(None))
-    with atomic_write(path) as draft, content.getbuffer() as encoded:
-        draft.write_bytes(encoded)
+    with atomic_write(path) as draft:
+        draft.write_bytes(content.getvalue())
 
 
 def _palette(frames: Iterator[Frame]) -> av.VideoFrame:
