@@ -34,7 +34,7 @@ from flowsculpt.render.mitsuba.engine import choose
 from flowsculpt.render.mitsuba.mitsuba_scene import SceneRenderer, build_scene
 from flowsculpt.render.mitsuba.sensor import sensor
 from flowsculpt.render.mitsuba.shapes import stage_shapes
-from flowsculpt.render.mitsuba.texture_coordinates import TextureCoordinates
+from flowsculpt.render.mitsuba.texture_coordinates import ScaledCoordinates
 from flowsculpt.render.scene.materials import LOOKS
 from flowsculpt.render.scene.render_camera import Camera
 from flowsculpt.render.scene.render_quality import BATCH_SAMPLES, Quality
@@ -119,7 +119,7 @@ def exact(size: tuple[int, int]) -> AnyArray:
     """Return the picture of a true sphere."""
     import mitsuba as mi
 
-    of_metal = materials.surface_bsdf(LOOK, (), TextureCoordinates(np.zeros((1, 2))), PLACEMENT.size)
+    of_metal = materials.surface_bsdf(LOOK, (), ScaledCoordinates(np.zeros((1, 2))), PLACEMENT.size)
     scene = {
         "type": "scene",
         "sensor": sensor(CAMERA, size),

@@ -5,7 +5,7 @@ Compiled code lies in a cache whose folders are named by the sources (see
 set-up), nothing else ever does.
 
 Intel's SVML has other sines and exponentials for vectors than for single numbers, so that a point's bits
-would hang on its place in a block: numba is told not to take it (see `python_process`).
+would depend on its place in a block: commands and jobs keep numba from it (see `python_process`).
 """
 
 from __future__ import annotations

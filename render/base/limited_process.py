@@ -77,8 +77,8 @@ def _parsed(output: bytes, code: int) -> bytes:
 def answer_of_fork(answer: Callable[..., bytes], path: Path, *options: str) -> bytes:
     """Return what a function answers in a fork of this process, which has loaded what the function needs.
 
-    The function takes no locks that another thread of this process may hold: it computes, and neither prints
-    nor imports. Where there are no forks, `answer_of` asks its module. Raises what `answer_of` raises.
+    The function takes no locks that another thread of this process may hold: it only computes, and does not
+    print or import. Where there are no forks, `answer_of` asks its module. Raises what `answer_of` raises.
     """
     seconds = SECONDS + require_input(path) / 2**20
     if sys.platform != "linux" or multiprocessing.current_process().daemon:

@@ -20,7 +20,7 @@ from flowsculpt.render.base import python_process
 from flowsculpt.render.base.render_errors import BadInputError
 from flowsculpt.render.base.user_cache import cache_path, load_answer, store_answer
 from flowsculpt.render.mitsuba.engine import Engine
-from flowsculpt.render.mitsuba.texture_coordinates import TextureCoordinates, bitmap, to_uv
+from flowsculpt.render.mitsuba.texture_coordinates import ScaledCoordinates, bitmap, to_uv
 from flowsculpt.render.scene.materials.mitsuba_bsdf import Bsdf, Plain
 from flowsculpt.render.scene.picture_file import Pixels
 from flowsculpt.render.scene.texture_projection import TextureProjection
@@ -35,7 +35,7 @@ Refusal = tuple[tuple[str, ...], str]
 """The path of names to the refused part of a description, and Mitsuba's reason."""
 
 
-def build(bsdf: Bsdf, coordinates: TextureCoordinates, projection: TextureProjection) -> Any:
+def build(bsdf: Bsdf, coordinates: ScaledCoordinates, projection: TextureProjection) -> Any:
     """Return the BSDF, two-sided unless light passes through. Needs a started engine.
 
     Raises BadInputError where Mitsuba refuses it.
@@ -88,7 +88,7 @@ def parse_reason(message: str) -> Refusal:
 
 
 def _for_mitsuba(
-    part: Plain, files: tuple[Texture, ...], coordinates: TextureCoordinates, projection: TextureProjection
+    part: Plain, files: tuple[Texture, ...], coordinates: ScaledCoordinates, projection: TextureProjection
 ) -> Plain:
     """Return a description with textures read and projected, and lists turned into colours."""
     if part["type"] == "rgb":
@@ -141,7 +141,7 @@ def load_error(bsdf: Bsdf) -> list[Any]:
     import mitsuba as mi
 
     files = tuple(_GreyTexture(file.digest, file.space, file.path) for file in bsdf.files)
-    nowhere = TextureCoordinates(np.zeros((0, 2)))
+    nowhere = ScaledCoordinates(np.zeros((0, 2)))
     try:
         mi.load_dict(_for_mitsuba(bsdf.description, files, nowhere, TextureProjection()))
     except Exception as error:  # files may raise anything

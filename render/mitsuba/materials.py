@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from flowsculpt.render.base.render_errors import BadInputError
 from flowsculpt.render.mitsuba import bsdf_plugins as bsdf
 from flowsculpt.render.mitsuba.engine import is_compiled
-from flowsculpt.render.mitsuba.texture_coordinates import MIRRORED, TextureCoordinates, bitmap
+from flowsculpt.render.mitsuba.texture_coordinates import MIRRORED, ScaledCoordinates, bitmap
 from flowsculpt.render.scene.materials import (
     BrushedMetal,
     Diffuse,
@@ -43,7 +43,7 @@ _SCRATCH_CONTRAST = 0.3
 
 
 def surface_bsdf(
-    material: Material, attributes: Collection[str], coordinates: TextureCoordinates, size: float
+    material: Material, attributes: Collection[str], coordinates: ScaledCoordinates, size: float
 ) -> Any:
     """Return the BSDF of a surface with these vertex attributes and texture coordinates.
 
@@ -85,7 +85,7 @@ def surface_bsdf(
     raise TypeError(f"{material.model} has no BSDF")
 
 
-def _painted(painted: Painted, attributes: Collection[str], coordinates: TextureCoordinates) -> Description:
+def _painted(painted: Painted, attributes: Collection[str], coordinates: ScaledCoordinates) -> Description:
     """Return the materials of a model. Each vertex has the weight 1 for its own, by `material_weight`.
 
     In compiled variants one BSDF shows all glossy materials and one all matt ones, since each takes time at
@@ -131,7 +131,7 @@ def _with_normals(
     parts: Sequence[PatternedMaterial],
     body: Description,
     attributes: Collection[str],
-    coordinates: TextureCoordinates,
+    coordinates: ScaledCoordinates,
 ) -> Description:
     """Return the BSDF of a two-sided body with the normal maps of its materials, each on its own faces.
 
@@ -182,7 +182,7 @@ def _on_faces(
 
 
 def opacity_texture(
-    material: Material, attributes: Collection[str], coordinates: TextureCoordinates
+    material: Material, attributes: Collection[str], coordinates: ScaledCoordinates
 ) -> Description:
     """Return the texture of the fractions that are there of a surface with holes."""
     from flowsculpt.render.mitsuba.custom_plugins import PAINTED  # needs a compiled variant
@@ -204,7 +204,7 @@ def _blend(attribute: str, first: Description, second: Description) -> Descripti
     return {"type": "blendbsdf", "weight": weight, "first": first, "second": second}
 
 
-def _number(part: PatternedMaterial, name: str, coordinates: TextureCoordinates) -> Description:
+def _number(part: PatternedMaterial, name: str, coordinates: ScaledCoordinates) -> Description:
     """Return the roughness or metalness of a model's material as a texture."""
     texture = getattr(part, f"{name}_texture", None)
     if texture is not None:
@@ -342,7 +342,7 @@ def _attribute(name: str) -> Description:
 
 
 def _colour(
-    material: PatternedMaterial, attributes: Collection[str], coordinates: TextureCoordinates
+    material: PatternedMaterial, attributes: Collection[str], coordinates: ScaledCoordinates
 ) -> Description:
     if material.colour_texture is not None:
         wrap = material.colour_texture.wrap
@@ -376,7 +376,7 @@ def _ramp_bitmap(pattern: Pigment | Measure) -> Description:
     }
 
 
-def _opaque(material: PatternedMaterial, colour: Description, coordinates: TextureCoordinates) -> Description:
+def _opaque(material: PatternedMaterial, colour: Description, coordinates: ScaledCoordinates) -> Description:
     if isinstance(material, Diffuse):
         return {"type": "diffuse", "reflectance": colour}
     assert isinstance(material, Glossy), f"{material.model} is not lit"
@@ -404,7 +404,7 @@ def _opaque(material: PatternedMaterial, colour: Description, coordinates: Textu
     return rough_plastic(colour, max(material.roughness, _MIN_ROUGHNESS))
 
 
-def _roughness(material: Glossy, coordinates: TextureCoordinates, is_squared: bool = False) -> Any:
+def _roughness(material: Glossy, coordinates: ScaledCoordinates, is_squared: bool = False) -> Any:
     """Return a number or a texture. is_squared: True for Mitsuba's principled BSDF, which squares it"""
     if material.pigment is not None and material.pigment.roughness:
         from flowsculpt.render.mitsuba.pattern_textures import pattern_texture  # needs a compiled variant

@@ -56,7 +56,7 @@ _TEXTURE_RANGE = 2.0**-8
 
 
 @dataclass(frozen=True, eq=False)
-class TextureCoordinates:
+class ScaledCoordinates:
     """Texture coordinates (V, 2), and how a texture gets its second coordinate back: `v * scale + offset`.
 
     The scale is a power of two, so that repeating textures repeat in step with the subject's 1.
@@ -67,7 +67,7 @@ class TextureCoordinates:
     offset: float = 0.0
 
 
-def texture_coordinates(surface: Surface, material: Material) -> tuple[Surface, TextureCoordinates]:
+def texture_coordinates(surface: Surface, material: Material) -> tuple[Surface, ScaledCoordinates]:
     """Return the subject, split where a texture needs it, and the coordinates of its vertices.
 
     Raises BadInputError where the material needs rest positions and the surface has none.
@@ -83,7 +83,7 @@ def texture_coordinates(surface: Surface, material: Material) -> tuple[Surface, 
             from flowsculpt.render.mitsuba.pattern_textures import with_places  # needs a compiled variant
 
             sampled = with_places(surface, pigment)
-            return sampled, TextureCoordinates(np.tile([0.0, SUBJECT], (len(surface.vertices), 1)))
+            return sampled, ScaledCoordinates(np.tile([0.0, SUBJECT], (len(surface.vertices), 1)))
         if pigment.needs_samples:
             raise BadInputError(
                 "spots, chips, and heights and roughness of a pigment need a compiled variant of Mitsuba. "
@@ -91,10 +91,10 @@ def texture_coordinates(surface: Surface, material: Material) -> tuple[Surface, 
             )
     phases = vertex_phases(surface, material)
     first = np.zeros(len(surface.vertices)) if phases is None else phases
-    return surface, TextureCoordinates(np.stack([first, np.full(len(first), SUBJECT)], axis=1))
+    return surface, ScaledCoordinates(np.stack([first, np.full(len(first), SUBJECT)], axis=1))
 
 
-def _along_scratches(surface: Surface, axes: Floats) -> tuple[Surface, TextureCoordinates]:
+def _along_scratches(surface: Surface, axes: Floats) -> tuple[Surface, ScaledCoordinates]:
     """Return the surface with tangents along its scratches as vertex attribute SCRATCH_TANGENT.
 
     The coordinates go across the scratches and along them. On each face the second is constant across
@@ -107,12 +107,12 @@ def _along_scratches(surface: Surface, axes: Floats) -> tuple[Surface, TextureCo
     along *= _SCRATCH_RANGE / np.maximum(along.max(axis=1, keepdims=True), 1e-30)
     attributes = {**split.attributes, SCRATCH_TANGENT: tangents.astype(np.float32)}
     values = np.stack([across, SUBJECT + along.reshape(-1)], axis=1)
-    return replace(split, attributes=attributes), TextureCoordinates(values)
+    return replace(split, attributes=attributes), ScaledCoordinates(values)
 
 
 def _projected(
     surface: Surface, projection: TextureProjection, has_normal_map: bool
-) -> tuple[Surface, TextureCoordinates]:
+) -> tuple[Surface, ScaledCoordinates]:
     split, coordinates = project_texture(surface, surface.require_rest("look has a picture"), projection)
     if has_normal_map:
         split, coordinates = with_texture_tangents(split, coordinates)
@@ -120,7 +120,7 @@ def _projected(
     reach = 2.0 ** math.ceil(math.log2(max(float(np.abs(up).max(initial=0.0)), 1.0)))
     scale = 2.0 * reach / _TEXTURE_RANGE
     values = np.stack([right, SUBJECT + (up + reach) / scale], axis=1)
-    return split, TextureCoordinates(values, scale, -scale * SUBJECT - reach)
+    return split, ScaledCoordinates(values, scale, -scale * SUBJECT - reach)
 
 
 def with_texture_tangents(surface: Surface, coordinates: Floats) -> tuple[Surface, Floats]:
@@ -165,7 +165,7 @@ MOST_TEXELS = 1 << 26
 
 def bitmap(
     pixels: NDArray[np.floating],
-    coordinates: TextureCoordinates,
+    coordinates: ScaledCoordinates,
     projection: TextureProjection,
     wrap: tuple[str, str] = REPEATED,
 ) -> dict[str, Any]:
@@ -230,7 +230,7 @@ def _unwrapped(
     return pixels, matrix
 
 
-def to_uv(coordinates: TextureCoordinates, projection: TextureProjection, aspect: float = 1.0) -> Any:
+def to_uv(coordinates: ScaledCoordinates, projection: TextureProjection, aspect: float = 1.0) -> Any:
     """Return the transform from our coordinates to Mitsuba's, which go from the upper left right and down.
 
     aspect  width over height of the texture

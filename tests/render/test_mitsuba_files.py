@@ -52,7 +52,7 @@ def faults(tree: ast.AST) -> Iterator[str]:
 
 
 def _is_array(argument: ast.expr) -> bool:
-    """Tell whether an expression is a call that returns an array; of a name that cannot be told."""
+    """Tell whether an expression is a call that returns an array. Values of names are unknown: False."""
     if not isinstance(argument, ast.Call):
         return False
     function = argument.func

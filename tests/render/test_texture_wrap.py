@@ -9,7 +9,7 @@ import pytest
 
 from flowsculpt.render.base.render_errors import BadInputError
 from flowsculpt.render.mitsuba.engine import Engine, is_compiled
-from flowsculpt.render.mitsuba.texture_coordinates import TextureCoordinates, bitmap
+from flowsculpt.render.mitsuba.texture_coordinates import ScaledCoordinates, bitmap
 from flowsculpt.render.scene.texture_projection import MODEL, TextureProjection
 from flowsculpt.render.scene.textures import BLACK, CLAMP, MIRROR, REPEAT, texels_at
 
@@ -30,7 +30,7 @@ def test_middles_of_texels_are_the_same_in_previews_and_in_mitsuba(
     across, down = np.meshgrid((np.arange(-6, 14) + 0.5) / 4, (np.arange(-5, 10) + 0.5) / 3)
     values = np.stack([across.ravel() - 0.5, 0.5 - down.ravel()], axis=1)
     projection = TextureProjection(MODEL, keeps_place=True)
-    texture = mi.load_dict(bitmap(PIXELS, TextureCoordinates(values), projection, wrap))
+    texture = mi.load_dict(bitmap(PIXELS, ScaledCoordinates(values), projection, wrap))
     places = dr.zeros(mi.SurfaceInteraction3f, len(values))
     places.uv = mi.Point2f(values.T)
     found = np.array(texture.eval_3(places)).T
@@ -41,7 +41,7 @@ def test_middles_of_texels_are_the_same_in_previews_and_in_mitsuba(
 def test_a_picture_that_repeats_thousands_of_times_beside_a_side_that_ends_is_refused(engine: Engine) -> None:
     values = np.array([[-5e6, 0.0], [5e6, 0.0]])
     with pytest.raises(BadInputError, match="repeats 10000001 times along one side"):
-        bitmap(PIXELS, TextureCoordinates(values), TextureProjection(MODEL), (REPEAT, CLAMP))
+        bitmap(PIXELS, ScaledCoordinates(values), TextureProjection(MODEL), (REPEAT, CLAMP))
 
 
 def test_places_beyond_a_picture_show_what_its_modes_say() -> None:

@@ -25,7 +25,7 @@ def gallery_files() -> dict[Path, Path]:
     Raises MachineError where it was left out of an installation.
     """
     if not gallery_names():
-        raise MachineError(f"{GALLERY}: there is no gallery beside the package; install flowsculpt again")
+        raise MachineError(f"{GALLERY}: the gallery is missing; install flowsculpt again")
     names = [path.relative_to(GALLERY) for path in sorted(GALLERY.rglob("*")) if path.is_file()]
     names = [name for name in names if not any(part.startswith(".") for part in name.parts)]
     names.sort(key=lambda name: (name.suffix == ".yaml", is_edit(GALLERY / name)))

@@ -58,7 +58,7 @@ def _lost_values(attributes: Mapping[str, AnyArray], first: AnyArray) -> Iterato
 def _first_vertices(vertices: Points, places: Points) -> tuple[AnyArray, AnyArray]:
     """Return the first vertex at each vertex (V,) and at each place (N,), V or more where there is none.
 
-    The places tell how near is the same.
+    The tolerance is a share of the extent of the places.
     """
     both = np.concatenate([vertices, places])
     first = first_alike(both, np.arange(len(both)) >= len(vertices))
