@@ -1,4 +1,14 @@
-"""One resample pass over a surface: find edges, split, collapse, flip, relax, compact; and its report."""
+"""One resample pass over a surface: find edges, split, collapse, flip, relax, compact; and its report.
+
+Lengths of edges are compared with the limits of their ends, `length_limits` in `kernels/pass_state.py`: the
+maximum and the minimum are the `Thresholds`, and where these vary, the geometric means of the values at both
+ends.
+
+An edge is split at its middle while it is longer than its maximum (`ResamplePass.split_long_edges`). It
+collapses if it is shorter than its minimum (`is_short`), and if `can_collapse` in `kernels/collapse.py` finds
+a place for the merged vertex that breaks none of the rules in `Report.refused`. So edges between the two
+limits stay, but that `make_room` lets a collapse lengthen one by a fifth over the maximum, and splits it.
+"""
 
 from __future__ import annotations
 
