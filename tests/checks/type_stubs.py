@@ -21,7 +21,8 @@ def write_stubs() -> None:
             module = source.relative_to(ROOT).with_suffix("")
             name = ".".join(module.parts).removesuffix(".__init__")
             stubs[ROOT / "flowsculpt" / module.with_suffix(".pyi")] = f"from {name} import *\n"
-    for path in {*(ROOT / "flowsculpt").rglob("*/*.pyi")} - stubs.keys():
+    written = {path for package in PACKAGES for path in (ROOT / "flowsculpt" / package).rglob("*.pyi")}
+    for path in written - stubs.keys():
         path.unlink()
     for path, text in stubs.items():
         if not path.is_file() or path.read_text(encoding="utf-8") != text:

@@ -1,6 +1,6 @@
 """Authoring: new shots and shows, checks and schemas of shot files, and lists of flows."""
 
-from flowsculpt.pipeline.plugin import Command, Plugin
+from flowsculpt.api import Command, Plugin
 
 PLUGIN = Plugin(
     name="authoring",

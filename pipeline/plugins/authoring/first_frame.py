@@ -9,14 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from flowsculpt.pipeline.animation import animate
-from flowsculpt.pipeline.animation.flow_cost import estimated_vertices
-from flowsculpt.pipeline.arrays import Points
-from flowsculpt.pipeline.errors import FrameError
-from flowsculpt.pipeline.mesh import PolygonMesh
-from flowsculpt.pipeline.mesh.face_soup import components
-from flowsculpt.pipeline.shot import Motion
-from flowsculpt.pipeline.shot.subjects import Model, Solid, Subject
+from flowsculpt import FrameError, PolygonMesh
+from flowsculpt.api.flows import estimated_vertices
+from flowsculpt.api.frames import animate
+from flowsculpt.api.meshes import Points, components
+from flowsculpt.api.shots import Model, Motion, Solid
+from flowsculpt.pipeline.shot.subjects import Subject
 
 LARGEST_COMPUTED = 3_000_000
 """Vertices up to which the first frame is computed; a larger one is estimated by its area."""

@@ -5,9 +5,10 @@ from __future__ import annotations
 from functools import cache
 from pathlib import Path
 
-from flowsculpt.pipeline.errors import MachineError
-from flowsculpt.pipeline.production.request.lookup import SHOTS
-from flowsculpt.pipeline.shot.yaml.named_files import is_edit, shot_files
+from flowsculpt import MachineError
+from flowsculpt.api.frames import SHOTS
+from flowsculpt.api.shots import is_edit
+from flowsculpt.pipeline.shot.yaml.named_files import shot_files
 
 GALLERY = Path(__file__).resolve().parents[3] / SHOTS
 """The folder, in the wheel as in a checkout: the one beside `pipeline/`."""

@@ -10,10 +10,13 @@ from typing import Annotated
 
 import typer
 
-from flowsculpt.pipeline.cli.options import Common, require_one_of
-from flowsculpt.pipeline.cli.output import print_result, print_warning
-from flowsculpt.pipeline.errors import FlowsculptError, UsageError
-from flowsculpt.pipeline.plugin import plugins
+from flowsculpt import FlowsculptError, UsageError
+from flowsculpt.api import plugins, plural
+from flowsculpt.api.commands import print_result, print_warning, require_one_of
+from flowsculpt.api.files import disk_errors
+from flowsculpt.api.frames import FILM, SHOTS, find_shot, shot_names
+from flowsculpt.api.options import Common
+from flowsculpt.api.shots import DEFAULTS, DOCUMENTS, inherited, is_edit, name_fault, read_shot, text_of
 from flowsculpt.pipeline.plugins.authoring.gallery_shots import GALLERY, gallery_files, gallery_names
 from flowsculpt.pipeline.plugins.authoring.new_files import Content, same_contents, write_new
 from flowsculpt.pipeline.plugins.authoring.schema_command import SCHEMAS, defaults_of, write_schemas
@@ -29,13 +32,7 @@ from flowsculpt.pipeline.plugins.authoring.shot_templates import (
     show_files,
     without_shared,
 )
-from flowsculpt.pipeline.production.request.lookup import FILM, SHOTS, find_shot, shot_names
-from flowsculpt.pipeline.shot import read_shot
-from flowsculpt.pipeline.shot.documents.flow_documents import DOCUMENTS
-from flowsculpt.pipeline.shot.yaml.inheritance import inherited
-from flowsculpt.pipeline.shot.yaml.named_files import DEFAULTS, is_edit, name_fault, shot_files, text_of
-from flowsculpt.render.base.atomic_write import disk_errors
-from flowsculpt.render.base.plural import plural
+from flowsculpt.pipeline.shot.yaml.named_files import shot_files
 
 MODELS = "models"
 """Folder in shots/ for copies of models."""

@@ -7,8 +7,8 @@ import shutil
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from flowsculpt.pipeline.errors import UsageError
-from flowsculpt.render.base.atomic_write import ChangedFileError, atomic_write
+from flowsculpt import UsageError
+from flowsculpt.api.files import ChangedFileError, atomic_write
 
 Content = str | Path | Callable[[Path], object]
 """What a new file holds: a text, the contents of a file, or what a function writes to a path."""

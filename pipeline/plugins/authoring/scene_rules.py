@@ -16,33 +16,35 @@ from typing import Any, NamedTuple
 import numba
 import numpy as np
 
+from flowsculpt import Flow, FrameError, VelocityField
+from flowsculpt.api.flows import (
+    checked_displacement,
+    constant_deformations,
+    costliest_flow,
+    flows_of,
+    growth_warning,
+    number_at,
+    vector_at,
+)
+from flowsculpt.api.frames import frame_all, step_into
+from flowsculpt.api.meshes import Points
+from flowsculpt.api.pictures import WideCamera
+from flowsculpt.api.shots import Model, Motion, PluginSurface, Shot
 from flowsculpt.pipeline.animation.flow_cost import (
     COARSE,
     FINE,
     TYPICAL_EXTENT,
     FlowCost,
     along_velocities,
-    constant_deformations,
-    costliest_flow,
     fit_remedy,
     flow_costs,
-    flows_of,
-    growth_warning,
     is_usual_size,
 )
-from flowsculpt.pipeline.animation.loop import step_into
-from flowsculpt.pipeline.arrays import Points
-from flowsculpt.pipeline.errors import FrameError
-from flowsculpt.pipeline.flow import Flow, Placed, VelocityField
-from flowsculpt.pipeline.flow.flow_map import checked_displacement
+from flowsculpt.pipeline.flow import Placed
 from flowsculpt.pipeline.flow.kernels.instructions import BLOCK
-from flowsculpt.pipeline.flow.parameters import number_at, shot_name, unit, vector_at
+from flowsculpt.pipeline.flow.parameters import shot_name, unit
 from flowsculpt.pipeline.flow.streamlines import MAX_SUBSTEPS
 from flowsculpt.pipeline.plugins.authoring.first_frame import FirstFrame, small_parts
-from flowsculpt.pipeline.production.request.framing import frame_all
-from flowsculpt.pipeline.shot import Motion, Shot
-from flowsculpt.pipeline.shot.subjects import Model, PluginSurface
-from flowsculpt.render.scene.render_camera import WideCamera
 
 Where = tuple[Any, ...]
 

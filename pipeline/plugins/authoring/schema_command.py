@@ -12,10 +12,14 @@ from pydantic import BaseModel
 from rich.console import Group
 from rich.text import Text
 
-from flowsculpt.pipeline.cli.options import Common, output_option, require_one_of
-from flowsculpt.pipeline.cli.output import print_result, table
-from flowsculpt.pipeline.errors import FlowsculptError, MachineError
-from flowsculpt.pipeline.plugin import named, plugins
+from flowsculpt import FlowsculptError, MachineError
+from flowsculpt.api import plugins
+from flowsculpt.api.commands import print_result, require_one_of, table
+from flowsculpt.api.files import atomic_write
+from flowsculpt.api.frames import SHOTS
+from flowsculpt.api.options import Common, output_option
+from flowsculpt.api.shots import DEFAULTS, DOCUMENTS, YamlSource
+from flowsculpt.pipeline.plugin import named
 from flowsculpt.pipeline.plugins.authoring.shot_schemas import (
     default_text,
     defaults_schema,
@@ -25,11 +29,6 @@ from flowsculpt.pipeline.plugins.authoring.shot_schemas import (
     shot_schema,
 )
 from flowsculpt.pipeline.plugins.authoring.shot_templates import usual_strength
-from flowsculpt.pipeline.production.request.lookup import SHOTS
-from flowsculpt.pipeline.shot.documents.flow_documents import DOCUMENTS
-from flowsculpt.pipeline.shot.yaml.named_files import DEFAULTS
-from flowsculpt.pipeline.shot.yaml.yaml_source import YamlSource
-from flowsculpt.render.base.atomic_write import atomic_write
 
 SCHEMAS = Path(".schema")
 """The folder beside shots with the schemas by which editors check them."""

@@ -12,11 +12,9 @@ from typing import Any
 
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
-from flowsculpt.pipeline.errors import UsageError
-from flowsculpt.pipeline.production.request.lookup import SHOTS
-from flowsculpt.pipeline.shot.yaml.inheritance import inherited, inherited_files
-from flowsculpt.pipeline.shot.yaml.named_files import text_of
-from flowsculpt.pipeline.shot.yaml.yaml_source import YamlSource, composed, flow_style
+from flowsculpt import UsageError
+from flowsculpt.api.frames import SHOTS
+from flowsculpt.api.shots import YamlSource, composed, flow_style, inherited, inherited_files, text_of
 
 _WORDS = ("title", "intent")
 """Entries that name no file."""

@@ -16,15 +16,16 @@ from pydantic import BaseModel
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import core_schema
 
-from flowsculpt.pipeline.cli.options import require_one_of
-from flowsculpt.pipeline.flow import VelocityField
+from flowsculpt import VelocityField
+from flowsculpt.api.commands import require_one_of
+from flowsculpt.api.flows import Parameter
+from flowsculpt.api.pictures import LIGHTS
+from flowsculpt.api.shots import DOCUMENTS, LOOKS, FlowParameters, ShotDocument
 from flowsculpt.pipeline.flow.flow import PythonFlow
-from flowsculpt.pipeline.flow.parameters import Parameter, summary
-from flowsculpt.pipeline.shot.documents.flow_documents import DOCUMENTS, FlowParameters, description_of
+from flowsculpt.pipeline.flow.parameters import summary
+from flowsculpt.pipeline.shot.documents.flow_documents import description_of
 from flowsculpt.pipeline.shot.documents.flow_entries import FlowDocument, VelocityDocument
-from flowsculpt.pipeline.shot.documents.look_documents import LOOKS
-from flowsculpt.pipeline.shot.documents.shot_documents import FilmDocument, ShotDocument
-from flowsculpt.render.scene.scene_lights import LIGHTS
+from flowsculpt.pipeline.shot.documents.shot_documents import FilmDocument
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 

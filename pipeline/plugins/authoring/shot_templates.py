@@ -17,14 +17,13 @@ from typing import Any
 
 import numpy as np
 
-from flowsculpt.pipeline.errors import FlowsculptError
-from flowsculpt.pipeline.mesh import PolygonMesh
-from flowsculpt.pipeline.mesh.read import names_parts, read_paint, states_up, usual_up
+from flowsculpt import FlowsculptError, PolygonMesh
+from flowsculpt.api.meshes import read_paint, usual_up
+from flowsculpt.api.pictures import LIGHTS
+from flowsculpt.api.shots import LOOKS, SOLIDS, Model
+from flowsculpt.pipeline.mesh.read import names_parts, states_up
 from flowsculpt.pipeline.plugins.authoring.first_frame import small_parts
 from flowsculpt.pipeline.plugins.authoring.shot_schemas import default_text, facts
-from flowsculpt.pipeline.shot.documents.look_documents import LOOKS
-from flowsculpt.pipeline.shot.subjects import SOLIDS, Model
-from flowsculpt.render.scene.scene_lights import LIGHTS
 from flowsculpt.render.scene.scene_stage import STAGES
 
 SCHEMA = "# yaml-language-server: $schema={}\n"

@@ -6,9 +6,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
-from flowsculpt.pipeline.animation.flow_cost import flows_of
-from flowsculpt.pipeline.cli.options import Common, Settings, shots_argument
-from flowsculpt.pipeline.cli.output import (
+from flowsculpt import FlowsculptError, FrameError, UsageError
+from flowsculpt.api import Progress, ShotError, reporting_to
+from flowsculpt.api.commands import (
+    Project,
     exit_with,
     out,
     print_error,
@@ -18,29 +19,29 @@ from flowsculpt.pipeline.cli.output import (
     size,
     table,
 )
-from flowsculpt.pipeline.errors import FlowsculptError, FrameError, ShotError, UsageError
-from flowsculpt.pipeline.flow.flow import python_flows
-from flowsculpt.pipeline.long_computations import Progress, reporting_to
-from flowsculpt.pipeline.plugins.authoring.first_frame import FirstFrame, FirstFrames
-from flowsculpt.pipeline.plugins.authoring.scene_rules import Finding, findings, loop_report
-from flowsculpt.pipeline.production.execution.project import Project
-from flowsculpt.pipeline.production.picture_sequences import begun, light_notes, shown_picture, white
-from flowsculpt.pipeline.production.request.keys import picture_keys
-from flowsculpt.pipeline.production.request.lookup import (
-    NO_SHOTS,
+from flowsculpt.api.flows import flows_of
+from flowsculpt.api.frames import (
+    begun,
     crop_of,
     edit_names,
     find_edit,
     find_shot,
+    light_notes,
     misnamed_shots,
+    picture_keys,
     shot_names,
+    shown_picture,
+    white,
 )
-from flowsculpt.pipeline.shot import Motion, Shot, read_film, read_shot
-from flowsculpt.pipeline.shot.motion import Clock
+from flowsculpt.api.options import Common, Settings, shots_argument
+from flowsculpt.api.shots import Clock, Motion, Shot, YamlSource, dotted, inherited, read_shot
+from flowsculpt.pipeline.flow.flow import python_flows
+from flowsculpt.pipeline.plugins.authoring.first_frame import FirstFrame, FirstFrames
+from flowsculpt.pipeline.plugins.authoring.scene_rules import Finding, findings, loop_report
+from flowsculpt.pipeline.production.request.lookup import NO_SHOTS
+from flowsculpt.pipeline.shot import read_film
 from flowsculpt.pipeline.shot.motion_checks import outside_note
 from flowsculpt.pipeline.shot.subject_checks import SubjectView, subject_views
-from flowsculpt.pipeline.shot.yaml.inheritance import inherited
-from flowsculpt.pipeline.shot.yaml.yaml_source import YamlSource, dotted
 
 
 def validate(

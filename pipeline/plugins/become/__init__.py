@@ -1,6 +1,6 @@
 """The flow `become`: a subject flows onto a model or a solid."""
 
-from flowsculpt.pipeline.plugin import Plugin
+from flowsculpt.api import Plugin
 
 PLUGIN = Plugin(
     name="become",

@@ -4,23 +4,26 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 
-from flowsculpt.pipeline.flow.keyframes import Keyframes
-from flowsculpt.pipeline.flow.parameters import ParameterDoc
-from flowsculpt.pipeline.plugins.become.become_flow import Become
-from flowsculpt.pipeline.plugins.become.stored_fits import PlacedShape
-from flowsculpt.pipeline.shot.documents.curves import Ease, WeightField, number
-from flowsculpt.pipeline.shot.documents.field_types import (
+from flowsculpt.api.flows import Keyframes, ParameterDoc
+from flowsculpt.api.shots import (
+    SOLIDS,
+    Clock,
     Degrees,
+    Ease,
+    FlowParameters,
     OneOfSeveral,
+    ParseContext,
     Positive,
     Triple,
+    WeightField,
+    as_finding,
+    bad_value,
     exactly_one,
+    number,
     vector,
 )
-from flowsculpt.pipeline.shot.documents.flow_documents import FlowParameters
-from flowsculpt.pipeline.shot.motion import Clock
-from flowsculpt.pipeline.shot.subjects import SOLIDS
-from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext, as_finding, bad_value
+from flowsculpt.pipeline.plugins.become.become_flow import Become
+from flowsculpt.pipeline.plugins.become.stored_fits import PlacedShape
 
 _OF_MODELS = ("scale", "fit", "up", "rotate", "prim")
 _OF_SOLIDS = ("size", "radius", "length", "tube_radius", "caps")
@@ -72,7 +75,7 @@ class BecomeDocument(OneOfSeveral, FlowParameters):
 
     @model_validator(mode="after")
     def _is_there(self, info: ValidationInfo) -> Self:
-        from flowsculpt.pipeline.shot.documents.subject_documents import ModelDocument, SolidDocument
+        from flowsculpt.api.shots import ModelDocument, SolidDocument
 
         given = {name: getattr(self, name) for name in (*_OF_MODELS, *_OF_SOLIDS)}
         named = {name: value for name, value in given.items() if value is not None}

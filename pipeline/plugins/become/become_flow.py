@@ -8,11 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from flowsculpt.pipeline.arrays import Points
-from flowsculpt.pipeline.errors import FrameError, UsageError
-from flowsculpt.pipeline.flow import Flow
-from flowsculpt.pipeline.flow.keyframes import Keyframes
-from flowsculpt.pipeline.flow.parameters import Number, Vector, number_at
+from flowsculpt import Flow, FrameError, UsageError
+from flowsculpt.api.flows import Keyframes, Number, Vector, number_at
+from flowsculpt.api.meshes import Points
+from flowsculpt.api.shots import CloudInSolid, Model, Solid
 from flowsculpt.pipeline.plugins.become.fitting import Detail
 from flowsculpt.pipeline.plugins.become.stored_fits import (
     DOUBTFUL,
@@ -23,8 +22,6 @@ from flowsculpt.pipeline.plugins.become.stored_fits import (
     fit_between,
     path_of,
 )
-from flowsculpt.pipeline.shot.point_subjects import CloudInSolid
-from flowsculpt.pipeline.shot.subjects import Model, Solid
 
 MOTION = 2
 """Raised when the same fit moves a surface in another way."""

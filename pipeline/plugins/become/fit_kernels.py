@@ -13,10 +13,8 @@ import math
 
 import numpy as np
 
-from flowsculpt.pipeline.arrays import AnyArray, Floats, Points
-from flowsculpt.pipeline.flow.kernels.external_kernels import DEEPEST, nearest
-from flowsculpt.pipeline.flow.kernels.instructions import doubles_at
-from flowsculpt.pipeline.kernels import kernel
+from flowsculpt.api.flows import DEEPEST, doubles_at, kernel, nearest
+from flowsculpt.api.meshes import AnyArray, Floats, Points
 
 Four = tuple[float, float, float, float]
 

@@ -33,7 +33,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from flowsculpt.pipeline.arrays import AnyArray, Floats, Points
+from flowsculpt.api.meshes import AnyArray, Floats, Points
 from flowsculpt.pipeline.plugins.become import fit_kernels as kernels
 from flowsculpt.pipeline.plugins.become.target import (
     PATCH,

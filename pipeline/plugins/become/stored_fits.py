@@ -17,28 +17,18 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from flowsculpt.pipeline.arrays import AnyArray, Floats, Points
-from flowsculpt.pipeline.errors import MeshError, UsageError
-from flowsculpt.pipeline.flow.catalogue.external_fields import Sampled
-from flowsculpt.pipeline.flow.parameters import Vector
-from flowsculpt.pipeline.flow.samples import Samples
-from flowsculpt.pipeline.flow.streamlines import StepPlan, Streamlines
-from flowsculpt.pipeline.long_computations import report_progress
-from flowsculpt.pipeline.mesh.face_soup import components
-from flowsculpt.pipeline.mesh.meshes import TriangleMesh
-from flowsculpt.pipeline.mesh.validation import require
+from flowsculpt import MeshError, Streamlines, TriangleMesh, UsageError
+from flowsculpt.api import report_progress
+from flowsculpt.api.files import atomic_write, cache_path, usable, writable_cache
+from flowsculpt.api.flows import Sampled, Samples, StepPlan, Vector
+from flowsculpt.api.frames import CorruptFileError, of_key
+from flowsculpt.api.meshes import AnyArray, Floats, Points, components, require
+from flowsculpt.api.shots import Model, PluginSurface, Solid, as_data
 from flowsculpt.pipeline.plugins.become.fitting import THIN, Detail, Leg, Residual, State, fitted
 from flowsculpt.pipeline.plugins.become.target import PATCH, FittedSurface, face_vectors, lengths
 from flowsculpt.pipeline.plugins.become.velocity_path import KNOTS, STEPS, PathSpace
 from flowsculpt.pipeline.production.store import readers
-from flowsculpt.pipeline.production.store.digests import CorruptFileError
-from flowsculpt.pipeline.production.store.locks import of_key
-from flowsculpt.pipeline.shot.motion import as_data
-from flowsculpt.pipeline.shot.subjects import Model, PluginSurface, Solid
-from flowsculpt.render.base.atomic_write import atomic_write
 from flowsculpt.render.base.render_errors import MachineError
-from flowsculpt.render.base.state_files import usable
-from flowsculpt.render.base.user_cache import cache_path, writable_cache
 
 T = TypeVar("T")
 

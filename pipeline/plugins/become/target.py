@@ -7,8 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
-from flowsculpt.pipeline.arrays import AnyArray, Faces, Floats, Points, Vectors
-from flowsculpt.pipeline.flow.regions import TriangleTree, with_distances
+from flowsculpt.api.flows import TriangleTree, with_distances
+from flowsculpt.api.meshes import AnyArray, Faces, Floats, Points, Vectors
 from flowsculpt.pipeline.plugins.become import fit_kernels as kernels
 
 PATCH = 50

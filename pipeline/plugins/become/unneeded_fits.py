@@ -8,13 +8,12 @@ from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
 
-from flowsculpt.pipeline.animation.flow_cost import flows_of
-from flowsculpt.pipeline.errors import FlowsculptError
-from flowsculpt.pipeline.flow.flow import PluginMap
+from flowsculpt import FlowsculptError
+from flowsculpt.api.files import writable_cache
+from flowsculpt.api.flows import PluginMap, flows_of
+from flowsculpt.api.frames import RenderRequest
 from flowsculpt.pipeline.plugins.become.become_flow import Become
 from flowsculpt.pipeline.plugins.become.stored_fits import path_of
-from flowsculpt.pipeline.production.request.render_request import RenderRequest
-from flowsculpt.render.base.user_cache import writable_cache
 
 KEPT_DAYS = 30
 """Days without use after which a fit may go: all projects of the user share the cache."""

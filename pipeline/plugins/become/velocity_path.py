@@ -26,7 +26,7 @@ from functools import cached_property
 
 import numpy as np
 
-from flowsculpt.pipeline.arrays import AnyArray, Floats, Points
+from flowsculpt.api.meshes import AnyArray, Floats, Points
 from flowsculpt.pipeline.plugins.become import fit_kernels as kernels
 
 KNOTS = 5

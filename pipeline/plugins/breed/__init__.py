@@ -1,6 +1,6 @@
 """Breeding: children of one shot or two, made by chance, from which a person chooses."""
 
-from flowsculpt.pipeline.plugin import Command, Plugin
+from flowsculpt.api import Command, Plugin
 
 PLUGIN = Plugin(
     name="breed",

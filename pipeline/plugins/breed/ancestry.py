@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from flowsculpt.pipeline.shot.documents.field_types import Document
+from flowsculpt.api.shots import Document
 
 
 class AncestryDocument(Document):

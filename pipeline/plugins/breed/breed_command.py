@@ -8,9 +8,12 @@ from typing import Annotated
 
 import typer
 
-from flowsculpt.pipeline.cli.options import AllowCode, Common, output_option
-from flowsculpt.pipeline.cli.output import print_result, progress_bars
-from flowsculpt.pipeline.errors import UsageError
+from flowsculpt import UsageError
+from flowsculpt.api import plural
+from flowsculpt.api.commands import print_result, progress_bars
+from flowsculpt.api.frames import find_shot, names_edit, writing
+from flowsculpt.api.options import AllowCode, Common, output_option
+from flowsculpt.api.shots import Shot, is_edit, name_fault, read_shot
 from flowsculpt.pipeline.plugins.breed.breeding import Litter
 from flowsculpt.pipeline.plugins.breed.generation import (
     CHILDREN,
@@ -21,11 +24,6 @@ from flowsculpt.pipeline.plugins.breed.generation import (
 )
 from flowsculpt.pipeline.plugins.breed.generation_page import OPTION, next_name, read_choice
 from flowsculpt.pipeline.plugins.breed.shot_genome import Genome
-from flowsculpt.pipeline.production.request.lookup import find_shot, names_edit
-from flowsculpt.pipeline.production.store.locks import writing
-from flowsculpt.pipeline.shot import Shot, read_shot
-from flowsculpt.pipeline.shot.yaml.named_files import is_edit, name_fault
-from flowsculpt.render.base.plural import plural
 
 CANDIDATES, CHANGE = 40, 0.3
 """How many are tried, and how far they go from their parents, by default."""

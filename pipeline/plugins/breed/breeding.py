@@ -13,13 +13,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from flowsculpt.pipeline.errors import FlowsculptError
+from flowsculpt import FlowsculptError
+from flowsculpt.api.shots import Shot, read_shot
 from flowsculpt.pipeline.plugins.breed.crossing import crossed
 from flowsculpt.pipeline.plugins.breed.flow_mutations import MOTION, Draft, Idea, drift
 from flowsculpt.pipeline.plugins.breed.gene_values import Chance
 from flowsculpt.pipeline.plugins.breed.picture_mutations import FORM, PICTURE
 from flowsculpt.pipeline.plugins.breed.shot_genome import Genome, text_of_shot
-from flowsculpt.pipeline.shot import Shot, read_shot
 
 MOST_ATTEMPTS = 30
 """Drafts of one child that are tried; the first that validates is taken."""

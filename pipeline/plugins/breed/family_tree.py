@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, BaseModel, Field, ValidationError
 
-from flowsculpt.pipeline.errors import FlowsculptError, UsageError
-from flowsculpt.pipeline.shot.yaml.named_files import name_fault
+from flowsculpt import FlowsculptError, UsageError
+from flowsculpt.api.pictures import read_png
+from flowsculpt.api.shots import name_fault
 from flowsculpt.render.graphics.contact_sheet import FONT, GROUND, INK, QUIET
 from flowsculpt.render.graphics.typesetting import cut_short, write
-from flowsculpt.render.post.image import read_png
 
 RECORD = "generation.json"
 """The file that says what a generation was bred from."""

@@ -13,7 +13,8 @@ from functools import cache
 from importlib import resources
 from typing import Any
 
-from flowsculpt.pipeline.flow.parameters import Parameter
+from flowsculpt.api.flows import Parameter
+from flowsculpt.api.shots import DOCUMENTS
 from flowsculpt.pipeline.plugins.breed.gene_values import (
     AXES,
     EXPONENTS,
@@ -29,7 +30,6 @@ from flowsculpt.pipeline.plugins.breed.gene_values import (
     vector_of,
 )
 from flowsculpt.pipeline.plugins.breed.shot_genome import COMPOSITIONS, Genome, Leaf, flow_lists, leaves_of
-from flowsculpt.pipeline.shot.documents.flow_documents import DOCUMENTS
 
 USUAL_SECONDS = 2.4
 """Seconds in which a flow of the palette acts with its usual strength: those of a shot of 3 s."""

@@ -29,7 +29,11 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from flowsculpt.pipeline.errors import FlowsculptError, UsageError
+from flowsculpt import FlowsculptError, UsageError
+from flowsculpt.api.files import atomic_write, disk_errors, held, remove_tree
+from flowsculpt.api.frames import STATE, CorruptFileError
+from flowsculpt.api.pictures import ContactSheet, write_png
+from flowsculpt.api.shots import Shot
 from flowsculpt.pipeline.plugins.breed.breeding import Child, Litter, child_of
 from flowsculpt.pipeline.plugins.breed.family_tree import PICTURES, RECORD, family_picture
 from flowsculpt.pipeline.plugins.breed.generation_page import PageChild, page_text
@@ -46,15 +50,9 @@ from flowsculpt.pipeline.plugins.breed.selection import (
 )
 from flowsculpt.pipeline.plugins.breed.trials import Trial, tried
 from flowsculpt.pipeline.production.store import readers
-from flowsculpt.pipeline.production.store.digests import CorruptFileError
-from flowsculpt.pipeline.production.store.paths import STATE
-from flowsculpt.pipeline.shot import Shot
-from flowsculpt.render.base.atomic_write import atomic_write, disk_errors
 from flowsculpt.render.base.python_process import ForkedProcess, may_fork
-from flowsculpt.render.base.root_files import held, remove_tree
-from flowsculpt.render.graphics.contact_sheet import FONT, ContactSheet
+from flowsculpt.render.graphics.contact_sheet import FONT
 from flowsculpt.render.graphics.typesetting import wrap
-from flowsculpt.render.post.image import write_png
 
 CHILDREN = 12
 """Children of a generation."""

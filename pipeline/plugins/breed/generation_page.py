@@ -22,9 +22,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flowsculpt.pipeline.errors import UsageError, shortened
+from flowsculpt import UsageError
+from flowsculpt.api import shortened
+from flowsculpt.api.pictures import jpeg_bytes
 from flowsculpt.pipeline.plugins.breed.family_tree import RECORD, read_record
-from flowsculpt.render.post.image import jpeg_bytes
 
 OPTION = "--from-page"
 

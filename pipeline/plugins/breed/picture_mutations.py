@@ -9,11 +9,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from flowsculpt.api.shots import LOOKS, linear_of
 from flowsculpt.pipeline.plugins.breed.colour_harmony import Lch, colour_words, lch, linear, stage_for
 from flowsculpt.pipeline.plugins.breed.flow_mutations import Draft, Idea
 from flowsculpt.pipeline.plugins.breed.gene_values import Chance, is_number, mapped, rounded, scaled
-from flowsculpt.pipeline.shot.documents.field_types import linear_of
-from flowsculpt.pipeline.shot.documents.look_documents import LOOKS
 
 LOOK_WEIGHTS = {
     "clay": 3.0,

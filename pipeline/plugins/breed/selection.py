@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flowsculpt.pipeline.arrays import Floats
+from flowsculpt.api.meshes import Floats
+from flowsculpt.api.pictures import linear_of_srgb
 from flowsculpt.pipeline.plugins.breed.colour_harmony import lab
 from flowsculpt.pipeline.plugins.breed.trials import SHOWN, Trial
-from flowsculpt.render.scene.rgb_spaces import linear_of_srgb
 
 EXPLODES, LEAVES, STILL, FAINT, ALIKE = (
     "explodes",

@@ -11,10 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from flowsculpt.pipeline.shot import Shot
-from flowsculpt.pipeline.shot.documents.flow_documents import DOCUMENTS, FlowParameters
-from flowsculpt.pipeline.shot.yaml.inheritance import inherited
-from flowsculpt.pipeline.shot.yaml.yaml_source import flow_style
+from flowsculpt.api.shots import DOCUMENTS, FlowParameters, Shot, flow_style, inherited
 
 INHERITED = ("extends", "looks", "rigs")
 """Entries whose effect is spelt out in a genome."""

@@ -11,30 +11,41 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from flowsculpt.pipeline.animation import MeshFrame, animate, material_of
-from flowsculpt.pipeline.animation.flow_cost import costliest_flow
-from flowsculpt.pipeline.arrays import AnyArray, Floats, Points
-from flowsculpt.pipeline.errors import FrameError
-from flowsculpt.pipeline.mesh import icosphere
-from flowsculpt.pipeline.production.request.framing import (
+from flowsculpt import Curvature, FrameError, icosphere
+from flowsculpt.api.flows import costliest_flow
+from flowsculpt.api.frames import (
     BoundingSpheres,
     Extent,
     Framing,
+    MeshFrame,
+    Shading,
+    animate,
     frame_all,
+    is_cloud,
+    material_of,
+    radii,
+    speeds,
+    thresholds_at,
     together,
     with_stage_in_view,
 )
-from flowsculpt.pipeline.production.request.manifest import thresholds_at
-from flowsculpt.pipeline.production.request.shading import Shading, is_cloud, radii, speeds
-from flowsculpt.pipeline.resample import Curvature
-from flowsculpt.pipeline.shot import Motion, Shot
-from flowsculpt.render.post.colour import quantise
-from flowsculpt.render.raster import Shape, StageSetup, preview, wide_picture
-from flowsculpt.render.scene.patterns import SPEED, Measure, Pigment
-from flowsculpt.render.scene.render_camera import Camera, WideCamera
-from flowsculpt.render.scene.scene import stage_fades
-from flowsculpt.render.scene.surface import Surface
-from flowsculpt.render.scene.vertex_colours import vertex_colours
+from flowsculpt.api.meshes import AnyArray, Floats, Points
+from flowsculpt.api.pictures import (
+    SPEED,
+    Camera,
+    Pigment,
+    Shape,
+    StageSetup,
+    Surface,
+    WideCamera,
+    preview,
+    quantise,
+    stage_fades,
+    vertex_colours,
+    wide_picture,
+)
+from flowsculpt.api.shots import Motion, Shot
+from flowsculpt.render.scene.patterns import Measure
 
 SHOWN = 9
 """Pictures of a trial, at equal distances up to the last frame."""

@@ -1,6 +1,6 @@
 """Deliverables: frames encoded for others, relit frames, and timelines of editing programs."""
 
-from flowsculpt.pipeline.plugin import Command, Plugin
+from flowsculpt.api import Command, Plugin
 
 PLUGIN = Plugin(
     name="delivery",

@@ -10,27 +10,26 @@ from typing import Annotated, Any
 
 import typer
 
-from flowsculpt.pipeline.cli.execution import execute, report_plan
-from flowsculpt.pipeline.cli.options import (
-    Common,
-    Frames,
-    PictureOptions,
-    Quality,
-    output_option,
-    require_one_of,
-    words_of,
-)
-from flowsculpt.pipeline.cli.output import (
+from flowsculpt import FrameError, UsageError
+from flowsculpt.api import plugins, plural
+from flowsculpt.api.commands import (
+    Project,
     duration,
+    execute,
     exit_with,
     out,
     print_error,
     print_result,
     print_warning,
     progress_bars,
+    report_plan,
+    require_one_of,
+    words_of,
 )
-from flowsculpt.pipeline.errors import FrameError, UsageError
-from flowsculpt.pipeline.plugin import plugins
+from flowsculpt.api.frames import Plan, RenderRequest, crop_of, edit_names, find_edit
+from flowsculpt.api.options import DEFAULT_QUALITY, Common, Frames, PictureOptions, Quality, output_option
+from flowsculpt.api.pictures import BurnIn, Encode
+from flowsculpt.api.shots import is_edit
 from flowsculpt.pipeline.plugins.delivery.deliverables import (
     DELIVERABLES,
     SLATES,
@@ -44,16 +43,10 @@ from flowsculpt.pipeline.plugins.delivery.deliverables import (
 )
 from flowsculpt.pipeline.plugins.delivery.gain_map import is_gain_map, require_gain_maps
 from flowsculpt.pipeline.plugins.delivery.relighting import RelitFrames, relit_version
-from flowsculpt.pipeline.production.execution.project import Project
-from flowsculpt.pipeline.production.planning.plan import Plan
-from flowsculpt.pipeline.production.request.lookup import base_of, crop_of, edit_names, find_edit
-from flowsculpt.pipeline.production.request.render_request import RenderRequest
-from flowsculpt.pipeline.shot.yaml.named_files import is_edit
-from flowsculpt.render.base.plural import plural
-from flowsculpt.render.graphics.typesetting import FIELDS, BurnIn
-from flowsculpt.render.movie.codecs import Encode, encode_named
+from flowsculpt.pipeline.production.request.lookup import base_of
+from flowsculpt.render.graphics.typesetting import FIELDS
+from flowsculpt.render.movie.codecs import encode_named
 from flowsculpt.render.post.hdr import HDR_DISPLAYS
-from flowsculpt.render.scene.render_quality import DEFAULT_QUALITY
 
 USUAL_SIDES = dict.fromkeys(("phone", "hdr10", "hdr10-av1", "hlg"), 1080)
 """Pixels along the shorter side that the screens of deliverables usually show, by their names."""

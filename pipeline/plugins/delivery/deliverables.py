@@ -18,32 +18,49 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flowsculpt.pipeline.errors import FrameError, MachineError
-from flowsculpt.pipeline.frames import FrameRange, FrameRate
-from flowsculpt.pipeline.plugin import Plugin, plugins
+from flowsculpt import FrameError, MachineError
+from flowsculpt.api import Plugin, plugins, plural
+from flowsculpt.api.files import disk_errors, make_folder, to_plain
+from flowsculpt.api.frames import (
+    Edit,
+    FrameRange,
+    FrameRate,
+    History,
+    Key,
+    PictureKeys,
+    PipelineStage,
+    Provenance,
+    RenderRequest,
+    Store,
+    key_of,
+    picture_keys,
+    records,
+    samples_of,
+)
+from flowsculpt.api.pictures import (
+    ENCODES,
+    BurnIn,
+    Encode,
+    Frame,
+    Screen,
+    cut_together,
+    dissolve,
+    in_loop,
+    loop_dissolve,
+    mix_frames,
+    prefetch,
+    quantise,
+    timecode,
+    to_display,
+    write_movie,
+)
 from flowsculpt.pipeline.plugins.delivery.gain_map import GAIN_MAP, is_gain_map, write_gain_map
 from flowsculpt.pipeline.plugins.delivery.gif import GIF, write_gif
 from flowsculpt.pipeline.plugins.delivery.relighting import relit_version
-from flowsculpt.pipeline.production.request.audio import AudioClip, AudioTrack, samples_of
-from flowsculpt.pipeline.production.request.edit import Edit
-from flowsculpt.pipeline.production.request.keys import PictureKeys, picture_keys
-from flowsculpt.pipeline.production.request.provenance import Provenance, records
-from flowsculpt.pipeline.production.request.render_request import RenderRequest
-from flowsculpt.pipeline.production.stages import PipelineStage
+from flowsculpt.pipeline.production.request.audio import AudioClip, AudioTrack
 from flowsculpt.pipeline.production.store import paths, readers
-from flowsculpt.pipeline.production.store.history import History
-from flowsculpt.pipeline.production.store.store import Key, Store, key_of
-from flowsculpt.pipeline.production.tasks.encoding import cut_together, in_loop, loop_dissolve
-from flowsculpt.render.base.atomic_write import disk_errors
-from flowsculpt.render.base.plural import plural
-from flowsculpt.render.base.root_files import make_folder
-from flowsculpt.render.base.serialise import to_plain
-from flowsculpt.render.graphics.cards import Screen, Slate, failure_card
-from flowsculpt.render.graphics.typesetting import BurnIn
-from flowsculpt.render.movie.codecs import ENCODES, FILM_START, NAME_ENDS, Encode, timecode
-from flowsculpt.render.movie.encode import write_movie
-from flowsculpt.render.movie.movie_frames import Frame, dissolve, mix_frames, prefetch
-from flowsculpt.render.post.colour import quantise, to_display
+from flowsculpt.render.graphics.cards import Slate, failure_card
+from flowsculpt.render.movie.codecs import FILM_START, NAME_ENDS
 from flowsculpt.render.post.hdr import HDR_DISPLAYS, ContentLight, hdr_graphics
 from flowsculpt.render.scene.render_camera import Projection
 
@@ -535,7 +552,7 @@ def _counted(frames: Iterator[Frame], passed: Callable[[], None]) -> Iterator[Fr
 
 def audio_track(file: Path) -> AudioTrack:
     """Return a sound file as audio track. Raises MissingImageError or CorruptImageError."""
-    from flowsculpt.render.base.input_files import digest_of_file
+    from flowsculpt.api.files import digest_of_file
     from flowsculpt.render.movie.movie_sound import silence_in
 
     silence = silence_in(file)

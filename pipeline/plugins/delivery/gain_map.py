@@ -12,13 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flowsculpt.pipeline.errors import MachineError
-from flowsculpt.render.base.atomic_write import atomic_write
-from flowsculpt.render.base.python_process import command_line
-from flowsculpt.render.base.render_errors import BadInputError
-from flowsculpt.render.movie.codecs import AVIF, Container, Encode
-from flowsculpt.render.movie.movie_frames import Frame
-from flowsculpt.render.post.hdr import BT2020, GRAPHICS_WHITE, PEAK, nits_of_pq
+from flowsculpt import MachineError
+from flowsculpt.api.files import atomic_write, command_line
+from flowsculpt.api.pictures import BadInputError, Encode, Frame, nits_of_pq
+from flowsculpt.render.movie.codecs import AVIF, Container
+from flowsculpt.render.post.hdr import BT2020, GRAPHICS_WHITE, PEAK
 from flowsculpt.render.scene.rgb_spaces import WorkingSpace
 
 GAIN_MAP = replace(AVIF, name="gain-map", container=Container("gain-map", ".jpg"), codec="libultrahdr")

@@ -16,9 +16,10 @@ import av
 import numpy as np
 from av.filter import Graph
 
-from flowsculpt.render.base.atomic_write import atomic_write
-from flowsculpt.render.movie.codecs import Container, Encode
-from flowsculpt.render.movie.movie_frames import Frame, to_pixel_format
+from flowsculpt.api.files import atomic_write
+from flowsculpt.api.pictures import Encode, Frame
+from flowsculpt.render.movie.codecs import Container
+from flowsculpt.render.movie.movie_frames import to_pixel_format
 
 _DITHER = {"dither": "sierra2_4a", "diff_mode": "rectangle"}
 

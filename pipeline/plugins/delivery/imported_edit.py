@@ -21,9 +21,11 @@ from opentimelineio import adapters, schema
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap
 
-from flowsculpt.pipeline.errors import FlowsculptError, ShotError, UsageError, reason_of, suggestion
-from flowsculpt.pipeline.file_contents import as_utf8
-from flowsculpt.pipeline.frames import FrameRange, FrameRate
+from flowsculpt import FlowsculptError, UsageError
+from flowsculpt.api import ShotError, reason_of, suggestion
+from flowsculpt.api.files import as_utf8, read_input, serve
+from flowsculpt.api.frames import FrameRange, FrameRate
+from flowsculpt.api.shots import shown
 from flowsculpt.pipeline.plugins.delivery.imported_sound import ImportedSound
 from flowsculpt.pipeline.plugins.delivery.timeline_times import (
     fault_of,
@@ -33,9 +35,6 @@ from flowsculpt.pipeline.plugins.delivery.timeline_times import (
     require_rate,
     span_of,
 )
-from flowsculpt.pipeline.shot.yaml.named_files import shown
-from flowsculpt.render.base.input_files import read_input
-from flowsculpt.render.base.limited_process import serve
 
 _FIRST_LINE = "# Made from {name} by flowsculpt film --edit, which replaces this file.\n"
 

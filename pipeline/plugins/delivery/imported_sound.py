@@ -11,9 +11,9 @@ from urllib.parse import unquote, urlsplit
 
 from opentimelineio import schema
 
-from flowsculpt.pipeline.errors import UsageError
+from flowsculpt import UsageError
+from flowsculpt.api.shots import shown
 from flowsculpt.pipeline.plugins.delivery.timeline_times import available_range, is_on
-from flowsculpt.pipeline.shot.yaml.named_files import shown
 
 LEVELS = ("gain", "fade_in", "fade_out")
 """Settings of a sound that stand in the metadata of its clip, by their names in the edit."""

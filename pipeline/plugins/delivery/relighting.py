@@ -19,7 +19,30 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from flowsculpt.pipeline.cli.options import (
+from flowsculpt import FrameError, MissingInputError, UsageError
+from flowsculpt.api import plural, shortened, suggestion
+from flowsculpt.api.commands import exit_with, print_error, print_result, progress_bars, project_of
+from flowsculpt.api.frames import (
+    FrameRange,
+    FrameRate,
+    Key,
+    PictureKeys,
+    PictureSequence,
+    PipelineStage,
+    RenderRequest,
+    SequenceQuery,
+    Store,
+    camera_file,
+    display_of,
+    find_shot,
+    key_of,
+    movie_bits,
+    options_of,
+    picture_keys,
+    writing,
+)
+from flowsculpt.api.options import (
+    DEFAULT_QUALITY,
     AllowCode,
     Common,
     Crop,
@@ -29,42 +52,33 @@ from flowsculpt.pipeline.cli.options import (
     Scale,
     Shot,
     Variant,
-    project_of,
 )
-from flowsculpt.pipeline.cli.output import exit_with, print_error, print_result, progress_bars
-from flowsculpt.pipeline.errors import FrameError, MissingInputError, UsageError, shortened, suggestion
-from flowsculpt.pipeline.frames import FrameRange, FrameRate
-from flowsculpt.pipeline.production.picture_sequences import PictureSequence, SequenceQuery, display_of
-from flowsculpt.pipeline.production.request.cameras import camera_file
-from flowsculpt.pipeline.production.request.keys import PictureKeys, picture_keys
-from flowsculpt.pipeline.production.request.lookup import find_shot, movie_bits, options_of
-from flowsculpt.pipeline.production.request.render_request import RenderRequest
-from flowsculpt.pipeline.production.stages import PipelineStage
+from flowsculpt.api.pictures import (
+    Frame,
+    LightRig,
+    RenderedFrame,
+    RenderError,
+    in_loop,
+    mix_frames,
+    movie_encode,
+    prefetch,
+    quantise,
+    read_header,
+    to_display,
+    write_exr,
+    write_movie,
+)
+from flowsculpt.api.shots import NAME, OPTION, in_yaml, inherited, linear_of, shown
 from flowsculpt.pipeline.production.store import readers
-from flowsculpt.pipeline.production.store.locks import writing
-from flowsculpt.pipeline.production.store.store import Key, Store, key_of
-from flowsculpt.pipeline.production.tasks.encoding import in_loop
 from flowsculpt.pipeline.production.tasks.finish import exr_attributes
-from flowsculpt.pipeline.shot.documents.field_types import HEX_PATTERN, linear_of
-from flowsculpt.pipeline.shot.yaml.inheritance import OPTION, inherited
-from flowsculpt.pipeline.shot.yaml.named_files import NAME, shown
-from flowsculpt.pipeline.shot.yaml.yaml_source import in_yaml
-from flowsculpt.render.base.plural import plural
-from flowsculpt.render.base.render_errors import RenderError
+from flowsculpt.pipeline.shot.documents.field_types import HEX_PATTERN
 from flowsculpt.render.base.serialise import Triple
-from flowsculpt.render.movie.codecs import movie_encode
-from flowsculpt.render.movie.encode import write_movie
-from flowsculpt.render.movie.movie_frames import Frame, mix_frames, prefetch
-from flowsculpt.render.post.colour import quantise, to_display
-from flowsculpt.render.post.image import read_header, write_exr
-from flowsculpt.render.scene.aovs import RenderedFrame
-from flowsculpt.render.scene.render_quality import DEFAULT_QUALITY
-from flowsculpt.render.scene.scene_lights import BACKGROUND, LightGroup, LightRig, groups_in, mixed
+from flowsculpt.render.scene.scene_lights import BACKGROUND, LightGroup, groups_in, mixed
 
 RELIGHT = PipelineStage("relight", version=1, packages=("OpenImageIO",), doing="relighting", makes="frame")
 
 if TYPE_CHECKING:
-    from flowsculpt.pipeline.production.request.framing import Framing
+    from flowsculpt.api.frames import Framing
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,19 +21,16 @@ from urllib.parse import quote
 import typer
 from opentimelineio import opentime, schema
 
-from flowsculpt.pipeline.cli.options import Common, Quality, ShotOptions, output_option, require_one_of
-from flowsculpt.pipeline.cli.output import print_result
-from flowsculpt.pipeline.errors import UsageError
-from flowsculpt.pipeline.frames import FrameRange
+from flowsculpt import UsageError
+from flowsculpt.api import plural
+from flowsculpt.api.commands import print_result, require_one_of
+from flowsculpt.api.frames import FILM, Edit, FrameRange, RenderRequest, Store, find_edit
+from flowsculpt.api.options import DEFAULT_QUALITY, Common, Quality, ShotOptions, output_option
+from flowsculpt.api.pictures import ENCODES, Encode
 from flowsculpt.pipeline.plugins.delivery.imported_sound import LEVELS
 from flowsculpt.pipeline.production.request.audio import AudioClip, AudioTrack
-from flowsculpt.pipeline.production.request.edit import Edit, EditItem
-from flowsculpt.pipeline.production.request.lookup import FILM, find_edit
-from flowsculpt.pipeline.production.request.render_request import RenderRequest
-from flowsculpt.pipeline.production.store.store import Store
-from flowsculpt.render.base.plural import plural
-from flowsculpt.render.movie.codecs import ENCODES, FILM_START, NAME_ENDS, Encode
-from flowsculpt.render.scene.render_quality import DEFAULT_QUALITY
+from flowsculpt.pipeline.production.request.edit import EditItem
+from flowsculpt.render.movie.codecs import FILM_START, NAME_ENDS
 
 
 @dataclass(frozen=True)

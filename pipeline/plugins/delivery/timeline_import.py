@@ -10,11 +10,10 @@ from collections.abc import Collection
 from contextlib import suppress
 from pathlib import Path
 
-from flowsculpt.pipeline.errors import FlowsculptError, MissingInputError, ShotError, UsageError
-from flowsculpt.pipeline.file_contents import as_utf8
-from flowsculpt.pipeline.shot.yaml.named_files import shown
-from flowsculpt.render.base.input_files import read_input
-from flowsculpt.render.base.limited_process import ParserError, answer_of
+from flowsculpt import FlowsculptError, MissingInputError, UsageError
+from flowsculpt.api import ShotError
+from flowsculpt.api.files import ParserError, answer_of, as_utf8, read_input
+from flowsculpt.api.shots import shown
 
 _ERRORS: tuple[type[FlowsculptError], ...] = (ShotError, MissingInputError, UsageError)
 
@@ -42,7 +41,7 @@ def _frames_of_movies(timeline: Path, shots: Collection[str], folder: Path) -> d
         content = as_utf8(read_input(timeline))
         if b'"ExternalReference.' not in content:
             return {}
-        from flowsculpt.pipeline.shot.yaml.inheritance import inherited  # takes time
+        from flowsculpt.api.shots import inherited  # takes time
 
         for shot in shots:
             with suppress(FlowsculptError):  # the reader of the edit reports its faults

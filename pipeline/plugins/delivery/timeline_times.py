@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from flowsculpt.pipeline.errors import UsageError
-from flowsculpt.pipeline.frames import FrameRate
-from flowsculpt.pipeline.shot.yaml.named_files import shown
+from flowsculpt import UsageError
+from flowsculpt.api.frames import FrameRate
+from flowsculpt.api.shots import shown
 
 _MOST_FRAMES, _LONGEST_CLIP = 10_000_000, 1_000_000  # a day of timecode has 5,184,000 at 60 a second
 

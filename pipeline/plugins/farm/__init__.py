@@ -1,6 +1,6 @@
 """Farms: jobs for render managers and Kubernetes, and the tasks that they run."""
 
-from flowsculpt.pipeline.plugin import Command, Plugin
+from flowsculpt.api import Command, Plugin
 
 _COMMANDS = "flowsculpt.pipeline.plugins.farm.farm_commands"
 

@@ -11,20 +11,17 @@ from typing import Annotated, Any, TextIO
 import typer
 from ruamel.yaml import YAML
 
-from flowsculpt.pipeline.cli.execution import report_notes
-from flowsculpt.pipeline.cli.options import Common, Frames, PictureOptions, Quality, output_option
-from flowsculpt.pipeline.cli.output import exit_with, print_result
-from flowsculpt.pipeline.errors import UsageError
-from flowsculpt.pipeline.frames import FrameRange
+from flowsculpt import UsageError
+from flowsculpt.api import plural
+from flowsculpt.api.commands import exit_with, print_result, report_notes
+from flowsculpt.api.files import atomic_write, disk_errors
+from flowsculpt.api.frames import FrameRange, Plan
+from flowsculpt.api.options import DEFAULT_QUALITY, Common, Frames, PictureOptions, Quality, output_option
 from flowsculpt.pipeline.plugins.farm.flamenco import JOB_TYPE, submitted_job
 from flowsculpt.pipeline.plugins.farm.kubernetes import SCRIPT, KubernetesJob
 from flowsculpt.pipeline.plugins.farm.openjd import template
 from flowsculpt.pipeline.plugins.farm.task_runner import Part, do
-from flowsculpt.pipeline.production.planning.plan import Plan
 from flowsculpt.pipeline.production.store.remote_store import store_url
-from flowsculpt.render.base.atomic_write import atomic_write, disk_errors
-from flowsculpt.render.base.plural import plural
-from flowsculpt.render.scene.render_quality import DEFAULT_QUALITY
 
 Names = Annotated[
     list[str], typer.Argument(metavar="SHOT|EDIT...", help="Shots, by name or path, or an edit.")

@@ -9,9 +9,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from flowsculpt.api.frames import STAGES, Job, Plan
 from flowsculpt.pipeline.plugins.farm.task_runner import BY_FRAMES
-from flowsculpt.pipeline.production.planning.plan import Job, Plan
-from flowsculpt.pipeline.production.stages import STAGES
 
 STEPS = {
     "Surfaces": ("simulate", "smooth_normals", "frame_camera"),

@@ -12,8 +12,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from flowsculpt.api.frames import Plan
 from flowsculpt.pipeline.plugins.farm.farm_steps import FarmStep, steps_of
-from flowsculpt.pipeline.production.planning.plan import Plan
 
 JOB_TYPE = Path(__file__).with_name("flowsculpt.js")
 """The script of the job type; Flamenco calls the type as the file."""

@@ -16,13 +16,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from flowsculpt.pipeline.errors import UsageError
+from flowsculpt import UsageError
+from flowsculpt.api import plural
+from flowsculpt.api.files import to_plain
+from flowsculpt.api.frames import VARIABLE, Plan, key_of
 from flowsculpt.pipeline.plugins.farm.farm_steps import FarmStep, steps_of
-from flowsculpt.pipeline.production.planning.plan import Plan
-from flowsculpt.pipeline.production.store.remote_store import VARIABLE
-from flowsculpt.pipeline.production.store.store import key_of
-from flowsculpt.render.base.plural import plural
-from flowsculpt.render.base.serialise import to_plain
 
 CHUNK = 8  # frames of a pod: each costs the start of a container and a renderer
 RETRIES = 2  # times that a failed pod is replaced

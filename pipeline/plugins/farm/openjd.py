@@ -15,13 +15,11 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from flowsculpt.pipeline.errors import FlowsculptError
-from flowsculpt.pipeline.frames import FrameRange
+from flowsculpt import FlowsculptError
+from flowsculpt.api.files import command
+from flowsculpt.api.frames import VARIABLE, FrameRange, Plan, remote_stores
 from flowsculpt.pipeline.plugins.farm.farm_steps import FarmStep, steps_of
 from flowsculpt.pipeline.plugins.farm.task_runner import do
-from flowsculpt.pipeline.production.planning.plan import Plan
-from flowsculpt.pipeline.production.store.remote_store import VARIABLE, remote_stores
-from flowsculpt.render.base.python_process import command
 
 CHUNK = 8  # frames that a task makes until the manager knows how long one takes
 

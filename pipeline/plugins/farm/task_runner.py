@@ -12,12 +12,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from flowsculpt.pipeline.errors import MachineError, MissingInputError, UsageError, suggestion
-from flowsculpt.pipeline.frames import FrameRange
-from flowsculpt.pipeline.production.planning.plan import Job, Plan, versions_here
+from flowsculpt import MachineError, MissingInputError, UsageError
+from flowsculpt.api import plural, suggestion
+from flowsculpt.api.frames import FrameRange, Job, Plan, Store, upload_missed, versions_here
 from flowsculpt.pipeline.production.store.remote_store import store_url
-from flowsculpt.pipeline.production.store.store import Store, upload_missed
-from flowsculpt.render.base.plural import plural
 
 BY_FRAMES = ("render", "finish")  # the stages whose frames several workers may share out
 

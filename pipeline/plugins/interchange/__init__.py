@@ -1,6 +1,6 @@
 """Interchange: models of other 3-D programs, and shots and resampled models as files for them."""
 
-from flowsculpt.pipeline.plugin import Command, Plugin
+from flowsculpt.api import Command, Plugin
 
 _COMMANDS = "flowsculpt.pipeline.plugins.interchange.export_commands"
 _ONE_MESH = "flowsculpt.pipeline.plugins.interchange.one_mesh_commands"

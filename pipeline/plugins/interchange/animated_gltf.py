@@ -8,11 +8,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flowsculpt.pipeline.arrays import AnyArray, Floats
+from flowsculpt.api.meshes import AnyArray, Floats
+from flowsculpt.api.pictures import Material
 from flowsculpt.pipeline.plugins.interchange.drawn_mesh import KeyPoses
 from flowsculpt.pipeline.plugins.interchange.gltf_content import FLOAT, SHORT, GltfContent
 from flowsculpt.pipeline.plugins.interchange.meshopt_encoder import exponential_elements
-from flowsculpt.render.scene.materials import Material
 
 _NORMAL_EXPONENT = -7  # components of normals are multiples of 1/128, as in bytes
 

@@ -7,9 +7,9 @@ from typing import Annotated, Any
 
 import typer
 
-from flowsculpt.pipeline.cli.execution import execute, report_plan
-from flowsculpt.pipeline.cli.options import Common, Shot
-from flowsculpt.pipeline.cli.output import exit_with, print_result, progress_bars, size
+from flowsculpt.api.commands import execute, exit_with, print_result, progress_bars, report_plan, size
+from flowsculpt.api.frames import writing
+from flowsculpt.api.options import DEFAULT_QUALITY, Common, Shot
 from flowsculpt.pipeline.plugins.interchange.alembic_export import require_alembic
 from flowsculpt.pipeline.plugins.interchange.animation_export import (
     AlembicExport,
@@ -28,8 +28,6 @@ from flowsculpt.pipeline.plugins.interchange.one_mesh_commands import (
 )
 from flowsculpt.pipeline.plugins.interchange.unifying import Unification
 from flowsculpt.pipeline.plugins.interchange.web_player import require_three_js
-from flowsculpt.pipeline.production.store.locks import writing
-from flowsculpt.render.scene.render_quality import DEFAULT_QUALITY
 
 Plain = Annotated[
     bool,

@@ -11,8 +11,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar
 
-from flowsculpt.pipeline.errors import FrameError
-from flowsculpt.pipeline.plugin import Animation
+from flowsculpt import FrameError
+from flowsculpt.api import Animation, plural
+from flowsculpt.api.files import to_plain
+from flowsculpt.api.frames import Framing, Key, RenderRequest, Store, camera_file, key_of
 from flowsculpt.pipeline.plugins.interchange.alembic_export import write_alembic
 from flowsculpt.pipeline.plugins.interchange.animated_gltf import (
     Moving,
@@ -28,12 +30,6 @@ from flowsculpt.pipeline.plugins.interchange.refining import Began
 from flowsculpt.pipeline.plugins.interchange.unifying import Unification
 from flowsculpt.pipeline.plugins.interchange.vertex_textures import VertexTextures
 from flowsculpt.pipeline.plugins.interchange.web_player import PARTS, WebPage, require_three_js
-from flowsculpt.pipeline.production.request.cameras import camera_file
-from flowsculpt.pipeline.production.request.framing import Framing
-from flowsculpt.pipeline.production.request.render_request import RenderRequest
-from flowsculpt.pipeline.production.store.store import Key, Store, key_of
-from flowsculpt.render.base.plural import plural
-from flowsculpt.render.base.serialise import to_plain
 from flowsculpt.render.scene.materials import LOOKS
 
 _VERSION = 2  # of the formats as they are written here

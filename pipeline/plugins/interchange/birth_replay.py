@@ -5,8 +5,8 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from flowsculpt.pipeline.arrays import AnyArray, Floats, Indices
-from flowsculpt.pipeline.kernels import kernel
+from flowsculpt.api.flows import kernel
+from flowsculpt.api.meshes import AnyArray, Floats, Indices
 from flowsculpt.pipeline.mesh.kernels.halfedge import (
     LEAN,
     MESH_ARRAYS,

@@ -11,10 +11,11 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from flowsculpt.pipeline.arrays import AnyArray, Floats, Points
-from flowsculpt.pipeline.errors import MeshError, brief, shortened
+from flowsculpt import MeshError
+from flowsculpt.api import brief, shortened
+from flowsculpt.api.meshes import AnyArray, Floats, MeshFormat, Points
 from flowsculpt.pipeline.file_contents import number_fault
-from flowsculpt.pipeline.mesh.mesh_formats import FileSurface, MeshFormat, reader_of
+from flowsculpt.pipeline.mesh.mesh_formats import FileSurface, reader_of
 from flowsculpt.pipeline.plugins.interchange.scene_readers import (
     PlacedMeshes,
     Polygons,

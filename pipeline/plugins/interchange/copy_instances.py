@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flowsculpt.pipeline.animation import MeshFrame
-from flowsculpt.pipeline.arrays import AnyArray, Floats, Points, Vectors
-from flowsculpt.pipeline.errors import UsageError
+from flowsculpt import UsageError
+from flowsculpt.api.frames import MeshFrame
+from flowsculpt.api.meshes import AnyArray, Floats, Points, Vectors
 from flowsculpt.pipeline.mesh.placed_copies import Placements
 from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh
 from flowsculpt.pipeline.plugins.interchange.unifying import Unification

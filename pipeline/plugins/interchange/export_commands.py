@@ -10,18 +10,30 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from flowsculpt.pipeline.cli.execution import execute, report_plan
-from flowsculpt.pipeline.cli.options import Common, Frames, Quality, Shot, ShotOptions, Subject, output_option
-from flowsculpt.pipeline.cli.output import exit_with, print_error, print_result, progress_bars
-from flowsculpt.pipeline.errors import FrameError, UsageError
+from flowsculpt import FrameError, UsageError
+from flowsculpt.api import plural
+from flowsculpt.api.commands import (
+    Project,
+    execute,
+    exit_with,
+    print_error,
+    print_result,
+    progress_bars,
+    report_plan,
+)
+from flowsculpt.api.frames import RenderRequest, mesh_states, writing
+from flowsculpt.api.options import (
+    DEFAULT_QUALITY,
+    Common,
+    Frames,
+    Quality,
+    Shot,
+    ShotOptions,
+    Subject,
+    output_option,
+)
 from flowsculpt.pipeline.plugins.interchange.model_export import LONGEST_SIDE, ModelExport, require_still
 from flowsculpt.pipeline.plugins.interchange.usd_files import require_usd
-from flowsculpt.pipeline.production.execution.project import Project
-from flowsculpt.pipeline.production.planning.frame_states import mesh_states
-from flowsculpt.pipeline.production.request.render_request import RenderRequest
-from flowsculpt.pipeline.production.store.locks import writing
-from flowsculpt.render.base.plural import plural
-from flowsculpt.render.scene.render_quality import DEFAULT_QUALITY
 
 if TYPE_CHECKING:
     from flowsculpt.pipeline.plugins.interchange.usd_export import UsdExport

@@ -13,51 +13,46 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flowsculpt.pipeline.animation import MeshFrame, material_of
-from flowsculpt.pipeline.arrays import AnyArray, Faces, Floats, Indices, Points, Vectors
-from flowsculpt.pipeline.errors import FrameError
+from flowsculpt import FrameError
+from flowsculpt.api.files import mapping, read_state, sweep_hidden_drafts, to_plain
+from flowsculpt.api.frames import (
+    LOG,
+    STEP,
+    Key,
+    MeshFrame,
+    PipelineStage,
+    RenderRequest,
+    Shading,
+    Store,
+    digest_of,
+    flow_cache_data,
+    is_cloud,
+    key_of,
+    material_of,
+    of_key,
+    radii,
+    thresholds_at,
+)
+from flowsculpt.api.meshes import AnyArray, Faces, Floats, Indices, Points, Vectors
+from flowsculpt.api.pictures import SPEED, Material, Painted, PaintedFaces, Surface, vertex_colours
+from flowsculpt.api.shots import Model, Shot, Solid
 from flowsculpt.pipeline.mesh.halfedge_mesh import IDENTITY
 from flowsculpt.pipeline.mesh.normals import ShadedMesh
-from flowsculpt.pipeline.production.request.manifest import thresholds_at
-from flowsculpt.pipeline.production.request.render_request import RenderRequest
-from flowsculpt.pipeline.production.request.shading import (
-    STEP,
-    Shading,
-    flow_cache_data,
-    flow_motion,
-    is_cloud,
-    radii,
-    vertex_motion,
-)
-from flowsculpt.pipeline.production.stages import PipelineStage
+from flowsculpt.pipeline.production.request.shading import flow_motion, vertex_motion
 from flowsculpt.pipeline.production.store import readers
-from flowsculpt.pipeline.production.store.digests import digest_of
-from flowsculpt.pipeline.production.store.locks import of_key
-from flowsculpt.pipeline.production.store.remote_store import LOG
-from flowsculpt.pipeline.production.store.store import Key, Store, key_of
-from flowsculpt.pipeline.shot import Shot
-from flowsculpt.pipeline.shot.subjects import Model, Solid
-from flowsculpt.render.base.drafts import sweep_hidden_drafts
-from flowsculpt.render.base.serialise import Colour, to_plain
-from flowsculpt.render.base.state_files import mapping, read_state
+from flowsculpt.render.base.serialise import Colour
 from flowsculpt.render.scene.materials import (
     BrushedMetal,
     Diffuse,
     Glass,
     Glossy,
-    Material,
     Metal,
     MitsubaMaterial,
-    Painted,
     PatternedMaterial,
     Satin,
     Smoke,
 )
-from flowsculpt.render.scene.painted_faces import PaintedFaces
-from flowsculpt.render.scene.patterns import SPEED
-from flowsculpt.render.scene.surface import Surface
 from flowsculpt.render.scene.textures import Texture
-from flowsculpt.render.scene.vertex_colours import vertex_colours
 
 EXPORT = PipelineStage("export", version=3, doing="exporting", makes="geometry", per_quality=False)
 

@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flowsculpt.pipeline.arrays import AnyArray
+from flowsculpt.api.meshes import AnyArray
+from flowsculpt.api.pictures import Material, Painted
 from flowsculpt.pipeline.plugins.interchange.exported_frame import PreviewSurface, preview_surface
 from flowsculpt.render.post.embedded_textures import (
     EmbeddedPicture,
@@ -21,7 +22,7 @@ from flowsculpt.render.post.embedded_textures import (
     png,
     resized,
 )
-from flowsculpt.render.scene.materials import Material, Opacity, Painted, PatternedMaterial, Satin
+from flowsculpt.render.scene.materials import Opacity, PatternedMaterial, Satin
 from flowsculpt.render.scene.painted_faces import VERTEX_COLOURS
 from flowsculpt.render.scene.rgb_spaces import srgb_of_linear
 from flowsculpt.render.scene.textures import WHOLE, WIDEST, Texture

@@ -17,11 +17,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flowsculpt.pipeline.arrays import AnyArray, Floats, Points
-from flowsculpt.pipeline.errors import MeshError, shortened
+from flowsculpt import MeshError
+from flowsculpt.api import plural, shortened
+from flowsculpt.api.files import MEMORY, allow_memory, read_input, require_input, serve
+from flowsculpt.api.meshes import AnyArray, Floats, MeshFormat, Points
 from flowsculpt.pipeline.file_contents import text_content
 from flowsculpt.pipeline.mesh.face_soup import FaceSoup
-from flowsculpt.pipeline.mesh.mesh_formats import FileSurface, MeshFormat
+from flowsculpt.pipeline.mesh.mesh_formats import FileSurface
 from flowsculpt.pipeline.plugins.interchange.scene_readers import (
     PlacedMeshes,
     Polygons,
@@ -35,9 +37,7 @@ from flowsculpt.pipeline.plugins.interchange.scene_readers import (
     require_package,
     unpacked_surface,
 )
-from flowsculpt.render.base.input_files import read_input, require_input
-from flowsculpt.render.base.limited_process import MEMORY, allow_memory, answer_about_content, serve
-from flowsculpt.render.base.plural import plural
+from flowsculpt.render.base.limited_process import answer_about_content
 
 if TYPE_CHECKING:
     import ufbx

@@ -15,8 +15,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flowsculpt.pipeline.arrays import AnyArray, Floats
-from flowsculpt.pipeline.errors import MeshError, brief, shortened
+from flowsculpt import MeshError
+from flowsculpt.api import brief, shortened
+from flowsculpt.api.files import MEMORY, allow_memory, digest_of_file, read_input, require_input, serve
+from flowsculpt.api.meshes import AnyArray, Floats
+from flowsculpt.api.pictures import linear_of_srgb
 from flowsculpt.pipeline.plugins.interchange.fbx_files import (
     MOST_BYTES,
     counted,
@@ -43,11 +46,9 @@ from flowsculpt.pipeline.plugins.interchange.scene_readers import (
     asked,
     content_of,
 )
-from flowsculpt.render.base.input_files import digest_of_file, read_input, require_input
-from flowsculpt.render.base.limited_process import MEMORY, allow_memory, answer_about_content, serve
+from flowsculpt.render.base.limited_process import answer_about_content
 from flowsculpt.render.scene.materials import Opacity, PatternedMaterial
 from flowsculpt.render.scene.painted_faces import Files, ModelMaterials, PaintReader
-from flowsculpt.render.scene.rgb_spaces import linear_of_srgb
 from flowsculpt.render.scene.textures import CLAMP, REPEAT, Texture
 
 if TYPE_CHECKING:

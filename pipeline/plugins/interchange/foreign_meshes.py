@@ -8,16 +8,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flowsculpt.pipeline.arrays import AnyArray, Points
-from flowsculpt.pipeline.errors import MeshError, UsageError
+from flowsculpt import MeshError, PolygonMesh, TriangleMesh, UsageError
+from flowsculpt.api import plural
+from flowsculpt.api.meshes import AnyArray, Points, read_paint
 from flowsculpt.pipeline.mesh.face_soup import first_alike
 from flowsculpt.pipeline.mesh.mesh_formats import polygon_surface
-from flowsculpt.pipeline.mesh.meshes import PolygonMesh, TriangleMesh
-from flowsculpt.pipeline.mesh.read import read_paint, repair_surface
+from flowsculpt.pipeline.mesh.read import repair_surface
 from flowsculpt.pipeline.plugins.interchange.mesh_writers import UV
 from flowsculpt.pipeline.plugins.interchange.model_paint import ModelPaint
 from flowsculpt.pipeline.resample.placement import REST
-from flowsculpt.render.base.plural import plural
 from flowsculpt.render.scene.painted_faces import Paint
 
 

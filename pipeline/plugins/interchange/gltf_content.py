@@ -16,8 +16,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flowsculpt.pipeline.arrays import AnyArray, Faces
-from flowsculpt.pipeline.errors import UsageError
+from flowsculpt import UsageError
+from flowsculpt.api.files import disk_errors
+from flowsculpt.api.meshes import AnyArray, Faces
+from flowsculpt.api.pictures import Material
 from flowsculpt.pipeline.plugins.interchange.exported_materials import (
     COMPACT,
     ExportedMaterial,
@@ -25,9 +27,7 @@ from flowsculpt.pipeline.plugins.interchange.exported_materials import (
 )
 from flowsculpt.pipeline.plugins.interchange.meshopt_encoder import encode_attributes, encode_indices
 from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh
-from flowsculpt.render.base.atomic_write import disk_errors
 from flowsculpt.render.post.embedded_textures import EmbeddedPicture
-from flowsculpt.render.scene.materials import Material
 from flowsculpt.render.scene.textures import BLACK, CLAMP, MIRROR, REPEAT, WIDEST
 
 FLOAT, SHORT, WIDE, UNSIGNED = 5126, 5122, 5125, 5123  # component types

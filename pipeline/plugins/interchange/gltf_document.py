@@ -16,9 +16,11 @@ from sys import float_info
 from typing import Any, BinaryIO
 from urllib.parse import unquote, unquote_to_bytes
 
-from flowsculpt.pipeline.errors import MeshError, brief
+from flowsculpt import MeshError
+from flowsculpt.api import brief
+from flowsculpt.api.files import read_input, size_of
 from flowsculpt.pipeline.mesh.mesh_formats import early_end
-from flowsculpt.render.base.input_files import opened_input, read_input, size_of
+from flowsculpt.render.base.input_files import opened_input
 
 _LARGEST = float_info.max
 

@@ -11,9 +11,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flowsculpt.pipeline.arrays import AnyArray, Floats, Points
-from flowsculpt.pipeline.errors import MissingInputError, brief, reason_of
-from flowsculpt.pipeline.mesh.mesh_formats import FileSurface, MeshFormat, ModelFiles, file_surface
+from flowsculpt import MissingInputError
+from flowsculpt.api import brief, plural, reason_of
+from flowsculpt.api.files import (
+    MEMORY,
+    allow_memory,
+    answer_of,
+    digest_of_file,
+    joint_digest,
+    require_input,
+    serve,
+)
+from flowsculpt.api.meshes import AnyArray, Floats, MeshFormat, Points
+from flowsculpt.pipeline.mesh.mesh_formats import FileSurface, ModelFiles, file_surface
 from flowsculpt.pipeline.plugins.interchange.gltf_document import (
     MESHOPT,
     MOST_BYTES,
@@ -35,9 +45,6 @@ from flowsculpt.pipeline.plugins.interchange.scene_readers import (
     require_package,
     unpacked_surface,
 )
-from flowsculpt.render.base.input_files import digest_of_file, joint_digest, require_input
-from flowsculpt.render.base.limited_process import MEMORY, allow_memory, answer_of, serve
-from flowsculpt.render.base.plural import plural
 
 _COMPONENTS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _SIZES = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}

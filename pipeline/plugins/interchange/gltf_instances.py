@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from flowsculpt.pipeline.arrays import AnyArray, Floats
+from flowsculpt.api import plural
+from flowsculpt.api.meshes import AnyArray, Floats
+from flowsculpt.api.pictures import Material
 from flowsculpt.pipeline.plugins.interchange.animation_export import AnimationExport
 from flowsculpt.pipeline.plugins.interchange.copy_instances import Instances
 from flowsculpt.pipeline.plugins.interchange.drawn_mesh import DrawnMesh
 from flowsculpt.pipeline.plugins.interchange.gltf_content import FLOAT, GltfContent
 from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh
 from flowsculpt.pipeline.plugins.interchange.refining import Began
-from flowsculpt.render.base.plural import plural
-from flowsculpt.render.scene.materials import Material
 
 
 class _CopyNodes(GltfContent):

@@ -17,8 +17,11 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from flowsculpt.pipeline.arrays import AnyArray, Floats
-from flowsculpt.pipeline.errors import MeshError, brief
+from flowsculpt import MeshError
+from flowsculpt.api import brief
+from flowsculpt.api.files import MEMORY, allow_memory, answer_of, digest_of_file, require_input, serve
+from flowsculpt.api.meshes import AnyArray, Floats
+from flowsculpt.api.pictures import REPEATED
 from flowsculpt.pipeline.plugins.interchange.gltf_document import MOST_BYTES, GltfDocument, JsonObject
 from flowsculpt.pipeline.plugins.interchange.gltf_files import (
     SceneArrays,
@@ -36,11 +39,9 @@ from flowsculpt.pipeline.plugins.interchange.painted_materials import (
     picture,
     picture_within,
 )
-from flowsculpt.render.base.input_files import digest_of_file, require_input
-from flowsculpt.render.base.limited_process import MEMORY, allow_memory, answer_of, serve
 from flowsculpt.render.scene.materials import PatternedMaterial
 from flowsculpt.render.scene.painted_faces import Files, ModelMaterials, PaintReader
-from flowsculpt.render.scene.textures import CLAMP, MIRROR, REPEAT, REPEATED, Texture
+from flowsculpt.render.scene.textures import CLAMP, MIRROR, REPEAT, Texture
 
 _TRANSFORM = "KHR_texture_transform"
 _GLOSSINESS = "KHR_materials_pbrSpecularGlossiness"

@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from flowsculpt.pipeline.arrays import AnyArray
-from flowsculpt.pipeline.errors import MeshError, brief
+from flowsculpt import MeshError
+from flowsculpt.api import brief
+from flowsculpt.api.meshes import AnyArray
 from flowsculpt.pipeline.plugins.interchange.gltf_document import MESHOPT, GltfDocument, JsonObject
 
 DRACO, INSTANCING = "KHR_draco_mesh_compression", "EXT_mesh_gpu_instancing"

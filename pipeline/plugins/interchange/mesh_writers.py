@@ -8,16 +8,15 @@ import struct
 from collections.abc import Callable, Iterator, Mapping
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
-from flowsculpt.pipeline.arrays import AnyArray, Floats, Indices
-from flowsculpt.pipeline.errors import MeshError
-from flowsculpt.pipeline.mesh.meshes import PolygonMesh, TriangleMesh
-from flowsculpt.pipeline.mesh.normals import NORMAL, face_normals, vertex_normals
+from flowsculpt import MeshError, PolygonMesh, TriangleMesh, vertex_normals
+from flowsculpt.api.files import atomic_write
+from flowsculpt.api.meshes import AnyArray, Floats, Indices
+from flowsculpt.pipeline.mesh.normals import NORMAL, face_normals
 from flowsculpt.pipeline.plugins.interchange.stl_files import TRIANGLE
-from flowsculpt.render.base.atomic_write import atomic_write
 
 _PLY_TYPES = {"f8": "double", "f4": "float", "i4": "int", "i2": "short", "i1": "char", "u1": "uchar"}
 
@@ -26,7 +25,7 @@ UV = "uv"
 
 _COMPONENTS = {NORMAL: ("nx", "ny", "nz"), UV: ("s", "t")}
 
-Mesh = TriangleMesh | PolygonMesh
+Mesh: TypeAlias = TriangleMesh | PolygonMesh
 
 
 def write_mesh(mesh: Mesh, path: str | Path) -> None:

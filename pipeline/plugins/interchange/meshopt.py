@@ -10,7 +10,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from flowsculpt.pipeline.arrays import AnyArray
+from flowsculpt.api.meshes import AnyArray
 
 T = TypeVar("T")
 

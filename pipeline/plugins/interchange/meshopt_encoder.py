@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flowsculpt.pipeline.arrays import AnyArray, Floats, Indices
+from flowsculpt.api.meshes import AnyArray, Floats, Indices
 
 _GROUP = 16  # elements whose deltas take the same number of bits
 

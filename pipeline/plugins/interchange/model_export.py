@@ -18,12 +18,13 @@ from typing import Any
 
 import numpy as np
 
-from flowsculpt.pipeline.arrays import AnyArray, Floats, Points, Vectors
-from flowsculpt.pipeline.errors import FrameError, MeshError, UsageError
-from flowsculpt.pipeline.flow.regions import TriangleTree
-from flowsculpt.pipeline.mesh import TriangleMesh, face_normals
-from flowsculpt.pipeline.mesh.normals import NORMAL, unit
-from flowsculpt.pipeline.mesh.validation import validate
+from flowsculpt import FrameError, MeshError, TriangleMesh, UsageError, validate
+from flowsculpt.api.files import disk_errors, to_plain
+from flowsculpt.api.flows import TriangleTree
+from flowsculpt.api.frames import Key, RenderRequest, Store, key_of
+from flowsculpt.api.meshes import AnyArray, Floats, Points, Vectors, face_normals, self_intersections, unit
+from flowsculpt.api.pictures import Material
+from flowsculpt.pipeline.mesh.normals import NORMAL
 from flowsculpt.pipeline.plugins.interchange.drawn_mesh import split_corners
 from flowsculpt.pipeline.plugins.interchange.exported_frame import (
     ExportedFrame,
@@ -34,12 +35,6 @@ from flowsculpt.pipeline.plugins.interchange.exported_frame import (
 from flowsculpt.pipeline.plugins.interchange.exported_materials import pictures_recipe
 from flowsculpt.pipeline.plugins.interchange.gltf_content import GltfContent
 from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
-from flowsculpt.pipeline.production.request.render_request import RenderRequest
-from flowsculpt.pipeline.production.store.store import Key, Store, key_of
-from flowsculpt.pipeline.statistics import self_intersections
-from flowsculpt.render.base.atomic_write import disk_errors
-from flowsculpt.render.base.serialise import to_plain
-from flowsculpt.render.scene.materials import Material
 from flowsculpt.render.scene.rgb_spaces import srgb_of_linear
 
 RAYS = 4000  # the most faces that rays start from, chosen evenly

@@ -19,13 +19,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from flowsculpt.pipeline.arrays import AnyArray, Faces, Floats, Indices, Points
-from flowsculpt.pipeline.mesh.face_soup import components, first_alike
-from flowsculpt.pipeline.mesh.meshes import edge_keys, triangulate
-from flowsculpt.render.scene.painted_faces import PaintedFaces
+from flowsculpt.api.meshes import AnyArray, Faces, Floats, Indices, Points, components, edge_keys
+from flowsculpt.api.pictures import PaintedFaces
+from flowsculpt.pipeline.mesh.face_soup import first_alike
+from flowsculpt.pipeline.mesh.meshes import triangulate
 
 if TYPE_CHECKING:
-    from flowsculpt.pipeline.flow.regions import TriangleTree
+    from flowsculpt.api.flows import TriangleTree
 
 _STEPS = 1e-5
 """Texture coordinates and colours that differ by less are the same."""
@@ -126,7 +126,7 @@ class ModelPaint:
 
     @cached_property
     def _trees(self) -> _Trees:
-        from flowsculpt.pipeline.flow.regions import TriangleTree  # processes that read files need no numba
+        from flowsculpt.api.flows import TriangleTree  # processes that read files need no numba
 
         by_chart = np.split(np.argsort(self.charts, kind="stable"), np.cumsum(np.bincount(self.charts))[:-1])
         parts = [*by_chart, np.arange(len(self.charts))]

@@ -14,16 +14,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from flowsculpt.pipeline.errors import MeshError
+from flowsculpt import MeshError
+from flowsculpt.api import plural
+from flowsculpt.api.meshes import MeshFormat
 from flowsculpt.pipeline.file_contents import number_fault, text_content
-from flowsculpt.pipeline.mesh.mesh_formats import (
-    FileSurface,
-    MeshFormat,
-    offsets_of,
-    polygon_surface,
-    reader_of,
-)
-from flowsculpt.render.base.plural import plural
+from flowsculpt.pipeline.mesh.mesh_formats import FileSurface, offsets_of, polygon_surface, reader_of
 
 _PARTING = (b"o", b"g", b"s", b"usemtl")
 """Statements that begin another object, group, smoothing group or material."""

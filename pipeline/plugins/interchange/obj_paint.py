@@ -16,7 +16,10 @@ from typing import Any
 
 import numpy as np
 
-from flowsculpt.pipeline.errors import MeshError, brief
+from flowsculpt import MeshError
+from flowsculpt.api import brief
+from flowsculpt.api.files import digest_of_file, read_input
+from flowsculpt.api.pictures import linear_of_srgb
 from flowsculpt.pipeline.file_contents import number_fault, text_content
 from flowsculpt.pipeline.mesh.mesh_formats import MOST_BYTES
 from flowsculpt.pipeline.plugins.interchange.model_paint import ModelPaint
@@ -30,10 +33,8 @@ from flowsculpt.pipeline.plugins.interchange.painted_materials import (
     painted,
     picture,
 )
-from flowsculpt.render.base.input_files import digest_of_file, read_input
 from flowsculpt.render.scene.materials import Opacity, PatternedMaterial
 from flowsculpt.render.scene.painted_faces import Files, ModelMaterials, PaintReader
-from flowsculpt.render.scene.rgb_spaces import linear_of_srgb
 from flowsculpt.render.scene.textures import ALPHA, CLAMP, Texture
 
 _NAMES = re.compile(rb"^[ \t]*(usemtl|mtllib)[ \t]+([^\r\n]*)", re.MULTILINE)

@@ -10,12 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flowsculpt.pipeline.arrays import AnyArray, Floats, Points
-from flowsculpt.pipeline.errors import MeshError
+from flowsculpt import MeshError
+from flowsculpt.api.meshes import AnyArray, Floats, MeshFormat, Points
 from flowsculpt.pipeline.file_contents import number_fault, text_content
 from flowsculpt.pipeline.mesh.mesh_formats import (
     FileSurface,
-    MeshFormat,
     early_end,
     offsets_of,
     polygon_surface,

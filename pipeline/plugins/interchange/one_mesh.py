@@ -12,12 +12,11 @@ from functools import cached_property
 
 import numpy as np
 
-from flowsculpt.pipeline.arrays import Faces, Floats, Indices, Points, Vectors
-from flowsculpt.pipeline.frames import FrameRate
-from flowsculpt.pipeline.mesh.meshes import TriangleMesh
+from flowsculpt import TriangleMesh
+from flowsculpt.api.frames import FrameRate, Key
+from flowsculpt.api.meshes import Faces, Floats, Indices, Points, Vectors
+from flowsculpt.api.pictures import PaintedFaces
 from flowsculpt.pipeline.mesh.normals import NORMAL, fan_normals, split_at_creases, trusted_normals
-from flowsculpt.pipeline.production.store.store import Key
-from flowsculpt.render.scene.painted_faces import PaintedFaces
 
 
 @dataclass(frozen=True, eq=False)

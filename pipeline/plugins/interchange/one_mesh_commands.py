@@ -7,16 +7,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from flowsculpt.pipeline.cli.options import Common, Shot
-from flowsculpt.pipeline.cli.output import print_result, progress_bars
-from flowsculpt.pipeline.errors import FrameError
+from flowsculpt import FrameError
+from flowsculpt.api import plural
+from flowsculpt.api.commands import print_result, progress_bars
+from flowsculpt.api.frames import writing
+from flowsculpt.api.options import DEFAULT_QUALITY, Common, Shot
 from flowsculpt.pipeline.plugins.interchange.export_commands import OneMeshOptions, asked_for
 from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh
 from flowsculpt.pipeline.plugins.interchange.point_caches import PointCacheExport
 from flowsculpt.pipeline.plugins.interchange.unifying import Unification
-from flowsculpt.pipeline.production.store.locks import writing
-from flowsculpt.render.base.plural import plural
-from flowsculpt.render.scene.render_quality import DEFAULT_QUALITY
 
 
 def pc2(common: Common, shot: Shot, options: OneMeshOptions) -> None:

@@ -9,18 +9,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from flowsculpt.api.pictures import Material, Painted
 from flowsculpt.pipeline.plugins.interchange.exported_frame import preview_surface
 from flowsculpt.render.base.serialise import Triple
-from flowsculpt.render.scene.materials import (
-    Diffuse,
-    Glass,
-    Gouraud,
-    Material,
-    Painted,
-    Plastic,
-    Satin,
-    Smoke,
-)
+from flowsculpt.render.scene.materials import Diffuse, Glass, Gouraud, Plastic, Satin, Smoke
 
 Inputs = dict[str, float | Triple]
 

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from flowsculpt.pipeline.arrays import AnyArray, Floats, Points
-from flowsculpt.pipeline.flow.kernels.external_kernels import DEEPEST, nearest
-from flowsculpt.pipeline.flow.kernels.instructions import doubles_at
-from flowsculpt.pipeline.kernels import kernel
+from flowsculpt.api.flows import DEEPEST, doubles_at, kernel, nearest
+from flowsculpt.api.meshes import AnyArray, Floats, Points
 
 
 @kernel("void(f8[:, ::1], i8[::1], i8[::1], i8[::1], i8[::1], f8[:, ::1])")

@@ -7,17 +7,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from flowsculpt.pipeline.errors import MissingInputError, brief
-from flowsculpt.render.base.atomic_write import atomic_write
-from flowsculpt.render.base.input_files import digest_of_file
-from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt import MissingInputError
+from flowsculpt.api import brief
+from flowsculpt.api.files import atomic_write, digest_of_file, usable, writable_cache
+from flowsculpt.api.pictures import REPEATED, BadInputError
 from flowsculpt.render.base.serialise import Colour
-from flowsculpt.render.base.state_files import usable
-from flowsculpt.render.base.user_cache import writable_cache
 from flowsculpt.render.scene.materials import Diffuse, Opacity, PatternedMaterial, Satin
 from flowsculpt.render.scene.painted_faces import VERTEX_COLOURS
 from flowsculpt.render.scene.texture_projection import MODEL, TextureProjection
-from flowsculpt.render.scene.textures import ALPHA, REPEATED, WHOLE, Texture, texture_of
+from flowsculpt.render.scene.textures import ALPHA, WHOLE, Texture, texture_of
 
 GREY = (0.604, 0.604, 0.604)
 """The colour of what a file leaves white: linear Rec.709 of sRGB 0.8, as Blender's."""

@@ -23,15 +23,14 @@ from pathlib import Path
 
 import numpy as np
 
-from flowsculpt.pipeline.errors import UsageError
-from flowsculpt.pipeline.frames import FrameRange
+from flowsculpt import UsageError
+from flowsculpt.api.files import disk_errors
+from flowsculpt.api.frames import FrameRange, key_of
 from flowsculpt.pipeline.plugins.interchange.exported_frame import KeyedFiles
 from flowsculpt.pipeline.plugins.interchange.model_export import write_obj
 from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh
 from flowsculpt.pipeline.plugins.interchange.refining import Began
 from flowsculpt.pipeline.plugins.interchange.unifying import Unification, exported
-from flowsculpt.pipeline.production.store.store import key_of
-from flowsculpt.render.base.atomic_write import disk_errors
 
 _VERSION = 1  # of both formats as they are written here
 

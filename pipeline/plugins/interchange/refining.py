@@ -28,26 +28,31 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from flowsculpt.pipeline.animation.loop import blocks_of, creased, step_into
-from flowsculpt.pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
-from flowsculpt.pipeline.errors import FrameError, UsageError, VertexBudgetError
+from flowsculpt import Exact, FrameError, Thresholds, TriangleMesh, UsageError, vertex_normals
+from flowsculpt.api import VertexBudgetError
+from flowsculpt.api.frames import (
+    Key,
+    PipelineStage,
+    RenderRequest,
+    Store,
+    key_of,
+    step_into,
+    thresholds_at,
+)
+from flowsculpt.api.meshes import AnyArray, Floats, Indices, Points, Vectors
+from flowsculpt.pipeline.animation.loop import blocks_of, creased
 from flowsculpt.pipeline.flow.flow_map import FlowMap
-from flowsculpt.pipeline.mesh import TriangleMesh
 from flowsculpt.pipeline.mesh.analytic_surfaces import AnalyticSurface
 from flowsculpt.pipeline.mesh.halfedge_mesh import CREASE, SEAM, HalfedgeMesh
-from flowsculpt.pipeline.mesh.normals import NORMAL, vertex_normals
+from flowsculpt.pipeline.mesh.normals import NORMAL
 from flowsculpt.pipeline.plugins.interchange.birth_replay import mix_births, replay_births
-from flowsculpt.pipeline.production.request.manifest import thresholds_at
-from flowsculpt.pipeline.production.request.render_request import RenderRequest
-from flowsculpt.pipeline.production.stages import PipelineStage
 from flowsculpt.pipeline.production.store import readers
-from flowsculpt.pipeline.production.store.store import Key, Store, key_of
-from flowsculpt.pipeline.resample import Exact, edges_by_angle
+from flowsculpt.pipeline.resample import edges_by_angle
 from flowsculpt.pipeline.resample.kernels.pass_state import Limits
 from flowsculpt.pipeline.resample.kernels.split import BIRTH_HALFEDGE
 from flowsculpt.pipeline.resample.placement import REST, REST_NORMAL, column_of
 from flowsculpt.pipeline.resample.resample_pass import ResamplePass
-from flowsculpt.pipeline.resample.thresholds import Thresholds, TriangleShape
+from flowsculpt.pipeline.resample.thresholds import TriangleShape
 from flowsculpt.pipeline.shot.motion import Resampling
 
 KIND = "refined"

@@ -11,18 +11,25 @@ import typer
 from rich.console import Group
 from rich.table import Table
 
-from flowsculpt.pipeline.cli.options import Common, require_one_of
-from flowsculpt.pipeline.cli.output import print_result, print_warning, table
-from flowsculpt.pipeline.errors import MeshError, UsageError
-from flowsculpt.pipeline.mesh import PolygonMesh, TriangleMesh
+from flowsculpt import (
+    MeshError,
+    PolygonMesh,
+    Report,
+    Thresholds,
+    TriangleMesh,
+    UsageError,
+    mesh_statistics,
+)
+from flowsculpt import (
+    resample as resample_triangles,
+)
+from flowsculpt.api import plugins, plural
+from flowsculpt.api.commands import print_result, print_warning, require_one_of, table
+from flowsculpt.api.options import Common
 from flowsculpt.pipeline.mesh.read import read_surface
-from flowsculpt.pipeline.plugin import plugins
 from flowsculpt.pipeline.plugins.interchange.mesh_writers import WRITERS, write_mesh
-from flowsculpt.pipeline.resample import Report, Thresholds, polygon_resampler
-from flowsculpt.pipeline.resample import resample as resample_triangles
+from flowsculpt.pipeline.resample import polygon_resampler
 from flowsculpt.pipeline.resample.resampler import STATELESS, Splits
-from flowsculpt.pipeline.statistics import mesh_statistics
-from flowsculpt.render.base.plural import plural
 
 METHODS = ("triangles", *plugins().resamplers)
 SPLITS = ("edges", "faces")

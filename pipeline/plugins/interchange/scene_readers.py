@@ -13,13 +13,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flowsculpt.pipeline.arrays import AnyArray, Floats, Points
-from flowsculpt.pipeline.errors import FlowsculptError, MachineError, MeshError, MissingInputError, brief
+from flowsculpt import FlowsculptError, MachineError, MeshError, MissingInputError
+from flowsculpt.api import brief, plural
+from flowsculpt.api.files import answer_of, command_line, digest_of_file, joint_digest
+from flowsculpt.api.meshes import AnyArray, Floats, Points
 from flowsculpt.pipeline.mesh.mesh_formats import FileSurface, ModelFiles
-from flowsculpt.render.base.input_files import digest_of_file, joint_digest
-from flowsculpt.render.base.limited_process import answer_of
-from flowsculpt.render.base.plural import plural
-from flowsculpt.render.base.python_process import command_line
 
 MOST_MESHES, MOST_CORNERS = 20_000, 20_000_000
 """Meshes that are placed, and corners of faces of all; instances count each time."""

@@ -8,10 +8,11 @@ from itertools import islice
 
 import numpy as np
 
-from flowsculpt.pipeline.arrays import Points
-from flowsculpt.pipeline.file_contents import as_utf8, number_fault, text_content
-from flowsculpt.pipeline.mesh.mesh_formats import FileSurface, MeshFormat, early_end, file_surface, reader_of
-from flowsculpt.render.base.plural import plural
+from flowsculpt.api import plural
+from flowsculpt.api.files import as_utf8
+from flowsculpt.api.meshes import MeshFormat, Points
+from flowsculpt.pipeline.file_contents import number_fault, text_content
+from flowsculpt.pipeline.mesh.mesh_formats import FileSurface, early_end, file_surface, reader_of
 
 _HEADER = 84  # bytes before the triangles of a binary file; the last four are their number
 

@@ -18,9 +18,11 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from flowsculpt.pipeline.arrays import Floats
-from flowsculpt.pipeline.errors import MeshError, brief, shortened
-from flowsculpt.pipeline.mesh.mesh_formats import FileSurface, MeshFormat, ModelFiles, reader_of
+from flowsculpt import MeshError
+from flowsculpt.api import brief, shortened
+from flowsculpt.api.files import joint_digest, size_of
+from flowsculpt.api.meshes import Floats, MeshFormat
+from flowsculpt.pipeline.mesh.mesh_formats import FileSurface, ModelFiles, reader_of
 from flowsculpt.pipeline.plugins.interchange.scene_readers import (
     PlacedMeshes,
     Polygons,
@@ -34,7 +36,6 @@ from flowsculpt.pipeline.plugins.interchange.xml_elements import (
     local_name,
     parse_elements,
 )
-from flowsculpt.render.base.input_files import joint_digest, size_of
 
 MOST_OBJECTS = 50_000  # objects that are visited; those of components count each time
 

@@ -15,11 +15,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from flowsculpt import TriangleMesh, UsageError
+from flowsculpt.api.frames import Key, RenderRequest, Store, key_of, step_into, thresholds_at
+from flowsculpt.api.meshes import AnyArray, Floats, Indices, Points, Vectors
+from flowsculpt.api.pictures import Painted, vertex_colours
+from flowsculpt.api.shots import Motion
 from flowsculpt.pipeline.animation.frame import FrameReport, MeshFrame
-from flowsculpt.pipeline.animation.loop import animate, step_into
-from flowsculpt.pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
-from flowsculpt.pipeline.errors import UsageError
-from flowsculpt.pipeline.mesh import TriangleMesh
+from flowsculpt.pipeline.animation.loop import animate
 from flowsculpt.pipeline.mesh.normals import carried_normals
 from flowsculpt.pipeline.plugins.interchange.birth_replay import raise_to_dependents
 from flowsculpt.pipeline.plugins.interchange.exported_frame import (
@@ -38,14 +40,8 @@ from flowsculpt.pipeline.plugins.interchange.refining import (
     Refiner,
     with_hard_edges,
 )
-from flowsculpt.pipeline.production.request.manifest import thresholds_at
-from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.request.shading import vertex_motion
 from flowsculpt.pipeline.production.store import readers
-from flowsculpt.pipeline.production.store.store import Key, Store, key_of
-from flowsculpt.pipeline.shot import Motion
-from flowsculpt.render.scene.materials import Painted
-from flowsculpt.render.scene.vertex_colours import vertex_colours
 
 
 class _Errors(NamedTuple):

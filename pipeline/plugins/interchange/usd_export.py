@@ -24,8 +24,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdShade, Vt
 
-from flowsculpt.pipeline.arrays import AnyArray
-from flowsculpt.pipeline.errors import FrameError
+from flowsculpt import FrameError
+from flowsculpt.api.files import to_plain
+from flowsculpt.api.frames import Framing, Key, RenderRequest, Store, camera_file, key_of
+from flowsculpt.api.meshes import AnyArray
+from flowsculpt.api.pictures import Material
+from flowsculpt.api.shots import Shot
 from flowsculpt.pipeline.plugins.interchange.exported_frame import (
     EXPORT,
     ExportedFrame,
@@ -51,19 +55,14 @@ from flowsculpt.pipeline.plugins.interchange.usd_prims import (
     sky_map,
     write_picture,
 )
-from flowsculpt.pipeline.production.request.cameras import camera_file
-from flowsculpt.pipeline.production.request.framing import Framing
-from flowsculpt.pipeline.production.request.render_request import RenderRequest
-from flowsculpt.pipeline.production.store.store import Key, Store, key_of
-from flowsculpt.pipeline.shot import Picture, Shot
+from flowsculpt.pipeline.shot import Picture
 from flowsculpt.render.base.atomic_write import cannot_write
-from flowsculpt.render.base.serialise import to_plain
-from flowsculpt.render.scene.materials import Diffuse, Material, Opacity, Satin
+from flowsculpt.render.scene.materials import Diffuse, Opacity, Satin
 from flowsculpt.render.scene.painted_faces import VERTEX_COLOURS
 from flowsculpt.render.scene.scene_stage import Stage
 
 if TYPE_CHECKING:
-    from flowsculpt.pipeline.production.request.framing import Framing
+    from flowsculpt.api.frames import Framing
 
 
 SCULPTURE = "sculpture"  # name of the prim that clips move

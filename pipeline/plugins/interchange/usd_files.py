@@ -15,8 +15,10 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from flowsculpt.pipeline.errors import MissingInputError
-from flowsculpt.pipeline.mesh.mesh_formats import FileSurface, MeshFormat, ModelFiles, ScenePart
+from flowsculpt import MissingInputError
+from flowsculpt.api.files import allow_memory, cache_path, digest_of_file, joint_digest, mapping, serve
+from flowsculpt.api.meshes import MeshFormat
+from flowsculpt.pipeline.mesh.mesh_formats import FileSurface, ModelFiles, ScenePart
 from flowsculpt.pipeline.plugins.interchange.model_paint import ModelPaint
 from flowsculpt.pipeline.plugins.interchange.painted_materials import (
     opacity_of,
@@ -30,10 +32,7 @@ from flowsculpt.pipeline.plugins.interchange.scene_readers import (
     require_package,
     unpacked_surface,
 )
-from flowsculpt.render.base.input_files import digest_of_file, joint_digest
-from flowsculpt.render.base.limited_process import allow_memory, serve
-from flowsculpt.render.base.state_files import mapping
-from flowsculpt.render.base.user_cache import cache_path, load_answer, store_answer
+from flowsculpt.render.base.user_cache import load_answer, store_answer
 from flowsculpt.render.scene.materials import PatternedMaterial
 from flowsculpt.render.scene.painted_faces import Files, ModelMaterials, PaintReader
 from flowsculpt.render.scene.textures import BLACK, CLAMP, REPEAT, Texture

@@ -17,12 +17,12 @@ from typing import Any
 import numpy as np
 from pxr import Gf, Sdf, UsdGeom, Vt
 
-from flowsculpt.pipeline.arrays import AnyArray, Points
+from flowsculpt.api.frames import key_of
+from flowsculpt.api.meshes import AnyArray, Points
 from flowsculpt.pipeline.plugins.interchange.copy_instances import Instances, PlacedCopies
 from flowsculpt.pipeline.plugins.interchange.exported_frame import EXPORT, KeyedFiles
 from flowsculpt.pipeline.plugins.interchange.usd_export import write_layer
 from flowsculpt.pipeline.plugins.interchange.usd_one_mesh import OneMeshFile, OneMeshStage, add_mesh
-from flowsculpt.pipeline.production.store.store import key_of
 
 SHAPE = "shape"
 """The name of the prim that all copies are instances of."""

@@ -12,12 +12,13 @@ from typing import Any
 
 from pxr import Gf, Sdf, Usd, UsdShade
 
+from flowsculpt.api.pictures import REPEATED, Material
 from flowsculpt.pipeline.plugins.interchange.exported_frame import preview_surface
 from flowsculpt.pipeline.plugins.interchange.exported_materials import parts_of
 from flowsculpt.pipeline.plugins.interchange.openpbr import LENGTHS, openpbr_inputs
 from flowsculpt.pipeline.plugins.interchange.usd_prims import sample
-from flowsculpt.render.scene.materials import Material, PatternedMaterial
-from flowsculpt.render.scene.textures import BLACK, CLAMP, MIRROR, REPEAT, REPEATED, Texture
+from flowsculpt.render.scene.materials import PatternedMaterial
+from flowsculpt.render.scene.textures import BLACK, CLAMP, MIRROR, REPEAT, Texture
 
 _ADDRESSES = {REPEAT: "periodic", CLAMP: "clamp", MIRROR: "mirror", BLACK: "constant"}
 """What is shown beyond the sides of a picture, as MaterialX names it."""

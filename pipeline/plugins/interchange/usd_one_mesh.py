@@ -15,6 +15,7 @@ from pathlib import Path
 
 from pxr import Sdf
 
+from flowsculpt.api.frames import key_of
 from flowsculpt.pipeline.plugins.interchange.exported_frame import EXPORT, KeyedFiles
 from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh
 from flowsculpt.pipeline.plugins.interchange.refining import Began
@@ -28,7 +29,6 @@ from flowsculpt.pipeline.plugins.interchange.usd_export import (
     usd_array,
     write_layer,
 )
-from flowsculpt.pipeline.production.store.store import key_of
 
 _SAMPLED = ("points", "primvars:normals", "extent")  # what differs from frame to frame
 

@@ -14,8 +14,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from pxr import Ar, Usd, UsdGeom, UsdShade
 
-from flowsculpt.pipeline.arrays import AnyArray, Floats
-from flowsculpt.pipeline.errors import MeshError, brief
+from flowsculpt import MeshError
+from flowsculpt.api import brief
+from flowsculpt.api.meshes import AnyArray, Floats
 from flowsculpt.pipeline.plugins.interchange.model_paint import packed
 from flowsculpt.pipeline.plugins.interchange.painted_materials import GREY
 from flowsculpt.pipeline.plugins.interchange.scene_readers import Polygons

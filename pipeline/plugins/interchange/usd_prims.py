@@ -18,13 +18,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdLux
 
-from flowsculpt.pipeline.arrays import AnyArray, Floats
+from flowsculpt.api.meshes import AnyArray, Floats
+from flowsculpt.api.pictures import Camera, LightRig, RenderedFrame, write_exr
 from flowsculpt.render.base.serialise import Colour, Triple
 from flowsculpt.render.mitsuba.emitters import gradient_map
-from flowsculpt.render.post.image import write_exr
-from flowsculpt.render.scene.aovs import RenderedFrame
-from flowsculpt.render.scene.render_camera import Camera
-from flowsculpt.render.scene.scene_lights import LightRig, Softbox, Sun
+from flowsculpt.render.scene.scene_lights import Softbox, Sun
 from flowsculpt.render.scene.sky import SUN_WIDTH
 
 

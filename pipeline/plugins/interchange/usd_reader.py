@@ -15,8 +15,10 @@ from typing import Any
 import numpy as np
 from pxr import Ar, Sdf, Usd, UsdGeom
 
-from flowsculpt.pipeline.arrays import AnyArray, Floats
-from flowsculpt.pipeline.errors import FlowsculptError, MeshError, MissingInputError, brief, suggestion
+from flowsculpt import FlowsculptError, MeshError, MissingInputError
+from flowsculpt.api import brief, plural, suggestion
+from flowsculpt.api.files import MEMORY, allow_memory, require_input
+from flowsculpt.api.meshes import AnyArray, Floats
 from flowsculpt.pipeline.plugins.interchange.scene_readers import (
     PlacedMeshes,
     Polygons,
@@ -25,9 +27,6 @@ from flowsculpt.pipeline.plugins.interchange.scene_readers import (
     require_vertices,
     reversed_faces,
 )
-from flowsculpt.render.base.input_files import require_input
-from flowsculpt.render.base.limited_process import MEMORY, allow_memory
-from flowsculpt.render.base.plural import plural
 
 MOST_BYTES = 1 << 30  # size of the largest layer
 _MOST_LAYERS = 10_000

@@ -22,15 +22,14 @@ from typing import Any
 
 import numpy as np
 
-from flowsculpt.pipeline.arrays import AnyArray, Floats
-from flowsculpt.pipeline.errors import UsageError
+from flowsculpt import UsageError
+from flowsculpt.api.files import disk_errors
+from flowsculpt.api.meshes import AnyArray, Floats
+from flowsculpt.api.pictures import Material, RenderedFrame, write_exr, write_png
 from flowsculpt.pipeline.plugins.interchange.animated_gltf import Moving, write_animated_gltf
 from flowsculpt.pipeline.plugins.interchange.drawn_mesh import DrawnMesh, KeyPoses
 from flowsculpt.pipeline.plugins.interchange.point_caches import even_step
-from flowsculpt.render.base.atomic_write import disk_errors
-from flowsculpt.render.post.image import PIZ, write_exr, write_png
-from flowsculpt.render.scene.aovs import RenderedFrame
-from flowsculpt.render.scene.materials import Material
+from flowsculpt.render.post.image import PIZ
 
 LARGEST = 8192  # columns and rows of a texture that all three engines read
 

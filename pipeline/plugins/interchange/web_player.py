@@ -21,8 +21,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flowsculpt.pipeline.arrays import AnyArray, Floats
-from flowsculpt.pipeline.errors import MissingInputError
+from flowsculpt import MissingInputError
+from flowsculpt.api.files import disk_errors
+from flowsculpt.api.frames import Framing
+from flowsculpt.api.meshes import AnyArray, Floats
+from flowsculpt.api.pictures import FETCH, Camera, LightRig, Material, three_js, view_table
+from flowsculpt.api.shots import Shot
 from flowsculpt.pipeline.plugins.interchange.animated_gltf import Moving, closes
 from flowsculpt.pipeline.plugins.interchange.exported_materials import (
     COMPACT,
@@ -30,15 +34,10 @@ from flowsculpt.pipeline.plugins.interchange.exported_materials import (
     exported_materials,
 )
 from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh
-from flowsculpt.pipeline.production.request.framing import Framing
-from flowsculpt.pipeline.shot import Picture, Shot
-from flowsculpt.render.base.atomic_write import disk_errors
-from flowsculpt.render.graphics.three_js import FETCH, three_js
-from flowsculpt.render.post.colour import view_table
+from flowsculpt.pipeline.shot import Picture
 from flowsculpt.render.post.embedded_textures import EmbeddedPicture
-from flowsculpt.render.scene.materials import Glass, Material, Smoke
-from flowsculpt.render.scene.render_camera import Camera
-from flowsculpt.render.scene.scene_lights import LightRig, Softbox
+from flowsculpt.render.scene.materials import Glass, Smoke
+from flowsculpt.render.scene.scene_lights import Softbox
 from flowsculpt.render.scene.scene_stage import Stage
 
 PARTS = files("flowsculpt.pipeline.plugins.interchange")

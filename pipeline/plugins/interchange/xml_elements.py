@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import NoReturn
 from xml.parsers import expat
 
-from flowsculpt.pipeline.errors import MeshError
+from flowsculpt import MeshError
 
 _DEEPEST = 500  # elements within elements
 

@@ -1,6 +1,6 @@
 """Layout: copies on a grid, in a ring or disc, along a spiral, or on a surface."""
 
-from flowsculpt.pipeline.plugin import Plugin
+from flowsculpt.api import Plugin
 
 PLUGIN = Plugin(
     name="layout",

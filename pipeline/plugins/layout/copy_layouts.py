@@ -9,28 +9,26 @@ from typing import Annotated, Any, Self
 import numpy as np
 from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 
-from flowsculpt.pipeline.arrays import Floats, Points, Vectors
-from flowsculpt.pipeline.errors import UsageError
-from flowsculpt.pipeline.mesh import TriangleMesh, face_normals, read_mesh
-from flowsculpt.pipeline.mesh.normals import unit
-from flowsculpt.pipeline.mesh.points import on_surface
-from flowsculpt.pipeline.mesh.read import model_files
-from flowsculpt.pipeline.shot.documents.field_types import (
+from flowsculpt import TriangleMesh, UsageError, read_mesh
+from flowsculpt.api import CopyLayout, indefinite, plural
+from flowsculpt.api.meshes import Floats, Points, Vectors, face_normals, model_files, on_surface, unit
+from flowsculpt.api.shots import (
     DEGREE,
     ORIGIN,
+    SOLIDS,
     Degrees,
     Document,
     OneOfSeveral,
+    ParseContext,
     Positive,
+    Solid,
     Triple,
+    as_finding,
+    bad_value,
     exactly_one,
     one_of,
     optional,
 )
-from flowsculpt.pipeline.shot.documents.subject_kinds import CopyLayout
-from flowsculpt.pipeline.shot.subjects import SOLIDS, Solid
-from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext, as_finding, bad_value
-from flowsculpt.render.base.plural import indefinite, plural
 
 UP = [0.0, 1.0, 0.0]
 

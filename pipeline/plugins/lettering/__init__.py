@@ -1,6 +1,6 @@
 """Lettering: words and drawings as subjects, extruded and bevelled, and shots with a subject a letter."""
 
-from flowsculpt.pipeline.plugin import Command, Plugin
+from flowsculpt.api import Command, Plugin
 
 PLUGIN = Plugin(
     name="lettering",

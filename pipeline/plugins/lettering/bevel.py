@@ -14,8 +14,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from flowsculpt.pipeline.arrays import AnyArray
-from flowsculpt.pipeline.errors import UsageError
+from flowsculpt import UsageError
+from flowsculpt.api.meshes import AnyArray
 
 
 class TooWideError(UsageError):

@@ -11,10 +11,8 @@ from typing import Any, Literal
 import numpy as np
 import shapely
 
-from flowsculpt.pipeline.arrays import AnyArray
-from flowsculpt.pipeline.errors import UsageError
-from flowsculpt.pipeline.mesh import PolygonMesh, TriangleMesh
-from flowsculpt.pipeline.mesh.validation import twin_corners
+from flowsculpt import PolygonMesh, TriangleMesh, UsageError
+from flowsculpt.api.meshes import AnyArray, twin_corners
 from flowsculpt.pipeline.plugins.lettering.bevel import TooWideError, bevelled
 from flowsculpt.pipeline.plugins.lettering.outlines import OutlineShape, polygons_of, rings_of
 

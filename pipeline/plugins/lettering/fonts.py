@@ -6,7 +6,8 @@ from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 
-from flowsculpt.pipeline.errors import UsageError, shortened
+from flowsculpt import UsageError
+from flowsculpt.api import shortened
 
 DEFAULT_FONT = "fonts/ttf/DejaVuSans-Bold.ttf"
 """In the data of matplotlib: free, and with glyphs for most alphabets."""

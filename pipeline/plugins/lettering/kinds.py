@@ -9,12 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 from pydantic import Field, GetJsonSchemaHandler, model_validator
 from pydantic_core import CoreSchema
 
-from flowsculpt.pipeline.errors import UsageError
-from flowsculpt.pipeline.mesh import TriangleMesh
-from flowsculpt.pipeline.shot.documents.field_types import LARGEST, Positive, optional
-from flowsculpt.pipeline.shot.documents.subject_kinds import SubjectKind
-from flowsculpt.pipeline.shot.yaml.document_validation import bad_value
-from flowsculpt.render.base.input_files import digest_of_file
+from flowsculpt import TriangleMesh, UsageError
+from flowsculpt.api import SubjectKind
+from flowsculpt.api.files import digest_of_file
+from flowsculpt.api.shots import LARGEST, Positive, bad_value, optional
 
 if TYPE_CHECKING:  # the libraries of outlines take time to import, and most shots have none
     from flowsculpt.pipeline.plugins.lettering.outline_process import Outlines

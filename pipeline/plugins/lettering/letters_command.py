@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from flowsculpt.pipeline.cli.options import Common
-from flowsculpt.pipeline.cli.output import print_result
-from flowsculpt.pipeline.errors import UsageError
+from flowsculpt import UsageError
+from flowsculpt.api.commands import print_result
+from flowsculpt.api.files import atomic_write, disk_errors
+from flowsculpt.api.frames import SHOTS
+from flowsculpt.api.options import Common
+from flowsculpt.api.shots import DOCUMENTS, name_fault
 from flowsculpt.pipeline.plugins.lettering.kinds import TextKind
-from flowsculpt.pipeline.production.request.lookup import SHOTS
-from flowsculpt.pipeline.shot.documents.flow_documents import DOCUMENTS
-from flowsculpt.pipeline.shot.yaml.named_files import name_fault
-from flowsculpt.render.base.atomic_write import atomic_write, disk_errors
 
 if TYPE_CHECKING:
     from flowsculpt.pipeline.plugins.lettering.outlines import OutlineShape

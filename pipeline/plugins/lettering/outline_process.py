@@ -17,23 +17,22 @@ from typing import Any, NamedTuple
 import numpy as np
 import shapely
 
-from flowsculpt.pipeline.errors import UsageError
-from flowsculpt.pipeline.mesh import TriangleMesh
-from flowsculpt.pipeline.plugins.lettering.extrusion import Section, extruded, solids
-from flowsculpt.pipeline.plugins.lettering.outlines import OutlineShape
-from flowsculpt.pipeline.plugins.lettering.starts import starts
-from flowsculpt.pipeline.plugins.lettering.svg_outlines import drawn_shapes
-from flowsculpt.pipeline.plugins.lettering.text_outlines import TextSettings, letters
-from flowsculpt.render.base.input_files import digest_of_file
-from flowsculpt.render.base.limited_process import (
+from flowsculpt import TriangleMesh, UsageError
+from flowsculpt.api import plural
+from flowsculpt.api.files import (
     MEMORY,
     ParserError,
     allow_memory,
     allow_seconds,
     answer_of_fork,
+    digest_of_file,
     serve,
 )
-from flowsculpt.render.base.plural import plural
+from flowsculpt.pipeline.plugins.lettering.extrusion import Section, extruded, solids
+from flowsculpt.pipeline.plugins.lettering.outlines import OutlineShape
+from flowsculpt.pipeline.plugins.lettering.starts import starts
+from flowsculpt.pipeline.plugins.lettering.svg_outlines import drawn_shapes
+from flowsculpt.pipeline.plugins.lettering.text_outlines import TextSettings, letters
 
 READING, EXTRUDING = 6.0, 60.0
 """Seconds of a core that outlines may take, and solids."""

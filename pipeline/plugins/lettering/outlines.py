@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 from fontTools.pens.basePen import BasePen
 
-from flowsculpt.pipeline.arrays import AnyArray
+from flowsculpt.api.meshes import AnyArray
 
 FillRule = Literal["nonzero", "evenodd"]
 

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import shapely
 
-from flowsculpt.pipeline.arrays import AnyArray
-from flowsculpt.pipeline.mesh import TriangleMesh, icosphere
+from flowsculpt import TriangleMesh, icosphere
+from flowsculpt.api.meshes import AnyArray
 from flowsculpt.pipeline.plugins.lettering.extrusion import Section, extruded, joined
 from flowsculpt.pipeline.plugins.lettering.outlines import OutlineShape, polygons_of
 

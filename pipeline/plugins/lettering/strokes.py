@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import shapely
 
-from flowsculpt.pipeline.arrays import AnyArray
+from flowsculpt.api.meshes import AnyArray
 from flowsculpt.pipeline.plugins.lettering.outlines import PolylinePen
 
 CAPS = {"butt": "flat", "round": "round", "square": "square"}

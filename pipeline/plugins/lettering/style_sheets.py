@@ -11,7 +11,8 @@ import re
 from collections.abc import Iterator, Mapping
 from xml.etree.ElementTree import Element
 
-from flowsculpt.pipeline.errors import UsageError, shortened
+from flowsculpt import UsageError
+from flowsculpt.api import shortened
 
 Priority = tuple[bool, float, int, int]
 """Of a declaration: whether it is important, its layer, the specificity of its selector, and its place."""

@@ -26,13 +26,14 @@ from fontTools.pens.transformPen import TransformPen
 from fontTools.svgLib.path import parse_path
 from shapely import affinity
 
-from flowsculpt.pipeline.arrays import AnyArray
-from flowsculpt.pipeline.errors import UsageError, shortened
+from flowsculpt import UsageError
+from flowsculpt.api import shortened
+from flowsculpt.api.files import read_input, size_of
+from flowsculpt.api.meshes import AnyArray
 from flowsculpt.pipeline.plugins.lettering.outlines import OutlineShape, PolylinePen, filled
 from flowsculpt.pipeline.plugins.lettering.strokes import Stroke, stroked
 from flowsculpt.pipeline.plugins.lettering.style_sheets import StyleSheets
 from flowsculpt.pipeline.plugins.lettering.svg_values import DECIMAL, LARGEST, TURNING, Box, length, matrix_of
-from flowsculpt.render.base.input_files import read_input, size_of
 
 MOST_BYTES = 1 << 26
 MOST_PATHS = 5000

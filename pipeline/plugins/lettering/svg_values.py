@@ -8,7 +8,8 @@ from collections.abc import Mapping, Sequence
 
 from fontTools.misc.transform import Transform
 
-from flowsculpt.pipeline.errors import UsageError, shortened
+from flowsculpt import UsageError
+from flowsculpt.api import shortened
 
 LARGEST = 1e12
 """Largest number of units in a drawing."""

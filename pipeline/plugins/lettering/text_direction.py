@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from fontTools.unicodedata import Mirrored, script
 
-from flowsculpt.pipeline.errors import UsageError
+from flowsculpt import UsageError
 
 KINDS = {"AL": "A", "EN": "E", "AN": "N", "ES": "+", "ET": "%", "CS": ",", "NSM": "M", "L": "L", "R": "R"}
 """One letter for each bidirectional class; o stands for the neutral ones."""

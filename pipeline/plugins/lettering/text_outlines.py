@@ -14,10 +14,11 @@ from typing import Any, Literal
 
 from fontTools.ttLib.sfnt import SFNTReader
 
-from flowsculpt.pipeline.errors import UsageError, reason_of, shortened
+from flowsculpt import UsageError
+from flowsculpt.api import reason_of, shortened
+from flowsculpt.api.files import read_input
 from flowsculpt.pipeline.plugins.lettering.outlines import OutlineShape, PolylinePen, filled
 from flowsculpt.pipeline.plugins.lettering.text_direction import visual_runs
-from flowsculpt.render.base.input_files import read_input
 
 
 @contextmanager

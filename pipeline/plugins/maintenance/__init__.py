@@ -1,6 +1,6 @@
 """The state of a root: what is done, why a frame is not, what is damaged, and what nothing needs."""
 
-from flowsculpt.pipeline.plugin import Command, Plugin
+from flowsculpt.api import Command, Plugin
 
 PLUGIN = Plugin(
     name="maintenance",

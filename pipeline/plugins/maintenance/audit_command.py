@@ -13,23 +13,23 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from flowsculpt.pipeline.cli.execution import execute, report_plan
-from flowsculpt.pipeline.cli.options import Common, Frames, PictureOptions, Quality, Shot
-from flowsculpt.pipeline.cli.output import exit_with, print_result
-from flowsculpt.pipeline.errors import MachineError, MissingInputError, UsageError
-from flowsculpt.pipeline.production.execution.project import Project
-from flowsculpt.pipeline.production.planning.plan import Plan
-from flowsculpt.pipeline.production.request.keys import FrameKeys, picture_keys
-from flowsculpt.pipeline.production.request.render_request import RenderRequest
-from flowsculpt.pipeline.production.store.locks import lock_name, making
-from flowsculpt.pipeline.production.store.paths import STATE
-from flowsculpt.pipeline.production.store.remote_store import VARIABLE
-from flowsculpt.pipeline.production.store.store import Store
-from flowsculpt.render.base.plural import plural
-from flowsculpt.render.base.render_errors import RenderError
-from flowsculpt.render.base.root_files import remove_tree
-from flowsculpt.render.post.image import read_exr
-from flowsculpt.render.scene.render_quality import DEFAULT_QUALITY
+from flowsculpt import MachineError, MissingInputError, UsageError
+from flowsculpt.api import plural
+from flowsculpt.api.commands import Project, execute, exit_with, print_result, report_plan
+from flowsculpt.api.files import remove_tree
+from flowsculpt.api.frames import (
+    STATE,
+    VARIABLE,
+    FrameKeys,
+    Plan,
+    RenderRequest,
+    Store,
+    lock_name,
+    making,
+    picture_keys,
+)
+from flowsculpt.api.options import DEFAULT_QUALITY, Common, Frames, PictureOptions, Quality, Shot
+from flowsculpt.api.pictures import RenderError, read_exr
 
 AUDITS = STATE / "audit"
 """The folder of the roots in which frames are made again."""

@@ -8,17 +8,17 @@ from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 
-from flowsculpt.pipeline.errors import FlowsculptError, MachineError
-from flowsculpt.pipeline.plugin import plugins
+from flowsculpt import FlowsculptError, MachineError
+from flowsculpt.api import plugins
+from flowsculpt.api.files import remove, remove_tree, sweep_hidden_drafts
+from flowsculpt.api.frames import EVENTS, Key, RenderRequest, Store, picture_keys
 from flowsculpt.pipeline.plugins.maintenance.store_repair import by_digest, last_requests
 from flowsculpt.pipeline.plugins.maintenance.verify import inode, shown_files
-from flowsculpt.pipeline.production.request.keys import picture_keys
-from flowsculpt.pipeline.production.request.render_request import FORMS, RenderRequest
+from flowsculpt.pipeline.production.request.render_request import FORMS
 from flowsculpt.pipeline.production.store.event_log import RUNS
-from flowsculpt.pipeline.production.store.paths import DONE, EVENTS, LOGS, PLANS, RENDERS
-from flowsculpt.pipeline.production.store.store import COPIED, Key, Store
-from flowsculpt.render.base.drafts import sweep_hidden_drafts
-from flowsculpt.render.base.root_files import remove, remove_folder, remove_tree
+from flowsculpt.pipeline.production.store.paths import DONE, LOGS, PLANS, RENDERS
+from flowsculpt.pipeline.production.store.store import COPIED
+from flowsculpt.render.base.root_files import remove_folder
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from graphlib import TopologicalSorter
 from multiprocessing import forkserver, get_context
 from typing import TypeGuard
 
-from flowsculpt.pipeline.errors import MachineError
+from flowsculpt import MachineError
 from flowsculpt.pipeline.kernels import compile_module
 from flowsculpt.render.base.kernel_cache import (
     DECORATORS,

@@ -16,12 +16,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from flowsculpt.pipeline.cli.options import Common
-from flowsculpt.pipeline.errors import MissingInputError
-from flowsculpt.pipeline.production.planning.timings import read_statistics
-from flowsculpt.pipeline.production.stages import STAGES
-from flowsculpt.pipeline.production.store.event_log import Event, EventReader, logs_of
-from flowsculpt.pipeline.production.store.paths import EVENTS
+from flowsculpt import MissingInputError
+from flowsculpt.api.frames import EVENTS, STAGES, EventReader, read_statistics
+from flowsculpt.api.options import Common
+from flowsculpt.pipeline.production.store.event_log import Event, logs_of
 from flowsculpt.render.base.work_clock import Timing
 
 STARTING, PLANNING, UNENDED = "starting", "planning", "unended"

@@ -12,24 +12,38 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Group
 
-from flowsculpt.pipeline.cli.options import Common, Quality, Settings, Shot, project_of, shots_argument
-from flowsculpt.pipeline.cli.output import (
+from flowsculpt import FlowsculptError
+from flowsculpt.api import plural
+from flowsculpt.api.commands import (
+    Project,
     duration,
     exit_with,
     print_error,
     print_result,
     print_warning,
+    project_of,
     table,
 )
-from flowsculpt.pipeline.errors import FlowsculptError
+from flowsculpt.api.frames import (
+    History,
+    RenderRequest,
+    find_shot,
+    mesh_states,
+    misnamed_shots,
+    picture_states,
+    shot_names,
+)
+from flowsculpt.api.options import (
+    DEFAULT_QUALITY,
+    QUALITIES,
+    Common,
+    Quality,
+    Settings,
+    Shot,
+    shots_argument,
+)
 from flowsculpt.pipeline.plugins.maintenance.run_report import LABELS, RunReport, named_run
-from flowsculpt.pipeline.production.execution.project import Project
-from flowsculpt.pipeline.production.planning.frame_states import FrameStates, mesh_states, picture_states
-from flowsculpt.pipeline.production.request.lookup import find_shot, misnamed_shots, shot_names
-from flowsculpt.pipeline.production.request.render_request import RenderRequest
-from flowsculpt.pipeline.production.store.history import History
-from flowsculpt.render.base.plural import plural
-from flowsculpt.render.scene.render_quality import DEFAULT_QUALITY, QUALITIES
+from flowsculpt.pipeline.production.planning.frame_states import FrameStates
 
 if TYPE_CHECKING:
     from flowsculpt.pipeline.plugins.maintenance.why import Explanation

@@ -12,10 +12,19 @@ from typing import Annotated, NamedTuple, TypeVar
 
 import typer
 
-from flowsculpt.pipeline.cli.execution import execute
-from flowsculpt.pipeline.cli.options import Common, Settings, project_of
-from flowsculpt.pipeline.cli.output import print_error, print_result, print_warning, progress_bars, size
-from flowsculpt.pipeline.errors import MachineError
+from flowsculpt import MachineError
+from flowsculpt.api import plural
+from flowsculpt.api.commands import (
+    execute,
+    print_error,
+    print_result,
+    print_warning,
+    progress_bars,
+    project_of,
+    size,
+)
+from flowsculpt.api.frames import Store
+from flowsculpt.api.options import Common, Settings
 from flowsculpt.pipeline.plugins.maintenance.clean import collect_garbage
 from flowsculpt.pipeline.plugins.maintenance.store_repair import (
     begun_films,
@@ -43,8 +52,6 @@ from flowsculpt.pipeline.plugins.maintenance.verify import (
 from flowsculpt.pipeline.plugins.maintenance.verify import verify as verify_store
 from flowsculpt.pipeline.production.store.event_log import RUNS
 from flowsculpt.pipeline.production.store.locks import exclusive
-from flowsculpt.pipeline.production.store.store import Store
-from flowsculpt.render.base.plural import plural
 
 
 def clean(

@@ -15,30 +15,32 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
-from flowsculpt.pipeline.errors import FlowsculptError
-from flowsculpt.pipeline.plugins.maintenance.verify import ShownFile, StoredFile, inode, shown_files
-from flowsculpt.pipeline.production.execution.project import Project
-from flowsculpt.pipeline.production.picture_sequences import begun
-from flowsculpt.pipeline.production.planning.plan import Plan
-from flowsculpt.pipeline.production.planning.planner import Planner
-from flowsculpt.pipeline.production.request.edit import Edit
-from flowsculpt.pipeline.production.request.keys import PictureKeys, picture_keys
-from flowsculpt.pipeline.production.request.lookup import (
+from flowsculpt import FlowsculptError
+from flowsculpt.api.commands import Project
+from flowsculpt.api.files import from_plain, read_state, remove
+from flowsculpt.api.frames import (
     FILM,
+    Edit,
+    Key,
+    PictureKeys,
+    Plan,
+    RenderRequest,
+    Store,
+    begun,
     edit_names,
     find_edit,
     find_shot,
-    is_quality,
     options_of,
+    picture_keys,
     shot_names,
 )
-from flowsculpt.pipeline.production.request.render_request import FORMS, RenderRequest
+from flowsculpt.api.options import DEFAULT_QUALITY
+from flowsculpt.pipeline.plugins.maintenance.verify import ShownFile, StoredFile, inode, shown_files
+from flowsculpt.pipeline.production.planning.planner import Planner
+from flowsculpt.pipeline.production.request.lookup import is_quality
+from flowsculpt.pipeline.production.request.render_request import FORMS
 from flowsculpt.pipeline.production.store.paths import PLANS, RENDERS
-from flowsculpt.pipeline.production.store.store import Key, Store
-from flowsculpt.render.base.root_files import remove
-from flowsculpt.render.base.serialise import from_plain
-from flowsculpt.render.base.state_files import UNUSABLE, read_state
-from flowsculpt.render.scene.render_quality import DEFAULT_QUALITY
+from flowsculpt.render.base.state_files import UNUSABLE
 
 Film = tuple[Edit, list[RenderRequest]]
 """An edit at one quality, and the requests of its clips."""

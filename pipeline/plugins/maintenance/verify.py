@@ -15,26 +15,26 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from flowsculpt.pipeline.errors import MissingInputError
-from flowsculpt.pipeline.frames import FrameRange
-from flowsculpt.pipeline.production.request.provenance import FILE, Provenance, records
-from flowsculpt.pipeline.production.store import readers
-from flowsculpt.pipeline.production.store.digests import ALTERED, CorruptFileError
-from flowsculpt.pipeline.production.store.paths import (
-    DIGESTS,
+from flowsculpt import MissingInputError
+from flowsculpt.api.files import digest_of_file, machine_error
+from flowsculpt.api.frames import (
+    FILE,
     NOTES,
     PUBLISHED,
-    RENDERS,
-    REPEATED,
     STATE,
+    CorruptFileError,
+    FrameRange,
+    Key,
+    Provenance,
+    Store,
+    records,
     repeated,
 )
-from flowsculpt.pipeline.production.store.store import Key, Store
-from flowsculpt.pipeline.shot.yaml.named_files import is_there
-from flowsculpt.render.base.atomic_write import machine_error
-from flowsculpt.render.base.input_files import digest_of_file
-from flowsculpt.render.movie.probe import probe_movie
-from flowsculpt.render.post.image import read_png
+from flowsculpt.api.pictures import probe_movie, read_png
+from flowsculpt.api.shots import is_there
+from flowsculpt.pipeline.production.store import readers
+from flowsculpt.pipeline.production.store.digests import ALTERED
+from flowsculpt.pipeline.production.store.paths import DIGESTS, RENDERS, REPEATED
 
 
 def _json(path: Path) -> object:

@@ -15,25 +15,26 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
-from flowsculpt.pipeline.errors import FlowsculptError
-from flowsculpt.pipeline.frames import FrameRange
+from flowsculpt import FlowsculptError
+from flowsculpt.api.files import from_plain, read_state
+from flowsculpt.api.frames import (
+    STAGES,
+    CorruptFileError,
+    FrameRange,
+    History,
+    PictureKeys,
+    RenderRequest,
+    ShotSource,
+    Store,
+    camera_file,
+)
+from flowsculpt.api.pictures import RenderError, read_header
+from flowsculpt.api.shots import OPTION, Where, YamlSource, in_yaml, inherited
 from flowsculpt.pipeline.production.planning.frame_states import KnownPictures
-from flowsculpt.pipeline.production.request.cameras import camera_file
-from flowsculpt.pipeline.production.request.keys import PictureKeys, picture_header, raw_header
-from flowsculpt.pipeline.production.request.render_request import RenderRequest
-from flowsculpt.pipeline.production.request.shot_source import ShotSource
-from flowsculpt.pipeline.production.stages import STAGES
+from flowsculpt.pipeline.production.request.keys import picture_header, raw_header
 from flowsculpt.pipeline.production.store import readers
-from flowsculpt.pipeline.production.store.digests import CorruptFileError
-from flowsculpt.pipeline.production.store.history import History
 from flowsculpt.pipeline.production.store.paths import PLANS
-from flowsculpt.pipeline.production.store.store import Store
-from flowsculpt.pipeline.shot.yaml.inheritance import OPTION, inherited
-from flowsculpt.pipeline.shot.yaml.yaml_source import Where, YamlSource, in_yaml
-from flowsculpt.render.base.render_errors import RenderError
-from flowsculpt.render.base.serialise import from_plain
-from flowsculpt.render.base.state_files import read_state
-from flowsculpt.render.post.image import CONVENTION, read_header
+from flowsculpt.render.post.image import CONVENTION
 
 MISSING = object()
 """Stands for a value that one of two data does not have."""

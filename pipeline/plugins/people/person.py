@@ -18,10 +18,10 @@ import numpy as np
 from pydantic import Field, GetJsonSchemaHandler, model_validator
 from pydantic_core import CoreSchema
 
-from flowsculpt.pipeline.arrays import AnyArray, Faces, Floats, Points
-from flowsculpt.pipeline.mesh import TriangleMesh
-from flowsculpt.pipeline.shot.documents.field_types import Positive
-from flowsculpt.pipeline.shot.documents.subject_kinds import SubjectKind
+from flowsculpt import TriangleMesh
+from flowsculpt.api import SubjectKind
+from flowsculpt.api.meshes import AnyArray, Faces, Floats, Points
+from flowsculpt.api.shots import Positive
 
 BLEND = 0.016
 """Width of the blends between limbs, over the height of the person."""

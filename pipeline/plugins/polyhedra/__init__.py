@@ -1,6 +1,6 @@
 """Version 1 of the resampler (1990): polyhedra with faces of any number of sides, `method: polyhedra`."""
 
-from flowsculpt.pipeline.plugin import Plugin
+from flowsculpt.api import Plugin
 
 PLUGIN = Plugin(
     name="polyhedra",

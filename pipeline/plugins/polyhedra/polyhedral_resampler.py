@@ -6,9 +6,17 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from flowsculpt.pipeline.arrays import AnyArray, Floats, Points
-from flowsculpt.pipeline.errors import UsageError
-from flowsculpt.pipeline.mesh.meshes import PolygonMesh
+from flowsculpt import PolygonMesh, Thresholds, UsageError
+from flowsculpt.api.meshes import (
+    AnyArray,
+    Collapse,
+    Cutting,
+    Floats,
+    Points,
+    PolygonResampler,
+    PolyhedralReport,
+    not_finite,
+)
 from flowsculpt.pipeline.plugins.polyhedra.polyhedron import (
     OUTSIDE,
     LengthLimits,
@@ -17,9 +25,6 @@ from flowsculpt.pipeline.plugins.polyhedra.polyhedron import (
     inherited,
 )
 from flowsculpt.pipeline.plugins.polyhedra.subdivision import Collapser, Slicer
-from flowsculpt.pipeline.resample.polygon_resamplers import Collapse, Cutting, PolygonResampler
-from flowsculpt.pipeline.resample.resample_pass import PolyhedralReport, not_finite
-from flowsculpt.pipeline.resample.thresholds import Thresholds
 
 _ATTRIBUTE = "attribute."
 _LARGEST = 1e150  # squares of larger coordinates overflow

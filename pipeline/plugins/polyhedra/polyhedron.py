@@ -12,11 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flowsculpt.pipeline.arrays import AnyArray, Floats
-from flowsculpt.pipeline.errors import VertexBudgetError
-from flowsculpt.pipeline.mesh.meshes import PolygonMesh, edge_keys
-from flowsculpt.pipeline.mesh.validation import require, twin_corners
-from flowsculpt.pipeline.resample.thresholds import Thresholds
+from flowsculpt import PolygonMesh, Thresholds
+from flowsculpt.api import VertexBudgetError
+from flowsculpt.api.meshes import AnyArray, Floats, edge_keys, require, twin_corners
 
 OUTSIDE = -1  # the face beyond a boundary, and the mark of a removed element
 

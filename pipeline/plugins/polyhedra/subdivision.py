@@ -12,7 +12,8 @@ from collections.abc import Iterable
 from itertools import pairwise
 from typing import NamedTuple
 
-from flowsculpt.pipeline.errors import FrameError
+from flowsculpt import FrameError
+from flowsculpt.api.meshes import Cutting
 from flowsculpt.pipeline.plugins.polyhedra.polyhedron import (
     OUTSIDE,
     Point,
@@ -24,7 +25,6 @@ from flowsculpt.pipeline.plugins.polyhedra.polyhedron import (
     newell,
     norm,
 )
-from flowsculpt.pipeline.resample.polygon_resamplers import Cutting
 
 _MIN_SNAP = 0.25  # of the maximum: a cut that passes a vertex more closely goes through it
 _MAX_SNAP = 0.49  # of a face's maximum; below half of it every cut makes both parts narrower

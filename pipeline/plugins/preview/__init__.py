@@ -1,6 +1,6 @@
 """Previews by a rasteriser, first pictures of a run, the live page, and shots within other programs."""
 
-from flowsculpt.pipeline.plugin import Command, Plugin
+from flowsculpt.api import Command, Plugin
 
 PLUGIN = Plugin(
     name="preview",

@@ -18,34 +18,39 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flowsculpt.pipeline.animation.loop import step_into
-from flowsculpt.pipeline.arrays import AnyArray, Indices
-from flowsculpt.pipeline.errors import FrameError
-from flowsculpt.pipeline.plugins.preview.sketch import Sketch, is_closed
-from flowsculpt.pipeline.plugins.preview.surface_stream import SurfaceStream, in_order
-from flowsculpt.pipeline.production.request.audio import samples_of
-from flowsculpt.pipeline.production.request.cameras import camera_file
-from flowsculpt.pipeline.production.request.edit import Edit
-from flowsculpt.pipeline.production.request.framing import (
-    AHEAD,
+from flowsculpt import FrameError
+from flowsculpt.api.frames import (
     BoundingSpheres,
+    Edit,
     Extent,
-    Framer,
     Framing,
+    RenderRequest,
+    Store,
+    camera_file,
     frame_all,
+    samples_of,
+    step_into,
     together,
     with_stage_in_view,
 )
-from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt.api.meshes import AnyArray, Indices
+from flowsculpt.api.pictures import (
+    Screen,
+    cut_together,
+    dissolve,
+    in_loop,
+    loop_dissolve,
+    mix_frames,
+    timecode,
+    write_movie,
+    write_png,
+)
+from flowsculpt.api.shots import Motion
+from flowsculpt.pipeline.plugins.preview.sketch import Sketch, is_closed
+from flowsculpt.pipeline.plugins.preview.surface_stream import SurfaceStream, in_order
+from flowsculpt.pipeline.production.request.framing import AHEAD, Framer
 from flowsculpt.pipeline.production.store import paths
-from flowsculpt.pipeline.production.store.store import Store
-from flowsculpt.pipeline.production.tasks.encoding import cut_together, in_loop, loop_dissolve
-from flowsculpt.pipeline.shot import Motion
-from flowsculpt.render.graphics.cards import Screen
-from flowsculpt.render.movie.codecs import PLAYBLAST, timecode
-from flowsculpt.render.movie.encode import write_movie
-from flowsculpt.render.movie.movie_frames import dissolve, mix_frames
-from flowsculpt.render.post.image import write_png
+from flowsculpt.render.movie.codecs import PLAYBLAST
 
 SIZES = {"still": (960, 540), "movie": (480, 270)}  # pixels of a 16:9 picture; other aspects have as many
 

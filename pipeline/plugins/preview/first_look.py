@@ -11,10 +11,9 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext, supp
 from pathlib import Path
 from typing import IO
 
-from flowsculpt.pipeline.cli.options import Common
-from flowsculpt.pipeline.cli.output import err
-from flowsculpt.pipeline.production.planning.plan import Plan
-from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt.api.commands import err
+from flowsculpt.api.frames import Plan, RenderRequest
+from flowsculpt.api.options import Common
 from flowsculpt.render.base import python_process
 
 FEWEST = 24  # frames that an animatic has at the least: fewer are soon rendered

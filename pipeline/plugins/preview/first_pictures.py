@@ -19,15 +19,12 @@ from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING
 
-from flowsculpt.pipeline.errors import FlowsculptError
-from flowsculpt.pipeline.production.planning.plan import Plan
-from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt import FlowsculptError
+from flowsculpt.api import plural
+from flowsculpt.api.frames import EVENTS, EventReader, Plan, RenderRequest, Store
 from flowsculpt.pipeline.production.request.shot_source import PlanningCache
-from flowsculpt.pipeline.production.store.event_log import EventLog, EventReader
-from flowsculpt.pipeline.production.store.paths import EVENTS
-from flowsculpt.pipeline.production.store.store import Store
+from flowsculpt.pipeline.production.store.event_log import EventLog
 from flowsculpt.pipeline.production.tasks.job import Context, cpu_of_job
-from flowsculpt.render.base.plural import plural
 
 if TYPE_CHECKING:  # who only waits for a frame needs no rasteriser
     from flowsculpt.pipeline.plugins.preview.animatic import Animatic

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from flowsculpt.pipeline.arrays import AnyArray, Floats
-from flowsculpt.render.scene.materials import Painted
-from flowsculpt.render.scene.painted_faces import PaintedFaces
-from flowsculpt.render.scene.surface import Surface
-from flowsculpt.render.scene.textures import REPEATED, texels_at
+from flowsculpt.api.meshes import AnyArray, Floats
+from flowsculpt.api.pictures import REPEATED, Painted, PaintedFaces, Surface
+from flowsculpt.render.scene.textures import texels_at
 
 
 def _pieces(across: int) -> Floats:

@@ -22,7 +22,8 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from flowsculpt.pipeline.errors import FlowsculptError, MachineError, UsageError
+from flowsculpt import FlowsculptError, MachineError, UsageError
+from flowsculpt.api.files import machine_error
 from flowsculpt.pipeline.plugins.preview.live_session import LiveFeed, LiveSession
 from flowsculpt.pipeline.plugins.preview.shot_editor import (
     MOST_REQUEST_BYTES,
@@ -33,7 +34,6 @@ from flowsculpt.pipeline.plugins.preview.shot_editor import (
     where_in,
 )
 from flowsculpt.pipeline.plugins.preview.trial_pictures import TrialPictures
-from flowsculpt.render.base.atomic_write import machine_error
 
 ADDRESS = "127.0.0.1"
 

@@ -12,19 +12,15 @@ from pathlib import Path
 from threading import Event
 from typing import Any
 
+from flowsculpt import FlowsculptError
+from flowsculpt.api.files import machine_error
+from flowsculpt.api.frames import STEP, Framing, ShotSource, camera_file, flow_cache_data
+from flowsculpt.api.pictures import Camera, jpeg_bytes
 from flowsculpt.pipeline.animation import FrameProgress
-from flowsculpt.pipeline.errors import FlowsculptError
 from flowsculpt.pipeline.plugins.preview.animatic import SIZES, FramedSurfaces, framings_of, size_for
 from flowsculpt.pipeline.plugins.preview.sketch import Sketch, is_closed
 from flowsculpt.pipeline.plugins.preview.surface_stream import SurfaceStream
-from flowsculpt.pipeline.production.request.cameras import camera_file
-from flowsculpt.pipeline.production.request.framing import Framing
 from flowsculpt.pipeline.production.request.keys import speed_data
-from flowsculpt.pipeline.production.request.shading import STEP, flow_cache_data
-from flowsculpt.pipeline.production.request.shot_source import ShotSource
-from flowsculpt.render.base.atomic_write import machine_error
-from flowsculpt.render.post.image import jpeg_bytes
-from flowsculpt.render.scene.render_camera import Camera
 
 Message = dict[str, Any]
 

@@ -10,10 +10,9 @@ from typing import Annotated
 
 import typer
 
-from flowsculpt.pipeline.animation import FrameProgress
-from flowsculpt.pipeline.animation.flow_cost import estimated_vertices, growth_warning
-from flowsculpt.pipeline.cli.options import Common, ShotOptions, at_option, frames_option, output_option
-from flowsculpt.pipeline.cli.output import (
+from flowsculpt import FlowsculptError, UsageError
+from flowsculpt.api import Progress, plural, reporting_to
+from flowsculpt.api.commands import (
     err,
     frame_progress,
     make_folder_of,
@@ -21,9 +20,19 @@ from flowsculpt.pipeline.cli.output import (
     print_result,
     print_warning,
 )
-from flowsculpt.pipeline.errors import FlowsculptError, UsageError
+from flowsculpt.api.flows import estimated_vertices, growth_warning
+from flowsculpt.api.frames import Edit, RenderRequest, Store, find_edit, find_shot, names_edit
+from flowsculpt.api.options import (
+    DEFAULT_QUALITY,
+    Common,
+    ShotOptions,
+    at_option,
+    frames_option,
+    output_option,
+)
+from flowsculpt.api.pictures import BurnIn
+from flowsculpt.pipeline.animation import FrameProgress
 from flowsculpt.pipeline.flow.flow import require_permission
-from flowsculpt.pipeline.long_computations import Progress, reporting_to
 from flowsculpt.pipeline.plugins.preview.animatic import (
     Animatic,
     FrameCallback,
@@ -42,13 +51,6 @@ from flowsculpt.pipeline.plugins.preview.live_session import (
 from flowsculpt.pipeline.plugins.preview.shot_editor import ShotEditor
 from flowsculpt.pipeline.plugins.preview.sketch import Sketch
 from flowsculpt.pipeline.plugins.preview.surface_stream import SurfaceStream
-from flowsculpt.pipeline.production.request.edit import Edit
-from flowsculpt.pipeline.production.request.lookup import find_edit, find_shot, names_edit
-from flowsculpt.pipeline.production.request.render_request import RenderRequest
-from flowsculpt.pipeline.production.store.store import Store
-from flowsculpt.render.base.plural import plural
-from flowsculpt.render.graphics.typesetting import BurnIn
-from flowsculpt.render.scene.render_quality import DEFAULT_QUALITY
 
 
 def preview(

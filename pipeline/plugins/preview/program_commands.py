@@ -15,9 +15,21 @@ from typing import Annotated, Any
 
 import typer
 
-from flowsculpt.pipeline.cli.options import Common, Frames, Shot, ShotOptions, quality_option
-from flowsculpt.pipeline.cli.output import exit_with, print_error, print_warning
-from flowsculpt.pipeline.errors import FlowsculptError, UsageError
+from flowsculpt import FlowsculptError, UsageError
+from flowsculpt.api.commands import Project, exit_with, print_error, print_warning
+from flowsculpt.api.frames import (
+    STAGES,
+    EventReader,
+    History,
+    Plan,
+    RenderRequest,
+    Store,
+    camera_file,
+    find_shot,
+    picture_states,
+)
+from flowsculpt.api.options import DEFAULT_QUALITY, Common, Frames, Shot, ShotOptions, quality_option
+from flowsculpt.api.shots import text_of
 from flowsculpt.pipeline.plugins.preview.shot_editor import (
     MOST_REQUEST_BYTES,
     ShotEditor,
@@ -26,19 +38,8 @@ from flowsculpt.pipeline.plugins.preview.shot_editor import (
     edits_in,
     json_object,
 )
-from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.execution.run import PATIENCE, Outcome, run
-from flowsculpt.pipeline.production.planning.frame_states import picture_states
-from flowsculpt.pipeline.production.planning.plan import Plan
-from flowsculpt.pipeline.production.request.cameras import camera_file
-from flowsculpt.pipeline.production.request.lookup import find_shot
-from flowsculpt.pipeline.production.request.render_request import RenderRequest
-from flowsculpt.pipeline.production.stages import STAGES
-from flowsculpt.pipeline.production.store.event_log import EventReader, poll
-from flowsculpt.pipeline.production.store.history import History
-from flowsculpt.pipeline.production.store.store import Store
-from flowsculpt.pipeline.shot.yaml.named_files import text_of
-from flowsculpt.render.scene.render_quality import DEFAULT_QUALITY
+from flowsculpt.pipeline.production.store.event_log import poll
 
 POLL_SECONDS = 0.2  # between looks at what a run has done
 

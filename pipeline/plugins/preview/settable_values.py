@@ -12,19 +12,24 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from pydantic import BaseModel
 
-from flowsculpt.pipeline.arrays import Floats
-from flowsculpt.pipeline.shot.documents.curves import KeyDocument, Keyed, OverTime, OverTimeTriple, curve_of
-from flowsculpt.pipeline.shot.documents.field_types import LARGEST, is_number
+from flowsculpt.api.meshes import Floats
+from flowsculpt.api.pictures import LIGHTS
+from flowsculpt.api.shots import (
+    LARGEST,
+    LOOKS,
+    Clock,
+    ParseContext,
+    ShotDocument,
+    Where,
+    YamlSource,
+    curve_of,
+    inherited,
+)
+from flowsculpt.pipeline.shot.documents.curves import KeyDocument, Keyed, OverTime, OverTimeTriple
+from flowsculpt.pipeline.shot.documents.field_types import is_number
 from flowsculpt.pipeline.shot.documents.flow_entries import Entry, RepeatedDocument, ReversedDocument, seconds
-from flowsculpt.pipeline.shot.documents.look_documents import LOOKS
-from flowsculpt.pipeline.shot.documents.shot_documents import ShotDocument
-from flowsculpt.pipeline.shot.motion import Clock
 from flowsculpt.pipeline.shot.shot_reader import read_clock, with_speed
-from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext
-from flowsculpt.pipeline.shot.yaml.inheritance import inherited
 from flowsculpt.pipeline.shot.yaml.messages import choices, field_names, members
-from flowsculpt.pipeline.shot.yaml.yaml_source import Where, YamlSource
-from flowsculpt.render.scene.scene_lights import LIGHTS
 
 
 def flow_frames(document: ShotDocument, clock: Clock) -> dict[Where, list[float]]:

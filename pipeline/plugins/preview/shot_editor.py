@@ -17,15 +17,14 @@ from pathlib import Path
 from threading import RLock
 from typing import Any
 
-from flowsculpt.pipeline.errors import FlowsculptError, MissingInputError, ShotError, UsageError
+from flowsculpt import FlowsculptError, MissingInputError, UsageError
+from flowsculpt.api import ShotError
+from flowsculpt.api.files import ChangedFileError, atomic_write, read_input
+from flowsculpt.api.shots import Where, YamlSource, dotted, inherited_files, read_shot, text_of
 from flowsculpt.pipeline.plugins.preview.settable_values import settable_values
 from flowsculpt.pipeline.plugins.preview.text_edits import ValueEdit, edited, parsed
-from flowsculpt.pipeline.shot.shot_reader import read_clock, read_shot
-from flowsculpt.pipeline.shot.yaml.inheritance import inherited_files
-from flowsculpt.pipeline.shot.yaml.named_files import MOST_BYTES, text_of
-from flowsculpt.pipeline.shot.yaml.yaml_source import Where, YamlSource, dotted
-from flowsculpt.render.base.atomic_write import ChangedFileError, atomic_write
-from flowsculpt.render.base.input_files import read_input
+from flowsculpt.pipeline.shot.shot_reader import read_clock
+from flowsculpt.pipeline.shot.yaml.named_files import MOST_BYTES
 
 MOST_STEPS = 200  # edits that can be undone
 

@@ -11,26 +11,35 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flowsculpt.pipeline.arrays import AnyArray, Floats, Points, Vectors
+from flowsculpt import TriangleMesh, icosphere
+from flowsculpt.api.frames import Framing, RenderRequest
+from flowsculpt.api.meshes import AnyArray, Floats, Points, Vectors
+from flowsculpt.api.pictures import (
+    SPEED,
+    BurnIn,
+    Camera,
+    Material,
+    Painted,
+    PaintedFaces,
+    Pigment,
+    Shape,
+    StageSetup,
+    Surface,
+    WideCamera,
+    preview,
+    quantise,
+    stage_fades,
+    timecode,
+    vertex_colours,
+    wide_picture,
+)
+from flowsculpt.api.shots import Motion
 from flowsculpt.pipeline.flow import checked_displacement
 from flowsculpt.pipeline.kernels import readable
-from flowsculpt.pipeline.mesh import TriangleMesh, icosphere
 from flowsculpt.pipeline.mesh.kernels.halfedge import SOUND, match_twins
 from flowsculpt.pipeline.plugins.preview.holes import without_holes
-from flowsculpt.pipeline.production.request.framing import Framing
-from flowsculpt.pipeline.production.request.render_request import RenderRequest
-from flowsculpt.pipeline.shot import Motion
-from flowsculpt.render.graphics.typesetting import BurnIn
-from flowsculpt.render.movie.codecs import timecode
-from flowsculpt.render.post.colour import quantise
-from flowsculpt.render.raster import Edges, Shape, StageSetup, preview, wide_picture, with_lines
-from flowsculpt.render.scene.materials import Material, Painted
-from flowsculpt.render.scene.painted_faces import PaintedFaces
-from flowsculpt.render.scene.patterns import COPY_PLACE, SPEED, Pigment
-from flowsculpt.render.scene.render_camera import Camera, WideCamera
-from flowsculpt.render.scene.scene import stage_fades
-from flowsculpt.render.scene.surface import Surface
-from flowsculpt.render.scene.vertex_colours import vertex_colours
+from flowsculpt.render.raster import Edges, with_lines
+from flowsculpt.render.scene.patterns import COPY_PLACE
 
 MOST_BALLS = 20_000
 """Most points of a cloud that are drawn; of more points a part is drawn, with larger balls."""

@@ -23,19 +23,25 @@ from typing import TypeVar
 
 import psutil
 
-from flowsculpt.pipeline.animation import FrameProgressCallback, MeshFrame, animate_reporting
-from flowsculpt.pipeline.arrays import AnyArray
-from flowsculpt.pipeline.errors import FrameError
+from flowsculpt import FrameError
+from flowsculpt.api.files import atomic_write, disk_errors
+from flowsculpt.api.frames import (
+    Key,
+    MeshFrame,
+    RenderRequest,
+    Shading,
+    Store,
+    key_of,
+    speeds,
+    thresholds_at,
+)
+from flowsculpt.api.meshes import AnyArray
+from flowsculpt.api.pictures import SPEED
+from flowsculpt.pipeline.animation import FrameProgressCallback, animate_reporting
 from flowsculpt.pipeline.mesh.normals import MOST_PIECES
 from flowsculpt.pipeline.mesh.placed_copies import all_copies
 from flowsculpt.pipeline.production.request.keys import speed_data
-from flowsculpt.pipeline.production.request.manifest import thresholds_at
-from flowsculpt.pipeline.production.request.render_request import RenderRequest
-from flowsculpt.pipeline.production.request.shading import Shading, speeds
 from flowsculpt.pipeline.production.store import readers
-from flowsculpt.pipeline.production.store.store import Key, Store, key_of
-from flowsculpt.render.base.atomic_write import atomic_write, disk_errors
-from flowsculpt.render.scene.patterns import SPEED
 
 SLOW = 0.25  # core-seconds from which on a simulated frame is stored
 

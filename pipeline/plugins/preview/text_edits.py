@@ -18,8 +18,9 @@ from typing import Any, Literal
 
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
-from flowsculpt.pipeline.errors import ShotError
-from flowsculpt.pipeline.shot.yaml.yaml_source import Where, YamlSource, composed, dotted, flow_style, scalar
+from flowsculpt.api import ShotError
+from flowsculpt.api.shots import Where, YamlSource, composed, dotted, flow_style
+from flowsculpt.pipeline.shot.yaml.yaml_source import scalar
 
 
 def replaced(text: str, start: int, end: int, words: str) -> str:

@@ -20,28 +20,32 @@ from typing import Any
 
 import numpy as np
 
-from flowsculpt.pipeline.animation import FrameReport, MeshFrame, animate
+from flowsculpt import Thresholds, TriangleMesh, UsageError, vertex_normals
+from flowsculpt.api.flows import checked_displacement
+from flowsculpt.api.frames import (
+    STEP,
+    Framing,
+    MeshFrame,
+    RenderRequest,
+    Shading,
+    animate,
+    frame_all,
+    thresholds_at,
+    with_stage_in_view,
+)
+from flowsculpt.api.meshes import AnyArray, Floats, Points, Vectors
+from flowsculpt.api.pictures import SPEED, Camera, jpeg_bytes
+from flowsculpt.api.shots import Motion, Solid, Where
+from flowsculpt.pipeline.animation import FrameReport
 from flowsculpt.pipeline.animation.frame import with_material
-from flowsculpt.pipeline.arrays import AnyArray, Floats, Points, Vectors
-from flowsculpt.pipeline.errors import UsageError
-from flowsculpt.pipeline.flow.flow_map import checked_displacement
-from flowsculpt.pipeline.mesh import TriangleMesh
-from flowsculpt.pipeline.mesh.normals import vertex_normals
 from flowsculpt.pipeline.plugins.preview.animatic import size_for
 from flowsculpt.pipeline.plugins.preview.live_session import Drawn, LiveSession, camera_data
 from flowsculpt.pipeline.plugins.preview.shot_editor import ShotEditor
 from flowsculpt.pipeline.plugins.preview.text_edits import ValueEdit
-from flowsculpt.pipeline.production.request.framing import AHEAD, Framing, frame_all, with_stage_in_view
-from flowsculpt.pipeline.production.request.manifest import thresholds_at
-from flowsculpt.pipeline.production.request.render_request import RenderRequest, TurntableAngle
-from flowsculpt.pipeline.production.request.shading import STEP, Shading
+from flowsculpt.pipeline.production.request.framing import AHEAD
+from flowsculpt.pipeline.production.request.render_request import TurntableAngle
 from flowsculpt.pipeline.production.request.shot_source import NO_CACHE
-from flowsculpt.pipeline.resample import Thresholds
-from flowsculpt.pipeline.shot import Motion, Resampling, Solid
-from flowsculpt.pipeline.shot.yaml.yaml_source import Where
-from flowsculpt.render.post.image import jpeg_bytes
-from flowsculpt.render.scene.patterns import SPEED
-from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.pipeline.shot import Resampling
 
 MOST_STEPS = 24  # steps in which points are carried to a frame; each spans several frames in a long shot
 MOST_WEIGHTS = 1 << 21  # weights of carried points for vertices, at most, and with it their memory: 8 MiB

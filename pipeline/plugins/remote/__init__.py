@@ -1,6 +1,6 @@
 """Remote stores: files shared by many roots, in a bucket or on a file share."""
 
-from flowsculpt.pipeline.plugin import Command, Plugin
+from flowsculpt.api import Command, Plugin
 
 PLUGIN = Plugin(
     name="remote",

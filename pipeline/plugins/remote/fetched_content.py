@@ -12,11 +12,10 @@ import re
 from pathlib import Path
 from zipfile import ZipFile
 
+from flowsculpt.api.files import from_plain, mapping
+from flowsculpt.api.frames import SUFFIXES, Key
 from flowsculpt.pipeline.mesh.meshes import require_existing
-from flowsculpt.pipeline.production.store.paths import SUFFIXES
-from flowsculpt.pipeline.production.store.store import Key
-from flowsculpt.render.base.serialise import from_plain
-from flowsculpt.render.base.state_files import mapping, plain_data
+from flowsculpt.render.base.state_files import plain_data
 
 KERNELS = "kernels"
 """The kind of archives of compiled kernels, which stores of roots do not have."""
@@ -67,7 +66,7 @@ def fault_of(kind: str, key: Key, path: Path) -> str | None:
 
 
 def _key_of_picture(path: Path) -> object:
-    from flowsculpt.render.post.image import read_header  # OpenImageIO, which other kinds do not need
+    from flowsculpt.api.pictures import read_header  # OpenImageIO, which other kinds do not need
 
     return read_header(path).get("key")
 
@@ -98,7 +97,7 @@ def _require_surface(kind: str, key: Key, path: Path) -> None:
 
 def _require_cameras(data: dict[str, object]) -> None:
     """Read the cameras of all frames. Raises BadInputError for what is not a camera."""
-    from flowsculpt.pipeline.production.request.framing import Framing
+    from flowsculpt.api.frames import Framing
 
     for number, camera in data.items():
         if number.isdecimal():

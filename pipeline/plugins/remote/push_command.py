@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from functools import cache
 
-from flowsculpt.pipeline.cli.options import Common
-from flowsculpt.pipeline.cli.output import exit_with, print_result
-from flowsculpt.pipeline.errors import MachineError, UsageError
-from flowsculpt.pipeline.production.store.locks import writing
-from flowsculpt.pipeline.production.store.remote_store import READ_ONLY, VARIABLE, is_read_only
-from flowsculpt.pipeline.production.store.store import Name, Store, Uploaded, missed_uploads, upload_all
-from flowsculpt.render.base.plural import plural
+from flowsculpt import MachineError, UsageError
+from flowsculpt.api import plural
+from flowsculpt.api.commands import exit_with, print_result
+from flowsculpt.api.frames import VARIABLE, Store, writing
+from flowsculpt.api.options import Common
+from flowsculpt.pipeline.production.store.remote_store import READ_ONLY, is_read_only
+from flowsculpt.pipeline.production.store.store import Name, Uploaded, missed_uploads, upload_all
 
 
 def push(common: Common) -> None:

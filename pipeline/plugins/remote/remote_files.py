@@ -28,6 +28,8 @@ from functools import lru_cache, partial
 from pathlib import Path
 from types import SimpleNamespace
 
+from flowsculpt.api.files import machine_error
+from flowsculpt.api.frames import digest_of
 from flowsculpt.pipeline.plugins.remote.fetched_content import fault_of, suffix_of
 from flowsculpt.pipeline.plugins.remote.remote_requests import (
     NO_FOLDER,
@@ -38,9 +40,7 @@ from flowsculpt.pipeline.plugins.remote.remote_requests import (
     open_url,
 )
 from flowsculpt.pipeline.plugins.remote.shared_kernels import fetch_kernels, send_kernels
-from flowsculpt.pipeline.production.store.digests import digest_of
 from flowsculpt.pipeline.production.store.remote_store import SIDE_BY_SIDE
-from flowsculpt.render.base.atomic_write import machine_error
 
 LISTED_SECONDS = 60.0
 """Seconds for which a listing counts: what others upload meanwhile is seen after these."""

@@ -22,9 +22,10 @@ from pathlib import Path
 from typing import Any, TypeVar
 from urllib.parse import urlsplit
 
-from flowsculpt.pipeline.errors import MachineError, UsageError, suggestion
-from flowsculpt.pipeline.production.store.remote_store import LOG
-from flowsculpt.render.base.python_process import command_line
+from flowsculpt import MachineError, UsageError
+from flowsculpt.api import suggestion
+from flowsculpt.api.files import command_line
+from flowsculpt.api.frames import LOG
 
 OPTION = "--store"
 

@@ -12,17 +12,10 @@ import tempfile
 import zipfile
 from pathlib import Path
 
+from flowsculpt.api.files import atomic_write
+from flowsculpt.api.frames import LOG, RemoteStore, digest_of, note_all_compiled
 from flowsculpt.pipeline.plugins.remote.fetched_content import KERNELS
-from flowsculpt.pipeline.production.store.digests import digest_of
-from flowsculpt.pipeline.production.store.remote_store import (
-    LOG,
-    RemoteStore,
-    has_kernels,
-    is_read_only,
-    kernels_key,
-    note_all_compiled,
-)
-from flowsculpt.render.base.atomic_write import atomic_write
+from flowsculpt.pipeline.production.store.remote_store import has_kernels, is_read_only, kernels_key
 from flowsculpt.render.base.user_cache import kernel_homes
 
 _FILE = re.compile(r"[^/\\:]+\.kernel")

@@ -1,6 +1,6 @@
 """The review page: pictures of shots side by side, measures of their meshes, and notes on them."""
 
-from flowsculpt.pipeline.plugin import Command, Plugin
+from flowsculpt.api import Command, Plugin
 
 _COMMANDS = "flowsculpt.pipeline.plugins.review.review_commands"
 

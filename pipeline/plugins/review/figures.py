@@ -8,8 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from flowsculpt.pipeline.arrays import Floats
-from flowsculpt.pipeline.cli.options import (
+from flowsculpt import MissingInputError, UsageError
+from flowsculpt.api.commands import Project, print_result
+from flowsculpt.api.frames import STAGES, LatestTimings, RenderRequest, find_shot
+from flowsculpt.api.meshes import Floats
+from flowsculpt.api.options import (
+    DEFAULT_QUALITY,
     Common,
     Crossings,
     Plot,
@@ -18,16 +22,10 @@ from flowsculpt.pipeline.cli.options import (
     ShotOptions,
     Subject,
 )
-from flowsculpt.pipeline.cli.output import print_result
-from flowsculpt.pipeline.errors import MissingInputError, UsageError
+from flowsculpt.api.pictures import Curves, plot_panels
 from flowsculpt.pipeline.plugins.review.measures import TIMED_STAGES, limits_of, measured
-from flowsculpt.pipeline.production.execution.project import Project
-from flowsculpt.pipeline.production.planning.timings import LatestTimings, render_seconds
-from flowsculpt.pipeline.production.request.lookup import find_shot
-from flowsculpt.pipeline.production.request.render_request import RenderRequest
-from flowsculpt.pipeline.production.stages import STAGES
-from flowsculpt.render.graphics.plot import Curves, HeatMap, Panel, StackedBars, plot_panels
-from flowsculpt.render.scene.render_quality import DEFAULT_QUALITY
+from flowsculpt.pipeline.production.planning.timings import render_seconds
+from flowsculpt.render.graphics.plot import HeatMap, Panel, StackedBars
 
 LONGEST_BAR = 1.6
 """The axis of seconds ends at this multiple of the 90th percentile, for first frames compile kernels."""

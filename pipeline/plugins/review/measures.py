@@ -11,16 +11,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flowsculpt.pipeline.animation import MeshFrame
-from flowsculpt.pipeline.arrays import Floats
-from flowsculpt.pipeline.mesh import TriangleMesh
-from flowsculpt.pipeline.production.request.render_request import RenderRequest
-from flowsculpt.pipeline.production.stages import PipelineStage
+from flowsculpt import TriangleMesh
+from flowsculpt.api.files import mapping, read_state
+from flowsculpt.api.frames import (
+    CorruptFileError,
+    Key,
+    MeshFrame,
+    PipelineStage,
+    RenderRequest,
+    Store,
+    key_of,
+)
+from flowsculpt.api.meshes import Floats, self_intersections
 from flowsculpt.pipeline.production.store import readers
-from flowsculpt.pipeline.production.store.digests import CorruptFileError
-from flowsculpt.pipeline.production.store.store import Key, Store, key_of
-from flowsculpt.pipeline.statistics import self_intersections
-from flowsculpt.render.base.state_files import mapping, read_state
 
 MEASURE = PipelineStage("measure", version=2, doing="measuring", makes="measures", per_quality=False)
 

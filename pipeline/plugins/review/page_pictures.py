@@ -19,16 +19,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flowsculpt.pipeline.production.picture_sequences import PictureSequence
+from flowsculpt.api.frames import DAMAGED, SUFFIXES, CorruptFileError, PictureSequence, Store, key_of
+from flowsculpt.api.pictures import (
+    BadInputError,
+    RenderError,
+    nits_of_pq,
+    quantise,
+    read_exr,
+    read_header,
+    read_png,
+    to_display,
+    view_table,
+    write_png,
+)
 from flowsculpt.pipeline.production.request.keys import projection_of
-from flowsculpt.pipeline.production.store.digests import CorruptFileError
-from flowsculpt.pipeline.production.store.paths import SUFFIXES
-from flowsculpt.pipeline.production.store.store import DAMAGED, Store, key_of
-from flowsculpt.render.base.render_errors import BadInputError, RenderError
 from flowsculpt.render.graphics.contact_sheet import reduced
-from flowsculpt.render.post.colour import quantise, to_display, view_table
-from flowsculpt.render.post.hdr import nits_of_pq
-from flowsculpt.render.post.image import read_exr, read_header, read_png, write_jpeg, write_png
+from flowsculpt.render.post.image import write_jpeg
 from flowsculpt.render.post.view import ColourView
 from flowsculpt.render.scene.scene_lights import PREFIX
 

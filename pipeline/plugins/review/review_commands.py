@@ -8,27 +8,17 @@ from typing import Annotated
 
 import typer
 
-from flowsculpt.pipeline.cli.options import (
-    Common,
-    Crossings,
-    Shot,
-    ShotOptions,
-    Shots,
-    quality_option,
-    require_one_of,
-)
-from flowsculpt.pipeline.cli.output import print_result, print_warning, progress_bars, size, table
-from flowsculpt.pipeline.errors import UsageError
+from flowsculpt import UsageError
+from flowsculpt.api import plural
+from flowsculpt.api.commands import print_result, print_warning, progress_bars, require_one_of, size, table
+from flowsculpt.api.frames import History, find_shot, writing
+from flowsculpt.api.options import QUALITIES, Common, Crossings, Shot, ShotOptions, Shots, quality_option
+from flowsculpt.api.pictures import three_js
+from flowsculpt.api.shots import NAME
 from flowsculpt.pipeline.plugins.review.review_notes import STATUSES, NotesFolder, ReviewNote, as_data, merged
 from flowsculpt.pipeline.plugins.review.review_page import HINT, ReviewPage, Search
-from flowsculpt.pipeline.production.request.lookup import find_shot, require_quality
-from flowsculpt.pipeline.production.store.history import History
-from flowsculpt.pipeline.production.store.locks import writing
-from flowsculpt.pipeline.shot.yaml.named_files import NAME
-from flowsculpt.render.base.plural import plural
+from flowsculpt.pipeline.production.request.lookup import require_quality
 from flowsculpt.render.base.render_errors import readable
-from flowsculpt.render.graphics.three_js import three_js
-from flowsculpt.render.scene.render_quality import QUALITIES
 
 FORMS = ("jpeg", "png")
 

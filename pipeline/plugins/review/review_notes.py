@@ -17,11 +17,12 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError, model_validator
 
-from flowsculpt.pipeline.errors import MissingInputError, UsageError, brief
-from flowsculpt.pipeline.production.store.locks import making, writing
-from flowsculpt.pipeline.production.store.paths import NOTES
-from flowsculpt.pipeline.shot.yaml.named_files import MOST_LETTERS, NAME, is_there
-from flowsculpt.render.base.atomic_write import ChangedFileError, atomic_write, machine_error
+from flowsculpt import MissingInputError, UsageError
+from flowsculpt.api import brief
+from flowsculpt.api.files import ChangedFileError, atomic_write, machine_error
+from flowsculpt.api.frames import NOTES, making, writing
+from flowsculpt.api.shots import NAME, is_there
+from flowsculpt.pipeline.shot.yaml.named_files import MOST_LETTERS
 
 FORMAT = "flowsculpt notes"
 VERSION = 1

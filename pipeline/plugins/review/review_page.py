@@ -19,23 +19,27 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from flowsculpt.pipeline.errors import MissingInputError
-from flowsculpt.pipeline.plugin import plugins
+from flowsculpt import MissingInputError
+from flowsculpt.api import plugins
+from flowsculpt.api.commands import Project
+from flowsculpt.api.files import disk_errors, make_folder, remove
+from flowsculpt.api.frames import (
+    History,
+    LatestTimings,
+    PictureSequence,
+    RenderRequest,
+    SequenceGrid,
+    SequenceQuery,
+    Store,
+    find_shot,
+    key_of,
+)
+from flowsculpt.api.options import DEFAULT_QUALITY
+from flowsculpt.api.pictures import FETCH, three_js
 from flowsculpt.pipeline.plugins.review import view_3d
 from flowsculpt.pipeline.plugins.review.measures import TIMED_STAGES, limits_of, measured
 from flowsculpt.pipeline.plugins.review.page_pictures import LayerWriter, Proxies, ProxyWriter
 from flowsculpt.pipeline.plugins.review.review_notes import ReviewNote, as_data
-from flowsculpt.pipeline.production.execution.project import Project
-from flowsculpt.pipeline.production.picture_sequences import PictureSequence, SequenceGrid, SequenceQuery
-from flowsculpt.pipeline.production.planning.timings import LatestTimings
-from flowsculpt.pipeline.production.request.lookup import find_shot
-from flowsculpt.pipeline.production.request.render_request import RenderRequest
-from flowsculpt.pipeline.production.store.history import History
-from flowsculpt.pipeline.production.store.store import Store, key_of
-from flowsculpt.render.base.atomic_write import disk_errors
-from flowsculpt.render.base.root_files import make_folder, remove
-from flowsculpt.render.graphics.three_js import FETCH, three_js
-from flowsculpt.render.scene.render_quality import DEFAULT_QUALITY
 
 HINT = f"three.js is not installed, so the page has no 3-D view; {FETCH} fetches it"
 

@@ -17,14 +17,12 @@ from typing import Any
 
 import numpy as np
 
-from flowsculpt.pipeline.arrays import AnyArray
-from flowsculpt.pipeline.errors import FlowsculptError
-from flowsculpt.pipeline.plugin import plugins
+from flowsculpt import FlowsculptError
+from flowsculpt.api import plugins
+from flowsculpt.api.frames import CorruptFileError, Key, RenderRequest, Store, key_of
+from flowsculpt.api.meshes import AnyArray
 from flowsculpt.pipeline.plugins.review.measures import simulated
-from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.store import readers
-from flowsculpt.pipeline.production.store.digests import CorruptFileError
-from flowsculpt.pipeline.production.store.store import Key, Store, key_of
 
 FORMAT = 2
 

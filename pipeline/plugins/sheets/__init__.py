@@ -1,6 +1,6 @@
 """Contact sheets, wedges, and curves of what a shot says of its frames."""
 
-from flowsculpt.pipeline.plugin import Command, Plugin
+from flowsculpt.api import Command, Plugin
 
 _COMMANDS = "flowsculpt.pipeline.plugins.sheets.sheet_commands"
 

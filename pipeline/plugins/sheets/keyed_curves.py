@@ -11,15 +11,17 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel
 
-from flowsculpt.pipeline.arrays import Floats
-from flowsculpt.pipeline.flow.keyframes import Keyframes
-from flowsculpt.pipeline.flow.parameters import Curve
-from flowsculpt.pipeline.shot.documents.curves import curve_of, is_changing
-from flowsculpt.pipeline.shot.documents.shot_documents import ShotDocument
-from flowsculpt.pipeline.shot.motion import Clock
-from flowsculpt.pipeline.shot.shot_reader import read_shot
-from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext
-from flowsculpt.pipeline.shot.yaml.inheritance import inherited
+from flowsculpt.api.flows import Curve, Keyframes
+from flowsculpt.api.meshes import Floats
+from flowsculpt.api.shots import (
+    Clock,
+    ParseContext,
+    ShotDocument,
+    curve_of,
+    inherited,
+    is_changing,
+    read_shot,
+)
 
 SAMPLES = 16
 """Samples of a curve in a frame."""

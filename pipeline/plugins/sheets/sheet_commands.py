@@ -8,16 +8,32 @@ from typing import Annotated, Any
 
 import typer
 
-from flowsculpt.pipeline.cli.execution import (
-    count_words,
+from flowsculpt import UsageError
+from flowsculpt.api import plural
+from flowsculpt.api.commands import (
     execute,
-    forecast_facts,
-    forecast_words,
-    made_by_stage,
+    exit_with,
+    make_folder_of,
+    print_result,
+    print_warning,
     report_notes,
     report_plan,
 )
-from flowsculpt.pipeline.cli.options import (
+from flowsculpt.api.frames import (
+    STAGES,
+    Folders,
+    FrameRange,
+    Plan,
+    RenderRequest,
+    Store,
+    find_shot,
+    light_notes,
+    picture_keys,
+    shown_picture,
+    white,
+)
+from flowsculpt.api.options import (
+    DEFAULT_QUALITY,
     Common,
     PictureOptions,
     Plot,
@@ -28,27 +44,12 @@ from flowsculpt.pipeline.cli.options import (
     frames_option,
     output_option,
 )
-from flowsculpt.pipeline.cli.output import exit_with, make_folder_of, print_result, print_warning
-from flowsculpt.pipeline.errors import UsageError
-from flowsculpt.pipeline.frames import FrameRange
+from flowsculpt.api.pictures import Curves, columns_for, fitted_sheet, plot_panels, write_png
+from flowsculpt.api.shots import inherited, read_shot
+from flowsculpt.pipeline.cli.execution import count_words, forecast_facts, forecast_words, made_by_stage
 from flowsculpt.pipeline.plugins.sheets.keyed_curves import curves_of
 from flowsculpt.pipeline.plugins.sheets.wedge import MOST_CELLS, OPTION, Grid, Variation, Wedge
-from flowsculpt.pipeline.production.picture_sequences import light_notes, shown_picture, white
 from flowsculpt.pipeline.production.planning.estimate import Forecast, estimate
-from flowsculpt.pipeline.production.planning.plan import Plan
-from flowsculpt.pipeline.production.request.keys import picture_keys
-from flowsculpt.pipeline.production.request.lookup import find_shot
-from flowsculpt.pipeline.production.request.render_request import RenderRequest
-from flowsculpt.pipeline.production.stages import STAGES
-from flowsculpt.pipeline.production.store.paths import Folders
-from flowsculpt.pipeline.production.store.store import Store
-from flowsculpt.pipeline.shot import read_shot
-from flowsculpt.pipeline.shot.yaml.inheritance import inherited
-from flowsculpt.render.base.plural import plural
-from flowsculpt.render.graphics.contact_sheet import columns_for, fitted_sheet
-from flowsculpt.render.graphics.plot import Curves, plot_panels
-from flowsculpt.render.post.image import write_png
-from flowsculpt.render.scene.render_quality import DEFAULT_QUALITY
 
 DEFAULT_FRAMES = 12  # most frames of a sheet where none are requested
 
@@ -228,7 +229,7 @@ def _notes(made: Wedge) -> list[str]:
     varied = [variation for variation in made.grid.variations if variation.name.endswith(".amount")]
     if not varied:
         return []
-    from flowsculpt.pipeline.animation.flow_cost import constant_deformations  # loads Numba, which takes long
+    from flowsculpt.api.flows import constant_deformations  # loads Numba, which takes long
 
     for _, request in made.requests:
         for flow, text in constant_deformations(request.shot.motion):

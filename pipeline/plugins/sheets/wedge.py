@@ -17,20 +17,29 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from flowsculpt.pipeline.errors import FlowsculptError, ShotError, UsageError
-from flowsculpt.pipeline.frames import FrameRange
-from flowsculpt.pipeline.production.execution.project import Project
-from flowsculpt.pipeline.production.picture_sequences import SequenceGrid, SequenceQuery, shown_picture
-from flowsculpt.pipeline.production.planning.plan import Plan
-from flowsculpt.pipeline.production.request.keys import picture_keys
-from flowsculpt.pipeline.production.request.render_request import RenderRequest
+from flowsculpt import FlowsculptError, UsageError
+from flowsculpt.api import ShotError
+from flowsculpt.api.commands import Project
+from flowsculpt.api.frames import (
+    FrameRange,
+    Plan,
+    RenderRequest,
+    SequenceGrid,
+    SequenceQuery,
+    key_of,
+    picture_keys,
+    shown_picture,
+)
+from flowsculpt.api.pictures import (
+    H264_8_BITS,
+    columns_for,
+    fitted_sheet,
+    read_header,
+    write_movie,
+    write_png,
+)
+from flowsculpt.api.shots import shown
 from flowsculpt.pipeline.production.store import paths
-from flowsculpt.pipeline.production.store.store import key_of
-from flowsculpt.pipeline.shot.yaml.named_files import shown
-from flowsculpt.render.graphics.contact_sheet import columns_for, fitted_sheet
-from flowsculpt.render.movie.codecs import H264_8_BITS
-from flowsculpt.render.movie.encode import write_movie
-from flowsculpt.render.post.image import read_header, write_png
 
 OPTION = "--vary"
 MOST_CELLS = 100  # cells of a wedge at most, without --yes

@@ -1,6 +1,6 @@
 """Turntables: an object turned before the camera, then the lights around it."""
 
-from flowsculpt.pipeline.plugin import Command, Plugin
+from flowsculpt.api import Command, Plugin
 
 PLUGIN = Plugin(
     name="turntable",

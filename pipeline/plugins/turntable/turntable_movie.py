@@ -17,8 +17,28 @@ from typing import Annotated, Any, cast
 import typer
 from numpy.typing import NDArray
 
-from flowsculpt.pipeline.cli.execution import execute_and_report
-from flowsculpt.pipeline.cli.options import (
+from flowsculpt import MissingInputError, UsageError
+from flowsculpt.api import plural, suggestion
+from flowsculpt.api.commands import Project, execute_and_report, progress_bars, require_one_of, words_of
+from flowsculpt.api.files import require_input
+from flowsculpt.api.frames import (
+    SHOTS,
+    Folders,
+    FrameRange,
+    PictureKeys,
+    PipelineStage,
+    Plan,
+    RenderRequest,
+    Store,
+    find_shot,
+    key_of,
+    movie_bits,
+    picture_keys,
+    shown_picture,
+)
+from flowsculpt.api.meshes import usual_up
+from flowsculpt.api.options import (
+    DEFAULT_QUALITY,
     Common,
     Quality,
     Scale,
@@ -26,34 +46,21 @@ from flowsculpt.pipeline.cli.options import (
     Subject,
     Variant,
     at_option,
-    require_one_of,
-    words_of,
 )
-from flowsculpt.pipeline.cli.output import progress_bars
-from flowsculpt.pipeline.errors import MissingInputError, UsageError, suggestion
-from flowsculpt.pipeline.frames import FrameRange
-from flowsculpt.pipeline.mesh.read import format_of, usual_up
-from flowsculpt.pipeline.production.execution.project import Project
-from flowsculpt.pipeline.production.picture_sequences import shown_picture
-from flowsculpt.pipeline.production.planning.plan import Plan
-from flowsculpt.pipeline.production.request.keys import PictureKeys, picture_keys
-from flowsculpt.pipeline.production.request.lookup import SHOTS, cropped_name, find_shot, movie_bits
-from flowsculpt.pipeline.production.request.render_request import TURNS, RenderRequest, Turntable
-from flowsculpt.pipeline.production.stages import PipelineStage
-from flowsculpt.pipeline.production.store.paths import Folders
-from flowsculpt.pipeline.production.store.store import Store, key_of
-from flowsculpt.pipeline.shot.documents.look_documents import LOOKS
-from flowsculpt.pipeline.shot.yaml.inheritance import inherited
-from flowsculpt.pipeline.shot.yaml.named_files import DEFAULTS, NAME, is_there
-from flowsculpt.pipeline.shot.yaml.yaml_source import YamlSource
-from flowsculpt.render.base.input_files import require_input
-from flowsculpt.render.base.plural import plural
-from flowsculpt.render.graphics.contact_sheet import Caption, ContactSheet, columns_for, fitted_sheet
-from flowsculpt.render.movie.codecs import movie_encode
-from flowsculpt.render.movie.encode import write_movie
-from flowsculpt.render.movie.movie_frames import prefetch
-from flowsculpt.render.post.image import write_png
-from flowsculpt.render.scene.render_quality import DEFAULT_QUALITY
+from flowsculpt.api.pictures import (
+    ContactSheet,
+    columns_for,
+    fitted_sheet,
+    movie_encode,
+    prefetch,
+    write_movie,
+    write_png,
+)
+from flowsculpt.api.shots import DEFAULTS, LOOKS, NAME, YamlSource, inherited, is_there
+from flowsculpt.pipeline.mesh.read import format_of
+from flowsculpt.pipeline.production.request.lookup import cropped_name
+from flowsculpt.pipeline.production.request.render_request import TURNS, Turntable
+from flowsculpt.render.graphics.contact_sheet import Caption
 
 TURNTABLE_SHEET = PipelineStage(
     "turntable_sheet", version=2, packages=("av", "OpenImageIO"), doing="laying out sheets", makes="png"

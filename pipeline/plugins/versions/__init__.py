@@ -1,6 +1,6 @@
 """Published versions of shots."""
 
-from flowsculpt.pipeline.plugin import Command, Plugin
+from flowsculpt.api import Command, Plugin
 
 _COMMANDS = "flowsculpt.pipeline.plugins.versions.version_commands"
 

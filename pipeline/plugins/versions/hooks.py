@@ -25,19 +25,12 @@ from typing import Any
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
-from flowsculpt.pipeline.cli.options import Common
-from flowsculpt.pipeline.cli.output import print_warning
-from flowsculpt.pipeline.errors import (
-    FlowsculptError,
-    MachineError,
-    MissingInputError,
-    UsageError,
-    suggestion,
-)
+from flowsculpt import FlowsculptError, MachineError, MissingInputError, UsageError
+from flowsculpt.api import suggestion
+from flowsculpt.api.commands import print_warning
+from flowsculpt.api.frames import EVENTS, FILE, EventReader
+from flowsculpt.api.options import Common
 from flowsculpt.pipeline.plugins.versions.publishing import Published
-from flowsculpt.pipeline.production.request.provenance import FILE
-from flowsculpt.pipeline.production.store.event_log import EventReader
-from flowsculpt.pipeline.production.store.paths import EVENTS
 from flowsculpt.render.base.python_process import environment_of_others
 
 EVENT_NAMES = ("run_done", "run_failed", "version_published", "files_delivered")

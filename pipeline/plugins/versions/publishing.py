@@ -28,47 +28,57 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from flowsculpt.pipeline.errors import FlowsculptError, FrameError, MissingInputError, UsageError
-from flowsculpt.pipeline.frames import FrameRange
-from flowsculpt.pipeline.plugin import plugins
-from flowsculpt.pipeline.plugins.versions.reproduction import pixels_of, restored
-from flowsculpt.pipeline.production.picture_sequences import (
-    PLAIN,
-    PictureDisplay,
-    PictureSequence,
-    SequenceQuery,
-    display_of,
-)
-from flowsculpt.pipeline.production.planning.timings import SHARED_STAGES, LatestTimings, read_statistics
-from flowsculpt.pipeline.production.request.audio import samples_of
-from flowsculpt.pipeline.production.request.keys import FrameKeys, PictureKeys, picture_keys
-from flowsculpt.pipeline.production.request.lookup import movie_bits
-from flowsculpt.pipeline.production.request.provenance import (
+from flowsculpt import FlowsculptError, FrameError, MissingInputError, UsageError
+from flowsculpt.api import plugins
+from flowsculpt.api.files import digest_of_file, disk_errors, held, remove_tree
+from flowsculpt.api.frames import (
+    DAMAGED,
     FILE,
+    FrameKeys,
+    FrameRange,
+    Key,
+    LatestTimings,
+    PictureKeys,
+    PictureSequence,
+    Provenance,
+    RenderRequest,
+    SequenceQuery,
+    Store,
+    display_of,
+    lock_name,
+    making,
+    movie_bits,
+    picture_keys,
+    read_statistics,
+    records,
+    samples_of,
+    writing,
+)
+from flowsculpt.api.pictures import (
+    Frame,
+    RenderError,
+    in_loop,
+    loop_dissolve,
+    mix_frames,
+    movie_encode,
+    probe_movie,
+    quantise,
+    read_exr,
+    to_display,
+    write_movie,
+)
+from flowsculpt.pipeline.plugins.versions.reproduction import pixels_of, restored
+from flowsculpt.pipeline.production.picture_sequences import PLAIN, PictureDisplay
+from flowsculpt.pipeline.production.planning.timings import SHARED_STAGES
+from flowsculpt.pipeline.production.request.provenance import (
     VERSION,
     FrameRecord,
-    Provenance,
     host,
     packages,
     portable,
-    records,
     stage_versions,
 )
-from flowsculpt.pipeline.production.request.render_request import RenderRequest
-from flowsculpt.pipeline.production.store.locks import lock_name, making, writing
 from flowsculpt.pipeline.production.store.paths import published
-from flowsculpt.pipeline.production.store.store import DAMAGED, Key, Store
-from flowsculpt.pipeline.production.tasks.encoding import in_loop, loop_dissolve
-from flowsculpt.render.base.atomic_write import disk_errors
-from flowsculpt.render.base.input_files import digest_of_file
-from flowsculpt.render.base.render_errors import RenderError
-from flowsculpt.render.base.root_files import held, remove_tree
-from flowsculpt.render.movie.codecs import movie_encode
-from flowsculpt.render.movie.encode import write_movie
-from flowsculpt.render.movie.movie_frames import Frame, mix_frames
-from flowsculpt.render.movie.probe import probe_movie
-from flowsculpt.render.post.colour import quantise, to_display
-from flowsculpt.render.post.image import read_exr
 
 _DRAFT = ".draft."
 

@@ -13,21 +13,23 @@ from pathlib import Path
 
 import numpy as np
 
-from flowsculpt.pipeline.errors import MachineError, MissingInputError, UsageError
-from flowsculpt.pipeline.frames import FrameRange
-from flowsculpt.pipeline.production.execution.project import Project
-from flowsculpt.pipeline.production.planning.plan import Plan
+from flowsculpt import MachineError, MissingInputError, UsageError
+from flowsculpt.api.commands import Project
+from flowsculpt.api.files import digest_of_file
+from flowsculpt.api.frames import (
+    FrameRange,
+    PictureKeys,
+    Plan,
+    Provenance,
+    RenderRequest,
+    ShotSource,
+    Store,
+    picture_keys,
+    repeated,
+)
+from flowsculpt.api.pictures import RenderError, read_exr
+from flowsculpt.api.shots import is_there
 from flowsculpt.pipeline.production.planning.profile import variant_for
-from flowsculpt.pipeline.production.request.keys import PictureKeys, picture_keys
-from flowsculpt.pipeline.production.request.provenance import Provenance
-from flowsculpt.pipeline.production.request.render_request import RenderRequest
-from flowsculpt.pipeline.production.request.shot_source import ShotSource
-from flowsculpt.pipeline.production.store.paths import repeated
-from flowsculpt.pipeline.production.store.store import Store
-from flowsculpt.pipeline.shot.yaml.named_files import is_there
-from flowsculpt.render.base.input_files import digest_of_file
-from flowsculpt.render.base.render_errors import RenderError
-from flowsculpt.render.post.image import read_exr
 
 
 def pixels_of(path: Path) -> str:

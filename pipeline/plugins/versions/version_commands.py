@@ -11,8 +11,21 @@ from typing import Annotated, Any
 
 import typer
 
-from flowsculpt.pipeline.cli.execution import execute, report_plan
-from flowsculpt.pipeline.cli.options import (
+from flowsculpt import MissingInputError, UsageError
+from flowsculpt.api import plural
+from flowsculpt.api.commands import (
+    execute,
+    exit_with,
+    print_error,
+    print_result,
+    print_warning,
+    project_of,
+    report_plan,
+    table,
+)
+from flowsculpt.api.frames import FILE, PUBLISHED, VARIABLE, FrameRange, Provenance, find_shot, records
+from flowsculpt.api.options import (
+    DEFAULT_QUALITY,
     AllowCode,
     Common,
     Force,
@@ -21,20 +34,11 @@ from flowsculpt.pipeline.cli.options import (
     Quality,
     Shot,
     Variant,
-    project_of,
 )
-from flowsculpt.pipeline.cli.output import exit_with, print_error, print_result, print_warning, table
-from flowsculpt.pipeline.errors import MissingInputError, UsageError
-from flowsculpt.pipeline.frames import FrameRange
 from flowsculpt.pipeline.plugins.versions.hooks import Hook, hooks_of, tell_published
 from flowsculpt.pipeline.plugins.versions.publishing import Patch, Release
 from flowsculpt.pipeline.plugins.versions.reproduction import Comparison, Reproduction
-from flowsculpt.pipeline.production.request.lookup import find_shot
-from flowsculpt.pipeline.production.request.provenance import FILE, Provenance, records
-from flowsculpt.pipeline.production.store.paths import PUBLISHED, published
-from flowsculpt.pipeline.production.store.remote_store import VARIABLE
-from flowsculpt.render.base.plural import plural
-from flowsculpt.render.scene.render_quality import DEFAULT_QUALITY
+from flowsculpt.pipeline.production.store.paths import published
 
 
 def publish(

@@ -1,4 +1,4 @@
-"""The public API for plug-ins; `api.py` imports each name from its module when it is first used."""
+"""What plug-ins add, and the errors and words that all of them share; the facades beside it have the rest."""
 
 from flowsculpt.pipeline.animation import animate as animate
 from flowsculpt.pipeline.cli.options import Common as Common
@@ -9,7 +9,13 @@ from flowsculpt.pipeline.cli.options import ShotOptions as ShotOptions
 from flowsculpt.pipeline.cli.output import print_result as print_result
 from flowsculpt.pipeline.errors import FlowsculptError as FlowsculptError
 from flowsculpt.pipeline.errors import FrameError as FrameError
+from flowsculpt.pipeline.errors import ShotError as ShotError
 from flowsculpt.pipeline.errors import UsageError as UsageError
+from flowsculpt.pipeline.errors import VertexBudgetError as VertexBudgetError
+from flowsculpt.pipeline.errors import brief as brief
+from flowsculpt.pipeline.errors import reason_of as reason_of
+from flowsculpt.pipeline.errors import shortened as shortened
+from flowsculpt.pipeline.errors import suggestion as suggestion
 from flowsculpt.pipeline.flow import Flow as Flow
 from flowsculpt.pipeline.flow import VelocityField as VelocityField
 from flowsculpt.pipeline.flow.parameters import Number as Number
@@ -20,6 +26,9 @@ from flowsculpt.pipeline.flow.parameters import number_at as number_at
 from flowsculpt.pipeline.flow.parameters import vector_at as vector_at
 from flowsculpt.pipeline.flow.velocity import ExternalField as ExternalField
 from flowsculpt.pipeline.kernels import block_kernel as block_kernel
+from flowsculpt.pipeline.long_computations import Progress as Progress
+from flowsculpt.pipeline.long_computations import report_progress as report_progress
+from flowsculpt.pipeline.long_computations import reporting_to as reporting_to
 from flowsculpt.pipeline.mesh import TriangleMesh as TriangleMesh
 from flowsculpt.pipeline.mesh import box as box
 from flowsculpt.pipeline.mesh import icosphere as icosphere
@@ -43,6 +52,8 @@ from flowsculpt.pipeline.shot import read_shot as read_shot
 from flowsculpt.pipeline.shot.documents.field_types import Document as Document
 from flowsculpt.pipeline.shot.documents.subject_kinds import CopyLayout as CopyLayout
 from flowsculpt.pipeline.shot.documents.subject_kinds import SubjectKind as SubjectKind
+from flowsculpt.render.base.plural import indefinite as indefinite
+from flowsculpt.render.base.plural import plural as plural
 from flowsculpt.render.movie.codecs import ENCODES as ENCODES
 from flowsculpt.render.movie.codecs import Encode as Encode
 from flowsculpt.render.scene.aovs import RenderedFrame as RenderedFrame

@@ -1,0 +1,5 @@
+"""Flows: their parameters, kernels and steps; the flows themselves are in `flowsculpt`."""
+
+from flowsculpt import lazy_names
+
+__all__, __getattr__ = lazy_names(__name__, __file__)
