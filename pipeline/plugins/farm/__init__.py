@@ -1,4 +1,4 @@
-"""Farms: jobs for render managers and Kubernetes, and the tasks that they run."""
+"""Farms: jobs for render managers, and the tasks that they run."""
 
 from flowsculpt.api import Command, Plugin
 
@@ -14,6 +14,5 @@ PLUGIN = Plugin(
         "openjd": Command(f"{_COMMANDS}:openjd", "Open Job Description, for render managers."),
         "plan": Command(f"{_COMMANDS}:plan", "What tasks of a render manager read."),
         "flamenco": Command(f"{_COMMANDS}:flamenco", "A job of Flamenco, and its job type."),
-        "kubernetes": Command(f"{_COMMANDS}:kubernetes", "Manifests of Jobs."),
     },
 )

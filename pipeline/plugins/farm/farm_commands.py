@@ -18,7 +18,6 @@ from flowsculpt.api.files import atomic_write, disk_errors
 from flowsculpt.api.frames import FrameRange, Plan
 from flowsculpt.api.options import DEFAULT_QUALITY, Common, Frames, PictureOptions, Quality, output_option
 from flowsculpt.pipeline.plugins.farm.flamenco import JOB_TYPE, submitted_job
-from flowsculpt.pipeline.plugins.farm.kubernetes import SCRIPT, KubernetesJob
 from flowsculpt.pipeline.plugins.farm.openjd import template
 from flowsculpt.pipeline.plugins.farm.task_runner import Part, do
 from flowsculpt.pipeline.production.store.remote_store import store_url
@@ -121,42 +120,6 @@ def flamenco(
         "targets": list(made.targets),
     }
     print_result(f"{output}, {plan_file}, {script}: {common.done('written')}.", facts, common.json)
-
-
-def kubernetes(
-    common: Common,
-    names: Names,
-    options: PictureOptions,
-    image: Annotated[
-        str | None, typer.Option(metavar="NAME", help="The container image of the pods. Required.")
-    ] = None,
-    output: Annotated[Path, output_option("Write to this folder. Default: kubernetes.", "DIR")] = Path(
-        "kubernetes"
-    ),
-    frames: Frames = None,
-    quality: Quality = DEFAULT_QUALITY,
-) -> None:
-    """Write manifests of Jobs whose pods render shots.
-
-    `flowsculpt export kubernetes A010_cube --image registry/flowsculpt:1 --store s3://bucket/show` writes
-    kubernetes/: a ConfigMap with the plan, indexed Jobs whose pods do its tasks, and run.sh, which creates
-    them with kubectl one level after the other.
-    """
-    if not image:
-        raise UsageError("export kubernetes needs the container image of its pods: --image NAME")
-    made = _plan(common, names, options, frames, quality)
-    profile = common.profile
-    job = KubernetesJob(made, image, store_url(), profile.exported_share.threads, profile.jobs)
-    manifests, script = job.manifests(), job.script()
-    if not common.dry_run:
-        with disk_errors(output):
-            output.mkdir(parents=True, exist_ok=True)
-        for name, objects in manifests.items():
-            _write(output / name, partial(_yaml().dump_all, objects))
-        _write(output / SCRIPT, lambda file: file.write(script))
-    files = [*manifests, SCRIPT]
-    facts = {"folder": str(output), "files": files, "targets": list(made.targets)}
-    print_result(f"{output}: {', '.join(files)} {common.done('written')}.", facts, common.json)
 
 
 def _plan(

@@ -1,6 +1,6 @@
 """The steps of a plan on a farm: for each shot its surfaces, its renders, its finished frames, its movie.
 
-Open Job Description and Kubernetes take them: each has jobs that other steps may have to wait for, also those
+Open Job Description and Flamenco take them: each has jobs that other steps may have to wait for, also those
 of another shot that has the same meshes. The first tasks of a shot are one step, for only its simulation is
 worth a place in a queue.
 """

@@ -125,7 +125,7 @@ class Profile:
 
     @property
     def jobs(self) -> int:
-        """Return how many jobs a farm gets at once, or how many pods an exported job has at once."""
+        """Return how many jobs a farm gets at once."""
         return _whole(str(self._file), "jobs", self._said.get("jobs"), SIDE_BY_SIDE)
 
     @property
