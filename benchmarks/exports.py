@@ -1,7 +1,7 @@
 """`python -m benchmarks.exports [SHOT …]`: sizes and CPU seconds of exports of one mesh.
 
 Each format is written by `flowsculpt export`, to an empty folder, in a process of its own. Refining comes
-first, as part of `pc2`, and frames and cameras of pages and stages are simulated before they are written:
+first, as part of `gltf`, and frames and cameras of pages and stages are simulated before they are written:
 other formats read what is stored, so their CPU seconds are those of writing, with 1 to 2 of starting Python.
 `A010_cube in 120 frames` is the same motion at 50 frames a second, so that it moves in all frames.
 `usd` needs usd-core and `abc` alembic3d; formats are left out, and named, where their package is not there.
@@ -22,8 +22,10 @@ from pathlib import Path
 from benchmarks.first_film import CHECKOUT, run
 from benchmarks.measured_shots import copy_shots
 from benchmarks.report import Row, Target, keep, show
+from flowsculpt.pipeline.plugins.interchange.unifying import one_mesh
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.request.shot_source import SourceCache
+from flowsculpt.pipeline.production.store.store import Store
 
 SHOTS = ("A010_cube", "A020_lorenz", "B020_dough", "B030_marble", "B120_pillars")
 """A box with creases, an attractor, dough over 240 frames, marble with colours, three subjects and copies."""
@@ -31,8 +33,6 @@ SHOTS = ("A010_cube", "A020_lorenz", "B020_dough", "B030_marble", "B120_pillars"
 LONG, FRAMES = "A010_cube in 120 frames", 120
 
 FORMS = {
-    "pc2": ("pc2",),
-    "mdd": ("mdd",),
     "gltf": ("gltf",),
     "gltf --plain": ("gltf", "--plain"),
     "web": ("web",),
@@ -73,16 +73,22 @@ def measure(name: str, root: Path, forms: dict[str, tuple[str, ...]]) -> Iterato
     if name == LONG:
         shot.write_text(slowed(shot.read_text(encoding="utf-8"), FRAMES), encoding="utf-8")
     source = SourceCache().source(shot, (), False)
-    frames = len(RenderRequest(source, "draft", "none", tuple(source.manifest.frames)).requested)
-    refining = _export(root, shot, root / "first", ("pc2",))
-    vertices = sum(obj.read_bytes().count(b"\nv ") for obj in (root / "first").glob("*.obj"))
+    refining = _export(root, shot, root / "first", ("gltf",))
+    request = RenderRequest(source, "draft", "none", tuple(source.manifest.frames))
+    vertices = sum(len(one_mesh(part, Store(root)).rest) for part in request.parts)
     _export(root, shot, root / "first", ("web",))
     for form, words in forms.items():
         target = root / form.replace(" ", "")
         seconds = _export(root, shot, target, words)
         held = sum(file.stat().st_size for file in target.iterdir() if not file.name.endswith(".keys.json"))
-        row: Row = {"shot": name, "form": form, "frames": frames, "vertices": vertices, "MB": held / 1e6}
-        yield row | {"CPU s": seconds, "refining, CPU s": refining - seconds if form == "pc2" else ""}
+        row: Row = {
+            "shot": name,
+            "form": form,
+            "frames": len(request.requested),
+            "vertices": vertices,
+            "MB": held / 1e6,
+        }
+        yield row | {"CPU s": seconds, "refining, CPU s": refining - seconds if form == "gltf" else ""}
 
 
 def slowed(text: str, frames: int) -> str:

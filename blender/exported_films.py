@@ -16,12 +16,11 @@ from .program import ProgramError
 FILM = "flowsculpt_film"
 """Custom property of the collection of a film: the file that was opened."""
 
-CACHES = (".pc2", ".mdd")
-SUFFIXES = (".abc", ".usda", ".usdc", ".usd", ".usdz", ".glb", *CACHES)
+SUFFIXES = (".abc", ".usda", ".usdc", ".usd", ".usdz", ".glb")
 
 
-Timing = tuple[float | None, tuple[int, int] | None, float]
-"""Frames a second, first and last frame, and frames between samples; None where a file does not say."""
+Timing = tuple[float | None, tuple[int, int] | None]
+"""Frames a second, and first and last frame; None where a file does not say."""
 
 
 def open_film(path: Path, scene: bpy.types.Scene) -> str:
@@ -32,7 +31,7 @@ def open_film(path: Path, scene: bpy.types.Scene) -> str:
     if not path.is_file():
         raise ProgramError(f"{path}: not found. Choose the file where it is now")
     if path.suffix.lower() not in SUFFIXES:
-        forms = "usd, abc, gltf --plain, pc2 or mdd"
+        forms = "usd, abc or gltf --plain"
         raise ProgramError(f"{path.name}: not a film that Blender opens. Use flowsculpt export {forms}")
     render, earlier = scene.render, [each for each in bpy.data.collections if FILM in each]
     was = render.fps, render.fps_base, scene.frame_start, scene.frame_end
@@ -43,7 +42,7 @@ def open_film(path: Path, scene: bpy.types.Scene) -> str:
     active, ours = layer.active_layer_collection, layer.layer_collection.children[collection.name]
     layer.active_layer_collection = ours
     try:
-        rate, frames, _ = _timing(path)
+        rate, frames = _timing(path)
         if rate:
             render.fps, render.fps_base = round(rate), round(rate) / rate
         import_file(path, sets_range=True)
@@ -74,11 +73,6 @@ def import_file(path: Path, sets_range: bool = False) -> None:
             done = bpy.ops.wm.alembic_import(**file, as_background_job=False, set_frame_range=sets_range)
         elif kind == ".glb":
             done = bpy.ops.import_scene.gltf(**file)
-        elif kind in CACHES:
-            done, (_, frames, step) = bpy.ops.wm.obj_import(filepath=f"{path}.obj"), _timing(path)
-            cache = bpy.context.selected_objects[0].modifiers.new("film", "MESH_CACHE")
-            cache.filepath, cache.cache_format = str(path), path.suffix[1:].upper()
-            cache.frame_start, cache.frame_scale = frames[0], 1.0 / step
         else:
             done = bpy.ops.wm.usd_import(**file, set_frame_range=sets_range)
     except RuntimeError as error:
@@ -91,7 +85,7 @@ def import_file(path: Path, sets_range: bool = False) -> None:
 def _timing(path: Path) -> Timing:
     """Read the frames and rate of a film. Raises ProgramError where files beside it are missing."""
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
-        kind, names = path.suffix.lower(), [f"{path.name}.obj"] if path.suffix.lower() in CACHES else []
+        kind, names = path.suffix.lower(), list[str]()
         if content[:5] == b"#usda":
             names = [name.decode() for name in re.findall(rb"@\./([^@\n]+)@", content)]
         missing = [name for name in dict.fromkeys(names) if not (path.parent / name).is_file()]
@@ -101,20 +95,11 @@ def _timing(path: Path) -> Timing:
         if kind == ".glb":
             clips = json.loads(content[20 : 20 + struct.unpack_from("<I", content, 12)[0]])["animations"]
             rate, first, last = (clips[0].get("extras", {}).get(name) for name in ("rate", "first", "last"))
-            return rate, None if rate is None else (0, last - first), 1.0
-        if kind == ".pc2":
-            points, first, step, count = struct.unpack_from("<iffi", content, 16)
-            _require(len(content) == 32 + 12 * points * count)
-            return None, (round(first), round(first + step * (count - 1))), step
-        if kind == ".mdd":
-            count, points = struct.unpack_from(">ii", content)
-            seconds = struct.unpack_from(f">{count}f", content, 8)
-            _require(len(content) == 8 + 4 * count + 12 * points * count)
-            return 1.0 / seconds[1] if count > 1 else None, (1, count), 1.0
+            return rate, None if rate is None else (0, last - first)
         if kind == ".abc":  # Blender ends where a file that is cut short leads it beyond its end
             _require(content[:6] == b"Ogawa\xff" and struct.unpack_from("<Q", content, 8)[0] < len(content))
         rate = re.search(rb"(?:_ai_DCC_FPS=|timeCodesPerSecond = )([\d.]+)", content)
-        return float(rate[1]) if rate else None, None, 1.0
+        return float(rate[1]) if rate else None, None
 
 
 def _require(is_whole: bool) -> None:

@@ -358,7 +358,7 @@ def film(show: Path) -> None:
     """Exported films are opened without the program: the same shape, frames and rate from every format."""
     (show / "shots" / f"{SHOT}.yaml").write_text(text(show) + "rate: 23.976\n")
     module, program = sys.modules[f"{MODULE}.program"], preferences().program
-    for form, *options in (("abc",), ("usd",), ("gltf", "--plain"), ("pc2",), ("mdd",)):
+    for form, *options in (("abc",), ("usd",), ("gltf", "--plain")):
         words = [program, "export", form, SHOT, *options]
         subprocess.run(words, cwd=show, env=module._environment(), check=True, capture_output=True)
     preferences().program, os.environ["PATH"] = "", ""
@@ -368,7 +368,6 @@ def film(show: Path) -> None:
         folder / "usd" / f"{SHOT}.usda",
         folder / "models" / f"{SHOT}.glb",
     ]
-    files += [folder / "caches" / f"{SHOT}.pc2", folder / "caches" / f"{SHOT}.mdd"]
     for file in files:
         assert bpy.ops.flowsculpt.open_film(filepath=str(file)) == {"FINISHED"}
         first = 0 if file.suffix == ".glb" else 1
@@ -389,10 +388,9 @@ def film_mistakes(files: list[Path], show: Path) -> None:
     for content, name in (
         (files[0].read_bytes()[:-500], "cut.abc"),
         (b"", "none.glb"),
-        (b"junk", "junk.pc2"),
+        (b"junk", "junk.abc"),
     ):
         (show / name).write_bytes(content)
-        (show / f"{name}.obj").write_bytes(b"")
         assert f"{name}: damaged" in refused(bpy.ops.flowsculpt.open_film, filepath=str(show / name))
     (usd / f"{SHOT}.0003.usdc").rename(show / "elsewhere.usdc")
     said = refused(bpy.ops.flowsculpt.open_film, filepath=str(files[1]))
@@ -404,7 +402,7 @@ def film_mistakes(files: list[Path], show: Path) -> None:
     drawn = Layout()
     sys.modules[f"{MODULE}.sidebar"].ShotPanel.draw(drawn, bpy.context)
     words = " ".join(word for word in drawn.words if word not in ("ERROR", "BLANK1"))
-    assert f"{SHOT}.mdd is not there any more. Open it where it is now." in words
+    assert f"{SHOT}.glb is not there any more. Open it where it is now." in words
     assert "install the program flowsculpt" in words and "flowsculpt.open" not in drawn.words
 
 

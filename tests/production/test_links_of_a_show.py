@@ -58,7 +58,6 @@ OUTPUTS = {
     f"renders/{NAME}": f"curves {NAME}",
     f"renders/{NAME}/{QUALITY}": f"sheet {NAME} -q {QUALITY}",
     f"renders/{NAME}/{QUALITY}/deliver": f"deliver {NAME} -q {QUALITY}",
-    f"renders/{NAME}/caches": f"export pc2 {NAME}",
     f"renders/{NAME}/models": f"export obj {NAME}",
     f"renders/{NAME}/preview": f"preview {NAME} -f 1",
     f"renders/{NAME}/usd": f"export usd {NAME}",

@@ -231,7 +231,6 @@ OWN_FOLDERS = {
     "pipeline/plugins/farm/task_runner.py": "the root",
     "pipeline/plugins/interchange/gltf_content.py": "a draft",
     "pipeline/plugins/interchange/model_export.py": "a draft",
-    "pipeline/plugins/interchange/point_caches.py": "a draft",
     "pipeline/plugins/interchange/vertex_textures.py": "a draft",
     "pipeline/plugins/interchange/web_player.py": "a draft",
     "pipeline/plugins/lettering/letters_command.py": "files that the user names",

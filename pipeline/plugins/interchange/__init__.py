@@ -3,7 +3,6 @@
 from flowsculpt.api import Command, Plugin
 
 _COMMANDS = "flowsculpt.pipeline.plugins.interchange.export_commands"
-_ONE_MESH = "flowsculpt.pipeline.plugins.interchange.one_mesh_commands"
 _ANIMATIONS = "flowsculpt.pipeline.plugins.interchange.animation_commands"
 
 PLUGIN = Plugin(
@@ -28,8 +27,6 @@ PLUGIN = Plugin(
         "abc": Command(f"{_ANIMATIONS}:abc", "One mesh that moves, as Alembic, for DCC programs."),
         "vat": Command(f"{_ANIMATIONS}:vat", "One mesh that moves, as textures for game engines."),
         "web": Command(f"{_ANIMATIONS}:web", "A page that plays the sculpture."),
-        "pc2": Command(f"{_ONE_MESH}:pc2", "One mesh that moves, for Blender and Maya."),
-        "mdd": Command(f"{_ONE_MESH}:mdd", "One mesh that moves, for Blender and Cinema 4D."),
     },
     mesh_formats={
         "obj": "flowsculpt.pipeline.plugins.interchange.obj_files:OBJ",

@@ -13,8 +13,7 @@ import numpy as np
 
 from flowsculpt import MachineError
 from flowsculpt.api.files import command
-from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh
-from flowsculpt.pipeline.plugins.interchange.point_caches import even_step
+from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh, even_step
 from flowsculpt.pipeline.plugins.interchange.refining import Began
 from flowsculpt.pipeline.plugins.interchange.scene_readers import require_package
 from flowsculpt.render.base.python_process import environment

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from flowsculpt.api import plural
 from flowsculpt.api.commands import execute, exit_with, print_result, progress_bars, report_plan, size
 from flowsculpt.api.frames import writing
 from flowsculpt.api.options import DEFAULT_QUALITY, Common, Shot
@@ -21,11 +22,7 @@ from flowsculpt.pipeline.plugins.interchange.animation_export import (
 from flowsculpt.pipeline.plugins.interchange.copy_instances import require_rigid
 from flowsculpt.pipeline.plugins.interchange.export_commands import OneMeshOptions, asked_for
 from flowsculpt.pipeline.plugins.interchange.gltf_instances import GltfInstancesExport
-from flowsculpt.pipeline.plugins.interchange.one_mesh_commands import (
-    mesh_facts,
-    mesh_in_words,
-    report_unifying,
-)
+from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh
 from flowsculpt.pipeline.plugins.interchange.unifying import Unification
 from flowsculpt.pipeline.plugins.interchange.web_player import require_three_js
 
@@ -106,7 +103,7 @@ def web(common: Common, shot: Shot, options: OneMeshOptions) -> None:
     if common.dry_run:
         report_plan(common, project.geometry(asked))
         if not common.json:
-            report_unifying(common, list(parts), str(folder))
+            _report_unifying(common, list(parts), str(folder))
         return
     outcome = execute(common, lambda: project.geometry(asked))
     _export(common, [WebExport(asked, project.store, folder, parts)])
@@ -117,7 +114,7 @@ def _export(common: Common, exports: list[AnimationExport]) -> None:
     """Write the files that are not current, and report them."""
     if common.dry_run:
         stale = [part for export in exports if not export.is_current for part in export.parts]
-        report_unifying(common, stale, str(exports[0].folder))
+        _report_unifying(common, stale, str(exports[0].folder))
         return
     words, facts = list[str](), list[dict[str, Any]]()
     with writing(common.root, common.wait), progress_bars(common.progress) as bar:
@@ -127,11 +124,43 @@ def _export(common: Common, exports: list[AnimationExport]) -> None:
             shown, known = "it is current", dict[str, Any]()
             if done is not None:
                 meshes, held = done
-                shown = "; ".join([*map(mesh_in_words, meshes), held])
-                known = {"subjects": [mesh_facts(mesh) for mesh in meshes], "held": held}
+                shown = "; ".join([*map(_mesh_in_words, meshes), held])
+                known = {"subjects": [_mesh_facts(mesh) for mesh in meshes], "held": held}
             seconds = time.monotonic() - started
             words.append(f"{export.path}: {shown}, {size(export.bytes)}, in {seconds:.0f} s.")
             words += [export.readers] if export.readers else []
             known |= {"path": str(export.path), "written": export.files.written, "bytes": export.bytes}
             facts.append(known | {"seconds": round(seconds, 2)})
     print_result("\n".join(words), facts[0] if len(facts) == 1 else facts, common.json)
+
+
+def _report_unifying(common: Common, parts: list[Unification], folder: str) -> None:
+    """Report how many frames of one mesh of each subject would be refined, and where files would go."""
+    counts = {part.name: len(part.missing()) for part in parts}
+    lines = [
+        f"{name}: refining {plural(count, 'frame')}, then writing to {folder}."
+        for name, count in counts.items()
+    ]
+    print_result(
+        "\n".join(lines) or "Nothing to be done.", {"refining": counts, "folder": folder}, common.json
+    )
+
+
+def _mesh_in_words(mesh: OneMesh) -> str:
+    """Return the size of a mesh, and what was left out, in words."""
+    words = f"{plural(len(mesh.frames), 'frame')}, {len(mesh.rest)} "
+    if mesh.reduction is not None:
+        words += f"of {mesh.reduction.whole} "
+    words += f"vertices, {plural(len(mesh.faces), 'triangle')}"
+    if mesh.reduction is None:
+        return words
+    return f"{words}; the largest error is {mesh.reduction.error:.2f} edges, at frame {mesh.reduction.frame}"
+
+
+def _mesh_facts(mesh: OneMesh | None) -> dict[str, Any]:
+    """Return the size of a mesh, and what was left out, as data."""
+    if mesh is None:
+        return {}
+    facts = {"frames": list(mesh.frames), "vertices": len(mesh.rest), "triangles": len(mesh.faces)}
+    left = mesh.reduction
+    return facts if left is None else {**facts, "whole": left.whole, "error": left.error, "worst": left.frame}

@@ -24,8 +24,7 @@ from flowsculpt.pipeline.plugins.interchange.animated_gltf import (
 from flowsculpt.pipeline.plugins.interchange.drawn_mesh import DrawnMesh, KeyPoses
 from flowsculpt.pipeline.plugins.interchange.exported_frame import EXPORT, KeyedFiles
 from flowsculpt.pipeline.plugins.interchange.exported_materials import pictures_recipe
-from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh
-from flowsculpt.pipeline.plugins.interchange.point_caches import even_step
+from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh, even_step
 from flowsculpt.pipeline.plugins.interchange.refining import Began
 from flowsculpt.pipeline.plugins.interchange.unifying import Unification
 from flowsculpt.pipeline.plugins.interchange.vertex_textures import VertexTextures

@@ -1,19 +1,19 @@
 """OneMesh: one mesh of a subject for all frames, whose vertices move and whose triangles never change.
 
-Other programs take an animation as that: morph targets, point caches, textures of positions.
+Other programs take an animation as that: morph targets, Alembic, textures of positions.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from flowsculpt import TriangleMesh
-from flowsculpt.api.frames import FrameRate, Key
+from flowsculpt import TriangleMesh, UsageError
+from flowsculpt.api.frames import FrameRange, FrameRate, Key
 from flowsculpt.api.meshes import Faces, Floats, Indices, Points, Vectors
 from flowsculpt.api.pictures import PaintedFaces
 from flowsculpt.pipeline.mesh.normals import NORMAL, fan_normals, split_at_creases, trusted_normals
@@ -123,3 +123,14 @@ class OneMesh:
             trusted = np.flatnonzero(trusted_normals(mesh.with_attributes(**{NORMAL: known})))
             normals[trusted] = known[trusted]
         return OneMeshFrame(points, normals, lambda: self.velocities_at(number))
+
+
+def even_step(frames: Sequence[int]) -> int:
+    """Return the frames from one sample to the next. Raises UsageError where they differ."""
+    steps = set(np.diff(frames).tolist()) or {1}
+    if len(steps) > 1 or min(steps) < 1:
+        raise UsageError(
+            f"frames {FrameRange.of(frames)} are not evenly spaced, as this format has them; write a range "
+            "such as 1-48 or 1-48x2"
+        )
+    return int(steps.pop())

@@ -25,7 +25,6 @@ from flowsculpt.pipeline.animation.loop import animate
 from flowsculpt.pipeline.mesh.normals import carried_normals
 from flowsculpt.pipeline.plugins.interchange.birth_replay import raise_to_dependents
 from flowsculpt.pipeline.plugins.interchange.exported_frame import (
-    ExportedFrame,
     has_colours,
     rendered_surface,
     surface_recipe,
@@ -287,16 +286,3 @@ def one_mesh(
 ) -> OneMesh:
     """Return the one mesh of a subject for the frames requested; see `Unification`."""
     return Unification(request, store, vertices, until).one_mesh(began)
-
-
-def exported(mesh: OneMesh, number: int, has_velocities: bool = True) -> ExportedFrame:
-    """Return one mesh at a frame as formats that hold a single frame take it."""
-    frame = mesh.frame(number)
-    velocities = frame.velocities if has_velocities else np.empty((0, 3))
-    return ExportedFrame(
-        *(frame.points, mesh.faces, frame.normals, mesh.corner_normals, velocities, mesh.rest),
-        creases=mesh.creases,
-        colours=mesh.colours,
-        texture=mesh.texture,
-        paint=mesh.paint,
-    )

@@ -13,13 +13,14 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+import numpy as np
 from pxr import Sdf
 
 from flowsculpt.api.frames import key_of
-from flowsculpt.pipeline.plugins.interchange.exported_frame import EXPORT, KeyedFiles
+from flowsculpt.pipeline.plugins.interchange.exported_frame import EXPORT, ExportedFrame, KeyedFiles
 from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh
 from flowsculpt.pipeline.plugins.interchange.refining import Began
-from flowsculpt.pipeline.plugins.interchange.unifying import Unification, exported
+from flowsculpt.pipeline.plugins.interchange.unifying import Unification
 from flowsculpt.pipeline.plugins.interchange.usd_export import (
     SampledAttribute,
     SculptureFiles,
@@ -53,7 +54,7 @@ def add_mesh(layer: Sdf.Layer, prim: str, mesh: OneMesh, passed: Callable[[], No
     declared = [attribute.spec(layer, prim) for attribute in attributes]
     add_subsets(layer, prim, attributes)
     for number in mesh.frames:
-        frame = exported(mesh, number, has_velocities=False)
+        frame = _exported(mesh, number)
         for attribute, own in zip(attributes, declared, strict=True):
             if attribute.name in _SAMPLED or number == mesh.frames[0]:
                 values = attribute.values(frame)
@@ -166,3 +167,15 @@ class OneMeshStage(UsdExport):
     def shown(self) -> list[int]:
         """Return the frames of the stage, in ascending order."""
         return sorted(self.request.requested)
+
+
+def _exported(mesh: OneMesh, number: int) -> ExportedFrame:
+    """Return one mesh at a frame, without velocities."""
+    frame = mesh.frame(number)
+    return ExportedFrame(
+        *(frame.points, mesh.faces, frame.normals, mesh.corner_normals, np.empty((0, 3)), mesh.rest),
+        creases=mesh.creases,
+        colours=mesh.colours,
+        texture=mesh.texture,
+        paint=mesh.paint,
+    )

@@ -28,7 +28,7 @@ from flowsculpt.api.meshes import AnyArray, Floats
 from flowsculpt.api.pictures import Material, RenderedFrame, write_exr, write_png
 from flowsculpt.pipeline.plugins.interchange.animated_gltf import Moving, write_animated_gltf
 from flowsculpt.pipeline.plugins.interchange.drawn_mesh import DrawnMesh, KeyPoses
-from flowsculpt.pipeline.plugins.interchange.point_caches import even_step
+from flowsculpt.pipeline.plugins.interchange.one_mesh import even_step
 from flowsculpt.render.post.image import PIZ
 
 LARGEST = 8192  # columns and rows of a texture that all three engines read

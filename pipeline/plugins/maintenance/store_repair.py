@@ -321,7 +321,6 @@ OUTPUTS = (
     OutputFolder("renders/{shot}/preview", "previews", "preview {shot} …"),
     OutputFolder("renders/{shot}/models", "meshes for other programs", "export … {shot} …"),
     OutputFolder("renders/{shot}/usd", "stages for other programs", "export usd {shot}"),
-    OutputFolder("renders/{shot}/caches", "point caches", "export … {shot} …"),
     OutputFolder("renders/{shot}/web", "pages that play a sculpture", "export web {shot} …"),
     OutputFolder("renders/{shot}/vat", "vertex animation textures", "export vat {shot} …"),
     OutputFolder("renders/{shot}/{quality}", "contact sheets", "sheet {shot} {quality} …", files="*.sheet.*"),

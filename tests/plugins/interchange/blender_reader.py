@@ -21,8 +21,6 @@ def main(path: str, frames: list[int], result: str) -> None:
         bpy.ops.wm.ply_import(filepath=path, forward_axis="NEGATIVE_Z", up_axis="Y", import_attributes=True)
     elif path.endswith(".abc"):
         bpy.ops.wm.alembic_import(filepath=path, as_background_job=False)
-    elif path.endswith(".obj"):
-        _import_cached(path, frames[0])
     elif path.endswith(".glb"):
         bpy.ops.import_scene.gltf(filepath=path)
     else:
@@ -60,15 +58,6 @@ def _points_of_shapes() -> np.ndarray:
             points, place = _values(each.object.data.vertices, "co", 3), np.array(each.matrix_world)
             shown.append(points @ place[:3, :3].T + place[:3, 3])
     return np.array(shown)
-
-
-def _import_cached(path: str, first: int) -> None:
-    """Import the OBJ of a point cache, and have the cache move it, as docs/interchange.md says."""
-    bpy.ops.wm.obj_import(filepath=path)
-    modifier = bpy.context.selected_objects[0].modifiers.new("cache", "MESH_CACHE")
-    modifier.filepath = path.removesuffix(".obj")
-    modifier.cache_format = modifier.filepath[-3:].upper()
-    modifier.frame_start = first
 
 
 def _values(items: object, field: str, size: int) -> np.ndarray:

@@ -74,25 +74,6 @@ def read_by_blender(file: Path, frames: list[int], result: Path) -> dict[str, np
         return dict(arrays)
 
 
-@pytest.mark.parametrize("form", ["pc2", "mdd"])
-def test_blender_moves_the_mesh_of_a_point_cache_to_the_points_of_every_frame(
-    form, root, tmp_path, monkeypatch
-):
-    monkeypatch.chdir(root)
-    code, words = commanded(root, "export", form, NAME, "-f", "5-40")
-    assert code == 0, words
-    frames = list(range(5, 41))
-    file = root / "renders" / NAME / "caches" / f"{NAME}.{form}.obj"
-    read = read_by_blender(file, frames, tmp_path / "read.npz")
-    request = Project(root, 1).request(root / "shots" / f"{NAME}.yaml", "draft", "5-40")
-    mesh = one_mesh(request, Store(root))
-    faces, placed = read["5.faces"].reshape(-1, 3), read["5.placed"]
-    assert np.array_equal(faces, mesh.faces), "vertices keep their order"
-    assert np.allclose(placed @ (0, 1, 0, 1), (0, 0, 1, 1), atol=1e-6), "y is turned up"
-    for number in frames:
-        assert np.array_equal(read[f"{number}.points"], np.float32(mesh.frame(number).points)), number
-
-
 def test_blender_reads_every_frame_of_an_alembic_file(root, tmp_path, monkeypatch):
     monkeypatch.chdir(root)
     code, words = commanded(root, "export", "abc", NAME, "-f", "5-40")
