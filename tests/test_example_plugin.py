@@ -22,7 +22,7 @@ import pytest
 
 from flowsculpt.render.post.image import read_exr
 from tests.plugins.remote.s3 import BUCKET, CREDENTIALS, serving
-from tests.production.farm.test_clusters import SUBMIT
+from tests.production.farm.test_clusters import SUBMIT, write_profile
 
 HERE = Path(__file__).parents[1]
 EXAMPLE = HERE / "examples" / "plugin"
@@ -140,18 +140,14 @@ def s3() -> Iterator[dict[str, str]]:
 @pytest.mark.renderer
 @pytest.mark.soak
 def test_a_farm_does_its_stage_and_a_store_gives_the_film_to_others(marbling, s3, tmp_path) -> None:
-    stand_in, profile = tmp_path / "bsub", marbling.show / "profiles" / "lsf" / "profile.yaml"
+    stand_in = tmp_path / "bsub"
     answer = "Job <{}> is submitted to default queue <normal>."
     stand_in.write_text(SUBMIT.format(python=sys.executable, home=str(tmp_path), answer=answer))
     stand_in.chmod(0o755)
-    profile.parent.mkdir(parents=True)
-    text = (HERE / "profiles" / "lsf" / "profile.yaml").read_text()
-    for slow, quick in (("threads: 4", "threads: 1"), ("wait: 60", "wait: 5"), ("checks: 5", "checks: 1")):
-        text = text.replace(slow, quick)
-    profile.write_text(text)
+    write_profile(marbling.show, "lsf")
     (marbling.show / "shots" / "M020_slab.yaml").write_text(SHOT.replace("density: 0.2", "density: 0.4"))
     path = {"PATH": f"{tmp_path}{os.pathsep}{os.environ['PATH']}"}
-    far = json.loads(marbling.done(*FILM_COMMAND, "--profile", "profiles/lsf", **path))
+    far = json.loads(marbling.done(*FILM_COMMAND, "--profile", "lsf", **path))
     assert far["made"] == {"marbling.mist": 2, "finish": 2, "assemble": 2, "film": 2}
     words = [" ".join(json.loads(file.read_text())) for file in tmp_path.glob("*.json")]
     assert len(words) == 2, "the stage and the denoising are jobs of the farm"

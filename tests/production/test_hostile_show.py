@@ -16,9 +16,10 @@ import pytest
 from flowsculpt.pipeline.errors import UsageError
 from flowsculpt.pipeline.production.execution.snakemake import DEPLOYMENTS, running
 from flowsculpt.pipeline.production.planning.plan import Plan
-from flowsculpt.pipeline.production.planning.profile import Profile, shipped
+from flowsculpt.pipeline.production.planning.profile import Profile
 from flowsculpt.render.base import python_process
 from tests.conftest import QUALITY, ProjectFolder
+from tests.production.farm.test_clusters import write_profile
 
 PACKAGES = [*Path(python_process.PACKAGE_ROOT, "pipeline").rglob("*.py")]
 PACKAGES += [*Path(python_process.PACKAGE_ROOT, "render").rglob("*.py")]
@@ -87,8 +88,9 @@ def test_a_farm_is_given_no_root_that_brings_packages_for_snakemake(
     project: ProjectFolder,
 ) -> None:
     (project.path / DEPLOYMENTS).mkdir(parents=True)
+    write_profile(project.path, "lsf")
     plan = Plan((), None, ())
-    run = running(plan, project.path, 1, Profile(shipped() / "lsf"))
+    run = running(plan, project.path, 1, Profile(project.path / "profiles" / "lsf"))
     with pytest.raises(UsageError, match="would import packages from here"), run:
         pass
 

@@ -1,14 +1,16 @@
-"""Profiles of PBS, Grid Engine, LSF and HTCondor, with a stand-in for the programs that submit their jobs.
+"""Example profiles of PBS, Grid Engine, LSF and HTCondor, with a stand-in for the programs that submit jobs.
 
 It takes the words of its program, runs the job's script on this machine, and answers as the program does.
 """
 
 import json
 import os
+import re
 import sys
 from pathlib import Path
 
 import pytest
+from ruamel.yaml import YAML
 
 from flowsculpt.render.mitsuba.engine import works
 
@@ -41,6 +43,17 @@ CLUSTERS = {
 """By profile: the program that submits, its answer, and words that it must be given."""
 
 
+def write_profile(folder: Path, name: str, **config: str) -> None:
+    """Write the example of docs/farm.md to profiles/NAME of a folder, for a cluster that answers fast."""
+    page = (Path(__file__).parents[3] / "docs" / "farm.md").read_text(encoding="utf-8")
+    blocks = dict(re.findall(r"^```yaml\n# (\w+): [^\n]*\n(.*?)^```", page, re.MULTILINE | re.DOTALL))
+    yaml = YAML(typ="safe")
+    profile = {**yaml.load(blocks["pbs"]), **yaml.load(blocks[name])}
+    profile |= {"config": {**profile["config"], "threads": 1, **config}, "latency-wait": 5}
+    (folder / "profiles" / name).mkdir(parents=True, exist_ok=True)
+    (folder / "profiles" / name / "profile.yaml").write_text(json.dumps(profile))
+
+
 @pytest.fixture
 def cluster(project, request, tmp_path_factory, monkeypatch):
     """The name of a cluster whose stand-in is on the path, and the folder where it notes its jobs."""
@@ -50,18 +63,8 @@ def cluster(project, request, tmp_path_factory, monkeypatch):
     stand_in.write_text(SUBMIT.format(python=sys.executable, home=str(home), answer=answer))
     stand_in.chmod(0o755)
     monkeypatch.setenv("PATH", f"{home}{os.pathsep}{os.environ['PATH']}")
-    shipped = Path(__file__).parents[3] / "profiles" / request.param / "profile.yaml"
-    own = project.path / "profiles" / request.param
-    own.mkdir(parents=True)
-    text = (
-        shipped.read_text().replace("threads: 4", "threads: 1").replace("latency-wait: 60", "latency-wait: 5")
-    )
-    (own / "profile.yaml").write_text(text)
+    write_profile(project.path, request.param)
     return request.param, home
-
-
-STAND_IN = "profiles/{}"
-"""The path of the copied profile, which is not used by its name alone."""
 
 
 QUICK = [name if name == "lsf" else pytest.param(name, marks=pytest.mark.soak) for name in CLUSTERS]
@@ -74,7 +77,7 @@ def test_a_simulation_is_given_to_the_cluster_with_cores_memory_and_time(project
     (project.path / root).mkdir()
     (project.path / root / "random.py").write_text("raise SystemExit('a module of the show ran')")
     words = "--json", "--root", root, "simulate", NAME, "-f", "1-2"
-    done = project.run(*words, "--profile", STAND_IN.format(name))
+    done = project.run(*words, "--profile", name)
     assert done.code == 0, done.err
     assert json.loads(done.out)["made"] == {"simulate": 2}
     (submitted,) = [json.loads(file.read_text()) for file in home.glob("*.json")]
@@ -87,9 +90,8 @@ def test_a_simulation_is_given_to_the_cluster_with_cores_memory_and_time(project
 def test_nodes_without_the_variant_of_their_profile_end_the_run_with_one_message(project, cluster):
     if works("cuda_ad_rgb"):
         pytest.skip("this machine has a GPU")
-    profile = project.path / "profiles" / "lsf" / "profile.yaml"
-    profile.write_text(profile.read_text().replace("config:\n", "config:\n  variant: cuda_ad_rgb\n"))
-    done = project.run("render", NAME, "-q", QUALITY, "--profile", STAND_IN.format("lsf"))
+    write_profile(project.path, "lsf", variant="cuda_ad_rgb")
+    done = project.run("render", NAME, "-q", QUALITY, "--profile", "lsf")
     assert done.code == 4 and done.err.count("cannot render with cuda_ad_rgb") == 1
 
 
@@ -97,7 +99,7 @@ def test_nodes_without_the_variant_of_their_profile_end_the_run_with_one_message
 @pytest.mark.parametrize("cluster", [*CLUSTERS], indirect=True)
 def test_frames_of_a_cluster_are_those_of_this_machine(project, cluster):
     name, _ = cluster
-    for root, profile in (("far", STAND_IN.format(name)), ("near", "local")):
+    for root, profile in (("far", name), ("near", "local")):
         done = project.run("--root", root, "render", NAME, "-q", QUALITY, "--profile", profile)
         assert done.code == 0, done.err
     far, near = (sorted((project.path / root).rglob("frames/*.exr")) for root in ("far", "near"))

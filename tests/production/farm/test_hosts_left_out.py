@@ -25,6 +25,7 @@ from flowsculpt.render.base.work_clock import Timing
 from tests.conftest import QUALITY, ProjectFolder
 from tests.production.farm.conftest import Farm, quick_profile
 from tests.production.farm.slurm import SlurmError, running
+from tests.production.farm.test_clusters import write_profile
 
 pytestmark = pytest.mark.quick
 
@@ -40,6 +41,7 @@ def context(project: ProjectFolder, monkeypatch: pytest.MonkeyPatch) -> Context:
     monkeypatch.chdir(project.path)
     monkeypatch.delenv("SLURMD_NODENAME", raising=False)
     monkeypatch.setattr("platform.node", lambda: "node7")
+    write_profile(project.path, "htcondor")
     farm = Project(project.path, 1, "scalar_rgb", profile=Profile.named("htcondor"), for_farm=True)
     plan = farm.pictures([NAME], QUALITY)
     assert plan.farm
