@@ -186,10 +186,15 @@ def read_notes(path: Path) -> list[ReviewNote]:
         raise UsageError(f"{path}: {_fault(error)}") from None
 
 
+_HEAD = ("", "format", "version", "notes")
+"""What every file of notes begins with; pydantic does not promise in which order it finds faults."""
+
+
 def _fault(error: ValidationError) -> str:
-    """Return the first fault of a file in words."""
-    first = error.errors(include_url=False)[0]
-    place, given = ".".join(map(str, first["loc"])), first.get("input")
+    """Return the first fault of a file in words; one of its head comes before all others."""
+    faults = {".".join(map(str, fault["loc"])): fault for fault in reversed(error.errors(include_url=False))}
+    place = next((name for name in _HEAD if name in faults), [*faults][-1])
+    first, given = faults[place], faults[place].get("input")
     if first["type"] == "json_invalid":
         return f"not JSON, or cut short ({first['ctx']['error']}); download the notes again"
     if place == "version" and isinstance(given, int) and given > VERSION:
@@ -197,7 +202,7 @@ def _fault(error: ValidationError) -> str:
             f"version {given} of the format is newer than {VERSION}, the newest that is read; upgrade "
             "flowsculpt"
         )
-    if place in ("", "format", "version", "notes"):
+    if place in _HEAD:
         return (
             f'not a file of notes; it must begin with "format": "{FORMAT}", "version": {VERSION}, '
             '"notes"; take one that the review page downloaded'
