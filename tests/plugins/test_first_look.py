@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import pty
 import re
+import select
 import sys
 import time
 from collections.abc import Iterator
@@ -42,12 +43,23 @@ class Terminal:
     def read_until(self, pattern: str, seconds: float = 300.0) -> None:
         """Read until a pattern is on the screen, or the command has ended."""
         limit = time.monotonic() + seconds
-        while not re.search(pattern, self.text):
+        while not re.search(pattern, self.text) and self._reads():
             assert time.monotonic() < limit, self.text
+
+    def _reads(self) -> bool:
+        """Read what has been written, so that the command does not wait; False once it has ended."""
+        if select.select([self._terminal], [], [], 0.1)[0]:
             try:
                 self.text += os.read(self._terminal, 65536).decode(errors="replace")
-            except OSError:  # the command has ended
-                return
+            except OSError:
+                return False
+        return True
+
+    def processes_that_draw(self) -> list[psutil.Process]:
+        """Return the processes that draw the first pictures, once they do."""
+        found: list[psutil.Process] = []
+        wait_until(lambda: found.extend(drawing_processes(self.process)) or found or not self._reads())
+        return found
 
     def press_ctrl_c(self) -> None:
         os.write(self._terminal, b"\x03")
@@ -78,13 +90,12 @@ def drawing_processes(command: int) -> list[psutil.Process]:
 
 def test_an_animatic_comes_first_and_is_whole_when_the_run_is_interrupted(project: ProjectFolder) -> None:
     terminal = Terminal(longer(project).path, "render", NAME, "-q", "draft")
-    drawing: list[psutil.Process] = []
-    wait_until(lambda: drawing.extend(drawing_processes(terminal.process)) or drawing)
+    drawing = terminal.processes_that_draw()
     terminal.read_until(r"Animatic: \S+\.mp4 \(24 frames")
     terminal.press_ctrl_c()
     assert terminal.end() == 130, terminal.text
     assert "in all" in terminal.text and "Traceback" not in terminal.text
-    assert all(map(has_ended, drawing))
+    assert drawing and all(map(has_ended, drawing))
     assert probe_movie(project.path / "renders" / NAME / "preview" / f"{NAME}.mp4").frames == 24
     assert not list((project.path / "renders" / NAME / "draft").glob("frames/*.0024.exr"))
 
