@@ -12,7 +12,7 @@ import logging
 import re
 import threading
 import traceback
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass, field, fields
 from functools import cache
@@ -22,6 +22,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, TypeVar
 
+from flowsculpt.pipeline.plugin_contracts import ContractError, require_class
 from flowsculpt.render.base.foreign_code import foreign_code, located_reason, reason_of_foreign
 from flowsculpt.render.base.render_errors import MachineError
 
@@ -71,20 +72,6 @@ class PictureStage:
 
 
 @dataclass(frozen=True)
-class Animation:
-    """Frames of a shot as one mesh of each subject, whose vertices move.
-
-    key  a digest of all that decides the content
-    glb  returns a GLB whose clip begins at the first frame, of morph targets blended two at a time; takes a
-         function of the name of a part of the work and its number of steps, which returns what to call after
-         each
-    """
-
-    key: str
-    glb: Callable[[Callable[[str, int], Callable[[], None]]], bytes]
-
-
-@dataclass(frozen=True)
 class Plugin:
     """A plug-in and what it adds; functions and classes are named as "module:name".
 
@@ -101,25 +88,13 @@ class Plugin:
     stages         stages by the names of the entries with their settings
     commands       commands by name
     exporters      formats of the command `export` by name
-    watchers       functions of the common options, a plan, and whether previews are wanted; each returns a
-                   context manager, entered while `render` or `film` executes the plan at a terminal
-    summaries      functions of the common options and the name of a run that has ended; each returns a line
-                   for the report of the run, or an empty one
-    delivered      functions of the common options and the facts of a delivery whose files are there
+    observer       a `RunObserver`, which is called around runs and deliveries
+    extras         `ShotExtras`: what the plug-in has of a shot besides its frames
     mesh_formats   `MeshFormat`s by suffix of mesh files
     paints         `PaintReader`s by suffix of mesh files
     resamplers     `PolygonResampler`s by the names of methods of `resample`
     edits          functions by file suffix that make an edit of another program's timeline: they take the
                    file, the names of the shots and the folder of edits, and return the edit's path and text
-    schemas        pydantic models of further kinds of files, by the kind's name
-    sequences      functions of a `SequenceQuery`; each yields picture sequences of a shot, or grids of them,
-                   for the review page
-    animations     functions of a request of frames, its store, and the most vertices of each subject; each
-                   returns an `Animation`, or raises FlowsculptError where the shot has none
-    notes          function of a root and a shot that returns the file of its notes, which is published with
-                   the shot; empty bytes where there are none
-    unneeded       functions of a root and the requests of its shots; each returns a word for files outside of
-                   the store, in the plural, and those that nothing needs: `clean` deletes them
     remote_stores  an object that finds remote stores by their addresses: see `RemoteStores`
     """
 
@@ -135,18 +110,12 @@ class Plugin:
     stages: Mapping[str, PictureStage] = field(default_factory=dict)
     commands: Mapping[str, Command] = field(default_factory=dict)
     exporters: Mapping[str, Command] = field(default_factory=dict)
-    watchers: tuple[str, ...] = ()
-    summaries: tuple[str, ...] = ()
-    delivered: tuple[str, ...] = ()
+    observer: str = ""
+    extras: str = ""
     mesh_formats: Mapping[str, str] = field(default_factory=dict)
     paints: Mapping[str, str] = field(default_factory=dict)
     resamplers: Mapping[str, str] = field(default_factory=dict)
     edits: Mapping[str, str] = field(default_factory=dict)
-    schemas: Mapping[str, str] = field(default_factory=dict)
-    sequences: tuple[str, ...] = ()
-    animations: tuple[str, ...] = ()
-    notes: str = ""
-    unneeded: tuple[str, ...] = ()
     remote_stores: str = ""
 
     @property
@@ -197,7 +166,7 @@ class Plugins:
                 try:
                     found[name] = make(plugin, name, named(place))
                 except Exception as error:
-                    LOG.warning(f"plug-in {plugin.name}: {name} is left out: {located_reason(error)}")
+                    LOG.warning(f"plug-in {plugin.name}: {name} is left out: {_reason(error)}")
         return found
 
     def lacking(self, name: str) -> str | None:
@@ -243,51 +212,14 @@ class Plugins:
         """The functions that make edits of timelines, by file suffix."""
         return {suffix: function for plugin in self for suffix, function in plugin.edits.items()}
 
-    @property
-    def schemas(self) -> dict[str, str]:
-        """The models of further kinds of files, by kind."""
-        return {kind: model for plugin in self for kind, model in plugin.schemas.items()}
+    def objects(self, door: str, contract: type[T]) -> dict[str, T]:
+        """Return an object of the class that each plug-in names by a field of `Plugin`, by plug-ins' names.
 
-    @property
-    def watchers(self) -> list[Any]:
-        """The functions that watch runs."""
-        return self._functions((plugin.name, place) for plugin in self for place in plugin.watchers)
-
-    @property
-    def summaries(self) -> list[Any]:
-        """The functions that sum up runs."""
-        return self._functions((plugin.name, place) for plugin in self for place in plugin.summaries)
-
-    @property
-    def delivered(self) -> list[Any]:
-        """The functions called after deliveries."""
-        return self._functions((plugin.name, place) for plugin in self for place in plugin.delivered)
-
-    @property
-    def sequences(self) -> list[Any]:
-        """The functions that yield sequences of pictures."""
-        return self._functions((plugin.name, place) for plugin in self for place in plugin.sequences)
-
-    @property
-    def animations(self) -> list[Any]:
-        """The functions that return animations."""
-        return self._functions((plugin.name, place) for plugin in self for place in plugin.animations)
-
-    @property
-    def notes(self) -> list[Any]:
-        """The functions that return files of notes."""
-        return self._functions((plugin.name, plugin.notes) for plugin in self if plugin.notes)
-
-    @property
-    def unneeded(self) -> list[Any]:
-        """The functions that find files which nothing needs."""
-        return self._functions((plugin.name, place) for plugin in self for place in plugin.unneeded)
-
-    @staticmethod
-    def _functions(places: Iterable[tuple[str, str]]) -> list[Any]:
-        """Return the functions at places of plug-ins, without those that cannot be imported."""
-        found = (_function(plugin, place) for plugin, place in places)
-        return [function for function in found if function is not None]
+        The classes extend the contract. One that cannot be used is left out with a warning, the first time.
+        """
+        kind: Any = contract
+        made = {plugin.name: _object(plugin.name, getattr(plugin, door), kind) for plugin in self}
+        return {name: each for name, each in made.items() if each is not None}
 
 
 _LOADING: list[str] = []  # the entry point whose module is being imported
@@ -319,7 +251,7 @@ def _found() -> Plugins:
             _LOADING.append(entry.value)
             plugin = _loaded(entry)
         except Exception as error:
-            faults.append(f"plug-in {entry.name} ({entry.value}) is left out: {located_reason(error)}")
+            faults.append(f"plug-in {entry.name} ({entry.value}) is left out: {_reason(error)}")
             continue
         finally:
             _LOADING.pop()
@@ -343,15 +275,24 @@ def named(place: str) -> Any:
 
 
 @cache
-def _function(plugin: str, place: str) -> Any:
-    """Return a function of a plug-in; None, with a warning the first time, where it cannot be imported."""
+def _object(plugin: str, place: str, contract: type) -> Any:
+    """Return an object of the class at a place, once in a process; None where there is none to use."""
+    if not place:
+        return None
     try:
-        return named(place)
+        kind = named(place)
+        require_class(kind, contract)
+        return kind()
     except Exception as error:
         if place.startswith("flowsculpt."):
             raise
-        LOG.warning(f"plug-in {plugin}: {place} is left out: {located_reason(error)}")
+        LOG.warning(f"plug-in {plugin}: {place} is left out: {_reason(error)}")
         return None
+
+
+def _reason(error: Exception) -> str:
+    """Return why a plug-in or a part of it is left out, in one sentence."""
+    return str(error) if isinstance(error, ContractError) else located_reason(error)
 
 
 def fault_of_plugin(error: BaseException) -> MachineError | None:
@@ -401,10 +342,6 @@ def _each(values: Any, kind: type) -> bool:
 _KINDS: Mapping[str, tuple[Callable[[Any], bool], str]] = {
     "str": (lambda value: isinstance(value, str), "text"),
     "int": (lambda value: isinstance(value, int), "a whole number"),
-    "tuple[str, ...]": (
-        lambda value: isinstance(value, tuple) and all(isinstance(place, str) for place in value),
-        'a tuple of "module:name"',
-    ),
     "Mapping[str, str]": (lambda value: _each(value, str), 'a dict of names and "module:name"'),
     "Mapping[str, PictureStage]": (
         lambda value: _each(value, PictureStage),
@@ -450,7 +387,6 @@ def _added(plugin: Plugin) -> Iterator[str]:
         "paint of": plugin.paints,
         "method": plugin.resamplers,
         "edits from": plugin.edits,
-        "schema": plugin.schemas,
     }
     for kind, names in doors.items():
         yield from (f"{kind} {name}" for name in names)

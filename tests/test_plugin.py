@@ -69,8 +69,7 @@ os.chdir("/")
 locale.setlocale(locale.LC_ALL, "C")
 warnings.simplefilter("error")
 print("a greeting")
-PLUGIN = Plugin("meddler", "1", schemas={"odd": "meddler:odd"})
-def odd(): pass
+PLUGIN = Plugin("meddler", "1", extras="meddler_extras:Odd")
 """
 
 
@@ -82,8 +81,15 @@ def test_a_plug_in_that_meddles_when_it_is_imported_changes_nothing(environment)
 
 def test_a_schema_that_is_a_function_is_refused_with_the_name_of_its_plug_in(environment):
     environment.install("meddler", MEDDLING)
+    (environment.folder / "meddler_extras.py").write_text(
+        "from flowsculpt.api import ShotExtras\n"
+        "class Odd(ShotExtras):\n    def schemas(self): return {'odd': print}\n"
+    )
     done = environment.run("schema", "odd")
-    said = "plug-in meddler: meddler:odd, its schema odd, is not a pydantic model\n"
+    said = (
+        "plug-in meddler: its schema odd is a builtin_function_or_method; it must be a class that extends "
+        "pydantic's BaseModel\n"
+    )
     assert done.returncode == 4 and done.stderr.endswith(said) and done.stdout == ""
 
 
@@ -353,7 +359,7 @@ def plugin(name: str = "greeter", rest: str = "") -> str:
             plugin("row", ", flows=['row:Ring']"),
             'its field flows is not a dict of names and "module:name"',
         ),
-        ("comma", plugin("comma", ", watchers=('comma:watch')"), 'watchers is not a tuple of "module:name"'),
+        ("comma", plugin("comma", ", observer=('comma:Watch',)"), "its field observer is not text"),
         (
             "called",
             plugin("called", ", commands={'wave': Command(print, '')}"),
@@ -434,22 +440,46 @@ def test_a_command_whose_module_does_not_load_ends_with_one_line(environment):
     assert "mend: its plug-in does not load: ModuleNotFoundError" in done.stderr
 
 
+EXTRAS = """\
+from flowsculpt.api import RunObserver, ShotExtras
+
+class Lacking: pass
+class Bell(RunObserver):
+    def summary(self, common): return ""
+class Notes(ShotExtras):
+    notes = b"none"
+class More(ShotExtras):
+    def notes(self, root, shot, *, more=()): return b""
+"""
+
+
 @pytest.mark.slow
-def test_functions_of_a_plug_in_that_cannot_be_imported_are_left_out_with_a_line_each(environment):
-    rest = ", watchers=('broken_parts:watch',), sequences=('broken_parts',), notes='broken:notes'"
-    rest += ", animations=('broken:gif',)"
-    environment.install("broken", plugin("broken", rest))
+@pytest.mark.parametrize(
+    ("door", "place", "fault"),
+    [
+        ("observer", "no_such:Bell", "ModuleNotFoundError: No module named 'no_such'"),
+        ("observer", "extras", "ValueError: 'extras' is not \"module:name\""),
+        ("extras", "extras:Gif", "AttributeError: module 'extras' has no attribute 'Gif'"),
+        ("extras", "extras:__doc__", "it is a NoneType; name a class that extends ShotExtras"),
+        ("extras", "extras:Lacking", "it is not a ShotExtras; write class Lacking(ShotExtras)"),
+        (
+            "observer",
+            "extras:Bell",
+            "its summary takes (common) and is called as summary(common, run); take these arguments",
+        ),
+        ("extras", "extras:Notes", "its notes is not a method; write def notes(root, shot)"),
+        ("extras", "extras:More", None),
+    ],
+)
+def test_a_part_that_breaks_its_contract_is_left_out_with_fact_and_remedy(environment, door, place, fault):
+    environment.install("broken", plugin("broken", f", {door}={place!r}"))
+    (environment.folder / "extras.py").write_text(EXTRAS)
     ask = (
-        "from flowsculpt.pipeline.plugin import plugins\n"
-        "for _ in 'ab': p = plugins(); p.watchers, p.sequences, p.notes, p.animations"
+        "from flowsculpt.pipeline.cli.run_observer import run_observers\n"
+        "from flowsculpt.pipeline.production.shot_extras import shot_extras\n"
+        "for _ in 'ab': run_observers(); shot_extras()"
     )
-    call = [sys.executable, "-c", ask]
     paths = {**os.environ, "PYTHONPATH": str(environment.folder)}
-    done = subprocess.run(call, env=paths, capture_output=True, text=True)
+    done = subprocess.run([sys.executable, "-c", ask], env=paths, capture_output=True, text=True)
     assert done.returncode == 0
-    assert done.stderr.splitlines() == [
-        "plug-in broken: broken_parts:watch is left out: ModuleNotFoundError: No module named 'broken_parts'",
-        "plug-in broken: broken_parts is left out: ValueError: 'broken_parts' is not \"module:name\"",
-        "plug-in broken: broken:notes is left out: AttributeError: module 'broken' has no attribute 'notes'",
-        "plug-in broken: broken:gif is left out: AttributeError: module 'broken' has no attribute 'gif'",
-    ]
+    assert done.stderr == (f"plug-in broken: {place} is left out: {fault}\n" if fault else "")

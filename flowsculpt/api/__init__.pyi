@@ -7,6 +7,7 @@ from flowsculpt.pipeline.cli.options import Quality as Quality
 from flowsculpt.pipeline.cli.options import Shot as Shot
 from flowsculpt.pipeline.cli.options import ShotOptions as ShotOptions
 from flowsculpt.pipeline.cli.output import print_result as print_result
+from flowsculpt.pipeline.cli.run_observer import RunObserver as RunObserver
 from flowsculpt.pipeline.errors import FlowsculptError as FlowsculptError
 from flowsculpt.pipeline.errors import FrameError as FrameError
 from flowsculpt.pipeline.errors import ShotError as ShotError
@@ -40,6 +41,7 @@ from flowsculpt.pipeline.plugin import Plugin as Plugin
 from flowsculpt.pipeline.plugin import plugins as plugins
 from flowsculpt.pipeline.production.picture_sequences import PictureSequence as PictureSequence
 from flowsculpt.pipeline.production.picture_sequences import SequenceQuery as SequenceQuery
+from flowsculpt.pipeline.production.shot_extras import ShotExtras as ShotExtras
 from flowsculpt.pipeline.production.store.remote_store import RemoteStore as RemoteStore
 from flowsculpt.pipeline.production.store.remote_store import RemoteStores as RemoteStores
 from flowsculpt.pipeline.resample import Chord as Chord

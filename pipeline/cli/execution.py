@@ -24,7 +24,7 @@ from flowsculpt.pipeline.cli.output import (
     print_warning,
     size,
 )
-from flowsculpt.pipeline.plugin import plugins
+from flowsculpt.pipeline.cli.run_observer import run_observers
 from flowsculpt.pipeline.production.execution.run import PATIENCE, Outcome, run
 from flowsculpt.pipeline.production.planning.estimate import Estimate, Forecast, TimeLeft, estimate
 from flowsculpt.pipeline.production.planning.plan import Plan
@@ -204,7 +204,7 @@ def execute_and_report(
     if sheets:
         words += f"\nDrawn from it: {', '.join(sheets)}"
     if outcome.runs:
-        lines = (summary(common, outcome.runs[-1]) for summary in plugins().summaries)
+        lines = (observer.summary(common, outcome.runs[-1]) for observer in run_observers())
         words = "\n".join([words, *filter(None, lines)])
     facts = {**_outcome_facts(outcome, seconds), **({"sheets": sheets} if draw else {})}
     print_result(words, facts, common.json)
@@ -244,8 +244,9 @@ def execute(common: Common, make_plan: Callable[[], Plan], preview: bool | None 
                 yield
             return
         with StageBars(plan, common.root, reader).drawn(), ExitStack() as watching:
-            for watcher in plugins().watchers if preview is not None else ():
-                watching.enter_context(watcher(common, plan, preview))
+            if preview is not None:
+                for observer in run_observers():
+                    watching.enter_context(observer.watch(common, plan, preview))
             yield
 
     reported: set[str] = set()

@@ -13,13 +13,11 @@ from rich.console import Group
 from rich.text import Text
 
 from flowsculpt import FlowsculptError, MachineError
-from flowsculpt.api import plugins
 from flowsculpt.api.commands import print_result, require_one_of, table
 from flowsculpt.api.files import atomic_write
 from flowsculpt.api.frames import SHOTS
 from flowsculpt.api.options import Common, output_option
 from flowsculpt.api.shots import DEFAULTS, DOCUMENTS, YamlSource
-from flowsculpt.pipeline.plugin import named
 from flowsculpt.pipeline.plugins.authoring.shot_schemas import (
     default_text,
     defaults_schema,
@@ -29,6 +27,7 @@ from flowsculpt.pipeline.plugins.authoring.shot_schemas import (
     shot_schema,
 )
 from flowsculpt.pipeline.plugins.authoring.shot_templates import usual_strength
+from flowsculpt.pipeline.production.shot_extras import shot_extras
 
 SCHEMAS = Path(".schema")
 """The folder beside shots with the schemas by which editors check them."""
@@ -36,9 +35,15 @@ SCHEMAS = Path(".schema")
 KINDS = ("shot", "film", "defaults")
 """Kinds of files beside shots, which editors check."""
 
+MODELS = {
+    kind: (plugin, model)
+    for plugin, extras in shot_extras().items()
+    for kind, model in extras.schemas().items()
+}
+"""The models of further kinds of files, each with the plug-in that has it."""
 
-ALL_KINDS = (*KINDS, *plugins().schemas)
-"""Those, and the kinds of files of plug-ins."""
+ALL_KINDS = (*KINDS, *MODELS)
+"""Kinds beside shots, and those of plug-ins."""
 
 
 def schema(
@@ -80,11 +85,13 @@ def write_text(path: Path, text: str) -> None:
 def _schema_of(kind: str, folder: Path) -> dict[str, Any]:
     if kind == "shot":
         return shot_schema(defaults_of(folder))
-    if kind in (others := plugins().schemas):
-        model = named(others[kind])
+    if kind in MODELS:
+        plugin, model = MODELS[kind]
         if not (isinstance(model, type) and issubclass(model, BaseModel)):
-            owner = next(plugin.name for plugin in plugins() if kind in plugin.schemas)
-            raise MachineError(f"plug-in {owner}: {others[kind]}, its schema {kind}, is not a pydantic model")
+            raise MachineError(
+                f"plug-in {plugin}: its schema {kind} is a {type(model).__name__}; it must be a class that "
+                "extends pydantic's BaseModel"
+            )
         return model.model_json_schema()
     return film_schema() if kind == "film" else defaults_schema()
 

@@ -6,5 +6,5 @@ PLUGIN = Plugin(
     name="become",
     version="1",
     flows={"become": "flowsculpt.pipeline.plugins.become.become_document:BecomeDocument"},
-    unneeded=("flowsculpt.pipeline.plugins.become.unneeded_fits:unneeded_fits",),
+    extras="flowsculpt.pipeline.plugins.become.become_extras:BecomeExtras",
 )

@@ -12,6 +12,6 @@ PLUGIN = Plugin(
             "Write shots",
         )
     },
-    unneeded=("flowsculpt.pipeline.plugins.breed.generation:unneeded_trials",),
+    extras="flowsculpt.pipeline.plugins.breed.breed_extras:BreedExtras",
     documents={"ancestry": "flowsculpt.pipeline.plugins.breed.ancestry:AncestryDocument"},
 )

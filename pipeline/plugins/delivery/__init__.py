@@ -23,5 +23,5 @@ PLUGIN = Plugin(
         )
     },
     edits={".otio": "flowsculpt.pipeline.plugins.delivery.timeline_import:edit_of"},
-    sequences=("flowsculpt.pipeline.plugins.delivery.relighting:relit_sequences",),
+    extras="flowsculpt.pipeline.plugins.delivery.delivery_extras:DeliveryExtras",
 )

@@ -30,6 +30,7 @@ from flowsculpt.api.frames import Plan, RenderRequest, crop_of, edit_names, find
 from flowsculpt.api.options import DEFAULT_QUALITY, Common, Frames, PictureOptions, Quality, output_option
 from flowsculpt.api.pictures import BurnIn, Encode
 from flowsculpt.api.shots import is_edit
+from flowsculpt.pipeline.cli.run_observer import run_observers
 from flowsculpt.pipeline.plugins.delivery.deliverables import (
     DELIVERABLES,
     SLATES,
@@ -148,8 +149,8 @@ def deliver(
     if lost:
         print_warning(f"{'; '.join(lost)}: shown as cards that state the reason")
     facts = _facts(done, lost, time.monotonic() - started)
-    for tell in plugins().delivered:
-        tell(common, facts)
+    for observer in run_observers():
+        observer.delivered(common, facts)
     _report(common, done, facts)
     exit_with(outcome.exit_code or (FrameError.exit_code if faults else 0))
 

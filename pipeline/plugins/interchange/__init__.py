@@ -41,7 +41,7 @@ PLUGIN = Plugin(
             ("usd", "usda", "usdc", "usdz"), "flowsculpt.pipeline.plugins.interchange.usd_files:USD"
         ),
     },
-    animations=("flowsculpt.pipeline.plugins.interchange.animation_export:animation",),
+    extras="flowsculpt.pipeline.plugins.interchange.interchange_extras:InterchangeExtras",
     paints={
         "obj": "flowsculpt.pipeline.plugins.interchange.obj_paint:OBJ_PAINT",
         **dict.fromkeys(("glb", "gltf"), "flowsculpt.pipeline.plugins.interchange.gltf_paint:GLTF_PAINT"),

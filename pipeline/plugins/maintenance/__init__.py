@@ -42,5 +42,5 @@ PLUGIN = Plugin(
             "Maintain",
         ),
     },
-    summaries=("flowsculpt.pipeline.plugins.maintenance.run_report:brief",),
+    observer="flowsculpt.pipeline.plugins.maintenance.run_report:RunSummary",
 )

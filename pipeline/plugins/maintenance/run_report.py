@@ -19,6 +19,7 @@ from typing import Any
 from flowsculpt import MissingInputError
 from flowsculpt.api.frames import EVENTS, STAGES, EventReader, read_statistics
 from flowsculpt.api.options import Common
+from flowsculpt.pipeline.cli.run_observer import RunObserver
 from flowsculpt.pipeline.production.store.event_log import Event, logs_of
 from flowsculpt.render.base.work_clock import Timing
 
@@ -246,7 +247,9 @@ def named_run(root: Path, name: str | None) -> str:
     )
 
 
-def brief(common: Common, run: str) -> str:
-    """Return where the CPU time of a run went, in one line; empty where nothing is known."""
-    words = RunReport.of(common.root, run, common.cores).in_brief()
-    return f"Where the CPU time went: {words}. flowsculpt report says more." if words else ""
+class RunSummary(RunObserver):
+    """Says where the CPU time of a run went, in one line; nothing where that is not known."""
+
+    def summary(self, common: Common, run: str) -> str:
+        words = RunReport.of(common.root, run, common.cores).in_brief()
+        return f"Where the CPU time went: {words}. flowsculpt report says more." if words else ""

@@ -22,5 +22,5 @@ PLUGIN = Plugin(
             "Look",
         ),
     },
-    watchers=("flowsculpt.pipeline.plugins.preview.first_look:first_look",),
+    observer="flowsculpt.pipeline.plugins.preview.first_look:FirstLook",
 )

@@ -14,19 +14,22 @@ from typing import IO
 from flowsculpt.api.commands import err
 from flowsculpt.api.frames import Plan, RenderRequest
 from flowsculpt.api.options import Common
+from flowsculpt.pipeline.cli.run_observer import RunObserver
 from flowsculpt.render.base import python_process
 
 FEWEST = 24  # frames that an animatic has at the least: fewer are soon rendered
 ENDING_SECONDS = 3.0  # seconds in which the process that draws leaves, before it is killed
 
 
-def first_look(common: Common, plan: Plan, preview: bool) -> AbstractContextManager[None]:
-    """Show the first pictures of a run during the context, where somebody looks on and none is there yet.
+class FirstLook(RunObserver):
+    """Shows the first pictures of a run, where somebody looks on and none is there yet.
 
     They are an animatic, if one is wanted as a `preview`, and the first finished frame.
     """
-    arguments = arguments_for(common, plan, preview)
-    return nullcontext() if arguments is None else _process(common.root, *arguments)
+
+    def watch(self, common: Common, plan: Plan, preview: bool) -> AbstractContextManager[None]:
+        arguments = arguments_for(common, plan, preview)
+        return nullcontext() if arguments is None else _process(common.root, *arguments)
 
 
 def arguments_for(common: Common, plan: Plan, animatic: bool = True) -> list[str] | None:

@@ -20,6 +20,5 @@ PLUGIN = Plugin(
         ),
         "notes": Command(f"{_COMMANDS}:notes", "List the notes that reviewers wrote about a shot.", "Look"),
     },
-    schemas={"notes": "flowsculpt.pipeline.plugins.review.review_notes:NotesDocument"},
-    notes="flowsculpt.pipeline.plugins.review.review_notes:notes_file",
+    extras="flowsculpt.pipeline.plugins.review.review_extras:ReviewExtras",
 )

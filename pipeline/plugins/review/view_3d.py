@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 
 from flowsculpt import FlowsculptError
-from flowsculpt.api import plugins
 from flowsculpt.api.frames import CorruptFileError, Key, RenderRequest, Store, key_of
 from flowsculpt.api.meshes import AnyArray
 from flowsculpt.pipeline.plugins.review.measures import simulated
+from flowsculpt.pipeline.production.shot_extras import shot_extras
 from flowsculpt.pipeline.production.store import readers
 
 FORMAT = 2
@@ -83,9 +83,12 @@ class PageMeshes:
             if [key for _, key in files] != [part.normals_key(number) for part in self.request.parts]:
                 return {"without": f"{name} has changed since frame {number} was simulated; render it again."}
         without = "no plug-in makes animations."
-        for function in plugins().animations:
+        request = replace(self.request, requested=numbers)
+        for extras in shot_extras().values():
             try:
-                animation = function(replace(self.request, requested=numbers), self.store, MOST_VERTICES)
+                animation = extras.animation(request, self.store, MOST_VERTICES)
+                if animation is None:
+                    continue
                 file = f"{key_of('motion', FORMAT, animation.key)}.js"
                 if not self.store.is_whole(self.folder / file):
                     data = {"glb": _encoded(np.frombuffer(zlib.compress(animation.glb(began)), "u1"), "u1")}

@@ -12,5 +12,5 @@ PLUGIN = Plugin(
         "curves": Command(f"{_COMMANDS}:curves", "Draw everything in a shot that changes over time.", "Look"),
         "wedge": Command(f"{_COMMANDS}:wedge", "Render a shot in a grid of variations.", "Render"),
     },
-    sequences=("flowsculpt.pipeline.plugins.sheets.wedge:wedge_sequences",),
+    extras="flowsculpt.pipeline.plugins.sheets.sheets_extras:SheetsExtras",
 )

@@ -14,7 +14,6 @@ PLUGIN = Plugin(
             f"{_COMMANDS}:reproduce", "Render a published version again, and compare.", "Deliver"
         ),
     },
-    summaries=("flowsculpt.pipeline.plugins.versions.hooks:tell_of_run",),
-    delivered=("flowsculpt.pipeline.plugins.versions.hooks:tell_of_delivery",),
-    sequences=("flowsculpt.pipeline.plugins.versions.publishing:published_sequences",),
+    observer="flowsculpt.pipeline.plugins.versions.hooks:HookCaller",
+    extras="flowsculpt.pipeline.plugins.versions.versions_extras:VersionsExtras",
 )

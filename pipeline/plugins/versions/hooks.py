@@ -30,6 +30,7 @@ from flowsculpt.api import suggestion
 from flowsculpt.api.commands import print_warning
 from flowsculpt.api.frames import EVENTS, FILE, EventReader
 from flowsculpt.api.options import Common
+from flowsculpt.pipeline.cli.run_observer import RunObserver
 from flowsculpt.pipeline.plugins.versions.publishing import Published
 from flowsculpt.render.base.python_process import environment_of_others
 
@@ -161,6 +162,16 @@ def tell_of_delivery(common: Common, delivery: Mapping[str, Any]) -> None:
         "failed": delivery["failed"],
     }
     _tell_all(common, "files_delivered", facts, "The files are there nevertheless")
+
+
+class HookCaller(RunObserver):
+    """Tells the hooks of the profile of runs and deliveries."""
+
+    def summary(self, common: Common, run: str) -> str:
+        return tell_of_run(common, run)
+
+    def delivered(self, common: Common, delivery: Mapping[str, Any]) -> None:
+        tell_of_delivery(common, delivery)
 
 
 def _tell_all(common: Common, event: str, facts: Mapping[str, Any], after: str) -> None:

@@ -29,7 +29,6 @@ from pathlib import Path
 from typing import Any
 
 from flowsculpt import FlowsculptError, FrameError, MissingInputError, UsageError
-from flowsculpt.api import plugins
 from flowsculpt.api.files import digest_of_file, disk_errors, held, remove_tree
 from flowsculpt.api.frames import (
     DAMAGED,
@@ -78,6 +77,7 @@ from flowsculpt.pipeline.production.request.provenance import (
     portable,
     stage_versions,
 )
+from flowsculpt.pipeline.production.shot_extras import shot_extras
 from flowsculpt.pipeline.production.store.paths import published
 
 _DRAFT = ".draft."
@@ -203,7 +203,7 @@ class Release:
         version = self._version([place.name for place, _ in known])
         final = self._home / version
         if not dry:
-            files = (notes_file(self.store.root, self.request.name) for notes_file in plugins().notes)
+            files = (each.notes(self.store.root, self.request.name) for each in shot_extras().values())
             notes = next(filter(None, files), b"")
             record = self._record(version, keys, notes)
             freeze(self.store, record, final, self.copy, notes, self._files())

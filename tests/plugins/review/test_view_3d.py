@@ -14,9 +14,9 @@ import pytest
 from numpy.typing import NDArray
 
 from flowsculpt.pipeline.mesh import icosphere
-from flowsculpt.pipeline.plugin import Animation, Plugin, Plugins
 from flowsculpt.pipeline.plugins.review import view_3d
 from flowsculpt.pipeline.plugins.review.view_3d import PageMeshes
+from flowsculpt.pipeline.production.shot_extras import Animation, ShotExtras
 from flowsculpt.render.graphics.three_js import three_js
 from tests.plugins.review.looker import Opened
 from tests.plugins.review.studio import LAST, NAME, SHOT, Desk, simulated
@@ -178,7 +178,7 @@ def test_a_shot_without_motion_says_why_in_a_line(
     if shot == "another":
         file.write_text(file.read_text().replace("3: 60", "3: 50"))
     if shot == "no plug-in":
-        monkeypatch.setattr(view_3d, "plugins", lambda: Plugins({}))
+        monkeypatch.setattr(view_3d, "shot_extras", dict)
     if shot == "large":
         monkeypatch.setattr(view_3d, "MOST_VERTICES", 20)
     found = meshes_of(desk).write_motion(lambda name, total: lambda: None)
@@ -190,17 +190,16 @@ def test_another_plug_in_may_make_the_motion_which_is_kept_by_its_key(
 ) -> None:
     made = []
 
-    def animation(request: object, store: object, vertices: int) -> Animation:
-        def glb(began: Callable[[str, int], Callable[[], None]]) -> bytes:
-            began("knitting", 1)()
-            made.append(vertices)
-            return b"glTF of a stranger"
+    class Knitting(ShotExtras):
+        def animation(self, request: object, store: object, most_vertices: int) -> Animation:
+            def glb(began: Callable[[str, int], Callable[[], None]]) -> bytes:
+                began("knitting", 1)()
+                made.append(most_vertices)
+                return b"glTF of a stranger"
 
-        return Animation("f00", glb)
+            return Animation("f00", glb)
 
-    door = Plugin("stranger", "1", animations=(f"{__name__}:animation",))
-    monkeypatch.setattr(view_3d, "plugins", lambda: Plugins({"stranger": door}))
-    monkeypatch.setitem(globals(), "animation", animation)
+    monkeypatch.setattr(view_3d, "shot_extras", lambda: {"silent": ShotExtras(), "stranger": Knitting()})
     meshes = PageMeshes(desk.request("draft"), desk.project().store, tmp_path)
     bars: list[str] = []
     for _ in range(2):

@@ -1,0 +1,98 @@
+"""Checks that a part of a plug-in keeps the contract of its door, made when the part is read.
+
+A contract is a class beside the code that uses it. A part that is a class extends it; a part that is an
+object has its methods.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterable
+from inspect import Parameter, Signature
+from typing import Any
+
+OURS = "flowsculpt."
+"""How the names of modules with contracts begin."""
+
+
+class ContractError(Exception):
+    """A plug-in, or a part of it, breaks its contract: the fact and the remedy, in a sentence."""
+
+
+def require_class(part: Any, *contracts: type) -> None:
+    """Require that a part is a class that extends one of some contracts and has the methods that they say.
+
+    Raises ContractError for the first method that is missing or takes other arguments.
+    """
+    names = [contract.__name__ for contract in contracts]
+    if not isinstance(part, type):
+        raise ContractError(f"it is a {type(part).__name__}; name a class that extends {' or '.join(names)}")
+    if not issubclass(part, contracts):
+        kinds = f"neither a {' nor a '.join(names)}" if len(names) > 1 else f"not a {names[0]}"
+        raise ContractError(f"it is {kinds}; write class {part.__name__}({names[0]})")
+    lacking = getattr(part, "__abstractmethods__", frozenset[str]())
+    for name, (contract, ours) in _members(part.__mro__[1:]).items():
+        if name in lacking:
+            raise ContractError(_lacks(name, ours, contract))
+        theirs = inspect.getattr_static(part, name)
+        if theirs is not ours:
+            _require_arguments(name, theirs, ours)
+
+
+def require_object(part: Any, contract: type) -> None:
+    """Require that a part is an object with all methods of a contract. Raises ContractError as above."""
+    if isinstance(part, type):
+        raise ContractError(f"it is a class; name an object of it, NAME = {part.__name__}()")
+    for name, (owner, ours) in _members(contract.__mro__).items():
+        if not hasattr(part, name):
+            raise ContractError(_lacks(name, ours, owner))
+        _require_arguments(name, getattr(part, name), ours)
+
+
+def _members(classes: Iterable[type]) -> dict[str, tuple[type, Any]]:
+    """Return methods and properties of contracts among classes, by name, each with its contract."""
+    members: dict[str, tuple[type, Any]] = {}
+    for each in classes:
+        for name, value in vars(each).items() if each.__module__.startswith(OURS) else ():
+            is_method = isinstance(value, property) or _arguments(value) is not None
+            if is_method and (not name.startswith("_") or getattr(value, "__isabstractmethod__", False)):
+                members.setdefault(name, (each, value))
+    return members
+
+
+def _require_arguments(name: str, theirs: Any, ours: Any) -> None:
+    """Require that a method takes the arguments that the method of its contract gets."""
+    expected, taken = _arguments(ours), _arguments(theirs)
+    if expected is None or (taken is None and callable(theirs)):
+        return  # a property, or compiled
+    if taken is None:
+        raise ContractError(f"its {name} is not a method; write def {_call(name, ours)}")
+    kinds = (Parameter.POSITIONAL_ONLY, Parameter.POSITIONAL_OR_KEYWORD)
+    given = [each for each in expected if each.kind in kinds]
+    least = [each for each in given if each.default is Parameter.empty]
+    for call in (least, given):
+        try:
+            Signature(taken).bind(*call)
+        except TypeError:
+            takes = ", ".join(str(each.replace(annotation=Parameter.empty)) for each in taken)
+            raise ContractError(
+                f"its {name} takes ({takes}) and is called as {_call(name, ours)}; take these arguments"
+            ) from None
+
+
+def _arguments(method: Any) -> list[Parameter] | None:
+    """Return the parameters of a method without `self` or `cls`; None for what is not a method."""
+    function = method.__func__ if isinstance(method, classmethod | staticmethod) else method
+    if not inspect.isfunction(function) and not inspect.ismethod(function):
+        return None
+    parameters = list(inspect.signature(function).parameters.values())
+    return parameters[0 if isinstance(method, staticmethod) or inspect.ismethod(method) else 1 :]
+
+
+def _call(name: str, method: Any) -> str:
+    arguments = _arguments(method)
+    return name if arguments is None else f"{name}({', '.join(each.name for each in arguments)})"
+
+
+def _lacks(name: str, method: Any, contract: type) -> str:
+    return f"it lacks {_call(name, method)}; add it as {contract.__name__} describes it"
