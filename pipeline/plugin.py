@@ -12,7 +12,7 @@ import logging
 import re
 import threading
 import traceback
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass, field, fields
 from functools import cache
@@ -20,11 +20,14 @@ from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, Self, TypeVar
 
-from flowsculpt.pipeline.plugin_contracts import ContractError, require_class
+from flowsculpt.pipeline.plugin_contracts import ContractError, fault_of_types, require_class
 from flowsculpt.render.base.foreign_code import foreign_code, located_reason, reason_of_foreign
 from flowsculpt.render.base.render_errors import MachineError
+
+if TYPE_CHECKING:
+    from flowsculpt.render.scene.aovs import RenderedFrame
 
 T = TypeVar("T")
 
@@ -34,8 +37,31 @@ LOG = logging.getLogger("flowsculpt.plugins")
 GROUP = "flowsculpt.plugins"
 """The group of entry points that name plug-ins."""
 
-API = 1
-"""The version of what plug-ins may import and add. A plug-in built for a later one is not loaded."""
+API = 2
+"""The version of the contract with plug-ins: names of `flowsculpt.api`, fields of `Plugin`, methods of parts.
+
+It is raised when one of them goes away, or takes or returns something else; not when one is added. A plug-in
+says in `api` which version it is built for. Built for a later one, or for one before OLDEST_API, it is left
+out, as is a plug-in that uses a field that is gone.
+"""
+
+OLDEST_API = 1
+"""The oldest version whose plug-ins work, as long as they use no field that has gone since."""
+
+GONE = {
+    "layouts": "subjects, which takes layouts of copies too",
+    "documents": 'entries={"NAME": ShotEntry("module:Model")}',
+    "stages": 'entries={"NAME": ShotEntry("module:Model", PictureStage(…))}',
+    "watchers": 'observer="module:Class", a RunObserver with the method watch',
+    "summaries": 'observer="module:Class", a RunObserver with the method summary',
+    "delivered": 'observer="module:Class", a RunObserver with the method delivered',
+    "sequences": 'extras="module:Class", ShotExtras with the method sequences',
+    "animations": 'extras="module:Class", ShotExtras with the method animation',
+    "notes": 'extras="module:Class", ShotExtras with the method notes',
+    "unneeded": 'extras="module:Class", ShotExtras with the method unneeded',
+    "schemas": 'extras="module:Class", ShotExtras with the method schemas',
+}
+"""What plug-ins write in place of fields that went with version 2."""
 
 
 @dataclass(frozen=True)
@@ -52,23 +78,48 @@ class Command:
     panel: str = "Plug-ins"
 
 
+class PictureTask(Protocol):
+    """The function of a stage, called for each frame, in several processes."""
+
+    def __call__(self, frame: RenderedFrame, entry: Any, number: int) -> RenderedFrame:
+        """Return a rendered frame with changed layers; equal arguments give equal results.
+
+        frame   its `arrays` are the layers by name, float32, of height and width of the picture: `beauty`
+                (H, W, 3) and `alpha` (H, W), linear light, and all AOVs, `depth` in units among them
+        entry   what the shot writes for the stage, an object of the entry's model
+        number  of the frame
+
+        Layers may be added; none may be left out or get another shape. Raises FrameError where the frame
+        cannot be made; anything else that it raises fails the frame as well, and is reported as an error of
+        the plug-in.
+        """
+        ...
+
+
 @dataclass(frozen=True)
 class PictureStage:
-    """A stage between `render` and `finish`, for shots that have its entry, `{PLUGIN: {NAME: {…}}}`.
+    """A stage between `render` and `finish`, for shots that have its entry.
 
-    task     "module:function" that takes the layers of a rendered frame as a `RenderedFrame`, the entry, and
-             the frame's number, and returns the layers with its changes. Equal arguments give equal results
+    task     "module:function", a `PictureTask`
     version  raised when equal arguments give other results
     doing    what it does, in the words of progress bars
-    reads    the kind of file that it reads, raw: rendered frames, with all AOVs
-    makes    the kind of file that it makes, raw
     """
 
     task: str
     version: int
     doing: str
-    reads: str = "raw"
-    makes: str = "raw"
+
+
+@dataclass(frozen=True)
+class ShotEntry:
+    """An entry of shot files, `{PLUGIN: {NAME: {…}}}`, which `read_shot(…).entries` has as "PLUGIN.NAME".
+
+    model  "module:Model", a pydantic model of the entry
+    stage  the stage that shots with the entry have; None where it only holds settings for commands
+    """
+
+    model: str
+    stage: PictureStage | None = None
 
 
 @dataclass(frozen=True)
@@ -81,11 +132,10 @@ class Plugin:
     api            the API version that it is built for
     flows          velocity fields and other flows, dataclasses with documented parameters, by their names
     looks          `Material`s by their names
-    subjects       kinds of subjects, `SubjectKind`s, by their names: `subject: {PLUGIN.NAME: {…}}`
-    layouts        layouts of copies, `CopyLayout`s, by their names: `copies: {count: 9, PLUGIN.NAME: {…}}`
+    subjects       `SubjectKind`s and `CopyLayout`s, kinds of subjects and layouts of copies, by their names:
+                   `subject: {PLUGIN.NAME: {…}}`, `copies: {count: 9, PLUGIN.NAME: {…}}`
     encodes        `Encode`s of `deliver --as PLUGIN.NAME`, by their names
-    documents      pydantic models of entries of shot files by their names: `{PLUGIN: {NAME: {…}}}` there
-    stages         stages by the names of the entries with their settings
+    entries        entries of shot files by their names, and the stages that shots with them have
     commands       commands by name
     exporters      formats of the command `export` by name
     observer       a `RunObserver`, which is called around runs and deliveries
@@ -104,10 +154,8 @@ class Plugin:
     flows: Mapping[str, str] = field(default_factory=dict)
     looks: Mapping[str, str] = field(default_factory=dict)
     subjects: Mapping[str, str] = field(default_factory=dict)
-    layouts: Mapping[str, str] = field(default_factory=dict)
     encodes: Mapping[str, str] = field(default_factory=dict)
-    documents: Mapping[str, str] = field(default_factory=dict)
-    stages: Mapping[str, PictureStage] = field(default_factory=dict)
+    entries: Mapping[str, ShotEntry] = field(default_factory=dict)
     commands: Mapping[str, Command] = field(default_factory=dict)
     exporters: Mapping[str, Command] = field(default_factory=dict)
     observer: str = ""
@@ -118,12 +166,25 @@ class Plugin:
     edits: Mapping[str, str] = field(default_factory=dict)
     remote_stores: str = ""
 
+    def __new__(cls, *values: Any, **given: Any) -> Self:
+        """Begin a plug-in. Raises ContractError for a version of the API and for fields that are not ours."""
+        api = given.get("api", values[2] if len(values) > 2 else API)
+        if fault := _fault_of_version(api) or _fault_of_fields(given):
+            raise ContractError(fault)
+        return super().__new__(cls)
+
+    @property
+    def stages(self) -> dict[str, PictureStage]:
+        """Its stages, by the names of their entries."""
+        return {name: entry.stage for name, entry in self.entries.items() if entry.stage is not None}
+
     @property
     def sources(self) -> list[Path]:
         """The Python files of the packages and modules with what it adds to shots; none of flowsculpt's."""
         tasks = (stage.task for stage in self.stages.values())
-        doors = (self.flows, self.looks, self.subjects, self.layouts, self.documents)
-        places = (*(place for door in doors for place in door.values()), *tasks)
+        models = (entry.model for entry in self.entries.values())
+        doors = (self.flows, self.looks, self.subjects)
+        places = (*(place for door in doors for place in door.values()), *models, *tasks)
         tops = {place.partition(":")[0].partition(".")[0] for place in places}
         specs = [find_spec(top) for top in sorted(tops - {"flowsculpt"})]
         found: list[Path] = []
@@ -160,7 +221,8 @@ class Plugins:
         """
         found = {}
         for plugin in self:
-            for part, place in getattr(plugin, door).items():
+            for part, value in getattr(plugin, door).items():
+                place = value.model if isinstance(value, ShotEntry) else value
                 is_whole = part == plugin.name and place.startswith("flowsculpt.")
                 name = part if is_whole else f"{plugin.name}.{part}"
                 try:
@@ -175,7 +237,7 @@ class Plugins:
         if not part or not _NAME.fullmatch(plugin):
             return None
         loaded = self.loaded.get(plugin)
-        doors = ("flows", "looks", "subjects", "layouts", "encodes", "documents")
+        doors = ("flows", "looks", "subjects", "encodes", "entries")
         if loaded and any(part in getattr(loaded, door) for door in doors):
             return f"Plug-in {plugin} could not load it."
         if any(fault.startswith(f"plug-in {plugin} ") for fault in self.faults):  # perhaps a second one
@@ -329,49 +391,41 @@ def _loaded(entry: EntryPoint) -> Plugin:
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
 
-def _each(values: Any, kind: type) -> bool:
-    """Return whether `values` is a mapping of names to values of a kind, whose fields are text or numbers."""
-    return isinstance(values, Mapping) and all(
-        isinstance(name, str)
-        and isinstance(value, kind)
-        and (kind is str or all(isinstance(part, str | int) for part in vars(value).values()))
-        for name, value in values.items()
-    )
+def _fault_of_version(api: Any) -> str | None:
+    """Return why a plug-in built for a version of the API cannot be used; None where it can."""
+    if not isinstance(api, int):
+        return "its field api is not a whole number"
+    if api > API:
+        return f"it is built for version {api} of the API, and this flowsculpt has {API}; update flowsculpt"
+    if api < OLDEST_API:
+        return (
+            f"it is built for version {api} of the API, and this flowsculpt takes {OLDEST_API} to {API}; "
+            "install a newer version of the plug-in"
+        )
+    return None
 
 
-_KINDS: Mapping[str, tuple[Callable[[Any], bool], str]] = {
-    "str": (lambda value: isinstance(value, str), "text"),
-    "int": (lambda value: isinstance(value, int), "a whole number"),
-    "Mapping[str, str]": (lambda value: _each(value, str), 'a dict of names and "module:name"'),
-    "Mapping[str, PictureStage]": (
-        lambda value: _each(value, PictureStage),
-        "a dict of names and PictureStages",
-    ),
-    "Mapping[str, Command]": (lambda value: _each(value, Command), "a dict of names and Commands"),
-}
-"""What tells whether the value of a field of `Plugin` is of the field's type, and the type in words."""
+def _fault_of_fields(given: Iterable[str]) -> str | None:
+    """Return why fields that a plug-in has been given are unknown; None where all are known."""
+    known = {each.name for each in fields(Plugin)}
+    for name in given:
+        if name in GONE:
+            return f"its field {name} is gone since version 2 of the API; write {GONE[name]}"
+        if name not in known:
+            return f"Plugin has no field {name}; correct it, or update flowsculpt if a later one has it"
+    return None
 
 
 def _refusal(
     plugin: Plugin, package: str, packages: Mapping[str, str], taken: Mapping[str, str]
 ) -> str | None:
     """Return why a plug-in of a package cannot be used next to those that are loaded; None where it can."""
-    if isinstance(plugin.api, int) and plugin.api > API:
-        return f"it is built for version {plugin.api} of the API, and this is {API}; update flowsculpt"
-    for each in fields(plugin):
-        fits, words = _KINDS[str(each.type)]
-        if not fits(getattr(plugin, each.name)):
-            return f"its field {each.name} is not {words}"
+    if fault := fault_of_types(plugin):
+        return fault
     if not _NAME.fullmatch(plugin.name):
         return f"its name {plugin.name!r} is not a letter followed by letters, digits and _"
     if other := packages.get(plugin.name):
         return f"packages {other} and {package} both have a plug-in {plugin.name}; uninstall one of the two"
-    for name, stage in plugin.stages.items():
-        if (stage.reads, stage.makes) != ("raw", "raw"):
-            made = f"makes {stage.makes} of {stage.reads}" if stage.makes else "makes nothing"
-            return f"its stage {name} {made}; a stage makes raw of raw"
-        if name not in plugin.documents:
-            return f"its stage {name} has no entry among documents, so no shot could ask for it"
     for added in _added(plugin):
         if added in taken:
             return f"plug-in {taken[added]} adds {added} too; uninstall one of the two"

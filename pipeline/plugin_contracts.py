@@ -7,9 +7,11 @@ object has its methods.
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from dataclasses import is_dataclass
+from functools import cache
 from inspect import Parameter, Signature
-from typing import Any
+from typing import Any, get_args, get_origin, get_type_hints
 
 OURS = "flowsculpt."
 """How the names of modules with contracts begin."""
@@ -17,6 +19,43 @@ OURS = "flowsculpt."
 
 class ContractError(Exception):
     """A plug-in, or a part of it, breaks its contract: the fact and the remedy, in a sentence."""
+
+
+def fault_of_types(values: Any) -> str | None:
+    """Return which field of a dataclass has a value of another type than it says; None where none has."""
+    kind_of_values: Any = type(values)
+    for name, kind in _types_of(kind_of_values).items():
+        if not _fits(getattr(values, name), kind):
+            return f"its field {name} is not {_in_words(kind)}"
+    return None
+
+
+@cache
+def _types_of(kind: Any) -> dict[str, Any]:
+    return get_type_hints(kind)
+
+
+def _fits(value: Any, kind: Any) -> bool:
+    """Return whether a value is of the type of a field, with all that it holds."""
+    holds = get_args(kind)
+    if get_origin(kind) is Mapping:
+        return isinstance(value, Mapping) and all(
+            isinstance(name, str) and _fits(each, holds[1]) for name, each in value.items()
+        )
+    if holds:  # a union
+        return any(_fits(value, each) for each in holds)
+    if isinstance(value, kind) and is_dataclass(value):
+        types: Any = type(value)
+        return all(_fits(getattr(value, name), each) for name, each in _types_of(types).items())
+    return isinstance(value, kind)
+
+
+def _in_words(kind: Any) -> str:
+    """Return the type of a field: `a dict of names and Command objects`."""
+    if get_origin(kind) is not Mapping:
+        return {int: "a whole number", str: "text"}[kind]
+    each = get_args(kind)[1]
+    return "a dict of names and " + ('"module:name"' if each is str else f"{each.__name__} objects")
 
 
 def require_class(part: Any, *contracts: type) -> None:
@@ -47,6 +86,20 @@ def require_object(part: Any, contract: type) -> None:
         if not hasattr(part, name):
             raise ContractError(_lacks(name, ours, owner))
         _require_arguments(name, getattr(part, name), ours)
+
+
+def require_function(part: Any, name: str, contract: Any) -> None:
+    """Require that a part is a function with the arguments of a contract's method, `self` left out.
+
+    name  what messages call it
+
+    Raises ContractError.
+    """
+    if not callable(part):
+        raise ContractError(
+            f"its {name} is a {type(part).__name__}, not a function; write def {_call(name, contract)}"
+        )
+    _require_arguments(name, staticmethod(part), contract)
 
 
 def _members(classes: Iterable[type]) -> dict[str, tuple[type, Any]]:

@@ -38,6 +38,7 @@ from flowsculpt.pipeline.plugin import Animation as Animation
 from flowsculpt.pipeline.plugin import Command as Command
 from flowsculpt.pipeline.plugin import PictureStage as PictureStage
 from flowsculpt.pipeline.plugin import Plugin as Plugin
+from flowsculpt.pipeline.plugin import ShotEntry as ShotEntry
 from flowsculpt.pipeline.plugin import plugins as plugins
 from flowsculpt.pipeline.production.picture_sequences import PictureSequence as PictureSequence
 from flowsculpt.pipeline.production.picture_sequences import SequenceQuery as SequenceQuery

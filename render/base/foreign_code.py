@@ -74,7 +74,6 @@ def reason_of_foreign(error: BaseException) -> str:
     absent = error.name if isinstance(error, ImportError) else None
     if absent in ("pipeline", "render"):
         return f"{line}; since flowsculpt 0.2.0 it is flowsculpt.{absent}, and for plug-ins flowsculpt.api"
-    of_api = absent == "flowsculpt.api"
-    if of_api or line.startswith("TypeError: Plugin.__init__() got an unexpected keyword"):
+    if absent == "flowsculpt.api":
         return f"{line}; a later flowsculpt may have it"
     return line

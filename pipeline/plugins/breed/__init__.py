@@ -1,6 +1,7 @@
 """Breeding: children of one shot or two, made by chance, from which a person chooses."""
 
 from flowsculpt.api import Command, Plugin
+from flowsculpt.pipeline.plugin import ShotEntry
 
 PLUGIN = Plugin(
     name="breed",
@@ -13,5 +14,5 @@ PLUGIN = Plugin(
         )
     },
     extras="flowsculpt.pipeline.plugins.breed.breed_extras:BreedExtras",
-    documents={"ancestry": "flowsculpt.pipeline.plugins.breed.ancestry:AncestryDocument"},
+    entries={"ancestry": ShotEntry("flowsculpt.pipeline.plugins.breed.ancestry:AncestryDocument")},
 )

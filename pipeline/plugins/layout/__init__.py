@@ -5,5 +5,5 @@ from flowsculpt.api import Plugin
 PLUGIN = Plugin(
     name="layout",
     version="1",
-    layouts={"layout": "flowsculpt.pipeline.plugins.layout.copy_layouts:OneLayout"},
+    subjects={"layout": "flowsculpt.pipeline.plugins.layout.copy_layouts:OneLayout"},
 )

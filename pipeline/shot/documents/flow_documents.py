@@ -6,7 +6,6 @@ Angles are degrees in the file and radians in the code.
 import ast
 import typing
 from dataclasses import MISSING
-from inspect import isabstract
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self
@@ -51,6 +50,7 @@ from flowsculpt.pipeline.flow.velocity import PluginField
 from flowsculpt.pipeline.formula import CONSTANTS, FUNCTIONS
 from flowsculpt.pipeline.mesh.read import read_mesh
 from flowsculpt.pipeline.plugin import Plugin, plugins
+from flowsculpt.pipeline.plugin_contracts import require_class
 from flowsculpt.pipeline.shot.documents import curves
 from flowsculpt.pipeline.shot.documents.curves import NumberField, number
 from flowsculpt.pipeline.shot.documents.field_types import (
@@ -109,14 +109,11 @@ def document_of(flow: type, base: type[FlowParameters] = FlowParameters) -> type
 
 
 def _document_of_plugin(plugin: Plugin, name: str, flow: Any) -> type[FlowParameters]:
-    """Return the document of a plug-in's flow, or of its base document. Raises TypeError for what is none."""
+    """Return the document of a plug-in's flow, or of its base document. Raises ContractError."""
     base = FlowParameters
     if isinstance(flow, type) and issubclass(flow, FlowParameters):
         base, flow = flow, flow.flow
-    if not (isinstance(flow, type) and issubclass(flow, Flow | VelocityField)):
-        raise TypeError("it is neither a VelocityField nor a Flow")
-    if isabstract(flow):
-        raise TypeError(f"it lacks {', '.join(sorted(flow.__abstractmethods__))}")
+    require_class(flow, VelocityField, Flow)
     document = document_of(flow, base)
     document.origin = (plugin.name, plugin.version, name)
     return document

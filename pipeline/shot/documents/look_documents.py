@@ -12,6 +12,7 @@ from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 
 from flowsculpt.pipeline.errors import shortened, suggestion
 from flowsculpt.pipeline.plugin import Plugin, plugins
+from flowsculpt.pipeline.plugin_contracts import ContractError
 from flowsculpt.pipeline.shot.documents.field_types import (
     HEX_PATTERN,
     MAPPING_IS_SECOND,
@@ -55,9 +56,9 @@ from flowsculpt.render.scene.textures import Texture, read_picture, reading_of
 
 
 def _look_of_plugin(plugin: Plugin, name: str, look: Any) -> Material:
-    """Return the look of a plug-in. Raises TypeError for what is none."""
+    """Return the look of a plug-in. Raises ContractError for what is none."""
     if not isinstance(look, Material):
-        raise TypeError("it is not a Material")
+        raise ContractError('it is not a Material; write such as LOOKS["clay"].with_values(roughness=0.2)')
     return look
 
 

@@ -19,7 +19,8 @@ from pydantic import (
 from flowsculpt.pipeline.errors import shortened
 from flowsculpt.pipeline.frames import FASTEST, SLOWEST
 from flowsculpt.pipeline.mesh.normals import MOST_PIECES
-from flowsculpt.pipeline.plugin import Plugin, plugins
+from flowsculpt.pipeline.plugin import PictureTask, Plugin, named, plugins
+from flowsculpt.pipeline.plugin_contracts import ContractError, require_function
 from flowsculpt.pipeline.shot.documents.camera_documents import CameraDocument, ShutterDocument
 from flowsculpt.pipeline.shot.documents.curves import NumberField, Start
 from flowsculpt.pipeline.shot.documents.field_types import (
@@ -379,18 +380,20 @@ class FilmDocument(Document):
 
 
 def _entry_of_plugin(plugin: Plugin, name: str, model: Any) -> Any:
-    """Return the field of a shot file's entry. Raises TypeError or ValueError for what cannot be one."""
+    """Return the field of a shot file's entry. Raises ContractError for what cannot be one."""
     if not (isinstance(model, type) and issubclass(model, BaseModel)):
-        raise TypeError("it is not a pydantic model")
+        raise ContractError("its model is not a pydantic model; write a class that extends Document")
     if plugin.name in _OWN_ENTRIES:
-        raise ValueError(f"shots have an entry {plugin.name} of their own")
+        raise ContractError(f"shots have an entry {plugin.name} of their own; give the plug-in another name")
+    if stage := plugin.stages.get(name.rpartition(".")[2]):
+        require_function(named(stage.task), "task", PictureTask.__call__)
     return Annotated[model | None, BARE], optional(inspect.cleandoc(model.__doc__ or name).partition("\n")[0])
 
 
 def _of_plugins() -> dict[str, Any]:
     """Return the entries of shot files that plug-ins add, a mapping for each plug-in, by its name."""
     fields: dict[str, dict[str, Any]] = {}
-    for name, field in plugins().parts("documents", _entry_of_plugin).items():
+    for name, field in plugins().parts("entries", _entry_of_plugin).items():
         plugin, _, part = name.partition(".")
         fields.setdefault(plugin, {})[part] = field
     return {

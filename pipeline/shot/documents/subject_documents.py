@@ -5,7 +5,7 @@ Each of several subjects has a place, a look and flows of its own.
 
 import inspect
 from collections.abc import Mapping
-from functools import partial
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
@@ -20,6 +20,7 @@ from pydantic import (
 from flowsculpt.pipeline.mesh.control_net import LEAST
 from flowsculpt.pipeline.mesh.read import model_files, read_paint
 from flowsculpt.pipeline.plugin import Plugin, plugins
+from flowsculpt.pipeline.plugin_contracts import require_class
 from flowsculpt.pipeline.shot.copies import MOST_COPIES, Copies, OrderedPlaces
 from flowsculpt.pipeline.shot.documents.field_types import (
     DEGREE,
@@ -176,23 +177,43 @@ class PluginSurfaceDocument(OneOfSeveral, SizedDocument):
         return PluginSurface(digest, path=Path(name), name=name, mesh=mesh, **self.placing())
 
 
-def _kind_of_plugin(
-    plugin: Plugin, name: str, kind: Any, contract: type[Document] = SubjectKind
-) -> tuple[str, Any]:
-    """Return the version of a plug-in and the field of its kind. Raises TypeError for another contract."""
-    if not (isinstance(kind, type) and issubclass(kind, contract)):
-        raise TypeError(f"it is not a {contract.__name__}")
+@dataclass(frozen=True)
+class _Part:
+    """A kind of subject or a layout of copies, its plug-in's version, and its field in documents."""
+
+    contract: type[Document]
+    version: str
+    field: Any
+
+
+def _part_of_plugin(plugin: Plugin, name: str, kind: Any) -> _Part:
+    """Return a part of a plug-in. Raises ContractError for what is none."""
+    require_class(kind, SubjectKind, CopyLayout)
     description = inspect.cleandoc(kind.__doc__ or name).partition("\n")[0]
-    return plugin.version, (kind | None, optional(description))
+    contract = SubjectKind if issubclass(kind, SubjectKind) else CopyLayout
+    return _Part(contract, plugin.version, (kind | None, optional(description)))
+
+
+def _add_parts(document: type[OneOfSeveral], contract: type[Document], *own: str) -> Any:
+    """Return a document with a field for each part of plug-ins of a contract; shots name one of them.
+
+    own  names of the document that shots may write in their place
+    """
+    parts = {name: part for name, part in _PARTS.items() if part.contract is contract}
+    made: Any = create_model(
+        document.__name__, __base__=document, **{name: part.field for name, part in parts.items()}
+    )
+    made.versions = {name: part.version for name, part in parts.items()}
+    made.several = (*own, *parts)
+    made.model_config |= exactly_one(*made.several) if made.several else {}
+    return made
+
+
+_PARTS = plugins().parts("subjects", _part_of_plugin)
 
 
 if not TYPE_CHECKING:
-    _KINDS = plugins().parts("subjects", _kind_of_plugin)
-    _FIELDS = {name: field for name, (_, field) in _KINDS.items()}
-    PluginSurfaceDocument = create_model("PluginSurfaceDocument", __base__=PluginSurfaceDocument, **_FIELDS)
-    PluginSurfaceDocument.versions = {name: version for name, (version, _) in _KINDS.items()}
-    PluginSurfaceDocument.several = tuple(_KINDS)
-    PluginSurfaceDocument.model_config |= exactly_one(*_KINDS) if _KINDS else {}
+    PluginSurfaceDocument = _add_parts(PluginSurfaceDocument, SubjectKind)
 
 
 class NetSolidDocument(Document):
@@ -307,13 +328,7 @@ class CopiesDocument(OneOfSeveral):
 
 
 if not TYPE_CHECKING:
-    _LAYOUTS = plugins().parts("layouts", partial(_kind_of_plugin, contract=CopyLayout))
-    CopiesDocument = create_model(
-        "CopiesDocument", __base__=CopiesDocument, **{name: field for name, (_, field) in _LAYOUTS.items()}
-    )
-    CopiesDocument.versions = {name: version for name, (version, _) in _LAYOUTS.items()}
-    CopiesDocument.several = ("region", *_LAYOUTS)
-    CopiesDocument.model_config |= exactly_one("region", *_LAYOUTS)
+    CopiesDocument = _add_parts(CopiesDocument, CopyLayout, "region")
 
 
 class SubjectSettings(Document):
