@@ -148,7 +148,7 @@ class Plugin:
     extras         `ShotExtras`: what the plug-in has of a shot besides its frames
     mesh_formats   `MeshFormat`s by suffix of mesh files
     paints         `PaintReader`s by suffix of mesh files
-    resamplers     `PolygonResampler`s by the names of methods of `resample`
+    resamplers     `PolygonMethod`s, by the names that shots write: `resample: {method: NAME}`
     edits          functions by file suffix that make an edit of another program's timeline: they take the
                    file, the names of the shots and the folder of edits, and return the edit's path and text
     remote_stores  an object that finds remote stores by their addresses: see `RemoteStores`
@@ -265,14 +265,18 @@ class Plugins:
         return {suffix: reader for plugin in self for suffix, reader in plugin.paints.items()}
 
     @property
-    def resamplers(self) -> dict[str, str]:
-        """The resamplers of polygons, by the names of their methods."""
-        return {method: place for plugin in self for method, place in plugin.resamplers.items()}
-
-    @property
     def edits(self) -> dict[str, str]:
         """The functions that make edits of timelines, by file suffix."""
         return {suffix: function for plugin in self for suffix, function in plugin.edits.items()}
+
+    def classes(self, door: str, contract: Any) -> dict[str, Any]:
+        """Return the classes that plug-ins name by a field of `Plugin`, by their names in it.
+
+        They extend the contract. One that cannot be used is left out with a warning, the first time.
+        """
+        named = ((plugin.name, *item) for plugin in self for item in getattr(plugin, door).items())
+        found = {name: _class(plugin, place, contract) for plugin, name, place in named}
+        return {name: each for name, each in found.items() if each is not None}
 
     def objects(self, door: str, contract: type[T]) -> dict[str, T]:
         """Return an object of the class that each plug-in names by a field of `Plugin`, by plug-ins' names.
@@ -337,19 +341,24 @@ def named(place: str) -> Any:
 
 
 @cache
-def _object(plugin: str, place: str, contract: type) -> Any:
-    """Return an object of the class at a place, once in a process; None where there is none to use."""
-    if not place:
-        return None
+def _class(plugin: str, place: str, contract: type) -> Any:
+    """Return the class at a place; None, with a warning the first time, where it cannot be used."""
     try:
         kind = named(place)
         require_class(kind, contract)
-        return kind()
     except Exception as error:
         if place.startswith("flowsculpt."):
             raise
         LOG.warning(f"plug-in {plugin}: {place} is left out: {_reason(error)}")
         return None
+    return kind
+
+
+@cache
+def _object(plugin: str, place: str, contract: type) -> Any:
+    """Return an object of the class at a place, once in a process; None where there is none to use."""
+    kind = _class(plugin, place, contract) if place else None
+    return None if kind is None else kind()
 
 
 def _reason(error: Exception) -> str:
