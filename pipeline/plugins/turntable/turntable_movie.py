@@ -57,7 +57,7 @@ from flowsculpt.api.pictures import (
     write_png,
 )
 from flowsculpt.api.shots import DEFAULTS, LOOKS, NAME, YamlSource, inherited, is_there
-from flowsculpt.pipeline.mesh.read import format_of
+from flowsculpt.pipeline.mesh.read import surface_reader
 from flowsculpt.pipeline.production.request.lookup import cropped_name
 from flowsculpt.pipeline.production.request.render_request import TURNS, Turntable
 from flowsculpt.render.graphics.contact_sheet import Caption
@@ -154,7 +154,7 @@ class TurntableRequest:
 
     @property
     def _is_of_file(self) -> bool:
-        return format_of(self.subject) is not None
+        return surface_reader(self.subject) is not None
 
     def _take(self, path: Path, of_file: bool, look: str | None) -> RenderRequest:
         subjects = self.project.request(path, self.quality).manifest.subjects if look else ()
