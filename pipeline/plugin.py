@@ -161,6 +161,7 @@ class Plugin:
                    `subject: {PLUGIN.NAME: {…}}`, `copies: {count: 9, PLUGIN.NAME: {…}}`
     encodes        `Encode`s of `deliver --as PLUGIN.NAME`, by their names
     entries        entries of shot files by their names, and the stages that shots with them have
+    frame_sources  `FrameSource`s by their kinds, which are names of folders in renders/ too
     commands       commands by name; formats of the command `export` have the name "export FORMAT"
     observer       a `RunObserver`, which is called around runs and deliveries
     extras         `ShotExtras`: what the plug-in has of a shot besides its frames
@@ -177,6 +178,7 @@ class Plugin:
     subjects: Mapping[str, str] = field(default_factory=dict)
     encodes: Mapping[str, str] = field(default_factory=dict)
     entries: Mapping[str, ShotEntry] = field(default_factory=dict)
+    frame_sources: Mapping[str, str] = field(default_factory=dict)
     commands: Mapping[str, Command] = field(default_factory=dict)
     observer: str = ""
     extras: str = ""
@@ -266,6 +268,11 @@ class Plugins:
     def commands(self) -> dict[str, Command]:
         """The commands of all plug-ins by name, and the formats of `export` as `export FORMAT`."""
         return {name: command for plugin in self for name, command in plugin.commands.items()}
+
+    @property
+    def frame_sources(self) -> dict[str, str]:
+        """The sources of frames by kind."""
+        return {kind: source for plugin in self for kind, source in plugin.frame_sources.items()}
 
     def readers(self, part: str) -> dict[str, str]:
         """Return the readers of a part of files, `surface`, `paint` or `edit`, by suffix."""
@@ -454,6 +461,7 @@ def _added(plugin: Plugin) -> Iterator[str]:
         "command": plugin.commands,
         "reader of": plugin.formats,
         "method": plugin.resamplers,
+        "frames of": plugin.frame_sources,
     }
     for kind, names in doors.items():
         yield from (f"{kind} {name}" for name in names)

@@ -165,7 +165,7 @@ def stills(
 
 def _cost(common: Common, plan: Plan) -> str:
     """Return what rendering the large frames of a plan takes, in words; empty if it renders none."""
-    large = plan.requests[0].quality
+    large = plan.requests[0].pictures.quality
     width, height = large.rendered_size
     if not plan.frame_counts()["render"] or width * height < LARGE:
         return ""

@@ -61,8 +61,8 @@ def test_a_loop_in_whole_turns_changes_cameras_alone(project):
         for settings in ((), ("loop=turns",))
     )
     assert plain.source.surface_keys.meshes == round_.source.surface_keys.meshes
-    assert plain.cameras_key != round_.cameras_key
-    assert round_.is_round
+    assert plain.keys.cameras != round_.keys.cameras
+    assert round_.pictures.is_round
 
 
 @pytest.mark.quick

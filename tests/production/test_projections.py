@@ -17,7 +17,6 @@ from flowsculpt.pipeline.plugins.delivery.timeline import _delivered
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.request.keys import projection_of
 from flowsculpt.pipeline.production.request.lookup import find_edit
-from flowsculpt.pipeline.production.request.render_request import Turntable
 from flowsculpt.pipeline.shot import read_film
 from flowsculpt.render.movie.codecs import ENCODES
 from flowsculpt.render.post.image import read_exr, read_header
@@ -100,12 +99,10 @@ def test_names_of_deliverables_say_what_many_players_go_by(there, kind, end):
 
 
 @pytest.mark.quick
-def test_turntables_are_flat(there):
+def test_a_shot_has_its_own_projection_beside_a_wide_one(there):
     project = Project(there.path, cores=1)
-    assert project.asked(NAME, "draft").projection == Projection("spherical")
-    turned = replace(project.asked(NAME, "draft"), turntable=Turntable(1, 8))
-    assert turned.projection == PERSPECTIVE
-    assert project.asked("T020_flat", "draft").projection == PERSPECTIVE
+    assert project.asked(NAME, "draft").pictures.projection == Projection("spherical")
+    assert project.asked("T020_flat", "draft").pictures.projection == PERSPECTIVE
 
 
 @pytest.mark.quick

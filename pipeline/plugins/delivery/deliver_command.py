@@ -191,11 +191,11 @@ class _Wanted:
         """Yield a line for each shot or edit with pictures smaller than screens of its deliverables show."""
         for name in self.names:
             request = self._requests(name)[0]
-            width, height = request.quality.rendered_size
+            width, height = request.pictures.quality.rendered_size
             small = [e.name for e in encodes if min(width, height) < USUAL_SIDES.get(e.name, 0)]
             if not small or crop_of(self.quality):
                 continue
-            whole = replace(request, quality_name="final").quality
+            whole = replace(request, quality_name="final").pictures.quality
             remedy = "Write a larger picture: {size: …} in the shot."
             if whole.width > width:
                 also = ", without --scale," if base_of(self.quality) == "final" else ""

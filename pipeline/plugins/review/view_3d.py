@@ -80,7 +80,7 @@ class PageMeshes:
         if len(numbers) < 2:
             return {"without": ""}
         for number, files in self._simulated.items():
-            if [key for _, key in files] != [part.normals_key(number) for part in self.request.parts]:
+            if [key for _, key in files] != [part.keys.normals(number) for part in self.request.parts]:
                 return {"without": f"{name} has changed since frame {number} was simulated; render it again."}
         without = "no plug-in makes animations."
         request = replace(self.request, requested=numbers)

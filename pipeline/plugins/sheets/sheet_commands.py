@@ -80,7 +80,7 @@ class ShotSheet:
         Missing frames are shown as missing. Raises MachineError.
         """
         request, numbers = self.request, self.request.requested
-        size = request.quality.rendered_size
+        size = request.pictures.quality.rendered_size
         columns = min(len(numbers), self.columns or columns_for(len(numbers), size))
         rate = request.shot.rate
         seconds = [rate.seconds(number - request.shot.frames.first) for number in numbers]

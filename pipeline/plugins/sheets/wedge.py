@@ -289,7 +289,7 @@ class Wedge:
     def _pages(self, numbers: Sequence[int], bits: int, display: str) -> Iterator[NDArray[Any]]:
         """Yield the contact sheet of frames."""
         first, store = self._read[0][1], self.project.store
-        sizes = [(cell.quality.width, cell.quality.height) for _, cell in self._read]
+        sizes = [(cell.pictures.quality.width, cell.pictures.quality.height) for _, cell in self._read]
         size = max(width for width, _ in sizes), max(height for _, height in sizes)
         columns = self.columns or self.grid.columns or columns_for(len(self.grid), size)
         captions = [cell.caption for cell, _ in self._read]

@@ -251,7 +251,7 @@ class Release:
         return keys
 
     def _movie_key(self, keys: Mapping[int, FrameKeys]) -> Key:
-        return self.request.whole().movie_key([keys[n].frame for n in sorted(self.request.angles)])
+        return self.request.whole().keys.movie([keys[n].frame for n in sorted(self.request.angles)])
 
     def _require(self, missing: str, stale: str) -> None:
         """Raise MissingInputError or UsageError if a file is missing or stale."""
@@ -274,11 +274,11 @@ class Release:
             published=time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
             user=_user(),
             quality=request.quality_name,
-            size=(request.quality.width, request.quality.height),
+            size=(request.pictures.quality.width, request.pictures.quality.height),
             rate=str(request.shot.motion.rate),
             variant=request.variant,
             source=portable(replace(request.source, allow_code=False)),
-            cameras=request.cameras_key,
+            cameras=request.keys.cameras,
             frames={number: self._frame(number, keys) for number in sorted(request.angles)},
             movie={"file": f"{request.name}.mp4", "key": movie, "sha256": self._whole_movie(movie)},
             packages=packages(),
@@ -299,8 +299,8 @@ class Release:
             raise self._evicted("frame", found.frame, f"frame {number}") from None
         return FrameRecord(
             file=f"frames/{request.name}.{number:04d}.exr",
-            mesh=request.mesh_key(mesh),
-            normals=request.normals_key(mesh),
+            mesh=request.keys.mesh(mesh),
+            normals=request.keys.normals(mesh),
             raw=found.raw,
             frame=found.frame,
             seed=request.seed(number),
@@ -381,7 +381,7 @@ def _seconds_of_render(request: RenderRequest, root: Path, number: int, raw: Key
 def _total_seconds(request: RenderRequest, root: Path, raws: Mapping[int, Key]) -> dict[str, float]:
     """Return the seconds of all frames of a request by stage; `raws` are the keys of its renders."""
     stages = (*sorted(SHARED_STAGES), "finish", "assemble")
-    latest = LatestTimings(root).by_stage(request.subject, request.name, request.quality_name, stages)
+    latest = LatestTimings(root).by_stage(request.folders.title, request.name, request.quality_name, stages)
     renders = [sum(_seconds_of_render(request, root, number, raw).values()) for number, raw in raws.items()]
     totals = {stage: round(sum(frames.values()), 3) for stage, frames in latest.items()}
     return {**totals, "render": round(sum(renders), 3)}
@@ -408,7 +408,7 @@ class Patch(Release):
             known = ", ".join(sorted(folder.name for folder in home.glob("v*"))) or "nothing"
             raise MissingInputError(f"--patch {self.base}: {name} has no such version; published: {known}")
         record, request = Provenance.read(self._folder / FILE), self.request
-        size = request.quality.width, request.quality.height
+        size = request.pictures.quality.width, request.pictures.quality.height
         facts = (
             ("quality", record.quality, request.quality_name),
             ("size", "{}×{}".format(*record.size), "{}×{}".format(*size)),
@@ -468,7 +468,7 @@ class Patch(Release):
         def write(path: Path) -> None:
             frames = in_loop(request, numbers, self._shown, mix_frames)
             sound = samples_of(request.sounds, len(numbers) - loop_dissolve(request), rate)
-            options: Any = {"projection": request.projection, "loops": request.loop is not None}
+            options: Any = {"projection": request.pictures.projection, "loops": request.loop is not None}
             write_movie(path, frames, rate.fps, encode, sound=sound, **options)
 
         self.store.put("movie", key, write)

@@ -139,7 +139,7 @@ class Reproduction:
         Raises UsageError or MissingInputError where files that the version was made from have changed.
         """
         request = RenderRequest(self._source, self.record.quality, self._variant([]), self.numbers)
-        is_recorded, window = self.record.frames.__contains__, request.window
+        is_recorded, window = self.record.frames.__contains__, request.pictures.window
         around = {n for number in self.numbers for n in window(number, is_recorded)}
         return replace(request, requested=tuple(sorted(around)))
 

@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING, Any
 from snakemake_interface_executor_plugins.executors.remote import RemoteExecutor
 
 from flowsculpt.pipeline.errors import FlowsculptError, UsageError, suggestion
+from flowsculpt.pipeline.plugin import plugins
 from flowsculpt.pipeline.production.execution.run import with_inputs_here
 from flowsculpt.pipeline.production.planning.plan import Job, Plan, check_done_files, movie_record
 from flowsculpt.pipeline.production.planning.profile import Share
@@ -185,7 +186,7 @@ class PlannedWorkflow:
     def _unfit_hosts(self, job: Job) -> set[str]:
         """Return the hosts that are left out, and those that have failed at a frame of a job."""
         request = self.plan.requests[job.requests[0]]
-        own = {(request.subject, request.quality_name, number) for number in job.frames}
+        own = {(request.folders.title, request.quality_name, number) for number in job.frames}
         return {
             host
             for (host, stage), frames in faults_of_hosts(self._root, self.plan).items()
@@ -324,8 +325,9 @@ def _unprotect(path: Path) -> None:
 
 def _shot_of(match: re.Match[str], target: str) -> str:
     """Return the shot of a file. Raises UsageError for a file that no shot alone has."""
-    if match["home"].startswith("turntable/"):
-        raise UsageError(f"{target}: flowsculpt turntable {match['name']} makes the pictures of a turntable")
+    kind = match["home"].partition("/")[0]
+    if kind in plugins().frame_sources:
+        raise UsageError(f"{target}: flowsculpt {kind} {match['name']} makes the pictures in renders/{kind}")
     if match["home"] != match["name"]:
         raise UsageError(f"{target}: files of a shot lie in renders/SHOT and begin with its name")
     return match["name"]

@@ -70,7 +70,7 @@ def mesh_states(request: RenderRequest, store: Store, history: History) -> Frame
             if store.url is None and place.rpartition("/")[2] not in shown:
                 yield "missing"  # whatever its key is, which takes the flow of all frames before
                 continue
-            key = part.mesh_key(number)
+            key = part.keys.mesh(number)
             if store.shows("mesh", key, place):
                 yield "done"
             else:
@@ -79,7 +79,7 @@ def mesh_states(request: RenderRequest, store: Store, history: History) -> Frame
     def of_all(*found: str) -> str:
         return next(state for state in ("stale", "missing", "remote", "done") if state in found)
 
-    names = [request.name if part is request else part.subject for part in request.parts]
+    names = [request.name if part is request else part.folders.title for part in request.parts]
     found = map(of_all, *map(states_of, request.parts))
     return _states(request, "meshes", found, history, [(name, MESH_STAGES, SHARED) for name in names])
 
@@ -155,14 +155,14 @@ class KnownPictures:
         assert self.keys is not None, "the caller checks"
         keys = self.keys[number]
         if kind in FORMS:
-            return self._request.still_key(kind, keys.frame)
+            return self._request.keys.still(kind, keys.frame)
         return keys.raw if kind == "raw" else keys.frame
 
     def _around(self, number: int) -> tuple[int, ...]:
         """Return the frames that a finished frame is averaged with."""
         assert self.keys is not None, "the caller checks"
         was_rendered = self.keys.is_available
-        return self._request.window(number, lambda n: n in self._rendered or was_rendered(n))
+        return self._request.pictures.window(number, lambda n: n in self._rendered or was_rendered(n))
 
 
 def _names_in(folder: str) -> frozenset[str]:

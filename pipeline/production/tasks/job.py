@@ -163,7 +163,7 @@ class Context:
     @property
     def subject(self) -> str:
         """The shot's name, or `film`."""
-        return "film" if self.job.stage == "film" else self.request.subject
+        return "film" if self.job.stage == "film" else self.request.folders.title
 
     @property
     def _quality(self) -> str:
@@ -192,16 +192,16 @@ class Context:
         """Return the keys of what the job makes."""
         request, stage, frames = self.request, self.job.stage, self.job.frames
         if stage == "frame_camera":
-            return [request.cameras_key]
+            return [request.keys.cameras]
         if stage in ("simulate", "smooth_normals"):
-            return [(request.mesh_key if stage == "simulate" else request.normals_key)(n) for n in frames]
+            return [(request.keys.mesh if stage == "simulate" else request.keys.normals)(n) for n in frames]
         keys = self.picture_keys(request)
         if stage == "render":
             return [keys[number].raw for number in frames]
         if STAGES[stage].plugin:
             return [keys[number].staged[stage] for number in frames]
         made = [keys[number].frame for number in frames]
-        return made if stage == "finish" else [request.still_key(stage, key) for key in made]
+        return made if stage == "finish" else [request.keys.still(stage, key) for key in made]
 
     # Files
 
@@ -245,7 +245,7 @@ class Context:
         """
         from flowsculpt.pipeline.production.store import readers  # numpy, which a supervisor does not need
 
-        reader = readers.picture(key, request.quality.rendered_size)
+        reader = readers.picture(key, request.pictures.quality.rendered_size)
         return self.read(kind, key, request.place(shown_as or kind, number), reader)
 
     def survey(self, numbers: Iterable[int], read: Callable[[int], object]) -> None:

@@ -246,7 +246,7 @@ def test_a_simulation_tried_again_goes_on_from_its_last_frame(folder):
     context = Context.of(folder, plan, job.name)
     assert simulate(context)
     store, request = Store(folder), context.request
-    store.discard("mesh", request.mesh_key(3))
+    store.discard("mesh", request.keys.mesh(3))
     outputs = [folder / place for place in request.places("mesh", job.frames)]
     for output in outputs:
         output.unlink()
