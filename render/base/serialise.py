@@ -148,7 +148,8 @@ def _builder(kind: Any) -> Builder:
         return _sequence_builder(origin, arguments[0])
     if isinstance(origin, type) and issubclass(origin, Mapping):
         return _mapping_builder(int if arguments[0] is int else str, arguments[1])
-    return kind if kind in (float, Path) else _unchanged
+    is_numbers = isinstance(kind, type) and issubclass(kind, tuple) and not hasattr(kind, "_fields")
+    return kind if is_numbers or kind in (float, Path) else _unchanged
 
 
 def _union_builder(kinds: tuple[Any, ...]) -> Builder:

@@ -453,7 +453,7 @@ def relight(
     given = LightSettings.of(settings or ())
     project = project_of(common, given.of_shot, allow_code, variant)
     quality_name = PictureOptions(crop, scale).quality(quality, project, [shot])
-    request = project.asked(shot, quality_name, frames)
+    request = project.find_request(shot, quality_name, frames)
     lights, path = request.shot.picture.lights, find_shot(shot)
     if not lights.groups:
         raise UsageError(

@@ -21,6 +21,7 @@ from flowsculpt.api.files import from_plain, read_state, remove
 from flowsculpt.api.frames import (
     FILM,
     Edit,
+    FrameRange,
     Key,
     PictureKeys,
     Plan,
@@ -189,27 +190,27 @@ class _Repairs:
         planner, store, every = self.planner, self.planner.store, tuple(request.angles)
         meshes = tuple(dict.fromkeys(angle.mesh for angle in request.angles.values()))
         if lost := self._claim_of_each(request, "mesh", meshes):
-            planner.simulate(replace(request, requested=lost))
+            planner.simulate(replace(request, requested=FrameRange(lost)))
         if lost := self._claim_of_each(request, "normals", meshes):
             shown = tuple(n for n, angle in request.angles.items() if angle.mesh in lost)
-            planner.surfaces(replace(request, requested=shown))
+            planner.surfaces(replace(request, requested=FrameRange(shown)))
         keys = picture_keys(request, store)
         if keys is None:  # its cameras are lost, by which its pictures are known
             places = zip(every, map(Path, request.places("frame", every)), strict=True)
             shown = tuple(n for n, place in places if place in self.left or (store.root / place).exists())
             if self._claim_one(request.folders.cameras(), "cameras", request.keys.cameras) and shown:
-                planner.pictures(replace(request, requested=shown))
+                planner.pictures(replace(request, requested=FrameRange(shown)))
             return
         if lost := self._claim(request, "raw", every, lambda n: keys[n].raw):
-            planner.rendered(replace(request, requested=lost))
+            planner.rendered(replace(request, requested=FrameRange(lost)))
         for stage in request.manifest.stages:
             if lost := self._claim(request, "raw", every, partial(_staged_key, keys, stage), stage):
-                planner.rendered(replace(request, requested=lost))
+                planner.rendered(replace(request, requested=FrameRange(lost)))
         if lost := self._claim(request, "frame", every, lambda n: keys[n].frame):
-            planner.pictures(replace(request, requested=lost))
+            planner.pictures(replace(request, requested=FrameRange(lost)))
         for form in FORMS:
             if lost := self._claim(request, form, every, partial(_still_key, request, keys, form)):
-                planner.stills(replace(request, requested=lost), form)
+                planner.stills(replace(request, requested=FrameRange(lost)), form)
         for part in (request, request.whole()):
             key = part.keys.movie([keys[n].frame for n in sorted(part.requested)])
             if self._claim_one(part.movie_path, "movie", key):

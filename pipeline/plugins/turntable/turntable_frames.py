@@ -7,11 +7,10 @@ from collections.abc import Iterable, Mapping
 from dataclasses import astuple, dataclass, fields, replace
 from typing import ClassVar
 
-from flowsculpt.api.frames import Folders, FrameRange
+from flowsculpt.api.frames import Folders, FrameRange, MeshAngle
 from flowsculpt.api.options import QUALITIES
 from flowsculpt.api.shots import Shot
 from flowsculpt.pipeline.production.request.manifest import ShotManifest
-from flowsculpt.pipeline.production.request.render_request import MeshAngle
 from flowsculpt.pipeline.production.store.paths import RENDERS
 from flowsculpt.pipeline.shot.camera_path import CameraPath, View
 from flowsculpt.render.scene.render_camera import PERSPECTIVE

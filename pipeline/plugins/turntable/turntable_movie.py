@@ -163,7 +163,7 @@ class TurntableRequest:
         if at not in known:
             raise UsageError(f"frame {at} is not in {request.name}, which has frames {known}")
         table = Turntable(at, self.frames, of_file, look if len(self.looks) > 1 else None)
-        numbers = tuple(number for turn in self.turns for number in table.numbers(turn))
+        numbers = FrameRange(number for turn in self.turns for number in table.numbers(turn))
         return replace(request, requested=numbers, frame_source=table)
 
     def _settings(self, look: str | None, subjects: Sequence[str]) -> Iterator[str]:

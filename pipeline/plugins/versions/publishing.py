@@ -23,7 +23,7 @@ import shutil
 import time
 import uuid
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -367,7 +367,8 @@ def published_sequences(query: SequenceQuery) -> Iterator[PictureSequence]:
 
 def _display_of(record: Provenance, allow_code: bool) -> PictureDisplay:
     try:
-        return display_of(RenderRequest(restored(record, allow_code), record.quality, record.variant, ()))
+        source = restored(record, allow_code)
+        return display_of(RenderRequest(source, record.quality, record.variant, FrameRange()))
     except FlowsculptError:
         return PLAIN
 
@@ -392,7 +393,7 @@ class Patch(Release):
     """A base version with the frames of a range replaced by today's, and a movie of all."""
 
     base: str = ""
-    frames: str = ""
+    frames: FrameRange = field(default_factory=FrameRange)
 
     @cached_property
     def _folder(self) -> Path:
@@ -427,13 +428,13 @@ class Patch(Release):
     @cached_property
     def _numbers(self) -> frozenset[int]:
         """The frames of today. Raises UsageError where some are not in the shot."""
-        whole, asked = FrameRange.of(self.request.angles), FrameRange.parse(self.frames)
-        if outside := asked.outside(whole):
+        whole = FrameRange(self.request.angles)
+        if outside := self.frames.outside(whole):
             raise UsageError(
                 f"-f {self.frames}: frames {outside} are not in {self.request.name}, which has {whole}; name "
                 "frames among those"
             )
-        return frozenset(asked)
+        return frozenset(self.frames)
 
     def _keys(self) -> Mapping[int, FrameKeys]:
         """Return the keys of the new version's frames; those of the range must be rendered."""

@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING, Any
 from snakemake_interface_executor_plugins.executors.remote import RemoteExecutor
 
 from flowsculpt.pipeline.errors import FlowsculptError, UsageError, suggestion
+from flowsculpt.pipeline.frames import FrameRange, FrameSelection
 from flowsculpt.pipeline.plugin import plugins
 from flowsculpt.pipeline.production.execution.run import with_inputs_here
 from flowsculpt.pipeline.production.planning.plan import Job, Plan, check_done_files, movie_record
@@ -246,25 +247,26 @@ class PlannedWorkflow:
     def _ask(self, project: Project, planner: Planner, targets: list[str]) -> None:
         """Ask the planner for what the targets and `--config` name: by default the film of an edit."""
         config, quality = self._config, today_name(str(self._config.get("quality", DEFAULT_QUALITY)))
-        frames = str(config["frames"]) if "frames" in config else None
+        frames = FrameSelection.of_text(str(config["frames"])) if "frames" in config else None
         edit = str(config.get("edit", FILM.stem))
         shots = [name for name in str(config.get("shots", config.get("shot", ""))).split(",") if name]
-        numbers: dict[tuple[str, str], list[str]] = {}
+        numbers: dict[tuple[str, str], list[int]] = {}
         for target in targets:
             if match := _FRAME.fullmatch(target):
-                numbers.setdefault((_shot_of(match, target), match["quality"]), []).append(match["number"])
+                place = _shot_of(match, target), match["quality"]
+                numbers.setdefault(place, []).append(int(match["number"]))
             elif match := _FILM.fullmatch(target):
                 project.add_film(planner, match["quality"], find_edit(match["movie"]))
             elif match := _MOVIE.fullmatch(target):
                 shot = _shot_of(match, target)
-                project.add_pictures(planner, shot, match["quality"], match["frames"])
+                part = FrameRange.parse(match["frames"]) if match["frames"] else None
+                project.add_pictures(planner, shot, match["quality"], part)
             elif target == "shots":
                 of_film = [] if shots else project.edit(quality, find_edit(edit))[1]
                 for request in [project.request(find_shot(name), quality) for name in shots] or of_film:
                     planner.surfaces(request.whole())
         for (shot, wanted), frame_numbers in numbers.items():
-            asked = ",".join(str(int(number)) for number in frame_numbers)
-            planner.pictures(project.request(find_shot(shot), wanted, asked))
+            planner.pictures(project.request(find_shot(shot), wanted, FrameRange(frame_numbers)))
         if targets and "all" not in targets:
             return
         for name in shots:

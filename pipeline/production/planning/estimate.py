@@ -22,6 +22,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
+from flowsculpt.pipeline.frames import FrameRange
 from flowsculpt.pipeline.plugin import plugins
 from flowsculpt.pipeline.production.planning.frame_states import KnownPictures
 from flowsculpt.pipeline.production.planning.plan import Job, Plan
@@ -65,7 +66,7 @@ class Forecast:
                 if not known[place].is_framed:
                     held = {n: known[place].holds(_KINDS[job.stage], n) for n in job.frames}
                     unframed[job.stage] += [n for n, is_held in held.items() if is_held is None]
-                    job = replace(job, frames=tuple(n for n, is_held in held.items() if not is_held))
+                    job = replace(job, frames=FrameRange(n for n, is_held in held.items() if not is_held))
             if job.frames:
                 jobs.append(job)
         return cls(replace(plan, jobs=tuple(jobs)), {stage: tuple(n) for stage, n in unframed.items() if n})

@@ -11,8 +11,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
-from flowsculpt.pipeline.errors import UsageError, suggestion
-from flowsculpt.pipeline.frames import FrameRange
+from flowsculpt.pipeline.frames import FrameRange, FrameWords
 from flowsculpt.pipeline.production.request.cameras import ShownCameras
 from flowsculpt.pipeline.production.request.keys import PictureKeys, picture_keys
 from flowsculpt.pipeline.production.request.render_request import FORMS, RenderRequest
@@ -205,33 +204,15 @@ def _states(
     )
 
 
-WORDS = ("all", "missing", "stale", "failed")
-
-
-def is_in_words(text: str) -> bool:
-    """Tell whether a frame option holds words, such as `failed` or `missing,stale`, instead of numbers."""
-    return any(part.strip().isalpha() for part in text.split(","))
-
-
-def selected(text: str, whole: FrameRange, states: Callable[[], FrameStates]) -> FrameRange:
+def select_frames(words: FrameWords, whole: FrameRange, states: Callable[[], FrameStates]) -> FrameRange:
     """Return the frames that words select, in the order of the shot.
 
     Stale frames include unframed ones, missing ones those that the remote store has and those that are
     rendered and not denoised.
-
-    Raises UsageError for an unknown word, and for words mixed with numbers.
     """
-    words = [part.strip() for part in text.split(",")]
-    for word in words:
-        if word not in WORDS:
-            if not word.isalpha():
-                raise UsageError(
-                    f"{text!r} is not a frame range; write one as 1-48x2, or words alone: failed,stale"
-                )
-            raise UsageError(f"{word!r} is not a frame range or a word. {suggestion(word, WORDS)}")
-    if "all" in words:
+    if "all" in words.words:
         return whole
-    known = states()
-    states_of = {"stale": ("stale", "unframed"), "missing": ("missing", "remote", "rendered")}
-    wanted = {n for word in words for state in states_of.get(word, (word,)) for n in getattr(known, state)}
-    return FrameRange.of(n for n in whole if n in wanted)
+    known, more = states(), {"stale": ("unframed",), "missing": ("remote", "rendered")}
+    names = [name for word in words.words for name in (word, *more.get(word, ()))]
+    wanted = {number for name in names for number in getattr(known, name)}
+    return FrameRange(number for number in whole if number in wanted)

@@ -108,7 +108,7 @@ class Job:
     name: str
     stage: str
     requests: tuple[int, ...]
-    frames: tuple[int, ...]
+    frames: FrameRange
     reads: tuple[int, ...] | None = None
     meshes: tuple[int, ...] = ()
     key: str = ""
@@ -299,13 +299,13 @@ class Plan:
         known, _, frames = name.partition(":")
         if not frames:
             return next(job for job in self.jobs if job.name == known)
-        from flowsculpt.render.mitsuba.engine import (
-            available_cores,  # what else is in it takes time to import
-        )
+        from flowsculpt.render.mitsuba.engine import available_cores  # which takes time to import
 
-        whole = next(job for job in self.jobs if known in (job.name, job.stage))
-        numbers = tuple(FrameRange.parse(frames))
-        return replace(whole, name=name, frames=numbers, output="", threads=available_cores())
+        whole, part = (
+            next(job for job in self.jobs if known in (job.name, job.stage)),
+            FrameRange.parse(frames),
+        )
+        return replace(whole, name=name, frames=part, output="", threads=available_cores())
 
     def memory_mib(self, job: Job) -> int:
         """Return the memory of a job, MiB, by what earlier pictures took."""

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.frames import FrameRange
 from flowsculpt.pipeline.production.planning.plan import Job, Link, Plan, done_file, with_threads
 from flowsculpt.pipeline.production.planning.profile import Share
 from flowsculpt.pipeline.production.planning.timings import measured
@@ -184,7 +185,9 @@ class PlannedJobs:
         for made in keys:
             self._makers[stage].setdefault(made, len(self.jobs))
         others = None if list(reads) == list(frames) else tuple(reads)
-        job = Job(name, stage, entry.places, tuple(frames), others, key=key, output=output, present=present)
+        job = Job(
+            name, stage, entry.places, FrameRange(frames), others, key=key, output=output, present=present
+        )
         self.jobs.append(replace(job, **fields))
 
     def add_simulations(self, entries: Collection[PlanEntry]) -> None:

@@ -126,7 +126,7 @@ class RenderRequest:
     source: ShotSource
     quality_name: str
     variant: str
-    requested: tuple[int, ...]
+    requested: FrameRange
     frame_source: FrameSource = field(default=ShotFrames(), metadata=named_by_kind(_source_of_kind))
     home: str | None = None
 
@@ -189,7 +189,7 @@ class RenderRequest:
 
     def whole(self) -> RenderRequest:
         """Return the request of all pictures."""
-        return replace(self, requested=tuple(self.angles))
+        return replace(self, requested=FrameRange(self.angles))
 
     @property
     def is_whole(self) -> bool:
@@ -244,7 +244,7 @@ class RenderRequest:
     @property
     def movie_path(self) -> Path:
         """The path of the movie: of the whole request, or of a part of it."""
-        part = None if self.is_whole else self.frame_source.part_name(FrameRange.of(self.requested))
+        part = None if self.is_whole else self.frame_source.part_name(self.requested)
         return self.folders.movie(self.quality_name, part)
 
     @property

@@ -20,6 +20,7 @@ from types import FrameType
 from typing import Any
 
 from flowsculpt.pipeline.errors import FlowsculptError, FrameError, MachineError
+from flowsculpt.pipeline.frames import FrameRange
 from flowsculpt.pipeline.plugin import fault_of_plugin
 from flowsculpt.pipeline.production.planning.plan import Plan, write_manifest
 from flowsculpt.pipeline.production.planning.profile import VariantError, require_variant
@@ -118,7 +119,7 @@ def _do(context: Context, plan_path: str, insist: bool, process: int) -> int:
 def _rest(context: Context, settled: int, process: int) -> int:
     """Render what is left of a job in this process, a child of the one that supervises it."""
     context.begin(process)
-    frames = context.job.frames[settled:]
+    frames = FrameRange(context.job.frames[settled:])
     return _finished(replace(context, job=replace(context.job, frames=frames)), context)
 
 

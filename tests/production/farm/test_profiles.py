@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from flowsculpt.pipeline.errors import MachineError, MissingInputError, UsageError
+from flowsculpt.pipeline.frames import FrameRange
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.execution.snakemake import _words, complaint
 from flowsculpt.pipeline.production.planning.plan import Job, Plan
@@ -241,7 +242,7 @@ def test_every_other_host_has_an_event_log_of_its_own(tmp_path, monkeypatch):
 def test_a_simulation_tried_again_goes_on_from_its_last_frame(folder):
     from flowsculpt.pipeline.production.tasks.surfaces import simulate
 
-    plan = Project(folder, 1).meshes([NAME], "1-3")
+    plan = Project(folder, 1).meshes([NAME], FrameRange.parse("1-3"))
     (job,) = plan.jobs
     context = Context.of(folder, plan, job.name)
     assert simulate(context)
