@@ -50,7 +50,7 @@ def finish(context: Context) -> bool:
 
         return context.make("frame", keys[number].frame, request.place("frame", number), write)
 
-    lost = {number for stage in FINISH.reads for number in context.failed(stage)}
+    lost = {number for stage in FINISH.reads for number in context.failures.frames(stage)}
     ready = [n for n in context.job.frames if not lost & {*keys[n].window}]
     well = context.for_each(ready, work)
     for number in {*context.job.frames} - {*ready} - lost:
@@ -81,7 +81,7 @@ def plugin_stage(context: Context) -> bool:
 
         return context.make("raw", keys[number].staged[stage.name], request.place(stage.name, number), write)
 
-    lost = {number for before in stage.reads for number in context.failed(before)}
+    lost = {number for before in stage.reads for number in context.failures.frames(before)}
     ready = [number for number in context.job.frames if number not in lost]
     return context.for_each(ready, work) and len(ready) == len(context.job.frames)
 

@@ -27,7 +27,14 @@ from flowsculpt.pipeline.production.planning.profile import VariantError, requir
 from flowsculpt.pipeline.production.stages import STAGES
 from flowsculpt.pipeline.production.store.locks import of_key, writing
 from flowsculpt.pipeline.production.store.remote_store import has_kernels, remote_stores
-from flowsculpt.pipeline.production.tasks.job import ENVIRONMENT, Context, cpu_of_job
+from flowsculpt.pipeline.production.tasks.job import (
+    ENVIRONMENT,
+    Context,
+    bring_inputs_to_now,
+    cpu_of_job,
+    report_store_warnings,
+    write_done_file,
+)
 from flowsculpt.pipeline.production.tasks.supervisor import (
     INTERRUPTED,
     RESTART_WORKER,
@@ -81,7 +88,7 @@ def _heeding_signals(context: Context, work: Callable[[], int]) -> int:
         if signal.getsignal(number) != signal.SIG_IGN:
             signal.signal(number, _interrupt_once)
     try:
-        context.tell_of_store()
+        report_store_warnings(context)
         return work()
     except (FlowsculptError, OSError) as error:
         context.fail(_as_failure(error, context.root))
@@ -92,16 +99,16 @@ def _heeding_signals(context: Context, work: Callable[[], int]) -> int:
 def _do(context: Context, plan_path: str, insist: bool, process: int) -> int:
     """Do the job of a context; the other arguments are those of `main`."""
     root, job = context.root, context.job
-    if not insist and context.failed_for_good():
+    if not insist and context.failures.is_final():
         return 1
     context.begin(process)
-    if not insist and (reason := context.reason_to_leave()):
+    if not insist and (reason := context.failures.reason_to_leave()):
         context.refuse(MachineError(reason))
         return ENVIRONMENT
     with writing(root, wait=True), ExitStack() as stack:
         if not STAGES[job.stage].per_quality:
             stack.enter_context(of_key(root, job.key, context.waits))
-        context.bring_inputs_to_now()
+        bring_inputs_to_now(context)
         if job.stage != "render":
             return _finished(context, context)
         if fault := _unfit(context):
@@ -127,7 +134,7 @@ def _finished(context: Context, whole: Context) -> int:
     """Do a job, or the rest of one, in this process; write the done-file of the whole job."""
     code = work(context)
     if code == 0:
-        whole.write_done_file()
+        write_done_file(whole)
     return code
 
 
