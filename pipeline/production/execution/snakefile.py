@@ -55,7 +55,7 @@ DEFAULT_CORES = 2
 """Cores to plan for when a command such as --rulegraph runs nothing and names none."""
 
 
-JOB_PROCESS = re.sub("[{}]", r"\g<0>\g<0>", command_line("flowsculpt.pipeline.production.tasks.job_process"))
+JOB_PROCESS = re.sub("[{}]", r"\g<0>\g<0>", command_line("flowsculpt.pipeline.production.tasks.worker"))
 """The program of a job in the shell commands of rules, in which Snakemake fills in `{params}`."""
 
 
