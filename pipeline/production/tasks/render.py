@@ -23,7 +23,7 @@ from flowsculpt.pipeline.production.store import readers
 from flowsculpt.pipeline.production.store.store import Key, checkpoint_of
 from flowsculpt.pipeline.production.tasks.finish import raw_attributes
 from flowsculpt.pipeline.production.tasks.job import Context
-from flowsculpt.pipeline.production.tasks.supervisor import MemoryGuard, StopRequest, deferred_signals
+from flowsculpt.pipeline.production.tasks.worker_end import MemoryGuard, StopRequest, deferred_signals
 from flowsculpt.render.base.work_clock import Timing, WorkClock, peak_memory
 from flowsculpt.render.frame.checkpoint import Checkpoint
 from flowsculpt.render.frame.render_frame import ShutterInterval, render_frame

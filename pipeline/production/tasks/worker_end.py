@@ -1,8 +1,9 @@
-"""Supervise rendering processes: what ends one before its job is done, and what then becomes of the job.
+"""Why a worker ends before its job is done, and what then becomes of the job.
 
-A signal ends a rendering process between two sample batches, so that its work is kept. Memory that renderers
-lose from frame to frame comes back only when their process ends, so one that has grown too large ends too,
-and the supervisor starts a fresh one. The supervisor itself renders nothing: a crash takes only the renderer.
+A signal ends a renderer between two sample batches, so that its work is kept. Memory that renderers lose from
+frame to frame comes back only when their process ends, so one that has grown too large ends too, and another
+worker renders the rest. After a crash another worker says what that means for the shot. Who starts workers
+renders nothing itself: a crash takes only the worker.
 """
 
 from __future__ import annotations
@@ -11,8 +12,7 @@ import gc
 import math
 import os
 import signal
-import subprocess
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from subprocess import Popen
@@ -21,12 +21,10 @@ from types import FrameType
 import psutil
 
 from flowsculpt.pipeline.errors import UsageError
-from flowsculpt.pipeline.production.planning.plan import Job
 from flowsculpt.pipeline.production.planning.profile import avoid
 from flowsculpt.pipeline.production.store.event_log import Event, EventReader
 from flowsculpt.pipeline.production.tasks.job import ENVIRONMENT, Context
-from flowsculpt.render.base import python_process
-from flowsculpt.render.base.python_process import ENDING, ForkedProcess, may_fork
+from flowsculpt.render.base.python_process import ENDING, ForkedProcess
 
 CRASHES = {
     number for number in signal.Signals if number.name in ("SIGABRT", "SIGBUS", "SIGFPE", "SIGILL", "SIGSEGV")
@@ -35,7 +33,7 @@ CRASHES = {
 INTERRUPTED = 130
 
 RESTART_WORKER = 75
-"""The exit code of a rendering process that wants a fresh one to render the rest of its frames."""
+"""The exit code of a worker that wants a fresh one to render the rest of its frames."""
 
 GROWTH = 1.5
 """Limit on the memory of a process, as a multiple of what it holds after its first frame."""
@@ -46,77 +44,87 @@ LEAST_MIB = 1024
 VARIABLE = "FLOWSCULPT_WORKER_MIB"
 """The environment variable that sets the memory limit of a process, in MiB."""
 
-Start = Callable[[int], "ForkedProcess | Popen[bytes]"]
-"""Starts a process that renders a job's frames, without a given number of the first."""
-
-# The supervisor
+# Another worker
 
 
-@dataclass
-class Supervisor:
-    """Has a job rendered by one process, or by several one after the other."""
+def needs_another(code: int, before: int) -> bool:
+    """Tell whether a job needs another worker: to render the rest, or to say why this one was killed.
 
-    context: Context
-    start: Start
+    code    the exit code of a worker: minus the number of a signal that ended it
+    before  that of the worker before it, which `--after` told it; 0 for the first
+    """
+    return code == RESTART_WORKER or (code < 0 <= before and -code not in ENDING)
 
-    def run(self) -> int:
-        """Return the exit code of the job. A renderer that has grown is replaced at once.
 
-        One that crashed is not: its variant is avoided, and another round renders the shot with the next one.
-        """
-        reader = EventReader(self.context.log.path)
-        reader.skip()  # a whole film's log takes seconds to read
-        settled: list[Event] = []
-        while True:
-            code, interrupted = self._run_one(sum(event["frame"] is not None for event in settled))
-            name = self.context.job.name
-            news = [event for event in reader.new(name) if event["job"] == name]
-            settled += [event for event in news if event["event"] in ("frame", "fail")]
-            if interrupted:
-                return INTERRUPTED
-            if code == RESTART_WORKER:
-                continue
-            if any(event["event"] == "hung" for event in news):
-                return 1  # the watchdog, which ended it, has reported that
-            if code < 0:
-                return self._ended_by(signal.Signals(-code))
-            return _verdict(code, settled)
+def run_children(start: Callable[[int], ForkedProcess | Popen[bytes]]) -> int:
+    """Have a job done by workers, one after the other, that are children of this process.
 
-    def _run_one(self, settled: int) -> tuple[int, bool]:
-        """Run one process; return its exit code and whether a signal ended it, which is passed on."""
-        received: list[int] = []
-        processes: list[ForkedProcess | Popen[bytes]] = []
+    A signal is passed on. Return the exit code of the last.
 
-        def pass_on(number: int) -> None:
-            received.append(number)
-            for process in processes:
-                process.send_signal(number)
+    start  starts a worker, with the exit code of the one before it
+    """
+    received: list[int] = []
+    workers: list[ForkedProcess | Popen[bytes]] = []
 
-        with handled(pass_on):
-            processes.append(self.start(settled))
+    def pass_on(number: int) -> None:
+        received.append(number)
+        for worker in workers:
+            worker.send_signal(number)
+
+    code = before = 0
+    with handled(pass_on):
+        while not workers or needs_another(code, before):
+            before = code
+            workers[:] = [start(before)]
             for number in received:  # while it was being started
-                processes[0].send_signal(number)
-            return processes[0].wait(), bool(received)
-
-    def _ended_by(self, number: signal.Signals) -> int:
-        if number in ENDING:
-            return int(number)
-        context = self.context
-        if not (number in CRASHES and fall_back_to_other_variant(context, f"crashed ({number.name})")):
-            message = f"{context.job.stage} of {context.subject} was terminated by {number.name}"
-            context.write("killed", message=message)  # as the system does where memory runs out
-        return 1
+                workers[0].send_signal(number)
+            code = workers[0].wait()
+            if received:
+                return INTERRUPTED
+    return code
 
 
-def _verdict(code: int, settled: Sequence[Event]) -> int:
-    """Return the exit code of a job by its events.
+def events_of_try(context: Context) -> list[Event]:
+    """Return the events of a job since the first of the workers began that do it one after the other."""
+    events: list[Event] = []
+    for event in EventReader(context.log.path).new(context.job.name):
+        if event["event"] == "begin" and not event.get("after"):
+            events.clear()
+        if event["job"] == context.job.name:
+            events.append(event)
+    return events
+
+
+def settled_frames(context: Context) -> int:
+    """Return how many frames of a job its workers have made, or failed at."""
+    kinds = ("frame", "fail")
+    return sum(event["event"] in kinds and event["frame"] is not None for event in events_of_try(context))
+
+
+def verdict(context: Context, code: int) -> int:
+    """Return the exit code of a job by that of its last worker, and its events.
 
     Frames that were made are finished though others failed, but what the machine refused ends all.
     """
-    faults = [event.get("exit_code") for event in settled if event["event"] == "fail"]
-    if not faults:
+    if code != 1:
         return code
-    return 0 if len(faults) < len(settled) and ENVIRONMENT not in faults else 1
+    events = events_of_try(context)
+    faults = [event.get("exit_code") for event in events if event["event"] == "fail"]
+    made = any(event["event"] == "frame" for event in events)
+    return 0 if faults and made and ENVIRONMENT not in faults else 1
+
+
+def report_killed(context: Context, number: signal.Signals) -> None:
+    """Report that a signal has ended the worker of a job. After a crash, its variant is avoided.
+
+    The watchdog has reported the end of one that hung.
+    """
+    if any(event["event"] == "hung" for event in events_of_try(context)):
+        return
+    crashed = context.job.stage == "render" and number in CRASHES
+    if not (crashed and fall_back_to_other_variant(context, f"crashed ({number.name})")):
+        message = f"{context.job.stage} of {context.subject} was terminated by {number.name}"
+        context.write("killed", message=message)  # as the system does where memory runs out
 
 
 def fall_back_to_other_variant(context: Context, fact: str) -> bool:
@@ -130,19 +138,6 @@ def fall_back_to_other_variant(context: Context, fact: str) -> bool:
     if left:
         context.log.write("healed", message=f"{reason}; the shot is rendered from the start without it")
     return left
-
-
-def renderer(plan_path: str, job: Job, render: Callable[[int], int]) -> Start:
-    """Start a child that renders: a fork that calls `render`, or where that is not sound, a `job_process`."""
-
-    def start(settled: int) -> ForkedProcess | Popen[bytes]:
-        if may_fork():
-            return ForkedProcess(lambda: render(settled))
-        words = [plan_path, job.name, "--threads", str(job.threads), "--child", str(settled)]
-        command = python_process.command("flowsculpt.pipeline.production.tasks.worker", *words)
-        return Popen(command, env=python_process.environment(), stdin=subprocess.DEVNULL)
-
-    return start
 
 
 # Signals
@@ -193,7 +188,7 @@ def deferred_signals() -> Iterator[StopRequest]:
 
 
 class MemoryLimitError(Exception):
-    """Raised when resident memory exceeds the limit; the supervisor starts a new worker.
+    """Raised when resident memory exceeds the limit; another worker renders the rest.
 
     held, limit  MiB
     """
