@@ -257,7 +257,7 @@ def flow_facts(request: RenderRequest, number: int) -> dict[str, Any]:
 def render(context: Context) -> bool:
     """Render the raw pictures of a batch: sample batches averaged, with AOVs.
 
-    Raises KeyboardInterrupt where the process is to end, and MemoryLimitError where it has grown too
+    Raises StoppedError where the process is to end, and MemoryLimitError where it has grown too
     large; both leave the pictures not yet made to another process.
     """
     request = context.request

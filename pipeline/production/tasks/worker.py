@@ -42,6 +42,7 @@ from flowsculpt.pipeline.production.tasks.worker_end import (
     INTERRUPTED,
     RESTART_WORKER,
     MemoryLimitError,
+    StoppedError,
     fall_back_to_other_variant,
     report_killed,
     run_children,
@@ -181,7 +182,7 @@ def work(context: Context) -> int:
     except FlowsculptError as error:
         context.fail(error)
     except BaseException as error:  # a stranger's function may raise anything
-        if is_of_user(error):
+        if is_of_user(error) or isinstance(error, StoppedError):
             raise
         with suppress(OSError):  # the job's log may lie on a full disk
             traceback.print_exc()

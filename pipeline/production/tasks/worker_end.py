@@ -161,6 +161,10 @@ def handled(handle: Callable[[int], None]) -> Iterator[None]:
             signal.signal(number, before[number])
 
 
+class StoppedError(KeyboardInterrupt):
+    """Raised where a process ends as a signal had asked it to, a while before."""
+
+
 @dataclass
 class StopRequest:
     """Notes that a signal asked this process to end."""
@@ -171,9 +175,9 @@ class StopRequest:
         self.received = True
 
     def check(self) -> None:
-        """Raise KeyboardInterrupt if a signal was received."""
+        """Raise StoppedError if a signal was received."""
         if self.received:
-            raise KeyboardInterrupt
+            raise StoppedError
 
 
 @contextmanager
