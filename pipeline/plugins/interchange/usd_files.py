@@ -206,15 +206,29 @@ def answer(path: str, question: str, options: str) -> bytes:
     _load_usd()
     from pxr import Tf
 
-    from flowsculpt.pipeline.plugins.interchange.usd_reader import answer_about, content_of_picture, one_line
+    from flowsculpt.pipeline.plugins.interchange.usd_reader import content_of_picture, one_line
 
     try:
         if question == "picture":
             return answered(lambda: content_of_picture(json.loads(options)[0]))
-        return answered(lambda: answer_about(path, question, *json.loads(options)))
+        return answered(lambda: _answer_about_stage(path, question, *json.loads(options)))
     except Tf.ErrorException as error:
         first = next((part.commentary for part in error.args if hasattr(part, "commentary")), str(error))
         raise ValueError(one_line(first, path)) from None
+
+
+def _answer_about_stage(path: str, question: str, prim: str | None, time_code: float | None) -> bytes:
+    """Return the answer to `facts`, `surface`, `paint` or `materials`; modules are imported as needed."""
+    from flowsculpt.pipeline.plugins.interchange.usd_reader import facts_of, open_stage, surface_of
+
+    stage, files = open_stage(path)
+    if question == "facts":
+        return facts_of(stage, files)
+    if question == "surface":
+        return surface_of(stage, prim, time_code)
+    from flowsculpt.pipeline.plugins.interchange.usd_paint import answer_about_paint
+
+    return answer_about_paint(stage, question, prim, time_code)
 
 
 def _load_usd() -> None:
