@@ -18,7 +18,6 @@ from typing import Any
 from flowsculpt import MissingInputError
 from flowsculpt.api.files import allow_memory, cache_path, digest_of_file, joint_digest, mapping, serve
 from flowsculpt.pipeline.mesh.mesh_formats import (
-    Files,
     FileSurface,
     ModelFiles,
     ModelMaterials,
@@ -97,10 +96,6 @@ def read_usd(path: Path, part: ScenePart = _WHOLE) -> FileSurface:
 USD = SurfaceReader(read_usd, stage_files, states_up=True, read_part=read_usd)
 
 
-def _no_files(path: Path) -> Files:
-    return {}  # layers are files of the surface
-
-
 def _materials(path: Path, part: ScenePart = _WHOLE) -> ModelMaterials:
     """Return the materials of a part of a stage in the order of its paint, and the files of their pictures.
 
@@ -176,10 +171,10 @@ def _paint(path: Path, part: ScenePart = _WHOLE) -> ModelPaint:
 
 
 def _paint_of_part(part: ScenePart) -> PaintReader:
-    return PaintReader(_no_files, partial(_materials, part=part), partial(_paint, part=part))
+    return PaintReader(partial(_materials, part=part), partial(_paint, part=part))
 
 
-USD_PAINT = PaintReader(_no_files, _materials, _paint, _paint_of_part)
+USD_PAINT = PaintReader(_materials, _paint, of_part=_paint_of_part)
 
 
 def _digest(path: Path) -> str:
