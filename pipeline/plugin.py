@@ -167,7 +167,7 @@ class Plugin:
     extras         `ShotExtras`: what the plug-in has of a shot besides its frames
     formats        `FileFormat`s of models and timelines by suffix: `obj`, `otio`
     resamplers     `PolygonMethod`s, by the names that shots write: `resample: {method: NAME}`
-    remote_stores  an object that finds remote stores by their addresses: see `RemoteStores`
+    remote_stores  `RemoteStores`, which finds remote stores by their addresses
     """
 
     name: str

@@ -1,7 +1,6 @@
 """Checks that a part of a plug-in keeps the contract of its door, made when the part is read.
 
-A contract is a class beside the code that uses it. A part that is a class extends it; a part that is an
-object has its methods.
+A contract is a class beside the code that uses it, which the class of a part extends.
 """
 
 from __future__ import annotations
@@ -76,16 +75,6 @@ def require_class(part: Any, *contracts: type) -> None:
         theirs = inspect.getattr_static(part, name)
         if theirs is not ours:
             _require_arguments(name, theirs, ours)
-
-
-def require_object(part: Any, contract: type) -> None:
-    """Require that a part is an object with all methods of a contract. Raises ContractError as above."""
-    if isinstance(part, type):
-        raise ContractError(f"it is a class; name an object of it, NAME = {part.__name__}()")
-    for name, (owner, ours) in _members(contract.__mro__).items():
-        if not hasattr(part, name):
-            raise ContractError(_lacks(name, ours, owner))
-        _require_arguments(name, getattr(part, name), ours)
 
 
 def require_function(part: Any, name: str, contract: Any) -> None:

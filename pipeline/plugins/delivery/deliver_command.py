@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from flowsculpt import FrameError, UsageError
-from flowsculpt.api import plugins, plural
+from flowsculpt.api import plugins, plural, run_observers
 from flowsculpt.api.commands import (
     Project,
     duration,
@@ -30,7 +30,6 @@ from flowsculpt.api.frames import FrameSelection, Plan, RenderRequest, crop_of, 
 from flowsculpt.api.options import DEFAULT_QUALITY, Common, Frames, PictureOptions, Quality, output_option
 from flowsculpt.api.pictures import BurnIn, Encode
 from flowsculpt.api.shots import is_edit
-from flowsculpt.pipeline.cli.run_observer import run_observers
 from flowsculpt.pipeline.plugins.delivery.deliverables import (
     DELIVERABLES,
     SLATES,

@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 
 from flowsculpt import FlowsculptError
+from flowsculpt.api import shot_extras
 from flowsculpt.api.frames import CorruptFileError, FrameRange, Key, RenderRequest, Store, key_of
 from flowsculpt.api.meshes import AnyArray
 from flowsculpt.pipeline.plugins.review.measures import simulated
-from flowsculpt.pipeline.production.shot_extras import shot_extras
 from flowsculpt.pipeline.production.store import readers
 
 FORMAT = 2

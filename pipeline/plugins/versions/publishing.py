@@ -29,6 +29,7 @@ from pathlib import Path
 from typing import Any
 
 from flowsculpt import FlowsculptError, FrameError, MissingInputError, UsageError
+from flowsculpt.api import shot_extras
 from flowsculpt.api.files import digest_of_file, disk_errors, held, remove_tree
 from flowsculpt.api.frames import (
     DAMAGED,
@@ -77,7 +78,6 @@ from flowsculpt.pipeline.production.request.provenance import (
     portable,
     stage_versions,
 )
-from flowsculpt.pipeline.production.shot_extras import shot_extras
 from flowsculpt.pipeline.production.store.paths import published
 
 _DRAFT = ".draft."
