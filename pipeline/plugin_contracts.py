@@ -6,8 +6,9 @@ A contract is a class beside the code that uses it, which the class of a part ex
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import is_dataclass
+from difflib import get_close_matches
 from functools import cache
 from inspect import Parameter, Signature
 from typing import Any, get_args, get_origin, get_type_hints
@@ -69,12 +70,23 @@ def require_class(part: Any, *contracts: type) -> None:
         kinds = f"neither a {' nor a '.join(names)}" if len(names) > 1 else f"not a {names[0]}"
         raise ContractError(f"it is {kinds}; write class {part.__name__}({names[0]})")
     lacking = getattr(part, "__abstractmethods__", frozenset[str]())
-    for name, (contract, ours) in _members(part.__mro__[1:]).items():
+    members = _members(part.__mro__[1:])
+    if all(not getattr(ours, "__isabstractmethod__", False) for _, ours in members.values()):
+        _require_spelling(part, members)
+    for name, (contract, ours) in members.items():
         if name in lacking:
             raise ContractError(_lacks(name, ours, contract))
         theirs = inspect.getattr_static(part, name)
         if theirs is not ours:
             _require_arguments(name, theirs, ours)
+
+
+def _require_spelling(part: type, known: Collection[str]) -> None:
+    """Require that no method has nearly the name of one that a class may override: it would not be called."""
+    own = [name for name, value in vars(part).items() if name not in known and inspect.isfunction(value)]
+    for name in own:
+        if close := get_close_matches(name, known, 1, 0.88):
+            raise ContractError(f"it has no {close[0]}, but {name}; correct the name, or take one less alike")
 
 
 def require_function(part: Any, name: str, contract: Any) -> None:
