@@ -39,15 +39,13 @@ from flowsculpt.pipeline.production.request.lookup import crop_of as crop_of
 from flowsculpt.pipeline.production.request.lookup import edit_names as edit_names
 from flowsculpt.pipeline.production.request.lookup import find_edit as find_edit
 from flowsculpt.pipeline.production.request.lookup import find_shot as find_shot
+from flowsculpt.pipeline.production.request.lookup import is_quality as is_quality
 from flowsculpt.pipeline.production.request.lookup import misnamed_shots as misnamed_shots
 from flowsculpt.pipeline.production.request.lookup import movie_bits as movie_bits
 from flowsculpt.pipeline.production.request.lookup import names_edit as names_edit
 from flowsculpt.pipeline.production.request.lookup import options_of as options_of
 from flowsculpt.pipeline.production.request.lookup import shot_names as shot_names
 from flowsculpt.pipeline.production.request.manifest import thresholds_at as thresholds_at
-from flowsculpt.pipeline.production.request.provenance import FILE as FILE
-from flowsculpt.pipeline.production.request.provenance import Provenance as Provenance
-from flowsculpt.pipeline.production.request.provenance import records as records
 from flowsculpt.pipeline.production.request.render_request import RenderRequest as RenderRequest
 from flowsculpt.pipeline.production.request.shading import STEP as STEP
 from flowsculpt.pipeline.production.request.shading import Shading as Shading
@@ -56,6 +54,7 @@ from flowsculpt.pipeline.production.request.shading import is_cloud as is_cloud
 from flowsculpt.pipeline.production.request.shading import radii as radii
 from flowsculpt.pipeline.production.request.shading import speeds as speeds
 from flowsculpt.pipeline.production.request.shot_source import ShotSource as ShotSource
+from flowsculpt.pipeline.production.shot_extras import PublishedVersion as PublishedVersion
 from flowsculpt.pipeline.production.stages import STAGES as STAGES
 from flowsculpt.pipeline.production.stages import PipelineStage as PipelineStage
 from flowsculpt.pipeline.production.store.digests import CorruptFileError as CorruptFileError

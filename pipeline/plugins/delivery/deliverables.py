@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flowsculpt import FrameError, MachineError
-from flowsculpt.api import Plugin, plugins, plural
+from flowsculpt.api import Plugin, ShotExtras, plugins, plural
 from flowsculpt.api.files import disk_errors, make_folder, to_plain
 from flowsculpt.api.frames import (
     Edit,
@@ -29,12 +29,10 @@ from flowsculpt.api.frames import (
     Key,
     PictureKeys,
     PipelineStage,
-    Provenance,
     RenderRequest,
     Store,
     key_of,
     picture_keys,
-    records,
     samples_of,
 )
 from flowsculpt.api.pictures import (
@@ -180,12 +178,10 @@ def _version(request: RenderRequest, store: Store, keys: PictureKeys | None) -> 
     if keys is None or request.turntable is not None:
         return IN_WORK
     ours = {n: keys[n].frame for n in request.requested}
-    for _, record in reversed(list(records(store.root / paths.published(request.name)))):
-        if (
-            isinstance(record, Provenance)
-            and ours.items() <= {n: frame.frame for n, frame in record.frames.items()}.items()
-        ):
-            return record.version
+    for extras in ShotExtras.of_plugins().values():
+        for version in reversed(list(extras.versions(store.root, request.name))):
+            if ours.items() <= version.keys.items():
+                return version.name
     return IN_WORK
 
 

@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 
 from flowsculpt import FlowsculptError
+from flowsculpt.api import ShotExtras
 from flowsculpt.api.frames import CorruptFileError, Key, RenderRequest, Store, key_of
 from flowsculpt.api.meshes import AnyArray
 from flowsculpt.pipeline.plugins.review.measures import simulated
-from flowsculpt.pipeline.production.shot_extras import shot_extras
 from flowsculpt.pipeline.production.store import readers
 
 FORMAT = 2
@@ -84,7 +84,7 @@ class PageMeshes:
                 return {"without": f"{name} has changed since frame {number} was simulated; render it again."}
         without = "no plug-in makes animations."
         request = replace(self.request, requested=numbers)
-        for extras in shot_extras().values():
+        for extras in ShotExtras.of_plugins().values():
             try:
                 animation = extras.animation(request, self.store, MOST_VERTICES)
                 if animation is None:

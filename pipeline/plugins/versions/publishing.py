@@ -29,17 +29,16 @@ from pathlib import Path
 from typing import Any
 
 from flowsculpt import FlowsculptError, FrameError, MissingInputError, UsageError
+from flowsculpt.api import ShotExtras
 from flowsculpt.api.files import digest_of_file, disk_errors, held, remove_tree
 from flowsculpt.api.frames import (
     DAMAGED,
-    FILE,
     FrameKeys,
     FrameRange,
     Key,
     LatestTimings,
     PictureKeys,
     PictureSequence,
-    Provenance,
     RenderRequest,
     SequenceQuery,
     Store,
@@ -49,7 +48,6 @@ from flowsculpt.api.frames import (
     movie_bits,
     picture_keys,
     read_statistics,
-    records,
     samples_of,
     writing,
 )
@@ -66,19 +64,21 @@ from flowsculpt.api.pictures import (
     to_display,
     write_movie,
 )
-from flowsculpt.pipeline.plugins.versions.reproduction import pixels_of, restored
-from flowsculpt.pipeline.production.picture_sequences import PLAIN, PictureDisplay
-from flowsculpt.pipeline.production.planning.timings import SHARED_STAGES
-from flowsculpt.pipeline.production.request.provenance import (
+from flowsculpt.pipeline.plugins.versions.provenance import (
+    FILE,
     VERSION,
     FrameRecord,
+    Provenance,
     host,
     packages,
     portable,
+    published_folder,
+    records,
     stage_versions,
 )
-from flowsculpt.pipeline.production.shot_extras import shot_extras
-from flowsculpt.pipeline.production.store.paths import published
+from flowsculpt.pipeline.plugins.versions.reproduction import pixels_of, restored
+from flowsculpt.pipeline.production.picture_sequences import PLAIN, PictureDisplay
+from flowsculpt.pipeline.production.planning.timings import SHARED_STAGES
 
 _DRAFT = ".draft."
 
@@ -191,11 +191,11 @@ class Release:
 
     @property
     def _home(self) -> Path:
-        return self.store.root / published(self.request.name)
+        return published_folder(self.store.root, self.request.name)
 
     def _published(self, dry: bool) -> Published:
         keys = self._keys()
-        known = list(records(self._home))
+        known = list(records(self.store.root, self.request.name))
         content = (*(keys[n].frame for n in sorted(self.request.angles)), self._movie_key(keys))
         for place, record in known:
             if isinstance(record, Provenance) and record.content == content:
@@ -203,7 +203,8 @@ class Release:
         version = self._version([place.name for place, _ in known])
         final = self._home / version
         if not dry:
-            files = (each.notes(self.store.root, self.request.name) for each in shot_extras().values())
+            extras = ShotExtras.of_plugins().values()
+            files = (each.notes(self.store.root, self.request.name) for each in extras)
             notes = next(filter(None, files), b"")
             record = self._record(version, keys, notes)
             freeze(self.store, record, final, self.copy, notes, self._files())
@@ -345,7 +346,7 @@ def _listed(numbers: list[int]) -> str:
 def published_sequences(query: SequenceQuery) -> Iterator[PictureSequence]:
     """Yield the frames of every published version of a shot."""
     name = query.path.stem
-    for place, record in records(query.project.root / published(name)):
+    for place, record in records(query.project.root, name):
         if isinstance(record, Provenance) and query.includes(record.quality):
             files = {number: place / frame.file for number, frame in record.frames.items()}
             patch = "patch of {version}: frames {frames} are new" if record.patch else ""
@@ -396,7 +397,7 @@ class Patch(Release):
 
     @cached_property
     def _folder(self) -> Path:
-        return self.store.root / published(self.request.name) / self.base
+        return published_folder(self.store.root, self.request.name) / self.base
 
     @cached_property
     def _before(self) -> Provenance:

@@ -20,7 +20,6 @@ from flowsculpt.api.frames import (
     FrameRange,
     PictureKeys,
     Plan,
-    Provenance,
     RenderRequest,
     ShotSource,
     Store,
@@ -29,6 +28,7 @@ from flowsculpt.api.frames import (
 )
 from flowsculpt.api.pictures import RenderError, read_exr
 from flowsculpt.api.shots import is_there
+from flowsculpt.pipeline.plugins.versions.provenance import Provenance
 from flowsculpt.pipeline.production.planning.profile import variant_for
 
 
