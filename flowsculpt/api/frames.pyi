@@ -10,7 +10,6 @@ from flowsculpt.pipeline.production.picture_sequences import PictureSequence as 
 from flowsculpt.pipeline.production.picture_sequences import SequenceGrid as SequenceGrid
 from flowsculpt.pipeline.production.picture_sequences import SequenceQuery as SequenceQuery
 from flowsculpt.pipeline.production.picture_sequences import begun as begun
-from flowsculpt.pipeline.production.picture_sequences import display_of as display_of
 from flowsculpt.pipeline.production.picture_sequences import light_notes as light_notes
 from flowsculpt.pipeline.production.picture_sequences import shown_picture as shown_picture
 from flowsculpt.pipeline.production.picture_sequences import white as white
@@ -72,6 +71,8 @@ from flowsculpt.pipeline.production.store.paths import STATE as STATE
 from flowsculpt.pipeline.production.store.paths import SUFFIXES as SUFFIXES
 from flowsculpt.pipeline.production.store.paths import Folders as Folders
 from flowsculpt.pipeline.production.store.paths import repeated as repeated
+from flowsculpt.pipeline.production.store.readers import key_in as key_in
+from flowsculpt.pipeline.production.store.readers import reader_of as reader_of
 from flowsculpt.pipeline.production.store.remote_store import LOG as LOG
 from flowsculpt.pipeline.production.store.remote_store import VARIABLE as VARIABLE
 from flowsculpt.pipeline.production.store.remote_store import RemoteStore as RemoteStore

@@ -33,6 +33,7 @@ from flowsculpt.api.frames import (
     Store,
     key_of,
     picture_keys,
+    reader_of,
     samples_of,
 )
 from flowsculpt.api.pictures import (
@@ -49,14 +50,12 @@ from flowsculpt.api.pictures import (
     prefetch,
     quantise,
     timecode,
-    to_display,
     write_movie,
 )
 from flowsculpt.pipeline.plugins.delivery.gain_map import GAIN_MAP, is_gain_map, write_gain_map
 from flowsculpt.pipeline.plugins.delivery.gif import GIF, write_gif
 from flowsculpt.pipeline.plugins.delivery.relighting import relit_version
 from flowsculpt.pipeline.production.request.audio import AudioClip, AudioTrack
-from flowsculpt.pipeline.production.store import paths, readers
 from flowsculpt.render.graphics.cards import Slate, failure_card
 from flowsculpt.render.movie.codecs import FILM_START, NAME_ENDS
 from flowsculpt.render.post.hdr import HDR_DISPLAYS, ContentLight, hdr_graphics
@@ -137,11 +136,9 @@ class FrameReader:
         return self._picture(number, form), self._labels(number, self._key(number))
 
     def _picture(self, number: int, form: FrameFormat) -> Frame:
-        picture = self.request.shot.picture
         place = self._relit.place(number) if self._relit else self.request.place("frame", number)
         light = self._layer("frame", place, self._key(number), "beauty")
-        values = to_display(light, picture.lights.exposure, form.display, picture.view)
-        frame: Frame = quantise(values, bits=16)
+        frame: Frame = self.request.shot.picture.display.pixels(light, form.display)
         if not form.has_coverage:
             return frame
         assert self.keys is not None, "a finished frame has a key"
@@ -150,8 +147,9 @@ class FrameReader:
         return np.concatenate([frame, np.rint(coverage.clip(0.0, 1.0) * 65535).astype(np.uint16)], axis=2)
 
     def _layer(self, kind: str, place: Path, key: str, layer: str) -> NDArray[np.float32]:
-        read = readers.picture(key, self.request.quality.rendered_size)
-        return self._store.read(kind, key, place, read)[0][layer]
+        read = reader_of(kind, key, size=self.request.quality.rendered_size)
+        pixels: NDArray[np.float32] = self._store.read(kind, key, place, read)[0][layer]
+        return pixels
 
     def _key(self, number: int) -> str:
         if self._relit is not None:
@@ -285,7 +283,7 @@ def film_source(
         name=_name(requests[0], edit.name, relit),
         title=opening.title or edit.name,
         subtitle=opening.subtitle,
-        folder=paths.film(quality_name, edit.name).parent / "deliver",
+        folder=edit.path(quality_name).parent / "deliver",
         rate=rate,
         size=screen.picture,
         projection=screen.projection,

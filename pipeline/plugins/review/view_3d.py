@@ -19,10 +19,9 @@ import numpy as np
 
 from flowsculpt import FlowsculptError
 from flowsculpt.api import ShotExtras
-from flowsculpt.api.frames import CorruptFileError, Key, RenderRequest, Store, key_of
+from flowsculpt.api.frames import CorruptFileError, Key, RenderRequest, Store, key_of, reader_of
 from flowsculpt.api.meshes import AnyArray
 from flowsculpt.pipeline.plugins.review.measures import simulated
-from flowsculpt.pipeline.production.store import readers
 
 FORMAT = 2
 
@@ -62,7 +61,7 @@ class PageMeshes:
             try:
                 for path, _ in files:
                     self.store.digests.check(path)
-                arrays = joined([readers.shading(key)(path) for path, key in files])
+                arrays = joined([reader_of("shading", key)(path) for path, key in files])
             except (CorruptFileError, OSError):
                 return None
             self._write(name, as_script(name, arrays))

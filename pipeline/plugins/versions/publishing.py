@@ -33,6 +33,7 @@ from flowsculpt.api import ShotExtras
 from flowsculpt.api.files import digest_of_file, disk_errors, held, remove_tree
 from flowsculpt.api.frames import (
     DAMAGED,
+    STAGES,
     FrameKeys,
     FrameRange,
     Key,
@@ -42,7 +43,6 @@ from flowsculpt.api.frames import (
     RenderRequest,
     SequenceQuery,
     Store,
-    display_of,
     lock_name,
     making,
     movie_bits,
@@ -59,9 +59,7 @@ from flowsculpt.api.pictures import (
     mix_frames,
     movie_encode,
     probe_movie,
-    quantise,
     read_exr,
-    to_display,
     write_movie,
 )
 from flowsculpt.pipeline.plugins.versions.provenance import (
@@ -77,8 +75,6 @@ from flowsculpt.pipeline.plugins.versions.provenance import (
     stage_versions,
 )
 from flowsculpt.pipeline.plugins.versions.reproduction import pixels_of, restored
-from flowsculpt.pipeline.production.picture_sequences import PLAIN, PictureDisplay
-from flowsculpt.pipeline.production.planning.timings import SHARED_STAGES
 
 _DRAFT = ".draft."
 
@@ -350,7 +346,7 @@ def published_sequences(query: SequenceQuery) -> Iterator[PictureSequence]:
         if isinstance(record, Provenance) and query.includes(record.quality):
             files = {number: place / frame.file for number, frame in record.frames.items()}
             patch = "patch of {version}: frames {frames} are new" if record.patch else ""
-            yield PictureSequence(
+            sequence = PictureSequence(
                 shot=name,
                 kind="version",
                 label=f"{record.version} {record.quality}",
@@ -358,19 +354,15 @@ def published_sequences(query: SequenceQuery) -> Iterator[PictureSequence]:
                 subject=name,
                 numbers=tuple(sorted(record.frames)),
                 files={number: path for number, path in files.items() if path.is_file()},
-                display=_display_of(record, query.project.allow_code),
                 faults={},
                 seconds={number: frame.seconds for number, frame in record.frames.items()},
                 note="; ".join(filter(None, (record.note, patch.format(**record.patch)))),
                 source=record.source,
             )
-
-
-def _display_of(record: Provenance, allow_code: bool) -> PictureDisplay:
-    try:
-        return display_of(RenderRequest(restored(record, allow_code), record.quality, record.variant, ()))
-    except FlowsculptError:
-        return PLAIN
+            with contextlib.suppress(FlowsculptError):
+                picture = restored(record, query.project.allow_code).shot.picture
+                sequence = replace(sequence, display=picture.display)
+            yield sequence
 
 
 def _seconds_of_render(request: RenderRequest, root: Path, number: int, raw: Key) -> dict[str, float]:
@@ -381,7 +373,8 @@ def _seconds_of_render(request: RenderRequest, root: Path, number: int, raw: Key
 
 def _total_seconds(request: RenderRequest, root: Path, raws: Mapping[int, Key]) -> dict[str, float]:
     """Return the seconds of all frames of a request by stage; `raws` are the keys of its renders."""
-    stages = (*sorted(SHARED_STAGES), "finish", "assemble")
+    shared = sorted(name for name, stage in STAGES.items() if not stage.per_quality)
+    stages = (*shared, "finish", "assemble")
     latest = LatestTimings(root).by_stage(request.subject, request.name, request.quality_name, stages)
     renders = [sum(_seconds_of_render(request, root, number, raw).values()) for number, raw in raws.items()]
     totals = {stage: round(sum(frames.values()), 3) for stage, frames in latest.items()}
@@ -477,11 +470,11 @@ class Patch(Release):
 
     def _shown(self, numbers: list[int]) -> Iterator[Frame]:
         """Yield frames as the display of today shows them."""
-        keys, files, picture = self._keys(), self._files(), self.request.shot.picture
+        keys, files, display = self._keys(), self._files(), self.request.shot.picture.display
         for number in numbers:
             path = files.get(number) or self.store.path("frame", keys[number].frame)
             try:
                 light = read_exr(path)[0]["beauty"]
             except RenderError as error:
                 raise FrameError(f"{path}: cannot be read ({error}); run again", number) from None
-            yield quantise(to_display(light, picture.lights.exposure, view=picture.view), bits=16)
+            yield display.pixels(light)
