@@ -72,7 +72,7 @@ from flowsculpt.pipeline.production.store.paths import SUFFIXES as SUFFIXES
 from flowsculpt.pipeline.production.store.paths import Folders as Folders
 from flowsculpt.pipeline.production.store.paths import repeated as repeated
 from flowsculpt.pipeline.production.store.readers import key_in as key_in
-from flowsculpt.pipeline.production.store.readers import reader_of as reader_of
+from flowsculpt.pipeline.production.store.readers import store_reader as store_reader
 from flowsculpt.pipeline.production.store.remote_store import LOG as LOG
 from flowsculpt.pipeline.production.store.remote_store import VARIABLE as VARIABLE
 from flowsculpt.pipeline.production.store.remote_store import RemoteStore as RemoteStore

@@ -8,7 +8,6 @@ from flowsculpt.pipeline.arrays import Points as Points
 from flowsculpt.pipeline.arrays import Vectors as Vectors
 from flowsculpt.pipeline.mesh import face_normals as face_normals
 from flowsculpt.pipeline.mesh.face_soup import components as components
-from flowsculpt.pipeline.mesh.mesh_formats import MeshFormat as MeshFormat
 from flowsculpt.pipeline.mesh.meshes import edge_keys as edge_keys
 from flowsculpt.pipeline.mesh.normals import unit as unit
 from flowsculpt.pipeline.mesh.points import on_surface as on_surface
@@ -17,9 +16,6 @@ from flowsculpt.pipeline.mesh.read import read_paint as read_paint
 from flowsculpt.pipeline.mesh.read import usual_up as usual_up
 from flowsculpt.pipeline.mesh.validation import require as require
 from flowsculpt.pipeline.mesh.validation import twin_corners as twin_corners
-from flowsculpt.pipeline.resample.polygon_resamplers import Collapse as Collapse
-from flowsculpt.pipeline.resample.polygon_resamplers import Cutting as Cutting
 from flowsculpt.pipeline.resample.polygon_resamplers import PolygonResampler as PolygonResampler
-from flowsculpt.pipeline.resample.resample_pass import PolyhedralReport as PolyhedralReport
 from flowsculpt.pipeline.resample.resample_pass import not_finite as not_finite
 from flowsculpt.pipeline.statistics import self_intersections as self_intersections

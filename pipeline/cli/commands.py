@@ -1,6 +1,6 @@
-"""The commands of the core, which `render_commands` holds."""
+"""The commands of the core, which `render_commands` holds, and the one format of models that it reads."""
 
-from flowsculpt.pipeline.plugin import Command, Plugin
+from flowsculpt.pipeline.plugin import Command, FileFormat, Plugin
 
 PLUGIN = Plugin(
     name="flowsculpt",
@@ -27,5 +27,6 @@ PLUGIN = Plugin(
             "Render",
         ),
     },
+    formats={"ply": FileFormat("flowsculpt.pipeline.mesh.ply_files:PLY")},
 )
 """What the core adds, by the contract that plug-ins have."""

@@ -22,7 +22,7 @@ from flowsculpt.api.frames import (
     Store,
     key_in,
     key_of,
-    reader_of,
+    store_reader,
 )
 from flowsculpt.api.meshes import Floats, self_intersections
 
@@ -186,7 +186,7 @@ def _of_frame(
     store.discard("measures", key)
     try:
         store.digests.check(path)
-        found = measures_of(reader_of("mesh", mesh, number=number)(path), maximum, count_crossings)
+        found = measures_of(store_reader("mesh", mesh, number=number)(path), maximum, count_crossings)
     except (CorruptFileError, OSError):
         return None
     store.put("measures", key, lambda draft: draft.write_text(json.dumps(found), encoding="utf-8"))
@@ -202,7 +202,7 @@ def simulated(request: RenderRequest, store: Store, number: int, kind: str) -> t
     try:
         return shown, key_in(shown)
     except (CorruptFileError, OSError):
-        key = request.mesh_key(number) if kind == "mesh" else request.normals_key(number)
+        key = request.keys.mesh(number) if kind == "mesh" else request.keys.normals(number)
         return (store.path(kind, key), key) if store.bring(kind, key) else None
 
 

@@ -19,7 +19,15 @@ import numpy as np
 
 from flowsculpt import FlowsculptError
 from flowsculpt.api import ShotExtras
-from flowsculpt.api.frames import CorruptFileError, Key, RenderRequest, Store, key_of, reader_of
+from flowsculpt.api.frames import (
+    CorruptFileError,
+    FrameRange,
+    Key,
+    RenderRequest,
+    Store,
+    key_of,
+    store_reader,
+)
 from flowsculpt.api.meshes import AnyArray
 from flowsculpt.pipeline.plugins.review.measures import simulated
 
@@ -61,7 +69,7 @@ class PageMeshes:
             try:
                 for path, _ in files:
                     self.store.digests.check(path)
-                arrays = joined([reader_of("shading", key)(path) for path, key in files])
+                arrays = joined([store_reader("shading", key)(path) for path, key in files])
             except (CorruptFileError, OSError):
                 return None
             self._write(name, as_script(name, arrays))
@@ -75,11 +83,11 @@ class PageMeshes:
 
         Returns `file` and `first`, the frame where the motion begins; or `without`, why there is none.
         """
-        numbers, name = tuple(self._simulated), self.request.name
+        numbers, name = FrameRange(self._simulated), self.request.name
         if len(numbers) < 2:
             return {"without": ""}
         for number, files in self._simulated.items():
-            if [key for _, key in files] != [part.normals_key(number) for part in self.request.parts]:
+            if [key for _, key in files] != [part.keys.normals(number) for part in self.request.parts]:
                 return {"without": f"{name} has changed since frame {number} was simulated; render it again."}
         without = "no plug-in makes animations."
         request = replace(self.request, requested=numbers)

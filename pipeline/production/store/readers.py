@@ -97,7 +97,7 @@ def shading(key: Key) -> Callable[[Path], dict[str, AnyArray]]:
     return lambda path: all_copies(arrays(key)(path))
 
 
-def reader_of(kind: str, key: Key, *, number: int = 0, size: Size | None = None) -> Callable[[Path], Any]:
+def store_reader(kind: str, key: Key, *, number: int = 0, size: Size | None = None) -> Callable[[Path], Any]:
     """Return a reader of a stored file, which raises CorruptFileError or RenderError for a damaged one.
 
     kind    `raw` and `frame` give the layers of a picture and its header; `mesh` a MeshFrame; `normals` the

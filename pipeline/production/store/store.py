@@ -197,10 +197,6 @@ class Store:
             for path in sorted((self.root / STORE / kind).glob(f"*/*{suffix}")):
                 yield kind, path.stem, path
 
-    def count(self) -> int:
-        """Return how many files are stored."""
-        return sum(1 for _ in self.entries())
-
     def free_bytes(self) -> int:
         """Return the bytes that are free on the disk of the store."""
         folder = self.root / STORE
