@@ -528,9 +528,9 @@ def test_a_part_that_breaks_its_contract_is_left_out_with_fact_and_remedy(enviro
     environment.install("broken", plugin("broken", f", {door}={place!r}"))
     (environment.folder / "extras.py").write_text(EXTRAS)
     ask = (
-        "from flowsculpt.pipeline.cli.run_observer import run_observers\n"
-        "from flowsculpt.pipeline.production.shot_extras import shot_extras\n"
-        "for _ in 'ab': run_observers(); shot_extras()"
+        "from flowsculpt.pipeline.cli.run_observer import RunObserver\n"
+        "from flowsculpt.pipeline.production.shot_extras import ShotExtras\n"
+        "for _ in 'ab': RunObserver.of_plugins(); ShotExtras.of_plugins()"
     )
     paths = {**os.environ, "PYTHONPATH": str(environment.folder)}
     done = subprocess.run([sys.executable, "-c", ask], env=paths, capture_output=True, text=True)

@@ -8,7 +8,6 @@ from flowsculpt.pipeline.cli.options import Shot as Shot
 from flowsculpt.pipeline.cli.options import ShotOptions as ShotOptions
 from flowsculpt.pipeline.cli.output import print_result as print_result
 from flowsculpt.pipeline.cli.run_observer import RunObserver as RunObserver
-from flowsculpt.pipeline.cli.run_observer import run_observers as run_observers
 from flowsculpt.pipeline.errors import FlowsculptError as FlowsculptError
 from flowsculpt.pipeline.errors import FrameError as FrameError
 from flowsculpt.pipeline.errors import ShotError as ShotError
@@ -49,7 +48,6 @@ from flowsculpt.pipeline.production.picture_sequences import PictureSequence as 
 from flowsculpt.pipeline.production.picture_sequences import SequenceQuery as SequenceQuery
 from flowsculpt.pipeline.production.shot_extras import Animation as Animation
 from flowsculpt.pipeline.production.shot_extras import ShotExtras as ShotExtras
-from flowsculpt.pipeline.production.shot_extras import shot_extras as shot_extras
 from flowsculpt.pipeline.production.store.remote_store import RemoteStore as RemoteStore
 from flowsculpt.pipeline.production.store.remote_store import RemoteStores as RemoteStores
 from flowsculpt.pipeline.resample import Chord as Chord

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from flowsculpt import FrameError, UsageError
-from flowsculpt.api import plugins, plural, run_observers
+from flowsculpt.api import RunObserver, plugins, plural
 from flowsculpt.api.commands import (
     Project,
     duration,
@@ -148,7 +148,7 @@ def deliver(
     if lost:
         print_warning(f"{'; '.join(lost)}: shown as cards that state the reason")
     facts = _facts(done, lost, time.monotonic() - started)
-    for observer in run_observers():
+    for observer in RunObserver.of_plugins():
         observer.delivered(common, facts)
     _report(common, done, facts)
     exit_with(outcome.exit_code or (FrameError.exit_code if faults else 0))

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from flowsculpt import MissingInputError
-from flowsculpt.api import shot_extras
+from flowsculpt.api import ShotExtras
 from flowsculpt.api.commands import Project
 from flowsculpt.api.files import disk_errors, make_folder, remove
 from flowsculpt.api.frames import (
@@ -68,7 +68,7 @@ class Search:
         """Return the material of a shot. Raises MissingInputError if nothing is rendered, or ShotError."""
         path = find_shot(name)
         query = SequenceQuery(self.project, path, self.qualities, self.history)
-        found = [each for extras in shot_extras().values() for each in extras.sequences(query)]
+        found = [each for extras in ShotExtras.of_plugins().values() for each in extras.sequences(query)]
         grids = tuple(each for each in found if isinstance(each, SequenceGrid))
         single = [query.rendered(request, "render", request.quality_name) for request in query.requests()]
         single += [each for each in found if isinstance(each, PictureSequence)]

@@ -23,7 +23,7 @@ from flowsculpt.api.commands import (
     report_plan,
     table,
 )
-from flowsculpt.api.frames import FILE, PUBLISHED, VARIABLE, FrameRange, Provenance, find_shot, records
+from flowsculpt.api.frames import PUBLISHED, VARIABLE, FrameRange, find_shot
 from flowsculpt.api.options import (
     DEFAULT_QUALITY,
     AllowCode,
@@ -36,9 +36,9 @@ from flowsculpt.api.options import (
     Variant,
 )
 from flowsculpt.pipeline.plugins.versions.hooks import Hook, hooks_of, tell_published
+from flowsculpt.pipeline.plugins.versions.provenance import FILE, Provenance, records
 from flowsculpt.pipeline.plugins.versions.publishing import Patch, Release
 from flowsculpt.pipeline.plugins.versions.reproduction import Comparison, Reproduction
-from flowsculpt.pipeline.production.store.paths import published
 
 
 def publish(
@@ -130,7 +130,7 @@ def versions(
         raise MissingInputError(f"{name} is not published in {home}; {there}. flowsculpt publish does it")
     provenances, errors = [], []
     for each in known if name is None else [name]:
-        for folder, record in records(common.root / published(each)):
+        for folder, record in records(common.root, each):
             if isinstance(record, Provenance):
                 provenances.append((folder, record))
             else:

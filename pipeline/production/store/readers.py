@@ -97,6 +97,21 @@ def shading(key: Key) -> Callable[[Path], dict[str, AnyArray]]:
     return lambda path: all_copies(arrays(key)(path))
 
 
+def store_reader(kind: str, key: Key, *, number: int = 0, size: Size | None = None) -> Callable[[Path], Any]:
+    """Return a reader of a stored file, which raises CorruptFileError or RenderError for a damaged one.
+
+    kind    `raw` and `frame` give the layers of a picture and its header; `mesh` a MeshFrame; `normals` the
+            arrays of a shaded surface, and `shading` these with those of all its copies
+    number  the frame that a mesh is shown as
+    size    what pictures must have: width and height, pixels
+    """
+    if kind in ("raw", "frame"):
+        return picture(key, size)
+    if kind == "mesh":
+        return mesh_frame(key, number)
+    return shading(key) if kind == "shading" else arrays(key)
+
+
 def with_key(key: Key, named: Mapping[str, AnyArray]) -> dict[str, AnyArray]:
     """Return the arrays and their key."""
     return {**named, "key": np.array(key)}
