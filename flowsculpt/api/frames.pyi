@@ -29,7 +29,7 @@ from flowsculpt.pipeline.production.request.framing import BoundingSpheres as Bo
 from flowsculpt.pipeline.production.request.framing import Extent as Extent
 from flowsculpt.pipeline.production.request.framing import Framing as Framing
 from flowsculpt.pipeline.production.request.framing import frame_all as frame_all
-from flowsculpt.pipeline.production.request.framing import together as together
+from flowsculpt.pipeline.production.request.framing import join_extents as join_extents
 from flowsculpt.pipeline.production.request.framing import with_stage_in_view as with_stage_in_view
 from flowsculpt.pipeline.production.request.keys import FrameKeys as FrameKeys
 from flowsculpt.pipeline.production.request.keys import PictureKeys as PictureKeys
@@ -46,9 +46,6 @@ from flowsculpt.pipeline.production.request.lookup import names_edit as names_ed
 from flowsculpt.pipeline.production.request.lookup import options_of as options_of
 from flowsculpt.pipeline.production.request.lookup import shot_names as shot_names
 from flowsculpt.pipeline.production.request.manifest import thresholds_at as thresholds_at
-from flowsculpt.pipeline.production.request.provenance import FILE as FILE
-from flowsculpt.pipeline.production.request.provenance import Provenance as Provenance
-from flowsculpt.pipeline.production.request.provenance import records as records
 from flowsculpt.pipeline.production.request.render_request import FrameSource as FrameSource
 from flowsculpt.pipeline.production.request.render_request import MeshAngle as MeshAngle
 from flowsculpt.pipeline.production.request.render_request import RenderRequest as RenderRequest
@@ -75,7 +72,6 @@ from flowsculpt.pipeline.production.store.paths import PUBLISHED as PUBLISHED
 from flowsculpt.pipeline.production.store.paths import STATE as STATE
 from flowsculpt.pipeline.production.store.paths import SUFFIXES as SUFFIXES
 from flowsculpt.pipeline.production.store.paths import Folders as Folders
-from flowsculpt.pipeline.production.store.paths import repeated as repeated
 from flowsculpt.pipeline.production.store.remote_store import LOG as LOG
 from flowsculpt.pipeline.production.store.remote_store import VARIABLE as VARIABLE
 from flowsculpt.pipeline.production.store.remote_store import RemoteStore as RemoteStore

@@ -14,7 +14,7 @@ if TYPE_CHECKING:  # `clean` and `schema` need none of them, and importing them 
 
     from flowsculpt.pipeline.production.picture_sequences import PictureSequence, SequenceGrid, SequenceQuery
     from flowsculpt.pipeline.production.request.render_request import RenderRequest
-    from flowsculpt.pipeline.production.store.store import Store
+    from flowsculpt.pipeline.production.store.store import Key, Store
 
 
 @dataclass(frozen=True)
@@ -31,11 +31,29 @@ class Animation:
     glb: Callable[[Callable[[str, int], Callable[[], None]]], bytes]
 
 
+@dataclass(frozen=True)
+class PublishedFile:
+    """A file of a published version.
+
+    version  the folder of its version
+    number   its frame number; None if it is not a frame
+    digest   SHA-256 that it had when it was published
+    fault    what is wrong with it, if that is known
+    """
+
+    path: Path
+    version: Path
+    number: int | None = None
+    digest: str = ""
+    fault: str | None = None
+
+
 class ShotExtras:
     """What a plug-in has of a shot besides its frames. Its class overrides what it has; the rest is empty.
 
     An object of the class is made without arguments, once in a process. Other plug-ins ask all of them:
-    `review` shows sequences and animations, `publish` freezes notes, `clean` deletes what is unneeded. Keep
+    `review` shows sequences and animations, `publish` freezes notes, `clean` deletes what is unneeded, and
+    `verify` checks published files. Keep
     the module of the class small and import in its methods: each of these commands imports it.
     """
 
@@ -64,6 +82,18 @@ class ShotExtras:
         Returns a word for them, in the plural, and the files.
         """
         return "", ()
+
+    def version_of(self, root: Path, shot: str, frames: Mapping[int, Key]) -> str:
+        """Return the last published version of a shot with these frames, by their keys; empty for none."""
+        return ""
+
+    def published_files(self, store: Store) -> Iterable[PublishedFile]:
+        """Yield the files of all published versions under a root, for `verify` to check."""
+        return ()
+
+    def remedies(self, faulty: Sequence[PublishedFile], root: Path) -> Iterable[str]:
+        """Yield a line for each version among faulty files that says how to make its files again."""
+        return ()
 
     def schemas(self) -> Mapping[str, type[BaseModel]]:
         """Return models of further kinds of files by the names of the kinds, for `flowsculpt schema KIND`."""

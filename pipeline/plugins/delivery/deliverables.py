@@ -29,12 +29,10 @@ from flowsculpt.api.frames import (
     Key,
     PictureKeys,
     PipelineStage,
-    Provenance,
     RenderRequest,
     Store,
     key_of,
     picture_keys,
-    records,
     samples_of,
 )
 from flowsculpt.api.pictures import (
@@ -58,6 +56,7 @@ from flowsculpt.pipeline.plugins.delivery.gain_map import GAIN_MAP, is_gain_map,
 from flowsculpt.pipeline.plugins.delivery.gif import GIF, write_gif
 from flowsculpt.pipeline.plugins.delivery.relighting import relit_version
 from flowsculpt.pipeline.production.request.audio import AudioClip, AudioTrack
+from flowsculpt.pipeline.production.shot_extras import shot_extras
 from flowsculpt.pipeline.production.store import paths, readers
 from flowsculpt.render.graphics.cards import Slate, failure_card
 from flowsculpt.render.movie.codecs import FILM_START, NAME_ENDS
@@ -180,13 +179,8 @@ def _version(request: RenderRequest, store: Store, keys: PictureKeys | None) -> 
     if keys is None:
         return IN_WORK
     ours = {n: keys[n].frame for n in request.requested}
-    for _, record in reversed(list(records(store.root / paths.published(request.name)))):
-        if (
-            isinstance(record, Provenance)
-            and ours.items() <= {n: frame.frame for n, frame in record.frames.items()}.items()
-        ):
-            return record.version
-    return IN_WORK
+    found = (each.version_of(store.root, request.name, ours) for each in shot_extras().values())
+    return next(filter(None, found), IN_WORK)
 
 
 @dataclass(frozen=True, eq=False)

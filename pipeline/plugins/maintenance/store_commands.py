@@ -35,21 +35,19 @@ from flowsculpt.pipeline.plugins.maintenance.store_repair import (
     repairs,
 )
 from flowsculpt.pipeline.plugins.maintenance.verify import (
-    PublishedFile,
     ShownFile,
     StoredFile,
-    checked,
+    check_published,
     files_without_digest,
     inode,
-    published_files,
     refused_folders,
-    remedies,
     roots,
     shown_files,
     shown_with_digest,
     verify_shown,
 )
 from flowsculpt.pipeline.plugins.maintenance.verify import verify as verify_store
+from flowsculpt.pipeline.production.shot_extras import PublishedFile, shot_extras
 from flowsculpt.pipeline.production.store.event_log import RUNS
 from flowsculpt.pipeline.production.store.locks import exclusive
 
@@ -107,11 +105,15 @@ def verify(common: Common, settings: Settings = None) -> None:
     Files and folders that may not be read are listed and left as they are (exit code 4).
     """
     checks = [_checked(common, Store(root)) for root in roots(common.root)]
-    files = list(published_files(Store(common.root)))
-    versions = _faulty(_verified(common, checked(files, common.cores), "verifying versions", len(files)))
-    _report(common, common.root, versions)
-    for line in remedies(versions, common.root):
-        print_warning(line)
+    versions: list[PublishedFile] = []
+    for extras in shot_extras().values():
+        files = list(extras.published_files(Store(common.root)))
+        checked = _verified(common, check_published(files, common.cores), "verifying versions", len(files))
+        faulty_files = _faulty(checked)
+        versions += faulty_files
+        _report(common, common.root, faulty_files)
+        for line in extras.remedies(faulty_files, common.root):
+            print_warning(line)
     faulty = sum(len(check.damaged) + len(check.altered) for check in checks)
     refused = list(dict.fromkeys(message for check in checks for message in check.refused))
     for message in refused:

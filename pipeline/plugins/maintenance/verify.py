@@ -5,35 +5,27 @@ from __future__ import annotations
 import errno
 import json
 import os
-import shlex
 from collections.abc import Callable, Collection, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache
-from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 from flowsculpt import MissingInputError
 from flowsculpt.api.files import digest_of_file, machine_error
 from flowsculpt.api.frames import (
-    FILE,
-    NOTES,
     PUBLISHED,
     STATE,
     CorruptFileError,
-    FrameRange,
     Key,
-    Provenance,
     Store,
-    records,
-    repeated,
 )
 from flowsculpt.api.pictures import probe_movie, read_png
 from flowsculpt.api.shots import is_there
+from flowsculpt.pipeline.production.shot_extras import PublishedFile
 from flowsculpt.pipeline.production.store import readers
-from flowsculpt.pipeline.production.store.digests import ALTERED
 from flowsculpt.pipeline.production.store.paths import DIGESTS, RENDERS, REPEATED
 
 
@@ -203,80 +195,10 @@ def inode(path: Path) -> tuple[int, int]:
 # Published versions
 
 
-@dataclass(frozen=True)
-class PublishedFile:
-    """A file of a version, at `path`.
-
-    record  what the version was made from; None for a provenance that cannot be read
-    number  its frame number; None if it is no frame
-    digest  SHA-256 that it had when it was published
-    fault   what is wrong with it, if anything
-    """
-
-    path: Path
-    record: Provenance | None
-    number: int | None = None
-    digest: str = ""
-    fault: str | None = None
-
-    @property
-    def version(self) -> Path:
-        """The folder of its version."""
-        return self.path.parents[0 if self.number is None else 1]
-
-
-def published_files(store: Store) -> Iterator[PublishedFile]:
-    """Yield the files of all versions under a root, unchecked, and each provenance that is damaged."""
-    for home in sorted((store.root / PUBLISHED).glob("*")):
-        for place, record in records(home):
-            fault = _fault_of_provenance(store, place / FILE)
-            if fault is not None:  # its digests of frames may be wrong
-                yield PublishedFile(place / FILE, None, fault=fault)
-            elif isinstance(record, Provenance):
-                for number, frame in record.frames.items():
-                    yield PublishedFile(place / frame.file, record, number, frame.sha256)
-                for file in filter(None, (record.movie, record.notes)):
-                    yield PublishedFile(place / file["file"], record, None, file["sha256"])
-            else:
-                yield PublishedFile(place / FILE, None, fault=str(record).removeprefix(f"{place / FILE}: "))
-
-
-def _fault_of_provenance(store: Store, path: Path) -> str | None:
-    try:
-        store.digests.check(path)
-    except CorruptFileError:
-        return ALTERED
-    except OSError as error:
-        return str(machine_error(path, error, "read")).removeprefix(f"{path}: ")
-    return None
-
-
-def checked(files: Iterable[PublishedFile], threads: int) -> Iterator[PublishedFile]:
+def check_published(files: Iterable[PublishedFile], threads: int) -> Iterator[PublishedFile]:
     """Yield the files with their faults. Nothing is repaired: people say what replaces a published file."""
     with ThreadPoolExecutor(threads) as pool:
         yield from pool.map(lambda file: replace(file, fault=file.fault or _fault(file)), files)
-
-
-def remedies(faulty: Iterable[PublishedFile], root: Path) -> Iterator[str]:
-    """Yield a line for each version among faulty files that says how to make its files again."""
-    for version, files in groupby(faulty, key=lambda file: file.version):
-        damaged = [
-            file
-            for file in files
-            if file.record is None or file.path != version / file.record.notes.get("file", "")
-        ]
-        if not damaged:
-            yield f"{version}: restore its notes from a backup; the current notes are in {root / NOTES}"
-            continue
-        record, numbers = damaged[0].record, [file.number for file in damaged if file.number is not None]
-        if record is None:
-            yield f"{version}: only its {FILE} records what it was made from; restore that file from a backup"
-            continue
-        only_frames = f" -f {FrameRange.of(numbers)}" if len(numbers) == len(damaged) else ""
-        yield (
-            f"{version}: flowsculpt reproduce {shlex.quote(str(version / FILE))}{only_frames} makes it "
-            f"again, in {root / repeated(record.shot, record.version)}; published files are never written to"
-        )
 
 
 def _fault(file: PublishedFile) -> str | None:

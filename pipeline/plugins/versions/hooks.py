@@ -28,9 +28,10 @@ from ruamel.yaml.error import YAMLError
 from flowsculpt import FlowsculptError, MachineError, MissingInputError, UsageError
 from flowsculpt.api import suggestion
 from flowsculpt.api.commands import print_warning
-from flowsculpt.api.frames import EVENTS, FILE, EventReader
+from flowsculpt.api.frames import EVENTS, EventReader
 from flowsculpt.api.options import Common
 from flowsculpt.pipeline.cli.run_observer import RunObserver
+from flowsculpt.pipeline.plugins.versions.provenance import FILE
 from flowsculpt.pipeline.plugins.versions.publishing import Published
 from flowsculpt.render.base.python_process import environment_of_others
 

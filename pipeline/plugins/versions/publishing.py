@@ -32,14 +32,12 @@ from flowsculpt import FlowsculptError, FrameError, MissingInputError, UsageErro
 from flowsculpt.api.files import digest_of_file, disk_errors, held, remove_tree
 from flowsculpt.api.frames import (
     DAMAGED,
-    FILE,
     FrameKeys,
     FrameRange,
     Key,
     LatestTimings,
     PictureKeys,
     PictureSequence,
-    Provenance,
     RenderRequest,
     SequenceQuery,
     Store,
@@ -49,7 +47,6 @@ from flowsculpt.api.frames import (
     movie_bits,
     picture_keys,
     read_statistics,
-    records,
     samples_of,
     writing,
 )
@@ -66,19 +63,22 @@ from flowsculpt.api.pictures import (
     to_display,
     write_movie,
 )
-from flowsculpt.pipeline.plugins.versions.reproduction import pixels_of, restored
-from flowsculpt.pipeline.production.picture_sequences import PLAIN, PictureDisplay
-from flowsculpt.pipeline.production.planning.timings import SHARED_STAGES
-from flowsculpt.pipeline.production.request.provenance import (
+from flowsculpt.pipeline.plugins.versions.provenance import (
+    FILE,
     VERSION,
     FrameRecord,
+    Provenance,
     host,
     packages,
     portable,
+    published,
+    records,
     stage_versions,
 )
+from flowsculpt.pipeline.plugins.versions.reproduction import pixels_of, restored
+from flowsculpt.pipeline.production.picture_sequences import PLAIN, PictureDisplay
+from flowsculpt.pipeline.production.planning.timings import SHARED_STAGES
 from flowsculpt.pipeline.production.shot_extras import shot_extras
-from flowsculpt.pipeline.production.store.paths import published
 
 _DRAFT = ".draft."
 

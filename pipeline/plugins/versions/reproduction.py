@@ -20,15 +20,14 @@ from flowsculpt.api.frames import (
     FrameRange,
     PictureKeys,
     Plan,
-    Provenance,
     RenderRequest,
     ShotSource,
     Store,
     picture_keys,
-    repeated,
 )
 from flowsculpt.api.pictures import RenderError, read_exr
 from flowsculpt.api.shots import is_there
+from flowsculpt.pipeline.plugins.versions.provenance import Provenance, repeated
 from flowsculpt.pipeline.production.planning.profile import variant_for
 
 

@@ -23,7 +23,7 @@ from flowsculpt.api.commands import (
     report_plan,
     table,
 )
-from flowsculpt.api.frames import FILE, PUBLISHED, VARIABLE, FrameRange, Provenance, find_shot, records
+from flowsculpt.api.frames import PUBLISHED, VARIABLE, FrameRange, find_shot
 from flowsculpt.api.options import (
     DEFAULT_QUALITY,
     AllowCode,
@@ -36,9 +36,9 @@ from flowsculpt.api.options import (
     Variant,
 )
 from flowsculpt.pipeline.plugins.versions.hooks import Hook, hooks_of, tell_published
+from flowsculpt.pipeline.plugins.versions.provenance import FILE, Provenance, published, records
 from flowsculpt.pipeline.plugins.versions.publishing import Patch, Release
 from flowsculpt.pipeline.plugins.versions.reproduction import Comparison, Reproduction
-from flowsculpt.pipeline.production.store.paths import published
 
 
 def publish(
@@ -177,7 +177,7 @@ def reproduce(
     """
     os.environ.pop(VARIABLE, None)  # what the remote store has would prove nothing
     record, project = Provenance.read(provenance), project_of(common, None, allow_code, variant)
-    again = Reproduction(record, provenance, project.forcing("render") if force else project, frames)
+    again = Reproduction(record, provenance, project.force_from("render") if force else project, frames)
     inside = replace(common, root=again.home)
     plan = again.plan()
     for note in again.notes:

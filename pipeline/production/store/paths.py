@@ -129,13 +129,3 @@ def require_store(root: Path) -> None:
 def of_edit(shot: str, edit: str) -> Path:
     """The folder of a shot in an edit that has a picture of its own."""
     return RENDERS / "edit" / shot / edit
-
-
-def published(name: str) -> Path:
-    """The folder of a shot's published versions."""
-    return PUBLISHED / name
-
-
-def repeated(name: str, version: str) -> Path:
-    """The root in which a published version is made again."""
-    return REPEATED / f"{name}.{version}"

@@ -14,18 +14,18 @@ import pytest
 
 from flowsculpt.pipeline.errors import FrameError
 from flowsculpt.pipeline.plugins.maintenance.verify import (
-    PublishedFile,
     ShownFile,
     StoredFile,
-    checked,
+    check_published,
     inode,
-    published_files,
     shown_files,
     shown_with_digest,
     verify,
     verify_shown,
     verify_stored,
 )
+from flowsculpt.pipeline.plugins.versions.provenance import published_files
+from flowsculpt.pipeline.production.shot_extras import PublishedFile
 from flowsculpt.pipeline.production.store.digests import digest_of
 from flowsculpt.pipeline.production.store.store import Store
 from flowsculpt.render.post.image import read_header
@@ -93,7 +93,7 @@ def faults(store: Store, only: Path | None = None) -> set[tuple[int, int]]:
         stored = [verify_stored(store, *entry) for entry in store.entries() if entry[2] == only]
         paths = [path for path in (only,) if not stored and "published" not in only.parts]
     shown = verify_shown(store, stored, paths, 1)
-    versions = checked((file for file in published_files(store) if only in (None, file.path)), 1)
+    versions = check_published((file for file in published_files(store) if only in (None, file.path)), 1)
     files: list[StoredFile | ShownFile | PublishedFile] = [*stored, *shown, *versions]
     return {inode(file.path) for file in files if file.fault is not None}
 

@@ -6,17 +6,23 @@ import json
 import os
 import platform
 import re
-from collections.abc import Iterator, Mapping
+import shlex
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 import psutil
 
-from flowsculpt.pipeline.errors import MissingInputError, UsageError
+from flowsculpt import MissingInputError, UsageError
+from flowsculpt.api.files import from_plain, machine_error, to_plain
+from flowsculpt.api.frames import NOTES, PUBLISHED, CorruptFileError, FrameRange, Key, Store
+from flowsculpt.api.shots import NAME, is_there
 from flowsculpt.pipeline.production.request.lookup import is_quality, today_name
 from flowsculpt.pipeline.production.request.shot_source import ShotSource
+from flowsculpt.pipeline.production.shot_extras import PublishedFile
 from flowsculpt.pipeline.production.stages import (
     ASSEMBLE,
     FINISH,
@@ -25,9 +31,9 @@ from flowsculpt.pipeline.production.stages import (
     SIMULATE,
     SMOOTH_NORMALS,
 )
-from flowsculpt.pipeline.shot.yaml.named_files import NAME, is_there
+from flowsculpt.pipeline.production.store.digests import ALTERED
+from flowsculpt.pipeline.production.store.paths import REPEATED
 from flowsculpt.render.base.render_errors import BadInputError
-from flowsculpt.render.base.serialise import from_plain, to_plain
 from flowsculpt.render.base.state_files import UNUSABLE
 from flowsculpt.render.mitsuba.engine import available_cores
 
@@ -184,6 +190,16 @@ def _require_whole(record: Provenance) -> None:
         raise KeyError
 
 
+def published(name: str) -> Path:
+    """Return the folder of a shot's published versions."""
+    return PUBLISHED / name
+
+
+def repeated(name: str, version: str) -> Path:
+    """Return the root in which a published version is made again."""
+    return REPEATED / f"{name}.{version}"
+
+
 def portable(source: ShotSource) -> ShotSource:
     """Return the source with paths relative to the working folder, so that a project may be moved."""
     inputs = tuple((_within(Path(path)), digest) for path, digest in source.inputs or ())
@@ -237,3 +253,60 @@ def _processor() -> str:
         return platform.processor()
     named = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
     return named[0] if named else platform.processor()
+
+
+def version_of(root: Path, shot: str, frames: Mapping[int, Key]) -> str:
+    """Return the last version of a shot that has these frames, by their keys; empty where none has."""
+    for _, record in reversed(list(records(root / published(shot)))):
+        if isinstance(record, Provenance):
+            known = {number: frame.frame for number, frame in record.frames.items()}
+            if frames.items() <= known.items():
+                return record.version
+    return ""
+
+
+def published_files(store: Store) -> Iterator[PublishedFile]:
+    """Yield the files of all versions under a root, unchecked, and each provenance that is damaged."""
+    for home in sorted((store.root / PUBLISHED).glob("*")):
+        for place, record in records(home):
+            fault = _fault_of_provenance(store, place / FILE)
+            if fault is not None:  # its digests of frames may be wrong
+                yield PublishedFile(place / FILE, place, fault=fault)
+            elif isinstance(record, Provenance):
+                for number, frame in record.frames.items():
+                    yield PublishedFile(place / frame.file, place, number, frame.sha256)
+                for file in filter(None, (record.movie, record.notes)):
+                    yield PublishedFile(place / file["file"], place, None, file["sha256"])
+            else:
+                fault = str(record).removeprefix(f"{place / FILE}: ")
+                yield PublishedFile(place / FILE, place, fault=fault)
+
+
+def _fault_of_provenance(store: Store, path: Path) -> str | None:
+    try:
+        store.digests.check(path)
+    except CorruptFileError:
+        return ALTERED
+    except OSError as error:
+        return str(machine_error(path, error, "read")).removeprefix(f"{path}: ")
+    return None
+
+
+def remedies(faulty: Iterable[PublishedFile], root: Path) -> Iterator[str]:
+    """Yield a line for each version among faulty files that says how to make its files again."""
+    for folder, files in groupby(faulty, key=lambda file: file.version):
+        damaged = list(files)
+        if damaged[0].path == folder / FILE:
+            yield f"{folder}: only its {FILE} records what it was made from; restore that file from a backup"
+            continue
+        record = Provenance.read(folder / FILE)
+        damaged = [file for file in damaged if file.path != folder / record.notes.get("file", "")]
+        if not damaged:
+            yield f"{folder}: restore its notes from a backup; the current notes are in {root / NOTES}"
+            continue
+        numbers = [file.number for file in damaged if file.number is not None]
+        only_frames = f" -f {FrameRange.of(numbers)}" if len(numbers) == len(damaged) else ""
+        yield (
+            f"{folder}: flowsculpt reproduce {shlex.quote(str(folder / FILE))}{only_frames} makes it "
+            f"again, in {root / repeated(record.shot, record.version)}; published files are never written to"
+        )
