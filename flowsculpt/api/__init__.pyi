@@ -34,7 +34,6 @@ from flowsculpt.pipeline.mesh import TriangleMesh as TriangleMesh
 from flowsculpt.pipeline.mesh import box as box
 from flowsculpt.pipeline.mesh import icosphere as icosphere
 from flowsculpt.pipeline.mesh.mesh_formats import MeshFormat as MeshFormat
-from flowsculpt.pipeline.plugin import Animation as Animation
 from flowsculpt.pipeline.plugin import Command as Command
 from flowsculpt.pipeline.plugin import PictureStage as PictureStage
 from flowsculpt.pipeline.plugin import Plugin as Plugin
@@ -42,6 +41,7 @@ from flowsculpt.pipeline.plugin import ShotEntry as ShotEntry
 from flowsculpt.pipeline.plugin import plugins as plugins
 from flowsculpt.pipeline.production.picture_sequences import PictureSequence as PictureSequence
 from flowsculpt.pipeline.production.picture_sequences import SequenceQuery as SequenceQuery
+from flowsculpt.pipeline.production.shot_extras import Animation as Animation
 from flowsculpt.pipeline.production.shot_extras import ShotExtras as ShotExtras
 from flowsculpt.pipeline.production.store.remote_store import RemoteStore as RemoteStore
 from flowsculpt.pipeline.production.store.remote_store import RemoteStores as RemoteStores

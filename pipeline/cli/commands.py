@@ -1,4 +1,4 @@
-"""The commands of the core, which `render_commands` holds."""
+"""The commands of the core, which `render_commands` and `doctor_command` hold."""
 
 from flowsculpt.pipeline.plugin import Command, Plugin
 
@@ -23,6 +23,11 @@ PLUGIN = Plugin(
             "flowsculpt.pipeline.cli.render_commands:stills",
             "Write frames as PNG or JPEG, rendering what is missing.",
             "Render",
+        ),
+        "doctor": Command(
+            "flowsculpt.pipeline.cli.doctor_command:doctor",
+            "Show what is installed, and what would make it faster.",
+            "Maintain",
         ),
     },
 )

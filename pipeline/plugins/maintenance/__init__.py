@@ -36,11 +36,6 @@ PLUGIN = Plugin(
             "Delete stored files that nothing needs.",
             "Maintain",
         ),
-        "doctor": Command(
-            "flowsculpt.pipeline.plugins.maintenance.doctor_command:doctor",
-            "Show what is installed, and what would make it faster.",
-            "Maintain",
-        ),
     },
     observer="flowsculpt.pipeline.plugins.maintenance.run_report:RunSummary",
 )

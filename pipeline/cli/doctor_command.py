@@ -8,12 +8,13 @@ from typing import Annotated, Any
 
 import typer
 
-from flowsculpt.api import plural
-from flowsculpt.api.commands import exit_with, print_result, print_warning, progress_bars
-from flowsculpt.api.frames import Store, note_all_compiled, remote_stores
-from flowsculpt.api.options import Common
-from flowsculpt.pipeline.plugins.maintenance.kernel_build import build_kernels, kernel_calls
+from flowsculpt.pipeline.cli.options import Common
+from flowsculpt.pipeline.cli.output import exit_with, print_result, print_warning, progress_bars
+from flowsculpt.pipeline.kernel_build import build_kernels, kernel_calls
+from flowsculpt.pipeline.production.store.remote_store import note_all_compiled, remote_stores
+from flowsculpt.pipeline.production.store.store import Store
 from flowsculpt.render.base.kernel_cache import cache_folder
+from flowsculpt.render.base.plural import plural
 from flowsculpt.render.base.render_errors import MachineError
 from flowsculpt.render.graphics import three_js
 from flowsculpt.render.mitsuba import engine
