@@ -16,7 +16,7 @@ showreel: .venv/ready
 
 # Files of tests are given out in their order: by their counts of tests, long ones would come last.
 test: .venv/ready-dev check
-	$(BIN)/python -m pytest -m "not soak" -n 2 --dist loadfile --no-loadscope-reorder
+	$(BIN)/python -m pytest --complete -m "not soak" -n 2 --dist loadfile --no-loadscope-reorder
 
 # Style, and the tests of every package that need no renderer and take half a second at most: about a minute.
 quick: .venv/ready-dev

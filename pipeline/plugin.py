@@ -52,6 +52,7 @@ GONE = {
     "layouts": "subjects, which takes layouts of copies too",
     "documents": 'entries={"NAME": ShotEntry("module:Model")}',
     "stages": 'entries={"NAME": ShotEntry("module:Model", PictureStage(…))}',
+    "exporters": 'commands={"export NAME": Command(…)}',
     "watchers": 'observer="module:Class", a RunObserver with the method watch',
     "summaries": 'observer="module:Class", a RunObserver with the method summary',
     "delivered": 'observer="module:Class", a RunObserver with the method delivered',
@@ -71,11 +72,17 @@ class Command:
     function  "module:function" that has the options as parameters, as those of `render_commands`
     summary   its line in the help
     panel     the part of the help that lists it
+    folder    the folder in renders/ with what it makes, by whose name no shot may be called; empty for none
+    also      words by which other programs call it: who types one of them is told the command's name
+    opening   a sentence for the head of the help: what beginners call first, with an example
     """
 
     function: str
     summary: str
     panel: str = "Plug-ins"
+    folder: str = ""
+    also: str = ""
+    opening: str = ""
 
 
 class PictureTask(Protocol):
@@ -136,13 +143,12 @@ class Plugin:
                    `subject: {PLUGIN.NAME: {…}}`, `copies: {count: 9, PLUGIN.NAME: {…}}`
     encodes        `Encode`s of `deliver --as PLUGIN.NAME`, by their names
     entries        entries of shot files by their names, and the stages that shots with them have
-    commands       commands by name
-    exporters      formats of the command `export` by name
+    commands       commands by name; formats of the command `export` have the name "export FORMAT"
     observer       a `RunObserver`, which is called around runs and deliveries
     extras         `ShotExtras`: what the plug-in has of a shot besides its frames
     mesh_formats   `MeshFormat`s by suffix of mesh files
     paints         `PaintReader`s by suffix of mesh files
-    resamplers     `PolygonResampler`s by the names of methods of `resample`
+    resamplers     `PolygonMethod`s, by the names that shots write: `resample: {method: NAME}`
     edits          functions by file suffix that make an edit of another program's timeline: they take the
                    file, the names of the shots and the folder of edits, and return the edit's path and text
     remote_stores  an object that finds remote stores by their addresses: see `RemoteStores`
@@ -157,7 +163,6 @@ class Plugin:
     encodes: Mapping[str, str] = field(default_factory=dict)
     entries: Mapping[str, ShotEntry] = field(default_factory=dict)
     commands: Mapping[str, Command] = field(default_factory=dict)
-    exporters: Mapping[str, Command] = field(default_factory=dict)
     observer: str = ""
     extras: str = ""
     mesh_formats: Mapping[str, str] = field(default_factory=dict)
@@ -246,13 +251,8 @@ class Plugins:
 
     @property
     def commands(self) -> dict[str, Command]:
-        """The commands of all plug-ins by name."""
+        """The commands of all plug-ins by name, and the formats of `export` as `export FORMAT`."""
         return {name: command for plugin in self for name, command in plugin.commands.items()}
-
-    @property
-    def exporters(self) -> dict[str, Command]:
-        """The formats of the command `export` by name."""
-        return {name: command for plugin in self for name, command in plugin.exporters.items()}
 
     @property
     def mesh_formats(self) -> dict[str, str]:
@@ -265,14 +265,18 @@ class Plugins:
         return {suffix: reader for plugin in self for suffix, reader in plugin.paints.items()}
 
     @property
-    def resamplers(self) -> dict[str, str]:
-        """The resamplers of polygons, by the names of their methods."""
-        return {method: place for plugin in self for method, place in plugin.resamplers.items()}
-
-    @property
     def edits(self) -> dict[str, str]:
         """The functions that make edits of timelines, by file suffix."""
         return {suffix: function for plugin in self for suffix, function in plugin.edits.items()}
+
+    def classes(self, door: str, contract: Any) -> dict[str, Any]:
+        """Return the classes that plug-ins name by a field of `Plugin`, by their names in it.
+
+        They extend the contract. One that cannot be used is left out with a warning, the first time.
+        """
+        named = ((plugin.name, *item) for plugin in self for item in getattr(plugin, door).items())
+        found = {name: _class(plugin, place, contract) for plugin, name, place in named}
+        return {name: each for name, each in found.items() if each is not None}
 
     def objects(self, door: str, contract: type[T]) -> dict[str, T]:
         """Return an object of the class that each plug-in names by a field of `Plugin`, by plug-ins' names.
@@ -337,19 +341,24 @@ def named(place: str) -> Any:
 
 
 @cache
-def _object(plugin: str, place: str, contract: type) -> Any:
-    """Return an object of the class at a place, once in a process; None where there is none to use."""
-    if not place:
-        return None
+def _class(plugin: str, place: str, contract: type) -> Any:
+    """Return the class at a place; None, with a warning the first time, where it cannot be used."""
     try:
         kind = named(place)
         require_class(kind, contract)
-        return kind()
     except Exception as error:
         if place.startswith("flowsculpt."):
             raise
         LOG.warning(f"plug-in {plugin}: {place} is left out: {_reason(error)}")
         return None
+    return kind
+
+
+@cache
+def _object(plugin: str, place: str, contract: type) -> Any:
+    """Return an object of the class at a place, once in a process; None where there is none to use."""
+    kind = _class(plugin, place, contract) if place else None
+    return None if kind is None else kind()
 
 
 def _reason(error: Exception) -> str:
@@ -389,6 +398,7 @@ def _loaded(entry: EntryPoint) -> Plugin:
 
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+_COMMAND = re.compile(r"(?!export$)(export )?[A-Za-z0-9][A-Za-z0-9_.-]*")
 
 
 def _fault_of_version(api: Any) -> str | None:
@@ -424,6 +434,9 @@ def _refusal(
         return fault
     if not _NAME.fullmatch(plugin.name):
         return f"its name {plugin.name!r} is not a letter followed by letters, digits and _"
+    for words in plugin.commands:
+        if not _COMMAND.fullmatch(words):
+            return f"its command {words!r} is not a word; write a word, or export and the name of a format"
     if other := packages.get(plugin.name):
         return f"packages {other} and {package} both have a plug-in {plugin.name}; uninstall one of the two"
     for added in _added(plugin):
@@ -436,7 +449,6 @@ def _added(plugin: Plugin) -> Iterator[str]:
     """Yield the names that a plug-in adds and that must be its own."""
     doors = {
         "command": plugin.commands,
-        "format": plugin.exporters,
         "mesh format": plugin.mesh_formats,
         "paint of": plugin.paints,
         "method": plugin.resamplers,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -49,6 +50,32 @@ FIXTURES = {
 }
 """Fixtures by the mark of the tests that use them: some start Mitsuba, or run the command, which does, others
 start a server or a browser, or make in seconds what a module of tests looks at."""
+
+
+MAY_BE_SKIPPED = re.compile(
+    r"exact at any step|a command line has no such words"  # cases that a property does not speak of
+    r"|no SLURM here|this machine has a GPU|nohup has hangups ignored|Blender is not there"
+)
+"""Reasons of tests that are skipped on a machine that has all that set-up installs."""
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--complete", action="store_true", help="fail where a test misses what set-up installs")
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """With `--complete`, fail if a test was skipped for a reason that is not in MAY_BE_SKIPPED."""
+    reporter = session.config.pluginmanager.get_plugin("terminalreporter")
+    if reporter is None or not session.config.getoption("--complete"):
+        return
+    for report in reporter.stats.get("skipped", ()):
+        *_, reason = report.longrepr if isinstance(report.longrepr, tuple) else (str(report.longrepr),)
+        if not MAY_BE_SKIPPED.search(reason):
+            reporter.write_line(
+                f"{report.nodeid} was skipped, which set-up should prevent: {reason}", red=True
+            )
+            session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
 
 def pytest_collection_finish() -> None:

@@ -14,8 +14,10 @@ from flowsculpt.pipeline.plugin import API, Plugin, Plugins
 GREETER = """\
 from flowsculpt.pipeline.plugin import Command, Plugin
 
-PLUGIN = Plugin("greeter", "1.2", commands={"greet": Command("greeter:greet", "Greet a shot.", "Look")},
-                exporters={"txt": Command("greeter:txt", "The name of a shot.")})
+PLUGIN = Plugin("greeter", "1.2", commands={
+    "greet": Command("greeter:greet", "Greet a shot.", "Look", also="hail"),
+    "export txt": Command("greeter:txt", "The name of a shot."),
+})
 
 
 def greet(common, shot: str) -> None:
@@ -60,6 +62,7 @@ def test_a_command_and_a_format_of_an_installed_plug_in_are_called_like_those_of
     assert environment.run("greet", "A010").stdout == "Hello A010\n"
     assert environment.run("export", "txt", "A010").returncode == 0
     assert (environment.folder / "A010.txt").read_text() == "A010"
+    assert environment.run("hail", "A010").stderr == "unknown command hail. Did you mean greet?\n"
 
 
 MEDDLING = """\
@@ -352,6 +355,11 @@ def plugin(name: str = "greeter", rest: str = "") -> str:
             "curt",
             plugin("curt", ", commands={'wave': 'curt:wave'}"),
             "its field commands is not a dict of names and Command objects",
+        ),
+        (
+            "worded",
+            plugin("worded", ", commands={'export': Command('', '')}"),
+            "its command 'export' is not a",
         ),
         (
             "row",

@@ -18,7 +18,7 @@ from flowsculpt.pipeline.mesh.control_net import Lattice
 from flowsculpt.pipeline.mesh.halfedge_mesh import IDENTITY, Ancestry, ancestry
 from flowsculpt.pipeline.mesh.normals import NORMAL
 from flowsculpt.pipeline.mesh.placed_copies import COPIES, STARTS, Placements
-from flowsculpt.pipeline.resample import PolyhedralReport, Report
+from flowsculpt.pipeline.resample import PolygonReport, Report
 from flowsculpt.pipeline.resample.placement import REST
 from flowsculpt.pipeline.shot import Motion
 from flowsculpt.pipeline.statistics import MeshStatistics
@@ -58,7 +58,7 @@ class FrameReport:
     def from_data(cls, data: Mapping[str, Any]) -> FrameReport:
         """Return the report from its JSON data."""
         resampling, statistics = data["resampling"], data["statistics"]
-        kind = PolyhedralReport if resampling and "cuts" in resampling else Report
+        kind = PolygonReport if resampling and "cuts" in resampling else Report
         return cls(
             resampling=None if resampling is None else kind(**resampling),
             measure=None if statistics is None else lambda: MeshStatistics(**statistics),
@@ -203,7 +203,7 @@ def descent(frames: Sequence[MeshFrame]) -> Ancestry:
     for frame in frames:
         if frame.births is None or IDENTITY not in frame.mesh.attributes:
             fact = f"frame {frame.number} has no identities, so the ancestors of its vertices are unknown"
-            raise UsageError(f"{fact}; method polyhedra keeps none")
+            raise UsageError(f"{fact}; only method triangles keeps them")
         births.append(frame.births)
     now, then = (frame.mesh.attributes[IDENTITY] for frame in (frames[-1], frames[0]))
     return ancestry(now, then, np.concatenate(births))

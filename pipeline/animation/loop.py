@@ -32,7 +32,7 @@ from flowsculpt.pipeline.resample import (
     Resampler,
     Thresholds,
     edges_by_angle,
-    polygon_resampler,
+    polygon_method,
 )
 from flowsculpt.pipeline.resample.placement import REST, REST_NORMAL
 from flowsculpt.pipeline.resample.resampler import STATELESS
@@ -342,8 +342,8 @@ def at_rest(motion: Motion, flow: Flow) -> MovingSurface:
     if not resampling.cuts_triangles:
         polygons = with_material(motion.polygons_at_rest())
         polygons = creased(polygons, resampling, _hard_angles(polygons, thresholds))
-        resampler, options = polygon_resampler(resampling.method), (resampling.cutting, resampling.collapse)
-        return PolygonSurface(motion, resampling, resampler(polygons, thresholds, *options))
+        method = polygon_method(resampling.method, resampling.options)
+        return PolygonSurface(motion, resampling, method.begin(polygons, thresholds))
     mesh = with_identities(motion.mesh_at_rest())
     mesh = creased(mesh, resampling, thresholds.hard_angles(mesh))
     if resampling.placement != "exact":
@@ -416,8 +416,7 @@ def resumed(motion: Motion, flow: Flow, frame: MeshFrame) -> MovingSurface:
             )
         others = {"creases": polygons.creases, "offsets": polygons.offsets, "corners": polygons.corners}
         state = _state(polygons, **others)
-        resume_polygons = polygon_resampler(resampling.method).from_state
-        polygonal = resume_polygons(state, thresholds, resampling.cutting, resampling.collapse)
+        polygonal = polygon_method(resampling.method, resampling.options).resume(state, thresholds)
         return PolygonSurface(motion, resampling, polygonal, _start_vertices(motion, flow, frame))
     numbers = {"identities": np.array(frame.identities), "unsorted": np.array(frame.unsorted)}
     state = _state(frame.mesh, faces=frame.mesh.faces, **frame.mesh.tagged_edges, **numbers)

@@ -1,6 +1,7 @@
 """The command `flowsculpt`. A fault is one line, and the exit code says of which kind it is.
 
-The module of a command is imported when the command is called. Help lists commands by the table below.
+The module of a command is imported when the command is called. Help lists commands by their panels, and in
+each panel as plug-ins list them, those of the core first.
 """
 
 from __future__ import annotations
@@ -40,9 +41,7 @@ from flowsculpt.render.base.python_process import ENDING
 
 HELP = """Films of shapes that flow like putty, from a shot file to a finished film.
 
-`flowsculpt new --show my_show` writes a folder to work in. There, `flowsculpt preview A010_first`
-draws its shot in seconds, and `flowsculpt film` renders its film. `flowsculpt COMMAND --help` explains a
-command by examples."""
+{openings} `flowsculpt COMMAND --help` explains a command by examples."""
 
 EPILOG = (
     "Exit codes: 0 done · 1 some frames failed, the rest done · 2 bad usage or shot · 3 a missing input · "
@@ -50,14 +49,8 @@ EPILOG = (
     "What is done stays done: run again to go on."
 )
 
-PANELS = {
-    "Write shots": "new validate flows schema",
-    "Render": "simulate render film stills relight task wedge turntable",
-    "Look": "preview review notes sheet figures curves",
-    "Deliver": "deliver publish versions reproduce export",
-    "Maintain": "status why report verify clean doctor resample push",
-}
-"""The parts of the help and their commands, in their order; those of other plug-ins follow."""
+PANELS = ("Write shots", "Render", "Look", "Deliver", "Maintain")
+"""The parts of the help in their order; others follow."""
 
 EXPORT = Command("", "Write a shot or an edit for other programs, in one of their formats.", "Deliver")
 """The command `export`: its formats come from plug-ins, and each is a command of its own."""
@@ -73,13 +66,26 @@ def all_commands() -> dict[str, Command]:
             "flowsculpt was installed from an earlier version of this code, and its commands are not "
             "registered; install it again: make setup in a checkout, else as docs/your-show.md says"
         )
-    commands = {**plugins().commands, **({"export": EXPORT} if plugins().exporters else {})}
-    return dict(sorted(commands.items(), key=_place))
+    commands = {}
+    for words, command in plugins().commands.items():
+        name, _, form = words.partition(" ")
+        commands[name] = EXPORT if form else command
+    return dict(sorted(commands.items(), key=lambda item: _place(item[1].panel)))
+
+
+def _place(panel: str) -> int:
+    return PANELS.index(panel) if panel in PANELS else len(PANELS)
+
+
+def _formats() -> dict[str, Command]:
+    """Return the formats of `export` by name."""
+    exports = ((words.partition(" ")[2], command) for words, command in plugins().commands.items())
+    return {form: replace(command, panel="Formats") for form, command in exports if form}
 
 
 def command_words() -> list[str]:
     """Return what calls each command, in the order of the help: its name, or `export FORMAT`."""
-    formats = [f"export {form}" for form in plugins().exporters]
+    formats = [f"export {form}" for form in _formats()]
     return [words for name in all_commands() for words in (formats if name == "export" else [name])]
 
 
@@ -116,7 +122,7 @@ class _Commands(_WithoutTypes, TyperGroup):
     """Imports a command when it is called; until then a placeholder stands for it."""
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[Any, Any, list[str]]:
-        require_command(args[0], self.commands)
+        require_command(args[0], all_commands())
         name, _, rest = super().resolve_command(ctx, args)
         return name, command_named(str(name)), rest
 
@@ -133,9 +139,8 @@ def command_named(words: str) -> Any:
     """Return a command, or `export FORMAT`, with its options, as click has it."""
     name, _, form = words.partition(" ")
     if words == "export":
-        formats = {each: replace(command, panel="Formats") for each, command in plugins().exporters.items()}
-        return typer.main.get_command(_group(_Formats, formats, name="export", help=EXPORT.summary))
-    command = plugins().exporters[form] if form else all_commands()[name]
+        return typer.main.get_command(_group(_Formats, _formats(), name="export", help=EXPORT.summary))
+    command = plugins().commands[words]
     try:
         function = named(command.function)
     except Exception as error:  # a stranger's module may raise anything
@@ -188,19 +193,12 @@ def _before_the_command(ctx: typer.Context, version_: bool, **given: Any) -> Non
 
 def command_line() -> typer.Typer:
     """Return the command line with all commands, in the order of the help."""
-    app = _group(_Commands, all_commands(), name="flowsculpt", help=_unwrapped(HELP), epilog=EPILOG)
+    commands = all_commands()
+    openings = " ".join(command.opening for command in commands.values() if command.opening)
+    text = _unwrapped(HELP.format(openings=openings))
+    app = _group(_Commands, commands, name="flowsculpt", help=text, epilog=EPILOG)
     app.callback()(with_parameters(_before_the_command, parameters_of(_Options)))
     return app
-
-
-def _place(item: tuple[str, Command]) -> tuple[int, int]:
-    """Return what sorts the commands of the help, of which `item` is a name and a command."""
-    name, panel = item[0], item[1].panel
-    names = PANELS.get(panel, "").split()
-    return (
-        list(PANELS).index(panel) if panel in PANELS else len(PANELS),
-        names.index(name) if name in names else len(names),
-    )
 
 
 def keep_freed_memory() -> None:

@@ -18,6 +18,8 @@ PLUGIN = Plugin(
             "flowsculpt.pipeline.cli.render_commands:film",
             "Render every shot of an edit and cut them into a film.",
             "Render",
+            also="build make",
+            opening="`flowsculpt film` renders the film of a folder.",
         ),
         "stills": Command(
             "flowsculpt.pipeline.cli.render_commands:stills",

@@ -7,7 +7,7 @@ import functools
 import inspect
 import os
 import re
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
@@ -16,7 +16,7 @@ import typer
 
 from flowsculpt.pipeline.cli.output import print_error, print_warning, tell_of_store
 from flowsculpt.pipeline.errors import UsageError, suggestion
-from flowsculpt.pipeline.plugin import plugins
+from flowsculpt.pipeline.plugin import Command, plugins
 from flowsculpt.pipeline.production.request.lookup import today_name
 from flowsculpt.pipeline.production.store.paths import require_store
 from flowsculpt.pipeline.production.store.remote_store import READ_ONLY, VARIABLE, remote_stores
@@ -44,18 +44,6 @@ def require_readable_path(path: str) -> None:
         raise UsageError(f"{path!r}: a line break or control character in a path; rename it")
 
 
-_COMMANDS = {
-    "--help": "help",
-    "preview": "play view show",
-    "status": "list ls",
-    "validate": "check lint",
-    "new": "create init",
-    "film": "build make",
-    "why": "explain",
-    "clean": "delete remove",
-}
-"""By commands, those of other programs that do the same."""
-
 _OPTIONS = {
     "--frames": "--frame --range --start --end",
     "-f": "-r -s -e",
@@ -72,15 +60,16 @@ _OPTIONS = {
 """By options, those of other programs that do the same."""
 
 
-def _meant(table: dict[str, str], word: str) -> str | None:
-    return next((name for name, words in table.items() if word in words.split()), None)
-
-
-def require_command(name: str, known: Collection[str]) -> None:
+def require_command(name: str, commands: Mapping[str, Command]) -> None:
     """Raise UsageError for a command that has another name here."""
-    meant = _meant(_COMMANDS, name.lower())
-    if name not in known and meant:
+    others = {each: command.also for each, command in commands.items()} | {"--help": "help"}
+    meant = _meant(others, name.lower())
+    if name not in commands and meant:
         raise UsageError(f"unknown command {name}. Did you mean {meant}?")
+
+
+def _meant(table: Mapping[str, str], word: str) -> str | None:
+    return next((name for name, words in table.items() if word in words.split()), None)
 
 
 def require_options(words: Iterable[str], known: Collection[str]) -> None:

@@ -116,8 +116,8 @@ def simulate(common: Common, shots: Shots, options: ShotOptions, frames: Frames 
     `flowsculpt simulate A010_cube -f 1-24` writes 24 mesh frames to renders/A010_cube/meshes. After an edit
     of the shot, the simulation resumes at the last frame that is still valid.
 
-    Vertices keep their numbers through the whole shot, and new vertices name their parents; method polyhedra
-    renumbers them.
+    Vertices keep their numbers through the whole shot, and new vertices name their parents, with method
+    triangles.
     """
     project = options.project(common)
     execute_and_report(common, lambda: project.meshes(shots, frames))

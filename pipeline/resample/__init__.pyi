@@ -4,9 +4,11 @@ from flowsculpt.pipeline.resample.placement import Chord as Chord
 from flowsculpt.pipeline.resample.placement import Curved as Curved
 from flowsculpt.pipeline.resample.placement import Exact as Exact
 from flowsculpt.pipeline.resample.placement import Placement as Placement
+from flowsculpt.pipeline.resample.polygon_resamplers import PolygonMethod as PolygonMethod
 from flowsculpt.pipeline.resample.polygon_resamplers import PolygonResampler as PolygonResampler
-from flowsculpt.pipeline.resample.polygon_resamplers import polygon_resampler as polygon_resampler
-from flowsculpt.pipeline.resample.resample_pass import PolyhedralReport as PolyhedralReport
+from flowsculpt.pipeline.resample.polygon_resamplers import polygon_method as polygon_method
+from flowsculpt.pipeline.resample.polygon_resamplers import polygon_methods as polygon_methods
+from flowsculpt.pipeline.resample.resample_pass import PolygonReport as PolygonReport
 from flowsculpt.pipeline.resample.resample_pass import Report as Report
 from flowsculpt.pipeline.resample.resampler import Resampler as Resampler
 from flowsculpt.pipeline.resample.resampler import resample as resample

@@ -1,19 +1,18 @@
-"""Resamplers of polygons, which plug-ins add by the names of their methods."""
+"""The contract of plug-ins for methods of resampling polygons, by the names that shots write: `method`."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
-from typing import Literal, cast
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict
 
 from flowsculpt.pipeline.arrays import AnyArray, Points
 from flowsculpt.pipeline.mesh.meshes import PolygonMesh
-from flowsculpt.pipeline.plugin import named, plugins
-from flowsculpt.pipeline.resample.resample_pass import PolyhedralReport
+from flowsculpt.pipeline.plugin import plugins
+from flowsculpt.pipeline.resample.resample_pass import PolygonReport
 from flowsculpt.pipeline.resample.thresholds import Thresholds
-
-Cutting = Literal["slice", "recurse"]
-Collapse = Literal["edges", "areas"]
 
 
 class PolygonResampler(ABC):
@@ -23,16 +22,6 @@ class PolygonResampler(ABC):
     """
 
     thresholds: Thresholds
-
-    @abstractmethod
-    def __init__(
-        self,
-        mesh: PolygonMesh,
-        thresholds: Thresholds,
-        cutting: Cutting = "slice",
-        collapse: Collapse = "edges",
-    ) -> None:
-        """Begin with the first surface. Raises MeshError where it is not sound."""
 
     @property
     @abstractmethod
@@ -44,25 +33,38 @@ class PolygonResampler(ABC):
     def mesh(self) -> PolygonMesh:
         """The surface as a value: vertices in the order of `vertices`."""
 
-    @classmethod
     @abstractmethod
-    def from_state(
-        cls,
-        state: Mapping[str, AnyArray],
-        thresholds: Thresholds,
-        cutting: Cutting = "slice",
-        collapse: Collapse = "edges",
-    ) -> PolygonResampler:
+    def resample(self) -> PolygonReport:
+        """Bring edges and faces within their limits, in place. Raises FrameError where that cannot be."""
+
+
+class PolygonMethod(BaseModel):
+    """A method of resampling: its settings, and the resamplers that have them.
+
+    Its fields are settings in `resample` of shots, next to `method`, and their names and values decide keys.
+    Each has a default, a description, and a name that no other setting has.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    @abstractmethod
+    def begin(self, mesh: PolygonMesh, thresholds: Thresholds) -> PolygonResampler:
+        """Begin with the first surface. Raises MeshError where it is not sound."""
+
+    @abstractmethod
+    def resume(self, state: Mapping[str, AnyArray], thresholds: Thresholds) -> PolygonResampler:
         """Resume with the same bits as without a stop. Raises UsageError where arrays are missing.
 
         state  vertices, offsets, corners, creases, and vertex attributes as `attribute.NAME`
         """
 
-    @abstractmethod
-    def resample(self) -> PolyhedralReport:
-        """Bring edges and faces within their limits, in place. Raises FrameError where that cannot be."""
+
+def polygon_methods() -> dict[str, type[PolygonMethod]]:
+    """Return the methods of plug-ins by their names."""
+    methods: dict[str, type[PolygonMethod]] = plugins().classes("resamplers", PolygonMethod)
+    return methods
 
 
-def polygon_resampler(method: str) -> type[PolygonResampler]:
-    """Return the resampler of a method."""
-    return cast("type[PolygonResampler]", named(plugins().resamplers[method]))
+def polygon_method(name: str, settings: Iterable[tuple[str, Any]] = ()) -> PolygonMethod:
+    """Return a method with settings."""
+    return polygon_methods()[name](**dict(settings))

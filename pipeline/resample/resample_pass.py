@@ -107,7 +107,7 @@ class Report:
 
 
 @dataclass(frozen=True)
-class PolyhedralReport(Report):
+class PolygonReport(Report):
     """Counts of one frame of polygons.
 
     splits           vertices inserted into edges

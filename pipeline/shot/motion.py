@@ -25,7 +25,7 @@ from flowsculpt.pipeline.resample import Curvature, DistanceToCamera, Thresholds
 from flowsculpt.pipeline.resample.thresholds import DEFAULT_ROUNDNESS, Region
 from flowsculpt.pipeline.shot.copies import Copies, bounding_sphere
 from flowsculpt.pipeline.shot.subjects import PluginSurface, Solid, Subject
-from flowsculpt.render.base.serialise import OMIT_DEFAULT
+from flowsculpt.render.base.serialise import NOT_PLAIN, OMIT_DEFAULT
 from flowsculpt.render.scene.painted_faces import PaintedFaces
 from flowsculpt.render.scene.patterns import COPY_PLACE, Measure, Pigment
 
@@ -192,8 +192,7 @@ class Resampling:
     """The resampling of a surface, once a frame.
 
     thresholds     limits of edge lengths, and the angle that makes an edge hard
-    method         triangles: split and collapse edges (P23–P30); or a plug-in's, such as polyhedra: slice any
-                   faces (P16–P21)
+    method         triangles: split and collapse edges (P23–P30); or one of a plug-in, for polygons
     placement      position of new vertices: chord, the middle of the edge (P25); curved, on a surface that is
                    smooth except at creases (P37); exact, on the undeformed surface, carried through the flow
     splits         edges: one long edge at a time (P25); faces: one triangle into four (P26)
@@ -202,8 +201,7 @@ class Resampling:
     rest_interval  frames after which the present surface becomes the undeformed one, where placement is exact
     creases        edges that stay hard at any angle (P31): rest, edges hard in the undeformed surface; model,
                    edges that the model's file names; a region, edges with both ends in it at rest; none
-    cutting        of polyhedra: slice, by all parallel planes at once; recurse, in two and again (P18)
-    collapse       of polyhedra: edges, short ones (P9); areas, small faces (P22)
+    options        names and values of the settings of a plug-in's method
     max_growth     a frame that needs more than this times the vertices of the first frame stops with an
                    error; None: `max_vertices` alone bounds frames
     """
@@ -216,8 +214,7 @@ class Resampling:
     normals: Literal["carried", "geometric"] = "carried"
     rest_interval: int = 240
     creases: Literal["rest", "model", "none"] | Region = "rest"
-    cutting: Literal["slice", "recurse"] = "slice"
-    collapse: Literal["edges", "areas"] = "edges"
+    options: tuple[tuple[str, Any], ...] = field(default=(), metadata=NOT_PLAIN)
     max_growth: float | None = field(default=None, metadata=OMIT_DEFAULT)
 
     @property
@@ -228,7 +225,7 @@ class Resampling:
     def settings(self) -> dict[str, Any]:
         """Return the settings in effect by their names in the shot file, as JSON-able data."""
         settings = as_data(self)
-        every = self._without({**settings.pop("thresholds"), **settings}, self._idle)
+        every = self._without({**settings.pop("thresholds"), **settings, **dict(self.options)}, self._idle)
         del every["is"]
         return every
 
@@ -237,7 +234,7 @@ class Resampling:
 
         The rest interval stands in the data of the frames that begin one: see `Motion.step_data`.
         """
-        settings = {**as_data(self), "thresholds": self.thresholds_data()}
+        settings = {**as_data(self), **dict(self.options), "thresholds": self.thresholds_data()}
         return self._without(settings, (*self._idle, "rest_interval", "max_growth"))
 
     def thresholds_data(self) -> dict[str, Any]:
@@ -259,8 +256,8 @@ class Resampling:
         if not self.cuts_triangles:
             return ("placement", "splits", "min_roundness", "normals", "rest_interval")
         if self.placement == "exact":
-            return ("cutting", "collapse", *(() if self.creases == "rest" else ("hard_angle",)))
-        return ("cutting", "collapse", "normals", "rest_interval")
+            return () if self.creases == "rest" else ("hard_angle",)
+        return ("normals", "rest_interval")
 
     @staticmethod
     def _without(settings: dict[str, Any], names: tuple[str, ...]) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from typing import Any
 from flowsculpt.pipeline.errors import shortened
 from flowsculpt.pipeline.flow.keyframes import BEZIER
 from flowsculpt.pipeline.frames import FrameRange, FrameRate
-from flowsculpt.pipeline.plugin import plugins
+from flowsculpt.pipeline.resample import polygon_methods
 from flowsculpt.pipeline.resample.thresholds import DEFAULT_RATIO, HIGHEST_RATIO
 from flowsculpt.pipeline.shot.documents.field_types import is_number, is_triple
 from flowsculpt.pipeline.shot.documents.flow_documents import DOCUMENTS
@@ -218,7 +218,7 @@ def check_threshold_bounds(source: YamlSource) -> Iterator[Problem]:
 def check_splits(source: YamlSource) -> Iterator[Problem]:
     """Check that faces are split in four with chord placement only, at the middles of their edges."""
     placement = source.get("resample", "placement")
-    polygons = source.get("resample", "method") in plugins().resamplers
+    polygons = source.get("resample", "method") in polygon_methods()
     if source.get("resample", "splits") != "faces" or polygons or placement == "chord":
         return
     actual = "by default placement is exact" if placement is None else f"placement is {placement}"

@@ -45,7 +45,7 @@ def test_help_names_every_command_and_the_exit_codes(project):
 
 
 def test_every_module_of_commands_is_in_the_help():
-    commands = (*plugins().commands.values(), *plugins().exporters.values())
+    commands = plugins().commands.values()
     named = {command.function.split(":")[0].rsplit(".")[-1] for command in commands}
     assert {path.stem for path in Path(pipeline.__file__).parent.rglob("*_command*.py")} <= named
 

@@ -84,6 +84,10 @@ def test_the_command_line_takes_every_command_of_a_page(page):
         require_parsed(line)
 
 
+def test_most_pages_show_commands():
+    assert sum(bool(commands_of(page.read_text())) for page in PAGES) > 0.5 * len(PAGES)
+
+
 @pytest.mark.parametrize("command", ALL)
 def test_the_command_line_takes_every_command_of_its_help(command):
     for line in SPAN.findall(command_named(command).help):

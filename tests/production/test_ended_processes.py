@@ -31,7 +31,10 @@ def test_a_process_ends_with_all_that_it_started() -> None:
     wait_until(lambda: has_ended(child))
 
 
-def test_a_process_that_is_gone_already_is_no_trouble() -> None:
-    gone = subprocess.Popen([sys.executable, "-c", ""])
+def test_a_process_that_is_gone_already_is_no_trouble_and_others_go_on() -> None:
+    gone, other = subprocess.Popen(["true"]), subprocess.Popen(["sleep", "60"])
     gone.wait()
     end_family(gone.pid)
+    assert other.poll() is None
+    other.kill()
+    other.wait()

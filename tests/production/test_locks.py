@@ -58,8 +58,9 @@ def refusing(monkeypatch: pytest.MonkeyPatch, number: int) -> None:
 
 def test_a_file_system_without_locks_is_used_without(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     refusing(monkeypatch, errno.ENOLCK)
-    with writing(tmp_path), making(tmp_path, names("A")), making(tmp_path, names("A")), exclusive(tmp_path):
-        pass
+    one, other = making(tmp_path, names("A")), making(tmp_path, names("A"))
+    with writing(tmp_path), exclusive(tmp_path), one as one_waited, other as other_waited:
+        assert not one_waited and not other_waited
 
 
 def test_an_error_of_the_disk_is_no_other_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -37,7 +37,7 @@ from flowsculpt.pipeline.resample import (
     Resampler,
     ThresholdFormula,
     Thresholds,
-    polygon_resampler,
+    polygon_method,
 )
 from flowsculpt.pipeline.resample.resampler import Splits
 from flowsculpt.pipeline.statistics import mesh_statistics
@@ -82,7 +82,7 @@ def _exact(flow: Flow, frames: int = 5) -> str:
 
 
 def _polygons(flow: Flow, frames: int = 3) -> str:
-    resampler = polygon_resampler("polyhedra")(
+    resampler = polygon_method("polyhedra").begin(
         PolygonMesh.from_triangles(box(edge_length=0.4)), Thresholds(0.4)
     )
     for frame in range(frames):

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from flowsculpt.pipeline.animation import MeshFrame, animate
 from flowsculpt.pipeline.errors import UsageError
 from flowsculpt.pipeline.mesh import read_mesh, read_polygons, require, validate
-from flowsculpt.pipeline.resample import PolyhedralReport
+from flowsculpt.pipeline.resample import PolygonReport
 from flowsculpt.pipeline.shot import Motion, read_shot
 
 SHOT = """\
@@ -187,7 +187,7 @@ def test_polyhedra_begin_with_the_subjects_own_polygons() -> None:
     assert first.polygons is not None
     np.testing.assert_allclose(first.polygons.bounds, [[-1.0, -0.8, -0.6], [1.0, 0.8, 0.6]])
     assert first.polygons.average_sides > 3.5
-    assert isinstance(first.report.resampling, PolyhedralReport) and first.report.resampling.cuts > 20
+    assert isinstance(first.report.resampling, PolygonReport) and first.report.resampling.cuts > 20
 
 
 def test_a_models_polygons_are_kept_and_scaled(tmp_path: Path) -> None:

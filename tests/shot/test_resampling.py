@@ -15,7 +15,14 @@ from flowsculpt.pipeline.animation import animate
 from flowsculpt.pipeline.errors import FrameError, ShotError
 from flowsculpt.pipeline.flow import keyed
 from flowsculpt.pipeline.mesh import validate
-from flowsculpt.pipeline.resample import Curvature, DistanceToCamera, ThresholdFormula, Thresholds
+from flowsculpt.pipeline.resample import (
+    Curvature,
+    DistanceToCamera,
+    ThresholdFormula,
+    Thresholds,
+    polygon_method,
+    polygon_methods,
+)
 from flowsculpt.pipeline.shot import Motion, read_shot
 from flowsculpt.pipeline.shot.documents.resampling import KeyedCamera, KeyedThreshold
 from flowsculpt.pipeline.shot.motion import Resampling
@@ -241,8 +248,10 @@ def test_every_setting_is_documented_with_its_default() -> None:
     page = (Path(__file__).parents[2] / "docs" / "shot-files.md").read_text("utf-8")
     found = motion("0.2").resampling
     assert found is not None
-    for field in dataclasses.fields(Resampling):
-        if field.name != "thresholds":
-            default = getattr(found, field.name)
-            shown = f"`{default}`" if isinstance(default, str) else "–" if default is None else f"{default:g}"
-            assert f"| `{field.name}` | {shown} |" in page, field.name
+    defaults = {field.name: getattr(found, field.name) for field in dataclasses.fields(Resampling)}
+    del defaults["thresholds"], defaults["options"]
+    for method in polygon_methods():
+        defaults |= polygon_method(method).model_dump()
+    for name, default in defaults.items():
+        shown = f"`{default}`" if isinstance(default, str) else "–" if default is None else f"{default:g}"
+        assert f"| `{name}` | {shown} |" in page, name

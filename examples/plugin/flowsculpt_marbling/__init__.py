@@ -15,7 +15,7 @@ PLUGIN = Plugin(
         )
     },
     commands={
-        "inks": Command("flowsculpt_marbling.commands:inks", "List the inks of marbling.inks.", "Look")
+        "inks": Command("flowsculpt_marbling.commands:inks", "List the inks of marbling.inks.", "Look"),
+        "export csv": Command("flowsculpt_marbling.commands:csv", "Vertices, faces and area of each frame."),
     },
-    exporters={"csv": Command("flowsculpt_marbling.commands:csv", "Vertices, faces and area of each frame.")},
 )

@@ -10,11 +10,14 @@ PLUGIN = Plugin(
             "flowsculpt.pipeline.plugins.authoring.new_command:new",
             "Begin a shot, or a show: write files that are ready to render.",
             "Write shots",
+            also="create init",
+            opening="`flowsculpt new --show my_show` writes a folder to work in.",
         ),
         "validate": Command(
             "flowsculpt.pipeline.plugins.authoring.validate_command:validate",
             "Check shot files and report every error by file, line and column.",
             "Write shots",
+            also="check lint",
         ),
         "flows": Command(
             "flowsculpt.pipeline.plugins.authoring.schema_command:flows",

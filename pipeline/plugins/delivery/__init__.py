@@ -16,11 +16,9 @@ PLUGIN = Plugin(
             "Change lights of finished frames by factors, without rendering.",
             "Render",
         ),
-    },
-    exporters={
-        "otio": Command(
+        "export otio": Command(
             "flowsculpt.pipeline.plugins.delivery.timeline:otio", "OpenTimelineIO, for editing programs."
-        )
+        ),
     },
     edits={".otio": "flowsculpt.pipeline.plugins.delivery.timeline_import:edit_of"},
     extras="flowsculpt.pipeline.plugins.delivery.delivery_extras:DeliveryExtras",

@@ -13,20 +13,20 @@ PLUGIN = Plugin(
             "flowsculpt.pipeline.plugins.interchange.resample_command:resample",
             "Resample one mesh file.",
             "Maintain",
-        )
-    },
-    exporters={
-        "usd": Command(
+        ),
+        "export usd": Command(
             f"{_COMMANDS}:usd", "The sculpture with its motion, camera and lights, for 3-D programs."
         ),
-        "ply": Command(f"{_COMMANDS}:ply", "A mesh file of each frame."),
-        "obj": Command(f"{_COMMANDS}:obj", "A mesh file of each frame."),
-        "glb": Command(f"{_COMMANDS}:glb", "A mesh file of one frame, for the web."),
-        "stl": Command(f"{_COMMANDS}:stl", "A mesh file of one frame, to be printed."),
-        "gltf": Command(f"{_ANIMATIONS}:gltf", "One mesh that moves, for pages, viewers and DCC programs."),
-        "abc": Command(f"{_ANIMATIONS}:abc", "One mesh that moves, as Alembic, for DCC programs."),
-        "vat": Command(f"{_ANIMATIONS}:vat", "One mesh that moves, as textures for game engines."),
-        "web": Command(f"{_ANIMATIONS}:web", "A page that plays the sculpture."),
+        "export ply": Command(f"{_COMMANDS}:ply", "A mesh file of each frame."),
+        "export obj": Command(f"{_COMMANDS}:obj", "A mesh file of each frame."),
+        "export glb": Command(f"{_COMMANDS}:glb", "A mesh file of one frame, for the web."),
+        "export stl": Command(f"{_COMMANDS}:stl", "A mesh file of one frame, to be printed."),
+        "export gltf": Command(
+            f"{_ANIMATIONS}:gltf", "One mesh that moves, for pages, viewers and DCC programs."
+        ),
+        "export abc": Command(f"{_ANIMATIONS}:abc", "One mesh that moves, as Alembic, for DCC programs."),
+        "export vat": Command(f"{_ANIMATIONS}:vat", "One mesh that moves, as textures for game engines."),
+        "export web": Command(f"{_ANIMATIONS}:web", "A page that plays the sculpture."),
     },
     mesh_formats={
         "obj": "flowsculpt.pipeline.plugins.interchange.obj_files:OBJ",

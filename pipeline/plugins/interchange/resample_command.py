@@ -23,15 +23,15 @@ from flowsculpt import (
 from flowsculpt import (
     resample as resample_triangles,
 )
-from flowsculpt.api import plugins, plural
+from flowsculpt.api import plural
 from flowsculpt.api.commands import print_result, print_warning, require_one_of, table
 from flowsculpt.api.options import Common
 from flowsculpt.pipeline.mesh.read import read_surface
 from flowsculpt.pipeline.plugins.interchange.mesh_writers import WRITERS, write_mesh
-from flowsculpt.pipeline.resample import polygon_resampler
+from flowsculpt.pipeline.resample import polygon_method, polygon_methods
 from flowsculpt.pipeline.resample.resampler import STATELESS, Splits
 
-METHODS = ("triangles", *plugins().resamplers)
+METHODS = ("triangles", *polygon_methods())
 SPLITS = ("edges", "faces")
 
 REFUSALS = {
@@ -122,7 +122,7 @@ def resample(
     after: TriangleMesh | PolygonMesh
     report: Report
     if method != "triangles":
-        slicer = polygon_resampler(method)(before, thresholds)
+        slicer = polygon_method(method).begin(before, thresholds)
         report = slicer.resample()
         after = slicer.mesh
     else:

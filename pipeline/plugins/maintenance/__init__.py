@@ -10,11 +10,13 @@ PLUGIN = Plugin(
             "flowsculpt.pipeline.plugins.maintenance.status_commands:status",
             "List which frames are done, stale and missing.",
             "Maintain",
+            also="list ls",
         ),
         "why": Command(
             "flowsculpt.pipeline.plugins.maintenance.status_commands:why",
             "Explain why a frame would be rendered again.",
             "Maintain",
+            also="explain",
         ),
         "report": Command(
             "flowsculpt.pipeline.plugins.maintenance.status_commands:report",
@@ -35,6 +37,7 @@ PLUGIN = Plugin(
             "flowsculpt.pipeline.plugins.maintenance.store_commands:clean",
             "Delete stored files that nothing needs.",
             "Maintain",
+            also="delete remove",
         ),
     },
     observer="flowsculpt.pipeline.plugins.maintenance.run_report:RunSummary",

@@ -5,7 +5,5 @@ from flowsculpt.api import Plugin
 PLUGIN = Plugin(
     name="polyhedra",
     version="1",
-    resamplers={
-        "polyhedra": "flowsculpt.pipeline.plugins.polyhedra.polyhedral_resampler:PolyhedralResampler"
-    },
+    resamplers={"polyhedra": "flowsculpt.pipeline.plugins.polyhedra.polyhedra_method:Polyhedra"},
 )

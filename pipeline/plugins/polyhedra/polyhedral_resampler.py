@@ -7,16 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from flowsculpt import PolygonMesh, Thresholds, UsageError
-from flowsculpt.api.meshes import (
-    AnyArray,
-    Collapse,
-    Cutting,
-    Floats,
-    Points,
-    PolygonResampler,
-    PolyhedralReport,
-    not_finite,
-)
+from flowsculpt.api.meshes import AnyArray, Floats, Points, PolygonResampler, not_finite
+from flowsculpt.pipeline.plugins.polyhedra.polyhedra_method import Collapse, Cutting
 from flowsculpt.pipeline.plugins.polyhedra.polyhedron import (
     OUTSIDE,
     LengthLimits,
@@ -25,6 +17,7 @@ from flowsculpt.pipeline.plugins.polyhedra.polyhedron import (
     inherited,
 )
 from flowsculpt.pipeline.plugins.polyhedra.subdivision import Collapser, Slicer
+from flowsculpt.pipeline.resample.resample_pass import PolygonReport
 
 _ATTRIBUTE = "attribute."
 _LARGEST = 1e150  # squares of larger coordinates overflow
@@ -95,7 +88,7 @@ class PolyhedralResampler(PolygonResampler):
         mesh = PolygonMesh.from_arrays(*surface, attributes, state.get("creases"))
         return cls(mesh, thresholds, cutting, collapse)
 
-    def resample(self) -> PolyhedralReport:
+    def resample(self) -> PolygonReport:
         """Bring edges and faces within their limits, in place.
 
         Afterwards no edge is over the maximum, and no face extends farther than it along any axis.
@@ -149,11 +142,11 @@ class _Pass:
         longs = long_edges(self._surface, self.limits)
         self._too_long = sum(self.editor.is_too_long(h) for h in longs)
 
-    def report(self, mesh: PolygonMesh) -> PolyhedralReport:
+    def report(self, mesh: PolygonMesh) -> PolygonReport:
         """Return what the pass did, and the state of the resulting mesh."""
         _, lengths, _ = _measured(self._surface, np.zeros(len(mesh.vertices)))
         editor = self.editor
-        return PolyhedralReport(
+        return PolygonReport(
             splits=editor.splits,
             collapses=editor.collapses,
             flips=0,

@@ -13,7 +13,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from flowsculpt import FrameError
-from flowsculpt.api.meshes import Cutting
+from flowsculpt.pipeline.plugins.polyhedra.polyhedra_method import Cutting
 from flowsculpt.pipeline.plugins.polyhedra.polyhedron import (
     OUTSIDE,
     Point,

@@ -10,6 +10,8 @@ PLUGIN = Plugin(
             "flowsculpt.pipeline.plugins.preview.preview_command:preview",
             "Draw a shot in seconds, without a path tracer, or live while you edit.",
             "Look",
+            also="play view show",
+            opening="`flowsculpt preview A010_first` draws a shot in seconds.",
         ),
         "edit": Command(
             "flowsculpt.pipeline.plugins.preview.program_commands:edit",

@@ -12,13 +12,14 @@ PLUGIN = Plugin(
             f"{_COMMANDS}:review",
             "Write a page for reviewing shots frame by frame and writing notes.",
             "Look",
+            folder="review",
         ),
+        "notes": Command(f"{_COMMANDS}:notes", "List the notes that reviewers wrote about a shot.", "Look"),
         "figures": Command(
             "flowsculpt.pipeline.plugins.review.figures:figures",
             "Plot the measures of a shot's meshes over its frames.",
             "Look",
         ),
-        "notes": Command(f"{_COMMANDS}:notes", "List the notes that reviewers wrote about a shot.", "Look"),
     },
     extras="flowsculpt.pipeline.plugins.review.review_extras:ReviewExtras",
 )

@@ -10,7 +10,9 @@ PLUGIN = Plugin(
     commands={
         "sheet": Command(f"{_COMMANDS}:sheet", "Draw a contact sheet of a shot's frames.", "Look"),
         "curves": Command(f"{_COMMANDS}:curves", "Draw everything in a shot that changes over time.", "Look"),
-        "wedge": Command(f"{_COMMANDS}:wedge", "Render a shot in a grid of variations.", "Render"),
+        "wedge": Command(
+            f"{_COMMANDS}:wedge", "Render a shot in a grid of variations.", "Render", folder="wedge"
+        ),
     },
     extras="flowsculpt.pipeline.plugins.sheets.sheets_extras:SheetsExtras",
 )

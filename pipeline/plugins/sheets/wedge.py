@@ -39,7 +39,7 @@ from flowsculpt.api.pictures import (
     write_png,
 )
 from flowsculpt.api.shots import shown
-from flowsculpt.pipeline.production.store import paths
+from flowsculpt.pipeline.production.store.paths import RENDERS
 
 OPTION = "--vary"
 MOST_CELLS = 100  # cells of a wedge at most, without --yes
@@ -301,7 +301,7 @@ class Wedge:
 
     @property
     def _home(self) -> Path:
-        return paths.wedge(self.shot.stem)
+        return wedge_folder(self.shot.stem)
 
     def _take(self, cell: Cell, frames: str) -> RenderRequest:
         project = replace(self.project, settings=(*self.project.settings, *cell.settings))
@@ -324,9 +324,14 @@ def _at_the_variation(message: str, variations: tuple[Variation, ...], cell: Cel
     return f"{OPTION} with {', '.join(cell.settings)}: {message}"
 
 
+def wedge_folder(name: str) -> Path:
+    """Return the folder of a shot's wedges: cells and sheets."""
+    return RENDERS / "wedge" / name
+
+
 def wedge_sequences(query: SequenceQuery) -> Iterator[SequenceGrid]:
     """Yield the cells of the wedges of a shot that have a contact sheet: its header says what was varied."""
-    home = query.project.root / paths.wedge(query.path.stem)
+    home = query.project.root / wedge_folder(query.path.stem)
     seen: set[tuple[str, str]] = set()
     for sheet in sorted(home.glob("*.png")):
         try:

@@ -10,6 +10,7 @@ PLUGIN = Plugin(
             "flowsculpt.pipeline.plugins.turntable.turntable_movie:turntable",
             "Render an object turning, then the lights turning around it.",
             "Render",
+            folder="turntable",
         )
     },
 )

@@ -137,8 +137,3 @@ def published(name: str) -> Path:
 def repeated(name: str, version: str) -> Path:
     """The root in which a published version is made again."""
     return REPEATED / f"{name}.{version}"
-
-
-def wedge(name: str) -> Path:
-    """The folder of a shot's wedges: cells and sheets."""
-    return RENDERS / "wedge" / name

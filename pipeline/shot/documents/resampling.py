@@ -3,17 +3,23 @@
 Angles are degrees in the file and radians in the code.
 """
 
+import inspect
 import math
 from dataclasses import dataclass, field, fields
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, create_model
 
 from flowsculpt.pipeline.arrays import AnyArray, Points
 from flowsculpt.pipeline.flow.parameters import Curve, Number, VectorParameter, number_at, vector_at
 from flowsculpt.pipeline.formula import PLACE, Expression
-from flowsculpt.pipeline.plugin import plugins
-from flowsculpt.pipeline.resample import Curvature, DistanceToCamera, ThresholdFormula, Thresholds
+from flowsculpt.pipeline.resample import (
+    Curvature,
+    DistanceToCamera,
+    ThresholdFormula,
+    Thresholds,
+    polygon_methods,
+)
 from flowsculpt.pipeline.resample.thresholds import DEFAULT_HARD_ANGLE, FORMULA_NAMES, Threshold
 from flowsculpt.pipeline.shot.documents.curves import (
     ABOVE_0,
@@ -174,6 +180,15 @@ CreasesField = Annotated[
 ]
 
 
+METHODS = polygon_methods()
+
+
+def _described(method: str) -> str:
+    """Return the name of a plug-in's method and the first line of its docstring."""
+    line = inspect.cleandoc(METHODS[method].__doc__ or "").partition("\n")[0]
+    return f"{method}, which {line[:1].lower()}{line[1:].rstrip('.')}"
+
+
 class ResampleDocument(Document):
     """Settings that are left out take the defaults of `Thresholds` and `Resampling`."""
 
@@ -193,8 +208,8 @@ class ResampleDocument(Document):
     gradation: Annotated[Positive, Field(le=100)] | None = optional(
         "difference of lengths between the ends of an edge, as a fraction of it, at most"
     )
-    method: Annotated[str, one_of(("triangles", *plugins().resamplers), "method")] | None = optional(
-        "triangles, or polyhedra: faces of any number of sides, sliced by planes"
+    method: Annotated[str, one_of(("triangles", *METHODS), "method")] | None = optional(
+        "; or ".join(("triangles", *map(_described, METHODS)))
     )
     placement: Annotated[str, one_of(("chord", "curved", "exact"), "placement")] | None = optional(
         "where new vertices go: exact, on the surface at rest; curved, on a smooth one; chord, "
@@ -213,12 +228,6 @@ class ResampleDocument(Document):
     creases: CreasesField | None = optional(
         "edges that stay hard: those hard at rest, those of the model's file, a region"
     )
-    cutting: Annotated[str, one_of(("slice", "recurse"), "way to cut")] | None = optional(
-        "of polyhedra: all parallel cuts at once, or halves again and again"
-    )
-    collapse: Annotated[str, one_of(("edges", "areas"), "thing to collapse")] | None = optional(
-        "of polyhedra: short edges, or small faces"
-    )
 
     def build(self, clock: Clock) -> Resampling:
         angle = _angle(self.hard_angle, clock)
@@ -230,8 +239,10 @@ class ResampleDocument(Document):
             angle,
             **self._given("max_vertices", "gradation"),
         )
-        settings = [field.name for field in fields(Resampling) if field.name != "thresholds"]
+        settings = [field.name for field in fields(Resampling) if field.name not in ("thresholds", "options")]
         given = self._given(*settings)
+        if method := METHODS.get(self.method or ""):
+            given["options"] = tuple(method(**self._given(*method.model_fields)).model_dump().items())
         if isinstance(self.creases, CreaseRegionDocument):
             given["creases"] = WithinFormula(self.creases.formula)
         return Resampling(thresholds, **given)
@@ -239,6 +250,18 @@ class ResampleDocument(Document):
     def _given(self, *names: str) -> dict[str, Any]:
         return {name: value for name in names if (value := getattr(self, name)) is not None}
 
+
+def _settings_of_methods() -> dict[str, Any]:
+    """Return the fields of the settings of plug-ins' methods."""
+    return {
+        name: (Annotated[(info.annotation, *info.metadata)] | None, optional(info.description or name))
+        for method in METHODS.values()
+        for name, info in method.model_fields.items()
+    }
+
+
+if not TYPE_CHECKING:
+    ResampleDocument = create_model("ResampleDocument", __base__=ResampleDocument, **_settings_of_methods())
 
 ResampleField = Annotated[Literal["off"] | ResampleDocument, MAPPING_IS_SECOND]
 """The entry `resample`: off, or thresholds."""

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from flowsculpt.pipeline.errors import MissingInputError, ShotError, shortened
 from flowsculpt.pipeline.file_contents import as_utf8
+from flowsculpt.pipeline.plugin import plugins
 from flowsculpt.render.base.atomic_write import machine_error
 from flowsculpt.render.base.input_files import read_input
 from flowsculpt.render.base.plural import indefinite
@@ -24,9 +25,6 @@ NAME = r"[A-Za-z0-9][A-Za-z0-9_.-]*"
 
 MOST_LETTERS = 100
 """Letters in a name; file systems allow some 250 with the numbers and suffixes of files."""
-
-FOLDERS = ("edit", "film", "published", "repeated", "review", "turntable", "wedge")
-"""Folders in renders/ beside those of shots, by whose names no shot may be called."""
 
 _TOO_LARGE = (
     f"the file is larger than {MOST_BYTES // 1000} kB; a shot file has a few. Put points and samples in "
@@ -69,7 +67,8 @@ def name_fault(name: str, kind: str = "shot") -> str | None:
     example = "showreel" if kind == "edit" else "A010_cube"
     if name.lower() == Path(DEFAULTS).stem:
         return f"{name} is the name of the file of defaults in shots/; choose another one, as A010_{name}"
-    if name.lower() in FOLDERS and not (kind == "edit" and name == "film"):
+    of_plugins = {command.folder for command in plugins().commands.values()}
+    if name.lower() in {"edit", "film", *of_plugins} and not (kind == "edit" and name == "film"):
         return f"{name} is the name of a folder in renders/; choose another one, as A010_{name}"
     if len(name) > MOST_LETTERS or not re.fullmatch(NAME, name):
         rule = f"use letters, digits, _ and -, as in {example}"

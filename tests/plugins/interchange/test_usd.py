@@ -239,7 +239,9 @@ def test_softboxes_keep_their_place_size_and_radiance(root, stage):
     project = Project(root, 1)
     request = project.request(root / "shots" / f"{NAME}.yaml", "draft", variant="none")
     placement = camera_file(request, project.store)[2].placement
-    for box in request.shot.picture.lights.softboxes:
+    boxes = request.shot.picture.lights.softboxes
+    assert len(boxes) > 1
+    for box in boxes:
         light = UsdLux.RectLight(stage.GetPrimAtPath(f"/{NAME}/set/lights/{box.name}"))
         power = light.GetIntensityAttr().Get(2.0) * np.array(light.GetColorAttr().Get())
         area = box.width * box.height * placement.size**2

@@ -148,7 +148,9 @@ def test_two_thousand_flipped_bits_are_found_in_files_of_every_kind(stocked: Any
 def test_every_reader_refuses_a_file_with_a_flipped_bit(finished: Any) -> None:
     """Whatever the reader: it is not called."""
     store, chance = Store(finished.path), random.Random(3)
-    for kind, key, path in list(store.entries()):
+    entries = list(store.entries())
+    assert {"mesh", "normals", "cameras", "raw", "frame", "movie"} <= {kind for kind, _, _ in entries}
+    for kind, key, path in entries:
         flip(path, chance.randrange(path.stat().st_size), 1 << chance.randrange(8))
         with pytest.raises(FrameError, match="shown is damaged"):
             store.read(kind, key, Path("shown"), lambda _: pytest.fail("a damaged file is read"))

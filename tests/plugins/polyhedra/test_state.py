@@ -7,9 +7,9 @@ import pytest
 
 from flowsculpt.pipeline.errors import FrameError, MeshError, UsageError
 from flowsculpt.pipeline.mesh import PolygonMesh, require
+from flowsculpt.pipeline.plugins.polyhedra.polyhedra_method import Cutting
 from flowsculpt.pipeline.plugins.polyhedra.polyhedral_resampler import PolyhedralResampler
 from flowsculpt.pipeline.resample import Thresholds
-from flowsculpt.pipeline.resample.polygon_resamplers import Cutting
 
 THRESHOLDS = Thresholds(0.35)
 
