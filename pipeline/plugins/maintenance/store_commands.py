@@ -162,7 +162,8 @@ class _Check(NamedTuple):
 
 def _checked(common: Common, store: Store) -> _Check:
     """Check a root, report what is damaged, and give a digest to files that had none."""
-    stored = _verified(common, verify_store(store, common.cores), "verifying", store.count())
+    count = sum(1 for _ in store.entries())
+    stored = _verified(common, verify_store(store, common.cores), "verifying", count)
     paths = shown_with_digest(store)
     shown = _verified(
         common, verify_shown(store, stored, paths, common.cores), "verifying renders/", len(paths)

@@ -39,8 +39,9 @@ from flowsculpt.pipeline.plugins.remote.remote_requests import (
     load_package,
     open_url,
 )
-from flowsculpt.pipeline.plugins.remote.shared_kernels import fetch_kernels, send_kernels
-from flowsculpt.pipeline.production.store.remote_store import SIDE_BY_SIDE
+
+SIDE_BY_SIDE = 16
+"""Requests for listings that are made at once, one for each first digit of a key."""
 
 LISTED_SECONDS = 60.0
 """Seconds for which a listing counts: what others upload meanwhile is seen after these."""
@@ -251,7 +252,5 @@ STORES = SimpleNamespace(
     checked=checked_url,
     opened=RemoteFiles.of,
     load=load_package,
-    send_kernels=send_kernels,
-    fetch_kernels=fetch_kernels,
 )
 """Finds remote stores by their addresses, for `flowsculpt.pipeline.production.store.remote_store`."""

@@ -16,8 +16,9 @@ from flowsculpt.pipeline.arrays import AnyArray, Points
 from flowsculpt.pipeline.errors import FlowsculptError
 from flowsculpt.pipeline.mesh.placed_copies import COPIES, Placements, all_copies, extremes
 from flowsculpt.pipeline.production.store.digests import CorruptFileError
+from flowsculpt.pipeline.production.store.paths import SUFFIXES
 from flowsculpt.pipeline.production.store.store import Key
-from flowsculpt.render.base.state_files import UNUSABLE
+from flowsculpt.render.base.state_files import UNUSABLE, plain_data
 from flowsculpt.render.post.image import read_exr
 from flowsculpt.render.scene.aovs import RenderedFrame
 
@@ -100,6 +101,37 @@ def shading(key: Key) -> Callable[[Path], dict[str, AnyArray]]:
 def with_key(key: Key, named: Mapping[str, AnyArray]) -> dict[str, AnyArray]:
     """Return the arrays and their key."""
     return {**named, "key": np.array(key)}
+
+
+def reader_of(kind: str, key: Key) -> Callable[[Path], Any]:
+    """Return what reads a whole file of a kind, which is stored under `key`.
+
+    It returns a `MeshFrame`, the arrays of a surface, the layers and header of a picture, the pixels of a
+    still, the facts of a movie, or plain data; see SUFFIXES for the kinds. It raises CorruptFileError, or an
+    error of the library that decodes the file, where it cannot be read to its end or is of another key.
+    """
+    from flowsculpt.render.movie.probe import probe_movie
+    from flowsculpt.render.post.image import read_png
+
+    match SUFFIXES[kind]:
+        case ".npz":
+            if kind == "mesh":
+                return mesh_frame(key, number=0)  # whatever frames show it
+            return (shading if kind == "normals" else arrays)(key)
+        case ".exr":
+            return picture(key)
+        case ".json":
+            return _plain_content
+        case ".png" | ".jpg":
+            return read_png
+    return probe_movie
+
+
+def _plain_content(path: Path) -> Any:
+    try:
+        return plain_data(path.read_bytes())
+    except (ValueError, RecursionError) as error:
+        raise CorruptFileError(f"{path}: {error}") from error
 
 
 LARGE_BYTES = 1 << 22

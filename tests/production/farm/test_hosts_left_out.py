@@ -60,7 +60,7 @@ def test_a_host_tries_no_frame_twice_and_leaves_it_to_another(
     assert context.reason_to_leave() is None
     fail(context, 2)
     assert "node7 has failed at frame 2" in str(context.reason_to_leave())
-    assert worker.main(str(context.plan.file), context.job.name) == MachineError.exit_code
+    assert worker.do_job(str(context.plan.file), context.job.name) == MachineError.exit_code
     assert context.failed_for_good(), "nor does it look at the job again"
     monkeypatch.setattr("platform.node", lambda: "node8")
     assert context.reason_to_leave() is None and not context.failed_for_good()
