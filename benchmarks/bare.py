@@ -96,11 +96,12 @@ def pictures(path: Path, count: int | None) -> Iterator[AnyArray]:
     request = RenderRequest(source, QUALITY, mi.variant(), ()).whole()
     picture = request.shot.picture
     meshes = list(animate(request.shot))
-    views = [request.view(frame.number) for frame in meshes]
-    framings = frame_all(views, lambda i: meshes[i].mesh.vertices, request.aspect, request.follow)
-    quality = request.quality
+    views = [request.pictures.view(frame.number) for frame in meshes]
+    aspect, follow = request.pictures.aspect, request.shot.picture.camera.follow
+    framings = frame_all(views, lambda i: meshes[i].mesh.vertices, aspect, follow)
+    quality = request.pictures.quality
     for frame, framing in list(zip(meshes, framings, strict=True))[:count]:
-        there = with_stage_in_view(framing, picture.stage, request.flat_aspect)
+        there = with_stage_in_view(framing, picture.stage, request.pictures.flat_aspect)
         shading = Shading.of(frame, thresholds_at(request.shot.motion, frame.number), picture.tessellate)
         scene, integrator = mitsuba_scene(request, frame.number, there, shading.arrays())
         layers = np.array(mi.render(scene, integrator=integrator, spp=quality.samples, seed=frame.number))
@@ -122,13 +123,13 @@ def mitsuba_scene(
     from flowsculpt.render.scene.scene import Scene
     from flowsculpt.render.scene.surface import Surface
 
-    picture = request.picture(number)
+    picture = request.pictures.of(number)
     surface = Surface(arrays["vertices"], arrays["normals"], arrays["faces"], {}, arrays["material"])
     described = Scene(surface, picture.look, picture.lights, picture.stage, framing.placement, framing.camera)
-    size = request.quality.width, request.quality.height
+    size = request.pictures.quality.width, request.pictures.quality.height
     split, coordinates = texture_coordinates(surface, picture.look)
     bsdf = materials.surface_bsdf(picture.look, (), coordinates, framing.placement.size)
-    path = materials.path_integrator([picture.look], request.quality.depth)
+    path = materials.path_integrator([picture.look], request.pictures.quality.depth)
     path["hide_emitters"] = not picture.lights.shows_sky
     scene = mi.load_dict(
         {

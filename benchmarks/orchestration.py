@@ -160,16 +160,16 @@ def fill(plan: Plan, share: float = 1.0) -> None:
     store, clips = Project(Path.cwd(), CORES).store, []
     for request in plan.requests:
         cameras = json.dumps({str(number): to_plain(framing) for number in request.angles})
-        store.put("cameras", request.cameras_key, partial(_write, text=cameras))
+        store.put("cameras", request.keys.cameras, partial(_write, text=cameras))
         keys = picture_keys(request, store)
         assert keys is not None
         clips.append(keys)
         held = request.requested[: int(share * len(request.requested))]
-        files = [("mesh", part.mesh_key(n)) for part in request.parts for n in held]
-        files += [("normals", part.normals_key(n)) for part in request.parts for n in held]
+        files = [("mesh", part.keys.mesh(n)) for part in request.parts for n in held]
+        files += [("normals", part.keys.normals(n)) for part in request.parts for n in held]
         files += [(kind, getattr(keys[n], kind)) for n in held for kind in ("raw", "frame")]
         if share == 1.0:
-            files.append(("movie", request.movie_key([keys[n].frame for n in sorted(held)])))
+            files.append(("movie", request.keys.movie([keys[n].frame for n in sorted(held)])))
         keys.remember()  # as finding cameras does
         for kind, key in files:
             _put(store, kind, key, "a dummy")

@@ -107,9 +107,9 @@ def _files(store: Store, requests: Sequence[RenderRequest], part: float) -> Iter
         keys = picture_keys(request, store)
         assert keys is not None, "cameras are filled in"
         held = [n for n in request.requested if n <= part * len(request.requested)]
-        yield from [("cameras", request.cameras_key)] if held else []
+        yield from [("cameras", request.keys.cameras)] if held else []
         for n in held:
-            yield from [("mesh", request.mesh_key(n)), ("normals", request.normals_key(n))]
+            yield from [("mesh", request.keys.mesh(n)), ("normals", request.keys.normals(n))]
             yield from [("raw", keys[n].raw), ("frame", keys[n].frame)]
 
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 
-from flowsculpt.pipeline.errors import UsageError, brief, shortened
+from flowsculpt.pipeline.errors import UsageError, brief, shortened, suggestion
 
 MOST_FRAMES = 100_000
 """Frames in one range: over an hour at 24 frames per second."""
@@ -20,15 +20,48 @@ SLOWEST, FASTEST = Fraction(1, 10), Fraction(1000)
 """Frames per second."""
 
 
+WORDS = ("all", "missing", "stale", "failed")
+"""States of frames by which they are asked for."""
+
+
+class FrameSelection:
+    """Frames that a user asks for: a `FrameRange`, or `FrameWords`."""
+
+    @staticmethod
+    def of_text(text: str) -> FrameRange | FrameWords:
+        """Return the range of a text, or the words where it holds some: `failed`, or `missing,stale`.
+
+        Raises UsageError for an unknown word, for words mixed with numbers, and as `FrameRange.parse`.
+        """
+        words = tuple(part.strip() for part in text.split(","))
+        if not any(word.isalpha() for word in words):
+            return FrameRange.parse(text)
+        for word in words:
+            if not word.isalpha():
+                remedy = "write one as 1-48x2, or words alone: failed,stale"
+                raise UsageError(f"{text!r} is not a frame range; {remedy}")
+            if word not in WORDS:
+                raise UsageError(f"{word!r} is not a frame range or a word. {suggestion(word, WORDS)}")
+        return FrameWords(words)
+
+
 @dataclass(frozen=True)
-class FrameRange:
+class FrameWords(FrameSelection):
+    """Frames by their states, some of WORDS."""
+
+    words: tuple[str, ...]
+
+    def __str__(self) -> str:
+        """Return the words as an option has them: `missing,stale`."""
+        return ",".join(self.words)
+
+
+class FrameRange(tuple[int, ...], FrameSelection):
     """An ordered set of frame numbers: ``FrameRange.parse("1-48x2,60")``.
 
     The syntax is fileseq's: ``1-10`` every frame, ``1-10x2`` every second, ``1-10:5`` coarse first,
     ``1-10y3`` all but every third; parts are joined by commas.
     """
-
-    numbers: tuple[int, ...]
 
     @classmethod
     def parse(cls, text: str, such_as: str = "12, 1-48, 1-48x2 or 1-24,30,40-48") -> FrameRange:
@@ -55,35 +88,31 @@ class FrameRange:
     @classmethod
     def of(cls, numbers: Iterable[int]) -> FrameRange:
         """Return the range of these frames, in this order."""
-        return cls(tuple(numbers))
+        return cls(numbers)
+
+    @property
+    def numbers(self) -> tuple[int, ...]:
+        """The numbers alone."""
+        return tuple(self)
 
     @cached_property
     def first(self) -> int:
-        return min(self.numbers)
+        return min(self)
 
     @cached_property
     def last(self) -> int:
-        return max(self.numbers)
+        return max(self)
 
     def outside(self, other: FrameRange) -> FrameRange:
         """Return the frames that `other` does not hold, in this order."""
-        theirs = set(other.numbers)
-        return FrameRange(tuple(n for n in self.numbers if n not in theirs))
-
-    def __iter__(self) -> Iterator[int]:
-        return iter(self.numbers)
-
-    def __len__(self) -> int:
-        return len(self.numbers)
-
-    def __contains__(self, number: object) -> bool:
-        return number in self.numbers
+        theirs = set(other)
+        return FrameRange(n for n in self if n not in theirs)
 
     def __str__(self) -> str:
         """Return the shortest text in ascending order: `1-48x2`."""
         import fileseq
 
-        return str(fileseq.framesToFrameRange(sorted(self.numbers), sort=True)) if self.numbers else ""
+        return str(fileseq.framesToFrameRange(sorted(self), sort=True)) if self else ""
 
 
 @dataclass(frozen=True)

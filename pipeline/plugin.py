@@ -61,6 +61,9 @@ GONE = {
     "notes": 'extras="module:Class", ShotExtras with the method notes',
     "unneeded": 'extras="module:Class", ShotExtras with the method unneeded',
     "schemas": 'extras="module:Class", ShotExtras with the method schemas',
+    "mesh_formats": 'formats={"SUFFIX": FileFormat(surface="module:READER")}',
+    "paints": 'formats={"SUFFIX": FileFormat(paint="module:READER")}, with the surface of that suffix',
+    "edits": 'formats={"SUFFIX": FileFormat(edit="module:function")}',
 }
 """What plug-ins write in place of fields that went with version 2."""
 
@@ -104,6 +107,21 @@ class PictureTask(Protocol):
 
 
 @dataclass(frozen=True)
+class FileFormat:
+    """What is read of files with a suffix: each "module:name", or empty where they do not hold it.
+
+    surface  a `SurfaceReader` of models
+    paint    a `PaintReader` of what lies on the faces of these models
+    edit     a function of another program's timeline, the names of the shots and the folder of edits; returns
+             the path and the text of an edit
+    """
+
+    surface: str = ""
+    paint: str = ""
+    edit: str = ""
+
+
+@dataclass(frozen=True)
 class PictureStage:
     """A stage between `render` and `finish`, for shots that have its entry.
 
@@ -143,14 +161,12 @@ class Plugin:
                    `subject: {PLUGIN.NAME: {…}}`, `copies: {count: 9, PLUGIN.NAME: {…}}`
     encodes        `Encode`s of `deliver --as PLUGIN.NAME`, by their names
     entries        entries of shot files by their names, and the stages that shots with them have
+    frame_sources  `FrameSource`s by their kinds, which are names of folders in renders/ too
     commands       commands by name; formats of the command `export` have the name "export FORMAT"
     observer       a `RunObserver`, which is called around runs and deliveries
     extras         `ShotExtras`: what the plug-in has of a shot besides its frames
-    mesh_formats   `MeshFormat`s by suffix of mesh files
-    paints         `PaintReader`s by suffix of mesh files
+    formats        `FileFormat`s of models and timelines by suffix: `obj`, `otio`
     resamplers     `PolygonMethod`s, by the names that shots write: `resample: {method: NAME}`
-    edits          functions by file suffix that make an edit of another program's timeline: they take the
-                   file, the names of the shots and the folder of edits, and return the edit's path and text
     remote_stores  an object that finds remote stores by their addresses: see `RemoteStores`
     """
 
@@ -162,13 +178,12 @@ class Plugin:
     subjects: Mapping[str, str] = field(default_factory=dict)
     encodes: Mapping[str, str] = field(default_factory=dict)
     entries: Mapping[str, ShotEntry] = field(default_factory=dict)
+    frame_sources: Mapping[str, str] = field(default_factory=dict)
     commands: Mapping[str, Command] = field(default_factory=dict)
     observer: str = ""
     extras: str = ""
-    mesh_formats: Mapping[str, str] = field(default_factory=dict)
-    paints: Mapping[str, str] = field(default_factory=dict)
+    formats: Mapping[str, FileFormat] = field(default_factory=dict)
     resamplers: Mapping[str, str] = field(default_factory=dict)
-    edits: Mapping[str, str] = field(default_factory=dict)
     remote_stores: str = ""
 
     def __new__(cls, *values: Any, **given: Any) -> Self:
@@ -255,19 +270,14 @@ class Plugins:
         return {name: command for plugin in self for name, command in plugin.commands.items()}
 
     @property
-    def mesh_formats(self) -> dict[str, str]:
-        """The formats of mesh files, by suffix."""
-        return {suffix: form for plugin in self for suffix, form in plugin.mesh_formats.items()}
+    def frame_sources(self) -> dict[str, str]:
+        """The sources of frames by kind."""
+        return {kind: source for plugin in self for kind, source in plugin.frame_sources.items()}
 
-    @property
-    def paints(self) -> dict[str, str]:
-        """The readers of what models have on their faces, by suffix."""
-        return {suffix: reader for plugin in self for suffix, reader in plugin.paints.items()}
-
-    @property
-    def edits(self) -> dict[str, str]:
-        """The functions that make edits of timelines, by file suffix."""
-        return {suffix: function for plugin in self for suffix, function in plugin.edits.items()}
+    def readers(self, part: str) -> dict[str, str]:
+        """Return the readers of a part of files, `surface`, `paint` or `edit`, by suffix."""
+        forms = (item for plugin in self for item in plugin.formats.items())
+        return {suffix: place for suffix, form in forms if (place := getattr(form, part))}
 
     def classes(self, door: str, contract: Any) -> dict[str, Any]:
         """Return the classes that plug-ins name by a field of `Plugin`, by their names in it.
@@ -449,10 +459,9 @@ def _added(plugin: Plugin) -> Iterator[str]:
     """Yield the names that a plug-in adds and that must be its own."""
     doors = {
         "command": plugin.commands,
-        "mesh format": plugin.mesh_formats,
-        "paint of": plugin.paints,
+        "reader of": plugin.formats,
         "method": plugin.resamplers,
-        "edits from": plugin.edits,
+        "frames of": plugin.frame_sources,
     }
     for kind, names in doors.items():
         yield from (f"{kind} {name}" for name in names)

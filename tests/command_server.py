@@ -115,9 +115,9 @@ def _load() -> None:
     import snakemake.cli  # noqa: F401
 
     from flowsculpt.pipeline.cli import commands, render_commands  # noqa: F401
-    from flowsculpt.pipeline.production.tasks import job_server
+    from flowsculpt.pipeline.production.tasks import worker_pool
 
-    job_server._load_what_jobs_need()
+    worker_pool.load_what_jobs_need()
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -301,6 +302,31 @@ def test_a_subject_of_a_plug_in_is_placed_keyed_by_its_files_and_refused_at_its_
     (marbling.folder / "marbling_parts.py").write_text(PARTS + STONE.replace("Stone(SubjectKind)", "Stone"))
     left_out = "marbling.stone is left out: it is neither a SubjectKind nor a CopyLayout; write class Stone("
     assert left_out in marbling.run("validate").stderr
+
+
+SCANNER = """\
+from flowsculpt.api import FileFormat, Plugin
+FORMATS = {"tri": FileFormat("triangles:TRIANGLES"), "odd": FileFormat("triangles:read_triangles")}
+PLUGIN = Plugin("scanner", "1", formats=FORMATS)
+"""
+
+
+def test_a_model_of_a_format_of_the_docs_is_read_by_every_command(environment):
+    page = (Path(__file__).parents[1] / "docs" / "plugins.md").read_text(encoding="utf-8")
+    (code,) = [code for code in re.findall(r"```python\n(.*?)```", page, re.DOTALL) if "TRIANGLES" in code]
+    environment.install("scanner", SCANNER)
+    (environment.folder / "triangles.py").write_text(code)
+    corners = "0 0 0  0 1 0  1 0 0\n0 0 0  1 0 0  0 0 1\n0 0 0  0 0 1  0 1 0\n1 0 0  0 1 0  0 0 1\n"
+    for name, content in (("a.tri", corners), ("cut.tri", corners[:-3]), ("a.odd", corners)):
+        (environment.folder / name).write_text(content)
+    done = environment.run("resample", "a.tri", "b.ply", "--max-edge-length", "0.5")
+    assert done.returncode == 0, done.stderr
+    assert b"element vertex" in (environment.folder / "b.ply").read_bytes()
+    cut = environment.run("resample", "cut.tri", "c.ply", "--max-edge-length", "0.5")
+    assert cut.returncode == 2 and cut.stderr.startswith("cut.tri: ") and cut.stderr.count("\n") == 1
+    odd = environment.run("resample", "a.odd", "c.ply", "--max-edge-length", "0.5")
+    said = "triangles:read_triangles, which a plug-in names as a reader, is not a SurfaceReader"
+    assert odd.returncode == 4 and said in odd.stderr and "Traceback" not in odd.stderr
 
 
 def plugin(name: str = "greeter", rest: str = "") -> str:

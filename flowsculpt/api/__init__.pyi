@@ -33,8 +33,13 @@ from flowsculpt.pipeline.long_computations import reporting_to as reporting_to
 from flowsculpt.pipeline.mesh import TriangleMesh as TriangleMesh
 from flowsculpt.pipeline.mesh import box as box
 from flowsculpt.pipeline.mesh import icosphere as icosphere
-from flowsculpt.pipeline.mesh.mesh_formats import MeshFormat as MeshFormat
+from flowsculpt.pipeline.mesh.mesh_formats import FileSurface as FileSurface
+from flowsculpt.pipeline.mesh.mesh_formats import PaintReader as PaintReader
+from flowsculpt.pipeline.mesh.mesh_formats import SurfaceReader as SurfaceReader
+from flowsculpt.pipeline.mesh.mesh_formats import file_surface as file_surface
+from flowsculpt.pipeline.mesh.mesh_formats import reader_of as reader_of
 from flowsculpt.pipeline.plugin import Command as Command
+from flowsculpt.pipeline.plugin import FileFormat as FileFormat
 from flowsculpt.pipeline.plugin import PictureStage as PictureStage
 from flowsculpt.pipeline.plugin import Plugin as Plugin
 from flowsculpt.pipeline.plugin import ShotEntry as ShotEntry

@@ -73,7 +73,7 @@ from flowsculpt.pipeline.production.store.paths import STATE as STATE
 from flowsculpt.pipeline.production.store.paths import SUFFIXES as SUFFIXES
 from flowsculpt.pipeline.production.store.paths import Folders as Folders
 from flowsculpt.pipeline.production.store.paths import repeated as repeated
-from flowsculpt.pipeline.production.store.readers import reader_of as reader_of
+from flowsculpt.pipeline.production.store.readers import content_reader as content_reader
 from flowsculpt.pipeline.production.store.remote_store import use_store as use_store
 from flowsculpt.pipeline.production.store.store import DAMAGED as DAMAGED
 from flowsculpt.pipeline.production.store.store import Key as Key

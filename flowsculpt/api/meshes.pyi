@@ -8,7 +8,6 @@ from flowsculpt.pipeline.arrays import Points as Points
 from flowsculpt.pipeline.arrays import Vectors as Vectors
 from flowsculpt.pipeline.mesh import face_normals as face_normals
 from flowsculpt.pipeline.mesh.face_soup import components as components
-from flowsculpt.pipeline.mesh.mesh_formats import MeshFormat as MeshFormat
 from flowsculpt.pipeline.mesh.meshes import edge_keys as edge_keys
 from flowsculpt.pipeline.mesh.normals import unit as unit
 from flowsculpt.pipeline.mesh.points import on_surface as on_surface

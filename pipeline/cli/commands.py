@@ -1,6 +1,6 @@
-"""The commands of the core, which `render_commands` and `doctor_command` hold."""
+"""The commands of the core, and the one format of models that it reads."""
 
-from flowsculpt.pipeline.plugin import Command, Plugin
+from flowsculpt.pipeline.plugin import Command, FileFormat, Plugin
 
 PLUGIN = Plugin(
     name="flowsculpt",
@@ -32,5 +32,6 @@ PLUGIN = Plugin(
             "Maintain",
         ),
     },
+    formats={"ply": FileFormat("flowsculpt.pipeline.mesh.ply_files:PLY")},
 )
 """What the core adds, by the contract that plug-ins have."""

@@ -16,6 +16,7 @@ import typer
 
 from flowsculpt.pipeline.cli.output import print_error, print_warning, tell_of_store
 from flowsculpt.pipeline.errors import UsageError, suggestion
+from flowsculpt.pipeline.frames import FrameRange, FrameSelection
 from flowsculpt.pipeline.plugin import Command, plugins
 from flowsculpt.pipeline.production.request.lookup import today_name
 from flowsculpt.pipeline.production.store.paths import require_store
@@ -88,8 +89,8 @@ def shots_argument(help: str) -> Any:
     return typer.Argument(metavar="SHOT", help=help)
 
 
-def frames_option(help: str) -> Any:
-    return typer.Option("-f", "--frames", metavar="RANGE", help=help)
+def frames_option(help: str, parser: Callable[[str], FrameSelection] = FrameRange.parse) -> Any:
+    return typer.Option("-f", "--frames", metavar="RANGE", help=help, parser=parser)
 
 
 def at_option(help: str) -> Any:
@@ -107,11 +108,17 @@ Subject = Annotated[
 ]
 Shots = Annotated[list[str], shots_argument("Names in shots/, or paths of shot files.")]
 Frames = Annotated[
-    str | None,
+    FrameSelection | None,
     frames_option(
         "Frames: 12, 1-48, 1-48x2, 1-24,30; 1-100:10 is coarse first. Or by state, as `status` lists them: "
-        "missing, stale, failed. Default: all."
+        "missing, stale, failed. Default: all.",
+        FrameSelection.of_text,
     ),
+]
+
+FrameNumbers = Annotated[
+    FrameRange | None,
+    frames_option("Frames: 12, 1-48, 1-48x2, 1-24,30; 1-100:10 is coarse first. Default: all."),
 ]
 
 

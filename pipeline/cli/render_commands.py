@@ -97,11 +97,11 @@ def film(
 
 def _written_edit(common: Common, timeline: Path) -> str:
     """Write the edit of a timeline to the folder of shots; return its path."""
-    readers = plugins().edits
-    if timeline.suffix not in readers:
-        known = ", ".join(sorted(readers)) or "none: no plug-in reads timelines"
+    readers = plugins().readers("edit")
+    if (reader := readers.get(timeline.suffix.lstrip("."))) is None:
+        known = ", ".join(f".{suffix}" for suffix in readers) or "none: no plug-in reads timelines"
         raise UsageError(f"--edit {timeline}: the names of timelines end in {known}; export one as that")
-    target, text = named(readers[timeline.suffix])(timeline, shot_names(), SHOTS)
+    target, text = named(reader)(timeline, shot_names(), SHOTS)
     if common.dry_run and not target.exists():
         raise UsageError(f"--dry-run: {target} is not written yet; call film --edit once without it")
     if not common.dry_run:
@@ -165,7 +165,7 @@ def stills(
 
 def _cost(common: Common, plan: Plan) -> str:
     """Return what rendering the large frames of a plan takes, in words; empty if it renders none."""
-    large = plan.requests[0].quality
+    large = plan.requests[0].pictures.quality
     width, height = large.rendered_size
     if not plan.frame_counts()["render"] or width * height < LARGE:
         return ""

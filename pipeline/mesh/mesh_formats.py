@@ -1,19 +1,27 @@
-"""Formats of mesh files, and surfaces as files have them: polygons that are not yet merged or checked."""
+"""Formats of model files: what reads their surfaces, and what reads the paint that lies on the faces.
+
+A format is a `SurfaceReader` and, where its files hold more than a surface, a `PaintReader`. A plug-in names
+both in a `FileFormat`, by suffix. Surfaces are as files have them: polygons that are not merged or checked.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
-from typing import NamedTuple, TypeVar
+from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
-from flowsculpt.pipeline.arrays import AnyArray, Points
+from flowsculpt.pipeline.arrays import AnyArray, Faces, Indices, Points
 from flowsculpt.render.base.input_files import read_input
 from flowsculpt.render.base.plural import plural
+from flowsculpt.render.scene.painted_faces import PaintedFaces
+
+if TYPE_CHECKING:
+    from flowsculpt.render.scene.materials import PatternedMaterial
 
 T = TypeVar("T")
 
@@ -138,8 +146,8 @@ class ModelFiles(NamedTuple):
 
 
 @dataclass(frozen=True)
-class MeshFormat:
-    """A format of mesh files.
+class SurfaceReader:
+    """The reader of the surfaces of a format.
 
     read       reads a surface. Raises MeshError, or any error, where it cannot
     files      returns the files that a surface is read from; None where it is the one file
@@ -155,6 +163,61 @@ class MeshFormat:
     usual_up: str = "y"
     read_part: Callable[[Path, ScenePart], FileSurface] | None = None
     misread: re.Pattern[bytes] | None = None
+
+
+class Paint(Protocol):
+    """The paint of a model."""
+
+    @property
+    def points(self) -> Points:
+        """The points (V, 3) at the corners of its faces, as the file has them."""
+
+    def placed(self, place: Points) -> Paint:
+        """Return the paint with its points (V, 3) elsewhere."""
+
+    def seams(self, vertices: Points, edges: Indices) -> Indices:
+        """Return those of the edges (E, 2) of a surface where the paint changes.
+
+        vertices  (V, 3) of the surface, at points of the file
+        """
+
+    def on_faces(self, rest: Points, faces: Faces) -> PaintedFaces:
+        """Return the paint of faces (F, 3) of vertices whose rest positions are (V, 3)."""
+
+
+Files = Mapping[Path, str]
+"""SHA-256 of files, by their paths."""
+
+
+class ModelMaterials(NamedTuple):
+    """The materials of a model.
+
+    parts  by number
+    files  all files that they are read from
+    notes  lines to tell the user about what is not shown as the file has it
+    """
+
+    parts: tuple[PatternedMaterial, ...]
+    files: Files
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class PaintReader:
+    """The reader of what lies on the faces of models of a format: texture coordinates, colours and materials.
+
+    files      returns the files that paint is read from besides those of the surface
+    materials  returns the materials of a model
+    paint      returns the paint
+    of_part    returns the reader of a `ScenePart` of scenes; None where parts have no names
+
+    They raise MissingInputError where a file is not there, and any error where it cannot read.
+    """
+
+    files: Callable[[Path], Files]
+    materials: Callable[[Path], ModelMaterials]
+    paint: Callable[[Path], Paint]
+    of_part: Callable[[ScenePart], PaintReader] | None = None
 
 
 def reader_of(parse: Callable[[bytes], T]) -> Callable[[Path], T]:

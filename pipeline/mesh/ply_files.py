@@ -10,7 +10,14 @@ import numpy as np
 from flowsculpt.pipeline.arrays import AnyArray, Points
 from flowsculpt.pipeline.errors import MeshError
 from flowsculpt.pipeline.file_contents import as_utf8, number_fault
-from flowsculpt.pipeline.mesh.mesh_formats import FileSurface, early_end, offsets_of, polygon_surface
+from flowsculpt.pipeline.mesh.mesh_formats import (
+    FileSurface,
+    SurfaceReader,
+    early_end,
+    offsets_of,
+    polygon_surface,
+    reader_of,
+)
 from flowsculpt.render.base.plural import plural
 
 _OLD_NAMES = {
@@ -385,3 +392,8 @@ def _uneven_rows(element: _Element, content: bytes, order: str, at: int) -> tupl
         numbers: AnyArray = np.frombuffer(b"".join(values[p.name]), order + p.kind)
         table[p.name] = Lists(np.array(lengths[p.name], np.int64), numbers) if p.length else numbers
     return table, at
+
+
+PLY = SurfaceReader(  # a reader left out strips of triangles
+    reader_of(read_polygon_file), misread=re.compile(rb"[\r\n]element[ \t]+tristrips[ \t]")
+)

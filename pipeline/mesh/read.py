@@ -20,7 +20,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from flowsculpt.pipeline.arrays import AnyArray
-from flowsculpt.pipeline.errors import FlowsculptError, MeshError, reason_of
+from flowsculpt.pipeline.errors import FlowsculptError, MachineError, MeshError, reason_of
 from flowsculpt.pipeline.mesh.face_soup import (
     FaceSoup,
     MergedSurface,
@@ -30,14 +30,13 @@ from flowsculpt.pipeline.mesh.face_soup import (
 )
 from flowsculpt.pipeline.mesh.mesh_formats import (
     FileSurface,
-    MeshFormat,
     ModelFiles,
+    PaintReader,
     ScenePart,
-    reader_of,
+    SurfaceReader,
     suffix_of,
 )
 from flowsculpt.pipeline.mesh.meshes import PolygonMesh, TriangleMesh, edge_keys
-from flowsculpt.pipeline.mesh.ply_files import read_polygon_file
 from flowsculpt.pipeline.mesh.validation import twin_corners, validate
 from flowsculpt.pipeline.mesh.winding import Winding, detached_corners, find_winding, link_sides
 from flowsculpt.pipeline.plugin import named, plugins
@@ -48,30 +47,30 @@ from flowsculpt.render.base.input_files import (
     other_content,
     require_input,
 )
-from flowsculpt.render.scene.painted_faces import PaintReader
-
-_PLY = MeshFormat(  # a reader left out strips of triangles
-    reader_of(read_polygon_file), misread=re.compile(rb"[\r\n]element[ \t]+tristrips[ \t]")
-)
 
 
 def mesh_suffixes() -> tuple[str, ...]:
     """Return the suffixes of readable mesh files."""
-    return ("ply", *plugins().mesh_formats)
+    return tuple(plugins().readers("surface"))
 
 
-def format_of(path: str | Path) -> MeshFormat | None:
-    """Return the format of a file by its suffix; None where nothing reads it."""
-    suffix = suffix_of(path)
-    place = plugins().mesh_formats.get(suffix)
-    found: MeshFormat | None = _PLY if suffix == "ply" else named(place) if place else None
+def surface_reader(path: str | Path) -> SurfaceReader | None:
+    """Return the reader of a file's surface by its suffix; None where nothing reads it."""
+    return _reader_at(plugins().readers("surface").get(suffix_of(path)), SurfaceReader)
+
+
+def _reader_at(place: str | None, kind: type[T]) -> T | None:
+    """Return the reader at a place, "module:name". Raises MachineError where it is not of the kind."""
+    found = named(place) if place else None
+    if not isinstance(found, kind | None):
+        raise MachineError(f"{place}, which a plug-in names as a reader, is not a {kind.__name__}")
     return found
 
 
 def names_parts(path: str | Path) -> bool:
     """Tell whether parts of scenes in a file's format have names, as prims of USD have."""
-    form = format_of(path)
-    return form is not None and form.read_part is not None
+    reader = surface_reader(path)
+    return reader is not None and reader.read_part is not None
 
 
 def read_mesh(path: str | Path) -> TriangleMesh:
@@ -137,8 +136,8 @@ def read_surface(path: str | Path, repair: bool = True, part: ScenePart | None =
     MachineError without the package that reads its format.
     """
     path = Path(path)
-    form = format_of(path)
-    readers = {} if form is None else {suffix_of(path): _reader(form, part)}
+    reader = surface_reader(path)
+    readers = {} if reader is None else {suffix_of(path): _reader(reader, part)}
     loaded = read_by_suffix(path, readers, "a mesh format", mesh_suffixes())
     if len(loaded.corners) == 0:
         _require_own_content(path)
@@ -171,18 +170,18 @@ def _require_cuttable(path: Path, surface: FileSurface) -> None:
         )
 
 
-def _reader(form: MeshFormat, part: ScenePart | None) -> Callable[[Path], FileSurface]:
-    """Return the reader of a surface, or of a part of it where the format names parts."""
-    if part is None or form.read_part is None:
-        return form.read
-    read_part = form.read_part
+def _reader(reader: SurfaceReader, part: ScenePart | None) -> Callable[[Path], FileSurface]:
+    """Return what reads a surface, or a part of it where the format names parts."""
+    if part is None or reader.read_part is None:
+        return reader.read
+    read_part = reader.read_part
     return lambda path: read_part(path, part)
 
 
 def states_up(path: Path) -> bool:
     """Tell whether files of a path's format state which axis points up."""
-    form = format_of(path)
-    return form is not None and form.states_up
+    reader = surface_reader(path)
+    return reader is not None and reader.states_up
 
 
 def usual_up(path: Path) -> str:
@@ -190,10 +189,10 @@ def usual_up(path: Path) -> str:
 
     Raises as `model_files` where the format states it.
     """
-    form = format_of(path)
-    if form is None:
+    reader = surface_reader(path)
+    if reader is None:
         return "y"
-    return (model_files(path).up if form.states_up else None) or form.usual_up
+    return (model_files(path).up if reader.states_up else None) or reader.usual_up
 
 
 def model_files(path: Path) -> ModelFiles:
@@ -202,10 +201,10 @@ def model_files(path: Path) -> ModelFiles:
     Raises MissingInputError where one is missing; in formats whose files name others or state their axes also
     MeshError where it cannot be read, and MachineError without the package that reads it.
     """
-    form = format_of(path)
-    if form is None or form.files is None:
-        return _own_file(path, None if form is None else form.misread)
-    return read_by_suffix(path, {suffix_of(path): form.files}, "a mesh format")
+    reader = surface_reader(path)
+    if reader is None or reader.files is None:
+        return _own_file(path, None if reader is None else reader.misread)
+    return read_by_suffix(path, {suffix_of(path): reader.files}, "a mesh format")
 
 
 def read_paint(
@@ -215,11 +214,11 @@ def read_paint(
 
     Raises as `read_by_suffix`, and MissingInputError where the model names a file that is not there.
     """
-    place = plugins().paints.get(suffix_of(path))
-    if place is None:
-        known = ", ".join(plugins().paints)
+    readers = plugins().readers("paint")
+    reader = _reader_at(readers.get(suffix_of(path)), PaintReader)
+    if reader is None:
+        known = ", ".join(readers)
         raise MeshError(f"{path}: paint is read from {known}, not from {path.suffix}. Write paint: off.")
-    reader: PaintReader = named(place)
     if part is not None and reader.of_part is not None:
         reader = reader.of_part(part)
     return read_by_suffix(path, {suffix_of(path): read(reader)}, "a mesh format")

@@ -148,7 +148,7 @@ def begun(project: Project, path: Path) -> Iterator[RenderRequest]:
     for name in sorted(place.name for place in home.glob("*/") if is_quality(place.name)):
         request = project.request(path, name)
         try:
-            _ = request.quality
+            _ = request.pictures.quality
         except UsageError:
             project.notes.append(
                 f"{path.stem}: pictures of {options_of(name)} are left out; the shot's pictures have no "
@@ -177,7 +177,7 @@ class SequenceQuery:
     def rendered(self, request: RenderRequest, kind: str, label: str) -> PictureSequence:
         """Return the frames of a request that are rendered, and the faults of the others."""
         root = self.project.root
-        failed = self.history.failed(request.subject, PICTURE_STAGES, request.quality_name)
+        failed = self.history.failed(request.folders.title, PICTURE_STAGES, request.quality_name)
         stale = picture_states(request, self.project.store, self.history).stale
         faults = {number: ("failed", message) for number, message in failed.items()}
         faults |= dict.fromkeys(stale, ("stale", STALE))
@@ -187,7 +187,7 @@ class SequenceQuery:
             kind=kind,
             label=label,
             quality=request.quality_name,
-            subject=request.subject,
+            subject=request.folders.title,
             numbers=tuple(sorted(request.requested)),
             files={number: path for number, path in places.items() if path.is_file()},
             display=display_of(request),
@@ -201,7 +201,7 @@ class SequenceQuery:
 def display_of(request: RenderRequest) -> PictureDisplay:
     """Return the exposure and view of the pictures of a request."""
     picture = request.shot.picture
-    return PictureDisplay(picture.lights.exposure, picture.view, request.shown_as)
+    return PictureDisplay(picture.lights.exposure, picture.view, request.manifest.shown_as)
 
 
 def shown_picture(
@@ -220,7 +220,7 @@ def shown_picture(
     key = None if keys is None else keys[number].frame
     if key is None or not store.holds("frame", key):
         return None
-    reader = readers.picture(key, request.quality.rendered_size)
+    reader = readers.picture(key, request.pictures.quality.rendered_size)
     light = store.read("frame", key, request.place("frame", number), reader)[0]["beauty"]
     picture = request.shot.picture
     return quantise(to_display(reduced(light, factor), picture.lights.exposure, display, picture.view), bits)

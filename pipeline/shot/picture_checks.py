@@ -82,9 +82,9 @@ def check_paint(source: YamlSource) -> Iterator[Problem]:
     if (
         is_painted
         and isinstance(model := subject.get("model"), str)
-        and suffix_of(model) not in plugins().paints
+        and suffix_of(model) not in (painted := plugins().readers("paint"))
     ):
-        known = listed(plugins().paints, "or")
+        known = listed(painted, "or")
         yield ("subject", "paint"), f"paint is read from {known}; this is {shortened(model)}. Leave it out."
     if isinstance(look, Painted) and not is_painted:
         paint = "Write subject: {model: FILE.obj, paint: on}."

@@ -106,7 +106,7 @@ def read_shot(
     file, or a file that it names, is not there.
     """
     path = Path(path)
-    if text is None and (fault := name_fault(path.stem)):  # a text may be of a turntable of wedge.obj
+    if text is None and (fault := name_fault(path.stem)):  # a text may be of wedge.obj
         raise ShotError(f"{shown(path)}:1:1: {fault}")
     with unforeseen(path):
         return _read(inherited(path, text, tuple(settings), beside), allow_code)

@@ -35,11 +35,11 @@ from flowsculpt.pipeline.mesh.analytic_surfaces import (
     lattice,
 )
 from flowsculpt.pipeline.mesh.control_net import Lattice
-from flowsculpt.pipeline.mesh.mesh_formats import ScenePart
+from flowsculpt.pipeline.mesh.mesh_formats import Paint, ScenePart
 from flowsculpt.pipeline.mesh.read import ImportedSurface, names_parts, read_paint, read_surface
 from flowsculpt.pipeline.mesh.solids import one_sided_sheet, six_sided_box
 from flowsculpt.render.base.serialise import NOT_PLAIN, OMIT_DEFAULT
-from flowsculpt.render.scene.painted_faces import Paint, PaintedFaces
+from flowsculpt.render.scene.painted_faces import PaintedFaces
 
 Measure = float | str | tuple[float, ...]
 

@@ -80,6 +80,11 @@ class ForkedProcess:
             self._process.start()
         self.pid = self._process.pid or 0
 
+    @property
+    def sentinel(self) -> int:
+        """What `multiprocessing.connection.wait` finds ready once the process has ended."""
+        return self._process.sentinel
+
     def wait(self) -> int:
         """Return the exit code once the process has ended: minus the number of a signal that ended it."""
         self._process.join()
@@ -89,6 +94,19 @@ class ForkedProcess:
         """Send the process a signal, if it has not ended."""
         if self._process.exitcode is None:
             os.kill(self.pid, number)
+
+
+def end_with_parent(parent: int) -> None:
+    """Have this process end (SIGTERM) when its parent process has, even if it was killed; under Linux."""
+    import ctypes
+
+    ctypes.CDLL(None).prctl(_PARENT_DEATH_SIGNAL, signal.SIGTERM)
+    if os.getppid() != parent:  # it ended before
+        os.kill(os.getpid(), signal.SIGTERM)
+
+
+_PARENT_DEATH_SIGNAL = 1
+"""PR_SET_PDEATHSIG. Source: https://man7.org/linux/man-pages/man2/PR_SET_PDEATHSIG.2const.html"""
 
 
 def may_fork() -> bool:

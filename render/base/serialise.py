@@ -32,6 +32,16 @@ OMIT_DEFAULT = {"omit_default": True}
 """`field(metadata=OMIT_DEFAULT)`: a field to leave out at its default, so that keys stay what they were
 before there was such a field."""
 
+
+def named_by_kind(class_of: Callable[[str], type | None]) -> dict[str, Any]:
+    """Return the metadata of a field that holds a dataclass of one of several kinds, by default none of them.
+
+    In plain values it has the name of its class's `kind` in place of the field's, or is left out if that is
+    empty. `class_of` returns the class of a kind, None for what is not a kind.
+    """
+    return {"class_of": class_of}
+
+
 _LEAVES = frozenset({str, int, float, bool, type(None)})
 """Types that JSON holds as they are: most of what is turned into plain values."""
 
@@ -47,9 +57,11 @@ def to_plain(value: Any) -> Any:
     if kind in _LEAVES:
         return value
     if _is_record(kind):
-        names, optional = _plain_names(kind)
+        names, optional, by_kind = _plain_names(kind)
         set_names = [name for name, default in optional if getattr(value, name) != default]
-        return {name: to_plain(getattr(value, name)) for name in (*names, *set_names)}
+        plain = {name: to_plain(getattr(value, name)) for name in (*names, *set_names)}
+        held = [getattr(value, name) for name in by_kind]
+        return plain | {each.kind: to_plain(each) for each in held if each.kind}
     if isinstance(value, list | tuple):
         return [item if type(item) in _LEAVES else to_plain(item) for item in value]
     if isinstance(value, Mapping):
@@ -81,11 +93,14 @@ def _is_record(kind: Any) -> bool:
 
 
 @cache
-def _plain_names(kind: type) -> tuple[list[str], list[tuple[str, Any]]]:
-    """Return the fields that are always plain, and those that are if they differ from a default."""
+def _plain_names(kind: type) -> tuple[list[str], list[tuple[str, Any]], list[str]]:
+    """Return the fields that are always plain, those that are if they differ from a default, and those that
+    `named_by_kind` describes."""
     plain = [field for field in dataclasses.fields(kind) if field.metadata.get("plain", True)]
-    always = [field.name for field in plain if not field.metadata.get("omit_default")]
-    return always, [(field.name, field.default) for field in plain if field.metadata.get("omit_default")]
+    by_kind = [field.name for field in plain if "class_of" in field.metadata]
+    optional = [(field.name, field.default) for field in plain if field.metadata.get("omit_default")]
+    conditional = {*by_kind, *(name for name, _ in optional)}
+    return [field.name for field in plain if field.name not in conditional], optional, by_kind
 
 
 class _MisfitError(ValueError):
@@ -133,7 +148,8 @@ def _builder(kind: Any) -> Builder:
         return _sequence_builder(origin, arguments[0])
     if isinstance(origin, type) and issubclass(origin, Mapping):
         return _mapping_builder(int if arguments[0] is int else str, arguments[1])
-    return kind if kind in (float, Path) else _unchanged
+    is_numbers = isinstance(kind, type) and issubclass(kind, tuple) and not hasattr(kind, "_fields")
+    return kind if is_numbers or kind in (float, Path) else _unchanged
 
 
 def _union_builder(kinds: tuple[Any, ...]) -> Builder:
@@ -205,14 +221,28 @@ def _record_builder(kind: Any) -> Builder:
     def build(values: Any) -> Any:
         if isinstance(values, kind):
             return values
-        builders = _field_builders(kind)
-        unknown = [name for name in values if name not in builders and name not in fixed]
-        if unknown:
-            raise _MisfitError(f" has no {unknown[0]!r}; it has {', '.join(builders)}")
-        given = {name: values[name] for name in builders if name in values}
-        return kind(**{name: _field(builders[name], name, value) for name, value in given.items()})
+        builders, given = _field_builders(kind), {}
+        for name, value in values.items():
+            if name in builders:
+                given[name] = _field(builders[name], name, value)
+            elif name not in fixed:
+                given |= _held_by_kind(kind, name, value)
+        return kind(**given)
 
     return build
+
+
+def _held_by_kind(kind: Any, name: str, value: Any) -> dict[str, Any]:
+    """Return the field, see `named_by_kind`, that holds a value of the kind `name`; none for None.
+
+    Raises _MisfitError for what is not a kind.
+    """
+    for field in filter(lambda field: "class_of" in field.metadata, dataclasses.fields(kind)):
+        if value is None:
+            return {}
+        if (held := field.metadata["class_of"](name)) is not None:
+            return {field.name: _field(_builder(held), name, value)}
+    raise _MisfitError(f" has no {name!r}; it has {', '.join(_field_builders(kind))}")
 
 
 @cache

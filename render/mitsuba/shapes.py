@@ -23,6 +23,7 @@ from flowsculpt.render.scene import reference_objects
 from flowsculpt.render.scene.reference_objects import CHROME, GREY
 from flowsculpt.render.scene.rgb_spaces import converted_pixels
 from flowsculpt.render.scene.scene import Scene
+from flowsculpt.render.scene.scene_stage import WITH_REFERENCES
 from flowsculpt.render.scene.surface import Surface
 from flowsculpt.render.scene.vertex_colours import shaded_colours
 
@@ -94,7 +95,7 @@ def stage_shapes(scene: Scene, size: tuple[int, int]) -> dict[str, Any]:
             _coated({"type": "rgb", "value": list(stage.plinth_colour)}, stage.plinth_roughness),
             _UV,
         )
-    if stage.kind == "turntable":
+    if stage.kind == WITH_REFERENCES:
         grey, chrome, chart = reference_objects.positions(camera, placement, size[0] / size[1])
         mirror = two_sided(rough_conductor({"type": "rgb", "value": CHROME}, 0.02))
         board = reference_objects.chart(chart, camera)
@@ -130,7 +131,7 @@ def _coated(colour: dict[str, Any], roughness: float | None) -> dict[str, Any]:
 
 def auxiliary_stage_shapes(scene: Scene, size: tuple[int, int]) -> dict[str, Any]:
     """Return the shapes that differ in auxiliary AOVs: Mitsuba knows no albedo of a mirror."""
-    if scene.stage.kind != "turntable":
+    if scene.stage.kind != WITH_REFERENCES:
         return {}
     _, chrome, _ = reference_objects.positions(scene.camera, scene.placement, size[0] / size[1])
     return {"chrome": mesh("chrome", reference_objects.ball(chrome), diffuse((CHROME,) * 3), _UV)}

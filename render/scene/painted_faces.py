@@ -2,16 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-
-if TYPE_CHECKING:
-    from flowsculpt.render.scene.materials import PatternedMaterial
 
 VERTEX_COLOURS = "vertex_colours"
 """Name of the vertex attribute (V, 3) with the vertex colours of a model."""
@@ -65,58 +59,3 @@ class PaintedFaces:
     def groups(self) -> NDArray[np.int64]:
         """(F, 3): the charts of the corners."""
         return np.repeat(self.charts[:, None], 3, axis=1)
-
-
-class Paint(Protocol):
-    """The paint of a model."""
-
-    @property
-    def points(self) -> NDArray[np.float64]:
-        """The points (V, 3) at the corners of its faces, as the file has them."""
-
-    def placed(self, place: NDArray[np.float64]) -> Paint:
-        """Return the paint with its points (V, 3) elsewhere."""
-
-    def seams(self, vertices: NDArray[np.float64], edges: NDArray[np.int32]) -> NDArray[np.int32]:
-        """Return those of the edges (E, 2) of a surface where the paint changes.
-
-        vertices  (V, 3) of the surface, at points of the file
-        """
-
-    def on_faces(self, rest: NDArray[np.float64], faces: NDArray[np.int32]) -> PaintedFaces:
-        """Return the paint of faces (F, 3) of vertices whose rest positions are (V, 3)."""
-
-
-Files = Mapping[Path, str]
-"""SHA-256 of files, by their paths."""
-
-
-class ModelMaterials(NamedTuple):
-    """The materials of a model.
-
-    parts  by number
-    files  all files that they are read from
-    notes  lines to tell the user about what is not shown as the file has it
-    """
-
-    parts: tuple[PatternedMaterial, ...]
-    files: Files
-    notes: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class PaintReader:
-    """The reader of the paint of models of a format.
-
-    files      returns the files that paint is read from besides those of the surface
-    materials  returns the materials of a model
-    paint      returns the paint
-    of_part    returns the reader of a `ScenePart` of scenes; None where parts have no names
-
-    They raise MissingInputError where a file is not there, and any error where it cannot read.
-    """
-
-    files: Callable[[Path], Files]
-    materials: Callable[[Path], ModelMaterials]
-    paint: Callable[[Path], Paint]
-    of_part: Callable[[Any], PaintReader] | None = None

@@ -15,7 +15,10 @@ from flowsculpt.render.scene.render_camera import Camera
 RINGS, SIDES = 33, 64
 """Triangles of a cyclorama, outwards and around. Its normals are exact: more triangles change no picture."""
 
-KINDS = ("cyclorama", "ground", "plinth", "turntable", "none")
+WITH_REFERENCES = "turntable"
+"""The kind of a stage with reference balls and a colour chart."""
+
+KINDS = ("cyclorama", "ground", "plinth", WITH_REFERENCES, "none")
 
 BEVEL = 0.025
 """Radius of a plinth's edges, stage units: rounded edges catch the light."""
@@ -26,10 +29,10 @@ PLINTH = (0.56, 0.555, 0.545)
 FLAT_RADIUS, HORIZON_RADIUS, HORIZON_HEIGHT = 40.0, 400.0, 4.0
 """The ground: radius to which it is flat, its outer radius, and its height there, stage units."""
 
-_OBJECTS = {"plinth": ("stage", "plinth"), "turntable": ("stage", "grey", "chrome", "chart"), "none": ()}
+_OBJECTS = {"plinth": ("stage", "plinth"), WITH_REFERENCES: ("stage", "grey", "chrome", "chart"), "none": ()}
 """Objects of the kinds that are not a stage alone."""
 
-_CAMERA_MOVES = {"plinth": (1.14, 0.13), "turntable": (1.08, 0.04)}
+_CAMERA_MOVES = {"plinth": (1.14, 0.13), WITH_REFERENCES: (1.08, 0.04)}
 """Camera distance as a multiple of the distance for the subject alone, and stage units to lower the
 camera."""
 
@@ -90,8 +93,8 @@ class Stage:
     scattered upwards leaves at once, which makes pictures several times cheaper.
 
     kind           one of KINDS: "cyclorama", "ground" (level to the horizon), "plinth" (the subject stands
-                   on one, in a cyclorama), "turntable" (a cyclorama with reference balls and a colour chart
-                   in the lower corners of the picture), or "none" for a subject before the sky
+                   on one, in a cyclorama), WITH_REFERENCES (a cyclorama with reference balls and a colour
+                   chart in the lower corners of the picture), or "none" for a subject before the sky
     colour         linear Rec.709 reflectance of floor and wall
     roughness      of a clear coat on them: 0.05 mirrors, 0.4 shimmers; None is matt
     floor          radius of the flat floor, stage units
@@ -346,4 +349,4 @@ def _pillar(half: float, height: float, corner: float) -> Mesh:
 
 
 STAGES = {kind: Stage(kind) for kind in KINDS}
-STAGES["turntable"] = Stage("turntable", colour=(0.32, 0.32, 0.32))
+STAGES[WITH_REFERENCES] = Stage(WITH_REFERENCES, colour=(0.32, 0.32, 0.32))

@@ -46,7 +46,7 @@ def there(finished, monkeypatch):
 
 def taken(there, frames: str | None = None) -> tuple[Project, RenderRequest]:
     project = Project(there.path, cores=1)
-    return project, project.asked(NAME, QUALITY, frames)
+    return project, project.find_request(NAME, QUALITY, frames)
 
 
 def silent(name: str, count: int):
@@ -228,7 +228,7 @@ def test_nothing_to_deliver_is_told(project, monkeypatch):
     monkeypatch.chdir(project.path)
     fresh = Project(project.path, cores=1)
     with pytest.raises(FrameError, match=r"none of its frames could be made.* the first error: no light"):
-        shot_source(fresh.asked(NAME, QUALITY), fresh.store, {(NAME, 1): "no light"})
+        shot_source(fresh.find_request(NAME, QUALITY), fresh.store, {(NAME, 1): "no light"})
 
 
 def test_a_published_version_is_named(there):

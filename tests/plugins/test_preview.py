@@ -72,11 +72,11 @@ def test_after_an_edit_only_what_it_changed_is_simulated_again(root: Path) -> No
         after = take_of(root, "flows.0.twist.amount={ease: linear, keys: {1: 0, 4: 36, 6: 90}}")
         list(stream.play(after, range(1, 7)))
         for number in range(1, 5):
-            key = after.mesh_key(number)
-            assert key == before.mesh_key(number) and stream.meshes.frames[key] is known[key]
-        assert before.mesh_key(6) not in stream.meshes.frames, "what no frame needs is forgotten"
+            key = after.keys.mesh(number)
+            assert key == before.keys.mesh(number) and stream.meshes.frames[key] is known[key]
+        assert before.keys.mesh(6) not in stream.meshes.frames, "what no frame needs is forgotten"
         alone = {frame.number: frame for frame in animate(after.shot)}
-        found = stream.meshes.frames[after.mesh_key(6)]
+        found = stream.meshes.frames[after.keys.mesh(6)]
         np.testing.assert_array_equal(found.mesh.vertices, alone[6].mesh.vertices)
 
 
@@ -85,7 +85,7 @@ def test_frames_that_took_long_are_kept_for_the_render(root: Path, monkeypatch: 
     request = take_of(root)
     with SurfaceStream(Project(root, 2).store) as stream:
         list(stream.play(request, range(1, 7)))
-        assert all(stream.store.holds("mesh", request.mesh_key(n)) for n in range(1, 7))
+        assert all(stream.store.holds("mesh", request.keys.mesh(n)) for n in range(1, 7))
     plan = Project(root, 2).meshes([f"{root}/shots/{NAME}.yaml"], None)
     assert not plan.jobs
 
@@ -94,8 +94,9 @@ def test_cameras_are_those_of_the_render(root: Path) -> None:
     request = take_of(root)
     points = {frame.number: frame.mesh.vertices for frame in animate(request.shot)}
     numbers = sorted(points)
-    views = [request.view(n) for n in numbers]
-    expected = frame_all(views, lambda i: points[numbers[i]], request.aspect, request.follow)
+    views = [request.pictures.view(n) for n in numbers]
+    aspect, follow = request.pictures.aspect, request.shot.picture.camera.follow
+    expected = frame_all(views, lambda i: points[numbers[i]], aspect, follow)
     with SurfaceStream(Project(root, 2).store) as stream:
         list(stream.play(request, numbers))
         found = framings_of(request, stream, numbers)

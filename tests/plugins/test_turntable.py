@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from flowsculpt.pipeline.errors import FrameError, UsageError
 from flowsculpt.pipeline.mesh import icosphere
 from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
+from flowsculpt.pipeline.plugins.turntable.turntable_frames import TURNS, Turntable, framed_whole
 from flowsculpt.pipeline.plugins.turntable.turntable_movie import (
     TurntableRequest,
     TurntableSheets,
@@ -24,20 +25,16 @@ from flowsculpt.pipeline.plugins.turntable.turntable_movie import (
 )
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.request.framing import Framing, frame_all, rotate_y, with_stage_in_view
-from flowsculpt.pipeline.production.request.keys import picture_keys, raw_key
-from flowsculpt.pipeline.production.request.render_request import (
-    TURNS,
-    RenderRequest,
-    Turntable,
-    TurntableAngle,
-    framed_whole,
-)
+from flowsculpt.pipeline.production.request.keys import picture_keys
+from flowsculpt.pipeline.production.request.render_request import MeshAngle, RenderRequest, ShotFrames
+from flowsculpt.pipeline.production.request.shot_source import ShotSource
 from flowsculpt.pipeline.shot.camera_path import Lens, View
+from flowsculpt.render.base.serialise import from_plain, to_plain
 from flowsculpt.render.movie.probe import probe_movie
 from flowsculpt.render.post.image import read_exr, read_png, write_png
 from flowsculpt.render.scene.materials import LOOKS
 from flowsculpt.render.scene.reference_objects import ball, chart, positions
-from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.render_camera import PERSPECTIVE, Camera
 from flowsculpt.render.scene.scene_stage import STAGES, StagePlacement
 from flowsculpt.render.scene.surface import Surface
 from tests.conftest import commanded
@@ -110,7 +107,7 @@ def seen(folder: Path, kind: str, layer: str) -> list[np.ndarray]:
 def raw_keys(request: RenderRequest) -> dict[int, str]:
     framing = Framing(Camera((0, 1, 9), (0, 1, 0)), StagePlacement())
     return {
-        number: raw_key(request, number, dict.fromkeys(request.angles, framing))
+        number: request.keys.raw(number, dict.fromkeys(request.angles, framing))
         for number in request.requested
     }
 
@@ -119,8 +116,45 @@ def test_the_object_turns_first_and_then_the_lights_each_without_its_end_point()
     angles = Turntable(at=7, frames=4).angles()
     quarters = [0.0, math.pi / 2, math.pi, 3 * math.pi / 2]
     assert list(angles) == list(range(1, 9))
-    assert [angles[n] for n in range(1, 5)] == [TurntableAngle(7, spin=angle) for angle in quarters]
-    assert [angles[n] for n in range(5, 9)] == [TurntableAngle(7, lights=angle) for angle in quarters]
+    assert [angles[n] for n in range(1, 5)] == [MeshAngle(7, spin=angle) for angle in quarters]
+    assert [angles[n] for n in range(5, 9)] == [MeshAngle(7, lights=angle) for angle in quarters]
+
+
+def test_a_turntable_of_a_wide_shot_is_seen_in_perspective_and_its_parts_do_not_loop(tmp_path: Path) -> None:
+    text = "title: A\nframes: 1-4\nsubject: {solid: icosphere}\nresample: off\nloop: {dissolve: 2}\n"
+    (tmp_path / "a.yaml").write_text(text + "camera: {projection: dome}\n")
+    shown = Project(tmp_path, 1, "llvm_ad_rgb").request(tmp_path / "a.yaml", "draft")
+    turned = replace(shown, frame_source=Turntable(1, 4)).whole()
+    assert shown.pictures.quality.rendered_size == (384, 384) and shown.loop == ("dissolve", 2)
+    assert turned.pictures.quality.rendered_size == (480, 270) and turned.loop is None
+    assert turned.pictures.projection == PERSPECTIVE and turned.pictures.flat_aspect == ASPECT
+    view = turned.pictures.view(1)
+    assert view.wide is None and np.degrees(view.field_of_view) == pytest.approx(40.0)
+    assert shown.pictures.view(1).wide is not None
+
+
+@pytest.mark.parametrize(("look", "follows"), [("speed", True), ("strain", False)])
+def test_a_turntable_shows_the_speed_of_the_flow_at_its_frame(look: str, follows: bool) -> None:
+    begin = f"title: A\nframes: 1-6\nsubject: {{solid: icosphere}}\nresample: off\nlook: {look}\nflows:\n"
+    late = "  - translation: {rate: {ease: linear, keys: {1: [0, 0, 0], 3: [0, 0, 0], 6: [%d, 0, 0]}}}\n"
+    table = Turntable(at=3, frames=4)
+    requests = [
+        RenderRequest(ShotSource(begin + late % rate, Path("a.yaml")), "draft", "none", (), table).whole()
+        for rate in (8, 9)
+    ]
+    before, after = map(raw_keys, requests)
+    assert [before[number] != after[number] for number in range(1, 9)] == [follows] * 8
+    assert requests[0].pictures.follows_flow(2) == follows
+
+
+def test_a_plan_keeps_its_turntable_and_one_of_a_shot_names_none(desk: Desk) -> None:
+    (request,) = desk.turning().requests
+    plain = to_plain(request)
+    assert plain["turntable"] == {"at": 2, "frames": 4, "of_file": False, "look": None}
+    assert from_plain(RenderRequest, plain) == request
+    shown = replace(request, frame_source=ShotFrames())
+    assert "turntable" not in to_plain(shown)
+    assert from_plain(RenderRequest, {**to_plain(shown), "turntable": None}) == shown, "as earlier versions"
 
 
 def test_pictures_are_the_same_whichever_turns_are_asked_for(desk: Desk) -> None:
@@ -222,9 +256,9 @@ def test_balls_and_chart_stand_beside_it_unless_it_is_to_be_bare(desk: Desk) -> 
     (request,), (bare,) = desk.turning().requests, desk.turning(bare=True).requests
     assert request.shot.picture.stage == STAGES["turntable"]
     assert bare.shot.picture.stage == STAGES["cyclorama"]
-    assert request.view(1).roll == 0.0 and request.view(1).position is None
-    assert request.view(1).azimuth == pytest.approx(math.pi / 2)
-    assert bare.view(1).roll != 0.0 and bare.view(1).position is not None
+    assert request.pictures.view(1).roll == 0.0 and request.pictures.view(1).position is None
+    assert request.pictures.view(1).azimuth == pytest.approx(math.pi / 2)
+    assert bare.pictures.view(1).roll != 0.0 and bare.pictures.view(1).position is not None
 
 
 def test_looks_that_the_show_names_are_looks_of_shots_and_of_mesh_files(desk: Desk) -> None:

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.frames import FrameRange
 from flowsculpt.pipeline.plugins.sheets.wedge import Grid, Variation, Wedge
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.planning import planner
@@ -41,7 +42,14 @@ class Desk:
 
     def wedge(self, *vary: str, frames: str | None = None, at: int | None = None, cores: int = 4) -> Wedge:
         shot = self.root / "shots" / f"{NAME}.yaml"
-        return Wedge(Project(self.root, cores), shot, Grid.parse(vary), QUALITY, frames, at)
+        return Wedge(
+            Project(self.root, cores),
+            shot,
+            Grid.parse(vary),
+            QUALITY,
+            frames and FrameRange.parse(frames),
+            at,
+        )
 
     def command(self, *words: str) -> tuple[int, str]:
         return commanded(self.root, *words)
@@ -248,7 +256,7 @@ def test_a_simulation_that_was_shared_has_the_bits_of_one_that_was_not(desk: Des
                 tmp_path / "shots" / f"{NAME}.yaml",
                 Grid.parse([LATE]),
                 QUALITY,
-                frames="12",
+                frames=FrameRange.parse("12"),
             )
             plan = wedge.plan()
             simulations = [job for job in plan.jobs if job.stage == "simulate"]

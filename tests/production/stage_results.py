@@ -83,7 +83,9 @@ def results(root: Path) -> dict[str, Arrays]:
     request, home = project.request(find_shot(NAME), QUALITY), root / "renders"
     keys, numbers = picture_keys(request, project.store), sorted(request.requested)
     assert keys is not None
-    meshes = {n: readers.mesh_frame(request.mesh_key(n), n)(root / request.place("mesh", n)) for n in numbers}
+    meshes = {
+        n: readers.mesh_frame(request.keys.mesh(n), n)(root / request.place("mesh", n)) for n in numbers
+    }
     gathered: dict[str, Arrays] = {
         "simulate": {
             f"{name}.{n}": array
@@ -93,7 +95,7 @@ def results(root: Path) -> dict[str, Arrays]:
         "smooth_normals": {
             f"{name}.{n}": array
             for n in numbers
-            for name, array in readers.arrays(request.normals_key(n))(
+            for name, array in readers.arrays(request.keys.normals(n))(
                 root / request.place("normals", n)
             ).items()
             if name != "key"

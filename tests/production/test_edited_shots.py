@@ -32,7 +32,7 @@ def simulate(root: Path, edited: Shots) -> None:
             store, plan = Store(root), project.meshes([name])
             parts = project.request(root / "shots" / f"{name}.yaml", "draft").parts
             wanted = {
-                part.mesh_key(n) for part in parts for n in range(edited[name].first, edited[name].last + 1)
+                part.keys.mesh(n) for part in parts for n in range(edited[name].first, edited[name].last + 1)
             }
             missing = wanted - {key for kind, key, _ in store.entries() if kind == "mesh"}
             assert sum(len(job.frames) for job in plan.jobs if job.stage == "simulate") == len(missing)

@@ -99,7 +99,7 @@ def test_only_the_part_that_an_edit_shows_is_rendered(there):
 def test_an_edit_of_another_name_and_the_same_cut_has_the_same_key(there):
     Path("shots/other.yaml").write_text(Path("shots/film.yaml").read_text())
     films = [read_film(path) for path in ("shots/film.yaml", "shots/other.yaml")]
-    clip: Any = SimpleNamespace(requested=[1], quality_name="draft", shown_as=0.0)
+    clip: Any = SimpleNamespace(requested=[1], quality_name="draft", manifest=SimpleNamespace(shown_as=0.0))
     keys = {1: FrameKeys(raw="", frame="a", window=(1,))}
     found = {Edit.of(film, name).key([clip], [keys]) for film, name in zip(films, "ab", strict=True)}
     assert len(found) == 1

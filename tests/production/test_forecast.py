@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from flowsculpt.pipeline.frames import FrameRange, FrameSelection
 from flowsculpt.pipeline.plugins.maintenance.why import explain
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.planning.estimate import Forecast
@@ -63,7 +64,7 @@ def test_status_why_words_and_a_dry_run_name_the_same_frames(edited: Any, case: 
     _, project = edited(case)
     by_state = states(project)
     assert forecast(project) == (by_state["stale"] | by_state["missing"], by_state["unframed"])
-    asked = project.asked(NAME, QUALITY, "stale,missing").requested
+    asked = project.find_request(NAME, QUALITY, FrameSelection.of_text("stale,missing")).requested
     assert set(asked) == set().union(*by_state.values()) - by_state["done"]
 
 
@@ -104,7 +105,7 @@ def test_a_frame_that_was_rendered_alone_is_done_for_all_who_ask(
 ) -> None:
     monkeypatch.chdir(project.path)
     now = Project(project.path, 2, settings=STEADY)
-    done(project.path, now.stills([NAME], "png", QUALITY, "3"))
+    done(project.path, now.stills([NAME], "png", QUALITY, FrameRange.parse("3")))
     now = Project(project.path, 2, settings=STEADY)
     assert states(now) == {"done": {3}, "stale": set(), "unframed": set(), "missing": {1, 2, 4, 5, 6}}
     assert forecast(now, "3") == (set(), set()) and 3 in forecast(now)[0], "all are averaged with all"

@@ -279,9 +279,9 @@ def show(tmp_path: Path) -> Path:
 def _keys(show: Path) -> dict[str, object]:
     request = Project(show, 2, allow_code=True).request(show / "a.yaml", "draft", variant="none")
     return {
-        "meshes": request.mesh_key(3),
-        "look": request.appearance(1),
-        "movie": request.movie_key(["a frame"]),
+        "meshes": request.keys.mesh(3),
+        "look": request.keys.appearance(1),
+        "movie": request.keys.movie(["a frame"]),
     }
 
 

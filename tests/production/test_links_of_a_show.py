@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from flowsculpt.pipeline.frames import FrameRange
 from flowsculpt.pipeline.plugins.breed.generation import DRAFT, TRIALS
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.store.history import HISTORY
@@ -96,7 +97,7 @@ def link(place: Path, home: Path) -> None:
 @pytest.mark.parametrize("name", ["../../x", "/tmp/x"])
 def test_a_plan_that_leads_out_of_the_root_is_none(project: ProjectFolder, name: str) -> None:
     with chdir(project.path):
-        plan = replace(Project(project.path, 1).pictures([NAME], QUALITY, "1"), name=name)
+        plan = replace(Project(project.path, 1).pictures([NAME], QUALITY, FrameRange.parse("1")), name=name)
     file = project.path / "plan.json"
     plan.write(file)
     told = project.call("task", str(file), "simulate")

@@ -7,6 +7,7 @@ import json
 import av
 import pytest
 
+from flowsculpt.pipeline.frames import FrameRange
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.tasks.encoding import in_loop
 from flowsculpt.render.movie.encode import LOOPS
@@ -27,7 +28,9 @@ def test_the_end_of_a_loop_is_mixed_with_the_frames_before_its_beginning(project
     assert list(mixed) == [3, 4, (5, 1, 0.333), (6, 2, 0.667)]
     plain = Project(project.path, 1).request(project.shot, QUALITY)
     assert list(in_loop(plain, [1, 2, 3], iter, max)) == [1, 2, 3]
-    part = Project(project.path, 1, settings=(DISSOLVE,)).request(project.shot, QUALITY, "2-5")
+    part = Project(project.path, 1, settings=(DISSOLVE,)).request(
+        project.shot, QUALITY, FrameRange.parse("2-5")
+    )
     assert list(in_loop(part, [2, 3, 4, 5], iter, max)) == [2, 3, 4, 5]
 
 
@@ -61,8 +64,8 @@ def test_a_loop_in_whole_turns_changes_cameras_alone(project):
         for settings in ((), ("loop=turns",))
     )
     assert plain.source.surface_keys.meshes == round_.source.surface_keys.meshes
-    assert plain.cameras_key != round_.cameras_key
-    assert round_.is_round
+    assert plain.keys.cameras != round_.keys.cameras
+    assert round_.pictures.is_round
 
 
 @pytest.mark.quick

@@ -11,8 +11,7 @@ import pytest
 from flowsculpt.pipeline.animation import animate
 from flowsculpt.pipeline.plugins.preview.sketch import shape_of
 from flowsculpt.pipeline.production.request.framing import Framing
-from flowsculpt.pipeline.production.request.keys import raw_key
-from flowsculpt.pipeline.production.request.render_request import RenderRequest, Turntable
+from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.request.shading import Shading, speeds
 from flowsculpt.pipeline.production.request.shot_source import ShotSource
 from flowsculpt.pipeline.resample import Thresholds
@@ -27,20 +26,20 @@ SPINNING = "flows:\n  - rotation: {axis: y, speed: 120}\n"
 LATE = "flows:\n  - translation: {rate: {ease: linear, keys: {1: [0, 0, 0], 3: [0, 0, 0], 6: [8, 0, 0]}}}\n"
 
 
-def take_of(text: str, turntable: Turntable | None = None) -> RenderRequest:
-    return RenderRequest(ShotSource(text, Path("T010_tiny.yaml")), "draft", "none", (1,), turntable)
+def take_of(text: str) -> RenderRequest:
+    return RenderRequest(ShotSource(text, Path("T010_tiny.yaml")), "draft", "none", (1,))
 
 
 def raw_keys(request: RenderRequest) -> list[str]:
     framings = {n: Framing(Camera((0, 1, 9), (0, 1, 0)), StagePlacement()) for n in request.angles}
-    return [raw_key(request, n, framings) for n in request.angles]
+    return [request.keys.raw(n, framings) for n in request.angles]
 
 
-def changed(look: str, turntable: Turntable | None = None) -> list[bool]:
+def changed(look: str) -> list[bool]:
     """Tell which pictures have other keys once the last key of a late motion changes."""
     text = BALL + f"look: {look}\n"
-    before = raw_keys(take_of(text + LATE, turntable))
-    after = raw_keys(take_of(text + LATE.replace("[8, 0, 0]", "[9, 0, 0]"), turntable))
+    before = raw_keys(take_of(text + LATE))
+    after = raw_keys(take_of(text + LATE.replace("[8, 0, 0]", "[9, 0, 0]")))
     return [a != b for a, b in zip(before, after, strict=True)]
 
 
@@ -58,14 +57,6 @@ def test_what_spins_is_faster_the_further_out_it_is(number: int) -> None:
 def test_a_speed_just_after_a_frame_is_part_of_its_picture_and_a_stretch_is_not() -> None:
     assert changed("clay") == changed("strain") == [False] * 3 + [True] * 3
     assert changed("speed") == [False] * 2 + [True] * 4
-
-
-def test_a_turntable_shows_the_speed_of_the_flow_at_its_frame() -> None:
-    turntable = Turntable(at=3, frames=4)
-    assert changed("strain", turntable) == [False] * 8
-    assert changed("speed", turntable) == [True] * 8
-    assert take_of(BALL + SPINNING + "look: speed\n", turntable).follows_flow(2)
-    assert not take_of(BALL + SPINNING + "look: strain\n", turntable).follows_flow(2)
 
 
 def test_previews_show_what_is_measured() -> None:

@@ -12,14 +12,13 @@ import pytest
 from flowsculpt.pipeline.animation import MeshFrame, animate, mesh_at_subframe
 from flowsculpt.pipeline.mesh.normals import split_at_creases
 from flowsculpt.pipeline.production.request.framing import Framing
-from flowsculpt.pipeline.production.request.keys import raw_key
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.request.shading import (
     Shading,
     SurfaceMotion,
     flow_motion,
     framing_at,
-    turntable_motion,
+    turning_motion,
 )
 from flowsculpt.pipeline.production.request.shot_source import ShotSource
 from flowsculpt.pipeline.resample import Thresholds
@@ -114,7 +113,7 @@ def test_beyond_the_last_frame_points_go_straight_on() -> None:
 
 def test_a_turntable_turns_by_as_much_as_its_pictures_are_apart() -> None:
     points = np.array([[1.0, 0.0, 1.0], [-1.0, 0.0, -1.0], [1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]])
-    moving = turntable_motion(points, points, 0.0, math.radians(5.0), 24.0)
+    moving = turning_motion(points, points, 0.0, math.radians(5.0), 24.0)
     there, normals = moving.at(1.0)
     assert np.linalg.norm(there, axis=1) == pytest.approx(np.linalg.norm(points, axis=1))
     assert normals == pytest.approx(there)
@@ -139,16 +138,16 @@ def take_of(text: str) -> RenderRequest:
 def raw_keys(text: str) -> list[str]:
     request = take_of(text)
     framings = {n: Framing(Camera((0, 1, 9), (0, 1, 0)), StagePlacement()) for n in request.angles}
-    return [raw_key(request, n, framings) for n in request.angles]
+    return [request.keys.raw(n, framings) for n in request.angles]
 
 
 def test_a_shutter_and_layers_change_pictures_and_nothing_before_them() -> None:
     plain = take_of(BALL + SPINNING)
     for more in ("shutter: {angle: 180}\n", "aovs: [velocity]\n", "aovs: {beauty: float}\n"):
         changed = take_of(BALL + SPINNING + more)
-        assert changed.mesh_key(3) == plain.mesh_key(3)
-        assert changed.normals_key(3) == plain.normals_key(3)
-        assert changed.cameras_key == plain.cameras_key
+        assert changed.keys.mesh(3) == plain.keys.mesh(3)
+        assert changed.keys.normals(3) == plain.keys.normals(3)
+        assert changed.keys.cameras == plain.keys.cameras
         assert not set(raw_keys(BALL + SPINNING)) & set(raw_keys(BALL + SPINNING + more))
     for same in ("shutter: {angle: 0}\n", "aovs: []\n"):
         assert raw_keys(BALL + SPINNING + same) == raw_keys(BALL + SPINNING)

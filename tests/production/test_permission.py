@@ -51,7 +51,7 @@ def test_the_permission_is_in_the_frozen_plan_and_changes_no_key(shot: str, tmp_
     lifted = frames[-1].mesh.vertices - frames[0].mesh.vertices
     np.testing.assert_allclose(lifted, np.tile([0.0, 2 / 24, 0.0], (len(lifted), 1)), atol=1e-12)
     forbidden = Project(tmp_path, 1).request(Path(shot), "draft", variant="none")
-    assert [forbidden.mesh_key(n) for n in (1, 2, 3)] == [request.mesh_key(n) for n in (1, 2, 3)]
+    assert [forbidden.keys.mesh(n) for n in (1, 2, 3)] == [request.keys.mesh(n) for n in (1, 2, 3)]
 
 
 def test_a_shot_that_no_file_can_be_called_is_told_in_one_short_line() -> None:

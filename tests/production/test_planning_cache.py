@@ -16,7 +16,7 @@ import flowsculpt.pipeline.shot
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.request import shot_source
 from flowsculpt.pipeline.production.request.manifest import ShotManifest, input_digests
-from flowsculpt.pipeline.production.request.render_request import RenderRequest, Turntable
+from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.request.shot_source import (
     NO_CACHE,
     PlanningCache,
@@ -69,13 +69,13 @@ def take_of(shot: Path, quality: str = "draft") -> RenderRequest:
 
 def keys_of(request: RenderRequest) -> list[object]:
     frames = range(1, 6)
-    told = [(request.mesh_key(n), request.normals_key(n), request.follows_flow(n)) for n in frames]
+    told = [(request.keys.mesh(n), request.keys.normals(n), request.pictures.follows_flow(n)) for n in frames]
     return [
         told,
-        request.cameras_key,
-        request.reach,
-        request.movie_key([]),
-        request.still_key("png", "0"),
+        request.keys.cameras,
+        request.pictures.reach,
+        request.keys.movie([]),
+        request.keys.still("png", "0"),
     ]
 
 
@@ -91,16 +91,11 @@ def forgetful(request: RenderRequest) -> RenderRequest:
 def test_what_is_remembered_is_what_reading_the_shot_finds(
     shot: Path, quality: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    turn = Turntable(2, 5)
-    first = [keys_of(take_of(shot, quality)), keys_of(replace(take_of(shot, quality), turntable=turn))]
-    read = [forgetful(take_of(shot, quality)), replace(forgetful(take_of(shot, quality)), turntable=turn)]
-    assert [keys_of(request) for request in read] == first
-    assert [request.quality for request in read] == [
-        request.shot.picture.qualities[quality] for request in read
-    ]
+    first, read = keys_of(take_of(shot, quality)), forgetful(take_of(shot, quality))
+    assert keys_of(read) == first
+    assert read.pictures.quality == read.shot.picture.qualities[quality]
     monkeypatch.setattr("flowsculpt.pipeline.shot.shot_reader.read_shot", never)
-    again = [take_of(shot, quality), replace(take_of(shot, quality), turntable=turn)]
-    assert [keys_of(request) for request in again] == first
+    assert keys_of(take_of(shot, quality)) == first
 
 
 def test_an_edit_of_the_shot_or_of_a_file_that_it_reads_is_seen(shot: Path) -> None:

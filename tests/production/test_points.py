@@ -32,24 +32,24 @@ def take_of(text: str) -> RenderRequest:
 def test_a_late_key_leaves_early_frames_of_points_alone() -> None:
     for text in (CLOUD, NET):
         before, after = take_of(text), take_of(text.replace("6: 60", "6: 90"))
-        assert [before.mesh_key(n) == after.mesh_key(n) for n in range(1, 7)] == [True] * 4 + [False] * 2
+        assert [before.keys.mesh(n) == after.keys.mesh(n) for n in range(1, 7)] == [True] * 4 + [False] * 2
 
 
 def test_how_finely_a_net_is_cut_changes_pictures_and_cameras_but_no_mesh() -> None:
     before, after = take_of(NET), take_of(NET + "smooth: {tessellate: 3}\n")
     assert before.shot.picture.tessellate == PIECES
-    assert before.mesh_key(6) == after.mesh_key(6)
-    assert before.normals_key(6) != after.normals_key(6)
-    assert before.cameras_key != after.cameras_key
+    assert before.keys.mesh(6) == after.keys.mesh(6)
+    assert before.keys.normals(6) != after.keys.normals(6)
+    assert before.keys.cameras != after.keys.cameras
 
 
 def test_other_points_make_other_frames() -> None:
     def key(old: str, new: str) -> str:
-        return take_of(CLOUD.replace(old, new)).mesh_key(1)
+        return take_of(CLOUD.replace(old, new)).keys.mesh(1)
 
     same = key("count: 300", "count: 300, seed: 0")  # what nothing said means
     others = {key("300", "301"), key("300", "300, seed: 1"), key("0.06", "0.05"), key("s: 1}", "s: 2}")}
-    assert same == take_of(CLOUD).mesh_key(1)
+    assert same == take_of(CLOUD).keys.mesh(1)
     assert len(others | {same}) == 5
 
 

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 
 from flowsculpt.pipeline.errors import ShotError
+from flowsculpt.pipeline.frames import FrameRange
 from flowsculpt.pipeline.plugins.delivery.deliverables import Delivery, DeliveryOptions, shot_source
 from flowsculpt.pipeline.plugins.delivery.timeline import _delivered
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.request.keys import projection_of
 from flowsculpt.pipeline.production.request.lookup import find_edit
-from flowsculpt.pipeline.production.request.render_request import Turntable
 from flowsculpt.pipeline.shot import read_film
 from flowsculpt.render.movie.codecs import ENCODES
 from flowsculpt.render.post.image import read_exr, read_header
@@ -78,7 +78,7 @@ def test_movies_films_and_stills_of_a_spherical_shot_are_told_to_players(there):
 def test_a_deliverable_is_told_and_named_for_players(finished, monkeypatch):
     monkeypatch.chdir(finished.path)
     project = Project(finished.path, cores=1)
-    request = project.asked(NAME, QUALITY, "2-3")
+    request = project.find_request(NAME, QUALITY, FrameRange.parse("2-3"))
     source = replace(shot_source(request, project.store, {}), projection=Projection("vr180"))
     options = DeliveryOptions((ENCODES["h264"], ENCODES["webp"]), slate="head")
     movie, page = Delivery(source, options, project.store).make(lambda name, count: lambda: None)
@@ -95,17 +95,15 @@ def test_a_deliverable_is_told_and_named_for_players(finished, monkeypatch):
 @pytest.mark.parametrize(("kind", "end"), [("spherical", "_360"), ("vr180", "_180_LR"), ("dome", "")])
 def test_names_of_deliverables_say_what_many_players_go_by(there, kind, end):
     there.shot.write_text(shot_with(f"projection: {kind}"))
-    request = Project(there.path, cores=1).asked(NAME, "draft")
+    request = Project(there.path, cores=1).find_request(NAME, "draft")
     assert _delivered(request, ENCODES["h264"]).name == f"{NAME}.1-6{end}.h264.mp4"
 
 
 @pytest.mark.quick
-def test_turntables_are_flat(there):
+def test_a_shot_has_its_own_projection_beside_a_wide_one(there):
     project = Project(there.path, cores=1)
-    assert project.asked(NAME, "draft").projection == Projection("spherical")
-    turned = replace(project.asked(NAME, "draft"), turntable=Turntable(1, 8))
-    assert turned.projection == PERSPECTIVE
-    assert project.asked("T020_flat", "draft").projection == PERSPECTIVE
+    assert project.find_request(NAME, "draft").pictures.projection == Projection("spherical")
+    assert project.find_request("T020_flat", "draft").pictures.projection == PERSPECTIVE
 
 
 @pytest.mark.quick

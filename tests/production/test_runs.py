@@ -184,20 +184,24 @@ def lengthen(project):
     project.shot.write_text(project.shot.read_text().replace("frames: 1-6", "frames: 1-100"))
 
 
-JOB = "flowsculpt.pipeline.production.tasks.job_process"
-
-
-def processes_of(group, word):
-    """Return the processes of a group whose command line has `word`."""
+def processes_of(group):
+    """Return the numbers of the processes of a group."""
 
     def belongs(folder):
         try:
-            words = (folder / "cmdline").read_bytes().decode().split("\0")
-            return os.getpgid(int(folder.name)) == group and word in words
+            return (
+                os.getpgid(int(folder.name)) == group and "\nState:\tZ" not in (folder / "status").read_text()
+            )
         except (OSError, ProcessLookupError):
             return False
 
     return [int(folder.name) for folder in Path("/proc").glob("[0-9]*") if belongs(folder)]
+
+
+def has_begun(project):
+    """Tell whether a job of a run has begun."""
+    logs = (project.path / ".flowsculpt/events").glob("*.jsonl")
+    return any('"event": "begin"' in log.read_text() for log in logs)
 
 
 def test_a_killed_run_goes_on_without_a_manual_step_to_the_same_pixels(project, finished_project):
@@ -236,22 +240,22 @@ def test_an_interrupted_run_ends_with_130_and_keeps_what_is_done(project):
 def test_signals_to_the_command_alone_end_all_of_its_processes(project, signals):
     lengthen(project)
     process = project.start("render", NAME, "-q", QUALITY)
-    project.wait_until(lambda: processes_of(process.pid, JOB))
+    project.wait_until(lambda: has_begun(project))
     for number in signals:
         process.send_signal(number)
         time.sleep(0.1)
     _, words = process.communicate(timeout=300)
     assert process.returncode == 130 and words.count("\n") == 1, words
-    project.wait_until(lambda: not processes_of(process.pid, JOB))
+    project.wait_until(lambda: not processes_of(process.pid))
 
 
 def test_the_jobs_of_a_killed_command_do_not_outlive_it(project):
     lengthen(project)
     process = project.start("render", NAME, "-q", QUALITY)
-    project.wait_until(lambda: processes_of(process.pid, JOB))
+    project.wait_until(lambda: has_begun(project))
     process.kill()
     process.communicate()
-    project.wait_until(lambda: not processes_of(process.pid, JOB))
+    project.wait_until(lambda: not processes_of(process.pid))
 
 
 def test_a_second_run_of_the_same_is_refused_in_one_line_that_names_the_first(project):

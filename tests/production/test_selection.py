@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from flowsculpt.pipeline.errors import UsageError
-from flowsculpt.pipeline.frames import FrameRange
+from flowsculpt.pipeline.frames import FrameRange, FrameSelection, FrameWords
 from flowsculpt.pipeline.production.execution.project import Project
-from flowsculpt.pipeline.production.planning.frame_states import FrameStates, is_in_words, selected
+from flowsculpt.pipeline.production.planning.frame_states import FrameStates, select_frames
 from flowsculpt.pipeline.production.planning.planner import MAX_BATCH, batches
 from flowsculpt.pipeline.production.store.event_log import EventLog
 from flowsculpt.pipeline.production.store.history import History
@@ -31,13 +31,20 @@ def known() -> FrameStates:
     return FrameStates("A", "draft", *map(some, ("1-4", "9", "5", "7", "6", "8", "7")), NONE, None)
 
 
+def select(text: str) -> FrameRange:
+    words = FrameSelection.of_text(text)
+    assert isinstance(words, FrameWords)
+    return select_frames(words, FrameRange.parse("1-9"), known)
+
+
 def test_words_mean_what_status_tells() -> None:
-    whole = FrameRange.parse("1-9")
-    assert str(selected("missing", whole, known)) == "6,8-9", "rendered frames are not denoised yet"
-    assert str(selected("failed, missing", whole, known)) == "6-9"
-    assert str(selected("stale", whole, known)) == "5,7", "unframed ones are made if their camera moves"
-    assert selected("all", whole, known) == whole
-    assert is_in_words("stale") and not is_in_words("1-48x2,60") and not is_in_words("1-100:10")
+    assert str(select("missing")) == "6,8-9", "rendered frames are not denoised yet"
+    assert str(select("failed, missing")) == "6-9"
+    assert str(select("stale")) == "5,7", "unframed ones are made if their camera moves"
+    assert select("all") == FrameRange.parse("1-9")
+    assert str(FrameSelection.of_text("failed, missing")) == "failed,missing"
+    for text in ("1-48x2,60", "1-100:10"):
+        assert FrameSelection.of_text(text) == FrameRange.parse(text)
 
 
 @pytest.mark.parametrize(
@@ -45,7 +52,7 @@ def test_words_mean_what_status_tells() -> None:
 )
 def test_what_is_neither_is_told(text: str, told: str) -> None:
     with pytest.raises(UsageError, match="is not a frame range") as error:
-        selected(text, FrameRange.parse("1-9"), known)
+        FrameSelection.of_text(text)
     assert told in str(error.value)
 
 
@@ -61,7 +68,7 @@ def test_batches_hold_every_frame_once_and_the_first_of_them_go_first(order: lis
 
 def test_coarse_frames_of_a_range_are_rendered_first(project: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(project.path)
-    plan = Project(project.path, 1).pictures([NAME], "draft", "1-6:5")
+    plan = Project(project.path, 1).pictures([NAME], "draft", FrameRange.parse("1-6:5"))
     (render,) = [job for job in plan.jobs if job.stage == "render"]
     assert render.frames == (1, 6, 2, 3, 4, 5) or render.frames[:2] == (1, 6)
 
@@ -85,10 +92,10 @@ def test_frames_that_failed_are_known_until_they_are_made(tmp_path: Path) -> Non
 def test_what_failed_is_tried_again_by_that_word(project: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(project.path)
     log_of(project.path, ("fail", 3), ("fail", 5))
-    whole_project = Project(project.path, 2)
-    assert str(FrameRange.of(whole_project.asked(NAME, "draft", "failed").requested)) == "3,5"
+    whole_project, failed = Project(project.path, 2), FrameSelection.of_text("failed")
+    assert str(whole_project.find_request(NAME, "draft", failed).requested) == "3,5"
     log_of(project.path, ("frame", 3))
-    assert len(whole_project.asked(NAME, "draft", "failed").requested) == 2, "settled for this run"
-    assert Project(project.path, 2).asked(NAME, "draft", "failed").requested == (5,)
-    targets = Project(project.path, 2).pictures([NAME], "draft", "failed").targets
+    assert len(whole_project.find_request(NAME, "draft", failed).requested) == 2, "settled for this run"
+    assert Project(project.path, 2).find_request(NAME, "draft", failed).requested == (5,)
+    targets = Project(project.path, 2).pictures([NAME], "draft", failed).targets
     assert [Path(target).suffix for target in targets] == [".exr"]

@@ -81,15 +81,17 @@ def test_an_edit_of_one_subject_leaves_the_keys_and_files_of_the_others_alone(tm
     planned(tmp_path, SHOT.replace("radius: 0.4", "radius: 0.3"))
     after = request_of(tmp_path)
     crane, heron = zip(before.parts, after.parts, strict=True)
-    assert crane[0].mesh_key(3) == crane[1].mesh_key(3) and crane[0].normals_key(3) == crane[1].normals_key(3)
-    assert heron[0].mesh_key(1) != heron[1].mesh_key(1)
-    assert before.cameras_key != after.cameras_key and before.normals_key(1) != after.normals_key(1)
+    assert crane[0].keys.mesh(3) == crane[1].keys.mesh(3) and crane[0].keys.normals(3) == crane[
+        1
+    ].keys.normals(3)
+    assert heron[0].keys.mesh(1) != heron[1].keys.mesh(1)
+    assert before.keys.cameras != after.keys.cameras and before.keys.normals(1) != after.keys.normals(1)
     planned(tmp_path, SHOT.replace("look: chrome", "look: glass"))
     relit = request_of(tmp_path)
-    assert relit.cameras_key == before.cameras_key and relit.normals_key(2) == before.normals_key(2)
-    assert relit.appearance != before.appearance
+    assert relit.keys.cameras == before.keys.cameras and relit.keys.normals(2) == before.keys.normals(2)
+    assert relit.keys.appearance(1) != before.keys.appearance(1)
     planned(tmp_path, SHOT.replace("heron:", "stork:"))
-    assert request_of(tmp_path).normals_key(1) != before.normals_key(1), "pictures show the names in mattes"
+    assert request_of(tmp_path).keys.normals(1) != before.keys.normals(1), "pictures show the names in mattes"
 
 
 def test_a_subject_of_a_shot_has_the_meshes_of_a_shot_with_that_subject_alone(tmp_path: Path) -> None:
@@ -100,7 +102,7 @@ def test_a_subject_of_a_shot_has_the_meshes_of_a_shot_with_that_subject_alone(tm
     planned(tmp_path, SHOT.replace(", place: [-0.8, 0, 0]", ""))
     alone = request_of(tmp_path).parts[0]
     planned(tmp_path, SHOT[:first] + entry + SHOT[last:])
-    assert alone.mesh_key(3) == request_of(tmp_path).mesh_key(3) != crane.mesh_key(3)
+    assert alone.keys.mesh(3) == request_of(tmp_path).keys.mesh(3) != crane.keys.mesh(3)
 
 
 @pytest.fixture(scope="module")
@@ -171,7 +173,8 @@ def test_mattes_and_motion_vectors_of_rigid_copies_are_those_of_their_placements
     height, width = layers["matte"].shape[:2]
     assert now.copies is not None and after.copies is not None
     here, there = (
-        framing.camera.project(f.mesh.vertices, request.aspect)[:, :2].reshape(3, -1, 2) for f in (now, after)
+        framing.camera.project(f.mesh.vertices, request.pictures.aspect)[:, :2].reshape(3, -1, 2)
+        for f in (now, after)
     )
     for number, (seen, next_seen) in enumerate(zip(here, there, strict=True), 1):
         matte = matte_of(f"beads.{number}", OBJECT, crypto)
@@ -188,11 +191,11 @@ def test_mattes_and_motion_vectors_of_rigid_copies_are_those_of_their_placements
 def test_only_pictures_that_tell_copies_apart_have_other_keys(tmp_path: Path) -> None:
     text = SHOT.replace("resample:", f"{BEADS}resample:", 1)
     planned(tmp_path, text)
-    assert request_of(tmp_path).copies == {"beads": 3}
+    assert request_of(tmp_path).pictures.copies == {"beads": 3}
     planned(tmp_path, text.replace("layers: nuke\n", ""))
-    assert request_of(tmp_path).copies == {}
+    assert request_of(tmp_path).pictures.copies == {}
     planned(tmp_path)
-    assert request_of(tmp_path).copies == {}
+    assert request_of(tmp_path).pictures.copies == {}
 
 
 def test_nothing_is_to_be_done_twice_and_one_edit_makes_one_chain_again(made: Path) -> None:
@@ -256,8 +259,8 @@ def test_meshes_of_each_subject_are_kept_by_cleaning_and_made_again_after_damage
     shown = made / heron.place("mesh", 2)
     shown.unlink()
     removed = collect_garbage(store, [request], keep=1, dry_run=True).removed
-    assert store.path("mesh", heron.mesh_key(2)) not in removed
-    key = heron.mesh_key(2)
+    assert store.path("mesh", heron.keys.mesh(2)) not in removed
+    key = heron.keys.mesh(2)
     store.discard("mesh", key)
     lost = Evicted(frozenset({("mesh", key)}), (heron.place("mesh", 2),), ())
     plan = repairs(Project(made, 2), [request], (), lost)

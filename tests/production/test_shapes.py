@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +15,6 @@ from flowsculpt.pipeline.plugins.sheets.wedge import Grid, Wedge
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.planning.estimate import estimate
 from flowsculpt.pipeline.production.request.lookup import find_edit, find_shot
-from flowsculpt.pipeline.production.request.render_request import Turntable
 from flowsculpt.render.movie.probe import probe_movie
 from flowsculpt.render.post.image import read_png
 from tests.conftest import QUALITY, TINY, ProjectFolder, done
@@ -42,7 +40,7 @@ def test_a_film_has_the_shape_of_its_edit_and_its_shot_keeps_its_own(there: Proj
     home = there.root / "renders" / "edit" / NAME / "up"
     assert len(list((home / QUALITY / "frames").iterdir())) == 2
     assert not (there.root / "renders" / NAME).exists()
-    assert there.request(find_shot(NAME), QUALITY).quality.rendered_size == (96, 54)
+    assert there.request(find_shot(NAME), QUALITY).pictures.quality.rendered_size == (96, 54)
     assert not there.film(QUALITY, find_edit("up")).jobs, "nothing is left to do"
 
 
@@ -53,14 +51,6 @@ def test_a_shot_that_changes_its_shape_is_noticed_though_the_edit_is_cached(ther
     Path("shots/B.yaml").write_text(f"{TINY}picture: {{aspect: 1}}\n")
     with pytest.raises(ShotError, match=r"B has pictures of \[1080, 1080\] pixels"):
         Project(there.root, 1).film("draft", find_edit("film"))
-
-
-@pytest.mark.quick
-def test_a_turntable_of_a_wide_shot_has_flat_pictures(there: Project) -> None:
-    Path("shots/B.yaml").write_text(TINY.replace("camera: {", "camera: {projection: dome, "))
-    request = there.request(find_shot("B"), "draft")
-    assert request.quality.rendered_size == (384, 384)
-    assert replace(request, turntable=Turntable(1, 8)).quality.rendered_size == (480, 270)
 
 
 @pytest.mark.quick
@@ -93,7 +83,7 @@ def test_a_crop_of_pictures_that_had_another_shape_hides_nothing_else_of_its_sho
 
 def test_a_wedge_shows_pictures_of_several_shapes_side_by_side(there: Project) -> None:
     wedge = Wedge(there, find_shot(NAME), Grid.parse(["picture.aspect=9:16,2.39"]), "draft.scale10", at=1)
-    assert [request.quality.rendered_size for _, request in wedge.requests] == [(27, 48), (65, 27)]
+    assert [request.pictures.quality.rendered_size for _, request in wedge.requests] == [(27, 48), (65, 27)]
     (path,) = wedge.draw()
     sheet = read_png(there.root / path)
     vacant = np.count_nonzero((sheet == 38).all(axis=2))

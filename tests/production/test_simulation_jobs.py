@@ -51,7 +51,7 @@ class Job:
     def stored(self) -> list[int]:
         """The frames that the store holds."""
         held = {key for kind, key, _ in Store(self.root).entries() if kind == "mesh"}
-        return [n for n in range(1, 13) if self.context.request.mesh_key(n) in held]
+        return [n for n in range(1, 13) if self.context.request.keys.mesh(n) in held]
 
     def shown(self) -> list[int]:
         return sorted(int(path.stem[-4:]) for path in (self.root / "renders/A/meshes").glob("*.npz"))
@@ -109,7 +109,7 @@ def test_a_frame_is_written_while_the_next_one_is_computed(
             yield frame
 
     def writes(path: Path, named: Any) -> None:
-        is_first = named["key"] == job.context.request.mesh_key(1)
+        is_first = named["key"] == job.context.request.keys.mesh(1)
         assert not is_first or computed.wait(120.0), "the first is not written before the second comes"
         write(path, named)
 
@@ -125,7 +125,7 @@ def test_where_writing_fails_the_job_says_so_once_and_leaves_nothing_half_writte
     write = readers.write_npz
 
     def fails(path: Path, named: Any) -> None:
-        if named["key"] == job.context.request.mesh_key(3):
+        if named["key"] == job.context.request.keys.mesh(3):
             path.write_bytes(b"half of it")
             raise MachineError(f"{path}: cannot be written: the disk is full")
         write(path, named)

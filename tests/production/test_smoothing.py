@@ -14,7 +14,6 @@ from flowsculpt.pipeline.errors import ShotError
 from flowsculpt.pipeline.mesh.normals import split_at_creases, tessellate
 from flowsculpt.pipeline.mesh.solids import icosphere
 from flowsculpt.pipeline.production.request.framing import Framing
-from flowsculpt.pipeline.production.request.keys import raw_key
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.request.shading import pieces_for
 from flowsculpt.pipeline.production.request.shot_source import ShotSource
@@ -39,8 +38,8 @@ def take_of(text: str) -> RenderRequest:
 def test_patches_change_the_picture_and_no_mesh() -> None:
     plain, smooth = take_of(TINY), take_of(TINY + "smooth: {tessellate: 3}\n")
     assert plain.shot.picture.tessellate == 1 and smooth.shot.picture.tessellate == 3
-    assert plain.mesh_key(3) == smooth.mesh_key(3)
-    assert plain.normals_key(3) != smooth.normals_key(3)
+    assert plain.keys.mesh(3) == smooth.keys.mesh(3)
+    assert plain.keys.normals(3) != smooth.keys.normals(3)
 
 
 def test_a_number_of_pieces_that_cannot_be_is_told_with_its_place() -> None:
@@ -81,12 +80,12 @@ def test_dicing_that_cannot_be_is_told_with_its_place(written: str, told: str) -
 
 def test_dicing_changes_the_picture_and_neither_mesh_nor_normals_nor_cameras() -> None:
     plain, diced = take_of(TINY), take_of(TINY + "smooth: {dicing: 2px}\n")
-    assert plain.mesh_key(1) == diced.mesh_key(1) and plain.normals_key(1) == diced.normals_key(1)
-    assert plain.cameras_key == diced.cameras_key
+    assert plain.keys.mesh(1) == diced.keys.mesh(1) and plain.keys.normals(1) == diced.keys.normals(1)
+    assert plain.keys.cameras == diced.keys.cameras
     framings = {n: Framing(Camera((0, 1, 6), (0, 1, 0)), StagePlacement()) for n in plain.angles}
     other = take_of(TINY + "smooth: {dicing: 3px}\n")
-    assert len({raw_key(request, 1, framings) for request in (plain, diced, other)}) == 3
-    assert diced.needs_mesh(1) and not plain.needs_mesh(1)
+    assert len({request.keys.raw(1, framings) for request in (plain, diced, other)}) == 3
+    assert diced.pictures.needs_mesh(1) and not plain.pictures.needs_mesh(1)
 
 
 def _edges_in_pixels(vertices, faces, camera: Camera, quality: Quality):

@@ -5,17 +5,15 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from flowsculpt.pipeline.errors import UsageError
 from flowsculpt.pipeline.mesh import icosphere
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.request.framing import Framing, frame_all
-from flowsculpt.pipeline.production.request.render_request import Turntable
 from flowsculpt.pipeline.shot import read_shot
 from flowsculpt.render.base.serialise import from_plain, to_plain
-from flowsculpt.render.scene.render_camera import PERSPECTIVE, Projection, WideCamera
+from flowsculpt.render.scene.render_camera import Projection, WideCamera
 
 SHOT = "title: A\nframes: 1-2\nsubject: {solid: icosphere}\nresample: {max_edge_length: 0.5}\n"
 
@@ -57,10 +55,7 @@ def test_a_request_knows_its_projection_and_has_no_crop(tmp_path: Path) -> None:
     shot.write_text(SHOT + "camera: {projection: spherical}\n")
     project = Project(tmp_path, 1, "llvm_ad_rgb")
     request = project.request(shot, "draft")
-    assert request.projection == Projection("spherical") and request.aspect == 2.0
-    assert (request.quality.width, request.quality.height) == (640, 320)
+    assert request.pictures.projection == Projection("spherical") and request.pictures.aspect == 2.0
+    assert (request.pictures.quality.width, request.pictures.quality.height) == (640, 320)
     with pytest.raises(UsageError, match="projection spherical has no crop"):
-        assert project.request(shot, "draft.crop0-0-64-64").quality
-    turned = type(request)(request.source, "draft", "llvm_ad_rgb", (1,), Turntable(1, 4))
-    assert turned.projection == PERSPECTIVE and turned.view(1).wide is None
-    assert np.degrees(turned.view(1).field_of_view) == pytest.approx(40.0)
+        assert project.request(shot, "draft.crop0-0-64-64").pictures.quality

@@ -218,7 +218,6 @@ OWN_FOLDERS = {
     "render/movie/projection_tags.py": "a sample in a temporary folder",
     "pipeline/production/execution/snakefile.py": "a draft",
     "pipeline/production/store/readers.py": "a draft",
-    "pipeline/production/tasks/job_server.py": "a temporary folder",
     "pipeline/production/tasks/surfaces.py": "a draft of the store",
     "pipeline/production/store/store.py": "drafts that `atomic_write` yields",
     "pipeline/plugins/authoring/new_files.py": "drafts of files beside the shots",

@@ -4,11 +4,12 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import ClassVar
 
 import pytest
 
 from flowsculpt.render.base.render_errors import BadInputError
-from flowsculpt.render.base.serialise import NOT_PLAIN, from_plain, to_plain
+from flowsculpt.render.base.serialise import NOT_PLAIN, from_plain, named_by_kind, to_plain
 
 
 @dataclass(frozen=True)
@@ -55,3 +56,30 @@ def test_nested_dataclasses_come_back_from_json_as_they_were() -> None:
 def test_values_of_another_shape_name_the_field(values: object, says: str) -> None:
     with pytest.raises(BadInputError, match=says):
         from_plain(Edit, values)
+
+
+@dataclass(frozen=True)
+class Still:
+    kind: ClassVar[str] = ""
+
+
+@dataclass(frozen=True)
+class Pan:
+    kind: ClassVar[str] = "pan"
+    degrees: float = 0.0
+
+
+@dataclass(frozen=True)
+class Take:
+    name: str
+    move: Still | Pan = field(default=Still(), metadata=named_by_kind({"pan": Pan}.get))
+
+
+def test_a_field_named_by_its_kind_comes_back_as_the_class_of_that_kind() -> None:
+    assert to_plain(Take("a")) == {"name": "a"}
+    assert to_plain(Take("a", Pan(3.0))) == {"name": "a", "pan": {"degrees": 3.0}}
+    for take in (Take("a"), Take("a", Pan(3.0))):
+        assert from_plain(Take, to_plain(take)) == take
+    assert from_plain(Take, {"name": "a", "pan": None}) == Take("a")
+    with pytest.raises(BadInputError, match="Take has no 'tilt'"):
+        from_plain(Take, {"name": "a", "tilt": {}})

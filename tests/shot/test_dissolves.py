@@ -126,7 +126,7 @@ def test_sound_that_is_not_there_is_a_missing_input(folder: Path) -> None:
         film(folder, "  - A", "sound: {file: musik.wav}\n")
 
 
-REQUEST: Any = SimpleNamespace(requested=(), shown_as="a", quality_name="draft")
+REQUEST: Any = SimpleNamespace(requested=(), manifest=SimpleNamespace(shown_as="a"), quality_name="draft")
 """The part of a request, one of no frames, that a film's key reads."""
 
 

@@ -105,14 +105,14 @@ def test_frames_of_two_looks_are_not_averaged(finished: ProjectFolder) -> None:
     setting = "quality: {draft: {temporal_denoise: 2}}\n"
     finished.shot.write_text(finished.shot.read_text().replace("quality:", "intent:") + setting)
     _, _, request = keys_of(finished, "frames: 3-4, look: glaze")
-    assert [request.window(n, lambda number: 1 <= number <= 6) for n in (1, 2, 3, 5)] == [
+    assert [request.pictures.window(n, lambda number: 1 <= number <= 6) for n in (1, 2, 3, 5)] == [
         (1, 2),
         (1, 2),
         (3, 4),
         (5, 6),
     ]
     _, _, plain = keys_of(finished, "frames: 3-4, quality: {draft: {depth: 3}}")
-    assert plain.window(3, lambda number: 1 <= number <= 6) == (1, 2, 3, 4, 5)
+    assert plain.pictures.window(3, lambda number: 1 <= number <= 6) == (1, 2, 3, 4, 5)
 
 
 def test_overridden_frames_are_rendered_as_they_say_and_the_others_kept(finished: ProjectFolder) -> None:

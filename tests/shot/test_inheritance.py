@@ -283,7 +283,7 @@ def test_a_plan_goes_by_the_files_as_they_were(folder: Path) -> None:
 def test_another_setting_is_another_mesh_and_the_same_is_none(folder: Path) -> None:
     def keys(*settings: str) -> list[str]:
         request = Project(folder, 1, settings=settings).request(folder / "A.yaml", "draft", variant="none")
-        return [request.mesh_key(number) for number in request.shot.frames]
+        return [request.keys.mesh(number) for number in request.shot.frames]
 
     plain, strong, late = keys(), keys("flows.0.vortex.strength=2"), keys("flows.0.vortex.strength.keys.49=1")
     assert plain == keys("camera.margin=0.3") and plain[1] != strong[1]

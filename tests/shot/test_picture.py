@@ -59,8 +59,8 @@ def test_all_qualities_are_framed_for_the_aspect_of_final(tmp_path: Path) -> Non
     file = tmp_path / "a.yaml"
     file.write_text(f'{SHOT}picture: {{aspect: "4:5"}}\n')
     requests = [Project(tmp_path, 1, variant="scalar_rgb").request(file, name) for name in QUALITIES]
-    assert {request.aspect for request in requests} == {0.8}
-    assert len({request.cameras_key for request in requests}) == 1
+    assert {request.pictures.aspect for request in requests} == {0.8}
+    assert len({request.keys.cameras for request in requests}) == 1
 
 
 def test_an_upright_picture_is_of_a_camera_turned_on_its_side() -> None:

@@ -1,6 +1,7 @@
 """Deliverables: frames encoded for others, relit frames, and timelines of editing programs."""
 
 from flowsculpt.api import Command, Plugin
+from flowsculpt.pipeline.plugin import FileFormat
 
 PLUGIN = Plugin(
     name="delivery",
@@ -20,6 +21,6 @@ PLUGIN = Plugin(
             "flowsculpt.pipeline.plugins.delivery.timeline:otio", "OpenTimelineIO, for editing programs."
         ),
     },
-    edits={".otio": "flowsculpt.pipeline.plugins.delivery.timeline_import:edit_of"},
+    formats={"otio": FileFormat(edit="flowsculpt.pipeline.plugins.delivery.timeline_import:edit_of")},
     extras="flowsculpt.pipeline.plugins.delivery.delivery_extras:DeliveryExtras",
 )

@@ -26,7 +26,7 @@ from flowsculpt.api.commands import (
     require_one_of,
     words_of,
 )
-from flowsculpt.api.frames import Plan, RenderRequest, crop_of, edit_names, find_edit
+from flowsculpt.api.frames import FrameSelection, Plan, RenderRequest, crop_of, edit_names, find_edit
 from flowsculpt.api.options import DEFAULT_QUALITY, Common, Frames, PictureOptions, Quality, output_option
 from flowsculpt.api.pictures import BurnIn, Encode
 from flowsculpt.api.shots import is_edit
@@ -162,7 +162,7 @@ class _Wanted:
     project: Project
     names: tuple[str, ...]
     quality: str
-    frames: str | None
+    frames: FrameSelection | None
     relit: str | None
 
     def plan(self) -> Plan:
@@ -191,11 +191,11 @@ class _Wanted:
         """Yield a line for each shot or edit with pictures smaller than screens of its deliverables show."""
         for name in self.names:
             request = self._requests(name)[0]
-            width, height = request.quality.rendered_size
+            width, height = request.pictures.quality.rendered_size
             small = [e.name for e in encodes if min(width, height) < USUAL_SIDES.get(e.name, 0)]
             if not small or crop_of(self.quality):
                 continue
-            whole = replace(request, quality_name="final").quality
+            whole = replace(request, quality_name="final").pictures.quality
             remedy = "Write a larger picture: {size: …} in the shot."
             if whole.width > width:
                 also = ", without --scale," if base_of(self.quality) == "final" else ""
@@ -222,7 +222,7 @@ class _Wanted:
     def _requests(self, name: str) -> list[RenderRequest]:
         """Return the request of a shot or those of an edit's clips, with the layers of finished frames."""
         if not _is_of_edit(name):
-            return [self.project.as_finished(self.project.asked(name, self.quality, self.frames))]
+            return [self.project.as_finished(self.project.find_request(name, self.quality, self.frames))]
         if self.frames is not None:
             raise UsageError(f"-f {self.frames} chooses frames of shots; {name} is an edit and names its own")
         _, requests = self.project.edit(self.quality, find_edit(name))

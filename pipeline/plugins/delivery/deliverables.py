@@ -97,7 +97,7 @@ class FrameReader:
         self.keys: PictureKeys | None = picture_keys(request, store)
         self.version = f"relit {relit}" if relit else _version(request, store, self.keys)
         history = History.of(store.root).failed(request.folders.name, STAGES, request.quality_name)
-        latest = {n: message for (shot, n), message in failures.items() if shot == request.subject}
+        latest = {n: message for (shot, n), message in failures.items() if shot == request.folders.title}
         self._reasons = {**history, **latest}
 
     def is_finished(self, number: int) -> bool:
@@ -115,7 +115,7 @@ class FrameReader:
         frames = [self._key(n) if self.is_finished(n) else [n, self.reason(n)] for n in numbers]
         request = self.request
         facts = [request.name, request.quality_name, self.version]
-        return [*facts, list(numbers), frames, dict(request.shown_as)]
+        return [*facts, list(numbers), frames, dict(request.manifest.shown_as)]
 
     def reason(self, number: int) -> str:
         """Return why a frame is missing: its own failure, or that of a frame before it."""
@@ -133,7 +133,7 @@ class FrameReader:
         """
         if not self.is_finished(number):
             heading = f"{self.request.name}  frame {number} failed"
-            screen = Screen(self.request.projection, self.request.quality.rendered_size)
+            screen = Screen(self.request.pictures.projection, self.request.pictures.quality.rendered_size)
             card = screen.show(failure_card(screen.size, heading, self.reason(number)))
             return opaque(quantise(card, bits=16), form), self._labels(number, "")
         return self._picture(number, form), self._labels(number, self._key(number))
@@ -152,7 +152,7 @@ class FrameReader:
         return np.concatenate([frame, np.rint(coverage.clip(0.0, 1.0) * 65535).astype(np.uint16)], axis=2)
 
     def _layer(self, kind: str, place: Path, key: str, layer: str) -> NDArray[np.float32]:
-        read = readers.picture(key, self.request.quality.rendered_size)
+        read = readers.picture(key, self.request.pictures.quality.rendered_size)
         return self._store.read(kind, key, place, read)[0][layer]
 
     def _key(self, number: int) -> str:
@@ -177,7 +177,7 @@ def opaque(frame: NDArray[Any], form: FrameFormat) -> Frame:
 
 def _version(request: RenderRequest, store: Store, keys: PictureKeys | None) -> str:
     """Return the published version that has exactly these frames, or IN_WORK."""
-    if keys is None or request.turntable is not None:
+    if keys is None:
         return IN_WORK
     ours = {n: keys[n].frame for n in request.requested}
     for _, record in reversed(list(records(store.root / paths.published(request.name)))):
@@ -242,8 +242,8 @@ def shot_source(
         subtitle=request.shot.title,
         folder=request.folders.home / request.quality_name / "deliver",
         rate=rate,
-        size=request.quality.rendered_size,
-        projection=request.projection,
+        size=request.pictures.quality.rendered_size,
+        projection=request.pictures.projection,
         start=numbers[loop_dissolve(request)],
         count=len(numbers) - loop_dissolve(request),
         facts=(("version", reader.version), *_facts(request, str(frames), len(numbers), rate), ("key", key)),
@@ -271,7 +271,7 @@ def film_source(
     lost = _lost(numbered)
     finished = [(reader, n) for reader, n in numbered if reader.is_finished(n)]
     quality_name, rate = requests[0].quality_name, edit.frame_rate
-    screen = Screen(requests[0].projection, requests[0].quality.rendered_size)
+    screen = Screen(requests[0].pictures.projection, requests[0].pictures.quality.rendered_size)
     opening = edit.items[0]
 
     def frames(form: FrameFormat) -> Iterator[LabelledFrame]:
@@ -307,7 +307,7 @@ def film_source(
 
 def _name(request: RenderRequest, *parts: str | None) -> str:
     """Return the name of a deliverable's files, with an end by which players know its projection."""
-    return ".".join(filter(None, parts)) + NAME_ENDS.get(request.projection.kind, "")
+    return ".".join(filter(None, parts)) + NAME_ENDS.get(request.pictures.projection.kind, "")
 
 
 def _mix(before: LabelledFrame, after: LabelledFrame, weight: float) -> LabelledFrame:
@@ -331,7 +331,7 @@ def _lost(numbered: Sequence[tuple[FrameReader, int]]) -> tuple[str, ...]:
 
 
 def _facts(request: RenderRequest, frames: str, count: int, rate: FrameRate) -> tuple[tuple[str, str], ...]:
-    quality = request.quality
+    quality = request.pictures.quality
     per_second = f"{rate.fps}" if rate.fps.denominator == 1 else f"{float(rate.fps):.3f} ({rate.fps})"
     length = float(Fraction(count) / rate.fps)
     width, height = quality.rendered_size

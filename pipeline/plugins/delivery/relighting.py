@@ -159,11 +159,11 @@ class RelitFrames:
     def _make_movie(self, passed: Callable[[], None]) -> None:
         request = self.request
         rate, bits = FrameRate.of(request.manifest.rate), movie_bits(request.quality_name)
-        key = key_of(RELIGHT.recipe, request.movie_key([self.key(n) for n in self.numbers]))
+        key = key_of(RELIGHT.recipe, request.keys.movie([self.key(n) for n in self.numbers]))
         if not self.store.holds_whole("movie", key):
             shown = in_loop(request, self.numbers, partial(self._shown, passed), mix_frames)
             frames, encode = prefetch(shown), movie_encode(bits)
-            options: Any = {"projection": request.projection, "loops": request.loop is not None}
+            options: Any = {"projection": request.pictures.projection, "loops": request.loop is not None}
             self.store.put("movie", key, lambda path: write_movie(path, frames, rate.fps, encode, **options))
         self.store.link("movie", key, self.movie_path)
 
@@ -176,7 +176,7 @@ class RelitFrames:
             passed()
 
     def _read(self, key: Key, place: Path) -> tuple[RenderedFrame, dict[str, Any]]:
-        reader = readers.picture(key, self.request.quality.rendered_size)
+        reader = readers.picture(key, self.request.pictures.quality.rendered_size)
         return self.store.read("frame", key, place, reader)
 
     @cached_property
@@ -270,7 +270,7 @@ def relit_sequences(query: SequenceQuery) -> Iterator[PictureSequence]:
                 kind="relit",
                 label=f"{request.quality_name} relit {name}",
                 quality=request.quality_name,
-                subject=request.subject,
+                subject=request.folders.title,
                 numbers=tuple(files),
                 files=files,
                 display=display_of(request),
@@ -453,7 +453,7 @@ def relight(
     given = LightSettings.of(settings or ())
     project = project_of(common, given.of_shot, allow_code, variant)
     quality_name = PictureOptions(crop, scale).quality(quality, project, [shot])
-    request = project.asked(shot, quality_name, frames)
+    request = project.find_request(shot, quality_name, frames)
     lights, path = request.shot.picture.lights, find_shot(shot)
     if not lights.groups:
         raise UsageError(

@@ -261,7 +261,7 @@ class Timeline:
 
 def _delivered(request: RenderRequest, encode: Encode) -> Path:
     """Return the path that `flowsculpt deliver` writes a whole shot to."""
-    end = NAME_ENDS.get(request.projection.kind, "")
+    end = NAME_ENDS.get(request.pictures.projection.kind, "")
     name = encode.file_name(f"{request.folders.name}.{FrameRange.of(request.angles)}{end}")
     return request.folders.home / request.quality_name / "deliver" / name
 

@@ -16,7 +16,14 @@ from flowsculpt.api import plural
 from flowsculpt.api.commands import exit_with, print_result, report_notes
 from flowsculpt.api.files import atomic_write, disk_errors
 from flowsculpt.api.frames import FrameRange, Plan, Store
-from flowsculpt.api.options import DEFAULT_QUALITY, Common, Frames, PictureOptions, Quality, output_option
+from flowsculpt.api.options import (
+    DEFAULT_QUALITY,
+    Common,
+    FrameNumbers,
+    PictureOptions,
+    Quality,
+    output_option,
+)
 from flowsculpt.pipeline.plugins.farm.flamenco import JOB_TYPE, submitted_job
 from flowsculpt.pipeline.plugins.farm.openjd import template
 from flowsculpt.pipeline.plugins.farm.task_runner import Part, do
@@ -35,7 +42,7 @@ def plan(
     names: Names,
     options: PictureOptions,
     output: Annotated[Path, _file("plan.json")] = Path("plan.json"),
-    frames: Frames = None,
+    frames: FrameNumbers = None,
     quality: Quality = DEFAULT_QUALITY,
 ) -> None:
     """Write a plan for `flowsculpt task`, which does parts of it on the workers of any render manager.
@@ -65,7 +72,7 @@ def openjd(
     names: Names,
     options: PictureOptions,
     output: Annotated[Path, _file("template.yaml")] = Path("template.yaml"),
-    frames: Frames = None,
+    frames: FrameNumbers = None,
     quality: Quality = DEFAULT_QUALITY,
 ) -> None:
     """Write a job template of Open Job Description that renders shots and assembles their movies.
@@ -94,7 +101,7 @@ def flamenco(
     names: Names,
     options: PictureOptions,
     output: Annotated[Path, _file("flamenco.json")] = Path("flamenco.json"),
-    frames: Frames = None,
+    frames: FrameNumbers = None,
     quality: Quality = DEFAULT_QUALITY,
 ) -> None:
     """Write a job of Flamenco that renders shots and assembles their movies, and the job type that it has.
@@ -123,7 +130,7 @@ def flamenco(
 
 
 def _plan(
-    common: Common, names: list[str], options: PictureOptions, frames: str | None, quality: str
+    common: Common, names: list[str], options: PictureOptions, frames: FrameRange | None, quality: str
 ) -> Plan:
     """Return the plan of all that shots or an edit need, as if nothing was rendered."""
     project = options.project(common)

@@ -1,16 +1,18 @@
 """Interchange: models of other 3-D programs, and shots and resampled models as files for them."""
 
 from flowsculpt.api import Command, Plugin
+from flowsculpt.pipeline.plugin import FileFormat
 
-_COMMANDS = "flowsculpt.pipeline.plugins.interchange.export_commands"
-_ANIMATIONS = "flowsculpt.pipeline.plugins.interchange.animation_commands"
+_HERE = "flowsculpt.pipeline.plugins.interchange"
+_COMMANDS = f"{_HERE}.export_commands"
+_ANIMATIONS = f"{_HERE}.animation_commands"
 
 PLUGIN = Plugin(
     name="interchange",
     version="1",
     commands={
         "resample": Command(
-            "flowsculpt.pipeline.plugins.interchange.resample_command:resample",
+            f"{_HERE}.resample_command:resample",
             "Resample one mesh file.",
             "Maintain",
         ),
@@ -28,26 +30,20 @@ PLUGIN = Plugin(
         "export vat": Command(f"{_ANIMATIONS}:vat", "One mesh that moves, as textures for game engines."),
         "export web": Command(f"{_ANIMATIONS}:web", "A page that plays the sculpture."),
     },
-    mesh_formats={
-        "obj": "flowsculpt.pipeline.plugins.interchange.obj_files:OBJ",
-        "stl": "flowsculpt.pipeline.plugins.interchange.stl_files:STL",
-        "off": "flowsculpt.pipeline.plugins.interchange.off_files:OFF",
-        "glb": "flowsculpt.pipeline.plugins.interchange.gltf_files:GLTF",
-        "gltf": "flowsculpt.pipeline.plugins.interchange.gltf_files:GLTF",
-        "fbx": "flowsculpt.pipeline.plugins.interchange.fbx_files:FBX",
-        "dae": "flowsculpt.pipeline.plugins.interchange.collada_files:COLLADA",
-        "3mf": "flowsculpt.pipeline.plugins.interchange.threemf_files:THREEMF",
+    formats={
+        "obj": FileFormat(f"{_HERE}.obj_files:OBJ", f"{_HERE}.obj_paint:OBJ_PAINT"),
+        "stl": FileFormat(f"{_HERE}.stl_files:STL"),
+        "off": FileFormat(f"{_HERE}.off_files:OFF"),
         **dict.fromkeys(
-            ("usd", "usda", "usdc", "usdz"), "flowsculpt.pipeline.plugins.interchange.usd_files:USD"
+            ("glb", "gltf"), FileFormat(f"{_HERE}.gltf_files:GLTF", f"{_HERE}.gltf_paint:GLTF_PAINT")
+        ),
+        "fbx": FileFormat(f"{_HERE}.fbx_files:FBX", f"{_HERE}.fbx_paint:FBX_PAINT"),
+        "dae": FileFormat(f"{_HERE}.collada_files:COLLADA"),
+        "3mf": FileFormat(f"{_HERE}.threemf_files:THREEMF"),
+        **dict.fromkeys(
+            ("usd", "usda", "usdc", "usdz"),
+            FileFormat(f"{_HERE}.usd_files:USD", f"{_HERE}.usd_files:USD_PAINT"),
         ),
     },
-    extras="flowsculpt.pipeline.plugins.interchange.interchange_extras:InterchangeExtras",
-    paints={
-        "obj": "flowsculpt.pipeline.plugins.interchange.obj_paint:OBJ_PAINT",
-        **dict.fromkeys(("glb", "gltf"), "flowsculpt.pipeline.plugins.interchange.gltf_paint:GLTF_PAINT"),
-        "fbx": "flowsculpt.pipeline.plugins.interchange.fbx_paint:FBX_PAINT",
-        **dict.fromkeys(
-            ("usd", "usda", "usdc", "usdz"), "flowsculpt.pipeline.plugins.interchange.usd_files:USD_PAINT"
-        ),
-    },
+    extras=f"{_HERE}.interchange_extras:InterchangeExtras",
 )

@@ -234,7 +234,7 @@ class VertexTextureExport(AnimationExport):
 
     @property
     def _is_round(self) -> bool:
-        return self.request.is_round and self.request.is_whole
+        return self.request.pictures.is_round and self.request.is_whole
 
     def write_files(self, meshes: list[OneMesh], began: Began) -> str:
         drawn = DrawnMesh.of(meshes[0])
@@ -276,7 +276,7 @@ class WebExport(AnimationExport):
         picture = self.request.shot.picture
         player = [(PARTS / f"web_player.{end}").read_bytes() for end in ("html", "css", "js")]
         return [
-            *(self.request.shot.heading, self.request.aspect, to_plain(picture.lights)),
+            *(self.request.shot.heading, self.request.pictures.aspect, to_plain(picture.lights)),
             *(to_plain(picture.stage), picture.view.recipe, self.request.loop),
             {str(number): to_plain(self._framings[number]) for number in self.request.requested},
             hashlib.sha256(b"".join([*player, require_three_js().encode()])).hexdigest(),
@@ -284,6 +284,7 @@ class WebExport(AnimationExport):
 
     def write_files(self, meshes: list[OneMesh], began: Began) -> str:
         parts = self.moving(meshes, began)
-        page = WebPage(self.request.shot, parts, self._framings, self.request.aspect, self.request.loop)
+        request = self.request
+        page = WebPage(request.shot, parts, self._framings, request.pictures.aspect, request.loop)
         self.files.write(self.names[0], self.key, page.write)
         return _keys_in_words(parts)

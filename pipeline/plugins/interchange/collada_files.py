@@ -13,9 +13,9 @@ import numpy as np
 
 from flowsculpt import MeshError
 from flowsculpt.api import brief, shortened
-from flowsculpt.api.meshes import AnyArray, Floats, MeshFormat, Points
+from flowsculpt.api.meshes import AnyArray, Floats, Points
 from flowsculpt.pipeline.file_contents import number_fault
-from flowsculpt.pipeline.mesh.mesh_formats import FileSurface, reader_of
+from flowsculpt.pipeline.mesh.mesh_formats import FileSurface, SurfaceReader, reader_of
 from flowsculpt.pipeline.plugins.interchange.scene_readers import (
     PlacedMeshes,
     Polygons,
@@ -215,7 +215,7 @@ def up_of_collada(content: bytes) -> str:
 
 _up_of = reader_of(up_of_collada)
 
-COLLADA = MeshFormat(reader_of(read_collada), one_file(lambda path, digest: _up_of(path)), states_up=True)
+COLLADA = SurfaceReader(reader_of(read_collada), one_file(lambda path, digest: _up_of(path)), states_up=True)
 
 
 def _up_axis(root: Element) -> str:

@@ -198,7 +198,7 @@ def asked_for(
 ) -> tuple[Project, RenderRequest, Path]:
     """Return the project, the frames to export, and their folder, which has a name by default."""
     project = options.project(common)
-    asked = project.asked(shot, quality, options.frames, mesh_states, variant="none")
+    asked = project.find_request(shot, quality, options.frames, mesh_states, variant="none")
     asked = asked.of_subject(options.subject)
     folder = options.output.absolute() if options.output else common.root / asked.folders.home / name
     return project, asked, folder

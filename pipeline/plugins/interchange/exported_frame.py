@@ -289,7 +289,7 @@ def frame_key(request: RenderRequest, number: int) -> Key:
     motion = request.shot.motion
     return key_of(
         EXPORT.recipe,
-        request.normals_key(number),
+        request.keys.normals(number),
         flow_cache_data(motion, number, (-STEP, STEP)),
         str(motion.rate),
         *surface_recipe(request.shot),
@@ -317,7 +317,7 @@ def stored_frame(request: RenderRequest, store: Store, number: int) -> ExportedF
 
     Raises FrameError where its mesh is missing or damaged, and what `exported_frame` raises.
     """
-    key = request.mesh_key(number)
+    key = request.keys.mesh(number)
     if not store.holds("mesh", key):
         raise FrameError("it was not simulated, so it is not exported", number)
     frame = store.read("mesh", key, request.place("mesh", number), readers.mesh_frame(key, number))

@@ -20,10 +20,10 @@ import numpy as np
 from flowsculpt import MeshError
 from flowsculpt.api import plural, shortened
 from flowsculpt.api.files import MEMORY, allow_memory, read_input, require_input, serve
-from flowsculpt.api.meshes import AnyArray, Floats, MeshFormat, Points
+from flowsculpt.api.meshes import AnyArray, Floats, Points
 from flowsculpt.pipeline.file_contents import text_content
 from flowsculpt.pipeline.mesh.face_soup import FaceSoup
-from flowsculpt.pipeline.mesh.mesh_formats import FileSurface
+from flowsculpt.pipeline.mesh.mesh_formats import FileSurface, SurfaceReader
 from flowsculpt.pipeline.plugins.interchange.scene_readers import (
     PlacedMeshes,
     Polygons,
@@ -65,7 +65,7 @@ def require_ufbx() -> None:
     require_package("FBX files", "ufbx", "ufbx (4 MB)", "models")
 
 
-FBX = MeshFormat(read_fbx, one_file(_up_of), states_up=True)
+FBX = SurfaceReader(read_fbx, one_file(_up_of), states_up=True)
 
 MOST_BYTES = 1 << 30  # size of the largest file
 

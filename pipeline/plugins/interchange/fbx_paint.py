@@ -20,6 +20,7 @@ from flowsculpt.api import brief, shortened
 from flowsculpt.api.files import MEMORY, allow_memory, digest_of_file, read_input, require_input, serve
 from flowsculpt.api.meshes import AnyArray, Floats
 from flowsculpt.api.pictures import linear_of_srgb
+from flowsculpt.pipeline.mesh.mesh_formats import Files, ModelMaterials, PaintReader
 from flowsculpt.pipeline.plugins.interchange.fbx_files import (
     MOST_BYTES,
     counted,
@@ -48,7 +49,6 @@ from flowsculpt.pipeline.plugins.interchange.scene_readers import (
 )
 from flowsculpt.render.base.limited_process import answer_about_content
 from flowsculpt.render.scene.materials import Opacity, PatternedMaterial
-from flowsculpt.render.scene.painted_faces import Files, ModelMaterials, PaintReader
 from flowsculpt.render.scene.textures import CLAMP, REPEAT, Texture
 
 if TYPE_CHECKING:

@@ -12,12 +12,11 @@ from flowsculpt import MeshError, PolygonMesh, TriangleMesh, UsageError
 from flowsculpt.api import plural
 from flowsculpt.api.meshes import AnyArray, Points, read_paint
 from flowsculpt.pipeline.mesh.face_soup import first_alike
-from flowsculpt.pipeline.mesh.mesh_formats import polygon_surface
+from flowsculpt.pipeline.mesh.mesh_formats import Paint, polygon_surface
 from flowsculpt.pipeline.mesh.read import repair_surface
 from flowsculpt.pipeline.plugins.interchange.mesh_writers import UV
 from flowsculpt.pipeline.plugins.interchange.model_paint import ModelPaint
 from flowsculpt.pipeline.resample.placement import REST
-from flowsculpt.render.scene.painted_faces import Paint
 
 
 def repair_mesh(mesh: TriangleMesh | PolygonMesh) -> tuple[TriangleMesh, tuple[str, ...]]:

@@ -22,8 +22,8 @@ from flowsculpt.api.files import (
     require_input,
     serve,
 )
-from flowsculpt.api.meshes import AnyArray, Floats, MeshFormat, Points
-from flowsculpt.pipeline.mesh.mesh_formats import FileSurface, ModelFiles, file_surface
+from flowsculpt.api.meshes import AnyArray, Floats, Points
+from flowsculpt.pipeline.mesh.mesh_formats import FileSurface, ModelFiles, SurfaceReader, file_surface
 from flowsculpt.pipeline.plugins.interchange.gltf_document import (
     MESHOPT,
     MOST_BYTES,
@@ -381,7 +381,7 @@ def files_of_buffers(scene: DefaultScene) -> tuple[Path, ...]:
     return tuple(dict.fromkeys(file for file in files.values() if file is not None))
 
 
-GLTF = MeshFormat(read_gltf, _files)
+GLTF = SurfaceReader(read_gltf, _files)
 
 
 def _notes(scene: DefaultScene) -> Iterator[str]:

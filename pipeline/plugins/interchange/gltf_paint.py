@@ -22,6 +22,7 @@ from flowsculpt.api import brief
 from flowsculpt.api.files import MEMORY, allow_memory, answer_of, digest_of_file, require_input, serve
 from flowsculpt.api.meshes import AnyArray, Floats
 from flowsculpt.api.pictures import REPEATED
+from flowsculpt.pipeline.mesh.mesh_formats import Files, ModelMaterials, PaintReader
 from flowsculpt.pipeline.plugins.interchange.gltf_document import MOST_BYTES, GltfDocument, JsonObject
 from flowsculpt.pipeline.plugins.interchange.gltf_files import (
     SceneArrays,
@@ -40,7 +41,6 @@ from flowsculpt.pipeline.plugins.interchange.painted_materials import (
     picture_within,
 )
 from flowsculpt.render.scene.materials import PatternedMaterial
-from flowsculpt.render.scene.painted_faces import Files, ModelMaterials, PaintReader
 from flowsculpt.render.scene.textures import CLAMP, MIRROR, REPEAT, Texture
 
 _TRANSFORM = "KHR_texture_transform"

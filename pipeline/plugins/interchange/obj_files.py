@@ -16,9 +16,14 @@ import numpy as np
 
 from flowsculpt import MeshError
 from flowsculpt.api import plural
-from flowsculpt.api.meshes import MeshFormat
 from flowsculpt.pipeline.file_contents import number_fault, text_content
-from flowsculpt.pipeline.mesh.mesh_formats import FileSurface, offsets_of, polygon_surface, reader_of
+from flowsculpt.pipeline.mesh.mesh_formats import (
+    FileSurface,
+    SurfaceReader,
+    offsets_of,
+    polygon_surface,
+    reader_of,
+)
 
 _PARTING = (b"o", b"g", b"s", b"usemtl")
 """Statements that begin another object, group, smoothing group or material."""
@@ -229,7 +234,7 @@ def _creases(words: list[bytes]) -> list[tuple[int, int]]:
     return list(pairwise(chain)) if any(sharpness) else []
 
 
-OBJ = MeshFormat(
+OBJ = SurfaceReader(
     reader_of(read_wavefront),
     # a reader lost the first vertex after a byte order mark, and statements after names that end in \
     misread=re.compile(

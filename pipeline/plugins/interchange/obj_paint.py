@@ -21,7 +21,7 @@ from flowsculpt.api import brief
 from flowsculpt.api.files import digest_of_file, read_input
 from flowsculpt.api.pictures import linear_of_srgb
 from flowsculpt.pipeline.file_contents import number_fault, text_content
-from flowsculpt.pipeline.mesh.mesh_formats import MOST_BYTES
+from flowsculpt.pipeline.mesh.mesh_formats import MOST_BYTES, Files, ModelMaterials, PaintReader
 from flowsculpt.pipeline.plugins.interchange.model_paint import ModelPaint
 from flowsculpt.pipeline.plugins.interchange.obj_files import statements
 from flowsculpt.pipeline.plugins.interchange.painted_materials import (
@@ -34,7 +34,6 @@ from flowsculpt.pipeline.plugins.interchange.painted_materials import (
     picture,
 )
 from flowsculpt.render.scene.materials import Opacity, PatternedMaterial
-from flowsculpt.render.scene.painted_faces import Files, ModelMaterials, PaintReader
 from flowsculpt.render.scene.textures import ALPHA, CLAMP, Texture
 
 _NAMES = re.compile(rb"^[ \t]*(usemtl|mtllib)[ \t]+([^\r\n]*)", re.MULTILINE)

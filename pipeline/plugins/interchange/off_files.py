@@ -11,10 +11,11 @@ from typing import NamedTuple
 import numpy as np
 
 from flowsculpt import MeshError
-from flowsculpt.api.meshes import AnyArray, Floats, MeshFormat, Points
+from flowsculpt.api.meshes import AnyArray, Floats, Points
 from flowsculpt.pipeline.file_contents import number_fault, text_content
 from flowsculpt.pipeline.mesh.mesh_formats import (
     FileSurface,
+    SurfaceReader,
     early_end,
     offsets_of,
     polygon_surface,
@@ -224,7 +225,7 @@ def _read_binary(body: bytes, prefixes: bytes) -> FileSurface:
     return polygon_surface(points, offsets_of(sides), np.array(corners, np.int64))
 
 
-OFF = MeshFormat(
+OFF = SurfaceReader(
     reader_of(read_object_file),
     misread=re.compile(rb"^[ \t]*(?:ST|C|N)*4n?OFF", re.MULTILINE),  # a reader divided by no w
 )

@@ -236,7 +236,7 @@ class Refiner:
 
     @cached_property
     def _first_keys(self) -> dict[int, Key]:
-        return {n: key_of(UNIFY.recipe, self._request.mesh_key(n)) for n in self.frames}
+        return {n: key_of(UNIFY.recipe, self._request.keys.mesh(n)) for n in self.frames}
 
     @property
     def vertices_at_rest(self) -> int:

@@ -10,9 +10,15 @@ import numpy as np
 
 from flowsculpt.api import plural
 from flowsculpt.api.files import as_utf8
-from flowsculpt.api.meshes import MeshFormat, Points
+from flowsculpt.api.meshes import Points
 from flowsculpt.pipeline.file_contents import number_fault, text_content
-from flowsculpt.pipeline.mesh.mesh_formats import FileSurface, early_end, file_surface, reader_of
+from flowsculpt.pipeline.mesh.mesh_formats import (
+    FileSurface,
+    SurfaceReader,
+    early_end,
+    file_surface,
+    reader_of,
+)
 
 _HEADER = 84  # bytes before the triangles of a binary file; the last four are their number
 
@@ -154,4 +160,4 @@ def _regular(words: list[bytes], first: int) -> list[bytes]:
     return regular
 
 
-STL = MeshFormat(reader_of(read_stl), usual_up="z")  # most come from printing and construction
+STL = SurfaceReader(reader_of(read_stl), usual_up="z")  # most come from printing and construction

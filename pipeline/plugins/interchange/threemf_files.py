@@ -21,8 +21,8 @@ import numpy as np
 from flowsculpt import MeshError
 from flowsculpt.api import brief, shortened
 from flowsculpt.api.files import joint_digest, size_of
-from flowsculpt.api.meshes import Floats, MeshFormat
-from flowsculpt.pipeline.mesh.mesh_formats import FileSurface, ModelFiles, reader_of
+from flowsculpt.api.meshes import Floats
+from flowsculpt.pipeline.mesh.mesh_formats import FileSurface, ModelFiles, SurfaceReader, reader_of
 from flowsculpt.pipeline.plugins.interchange.scene_readers import (
     PlacedMeshes,
     Polygons,
@@ -143,7 +143,7 @@ def _files(path: Path) -> ModelFiles:
     return found
 
 
-THREEMF = MeshFormat(reader_of(read_threemf), _files, states_up=True)
+THREEMF = SurfaceReader(reader_of(read_threemf), _files, states_up=True)
 
 
 @dataclass

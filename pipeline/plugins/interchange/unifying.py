@@ -83,7 +83,7 @@ class Unification:
         shot = self.request.shot
         return key_of(
             UNIFY.recipe,
-            self.request.mesh_key(max(self.request.requested)) if self._is_rigid else self._refiner.key,
+            self.request.keys.mesh(max(self.request.requested)) if self._is_rigid else self._refiner.key,
             *(self.request.requested, str(shot.rate), self.vertices, self.until),
             *([None] if self.is_plain else surface_recipe(shot)),
         )

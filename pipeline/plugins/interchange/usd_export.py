@@ -439,8 +439,9 @@ def write_root(
         _add_set(stage, home, shot.picture, framings, sky)
     if not camera.projection.is_wide:  # UsdGeomCamera has no such projection
         cameras = {number: framing.camera for number, framing in framings.items()}
-        shutters = {number: request.open_at(number) for number in numbers}
-        lens = CameraSettings(request.aspect, camera.sensor_width, unit, shot.picture.lights.exposure)
+        shutters = {number: request.pictures.open_at(number) for number in numbers}
+        aspect, exposure = request.pictures.aspect, shot.picture.lights.exposure
+        lens = CameraSettings(aspect, camera.sensor_width, unit, exposure)
         add_camera(stage, f"{home}/camera", cameras, shutters, lens)
     layer = Sdf.Layer.CreateAnonymous(".usda")  # without a stage, which would look for the clips
     layer.TransferContent(stage.GetRootLayer())
@@ -596,9 +597,9 @@ class UsdExport:
             shot.heading,
             str(shot.rate),
             [to_plain(part) for part in (picture.look, picture.lights, picture.stage)],
-            (picture.camera.sensor_width, picture.camera.unit, self.request.aspect),
+            (picture.camera.sensor_width, picture.camera.unit, self.request.pictures.aspect),
             {str(number): to_plain(framing) for number, framing in framings.items()},
-            {str(number): self.request.open_at(number) for number in framings},
+            {str(number): self.request.pictures.open_at(number) for number in framings},
             *([several] if shot.subjects else []),
             *(name for each in self._sculptures for name in each.recipe),
         )

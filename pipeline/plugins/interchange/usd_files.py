@@ -17,8 +17,15 @@ from typing import Any
 
 from flowsculpt import MissingInputError
 from flowsculpt.api.files import allow_memory, cache_path, digest_of_file, joint_digest, mapping, serve
-from flowsculpt.api.meshes import MeshFormat
-from flowsculpt.pipeline.mesh.mesh_formats import FileSurface, ModelFiles, ScenePart
+from flowsculpt.pipeline.mesh.mesh_formats import (
+    Files,
+    FileSurface,
+    ModelFiles,
+    ModelMaterials,
+    PaintReader,
+    ScenePart,
+    SurfaceReader,
+)
 from flowsculpt.pipeline.plugins.interchange.model_paint import ModelPaint
 from flowsculpt.pipeline.plugins.interchange.painted_materials import (
     opacity_of,
@@ -34,7 +41,6 @@ from flowsculpt.pipeline.plugins.interchange.scene_readers import (
 )
 from flowsculpt.render.base.user_cache import load_answer, store_answer
 from flowsculpt.render.scene.materials import PatternedMaterial
-from flowsculpt.render.scene.painted_faces import Files, ModelMaterials, PaintReader
 from flowsculpt.render.scene.textures import BLACK, CLAMP, REPEAT, Texture
 
 _MODULE = "flowsculpt.pipeline.plugins.interchange.usd_files"
@@ -88,7 +94,7 @@ def read_usd(path: Path, part: ScenePart = _WHOLE) -> FileSurface:
     return unpacked_surface(_asked("surface", path, part))
 
 
-USD = MeshFormat(read_usd, stage_files, states_up=True, read_part=read_usd)
+USD = SurfaceReader(read_usd, stage_files, states_up=True, read_part=read_usd)
 
 
 def _no_files(path: Path) -> Files:

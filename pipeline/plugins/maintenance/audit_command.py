@@ -19,6 +19,7 @@ from flowsculpt.api.files import remove_tree
 from flowsculpt.api.frames import (
     STATE,
     FrameKeys,
+    FrameRange,
     Plan,
     RenderRequest,
     Store,
@@ -54,7 +55,8 @@ def audit(
     """
     part = _share(share)
     project = options.project(common)
-    of_shot = project.as_finished(project.asked(shot, options.quality(quality, project, [shot]), frames))
+    request = project.find_request(shot, options.quality(quality, project, [shot]), frames)
+    of_shot = project.as_finished(request)
     audited = Audit(project, of_shot, finished_frames(of_shot, project.store))
     chosen = audited.chosen(part, seed)
     use_store(None)  # what the remote store has would prove nothing
@@ -137,7 +139,7 @@ class Audit:
         """Return the plan of frames, with the neighbours that the temporal denoiser reads."""
         planner = replace(self.project, root=self.home).planner()
         around = {each for number in chosen for each in self.finished[number].window}
-        planner.pictures(replace(self.request, requested=tuple(sorted(around))))
+        planner.pictures(replace(self.request, requested=FrameRange(sorted(around))))
         return planner.plan()
 
     def compared(self, chosen: Sequence[int]) -> list[AuditedFrame]:

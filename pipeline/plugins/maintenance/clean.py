@@ -97,18 +97,18 @@ def _needs(request: RenderRequest, store: Store) -> Iterator[tuple[str, Key]]:
     with contextlib.suppress(FlowsculptError):  # a shot that cannot be read any more needs nothing
         for angle in request.angles.values():
             for part in request.parts:
-                yield "mesh", part.mesh_key(angle.mesh)
-                yield "normals", part.normals_key(angle.mesh)
-        yield "cameras", request.cameras_key
+                yield "mesh", part.keys.mesh(angle.mesh)
+                yield "normals", part.keys.normals(angle.mesh)
+        yield "cameras", request.keys.cameras
         keys = picture_keys(request, store)
         if keys is None:
             return
         for number in request.angles:
             yield from (("raw", key) for key in (keys[number].raw, *keys[number].staged.values()))
             yield "frame", keys[number].frame
-            yield from ((form, request.still_key(form, keys[number].frame)) for form in FORMS)
+            yield from ((form, request.keys.still(form, keys[number].frame)) for form in FORMS)
         for part in (request, request.whole()):
-            yield "movie", part.movie_key([keys[n].frame for n in sorted(part.requested)])
+            yield "movie", part.keys.movie([keys[n].frame for n in sorted(part.requested)])
 
 
 def _shown_copies(store: Store) -> dict[Path, tuple[str, Key]]:

@@ -25,6 +25,7 @@ from flowsculpt.api.commands import (
     table,
 )
 from flowsculpt.api.frames import (
+    FrameRange,
     History,
     RenderRequest,
     find_shot,
@@ -173,7 +174,8 @@ def why(
     )
 
     project, path = project_of(common, settings), find_shot(shot)
-    request = project.as_finished(project.request(path, quality, None if frame is None else str(frame)))
+    asked = None if frame is None else FrameRange([frame])
+    request = project.as_finished(project.request(path, quality, asked))
     number = first_undone(request, project.store) if frame is None else frame
     if number is None:
         words = f"All frames of {request.name} at {quality} are what the shot file asks for."

@@ -21,6 +21,7 @@ from flowsculpt.api.files import from_plain, read_state, remove
 from flowsculpt.api.frames import (
     FILM,
     Edit,
+    FrameRange,
     Key,
     PictureKeys,
     Plan,
@@ -79,8 +80,8 @@ def last_requests(root: Path, count: int) -> Iterator[RenderRequest]:
                     continue  # a quality of an earlier version
                 if data["source"].get("subject"):
                     continue  # one of several subjects, whose shot is in the plan too
-                about = data["source"]["path"], data["quality_name"], str(data["turntable"]), data.get("home")
                 request = from_plain(RenderRequest, data)
+                about = request.source.path, request.quality_name, request.frame_source, request.home
                 seen[about] += 1
                 if seen[about] <= count:
                     yield request
@@ -189,29 +190,29 @@ class _Repairs:
         planner, store, every = self.planner, self.planner.store, tuple(request.angles)
         meshes = tuple(dict.fromkeys(angle.mesh for angle in request.angles.values()))
         if lost := self._claim_of_each(request, "mesh", meshes):
-            planner.simulate(replace(request, requested=lost))
+            planner.simulate(replace(request, requested=FrameRange(lost)))
         if lost := self._claim_of_each(request, "normals", meshes):
-            turned = tuple(n for n, angle in request.angles.items() if angle.mesh in lost)
-            planner.surfaces(replace(request, requested=turned if request.turntable else lost))
+            shown = tuple(n for n, angle in request.angles.items() if angle.mesh in lost)
+            planner.surfaces(replace(request, requested=FrameRange(shown)))
         keys = picture_keys(request, store)
         if keys is None:  # its cameras are lost, by which its pictures are known
             places = zip(every, map(Path, request.places("frame", every)), strict=True)
             shown = tuple(n for n, place in places if place in self.left or (store.root / place).exists())
-            if self._claim_one(request.folders.cameras(), "cameras", request.cameras_key) and shown:
-                planner.pictures(replace(request, requested=shown))
+            if self._claim_one(request.folders.cameras(), "cameras", request.keys.cameras) and shown:
+                planner.pictures(replace(request, requested=FrameRange(shown)))
             return
         if lost := self._claim(request, "raw", every, lambda n: keys[n].raw):
-            planner.rendered(replace(request, requested=lost))
-        for stage in request.stages:
+            planner.rendered(replace(request, requested=FrameRange(lost)))
+        for stage in request.manifest.stages:
             if lost := self._claim(request, "raw", every, partial(_staged_key, keys, stage), stage):
-                planner.rendered(replace(request, requested=lost))
+                planner.rendered(replace(request, requested=FrameRange(lost)))
         if lost := self._claim(request, "frame", every, lambda n: keys[n].frame):
-            planner.pictures(replace(request, requested=lost))
+            planner.pictures(replace(request, requested=FrameRange(lost)))
         for form in FORMS:
             if lost := self._claim(request, form, every, partial(_still_key, request, keys, form)):
-                planner.stills(replace(request, requested=lost), form)
+                planner.stills(replace(request, requested=FrameRange(lost)), form)
         for part in (request, request.whole()):
-            key = part.movie_key([keys[n].frame for n in sorted(part.requested)])
+            key = part.keys.movie([keys[n].frame for n in sorted(part.requested)])
             if self._claim_one(part.movie_path, "movie", key):
                 planner.pictures(part)
                 planner.movie(part)
@@ -234,7 +235,7 @@ class _Repairs:
         lost: set[int] = set()
         for part in request.parts:
             lost.update(
-                self._claim(part, kind, numbers, part.mesh_key if kind == "mesh" else part.normals_key)
+                self._claim(part, kind, numbers, part.keys.mesh if kind == "mesh" else part.keys.normals)
             )
         return tuple(n for n in numbers if n in lost)
 
@@ -267,7 +268,7 @@ def _staged_key(keys: PictureKeys, stage: str, number: int) -> Key:
 
 
 def _still_key(request: RenderRequest, keys: PictureKeys, form: str, number: int) -> Key:
-    return request.still_key(form, keys[number].frame)
+    return request.keys.still(form, keys[number].frame)
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ from flowsculpt.api.frames import (
     Key,
     Provenance,
     Store,
-    reader_of,
+    content_reader,
     records,
     repeated,
 )
@@ -97,7 +97,7 @@ def verify_stored(store: Store, kind: str, key: Key, path: Path) -> StoredFile:
     try:
         has_digest = store.digests.check(path)
         if not has_digest:
-            reader_of(kind, key)(path)
+            content_reader(kind, key)(path)
     except Exception as error:  # libraries raise all kinds for what is damaged
         refusal = _refusal(path, error)
         fault = str(error).removeprefix(f"{path}: ") if refusal is None else None

@@ -245,14 +245,14 @@ class _Frame:
         """Yield that frames around it are not rendered yet, if it is to be averaged with them."""
         keys = self._known.keys
         assert keys is not None, "the caller checks"
-        whole = self.request.window(self.number, self.request.angles.__contains__)
+        whole = self.request.pictures.window(self.number, self.request.angles.__contains__)
         if others := FrameRange.of(sorted(set(whole) - set(keys[self.number].window))):
             yield f"it is averaged with frames {others} too once they are rendered"
 
     def _first_missing(self) -> str:
         """Name the first thing on the way to the frame that is not there."""
         keys = self._keys
-        if not all(self.store.holds("mesh", part.mesh_key(self._mesh)) for part in self.request.parts):
+        if not all(self.store.holds("mesh", part.keys.mesh(self._mesh)) for part in self.request.parts):
             return f"its mesh, of frame {self._mesh}, is not simulated yet"
         if keys is None:
             return "its camera is not framed yet, which takes all meshes of the shot"
@@ -271,11 +271,11 @@ class _Frame:
         for name, digest in header.get("inputs", {}).items():
             if inputs.get(name, digest) != digest:
                 yield f"file {name} changed since it was made"
-        mesh_differs = header.get("mesh_key") != request.mesh_key(self._mesh)
+        mesh_differs = header.get("mesh_key") != request.keys.mesh(self._mesh)
         if mesh_differs:
             first = self._first_changed()
             yield "its mesh differs" + (f", as all meshes do from frame {first} on" if first else "")
-        normals_differ = header.get("normals_key") != request.normals_key(self._mesh)
+        normals_differ = header.get("normals_key") != request.keys.normals(self._mesh)
         if normals_differ and not mesh_differs:
             yield "its normals differ: by the hard angle or the tessellation"
         named = {str(part.path[0]) for part in parts}
@@ -313,7 +313,7 @@ class _Frame:
         assert self._keys is not None
         keys, before = self._keys[self.number], header.get("temporal_neighbours", [])
         others = [n for n in keys.window if n != self.number]
-        settings, entries = dict(self.request.stages), header.get("entries", {})
+        settings, entries = dict(self.request.manifest.stages), header.get("entries", {})
         if header.get("raw_key", keys.raw) != keys.raw:
             yield "its rendering differs: by the flow or the cameras during its exposure"
         elif entries != settings:
@@ -334,7 +334,7 @@ class _Frame:
         for number in sorted(self.request.source.surface_keys.meshes):
             for part in self.request.parts:
                 with contextlib.suppress(CorruptFileError, OSError):
-                    if readers.key_in(self.store.root / part.place("mesh", number)) != part.mesh_key(number):
+                    if readers.key_in(self.store.root / part.place("mesh", number)) != part.keys.mesh(number):
                         return number
         return None
 

@@ -81,7 +81,7 @@ class Animatic:
             tell("simulating", played)
         known = camera_file(request, stream.store)
         framing = known[number] if known else framing_of_still(request, stream, number, self.played({number}))
-        size = size_for(request.aspect, SIZES["still"])
+        size = size_for(request.pictures.aspect, SIZES["still"])
         picture = next(self._pictures(iter([(number, framing)]), size, "srgb"))
         stream.store.write(path, lambda draft: write_png(draft, picture))
         tell("drawing", number)
@@ -98,7 +98,7 @@ class Animatic:
 
     @property
     def movie_size(self) -> tuple[int, int]:
-        return size_for(self.sketch.request.aspect, SIZES["movie"])
+        return size_for(self.sketch.request.pictures.aspect, SIZES["movie"])
 
     def played_for_still(self, number: int) -> list[int]:
         """Return the frames that must be simulated to draw one: none after it."""
@@ -113,7 +113,7 @@ class Animatic:
         if camera_file(request, self.stream.store) is not None:
             return sorted(asked)
         angles = sorted(request.angles)
-        if request.follow != 1.0 or request.is_round:
+        if request.shot.picture.camera.follow != 1.0 or request.pictures.is_round:
             return angles
         return angles[: angles.index(max(asked)) + AHEAD + 1]
 
@@ -155,7 +155,7 @@ class FramedSurfaces:
     def movie(self, path: Path, tell: FrameCallback) -> int:
         """Write an MP4 of the requested frames and return their number."""
         request = self.sketch.request
-        size = size_for(request.aspect, SIZES["movie"])
+        size = size_for(request.pictures.aspect, SIZES["movie"])
         pictures = self.pictures(sorted(request.requested), size, "rec709")
         return write_playblast(self.stream.store, path, request, pictures, tell)
 
@@ -186,7 +186,7 @@ def write_playblast(
     looped = in_loop(request, numbers, lambda _: next(parts), mix_frames)
     start, count = timecode(numbers[lead], rate), len(numbers) - lead
     sound = samples_of(request.sounds, count, request.shot.rate)
-    options = start, sound, request.projection, request.loop is not None
+    options = start, sound, request.pictures.projection, request.loop is not None
     store.write(path, lambda draft: write_movie(draft, looped, rate, PLAYBLAST, *options))
     return count
 
@@ -229,13 +229,13 @@ def framings_while(
         return together([_extent(arrays) for arrays in stream.each(request, numbers[index])], names)
 
     names = [part.subject for part in request.shot.parts]
-    views, is_round = [request.view(n) for n in numbers], request.is_round
-    framer = Framer(views, extent_of, request.aspect, request.follow, is_round)
+    views, is_round = [request.pictures.view(n) for n in numbers], request.pictures.is_round
+    framer = Framer(views, extent_of, request.pictures.aspect, request.shot.picture.camera.follow, is_round)
     stage, left = request.shot.picture.stage, iter(numbers)
     for count, _ in enumerate(played, start=1):
         if count % INTERVAL == 0 or count == len(numbers):
             for framing in framer.framings(count):
-                yield next(left), with_stage_in_view(framing, stage, request.flat_aspect)
+                yield next(left), with_stage_in_view(framing, stage, request.pictures.flat_aspect)
 
 
 MOST_SAMPLED = 4000  # points of a still that are moved on, about
@@ -253,10 +253,10 @@ def framing_of_still(
     later = [_moved(motion, extent, numbers[last:]) for motion, extent in ends]
     names = [part.subject for part in request.shot.parts]
     extents = [together(each, names) for each in (*known, *zip(*later, strict=False))]
-    views = [request.view(n) for n in numbers[: len(extents)]]
-    options = request.follow, request.is_round
-    framing = frame_all(views, lambda i: extents[i], request.aspect, *options)[last - 1]
-    return with_stage_in_view(framing, request.shot.picture.stage, request.flat_aspect)
+    views = [request.pictures.view(n) for n in numbers[: len(extents)]]
+    options = request.shot.picture.camera.follow, request.pictures.is_round
+    framing = frame_all(views, lambda i: extents[i], request.pictures.aspect, *options)[last - 1]
+    return with_stage_in_view(framing, request.shot.picture.stage, request.pictures.flat_aspect)
 
 
 def _extent(arrays: dict[str, AnyArray]) -> Extent:
@@ -319,12 +319,12 @@ def write_film_animatic(
         ready(clip)
         yield from _in_order(clip.sketch.request.requested, clip.pictures(tell))
 
-    screen, rate = Screen(request.projection, first.movie_size), edit.frame_rate
+    screen, rate = Screen(request.pictures.projection, first.movie_size), edit.frame_rate
     parts = cut_together(edit, screen, shown, lambda card: (card // 257).astype(np.uint8))
     frames = dissolve(list(parts), mix_frames)
     told = told_frames(range(1, edit.length + 1), frames, tell)
     sound = samples_of(edit.sounds, edit.length, rate)
-    write = partial(write_movie, sound=sound, projection=request.projection)
+    write = partial(write_movie, sound=sound, projection=request.pictures.projection)
     first.stream.store.write(path, lambda draft: write(draft, told, rate.fps, PLAYBLAST))
     return edit.length
 

@@ -139,7 +139,7 @@ class FirstPictures:
         """Return the first of the animatics whose cameras, and so all mesh frames, are here; wait for one."""
         while True:
             for animatic in animatics:
-                if self._store.is_here("cameras", animatic.sketch.request.cameras_key):
+                if self._store.is_here("cameras", animatic.sketch.request.keys.cameras):
                     return animatic
             time.sleep(POLL_SECONDS)
 

@@ -20,7 +20,6 @@ from flowsculpt.pipeline.animation import FrameProgress
 from flowsculpt.pipeline.plugins.preview.animatic import SIZES, FramedSurfaces, framings_of, size_for
 from flowsculpt.pipeline.plugins.preview.sketch import Sketch, is_closed
 from flowsculpt.pipeline.plugins.preview.surface_stream import SurfaceStream
-from flowsculpt.pipeline.production.request.keys import speed_data
 
 Message = dict[str, Any]
 
@@ -190,7 +189,7 @@ class LiveSession:
         request, known_before = sketch.request, set(self.watched)
         self.watched |= files_of(request.source)
         self._before |= stamp(self.watched - known_before)
-        numbers, size = sorted(request.angles), size_for(request.aspect, SIZES["movie"])
+        numbers, size = sorted(request.angles), size_for(request.pictures.aspect, SIZES["movie"])
         take = self.feed.begin(request.name, numbers[0], numbers[-1], float(request.shot.rate.fps), size)
         self.feed.say("Simulating …")
 
@@ -249,7 +248,7 @@ class LiveSession:
 
 def projection(surfaces: FramedSurfaces, number: int) -> dict[str, Any] | None:
     """Return a frame's camera as the page projects points by it; see `Camera.project`."""
-    return camera_data(surfaces.framings[number].camera, surfaces.sketch.request.aspect)
+    return camera_data(surfaces.framings[number].camera, surfaces.sketch.request.pictures.aspect)
 
 
 def camera_data(camera: Camera, aspect: float) -> dict[str, Any] | None:
@@ -272,14 +271,14 @@ def files_of(source: ShotSource) -> set[Path]:
 def _recipe(surfaces: FramedSurfaces, number: int) -> tuple[Any, ...]:
     """Return everything that decides a picture."""
     request, sketch = surfaces.sketch.request, surfaces.sketch
-    shown = request.picture(number)
+    shown = request.pictures.of(number)
     motions = [part.motion for part in request.shot.parts] if sketch.flow else []
     flows = repr([flow_cache_data(motion, number, (0.0, STEP)) for motion in motions])
     return (
-        request.normals_key(number),
-        repr(speed_data(request, number)),
+        request.keys.normals(number),
+        repr(request.keys.speed_data(number)),
         surfaces.framings[number],
-        (*(part.picture(number).look for part in request.parts), shown.lights, shown.stage, shown.view),
+        (*(part.pictures.of(number).look for part in request.parts), shown.lights, shown.stage, shown.view),
         (sketch.flow, flows, sketch.edges, sketch.burn_in),
     )
 

@@ -21,7 +21,7 @@ from flowsculpt.api.commands import (
     print_warning,
 )
 from flowsculpt.api.flows import estimated_vertices, growth_warning
-from flowsculpt.api.frames import Edit, RenderRequest, Store, find_edit, find_shot, names_edit
+from flowsculpt.api.frames import Edit, FrameRange, RenderRequest, Store, find_edit, find_shot, names_edit
 from flowsculpt.api.options import (
     DEFAULT_QUALITY,
     Common,
@@ -61,7 +61,7 @@ def preview(
     options: ShotOptions,
     at: Annotated[int | None, at_option("Draw a still of this frame. Default: a movie.")] = None,
     frames: Annotated[
-        str | None, frames_option("Draw a movie of these frames: 1-48, 1-48x2, 1-24,30. Default: all.")
+        FrameRange | None, frames_option("Draw a movie of these frames: 1-48, 1-48x2, 1-24,30. Default: all.")
     ] = None,
     flow: Annotated[
         bool, typer.Option("--flow", help="Draw the flow: its streamlines at each frame, coloured by speed.")
@@ -127,7 +127,7 @@ def preview(
 
     def read() -> Sketch:
         """Return the shot as its file is now."""
-        numbers = str(at) if at is not None else frames
+        numbers = FrameRange([at]) if at is not None else frames
         request = options.project(common).request(path, DEFAULT_QUALITY, numbers, variant="none")
         _require_permissions(request)
         return Sketch(request, flow, edges, fields)

@@ -155,7 +155,7 @@ def _listing(project: Project, request: RenderRequest, with_pictures: bool) -> d
         "first": shot.frames.first,
         "last": shot.frames.last,
         "fps": float(shot.rate.fps),
-        "aspect": request.aspect,
+        "aspect": request.pictures.aspect,
         "subjects": [_meshes(part, store, numbers) for part in request.parts],
         "cameras": _cameras(request, store),
     }
@@ -174,12 +174,12 @@ def _meshes(part: RenderRequest, store: Store, numbers: Sequence[int]) -> dict[s
     """Return the mesh files of one subject: `done` ones are there, `remote` ones in the remote store."""
     rows = []
     for number in numbers:
-        key = part.mesh_key(number)
+        key = part.keys.mesh(number)
         state = (
             "done" if store.is_here("mesh", key) else "remote" if store.is_remote("mesh", key) else "missing"
         )
         rows.append({"frame": number, "key": key, "file": store.path("mesh", key).as_posix(), "state": state})
-    return {"name": part.subject, "meshes": rows}
+    return {"name": part.folders.title, "meshes": rows}
 
 
 def _cameras(request: RenderRequest, store: Store) -> dict[int, dict[str, Any]] | None:

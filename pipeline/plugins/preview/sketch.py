@@ -84,14 +84,14 @@ class Sketch:
         display: str,
     ) -> NDArray[Any]:
         """Draw a frame from the arrays of each subject, uint8 (H, W, 3). Raises FrameError."""
-        picture, parts = self.request.picture(number), self.request.parts
+        picture, parts = self.request.pictures.of(number), self.request.parts
         camera, view = framing.camera, picture.view.for_previews()
         fades = stage_fades(camera, picture.lights)
         setup = StageSetup(picture.lights, picture.stage, framing.placement, view, fades)
         first, *others = (
             shape_of(
                 {**arrays, **_copy_places(part, number, arrays)},
-                look := part.picture(number).look,
+                look := part.pictures.of(number).look,
                 self.quick,
                 _paint(part, number, arrays),
             )._replace(closed=self.closed and not look.has_opacity)
@@ -129,14 +129,14 @@ class Sketch:
         return StreamlineSet(np.concatenate(points), np.concatenate(speeds))
 
     def _facts(self, number: int) -> dict[str, str | int]:
-        code, key = timecode(number, self.request.shot.rate.fps), self.request.mesh_key(number)[:8]
+        code, key = timecode(number, self.request.shot.rate.fps), self.request.keys.mesh(number)[:8]
         facts: dict[str, str | int] = {"shot": self.request.name, "frame": number, "timecode": code}
         return {**facts, "quality": "preview", "key": key}
 
 
 def _paint(part: RenderRequest, number: int, arrays: Mapping[str, AnyArray]) -> PaintedFaces | None:
     """Return what a subject has on its faces, where its look shows it."""
-    if not part.picture(number).look.shows_paint or "faces" not in arrays:
+    if not part.pictures.of(number).look.shows_paint or "faces" not in arrays:
         return None
     return part.shot.motion.painted(arrays["material"].astype(np.float64), arrays["faces"])
 
@@ -144,7 +144,7 @@ def _paint(part: RenderRequest, number: int, arrays: Mapping[str, AnyArray]) -> 
 def _copy_places(part: RenderRequest, number: int, arrays: Mapping[str, AnyArray]) -> dict[str, AnyArray]:
     """Return the vertex attribute of a subject that a colour for each copy needs."""
     rest = arrays["material"].astype(np.float64)
-    return part.shot.motion.copy_places(part.picture(number).look.pattern, rest)
+    return part.shot.motion.copy_places(part.pictures.of(number).look.pattern, rest)
 
 
 def shape_of(

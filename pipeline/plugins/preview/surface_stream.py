@@ -40,7 +40,6 @@ from flowsculpt.api.pictures import SPEED
 from flowsculpt.pipeline.animation import FrameProgressCallback, animate_reporting
 from flowsculpt.pipeline.mesh.normals import MOST_PIECES
 from flowsculpt.pipeline.mesh.placed_copies import all_copies
-from flowsculpt.pipeline.production.request.keys import speed_data
 from flowsculpt.pipeline.production.store import readers
 
 SLOW = 0.25  # core-seconds from which on a simulated frame is stored
@@ -105,7 +104,7 @@ class MeshSource:
                 return frame
 
     def _known(self, number: int) -> MeshFrame | None:
-        key = self.request.mesh_key(number)
+        key = self.request.keys.mesh(number)
         if key in self.cache.frames:
             return replace(self.cache.frames[key], number=number)  # frames of the shot may have moved
         if self.store.bring("mesh", key):
@@ -115,7 +114,7 @@ class MeshSource:
         return None
 
     def _keep(self, frame: MeshFrame, seconds: float) -> None:
-        key = self.request.mesh_key(frame.number)
+        key = self.request.keys.mesh(frame.number)
         self.cache.remember(key, frame)
         if seconds > SLOW:
             arrays = readers.with_key(key, frame.to_arrays())
@@ -239,7 +238,7 @@ class SurfaceStream:
         frames, numbers = request.shot.frames, list(numbers)
         wanted = [*((request, n) for n in frames), *shown]
         self.surfaces.keep_only({_key(part, n) for each, n in wanted for part in each.parts})
-        self.meshes.keep_only({part.mesh_key(n) for part in request.parts for n in frames})
+        self.meshes.keep_only({part.keys.mesh(n) for part in request.parts for n in frames})
         played = [self._play(part, numbers) for part in request.parts]
         yield from played[0] if len(played) == 1 else map(min, zip(*played, strict=True))
 
@@ -273,7 +272,7 @@ class SurfaceStream:
         for number in numbers:
             if _key(request, number) in self.surfaces:
                 surface = pool.submit(lambda: None)
-            elif self.store.bring("normals", request.normals_key(number)) and not _needs_mesh(request):
+            elif self.store.bring("normals", request.keys.normals(number)) and not _needs_mesh(request):
                 surface = pool.submit(self._read, request, number)
             else:
                 mesh = meshes.at(number)
@@ -283,26 +282,26 @@ class SurfaceStream:
             yield number, surface
 
     def _read(self, request: RenderRequest, number: int) -> None:
-        key, place = request.normals_key(number), request.place("normals", number)
+        key, place = request.keys.normals(number), request.place("normals", number)
         self.surfaces.put(_key(request, number), self.store.read("normals", key, place, readers.arrays(key)))
 
     def _shade(self, request: RenderRequest, frame: MeshFrame) -> None:
         shading = Shading.of(frame, thresholds_at(request.shot.motion, frame.number), _pieces(request, frame))
         arrays = shading.stored()
-        if request.measures_speed:
+        if request.pictures.measures_speed:
             arrays[SPEED] = speeds(request.shot.motion, shading)
         self.surfaces.put(_key(request, frame.number), arrays)
 
 
 def _key(request: RenderRequest, number: int) -> Key:
     """The key of a previewed frame: its normals, and speeds where colours show them."""
-    speeds_from = speed_data(request, number)
-    return key_of(request.normals_key(number), speeds_from) if speeds_from else request.normals_key(number)
+    speeds_from = request.keys.speed_data(number)
+    return key_of(request.keys.normals(number), speeds_from) if speeds_from else request.keys.normals(number)
 
 
 def _needs_mesh(request: RenderRequest) -> bool:
     """Tell whether a preview draws more than the stored normals hold."""
-    return request.measures_speed or request.shot.picture.dicing is not None
+    return request.pictures.measures_speed or request.shot.picture.dicing is not None
 
 
 def _pieces(request: RenderRequest, frame: MeshFrame) -> int:

@@ -43,7 +43,7 @@ from flowsculpt.pipeline.plugins.preview.live_session import Drawn, LiveSession,
 from flowsculpt.pipeline.plugins.preview.shot_editor import ShotEditor
 from flowsculpt.pipeline.plugins.preview.text_edits import ValueEdit
 from flowsculpt.pipeline.production.request.framing import AHEAD
-from flowsculpt.pipeline.production.request.render_request import TurntableAngle
+from flowsculpt.pipeline.production.request.render_request import MeshAngle
 from flowsculpt.pipeline.production.request.shot_source import NO_CACHE
 from flowsculpt.pipeline.shot import Resampling
 
@@ -272,10 +272,10 @@ class TrialPictures:
             elif any(place[0] == "camera" for place in places):
                 framing = self._framing(drawn, request, number)
         sketch = replace(drawn.sketch, request=request, flow=False, burn_in=None, quick=True)
-        picture = sketch.picture(number, surfaces, framing, size_for(request.aspect, SIZE), "srgb")
+        picture = sketch.picture(number, surfaces, framing, size_for(request.pictures.aspect, SIZE), "srgb")
         return {
             "picture": base64.b64encode(jpeg_bytes(picture)).decode(),
-            "camera": camera_data(framing.camera, request.aspect),
+            "camera": camera_data(framing.camera, request.pictures.aspect),
             "words": WORDS[max(changes)],
         }
 
@@ -303,7 +303,7 @@ class TrialPictures:
             arrays = self._carry(drawn, before, number).moved(motion, number)
         else:
             arrays = self.session.stream.arrays(before, number)
-        if after.measures_speed and (change >= Change.FLOW or SPEED not in arrays):
+        if after.pictures.measures_speed and (change >= Change.FLOW or SPEED not in arrays):
             arrays = with_speeds(arrays, motion, number)
         return arrays
 
@@ -335,7 +335,7 @@ class TrialPictures:
         moves as these do.
         """
         numbers = sorted(drawn.sketch.request.angles)
-        if request.follow == drawn.sketch.request.follow == 1.0:
+        if request.shot.picture.camera.follow == drawn.sketch.request.shot.picture.camera.follow == 1.0:
             numbers = [n for n in numbers if abs(n - number) <= AHEAD]
         else:
             numbers = [n for n in numbers if n == number or not n % -(-len(numbers) // MOST_FRAMED)]
@@ -344,8 +344,8 @@ class TrialPictures:
         index = numbers.index(number)
 
         def framed(asked: RenderRequest) -> Framing:
-            views = [asked.view(n) for n in numbers]
-            return frame_all(views, lambda i: extents[i], asked.aspect, asked.follow)[index]
+            views, follow = [asked.pictures.view(n) for n in numbers], asked.shot.picture.camera.follow
+            return frame_all(views, lambda i: extents[i], asked.pictures.aspect, follow)[index]
 
         return _corrected(framed(request), framed(drawn.sketch.request), drawn.framing, request, number)
 
@@ -357,7 +357,8 @@ class TrialPictures:
 
         def framed(asked: RenderRequest, seen: Sequence[Mapping[str, AnyArray]]) -> Framing:
             points = np.concatenate([arrays["vertices"] for arrays in seen])
-            return frame_all([asked.view(number)], lambda i: points, asked.aspect, asked.follow)[0]
+            views, follow = [asked.pictures.view(number)], asked.shot.picture.camera.follow
+            return frame_all(views, lambda i: points, asked.pictures.aspect, follow)[0]
 
         before = framed(drawn.sketch.request, known)
         return _corrected(framed(request, surfaces), before, drawn.framing, request, number)
@@ -407,7 +408,7 @@ class _TrialRequest(RenderRequest):
         return tuple(replace(self, source=self.source.of_subject(name)) for name in names) or (self,)
 
     @cached_property
-    def angles(self) -> dict[int, TurntableAngle]:
+    def angles(self) -> dict[int, MeshAngle]:
         return self.before.angles if self.before is not None else super().angles
 
 
@@ -426,9 +427,10 @@ def _corrected(
     origin = np.add(stands.origin, np.subtract(is_true.origin, stood.origin)).tolist()
     placement = replace(stands, origin=tuple(origin), size=stands.size * is_true.size / stood.size)
     camera = after.camera
-    if request.view(number).position is None:
+    if request.pictures.view(number).position is None:
         camera = _corrected_camera(camera, before.camera, true.camera)
-    return with_stage_in_view(Framing(camera, placement), request.shot.picture.stage, request.flat_aspect)
+    stage, aspect = request.shot.picture.stage, request.pictures.flat_aspect
+    return with_stage_in_view(Framing(camera, placement), stage, aspect)
 
 
 def _corrected_camera(camera: Camera, rough: Camera, true: Camera) -> Camera:

@@ -81,9 +81,9 @@ def _key_of_arrays(path: Path) -> Key:
 
 
 def _reader_of(kind: str, key: Key) -> Callable[[Path], Any]:
-    from flowsculpt.api.frames import reader_of  # takes a moment
+    from flowsculpt.api.frames import content_reader  # takes a moment
 
-    return reader_of(kind, key)
+    return content_reader(kind, key)
 
 
 def _require_surface(kind: str, key: Key, path: Path) -> None:

@@ -76,7 +76,7 @@ def _drawn(
     if not measures:
         return page, [], []
     latest = LatestTimings(common.root)
-    seconds = latest.by_stage(request.subject, request.name, request.quality_name, TIMED_STAGES)
+    seconds = latest.by_stage(request.folders.title, request.name, request.quality_name, TIMED_STAGES)
     if rendered := render_seconds(request, common.root):
         seconds["render"] = {number: sum(parts.values()) for number, parts in rendered.items()}
     drawn = panels(numbers, measures, limits_of(request), seconds)

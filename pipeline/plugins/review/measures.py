@@ -201,7 +201,7 @@ def simulated(request: RenderRequest, store: Store, number: int, kind: str) -> t
     try:
         return shown, readers.key_in(shown)
     except (CorruptFileError, OSError):
-        key = request.mesh_key(number) if kind == "mesh" else request.normals_key(number)
+        key = request.keys.mesh(number) if kind == "mesh" else request.keys.normals(number)
         return (store.path(kind, key), key) if store.bring(kind, key) else None
 
 

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from flowsculpt import FlowsculptError
-from flowsculpt.api.frames import CorruptFileError, Key, RenderRequest, Store, key_of
+from flowsculpt.api.frames import CorruptFileError, FrameRange, Key, RenderRequest, Store, key_of
 from flowsculpt.api.meshes import AnyArray
 from flowsculpt.pipeline.plugins.review.measures import simulated
 from flowsculpt.pipeline.production.shot_extras import shot_extras
@@ -76,11 +76,11 @@ class PageMeshes:
 
         Returns `file` and `first`, the frame where the motion begins; or `without`, why there is none.
         """
-        numbers, name = tuple(self._simulated), self.request.name
+        numbers, name = FrameRange(self._simulated), self.request.name
         if len(numbers) < 2:
             return {"without": ""}
         for number, files in self._simulated.items():
-            if [key for _, key in files] != [part.normals_key(number) for part in self.request.parts]:
+            if [key for _, key in files] != [part.keys.normals(number) for part in self.request.parts]:
                 return {"without": f"{name} has changed since frame {number} was simulated; render it again."}
         without = "no plug-in makes animations."
         request = replace(self.request, requested=numbers)

@@ -57,7 +57,7 @@ DEFAULT_FRAMES = 12  # most frames of a sheet where none are requested
 def spread(request: RenderRequest) -> RenderRequest:
     """Return a request for at most DEFAULT_FRAMES frames at equal distances."""
     numbers = sorted(request.angles)
-    return replace(request, requested=tuple(numbers[:: -(-len(numbers) // DEFAULT_FRAMES)]))
+    return replace(request, requested=FrameRange(numbers[:: -(-len(numbers) // DEFAULT_FRAMES)]))
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class ShotSheet:
         Missing frames are shown as missing. Raises MachineError.
         """
         request, numbers = self.request, self.request.requested
-        size = request.quality.rendered_size
+        size = request.pictures.quality.rendered_size
         columns = min(len(numbers), self.columns or columns_for(len(numbers), size))
         rate = request.shot.rate
         seconds = [rate.seconds(number - request.shot.frames.first) for number in numbers]
@@ -122,7 +122,9 @@ def sheet(
     common: Common,
     shot: Shot,
     options: PictureOptions,
-    frames: Annotated[str | None, frames_option("Default: up to twelve, evenly over the shot.")] = None,
+    frames: Annotated[
+        FrameRange | None, frames_option("Default: up to twelve, evenly over the shot.")
+    ] = None,
     looks: Annotated[
         str | None, typer.Option(metavar="NAMES", help="One frame in each of these looks, as in clay,glaze.")
     ] = None,
@@ -182,7 +184,7 @@ def wedge(
             "combinations.",
         ),
     ] = None,
-    frames: Annotated[str | None, frames_option("Frames of every cell. Default: the sheet's.")] = None,
+    frames: Annotated[FrameRange | None, frames_option("Frames of every cell. Default: the sheet's.")] = None,
     at: Annotated[int | None, at_option("The frame of the sheet. Default: the middle one.")] = None,
     quality: Quality = DEFAULT_QUALITY,
     columns: Annotated[

@@ -216,7 +216,7 @@ class Wedge:
     shot: Path
     grid: Grid
     quality: str
-    frames: str | None = None
+    frames: FrameRange | None = None
     at: int | None = None
     columns: int | None = None
 
@@ -234,7 +234,7 @@ class Wedge:
 
     @cached_property
     def _read(self) -> list[tuple[Cell, RenderRequest]]:
-        still = str(self.number)  # what is wrong with the frames themselves is told before any cell is
+        still = FrameRange([self.number])  # wrong frames are refused before wrong cells
         return [(cell, self._take(cell, self.frames or still)) for cell in self.grid]
 
     @cached_property
@@ -289,7 +289,7 @@ class Wedge:
     def _pages(self, numbers: Sequence[int], bits: int, display: str) -> Iterator[NDArray[Any]]:
         """Yield the contact sheet of frames."""
         first, store = self._read[0][1], self.project.store
-        sizes = [(cell.quality.width, cell.quality.height) for _, cell in self._read]
+        sizes = [(cell.pictures.quality.width, cell.pictures.quality.height) for _, cell in self._read]
         size = max(width for width, _ in sizes), max(height for _, height in sizes)
         columns = self.columns or self.grid.columns or columns_for(len(self.grid), size)
         captions = [cell.caption for cell, _ in self._read]
@@ -303,7 +303,7 @@ class Wedge:
     def _home(self) -> Path:
         return wedge_folder(self.shot.stem)
 
-    def _take(self, cell: Cell, frames: str) -> RenderRequest:
+    def _take(self, cell: Cell, frames: FrameRange) -> RenderRequest:
         project = replace(self.project, settings=(*self.project.settings, *cell.settings))
         try:
             request = project.request(self.shot, self.quality, frames)

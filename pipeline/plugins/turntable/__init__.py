@@ -5,6 +5,7 @@ from flowsculpt.api import Command, Plugin
 PLUGIN = Plugin(
     name="turntable",
     version="1",
+    frame_sources={"turntable": "flowsculpt.pipeline.plugins.turntable.turntable_frames:Turntable"},
     commands={
         "turntable": Command(
             "flowsculpt.pipeline.plugins.turntable.turntable_movie:turntable",

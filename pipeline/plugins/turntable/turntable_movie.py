@@ -57,10 +57,11 @@ from flowsculpt.api.pictures import (
     write_png,
 )
 from flowsculpt.api.shots import DEFAULTS, LOOKS, NAME, YamlSource, inherited, is_there
-from flowsculpt.pipeline.mesh.read import format_of
+from flowsculpt.pipeline.mesh.read import surface_reader
+from flowsculpt.pipeline.plugins.turntable.turntable_frames import TURNS, Turntable
 from flowsculpt.pipeline.production.request.lookup import cropped_name
-from flowsculpt.pipeline.production.request.render_request import TURNS, Turntable
 from flowsculpt.render.graphics.contact_sheet import Caption
+from flowsculpt.render.scene.scene_stage import WITH_REFERENCES
 
 TURNTABLE_SHEET = PipelineStage(
     "turntable_sheet", version=2, packages=("av", "OpenImageIO"), doing="laying out sheets", makes="png"
@@ -69,9 +70,6 @@ TURNTABLE_SHEET = PipelineStage(
 BOTH = "both"
 
 UPS = ("y", "z")  # the axes of a mesh file that can point up
-
-STAGE = "turntable"
-"""The stage of a turntable, a name in `STAGES` of `scene_stage`: with balls and a chart."""
 
 
 @dataclass(frozen=True)
@@ -154,7 +152,7 @@ class TurntableRequest:
 
     @property
     def _is_of_file(self) -> bool:
-        return format_of(self.subject) is not None
+        return surface_reader(self.subject) is not None
 
     def _take(self, path: Path, of_file: bool, look: str | None) -> RenderRequest:
         subjects = self.project.request(path, self.quality).manifest.subjects if look else ()
@@ -165,13 +163,13 @@ class TurntableRequest:
         if at not in known:
             raise UsageError(f"frame {at} is not in {request.name}, which has frames {known}")
         table = Turntable(at, self.frames, of_file, look if len(self.looks) > 1 else None)
-        numbers = tuple(number for turn in self.turns for number in table.numbers(turn))
-        return replace(request, requested=numbers, turntable=table)
+        numbers = FrameRange(number for turn in self.turns for number in table.numbers(turn))
+        return replace(request, requested=numbers, frame_source=table)
 
     def _settings(self, look: str | None, subjects: Sequence[str]) -> Iterator[str]:
         """Yield settings of the shot and of its subjects by name; the user's come last and win."""
         if not self.bare:
-            yield f"stage={STAGE}"
+            yield f"stage={WITH_REFERENCES}"
         if look is not None:
             yield f"look={look}"
             yield from (f"subjects.{name}.look={look}" for name in subjects)
@@ -259,8 +257,8 @@ class TurntableSheets:
 
     @property
     def _table(self) -> Turntable:
-        table = self._first.turntable
-        assert table is not None, "all requests are of turntables"
+        table = self._first.frame_source
+        assert isinstance(table, Turntable), "all requests are of turntables"
         return table
 
     def _key_angles(self, looks: Sequence[int], movie: Path) -> Path:
@@ -291,7 +289,7 @@ class TurntableSheets:
     def _movie(self, path: Path, bar: Bar) -> Path:
         """Write the movie of all looks side by side."""
         first, looks = self._first, range(len(self._requests))
-        size = first.quality.width, first.quality.height
+        size = first.pictures.quality.width, first.pictures.quality.height
         columns = len(looks) if len(looks) <= ROW else columns_for(len(looks), size)
         captions: list[Caption] = [(("", name),) for name in self.turntable.looks]
         sheet, factor = self._sheet(captions, columns, 16)
@@ -316,7 +314,7 @@ class TurntableSheets:
 
     def _sheet(self, captions: Sequence[Caption], columns: int, bits: int = 8) -> tuple[ContactSheet, int]:
         """Return a sheet and the factor by which pictures are smaller on it."""
-        size = self._first.quality.width, self._first.quality.height
+        size = self._first.pictures.quality.width, self._first.pictures.quality.height
         return fitted_sheet(self._heading, captions, size, columns, bits)
 
     @property
@@ -341,7 +339,7 @@ class TurntableSheets:
 
     def _key(self, kind: str, cells: Sequence[tuple[int, int]], *content: Any) -> str:
         frames = [self._stored_key(look, number) for look, number in cells]
-        displays = [dict(request.shown_as) for request in self._requests]
+        displays = [dict(request.manifest.shown_as) for request in self._requests]
         return key_of(TURNTABLE_SHEET.recipe, kind, self._heading, frames, displays, *content)
 
 

@@ -23,7 +23,7 @@ import shutil
 import time
 import uuid
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -251,7 +251,7 @@ class Release:
         return keys
 
     def _movie_key(self, keys: Mapping[int, FrameKeys]) -> Key:
-        return self.request.whole().movie_key([keys[n].frame for n in sorted(self.request.angles)])
+        return self.request.whole().keys.movie([keys[n].frame for n in sorted(self.request.angles)])
 
     def _require(self, missing: str, stale: str) -> None:
         """Raise MissingInputError or UsageError if a file is missing or stale."""
@@ -274,11 +274,11 @@ class Release:
             published=time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
             user=_user(),
             quality=request.quality_name,
-            size=(request.quality.width, request.quality.height),
+            size=(request.pictures.quality.width, request.pictures.quality.height),
             rate=str(request.shot.motion.rate),
             variant=request.variant,
             source=portable(replace(request.source, allow_code=False)),
-            cameras=request.cameras_key,
+            cameras=request.keys.cameras,
             frames={number: self._frame(number, keys) for number in sorted(request.angles)},
             movie={"file": f"{request.name}.mp4", "key": movie, "sha256": self._whole_movie(movie)},
             packages=packages(),
@@ -299,8 +299,8 @@ class Release:
             raise self._evicted("frame", found.frame, f"frame {number}") from None
         return FrameRecord(
             file=f"frames/{request.name}.{number:04d}.exr",
-            mesh=request.mesh_key(mesh),
-            normals=request.normals_key(mesh),
+            mesh=request.keys.mesh(mesh),
+            normals=request.keys.normals(mesh),
             raw=found.raw,
             frame=found.frame,
             seed=request.seed(number),
@@ -367,7 +367,8 @@ def published_sequences(query: SequenceQuery) -> Iterator[PictureSequence]:
 
 def _display_of(record: Provenance, allow_code: bool) -> PictureDisplay:
     try:
-        return display_of(RenderRequest(restored(record, allow_code), record.quality, record.variant, ()))
+        source = restored(record, allow_code)
+        return display_of(RenderRequest(source, record.quality, record.variant, FrameRange()))
     except FlowsculptError:
         return PLAIN
 
@@ -381,7 +382,7 @@ def _seconds_of_render(request: RenderRequest, root: Path, number: int, raw: Key
 def _total_seconds(request: RenderRequest, root: Path, raws: Mapping[int, Key]) -> dict[str, float]:
     """Return the seconds of all frames of a request by stage; `raws` are the keys of its renders."""
     stages = (*sorted(SHARED_STAGES), "finish", "assemble")
-    latest = LatestTimings(root).by_stage(request.subject, request.name, request.quality_name, stages)
+    latest = LatestTimings(root).by_stage(request.folders.title, request.name, request.quality_name, stages)
     renders = [sum(_seconds_of_render(request, root, number, raw).values()) for number, raw in raws.items()]
     totals = {stage: round(sum(frames.values()), 3) for stage, frames in latest.items()}
     return {**totals, "render": round(sum(renders), 3)}
@@ -392,7 +393,7 @@ class Patch(Release):
     """A base version with the frames of a range replaced by today's, and a movie of all."""
 
     base: str = ""
-    frames: str = ""
+    frames: FrameRange = field(default_factory=FrameRange)
 
     @cached_property
     def _folder(self) -> Path:
@@ -408,7 +409,7 @@ class Patch(Release):
             known = ", ".join(sorted(folder.name for folder in home.glob("v*"))) or "nothing"
             raise MissingInputError(f"--patch {self.base}: {name} has no such version; published: {known}")
         record, request = Provenance.read(self._folder / FILE), self.request
-        size = request.quality.width, request.quality.height
+        size = request.pictures.quality.width, request.pictures.quality.height
         facts = (
             ("quality", record.quality, request.quality_name),
             ("size", "{}×{}".format(*record.size), "{}×{}".format(*size)),
@@ -427,13 +428,13 @@ class Patch(Release):
     @cached_property
     def _numbers(self) -> frozenset[int]:
         """The frames of today. Raises UsageError where some are not in the shot."""
-        whole, asked = FrameRange.of(self.request.angles), FrameRange.parse(self.frames)
-        if outside := asked.outside(whole):
+        whole = FrameRange(self.request.angles)
+        if outside := self.frames.outside(whole):
             raise UsageError(
                 f"-f {self.frames}: frames {outside} are not in {self.request.name}, which has {whole}; name "
                 "frames among those"
             )
-        return frozenset(asked)
+        return frozenset(self.frames)
 
     def _keys(self) -> Mapping[int, FrameKeys]:
         """Return the keys of the new version's frames; those of the range must be rendered."""
@@ -468,7 +469,7 @@ class Patch(Release):
         def write(path: Path) -> None:
             frames = in_loop(request, numbers, self._shown, mix_frames)
             sound = samples_of(request.sounds, len(numbers) - loop_dissolve(request), rate)
-            options: Any = {"projection": request.projection, "loops": request.loop is not None}
+            options: Any = {"projection": request.pictures.projection, "loops": request.loop is not None}
             write_movie(path, frames, rate.fps, encode, sound=sound, **options)
 
         self.store.put("movie", key, write)

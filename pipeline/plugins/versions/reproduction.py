@@ -93,7 +93,7 @@ class Reproduction:
     record: Provenance
     source: Path
     project: Project
-    frames: str | None = None
+    frames: FrameRange | None = None
 
     @property
     def home(self) -> Path:
@@ -105,14 +105,13 @@ class Reproduction:
         return Store(self.home)
 
     @cached_property
-    def numbers(self) -> tuple[int, ...]:
+    def numbers(self) -> FrameRange:
         """The frames to be compared. Raises UsageError where some are not in the version, or not its own."""
         patch = self.record.patch
         whole = FrameRange.parse(patch["frames"]) if patch else FrameRange.of(self.record.frames)
         if self.frames is None:
-            return tuple(whole)
-        asked = FrameRange.parse(self.frames)
-        outside = asked.outside(whole)
+            return whole
+        outside = self.frames.outside(whole)
         if outside and patch:
             raise UsageError(
                 f"{self.source}: {self.record.version} has frames {outside} from {patch['version']}; "
@@ -123,7 +122,7 @@ class Reproduction:
                 f"{self.source}: frames {outside} are not in {self.record.version}, which has {whole}; ask "
                 "for frames among those"
             )
-        return tuple(dict.fromkeys(asked))
+        return FrameRange(dict.fromkeys(self.frames))
 
     @cached_property
     def notes(self) -> list[str]:
@@ -139,9 +138,9 @@ class Reproduction:
         Raises UsageError or MissingInputError where files that the version was made from have changed.
         """
         request = RenderRequest(self._source, self.record.quality, self._variant([]), self.numbers)
-        is_recorded, window = self.record.frames.__contains__, request.window
+        is_recorded, window = self.record.frames.__contains__, request.pictures.window
         around = {n for number in self.numbers for n in window(number, is_recorded)}
-        return replace(request, requested=tuple(sorted(around)))
+        return replace(request, requested=FrameRange(sorted(around)))
 
     @cached_property
     def _source(self) -> ShotSource:

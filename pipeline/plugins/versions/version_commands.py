@@ -28,7 +28,7 @@ from flowsculpt.api.options import (
     AllowCode,
     Common,
     Force,
-    Frames,
+    FrameNumbers,
     PictureOptions,
     Quality,
     Shot,
@@ -55,7 +55,7 @@ def publish(
     patch: Annotated[
         str | None, typer.Option(metavar="V002", help="Replace the frames of -f in this version.")
     ] = None,
-    frames: Frames = None,
+    frames: FrameNumbers = None,
     hook: Annotated[
         list[str] | None,
         typer.Option(metavar="CMD", help="Run this with the version as JSON on standard input. Repeatable."),
@@ -87,7 +87,7 @@ def publish(
     words += [word for option, value in given.items() if value is not None for word in (option, value)]
     words += [word for setting in options.settings or () for word in ("--set", setting)]
     words += ["--allow-code"] * options.allow_code
-    words += ["-f", frames] if frames else []
+    words += ["-f", str(frames)] if frames else []
     if (patch is None) != (frames is None):
         raise UsageError("--patch and -f go together: the version, and its frames that were rendered again")
     release = Release(request, project.store, shlex.join(words), note, version, copy)
@@ -164,7 +164,7 @@ def reproduce(
     provenance: Annotated[
         Path, typer.Argument(metavar="PROVENANCE", help="The provenance.json of a published version.")
     ],
-    frames: Frames = None,
+    frames: FrameNumbers = None,
     variant: Variant = None,
     allow_code: AllowCode = False,
     force: Force = False,

@@ -8,13 +8,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from flowsculpt.pipeline.errors import UsageError, suggestion
-from flowsculpt.pipeline.frames import FrameRange
+from flowsculpt.pipeline.frames import FrameRange, FrameSelection, FrameWords
 from flowsculpt.pipeline.production.planning.frame_states import (
     FrameStates,
-    is_in_words,
     mesh_states,
     picture_states,
-    selected,
+    select_frames,
 )
 from flowsculpt.pipeline.production.planning.plan import Plan
 from flowsculpt.pipeline.production.planning.planner import Planner
@@ -67,7 +66,7 @@ class Project:
     notes: list[str] = field(default_factory=list, repr=False)
     _texts: SourceCache = field(default_factory=SourceCache, repr=False)
     _edits: dict[Path, ResolvedEdit] = field(default_factory=dict, repr=False)
-    _selected: dict[tuple[Path, str, str], FrameRange] = field(default_factory=dict, repr=False)
+    _selected: dict[tuple[Path, str, FrameWords], FrameRange] = field(default_factory=dict, repr=False)
 
     @property
     def store(self) -> Store:
@@ -99,25 +98,27 @@ class Project:
 
     # Plans
 
-    def meshes(self, shots: Sequence[str], frames: str | None = None) -> Plan:
+    def meshes(self, shots: Sequence[str], frames: FrameSelection | None = None) -> Plan:
         """Return the plan of the mesh frames of shots."""
         planner = self.planner()
         for shot in shots:
-            planner.simulate(self.asked(shot, DEFAULT_QUALITY, frames, mesh_states, variant="none"))
+            planner.simulate(self.find_request(shot, DEFAULT_QUALITY, frames, mesh_states, variant="none"))
         return planner.plan()
 
-    def pictures(self, shots: Sequence[str], quality: str, frames: str | None = None) -> Plan:
+    def pictures(self, shots: Sequence[str], quality: str, frames: FrameSelection | None = None) -> Plan:
         """Return the plan of finished frames of shots and the movie of them."""
         planner = self.planner()
         for shot in shots:
             self.add_pictures(planner, shot, quality, frames)
         return planner.plan()
 
-    def add_pictures(self, planner: Planner, shot: str, quality: str, frames: str | None = None) -> None:
+    def add_pictures(
+        self, planner: Planner, shot: str, quality: str, frames: FrameSelection | None = None
+    ) -> None:
         """Ask for finished frames of a shot and their movie; of the whole shot too where they complete it."""
-        request = self.asked(shot, quality, frames)
+        request = self.find_request(shot, quality, frames)
         planner.pictures(request)
-        if frames is None or not is_in_words(frames):
+        if not isinstance(frames, FrameWords):
             planner.movie(request)
         if frames is None or self.force:
             return
@@ -131,7 +132,7 @@ class Project:
             planner.movie(whole)
         keys.remember()
 
-    def whole(self, shots: Sequence[str], quality: str, frames: str | None = None) -> Plan:
+    def whole(self, shots: Sequence[str], quality: str, frames: FrameSelection | None = None) -> Plan:
         """Return the plan for a farm of finished frames of shots and their movies, whatever is stored.
 
         A name of an edit stands for its film. Raises UsageError for frames of several shots.
@@ -155,13 +156,15 @@ class Project:
         plan = planner.plan()
         return replace(plan, measured=measured(self.root, plan.requests))
 
-    def stills(self, shots: Sequence[str], form: str, quality: str, frames: str | None = None) -> Plan:
+    def stills(
+        self, shots: Sequence[str], form: str, quality: str, frames: FrameSelection | None = None
+    ) -> Plan:
         """Return the plan of finished frames of shots as a display shows them, in files of a form."""
         if form not in FORMS:
             raise UsageError(f"{form!r} is not a form of stills. {suggestion(form, FORMS)}")
         planner = self.planner()
         for shot in shots:
-            planner.stills(self.asked(shot, quality, frames), form)
+            planner.stills(self.find_request(shot, quality, frames), form)
         return planner.plan()
 
     def mesh_frames(self, request: RenderRequest) -> Plan:
@@ -216,7 +219,7 @@ class Project:
         project = self._of_edit(edit)
         names = dict.fromkeys(shot for shot, _ in clips)
         whole = {shot: project.request(shot, quality, variant=variant) for shot in names}
-        requests = [replace(whole[shot], requested=frames) for shot, frames in clips]
+        requests = [replace(whole[shot], requested=FrameRange(frames)) for shot, frames in clips]
         if edit.setting:
             requests = [replace(r, home=paths.of_edit(r.name, edit.name).as_posix()) for r in requests]
         return edit, requests
@@ -231,44 +234,47 @@ class Project:
             return self.edit(quality, find_edit(name))[1]
         return [self.request(find_shot(name), quality)]
 
-    def asked(
+    def find_request(
         self,
         shot: str,
         quality: str,
-        frames: str | None = None,
+        frames: FrameSelection | None = None,
         states: States = picture_states,
         variant: str | None = None,
     ) -> RenderRequest:
-        """Return the request of a shot by its name, of all frames or a range, in numbers or in words.
-
-        states  what words such as `missing` go by; which frames they mean is settled once
-        """
-        path = find_shot(shot)
-        if frames is None or not is_in_words(frames):
-            return self.request(path, quality, frames, variant)
-        whole = self.request(path, quality, variant=variant)
-        if (path, quality, frames) not in self._selected:
-            self._selected[path, quality, frames] = selected(
-                frames, FrameRange(whole.requested), lambda: states(whole, self.store, History.of(self.root))
-            )
-        return replace(whole, requested=self._selected[path, quality, frames].numbers)
+        """Return the request of a shot by its name; arguments as of `request`."""
+        return self.request(find_shot(shot), quality, frames, variant, states)
 
     def request(
-        self, path: Path, quality: str, frames: str | None = None, variant: str | None = None
+        self,
+        path: Path,
+        quality: str,
+        frames: FrameSelection | None = None,
+        variant: str | None = None,
+        states: States = picture_states,
     ) -> RenderRequest:
-        """Return the request of a shot file at one quality, of all frames or a range."""
+        """Return the request of a shot file at one quality, of all frames or those selected.
+
+        states  the states that words such as `missing` select by; which frames they mean is settled once
+        """
         require_quality(quality)
         source = self._source(path)
         whole = FrameRange(source.manifest.frames)
-        requested = FrameRange.parse(frames) if frames is not None else whole
-        outside = requested.outside(whole)
-        if outside:
+        requested = frames if isinstance(frames, FrameRange) else whole
+        if outside := requested.outside(whole):
             absent = f"frame {outside} is" if len(outside) == 1 else f"frames {outside} are"
             raise UsageError(
                 f"{source.path}: {absent} not in the shot, which has {whole}; ask for frames among those"
             )
         chosen = variant or self.variant_of(source.name)
-        return RenderRequest(source, quality, chosen, tuple(dict.fromkeys(requested)))
+        request = RenderRequest(source, quality, chosen, FrameRange(dict.fromkeys(requested)))
+        if not isinstance(frames, FrameWords):
+            return request
+        if (place := (path, quality, frames)) not in self._selected:
+            self._selected[place] = select_frames(
+                frames, whole, lambda: states(request, self.store, History.of(self.root))
+            )
+        return replace(request, requested=self._selected[place])
 
     def variant_of(self, shot: str) -> str:
         """Return the variant that renders a shot: one asked for, that of the profile, or one that works.

@@ -26,6 +26,8 @@ from typing import TYPE_CHECKING, Any
 from snakemake_interface_executor_plugins.executors.remote import RemoteExecutor
 
 from flowsculpt.pipeline.errors import FlowsculptError, UsageError, suggestion
+from flowsculpt.pipeline.frames import FrameRange, FrameSelection
+from flowsculpt.pipeline.plugin import plugins
 from flowsculpt.pipeline.production.execution.run import with_inputs_here
 from flowsculpt.pipeline.production.planning.plan import Job, Plan, check_done_files, movie_record
 from flowsculpt.pipeline.production.planning.profile import Share
@@ -53,7 +55,7 @@ DEFAULT_CORES = 2
 """Cores to plan for when a command such as --rulegraph runs nothing and names none."""
 
 
-JOB_PROCESS = re.sub("[{}]", r"\g<0>\g<0>", command_line("flowsculpt.pipeline.production.tasks.job_process"))
+JOB_PROCESS = re.sub("[{}]", r"\g<0>\g<0>", command_line("flowsculpt.pipeline.production.tasks.worker"))
 """The program of a job in the shell commands of rules, in which Snakemake fills in `{params}`."""
 
 
@@ -185,7 +187,7 @@ class PlannedWorkflow:
     def _unfit_hosts(self, job: Job) -> set[str]:
         """Return the hosts that are left out, and those that have failed at a frame of a job."""
         request = self.plan.requests[job.requests[0]]
-        own = {(request.subject, request.quality_name, number) for number in job.frames}
+        own = {(request.folders.title, request.quality_name, number) for number in job.frames}
         return {
             host
             for (host, stage), frames in faults_of_hosts(self._root, self.plan).items()
@@ -245,25 +247,26 @@ class PlannedWorkflow:
     def _ask(self, project: Project, planner: Planner, targets: list[str]) -> None:
         """Ask the planner for what the targets and `--config` name: by default the film of an edit."""
         config, quality = self._config, today_name(str(self._config.get("quality", DEFAULT_QUALITY)))
-        frames = str(config["frames"]) if "frames" in config else None
+        frames = FrameSelection.of_text(str(config["frames"])) if "frames" in config else None
         edit = str(config.get("edit", FILM.stem))
         shots = [name for name in str(config.get("shots", config.get("shot", ""))).split(",") if name]
-        numbers: dict[tuple[str, str], list[str]] = {}
+        numbers: dict[tuple[str, str], list[int]] = {}
         for target in targets:
             if match := _FRAME.fullmatch(target):
-                numbers.setdefault((_shot_of(match, target), match["quality"]), []).append(match["number"])
+                place = _shot_of(match, target), match["quality"]
+                numbers.setdefault(place, []).append(int(match["number"]))
             elif match := _FILM.fullmatch(target):
                 project.add_film(planner, match["quality"], find_edit(match["movie"]))
             elif match := _MOVIE.fullmatch(target):
                 shot = _shot_of(match, target)
-                project.add_pictures(planner, shot, match["quality"], match["frames"])
+                part = FrameRange.parse(match["frames"]) if match["frames"] else None
+                project.add_pictures(planner, shot, match["quality"], part)
             elif target == "shots":
                 of_film = [] if shots else project.edit(quality, find_edit(edit))[1]
                 for request in [project.request(find_shot(name), quality) for name in shots] or of_film:
                     planner.surfaces(request.whole())
         for (shot, wanted), frame_numbers in numbers.items():
-            asked = ",".join(str(int(number)) for number in frame_numbers)
-            planner.pictures(project.request(find_shot(shot), wanted, asked))
+            planner.pictures(project.request(find_shot(shot), wanted, FrameRange(frame_numbers)))
         if targets and "all" not in targets:
             return
         for name in shots:
@@ -324,8 +327,9 @@ def _unprotect(path: Path) -> None:
 
 def _shot_of(match: re.Match[str], target: str) -> str:
     """Return the shot of a file. Raises UsageError for a file that no shot alone has."""
-    if match["home"].startswith("turntable/"):
-        raise UsageError(f"{target}: flowsculpt turntable {match['name']} makes the pictures of a turntable")
+    kind = match["home"].partition("/")[0]
+    if kind in plugins().frame_sources:
+        raise UsageError(f"{target}: flowsculpt {kind} {match['name']} makes the pictures in renders/{kind}")
     if match["home"] != match["name"]:
         raise UsageError(f"{target}: files of a shot lie in renders/SHOT and begin with its name")
     return match["name"]

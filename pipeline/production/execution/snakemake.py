@@ -30,7 +30,7 @@ from flowsculpt.pipeline.production.planning.plan import Plan
 from flowsculpt.pipeline.production.planning.profile import Profile, shipped
 from flowsculpt.pipeline.production.stages import STILLS
 from flowsculpt.pipeline.production.store.paths import LOGS, STATE
-from flowsculpt.pipeline.production.tasks.job_server import job_server
+from flowsculpt.pipeline.production.tasks.worker_pool import WorkerPool
 from flowsculpt.render.base import python_process
 from flowsculpt.render.base.atomic_write import PROBE, REMEDIES, disk_errors, machine_error
 from flowsculpt.render.base.python_process import ForkedProcess, may_fork
@@ -53,10 +53,6 @@ DEPLOYMENTS = ".snakemake/pip-deployments"
 
 FARM_PATIENCE = 90.0
 """Seconds that taking jobs back from a farm may take."""
-
-UNUSED = ("snakemake.report", "boto3", "requests")
-"""Modules for reports and for files at URLs, which take long to load. A run by the shipped profile for this
-machine has neither."""
 
 
 def snakefile() -> Path:
@@ -223,22 +219,30 @@ def main(words: list[str]) -> None:
     signal.signal(signal.SIGINT, signal.default_int_handler)  # even where the parent process ignores it
     _require_user_name()
     is_local = "--cores" in words
-    with job_server() if is_local else contextlib.nullcontext():
-        watcher = threading.Thread(target=_leave_with, args=(os.getppid(), not is_local), daemon=True)
-        watcher.start()
-        sys.path_importer_cache[DEPLOYMENTS] = None  # Snakemake puts the folder into the search path
-        if is_local and not {*Profile.local().arguments} - {*words}:
-            for unused in UNUSED:  # as if they were not installed, which Snakemake allows
-                sys.modules[unused] = None  # type: ignore[assignment]
-        from snakemake.cli import main as snakemake  # while the server loads
+    pool = WorkerPool() if is_local and sys.platform == "linux" else None  # before any thread is started
+    watcher = threading.Thread(target=_leave_with, args=(os.getppid(), not is_local), daemon=True)
+    watcher.start()
+    sys.path_importer_cache[DEPLOYMENTS] = None  # Snakemake puts the folder into the search path
+    from snakemake.cli import args_to_api, parse_args  # while the pool loads
+    from snakemake.exceptions import print_exception
 
-        python_process.distrust_working_folder()
-        guard(Path.cwd())
-        forbid_links()
-        try:
-            snakemake(words)
-        finally:
-            _cancel_timers()
+    from flowsculpt.pipeline.production.execution.pool_executor import register
+
+    python_process.distrust_working_folder()
+    guard(Path.cwd())
+    forbid_links()
+    well = False
+    try:
+        parser, settings = parse_args(words if pool is None else [*words, "--executor", register(pool)])
+        if is_local:
+            settings.max_jobs_per_timespan = None  # a limit wakes Snakemake every second, and once it is done
+        well = args_to_api(settings, parser)
+    except Exception as error:
+        print_exception(error)
+    finally:
+        if pool is not None:
+            pool.close()
+    sys.exit(0 if well else 1)
 
 
 def _require_user_name() -> None:
@@ -247,13 +251,6 @@ def _require_user_name() -> None:
         getpass.getuser()
     except (KeyError, OSError):
         os.environ["LOGNAME"] = str(user_number())
-
-
-def _cancel_timers() -> None:
-    """Cancel Snakemake's next look at its queue, for which Python would wait a second before it ends."""
-    for thread in threading.enumerate():
-        if isinstance(thread, threading.Timer):
-            thread.cancel()
 
 
 if __name__ == "__main__":

@@ -22,6 +22,8 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
+from flowsculpt.pipeline.frames import FrameRange
+from flowsculpt.pipeline.plugin import plugins
 from flowsculpt.pipeline.production.planning.frame_states import KnownPictures
 from flowsculpt.pipeline.production.planning.plan import Job, Plan
 from flowsculpt.pipeline.production.planning.timings import SHARED_STAGES, statistics_in
@@ -29,6 +31,7 @@ from flowsculpt.pipeline.production.request.lookup import base_of, pixels
 from flowsculpt.pipeline.production.request.render_request import FORMS
 from flowsculpt.pipeline.production.store.event_log import Event
 from flowsculpt.pipeline.production.store.history import History
+from flowsculpt.pipeline.production.store.paths import RENDERS
 from flowsculpt.pipeline.production.store.store import Store
 from flowsculpt.render.base.plural import plural
 from flowsculpt.render.scene.render_quality import DEFAULT_QUALITY, QUALITIES, Quality
@@ -63,7 +66,7 @@ class Forecast:
                 if not known[place].is_framed:
                     held = {n: known[place].holds(_KINDS[job.stage], n) for n in job.frames}
                     unframed[job.stage] += [n for n, is_held in held.items() if is_held is None]
-                    job = replace(job, frames=tuple(n for n, is_held in held.items() if not is_held))
+                    job = replace(job, frames=FrameRange(n for n, is_held in held.items() if not is_held))
             if job.frames:
                 jobs.append(job)
         return cls(replace(plan, jobs=tuple(jobs)), {stage: tuple(n) for stage, n in unframed.items() if n})
@@ -169,7 +172,7 @@ def typical_seconds(quality: Quality) -> float:
 
 def _statistics_folders(root: Path, name: str, quality: str) -> Iterator[Path]:
     """Yield the folders of render statistics of built-in qualities."""
-    for home in (root / "renders", root / "renders" / "turntable"):
+    for home in (root / RENDERS, *(root / RENDERS / kind for kind in plugins().frame_sources)):
         for folder in sorted(home.glob(f"{name}/{quality}/statistics")):
             if base_of(folder.parent.name) in QUALITIES:
                 yield folder
@@ -239,7 +242,7 @@ def estimate(plan: Plan, root: Path, cores: int) -> Estimate:
     size: float | None = 0.0
     for job in plan.jobs:
         shot, quality = shot_and_quality(plan, job)
-        width, height = plan.requests[job.requests[0]].quality.rendered_size
+        width, height = plan.requests[job.requests[0]].pictures.quality.rendered_size
         sample = timings.seconds(job.stage, shot, quality, width * height)
         if sample is None:
             unmeasured[job.stage] = None
@@ -273,8 +276,8 @@ def shot_and_quality(plan: Plan, job: Job) -> tuple[str, str]:
     """Return the name of the folder of a job's shot, and its quality."""
     request = plan.requests[job.requests[0]]
     name = request.name
-    if request.turntable and job.stage not in SHARED_STAGES:
-        name = request.folders.home.relative_to("renders/turntable").as_posix()
+    if (kind := request.frame_source.kind) and job.stage not in SHARED_STAGES:
+        name = request.folders.home.relative_to(RENDERS / kind).as_posix()
     return name, request.quality_name
 
 
@@ -390,7 +393,7 @@ class TimeLeft:
 
 def _new_work(plan: Plan, job: Job, timings: MeanTimings) -> _Work:
     shot, quality = shot_and_quality(plan, job)
-    width, height = plan.requests[job.requests[0]].quality.rendered_size
+    width, height = plan.requests[job.requests[0]].pictures.quality.rendered_size
     pixels, stage = width * height, job.stage
     guess = timings.seconds(stage, shot, quality, pixels)
     typical = TYPICAL.get(stage) or pixels * TYPICAL_OF_PIXELS.get(stage, TYPICAL_OF_STILLS)

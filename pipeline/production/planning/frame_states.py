@@ -11,8 +11,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
-from flowsculpt.pipeline.errors import UsageError, suggestion
-from flowsculpt.pipeline.frames import FrameRange
+from flowsculpt.pipeline.frames import FrameRange, FrameWords
 from flowsculpt.pipeline.production.request.cameras import ShownCameras
 from flowsculpt.pipeline.production.request.keys import PictureKeys, picture_keys
 from flowsculpt.pipeline.production.request.render_request import FORMS, RenderRequest
@@ -70,7 +69,7 @@ def mesh_states(request: RenderRequest, store: Store, history: History) -> Frame
             if store.url is None and place.rpartition("/")[2] not in shown:
                 yield "missing"  # whatever its key is, which takes the flow of all frames before
                 continue
-            key = part.mesh_key(number)
+            key = part.keys.mesh(number)
             if store.shows("mesh", key, place):
                 yield "done"
             else:
@@ -79,7 +78,7 @@ def mesh_states(request: RenderRequest, store: Store, history: History) -> Frame
     def of_all(*found: str) -> str:
         return next(state for state in ("stale", "missing", "remote", "done") if state in found)
 
-    names = [request.name if part is request else part.subject for part in request.parts]
+    names = [request.name if part is request else part.folders.title for part in request.parts]
     found = map(of_all, *map(states_of, request.parts))
     return _states(request, "meshes", found, history, [(name, MESH_STAGES, SHARED) for name in names])
 
@@ -155,14 +154,14 @@ class KnownPictures:
         assert self.keys is not None, "the caller checks"
         keys = self.keys[number]
         if kind in FORMS:
-            return self._request.still_key(kind, keys.frame)
+            return self._request.keys.still(kind, keys.frame)
         return keys.raw if kind == "raw" else keys.frame
 
     def _around(self, number: int) -> tuple[int, ...]:
         """Return the frames that a finished frame is averaged with."""
         assert self.keys is not None, "the caller checks"
         was_rendered = self.keys.is_available
-        return self._request.window(number, lambda n: n in self._rendered or was_rendered(n))
+        return self._request.pictures.window(number, lambda n: n in self._rendered or was_rendered(n))
 
 
 def _names_in(folder: str) -> frozenset[str]:
@@ -205,33 +204,15 @@ def _states(
     )
 
 
-WORDS = ("all", "missing", "stale", "failed")
-
-
-def is_in_words(text: str) -> bool:
-    """Tell whether a frame option holds words, such as `failed` or `missing,stale`, instead of numbers."""
-    return any(part.strip().isalpha() for part in text.split(","))
-
-
-def selected(text: str, whole: FrameRange, states: Callable[[], FrameStates]) -> FrameRange:
+def select_frames(words: FrameWords, whole: FrameRange, states: Callable[[], FrameStates]) -> FrameRange:
     """Return the frames that words select, in the order of the shot.
 
     Stale frames include unframed ones, missing ones those that the remote store has and those that are
     rendered and not denoised.
-
-    Raises UsageError for an unknown word, and for words mixed with numbers.
     """
-    words = [part.strip() for part in text.split(",")]
-    for word in words:
-        if word not in WORDS:
-            if not word.isalpha():
-                raise UsageError(
-                    f"{text!r} is not a frame range; write one as 1-48x2, or words alone: failed,stale"
-                )
-            raise UsageError(f"{word!r} is not a frame range or a word. {suggestion(word, WORDS)}")
-    if "all" in words:
+    if "all" in words.words:
         return whole
-    known = states()
-    states_of = {"stale": ("stale", "unframed"), "missing": ("missing", "remote", "rendered")}
-    wanted = {n for word in words for state in states_of.get(word, (word,)) for n in getattr(known, state)}
-    return FrameRange.of(n for n in whole if n in wanted)
+    known, more = states(), {"stale": ("unframed",), "missing": ("remote", "rendered")}
+    names = [name for word in words.words for name in (word, *more.get(word, ()))]
+    wanted = {number for name in names for number in getattr(known, name)}
+    return FrameRange(number for number in whole if number in wanted)

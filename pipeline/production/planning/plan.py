@@ -33,7 +33,7 @@ from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.stages import STAGES
 from flowsculpt.pipeline.production.store.event_log import logs_of
 from flowsculpt.pipeline.production.store.locks import lock_name
-from flowsculpt.pipeline.production.store.paths import DONE, PLANS
+from flowsculpt.pipeline.production.store.paths import DONE, PLANS, RENDERS
 from flowsculpt.pipeline.production.store.remote_store import remote_stores, store_url
 from flowsculpt.pipeline.production.store.shared_kernels import send_kernels
 from flowsculpt.pipeline.production.store.store import Key, Store
@@ -109,7 +109,7 @@ class Job:
     name: str
     stage: str
     requests: tuple[int, ...]
-    frames: tuple[int, ...]
+    frames: FrameRange
     reads: tuple[int, ...] | None = None
     meshes: tuple[int, ...] = ()
     key: str = ""
@@ -238,12 +238,12 @@ class Plan:
         for place, request in enumerate(self.requests):
             if request.source.subject and request.source.path in whole:
                 continue  # meshes of one of several subjects, which are locked with the whole
-            shot, turn = request.name, request.turntable
+            shot = request.name
             stages = {job.stage for job in self.jobs if place in job.requests}
             if not stages:
                 continue
             per_quality = any(STAGES[stage].per_quality for stage in stages)
-            home = request.home or (f"turntable+{shot}.{turn.at}.{turn.look}" if turn else shot)
+            home = request.home or request.folders.home.relative_to(RENDERS).as_posix()
             quality = request.quality_name if per_quality else "meshes"
             words = f"{shot} at {quality}" if per_quality else f"the meshes of {shot}"
             names[lock_name(home, quality)] = words
@@ -299,13 +299,13 @@ class Plan:
         known, _, frames = name.partition(":")
         if not frames:
             return next(job for job in self.jobs if job.name == known)
-        from flowsculpt.render.mitsuba.engine import (
-            available_cores,  # what else is in it takes time to import
-        )
+        from flowsculpt.render.mitsuba.engine import available_cores  # which takes time to import
 
-        whole = next(job for job in self.jobs if known in (job.name, job.stage))
-        numbers = tuple(FrameRange.parse(frames))
-        return replace(whole, name=name, frames=numbers, output="", threads=available_cores())
+        whole, part = (
+            next(job for job in self.jobs if known in (job.name, job.stage)),
+            FrameRange.parse(frames),
+        )
+        return replace(whole, name=name, frames=part, output="", threads=available_cores())
 
     def memory_mib(self, job: Job) -> int:
         """Return the memory of a job, MiB, by what earlier pictures took."""

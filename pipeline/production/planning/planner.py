@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.frames import FrameRange
 from flowsculpt.pipeline.production.planning.plan import Job, Link, Plan, done_file, with_threads
 from flowsculpt.pipeline.production.planning.profile import Share
 from flowsculpt.pipeline.production.planning.timings import measured
@@ -45,9 +46,9 @@ class _PlaceholderKeys(dict[int, FrameKeys]):
         self._request, self._asked = request, frozenset(request.requested)
 
     def __missing__(self, number: int) -> FrameKeys:
-        window = self._request.window(number, self._asked.__contains__)
-        raw = f"{self._request.identity}.{number}"
-        staged = staged_keys(self._request.stages, raw)
+        window = self._request.pictures.window(number, self._asked.__contains__)
+        raw = f"{self._request.keys.identity}.{number}"
+        staged = staged_keys(self._request.manifest.stages, raw)
         self[number] = FrameKeys(raw, f"{raw}.{window[0]}.{window[-1]}", window, staged)
         return self[number]
 
@@ -83,7 +84,7 @@ class PlanEntry:
             return self.keys
         if not self.comparable:
             return _PlaceholderKeys(request)
-        key = f"promised {request.cameras_key}"
+        key = f"promised {request.keys.cameras}"
         framings = _PlaceholderFramings(self.store, key, request.angles, dict)
         return PictureKeys(request, self.store, framings)
 
@@ -102,20 +103,20 @@ class PlanEntry:
 
     def mesh_keys(self, numbers: Sequence[int]) -> tuple[Key, ...]:
         """Return the keys of mesh frames, in order."""
-        return tuple(map(self.request.mesh_key, numbers))
+        return tuple(map(self.request.keys.mesh, numbers))
 
     def key(self, stage: str, number: int) -> Key:
         """The key by which a frame of a stage is known in the plan."""
         if stage == "simulate":
-            return self.request.mesh_key(number)
+            return self.request.keys.mesh(number)
         if stage == "smooth_normals":
-            return self.request.normals_key(number)
+            return self.request.keys.normals(number)
         keys = self.names[number]
         if stage == "render":
             return keys.raw
         if stage in keys.staged:
             return keys.staged[stage]
-        return keys.frame if stage == "finish" else self.request.still_key(stage, keys.frame)
+        return keys.frame if stage == "finish" else self.request.keys.still(stage, keys.frame)
 
 
 MAX_BATCH = 256
@@ -184,7 +185,9 @@ class PlannedJobs:
         for made in keys:
             self._makers[stage].setdefault(made, len(self.jobs))
         others = None if list(reads) == list(frames) else tuple(reads)
-        job = Job(name, stage, entry.places, tuple(frames), others, key=key, output=output, present=present)
+        job = Job(
+            name, stage, entry.places, FrameRange(frames), others, key=key, output=output, present=present
+        )
         self.jobs.append(replace(job, **fields))
 
     def add_simulations(self, entries: Collection[PlanEntry]) -> None:
@@ -213,7 +216,7 @@ def _pieces(
     Short pieces are not worth waiting for: each simulation makes those itself, to the same bits.
     """
     pieces: list[tuple[bool, list[int]]] = []
-    for many, group in groupby(numbers, key=lambda n: users[entry.request.mesh_key(n)]):
+    for many, group in groupby(numbers, key=lambda n: users[entry.request.keys.mesh(n)]):
         piece = list(group)
         is_shared = many > 1 and len(piece) >= MIN_SHARED
         if pieces and not is_shared and not pieces[-1][0]:
@@ -307,7 +310,7 @@ class Planner:
         unfinished = self._absent(entry, "finish", frames)
         read = list(dict.fromkeys([*unfinished, *_union(names[n].window for n in unfinished)]))
         between: list[tuple[str, list[int]]] = []
-        for stage in reversed(list(request.stages)):
+        for stage in reversed(list(request.manifest.stages)):
             read = self._absent(entry, stage, read)
             between.insert(0, (stage, read))
         unrendered = self._absent(entry, "render", read)
@@ -320,7 +323,7 @@ class Planner:
 
     def rendered(self, request: RenderRequest) -> None:
         """Ask for the rendered frames of a request with all AOVs, and for what plug-ins make of them."""
-        stages = ("render", *request.stages)
+        stages = ("render", *request.manifest.stages)
         entry, frames = self._enter(request, *stages), request.requested
         for stage in stages:
             self._targets += request.places(STAGES[stage].shown_as, frames)
@@ -340,7 +343,7 @@ class Planner:
         """Ask for the movie of a request, whose frames are there or have been asked for."""
         entry = self._enter(request, "assemble")
         frames = sorted(request.requested)
-        key = request.movie_key([entry.names[n].frame for n in frames])
+        key = request.keys.movie([entry.names[n].frame for n in frames])
         self._movie("assemble", [entry], frames, key, request.movie_path)
 
     def film(self, edit: Edit, requests: Sequence[RenderRequest]) -> None:
@@ -445,17 +448,17 @@ class Planner:
                     if self.store.is_here(kind, key) and not self._is_forced(stage, kind, key):
                         self._links[place] = Link(kind, key, place)
         if entry.keys is not None:
-            self._has("frame_camera", "cameras", request.cameras_key, request.folders.cameras().as_posix())
+            self._has("frame_camera", "cameras", request.keys.cameras, request.folders.cameras().as_posix())
 
     def _surfaces(self, entry: PlanEntry, unrendered: Sequence[int]) -> None:
         """Plan what rendering needs: the normals of the meshes shown, and cameras, which see all meshes."""
         request = entry.request
         shown = sorted({request.angles[n].mesh for n in unrendered})
-        key, path = request.cameras_key, request.folders.cameras().as_posix()
+        key, path = request.keys.cameras, request.folders.cameras().as_posix()
         framed = entry.keys is not None and self._has("frame_camera", "cameras", key, path)
-        if any(map(request.follows_flow, unrendered)):
+        if any(map(request.pictures.follows_flow, unrendered)):
             entry.require_permission()
-        needed = {request.angles[n].mesh for n in unrendered if request.needs_mesh(n)}
+        needed = {request.angles[n].mesh for n in unrendered if request.pictures.needs_mesh(n)}
         for part in self._parts(entry):
             rough = self._absent(part, "smooth_normals", shown)
             self._meshes_of(part, sorted({*rough, *needed}) if framed else entry.shown)
@@ -490,7 +493,7 @@ class Planner:
             meshes: tuple[int, ...] = ()
             if stage == "render":
                 reads = list(dict.fromkeys(request.angles[n].mesh for n in batch))
-                needed = filter(request.needs_mesh, batch)
+                needed = filter(request.pictures.needs_mesh, batch)
                 meshes = tuple(dict.fromkeys(request.angles[n].mesh for n in needed))
             elif stage == "finish":
                 reads = _union(entry.names[n].window for n in batch)
@@ -502,7 +505,7 @@ class Planner:
         goals = {stage for place, stage in self._goals if place == entry.place}
         if "finish" in goals:
             self._surfaces(entry, ())
-            for stage in ("render", *request.stages):
+            for stage in ("render", *request.manifest.stages):
                 self._rest(entry, stage, _union(entry.names[n].window for n in request.requested))
             self._rest(entry, "finish", request.requested)
         if goals & {"finish", "smooth_normals"}:

@@ -98,7 +98,7 @@ class LatestTimings:
     ) -> dict[str, dict[int, float]]:
         """Return seconds by stage and frame, for the stages that have any.
 
-        Runs log pictures under `subject`, a shot or a turntable; meshes perhaps under the shot's own name.
+        Runs log pictures under `subject`, the title of their folders; meshes perhaps under the shot's name.
         """
         timed = {}
         for stage in stages:
@@ -175,7 +175,7 @@ def measured(
     known = {}
     for place in range(len(requests)) if places is None else sorted(places):
         folder = root / requests[place].place("statistics", 0).parent
-        width, height = requests[place].quality.rendered_size
+        width, height = requests[place].pictures.quality.rendered_size
         if (resources := MeasuredResources.of(folder, width * height)) is not None:
             known[place] = resources
     return known

@@ -74,7 +74,7 @@ def camera_file(request: RenderRequest, store: Store) -> CameraFile | None:
 
     A damaged file is evicted. Raises MachineError where the disk refuses a file that the remote store has.
     """
-    key, numbers = request.cameras_key, request.angles
+    key, numbers = request.keys.cameras, request.angles
     path = store.path("cameras", key)
     try:
         store.bring("cameras", key)
@@ -106,7 +106,7 @@ class FramingInputs:
     def of(cls, request: RenderRequest) -> FramingInputs:
         """Return the digests of a request; the planning cache spares reading its shot."""
         return request.source.cache.found_or_made(
-            cls, lambda: cls(_views(request), _inputs(request)), "framing inputs", request.identity
+            cls, lambda: cls(_views(request), _inputs(request)), "framing inputs", request.keys.identity
         )
 
 
@@ -153,7 +153,7 @@ class ShownCameras:
 
 def note_framing(request: RenderRequest) -> None:
     """Note what the cameras of a request were framed from."""
-    framed = _FramedFrom(request.cameras_key, FramingInputs.of(request))
+    framed = _FramedFrom(request.keys.cameras, FramingInputs.of(request))
     request.source.cache.put(framed, *_place(request))
 
 
@@ -165,7 +165,7 @@ def _views(request: RenderRequest) -> dict[int, Key]:
     """Return digests of the values of each view that framing takes as they are."""
     digests = {}
     for number in request.angles:
-        view = request.view(number)
+        view = request.pictures.view(number)
         direction = (view.azimuth + view.orbit, view.elevation) if view.position is None else view.position
         digests[number] = key_of(direction, view.target, view.roll, view.field_of_view)[:16]
     return digests
@@ -179,15 +179,16 @@ def _inputs(request: RenderRequest) -> dict[int, Key]:
     from flowsculpt.pipeline.production.request.framing import AHEAD
 
     numbers = sorted(request.angles)
-    views = {number: request.view(number) for number in numbers}
-    move = request.shot.picture.stage.camera_move(request.flat_aspect)
-    shared = key_of(FRAME_CAMERA.recipe, request.aspect, request.follow, request.net_pieces(), move)
-    if request.is_round:
+    picture, pictures = request.shot.picture, request.pictures
+    views = {number: pictures.view(number) for number in numbers}
+    follow, move = picture.camera.follow, picture.stage.camera_move(pictures.flat_aspect)
+    shared = key_of(FRAME_CAMERA.recipe, pictures.aspect, follow, request.keys.net_pieces(), move)
+    if pictures.is_round:
         shared += "round"
     parts = [
-        key_of(request.mesh_key(request.angles[n].mesh), request.angles[n].spin, views[n]) for n in numbers
+        key_of(request.keys.mesh(request.angles[n].mesh), request.angles[n].spin, views[n]) for n in numbers
     ]
-    if request.follow != 1.0 or request.is_round or any(view.position is not None for view in views.values()):
+    if follow != 1.0 or pictures.is_round or any(view.position is not None for view in views.values()):
         return dict.fromkeys(numbers, _digest(shared, 0, parts))
     digests = {}
     for place, number in enumerate(numbers):

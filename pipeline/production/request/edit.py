@@ -114,7 +114,7 @@ class Edit:
     def key(self, requests: Sequence[RenderRequest], keys: Sequence[Mapping[int, FrameKeys]]) -> Key:
         """Return the key of the film's movie, whatever its name, by `keys` of its clips' frames."""
         frames = [known[n].frame for clip, known in zip(requests, keys, strict=True) for n in clip.requested]
-        shown_as = [request.shown_as for request in requests]
+        shown_as = [request.manifest.shown_as for request in requests]
         audio: Any = None if self.audio is None else self.audio.content
         if self.clips:
             audio = [clip.content for clip in self.clips]

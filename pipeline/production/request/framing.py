@@ -266,7 +266,7 @@ def frame_all(
 
     aspect  width to height
     follow  1 goes along with the sculpture; 0 holds the distance, the aim and the floor for the whole
-            sequence, as a turntable wants them; in between, partly
+            sequence, as a turned object wants them; in between, partly
     is_round  True if the first frame follows the last, so that the camera is as calm there
 
     What a view says itself is taken as it is: a target, a distance, a position. The stage stands around the

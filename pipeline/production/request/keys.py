@@ -8,11 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flowsculpt.pipeline.production.request.cameras import CameraFile, camera_file
+from flowsculpt.pipeline.production.request.lookup import movie_bits
 from flowsculpt.pipeline.production.stages import (
+    ASSEMBLE,
     FINISH,
     FRAME_CAMERA,
     RENDER,
@@ -29,55 +32,156 @@ if TYPE_CHECKING:
     from flowsculpt.render.scene.render_camera import Projection
 
 
-def raw_key(request: RenderRequest, number: int, framings: Mapping[int, Framing]) -> Key:
-    """Return the key of a rendered picture; `framings` are the cameras of the request."""
-    angle = request.angles[number]
-    return key_of(
-        RENDER.recipe,
-        request.normals_key(angle.mesh),
-        [angle.spin, angle.lights] if angle.lights else angle.spin,
-        to_plain(framings[number]),
-        request.appearance(number),
-        request.seed(number),
-        *_motion_data(request, number, framings),
-        *speed_data(request, number),
-        *([{"copies": request.copies}] if request.copies else []),
-        *(["the lens sees visible softboxes alone"] if _sees_past_softboxes(request, number) else []),
-    )
+@dataclass(frozen=True)
+class _CamerasKey:
+    """The key of cameras, as the planning cache has it."""
+
+    key: Key
 
 
-def _sees_past_softboxes(request: RenderRequest, number: int) -> bool:
-    """Tell whether the lens sees a sky and not all softboxes: once it saw these with the sky."""
-    lights = request.picture(number).lights
-    return lights.shows_sky and not all(box.visible for box in lights.softboxes)
+@dataclass(frozen=True)
+class RequestKeys:
+    """The keys of the files of a request."""
 
+    request: RenderRequest
 
-def _motion_data(request: RenderRequest, number: int, framings: Mapping[int, Framing]) -> list[Any]:
-    """Return what decides AOVs and motion blur of a picture; nothing if it has neither."""
-    precision, offsets = request.aovs.precision, request.offsets(number)
-    if not (precision or offsets):
-        return []
-    around = [to_plain(framings[n]) for n in (number - 1, number + 1) if n in framings]
-    turn = request.turntable.step(number) if request.turntable else None
-    flow: list[Any] = []
-    if request.turntable is None and offsets:
+    @cached_property
+    def identity(self) -> Key:
+        """The digest of everything that the keys depend on, except versions of stages."""
+        source = self.request.source
+        data = {**to_plain(self.request), "requested": None}
+        data["source"] = {**data["source"], "inputs": self.request.manifest.inputs}
+        return key_of(data, source.surface_keys.meshes, source.surface_keys.normals)
+
+    def mesh(self, number: int) -> Key:
+        """Return the key of a mesh frame."""
+        return self.request.source.surface_keys.meshes[number]
+
+    def normals(self, number: int) -> Key:
+        """Return the key of the normals of a mesh frame."""
+        return self.request.source.surface_keys.normals[number]
+
+    @cached_property
+    def cameras(self) -> Key:
+        """The key of the cameras, which depend on all meshes that the pictures show."""
+        source = self.request.source
+        kind = self.request.frame_source.kind, to_plain(self.request.frame_source)
+        found_from = "cameras", *source.read_from, self.request.manifest.inputs, kind
+        return source.cache.found_or_made(_CamerasKey, self._find_cameras, *found_from).key
+
+    def _find_cameras(self) -> _CamerasKey:
+        """Find the key of the cameras from the shot."""
+        request, pictures = self.request, self.request.pictures
+        angles, stage = request.angles, request.shot.picture.stage
+        key = key_of(
+            FRAME_CAMERA.recipe,
+            [self.mesh(n) for n in request.meshes(angles)],
+            [[n, angle.mesh, angle.spin, pictures.view(n)] for n, angle in angles.items()],
+            pictures.aspect,
+            request.shot.picture.camera.follow,
+            self.net_pieces(),
+            stage.camera_move(pictures.flat_aspect),
+            *(["round"] if pictures.is_round else []),
+        )
+        return _CamerasKey(key)
+
+    def net_pieces(self) -> int | list[Any] | None:
+        """Return the pieces into which the surface of a net is cut for its cameras; None for other subjects.
+
+        Of several subjects, a list.
+        """
+        from flowsculpt.pipeline.shot.point_subjects import ControlNet
+
+        shot = self.request.shot
+        if shot.subjects:
+            return [part.keys.net_pieces() for part in self.request.parts]
+        return shot.picture.tessellate if isinstance(shot.motion.subject, ControlNet) else None
+
+    def appearance(self, number: int) -> Key:
+        """Return the digest of what a picture shares with all others of its look, lights and quality."""
+        override = self.request.manifest.override_of(number)
+        if override not in self._appearances:
+            self._appearances[override] = self._find_appearance(number)
+        return self._appearances[override]
+
+    @cached_property
+    def _appearances(self) -> dict[int | None, Key]:
+        """Digests by override, as `appearance` found them."""
+        return {}
+
+    def _find_appearance(self, number: int) -> Key:
+        request, picture = self.request, self.request.pictures.of(number)
+        parts = [(part.source.subject, part.pictures.of(number)) for part in request.parts]
+        looks = [[name, to_plain(part.look), part.hide_facets] for name, part in parts]
+        return key_of(
+            to_plain(picture.look),
+            to_plain(replace(picture.lights, exposure=0.0)),
+            to_plain(picture.stage),
+            to_plain(request.pictures.quality_of(number)),
+            request.variant,
+            picture.dicing,
+            picture.hide_facets,
+            *([looks] if request.shot.subjects else []),
+        )
+
+    def raw(self, number: int, framings: Mapping[int, Framing]) -> Key:
+        """Return the key of a rendered picture; `framings` are the cameras of the request."""
+        request, pictures = self.request, self.request.pictures
+        angle, lights = request.angles[number], pictures.of(number).lights
+        # In earlier versions a lens that saw the sky saw hidden softboxes too.
+        sees_past_softboxes = lights.shows_sky and not all(box.visible for box in lights.softboxes)
+        return key_of(
+            RENDER.recipe,
+            self.normals(angle.mesh),
+            [angle.spin, angle.lights] if angle.lights else angle.spin,
+            to_plain(framings[number]),
+            self.appearance(number),
+            request.seed(number),
+            *self._motion_data(number, framings),
+            *self.speed_data(number),
+            *([{"copies": pictures.copies}] if pictures.copies else []),
+            *(["the lens sees visible softboxes alone"] if sees_past_softboxes else []),
+        )
+
+    def _motion_data(self, number: int, framings: Mapping[int, Framing]) -> list[Any]:
+        """Return what decides AOVs and motion blur of a picture; nothing if it has neither."""
+        request, pictures = self.request, self.request.pictures
+        precision, offsets = pictures.aovs.precision, pictures.offsets(number)
+        if not (precision or offsets):
+            return []
+        around = [to_plain(framings[n]) for n in (number - 1, number + 1) if n in framings]
+        turn, mesh = request.frame_source.turn(number), request.angles[number].mesh
+        flow = self._flow_data(mesh, offsets) if turn is None and offsets else []
+        return [list(map(list, precision)), pictures.open_at(number), flow, turn, around if offsets else []]
+
+    def speed_data(self, number: int) -> list[Any]:
+        """Return what decides the colours of a picture that shows speeds; nothing of others."""
+        if not self.request.pictures.measures_speed:
+            return []
+        from flowsculpt.pipeline.production.request.shading import STEP
+        from flowsculpt.render.scene.patterns import SPEED
+
+        return [[SPEED, self._flow_data(self.request.angles[number].mesh, (-STEP, STEP))]]
+
+    def _flow_data(self, mesh: int, offsets: tuple[float, ...]) -> list[Any]:
+        """Return the cache data of the flow around a mesh frame; of several subjects, a list of them."""
         from flowsculpt.pipeline.production.request.shading import flow_cache_data
 
-        flow = [flow_cache_data(part.motion, number, offsets) for part in request.shot.parts]
-        flow = flow if request.shot.subjects else flow[0]
-    return [list(map(list, precision)), request.open_at(number), flow, turn, around if offsets else []]
+        shot = self.request.shot
+        data = [flow_cache_data(part.motion, mesh, offsets) for part in shot.parts]
+        return data if shot.subjects else data[0]
 
+    def still(self, form: str, frame: Key) -> Key:
+        """Return the key of a still by that of its frame."""
+        return key_of(STAGES[form].recipe, frame, self.request.manifest.shown_as)
 
-def speed_data(request: RenderRequest, number: int) -> list[Any]:
-    """Return what decides the colours of a picture that shows speeds; nothing of others."""
-    if not request.measures_speed:
-        return []
-    from flowsculpt.pipeline.production.request.shading import STEP, flow_cache_data
-    from flowsculpt.render.scene.patterns import SPEED
-
-    mesh, motions = request.angles[number].mesh, [part.motion for part in request.shot.parts]
-    data = [flow_cache_data(motion, mesh, (-STEP, STEP)) for motion in motions]
-    return [[SPEED, data if request.shot.subjects else data[0]]]
+    def movie(self, frames: list[Key]) -> Key:
+        """Return the key of the movie by those of its frames."""
+        request, manifest = self.request, self.request.manifest
+        sounds = [[sound.content for sound in request.sounds]] if request.sounds else []
+        loop = [] if request.loop is None else [["loop", *request.loop]]
+        bits = movie_bits(request.quality_name)
+        return key_of(ASSEMBLE.recipe, frames, manifest.rate, manifest.shown_as, bits, *sounds, *loop)
 
 
 @dataclass(frozen=True)
@@ -137,7 +241,7 @@ class PictureKeys(Mapping[int, FrameKeys]):
     ) -> None:
         """Find keys while a run renders the frames `rendered`, by default those of the request."""
         self._request, self._store, self._cameras = request, store, cameras
-        self._cache, self._stages = request.source.cache, request.stages
+        self._cache, self._stages = request.source.cache, request.manifest.stages
         self._numbers = set(request.requested if rendered is None else rendered)
         known = self._cache.get(_KnownKeys, *self._found_from) or _KnownKeys({}, {})
         self._raws, self._frames = known.raw, known.frame
@@ -147,8 +251,8 @@ class PictureKeys(Mapping[int, FrameKeys]):
     def __getitem__(self, number: int) -> FrameKeys:
         if number not in self._keys:
             request = self._request
-            keys = self._averaged(number, request.window(number, self.is_available))
-            whole = request.window(number, self._cameras.__contains__)
+            keys = self._averaged(number, request.pictures.window(number, self.is_available))
+            whole = request.pictures.window(number, self._cameras.__contains__)
             if whole != keys.window:
                 best = self._averaged(number, whole)
                 keys = best if self._store.holds("frame", best.frame) else keys
@@ -161,8 +265,8 @@ class PictureKeys(Mapping[int, FrameKeys]):
         if name not in self._frames:
             averaged = [self._source(n) for n in window] if len(window) > 1 else []
             request, layers = self._request, self._layers_data(number)
-            data = self._source(number), request.quality.denoise, averaged, request.manifest.rate, layers
-            self._frames[name] = key_of(FINISH.recipe, *data)
+            data = self._source(number), request.pictures.quality.denoise, averaged
+            self._frames[name] = key_of(FINISH.recipe, *data, request.manifest.rate, layers)
         raw = self._raw(number)
         return FrameKeys(raw, self._frames[name], window, staged_keys(self._stages, raw))
 
@@ -197,7 +301,7 @@ class PictureKeys(Mapping[int, FrameKeys]):
 
     @property
     def _found_from(self) -> tuple[str, ...]:
-        return "pictures", self._request.identity, self._cameras.key
+        return "pictures", self._request.keys.identity, self._cameras.key
 
     def is_available(self, number: int) -> bool:
         """Tell whether a frame is rendered by this run, or was before."""
@@ -209,7 +313,7 @@ class PictureKeys(Mapping[int, FrameKeys]):
 
     def _raw(self, number: int) -> Key:
         if number not in self._raws:
-            self._raws[number] = raw_key(self._request, number, self._cameras)
+            self._raws[number] = self._request.keys.raw(number, self._cameras)
         return self._raws[number]
 
 
@@ -231,7 +335,8 @@ def picture_header(request: RenderRequest, number: int) -> dict[str, Any]:
 
     inputs  digests of the files that the shot reads, by their names without folders
     """
-    angle, picture = request.angles[number], request.picture(number)
+    angle, pictures = request.angles[number], request.pictures
+    picture = pictures.of(number)
     resampling = request.shot.motion.resampling_at(angle.mesh)
     several = {"subjects": [_subject_header(part, number) for part in request.parts]}
     return {
@@ -239,20 +344,20 @@ def picture_header(request: RenderRequest, number: int) -> dict[str, Any]:
         "frame": number,
         "quality": request.quality_name,
         "variant": request.variant,
-        "mesh_key": request.mesh_key(angle.mesh),
+        "mesh_key": request.keys.mesh(angle.mesh),
         "seed": request.seed(number),
         "angle": to_plain(angle),
-        "normals_key": request.normals_key(angle.mesh),
+        "normals_key": request.keys.normals(angle.mesh),
         "inputs": {Path(path).name: digest for path, digest in request.manifest.inputs},
         "stages": {stage.name: stage.recipe for stage in (SIMULATE, SMOOTH_NORMALS, FRAME_CAMERA, RENDER)},
         "look": to_plain(picture.look),
         "lights": to_plain(replace(picture.lights, exposure=0.0)),
         "stage": to_plain(picture.stage),
-        "settings": to_plain(request.quality_of(number)),
+        "settings": to_plain(pictures.quality_of(number)),
         "dicing": picture.dicing,
-        "aovs": dict(request.aovs.precision),
+        "aovs": dict(pictures.aovs.precision),
         "working_space": picture.working_space.name,
-        "shutter": request.open_at(number),
+        "shutter": pictures.open_at(number),
         **(resampling.settings() if resampling else {"resample": "off"}),
         **(several if request.shot.subjects else {}),
     }
@@ -275,8 +380,8 @@ def _subject_header(part: RenderRequest, number: int) -> dict[str, Any]:
     resampling = part.shot.motion.resampling_at(mesh)
     return {
         "name": part.source.subject,
-        "look": to_plain(part.picture(number).look),
-        "mesh_key": part.mesh_key(mesh),
-        "normals_key": part.normals_key(mesh),
+        "look": to_plain(part.pictures.of(number).look),
+        "mesh_key": part.keys.mesh(mesh),
+        "normals_key": part.keys.normals(mesh),
         **(resampling.settings() if resampling else {"resample": "off"}),
     }

@@ -198,7 +198,7 @@ NO_SHOTS = (
 
 
 def _is_model(name: str) -> bool:
-    return Path(name).suffix.lower().lstrip(".") in ("ply", *plugins().mesh_formats)
+    return Path(name).suffix.lower().lstrip(".") in plugins().readers("surface")
 
 
 def find_shot(name: str) -> Path:

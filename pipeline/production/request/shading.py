@@ -348,7 +348,7 @@ def speeds(motion: Motion, shading: Shading) -> AnyArray:
     return np.asarray(np.linalg.norm(velocity, axis=1, keepdims=True), dtype=np.float32)
 
 
-def turntable_motion(
+def turning_motion(
     vertices: Points,
     normals: Vectors | None,
     spin: float,
@@ -356,7 +356,7 @@ def turntable_motion(
     fps: float,
     around: AnyArray | None = None,
 ) -> SurfaceMotion:
-    """Return the movement of a turntable at `spin` radians, which turns by `turn` radians a picture.
+    """Return the movement of a mesh frame at `spin` radians, which turns by `turn` radians a picture.
 
     around  points about the axis of whose bounds it turns; by default the vertices
     """

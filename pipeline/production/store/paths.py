@@ -62,9 +62,9 @@ _NUMBERED = {
 
 @dataclass(frozen=True)
 class Folders:
-    """The folders of one sequence of frames, of a shot or a turntable.
+    """The folders of one sequence of frames.
 
-    home     renders/<shot>, or renders/turntable/<name>
+    home     renders/<shot>, or a folder within renders/<kind> for frames that a plug-in shows of a shot
     name     the part of file names before the frame number
     subject  the one of several subjects whose meshes have a folder of their own
     """
@@ -75,13 +75,15 @@ class Folders:
 
     @classmethod
     def of_shot(cls, name: str) -> Folders:
-        return cls(Path("renders") / name, name)
+        """Return the folders of a shot."""
+        return cls(RENDERS / name, name)
 
-    @classmethod
-    def of_turntable(cls, name: str, look: str | None = None) -> Folders:
-        """Return the folders of a turntable; one of several looks has a folder of its own."""
-        home = Path("renders") / "turntable" / name
-        return cls(home / look if look else home, name)
+    @property
+    def title(self) -> str:
+        """The name in events and messages: with the subject, or the folder if it is of another name."""
+        folder = "" if self.home.name == self.name else self.home.name
+        detail = self.subject or folder
+        return f"{self.name} ({detail})" if detail else self.name
 
     @property
     def part_name(self) -> str:

@@ -103,7 +103,7 @@ def with_key(key: Key, named: Mapping[str, AnyArray]) -> dict[str, AnyArray]:
     return {**named, "key": np.array(key)}
 
 
-def reader_of(kind: str, key: Key) -> Callable[[Path], Any]:
+def content_reader(kind: str, key: Key) -> Callable[[Path], Any]:
     """Return what reads a whole file of a kind, which is stored under `key`.
 
     It returns a `MeshFrame`, the arrays of a surface, the layers and header of a picture, the pixels of a

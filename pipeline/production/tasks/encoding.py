@@ -31,7 +31,7 @@ def assemble(context: Context) -> bool:
     """Encode the finished frames of one request, in ascending order."""
     request = context.request
     keys, numbers = context.picture_keys(request), sorted(request.requested)
-    key = request.movie_key([keys[n].frame for n in numbers])
+    key = request.keys.movie([keys[n].frame for n in numbers])
     rate = FrameRate.of(request.manifest.rate)
     frames = in_loop(request, numbers, partial(_shown, context, request, keys), mix_frames)
     length = len(numbers) - loop_dissolve(request)
@@ -71,7 +71,7 @@ def film(context: Context) -> bool:
     def shown(clip: int) -> Iterator[Frame]:
         return _shown(context, requests[clip], keys[clip], list(requests[clip].requested))
 
-    screen = Screen(first.projection, (first.quality.width, first.quality.height))
+    screen = Screen(first.pictures.projection, (first.pictures.quality.width, first.pictures.quality.height))
     frames = dissolve(list(cut_together(edit, screen, shown, lambda frame: frame)), mix_frames)
     target = edit.path(first.quality_name)
     return _movie(context, edit.key(requests, keys), target, frames, rate, (edit.sounds, edit.length))
@@ -90,7 +90,7 @@ def _movie(
     clock = WorkClock()
     reported = _reported(context, prefetch(frames), clock)
     encode = movie_encode(movie_bits(context.request.quality_name))
-    projection = context.request.projection
+    projection = context.request.pictures.projection
 
     def write(path: Path) -> None:
         sound = samples_of(*sounds, rate)
@@ -165,7 +165,7 @@ def _stills(form: str, context: Context) -> bool:
 
 def make_still(context: Context, request: RenderRequest, form: str, number: int, frame: Key) -> bool:
     """Make a still of the finished frame of a key, and show it; return whether the store held it."""
-    key, picture = request.still_key(form, frame), request.shot.picture
+    key, picture = request.keys.still(form, frame), request.shot.picture
 
     def write(path: Path) -> None:
         layers, finished = context.read_picture(request, "frame", number, frame)

@@ -50,7 +50,7 @@ def finish(context: Context) -> bool:
 
         return context.make("frame", keys[number].frame, request.place("frame", number), write)
 
-    lost = {number for stage in FINISH.reads for number in context.failed(stage)}
+    lost = {number for stage in FINISH.reads for number in context.failures.frames(stage)}
     ready = [n for n in context.job.frames if not lost & {*keys[n].window}]
     well = context.for_each(ready, work)
     for number in {*context.job.frames} - {*ready} - lost:
@@ -66,6 +66,7 @@ def plugin_stage(context: Context) -> bool:
     plugin = plugins().loaded[stage.plugin[0]]
     place = plugin.stages[stage.name.partition(".")[2]].task
     settings, task = request.shot.entries[stage.name], named(place)
+    entry, precision = request.manifest.stages[stage.name], dict(request.pictures.aovs.precision)
     framings: Mapping[int, Framing] = camera_file(request, context.store) or {}
 
     def work(number: int) -> bool:
@@ -74,13 +75,13 @@ def plugin_stage(context: Context) -> bool:
             made = _made_by(task, f"plug-in {plugin.name}: {place}", frame, settings, number)
             header |= {"key": keys[number].staged[stage.name]}
             header |= {"stages": {**header.get("stages", {}), stage.name: stage.recipe}}
-            header |= {"entries": {**header.get("entries", {}), stage.name: request.stages[stage.name]}}
+            header |= {"entries": {**header.get("entries", {}), stage.name: entry}}
             attributes = raw_attributes(request, framings[number])
-            write_exr(path, made, header, dict(request.aovs.precision), attributes=attributes, is_raw=True)
+            write_exr(path, made, header, precision, attributes=attributes, is_raw=True)
 
         return context.make("raw", keys[number].staged[stage.name], request.place(stage.name, number), write)
 
-    lost = {number for before in stage.reads for number in context.failed(before)}
+    lost = {number for before in stage.reads for number in context.failures.frames(before)}
     ready = [number for number in context.job.frames if number not in lost]
     return context.for_each(ready, work) and len(ready) == len(context.job.frames)
 
@@ -156,7 +157,7 @@ class _Denoiser:
 
     @cached_property
     def _denoiser(self) -> FilmDenoiser:
-        quality = self.context.request.quality
+        quality = self.context.request.pictures.quality
         corner = quality.crop[:2] if quality.crop else (0, 0)
         return FilmDenoiser(self._raw, quality.denoise, (quality.width, quality.height), corner)
 
@@ -216,15 +217,15 @@ class FinishedFrames:
         """Return what `compositing_layers` needs besides the AOVs."""
         from flowsculpt.pipeline.production.request.shading import framing_at  # takes a moment
 
-        picture, quality = self.request.picture(number), self.request.quality
+        picture, quality = self.request.pictures.of(number), self.request.pictures.quality
         around = (framing_at(self.framings, number, offset) for offset in (0.0, -1.0, 1.0))
         now, before, after = (Viewpoint(framing.camera, framing.placement) for framing in around)
         size = quality.width, quality.height
         parts = self.request.parts
         materials = {
-            part.source.subject or SUBJECT: material_name(part.picture(number).look) for part in parts
+            part.source.subject or SUBJECT: material_name(part.pictures.of(number).look) for part in parts
         }
-        copies = self.request.copies
+        copies = self.request.pictures.copies
         return LayerInputs(now, before, after, size, picture.stage, materials, copies)
 
 
@@ -241,7 +242,7 @@ def exr_attributes(request: RenderRequest, number: int, framings: Mapping[int, F
 
 def raw_attributes(request: RenderRequest, framing: Framing) -> ExrAttributes:
     """Return the standard attributes of a raw picture, whose key knows no frame rate."""
-    quality = request.quality
+    quality = request.pictures.quality
     return ExrAttributes(
         whole=(quality.width, quality.height),
         corner=quality.crop[:2] if quality.crop else (0, 0),

@@ -69,6 +69,75 @@ def faults_of_hosts(root: Path, plan: Plan) -> dict[tuple[str, str], set[tuple[s
 
 
 @dataclass(frozen=True)
+class ReportedFailures:
+    """What a run has reported so far, on all hosts, about failures of one of its jobs."""
+
+    root: Path
+    plan: Plan
+    job: Job
+
+    def is_final(self) -> bool:
+        """Tell whether an earlier attempt at the job said why it failed, as another would.
+
+        A killed one said nothing, and what one machine refuses another may allow; one that lacks the variant
+        does not get it by a second attempt.
+        """
+        events = [event for event in self._events(self.job.name) if event["job"] == self.job.name]
+        if any(event["event"] == "unfit" and event["host"] == this_host() for event in events):
+            return True
+        codes = [event.get("exit_code") for event in events if event["event"] == "fail"]
+        kinds = {event["event"] for event in events}
+        known = "healed" in kinds or (bool(codes) and "end" in kinds)
+        return known and ENVIRONMENT not in codes
+
+    def is_host_left_out(self) -> bool:
+        """Tell whether this host of a farm has failed at so many frames that it gets no more of the stage."""
+        return self.plan.farm and len(self._of_host()) >= MOST_FAULTS
+
+    def reason_to_leave(self) -> str | None:
+        """Return why this host of a farm leaves the job to others; None where it does not."""
+        if not self.plan.farm:
+            return None
+        failed = self._of_host()
+        if self.is_host_left_out():
+            frames = f"{len(failed)} frames of {self.job.stage}"
+            return f"{this_host()} has failed at {frames} and is left out of it"
+        shot, quality = subject_and_quality(self.plan, self.job)
+        again = sorted({(shot, quality, number) for number in self.job.frames} & failed)
+        if not again:
+            return None
+        return f"{this_host()} has failed at frame {again[0][2]} of {shot}; a host gets one try at it"
+
+    def frames(self, stage: str) -> set[int]:
+        """Return the frames of the job's pictures that failed at an earlier stage.
+
+        Those that another host has made since do not count.
+        """
+        shot, quality = subject_and_quality(self.plan, self.job)
+
+        def numbers(event: str) -> set[int]:
+            about = {"event": event, "stage": stage, "shot": shot, "quality": quality}
+            events = (e for e in self._events(event) if about.items() <= e.items())
+            return {e["frame"] for e in events if e.get("frame") is not None}
+
+        lost = numbers("fail")
+        return lost - numbers("frame") if lost else lost
+
+    def _of_host(self) -> set[tuple[str, str, int]]:
+        return faults_of_hosts(self.root, self.plan)[this_host(), self.job.stage]
+
+    def _events(self, word: str) -> Iterator[Event]:
+        """Yield the events of this run that hold a word, those of other hosts too."""
+        return EventReader(self.root / EVENTS / f"{self.plan.name}.jsonl").new(word)
+
+
+def subject_and_quality(plan: Plan, job: Job) -> tuple[str, str]:
+    """Return the title of the pictures that a job works for, or `film`, and their quality."""
+    request = plan.requests[job.requests[0]]
+    return "film" if job.stage == "film" else request.folders.title, request.quality_name
+
+
+@dataclass(frozen=True)
 class Context:
     """One job of a plan, at work in `root`."""
 
@@ -83,66 +152,10 @@ class Context:
         guard(root)
         return cls(root, plan, plan.job(job_name), EventLog(root / EVENTS / plan.log_name, job_name))
 
-    # What happened before
-
-    def _events(self, word: str) -> Iterator[Event]:
-        """Yield the events of this run that hold a word, those of other hosts too."""
-        return EventReader(self.root / EVENTS / f"{self.plan.name}.jsonl").new(word)
-
-    def failed_for_good(self) -> bool:
-        """Tell whether an earlier attempt at this job said why it failed, as another would.
-
-        A killed one said nothing, and what one machine refuses another may allow; one that lacks the variant
-        does not get it by a second attempt.
-        """
-        events = [event for event in self._events(self.job.name) if event["job"] == self.job.name]
-        if any(event["event"] == "unfit" and event["host"] == this_host() for event in events):
-            return True
-        codes = [event.get("exit_code") for event in events if event["event"] == "fail"]
-        kinds = {event["event"] for event in events}
-        known = "healed" in kinds or (bool(codes) and "end" in kinds)
-        return known and ENVIRONMENT not in codes
-
-    def reason_to_leave(self) -> str | None:
-        """Return why this host of a farm leaves the job to others; None where it does not."""
-        if not self.plan.farm:
-            return None
-        failed = faults_of_hosts(self.root, self.plan)[this_host(), self.job.stage]
-        if len(failed) >= MOST_FAULTS:
-            frames = f"{len(failed)} frames of {self.job.stage}"
-            return f"{this_host()} has failed at {frames} and is left out of it"
-        again = sorted({(self.subject, self._quality, number) for number in self.job.frames} & failed)
-        if not again:
-            return None
-        return f"{this_host()} has failed at frame {again[0][2]} of {self.subject}; a host gets one try at it"
-
-    def failed(self, stage: str) -> set[int]:
-        """Return the frames of this job's pictures that failed at an earlier stage of this run.
-
-        Those that another host has made since do not count.
-        """
-
-        def frames(event: str) -> set[int]:
-            about = {"event": event, "stage": stage, "shot": self.subject, "quality": self._quality}
-            return {
-                e["frame"]
-                for e in self._events(event)
-                if e.get("frame") is not None and about.items() <= e.items()
-            }
-
-        lost = frames("fail")
-        return lost - frames("frame") if lost else lost
-
-    def bring_inputs_to_now(self) -> None:
-        """Give inputs that are from the future, by this host's clock, the present time.
-
-        Clocks of a farm differ, and Snakemake takes results that are older than their inputs for a mistake.
-        """
-        now = time.time()
-        for path in (self.root / output for output in self.plan.all_inputs(self.job)):
-            with suppress(OSError):
-                if path.stat().st_mtime > now:
-                    set_time(path, now)
+    @property
+    def failures(self) -> ReportedFailures:
+        """What the run has reported of the job's failures."""
+        return ReportedFailures(self.root, self.plan, self.job)
 
     # What the job makes
 
@@ -162,12 +175,14 @@ class Context:
 
     @property
     def subject(self) -> str:
-        """The shot's name, or `film`."""
-        return "film" if self.job.stage == "film" else self.request.subject
+        """The title of the pictures that the job works for, or `film`."""
+        return subject_and_quality(self.plan, self.job)[0]
 
-    @property
-    def _quality(self) -> str:
-        return self.plan.requests[self.job.requests[0]].quality_name
+    @cached_property
+    def _about(self) -> dict[str, Any]:
+        """What events of the job are about."""
+        shot, quality = subject_and_quality(self.plan, self.job)
+        return {"stage": self.job.stage, "shot": shot, "quality": quality}
 
     def picture_keys(self, request: RenderRequest) -> PictureKeys:
         """Return the keys of a request's pictures. Raises FrameError where its cameras are not known."""
@@ -175,33 +190,6 @@ class Context:
         if keys is None:
             raise FrameError(f"{request.folders.cameras()} is missing; run again to frame the shot again")
         return keys
-
-    def write_done_file(self) -> None:
-        """Write the done-file of the job, or, as a movie is shown itself, by which key Snakemake knows it."""
-        if not self.job.output:  # a part of a job, which an Open Job Description runs
-            return
-        kind = STAGES[self.job.stage].makes
-        if kind == "movie":
-            with atomic_write(self.root / movie_record(self.job.output)) as draft:
-                draft.write_text(self.job.key, encoding="utf-8")
-        else:
-            keys = [key for key in self._keys() if self.store.holds(kind, key)]
-            write_manifest(self.root / self.job.output, kind, keys)
-
-    def _keys(self) -> list[Key]:
-        """Return the keys of what the job makes."""
-        request, stage, frames = self.request, self.job.stage, self.job.frames
-        if stage == "frame_camera":
-            return [request.cameras_key]
-        if stage in ("simulate", "smooth_normals"):
-            return [(request.mesh_key if stage == "simulate" else request.normals_key)(n) for n in frames]
-        keys = self.picture_keys(request)
-        if stage == "render":
-            return [keys[number].raw for number in frames]
-        if STAGES[stage].plugin:
-            return [keys[number].staged[stage] for number in frames]
-        made = [keys[number].frame for number in frames]
-        return made if stage == "finish" else [request.still_key(stage, key) for key in made]
 
     # Files
 
@@ -245,7 +233,7 @@ class Context:
         """
         from flowsculpt.pipeline.production.store import readers  # numpy, which a supervisor does not need
 
-        reader = readers.picture(key, request.quality.rendered_size)
+        reader = readers.picture(key, request.pictures.quality.rendered_size)
         return self.read(kind, key, request.place(shown_as or kind, number), reader)
 
     def survey(self, numbers: Iterable[int], read: Callable[[int], object]) -> None:
@@ -269,24 +257,20 @@ class Context:
                 self.fail(error, number)
                 well = False
                 if error.exit_code == ENVIRONMENT:
-                    self._warn_if_left_out()
+                    if self.failures.is_host_left_out():
+                        fact = f"{this_host()} has failed at {MOST_FAULTS} frames of {self.job.stage}"
+                        fact = f"{fact} and is left out of it for the rest of the run"
+                        self.write("warn", message=f"{fact}; flowsculpt doctor there says more")
                     break
             else:
                 self.report(number, found, clock.lap())
         return well
 
-    def _warn_if_left_out(self) -> None:
-        host, stage = this_host(), self.job.stage
-        if self.plan.farm and len(faults_of_hosts(self.root, self.plan)[host, stage]) >= MOST_FAULTS:
-            fact = f"{host} has failed at {MOST_FAULTS} frames of {stage} and is left out of it"
-            self.write("warn", message=f"{fact} for the rest of the run; flowsculpt doctor there says more")
-
     # Events
 
     def write(self, event: str, number: int | None = None, **facts: Any) -> None:
         """Write an event of the job, or of one of its frames."""
-        about = {"stage": self.job.stage, "shot": self.subject, "quality": self._quality, "frame": number}
-        self.log.write(event, **about, **facts)
+        self.log.write(event, **self._about, frame=number, **facts)
 
     def begin(self, process: int) -> None:
         """Say which process works on the job from now on: the watchdog ends it should it hang."""
@@ -321,10 +305,6 @@ class Context:
         with suppress(OSError):  # the job's log may lie on a full disk
             print(message, file=sys.stderr, flush=True)
 
-    def tell_of_store(self) -> None:
-        """Report what the remote store warns of from now on, as warnings of the job."""
-        LOG.handlers, LOG.propagate = [_StoreWarnings(self)], False
-
     def fail(self, error: FlowsculptError, number: int | None = None) -> None:
         """Report the error of the job, or of one of its frames."""
         full = getattr(error, "full_disk", None)
@@ -338,6 +318,47 @@ class Context:
         self.fail(error)
         self.log.write("unfit", host=this_host())
         self.end()
+
+
+def bring_inputs_to_now(context: Context) -> None:
+    """Give the inputs of a job that are from the future, by this host's clock, the present time.
+
+    Clocks of a farm differ, and Snakemake takes results that are older than their inputs for a mistake.
+    """
+    now = time.time()
+    for path in (context.root / output for output in context.plan.all_inputs(context.job)):
+        with suppress(OSError):
+            if path.stat().st_mtime > now:
+                set_time(path, now)
+
+
+def write_done_file(context: Context) -> None:
+    """Write the done-file of the job, or, as a movie is shown itself, by which key Snakemake knows it."""
+    if not context.job.output:  # a part of a job, which an Open Job Description runs
+        return
+    kind = STAGES[context.job.stage].makes
+    if kind == "movie":
+        with atomic_write(context.root / movie_record(context.job.output)) as draft:
+            draft.write_text(context.job.key, encoding="utf-8")
+    else:
+        keys = [key for key in _made_keys(context) if context.store.holds(kind, key)]
+        write_manifest(context.root / context.job.output, kind, keys)
+
+
+def _made_keys(context: Context) -> list[Key]:
+    """Return the keys of what the job makes."""
+    request, stage, frames = context.request, context.job.stage, context.job.frames
+    if stage == "frame_camera":
+        return [request.keys.cameras]
+    if stage in ("simulate", "smooth_normals"):
+        return [(request.keys.mesh if stage == "simulate" else request.keys.normals)(n) for n in frames]
+    keys = context.picture_keys(request)
+    if stage == "render":
+        return [keys[number].raw for number in frames]
+    if STAGES[stage].plugin:
+        return [keys[number].staged[stage] for number in frames]
+    made = [keys[number].frame for number in frames]
+    return made if stage == "finish" else [request.keys.still(stage, key) for key in made]
 
 
 _PROCESS_CLOCK = [0.0]
@@ -359,3 +380,8 @@ class _StoreWarnings(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         self._context.write("warn", message=record.getMessage())
+
+
+def report_store_warnings(context: Context) -> None:
+    """Report what the remote store warns of from now on, as warnings of the job."""
+    LOG.handlers, LOG.propagate = [_StoreWarnings(context)], False

@@ -43,7 +43,7 @@ def subject_looks(request: RenderRequest, number: int, sample: MotionSample) -> 
     """Return the subjects of a sample with the names and looks that they have in a frame."""
     subjects = zip(request.parts, sample.subjects, strict=True)
     return [
-        SceneSubject(part.source.subject or SUBJECT, shown, part.picture(number).look)
+        SceneSubject(part.source.subject or SUBJECT, shown, part.pictures.of(number).look)
         for part, shown in subjects
     ]
 
@@ -64,11 +64,11 @@ class ShownFrame:
             _ShownSubject(self.context, part, number, framing, first_copy=firsts.get(part.source.subject, 0))
             for part in request.parts
         ]
-        if request.turntable is not None and len(subjects) > 1:
+        if request.frame_source.turn(number) is not None and len(subjects) > 1:
             around = np.concatenate([subject.bounds() for subject in subjects])
             subjects = [replace(subject, around=around) for subject in subjects]
         sample = _sample(framing, [subject.now() for subject in subjects])
-        if not request.offsets(number):
+        if not request.pictures.offsets(number):
             return sample, None, None
         from flowsculpt.pipeline.production.request.shading import framing_at
 
@@ -76,8 +76,8 @@ class ShownFrame:
             there = framing_at(self.framings, number, offset)
             return _sample(there, [subject.at(offset) for subject in subjects])
 
-        opened = request.open_at(number)
-        following = at(1.0) if "motion" in request.aovs.extra else None
+        opened = request.pictures.open_at(number)
+        following = at(1.0) if "motion" in request.pictures.aovs.extra else None
         return sample, None if opened is None else ShutterInterval(*opened, at), following
 
 
@@ -87,8 +87,8 @@ def _sample(framing: Framing, subjects: list[Geometry]) -> MotionSample:
 
 def _first_copies(request: RenderRequest) -> dict[str | None, int]:
     """Return the number of the first copy of each subject with numbered copies, from 1 on."""
-    counts = np.cumsum([1, *request.copies.values()])
-    return dict(zip(request.copies, counts.tolist(), strict=False))
+    counts = np.cumsum([1, *request.pictures.copies.values()])
+    return dict(zip(request.pictures.copies, counts.tolist(), strict=False))
 
 
 @dataclass(frozen=True)
@@ -141,17 +141,17 @@ class _ShownSubject:
         shading = replace(shading, has_pigment=self._has_pigment)
         if pixels is None:
             return replace(shading, pieces=self._pieces)
-        return shading.cut_for(self.framing.camera, request.quality, pixels, self._spin, self.around)
+        return shading.cut_for(self.framing.camera, request.pictures.quality, pixels, self._spin, self.around)
 
     @property
     def _has_pigment(self) -> bool:
-        return isinstance(self.request.picture(self.number).look.pattern, Pigment)
+        return isinstance(self.request.pictures.of(self.number).look.pattern, Pigment)
 
     @cached_property
     def _stored_arrays(self) -> Mapping[str, AnyArray]:
         """The arrays of the surface as `smooth_normals` stored them."""
         request = self.request
-        key, place = request.normals_key(self._mesh), request.place("normals", self._mesh)
+        key, place = request.keys.normals(self._mesh), request.place("normals", self._mesh)
         return self.context.read("normals", key, place, readers.arrays(key))
 
     @cached_property
@@ -161,14 +161,14 @@ class _ShownSubject:
         picture = request.shot.picture
         if not picture.hide_facets or "faces" not in arrays:
             return picture.tessellate
-        camera = self.framing.camera
-        return pieces_without_facets(all_copies(arrays), camera, request.quality, self._spin, self.around)
+        camera, quality = self.framing.camera, request.pictures.quality
+        return pieces_without_facets(all_copies(arrays), camera, quality, self._spin, self.around)
 
     @cached_property
     def _arrays(self) -> Mapping[str, AnyArray]:
         """The arrays of the surface, with the edges of the resampled mesh where a wireframe shows them."""
         request = self.request
-        picture = request.picture(self.number)
+        picture = request.pictures.of(self.number)
         if picture.dicing is None:
             arrays, pieces = self._stored_arrays, self._pieces
             if picture.hide_facets and "faces" in arrays:
@@ -186,35 +186,35 @@ class _ShownSubject:
 
     @cached_property
     def _motion(self) -> SurfaceMotion:
-        from flowsculpt.pipeline.production.request.shading import flow_motion, turntable_motion
+        from flowsculpt.pipeline.production.request.shading import flow_motion, turning_motion
 
         request = self.request
         motion = request.shot.motion
-        if request.turntable is None:
+        turn = request.frame_source.turn(self.number)
+        if turn is None:
             return flow_motion(motion, self._shading)
         vertices, normals = self._arrays["vertices"], self._arrays.get("normals")
-        turn = request.turntable.step(self.number)
-        return turntable_motion(vertices, normals, self._spin, turn, float(motion.rate.fps), self.around)
+        return turning_motion(vertices, normals, self._spin, turn, float(motion.rate.fps), self.around)
 
     @cached_property
     def _attributes(self) -> dict[str, AnyArray]:
         """The vertex attributes that AOVs need, mattes of copies, and a look that shows speeds."""
         request, attributes = self.request, {}
-        if request.offsets(self.number):
+        if request.pictures.offsets(self.number):
             motion = self._motion
             values: dict[str, Callable[[], AnyArray]] = {
                 "velocity": motion.velocity,
                 "before": partial(motion.displacement, -1.0),
                 "after": partial(motion.displacement, 1.0),
             }
-            names = [name for name in request.aovs.extra if name in values]
+            names = [name for name in request.pictures.aovs.extra if name in values]
             attributes = {name: values[name]().astype(np.float32) for name in names}
         rest, shot = self._arrays["material"].astype(np.float64), request.shot
-        attributes |= shot.motion.copy_places(request.picture(self.number).look.pattern, rest)
+        attributes |= shot.motion.copy_places(request.pictures.of(self.number).look.pattern, rest)
         if self.first_copy:
             indices = shot.motion.copy_indices(rest)
             attributes[COPY] = (indices[:, None] + self.first_copy).astype(np.float32)
-        if not request.measures_speed:
+        if not request.pictures.measures_speed:
             return attributes
         from flowsculpt.pipeline.production.request.shading import speeds
 
@@ -224,7 +224,7 @@ class _ShownSubject:
     def _paint(self) -> PaintedFaces | None:
         """The paint of the subject on its faces, where the look shows it."""
         request, arrays = self.request, self._arrays
-        if not request.picture(self.number).look.shows_paint:
+        if not request.pictures.of(self.number).look.shows_paint:
             return None
         return request.shot.motion.painted(arrays["material"].astype(np.float64), arrays["faces"])
 
@@ -297,7 +297,7 @@ class _Renderer:
 
     def _write(self, number: int, checkpoint: Checkpoint, path: Path) -> None:
         context, request, clock = self.context, self.context.request, WorkClock()
-        picture = request.picture(number)
+        picture, aovs = request.pictures.of(number), request.pictures.aovs
         sample, shutter, following = ShownFrame(context, number, self.framings).moments()
         lights = picture.lights.turned(request.angles[number].lights)
         placed = sample.placement, sample.camera
@@ -305,11 +305,11 @@ class _Renderer:
         scene = Scene(first.geometry, first.material, lights, picture.stage, *placed, picture.working_space)
         layers = render_frame(
             replace(scene, others=tuple(others), name=first.name),
-            request.quality_of(number),
+            request.pictures.quality_of(number),
             request.seed(number),
             self.engine,
             partial(self._passed, number),
-            aovs=request.aovs.extra,
+            aovs=aovs.extra,
             shutter=shutter,
             following=following,
             checkpoint=checkpoint,
@@ -319,7 +319,7 @@ class _Renderer:
         header = raw_header(request, number, self.framings[number], self.keys[number])
         header |= flow_facts(request, number)
         attributes = raw_attributes(request, self.framings[number])
-        write_exr(path, layers, header, dict(request.aovs.precision), attributes=attributes, is_raw=True)
+        write_exr(path, layers, header, dict(aovs.precision), attributes=attributes, is_raw=True)
         _write_statistics(context, number, self.keys[number].raw, layers, clock.lap(), checkpoint.resumed)
 
     def _passed(self, number: int, done: int, most: int) -> None:
@@ -339,7 +339,7 @@ def _write_statistics(
     inside = layers.timings.values()
     rest = Timing(taken.seconds - sum(t.seconds for t in inside), taken.cpu - sum(t.cpu for t in inside))
     timings = {**layers.timings, "reading and writing": rest}
-    width, height = context.request.quality.rendered_size
+    width, height = context.request.pictures.quality.rendered_size
     statistics = {
         "key": key,
         "seconds": {part: round(timing.seconds, 4) for part, timing in timings.items()},

@@ -139,7 +139,7 @@ def renderer(plan_path: str, job: Job, render: Callable[[int], int]) -> Start:
         if may_fork():
             return ForkedProcess(lambda: render(settled))
         words = [plan_path, job.name, "--threads", str(job.threads), "--child", str(settled)]
-        command = python_process.command("flowsculpt.pipeline.production.tasks.job_process", *words)
+        command = python_process.command("flowsculpt.pipeline.production.tasks.worker", *words)
         return Popen(command, env=python_process.environment(), stdin=subprocess.DEVNULL)
 
     return start

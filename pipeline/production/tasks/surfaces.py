@@ -106,7 +106,7 @@ class _FrameWriter:
         self.wait()
         context, now = self._context, time.perf_counter()
         number, arrays, seconds = frame.number, None, now - self._began
-        if not context.has("mesh", context.request.mesh_key(number)) and self._is_stored(frame, now):
+        if not context.has("mesh", context.request.keys.mesh(number)) and self._is_stored(frame, now):
             arrays, self._stored = frame.to_arrays(), now
         self._writing = self._pool.submit(self._store, number, arrays, seconds)
         self._began = time.perf_counter()
@@ -117,7 +117,7 @@ class _FrameWriter:
         return frame.number in self._missing or is_due
 
     def _store(self, number: int, arrays: Mapping[str, AnyArray] | None, seconds: float) -> None:
-        context, key = self._context, self._context.request.mesh_key(number)
+        context, key = self._context, self._context.request.keys.mesh(number)
         started = time.perf_counter()
         if arrays is not None:
             write = partial(write_npz, named=readers.with_key(key, arrays))
@@ -165,7 +165,7 @@ def _report_progress(context: Context, progress: FrameProgress) -> None:
 
 def _shown_again(context: Context, number: int) -> bool:
     """Show a mesh frame that the store has by now, made by an earlier attempt that was killed."""
-    key = context.request.mesh_key(number)
+    key = context.request.keys.mesh(number)
     if not context.has("mesh", key):
         return False
     context.store.link("mesh", key, context.request.place("mesh", number))
@@ -177,7 +177,7 @@ def _last_before(context: Context, number: int) -> MeshFrame | None:
     """Return the latest readable mesh frame before `number`, to go on from."""
     request = context.request
     for earlier in sorted((n for n in request.shot.motion.frames if n < number), reverse=True):
-        if context.has("mesh", request.mesh_key(earlier)):
+        if context.has("mesh", request.keys.mesh(earlier)):
             with suppress(FrameError):
                 return read_mesh_frame(context, request, earlier)
     return None
@@ -192,7 +192,7 @@ def smooth_normals(context: Context) -> bool:
     return_freed_memory()
 
     def work(number: int) -> bool:
-        key = request.normals_key(number)
+        key = request.keys.normals(number)
 
         def write(path: Path) -> None:
             write_npz(path, readers.with_key(key, shading_of(context, request, number).stored()))
@@ -225,17 +225,17 @@ def frame_camera(context: Context) -> bool:
         return extent
 
     def write(path: Path) -> None:
-        views = [request.view(number) for number in framed]
-        framings = frame_all(views, points_of, request.aspect, request.follow, request.is_round)
-        stage, aspect = request.shot.picture.stage, request.flat_aspect
-        framings = [with_stage_in_view(framing, stage, aspect) for framing in framings]
+        picture, pictures = request.shot.picture, request.pictures
+        views, follow = [pictures.view(number) for number in framed], picture.camera.follow
+        framings = frame_all(views, points_of, pictures.aspect, follow, pictures.is_round)
+        framings = [with_stage_in_view(each, picture.stage, pictures.flat_aspect) for each in framings]
         plain = {number: to_plain(framing) for number, framing in zip(framed, framings, strict=True)}
         data = {str(number): plain[firsts[angle.mesh, angle.spin]] for number, angle in angles.items()}
         path.write_text(json.dumps(data), encoding="utf-8")
 
     clock = WorkClock()
     try:
-        found = context.make("cameras", request.cameras_key, request.folders.cameras(), write)
+        found = context.make("cameras", request.keys.cameras, request.folders.cameras(), write)
     except FlowsculptError as error:
         for part in request.parts:
             context.survey({angle.mesh for angle in angles.values()}, partial(read_mesh_frame, context, part))
@@ -258,7 +258,7 @@ def _spheres(context: Context, number: int) -> Extent:
 
 def _spheres_of(context: Context, request: RenderRequest, number: int) -> BoundingSpheres:
     """Return what a camera must show of one subject."""
-    key = request.mesh_key(number)
+    key = request.keys.mesh(number)
     if request.shot.motion.subject.is_surface:
         points = context.read("mesh", key, request.place("mesh", number), readers.vertices(key))
         return BoundingSpheres(points, np.zeros(len(points)))
@@ -287,5 +287,5 @@ def shading_of(context: Context, request: RenderRequest, number: int) -> Shading
 
 def read_mesh_frame(context: Context, request: RenderRequest, number: int) -> MeshFrame:
     """Read a mesh frame of a request from the store. Raises FrameError where it is missing or corrupt."""
-    key = request.mesh_key(number)
+    key = request.keys.mesh(number)
     return context.read("mesh", key, request.place("mesh", number), readers.mesh_frame(key, number))

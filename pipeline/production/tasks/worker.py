@@ -20,13 +20,21 @@ from types import FrameType
 from typing import Any
 
 from flowsculpt.pipeline.errors import FlowsculptError, FrameError, MachineError
+from flowsculpt.pipeline.frames import FrameRange
 from flowsculpt.pipeline.plugin import fault_of_plugin
 from flowsculpt.pipeline.production.planning.plan import Plan, write_manifest
 from flowsculpt.pipeline.production.planning.profile import VariantError, require_variant
 from flowsculpt.pipeline.production.stages import STAGES
 from flowsculpt.pipeline.production.store.locks import of_key, writing
 from flowsculpt.pipeline.production.store.shared_kernels import fetch_kernels
-from flowsculpt.pipeline.production.tasks.job import ENVIRONMENT, Context, cpu_of_job
+from flowsculpt.pipeline.production.tasks.job import (
+    ENVIRONMENT,
+    Context,
+    bring_inputs_to_now,
+    cpu_of_job,
+    report_store_warnings,
+    write_done_file,
+)
 from flowsculpt.pipeline.production.tasks.supervisor import (
     INTERRUPTED,
     RESTART_WORKER,
@@ -80,7 +88,7 @@ def _heeding_signals(context: Context, work: Callable[[], int]) -> int:
         if signal.getsignal(number) != signal.SIG_IGN:
             signal.signal(number, _interrupt_once)
     try:
-        context.tell_of_store()
+        report_store_warnings(context)
         return work()
     except (FlowsculptError, OSError) as error:
         context.fail(_as_failure(error, context.root))
@@ -91,16 +99,16 @@ def _heeding_signals(context: Context, work: Callable[[], int]) -> int:
 def _do(context: Context, plan_path: str, insist: bool, process: int) -> int:
     """Do the job of a context; the other arguments are those of `main`."""
     root, job = context.root, context.job
-    if not insist and context.failed_for_good():
+    if not insist and context.failures.is_final():
         return 1
     context.begin(process)
-    if not insist and (reason := context.reason_to_leave()):
+    if not insist and (reason := context.failures.reason_to_leave()):
         context.refuse(MachineError(reason))
         return ENVIRONMENT
     with writing(root, wait=True), ExitStack() as stack:
         if not STAGES[job.stage].per_quality:
             stack.enter_context(of_key(root, job.key, context.waits))
-        context.bring_inputs_to_now()
+        bring_inputs_to_now(context)
         if job.stage != "render":
             return _finished(context, context)
         if fault := _unfit(context):
@@ -118,7 +126,7 @@ def _do(context: Context, plan_path: str, insist: bool, process: int) -> int:
 def _rest(context: Context, settled: int, process: int) -> int:
     """Render what is left of a job in this process, a child of the one that supervises it."""
     context.begin(process)
-    frames = context.job.frames[settled:]
+    frames = FrameRange(context.job.frames[settled:])
     return _finished(replace(context, job=replace(context.job, frames=frames)), context)
 
 
@@ -126,7 +134,7 @@ def _finished(context: Context, whole: Context) -> int:
     """Do a job, or the rest of one, in this process; write the done-file of the whole job."""
     code = work(context)
     if code == 0:
-        whole.write_done_file()
+        write_done_file(whole)
     return code
 
 

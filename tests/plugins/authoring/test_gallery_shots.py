@@ -25,7 +25,7 @@ def keys(root: Path, shots: dict[str, str]) -> dict[str, list[str]]:
             key(number)
             for part in request.parts
             for number in sorted(part.source.surface_keys.meshes)[::16]
-            for key in (part.mesh_key, part.normals_key)
+            for key in (part.keys.mesh, part.keys.normals)
         ]
     return found
 

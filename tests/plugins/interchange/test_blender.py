@@ -13,6 +13,7 @@ import OpenImageIO as oiio
 import pytest
 from pxr import Usd, UsdGeom
 
+from flowsculpt.pipeline.frames import FrameRange
 from flowsculpt.pipeline.mesh.mesh_formats import ScenePart
 from flowsculpt.pipeline.mesh.read import read_surface, usual_up
 from flowsculpt.pipeline.plugins.interchange.unifying import one_mesh
@@ -81,7 +82,10 @@ def test_blender_reads_every_frame_of_an_alembic_file(root, tmp_path, monkeypatc
     file, frames = root / "renders" / NAME / "models" / f"{NAME}.abc", list(range(5, 41))
     read = read_by_blender(file, frames, tmp_path / "read.npz")
     assert read["range"].tolist() == [5, 40]
-    mesh = one_mesh(Project(root, 1).request(root / "shots" / f"{NAME}.yaml", "draft", "5-40"), Store(root))
+    mesh = one_mesh(
+        Project(root, 1).request(root / "shots" / f"{NAME}.yaml", "draft", FrameRange.parse("5-40")),
+        Store(root),
+    )
     upright = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]], np.float32)  # Blender has z up
     for number in frames:
         points = np.float32(mesh.frame(number).points) @ upright.T

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from flowsculpt.pipeline.errors import MeshError, MissingInputError, ShotError
+from flowsculpt.pipeline.mesh.mesh_formats import ModelMaterials
 from flowsculpt.pipeline.mesh.read import read_paint
 from flowsculpt.pipeline.plugins.interchange.exported_materials import exported_materials
 from flowsculpt.pipeline.plugins.interchange.gltf_content import GltfContent
 from flowsculpt.render.scene.materials import Painted, PatternedMaterial, Satin
-from flowsculpt.render.scene.painted_faces import ModelMaterials
 from tests.plugins.interchange import fbx_writer, test_fbx_paint, test_usd_paint
 from tests.plugins.interchange.test_model_paint import gltf_box, painted_box, picture, shot_of
 

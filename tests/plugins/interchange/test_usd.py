@@ -226,7 +226,7 @@ def test_the_camera_shows_what_our_pictures_show(root, stage):
         ours, theirs = framings[frame].camera, camera.GetCamera(float(frame))
         seen = theirs.frustum.ComputeViewMatrix() * theirs.frustum.ComputeProjectionMatrix()
         projected = [tuple(seen.Transform(Gf.Vec3d(*point)))[:2] for point in points.tolist()]
-        assert np.allclose(projected, ours.project(points, request.aspect)[:, :2], atol=1e-5)
+        assert np.allclose(projected, ours.project(points, request.pictures.aspect)[:, :2], atol=1e-5)
         assert math.isclose(theirs.fStop, 2.0, rel_tol=1e-5)
         assert math.isclose(theirs.focusDistance, ours.focus_distance, rel_tol=1e-6)
         assert math.isclose(theirs.focalLength * 10.0, 50.0, rel_tol=1e-6)  # 0.1 m a unit
@@ -323,7 +323,10 @@ def test_frames_that_cannot_be_simulated_are_told_and_the_others_written(root, t
     with pytest.raises(FrameError, match="has no cameras, which depend on all its frames"):
         UsdExport(request, project.store, tmp_path / "usd").write(lambda: None)
     there = Project(root, 1).store
-    for kind, key in [("cameras", request.cameras_key), *(("mesh", request.mesh_key(n)) for n in (1, 2, 4))]:
+    for kind, key in [
+        ("cameras", request.keys.cameras),
+        *(("mesh", request.keys.mesh(n)) for n in (1, 2, 4)),
+    ]:
         project.store.put(kind, key, partial(shutil.copyfile, there.path(kind, key)))
     export = UsdExport(request, project.store, tmp_path / "usd")
     faults = export.write(lambda: None)

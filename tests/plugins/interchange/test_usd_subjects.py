@@ -58,7 +58,7 @@ def test_each_subject_is_a_prim_with_its_material_and_its_points_of_each_frame(e
         material, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()
         assert material.GetPath() == f"/{NAME}/materials/sculpture_{part.source.subject}"
         for number in (1, 3):
-            key = part.mesh_key(number)
+            key = part.keys.mesh(number)
             vertices = export.store.read("mesh", key, part.place("mesh", number), readers.vertices(key))
             shown = np.array(UsdGeom.PointBased(prim).GetPointsAttr().Get(number))
             assert np.abs(shown - vertices).max() < 1e-6

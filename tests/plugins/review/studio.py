@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from flowsculpt.pipeline.frames import FrameRange
 from flowsculpt.pipeline.plugins.sheets.wedge import Grid, Wedge
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.planning.plan import Plan
@@ -92,7 +93,13 @@ def furnish(root: Path) -> Desk:
     hang(desk, desk.request("daily.scale50"), request.angles, bright)
     log = EventLog(root / EVENTS / "20260101-000000-1.jsonl", "render_0000")
     log.write("fail", stage="render", shot=NAME, quality="draft", frame=FAILED, message=FAULT)
-    wedge = Wedge(project, root / "shots" / f"{NAME}.yaml", Grid.parse(["look=chrome,glaze"]), "draft", "1-4")
+    wedge = Wedge(
+        project,
+        root / "shots" / f"{NAME}.yaml",
+        Grid.parse(["look=chrome,glaze"]),
+        "draft",
+        FrameRange.parse("1-4"),
+    )
     _done(root, surfaces(project, wedge.requests[0][1]))
     for (_, cell), paint in zip(wedge.requests, (dusky, bright), strict=True):
         hang(desk, cell, cell.requested, paint)

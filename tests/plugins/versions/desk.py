@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from flowsculpt.pipeline.frames import FrameRange
 from flowsculpt.pipeline.plugins.versions.publishing import Release
 from flowsculpt.pipeline.plugins.versions.reproduction import Reproduction
 from flowsculpt.pipeline.production.execution.project import Project
@@ -51,8 +52,9 @@ class Desk:
         done(self.root, Project(self.root, 1).pictures([NAME], QUALITY))
 
     def repetition(self, frames: str | None = None, **others: str) -> Reproduction:
-        source = self.home / "v001" / FILE
-        return Reproduction(Provenance.read(source), source, Project(self.root, 1, **others), frames)
+        source, project = self.home / "v001" / FILE, Project(self.root, 1, **others)
+        numbers = None if frames is None else FrameRange.parse(frames)
+        return Reproduction(Provenance.read(source), source, project, numbers)
 
     def command(self, *words: str) -> tuple[int, str]:
         """Exit code and words of a command."""

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from flowsculpt.pipeline.errors import FrameError, MissingInputError, UsageError
+from flowsculpt.pipeline.frames import FrameRange
 from flowsculpt.pipeline.plugins.review.review_page import Search
 from flowsculpt.pipeline.plugins.versions.publishing import Patch
 from flowsculpt.pipeline.plugins.versions.reproduction import Reproduction
@@ -24,7 +25,8 @@ LOOK = "look: glaze\n"
 def patch(desk: Desk, frames: str = "2-3", base: str = "v001", quality: str = QUALITY) -> Patch:
     project = Project(desk.root, 1)
     request = project.request(desk.shot, quality)
-    return Patch(request, project.store, f"flowsculpt render {NAME} -f {frames}", base=base, frames=frames)
+    command, numbers = f"flowsculpt render {NAME} -f {frames}", FrameRange.parse(frames)
+    return Patch(request, project.store, command, base=base, frames=numbers)
 
 
 def rendered(desk: Desk, frames: str = "2-3") -> None:
@@ -66,7 +68,7 @@ def test_a_patch_is_verified_and_its_own_frames_are_made_again(desk: Desk) -> No
     again = Reproduction(record, source, project)
     assert again.numbers == (2, 3)
     with pytest.raises(UsageError, match="v002 has frames 4 from v001; reproduce them from the provenance"):
-        Reproduction(record, source, project, "3-4").numbers  # noqa: B018
+        Reproduction(record, source, project, FrameRange.parse("3-4")).numbers  # noqa: B018
 
 
 def lost(desk: Desk) -> None:

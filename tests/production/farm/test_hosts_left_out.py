@@ -57,13 +57,13 @@ def fail(context: Context, *frames: int) -> None:
 def test_a_host_tries_no_frame_twice_and_leaves_it_to_another(
     context: Context, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert context.reason_to_leave() is None
+    assert context.failures.reason_to_leave() is None
     fail(context, 2)
-    assert "node7 has failed at frame 2" in str(context.reason_to_leave())
+    assert "node7 has failed at frame 2" in str(context.failures.reason_to_leave())
     assert worker.do_job(str(context.plan.file), context.job.name) == MachineError.exit_code
-    assert context.failed_for_good(), "nor does it look at the job again"
+    assert context.failures.is_final(), "nor does it look at the job again"
     monkeypatch.setattr("platform.node", lambda: "node8")
-    assert context.reason_to_leave() is None and not context.failed_for_good()
+    assert context.failures.reason_to_leave() is None and not context.failures.is_final()
 
 
 def test_a_host_that_failed_at_three_frames_of_a_stage_is_left_out_of_it_and_named(context: Context) -> None:
@@ -71,19 +71,19 @@ def test_a_host_that_failed_at_three_frames_of_a_stage_is_left_out_of_it_and_nam
         raise MachineError("no memory on the GPU")
 
     fail(context, 101, 102, 102)  # of other jobs, one of them twice
-    assert context.reason_to_leave() is None
+    assert context.failures.reason_to_leave() is None
     assert not context.for_each([103], refuse)
     warnings = [event["message"] for event in context._events("warn") if event["event"] == "warn"]
     assert len(warnings) == 1 and "node7 has failed at 3 frames of render and is left out" in warnings[0]
-    assert "left out" in str(context.reason_to_leave())
+    assert "left out" in str(context.failures.reason_to_leave())
     finish = next(job.name for job in context.plan.jobs if job.stage == "finish")
-    assert Context.of(context.root, context.plan, finish).reason_to_leave() is None
+    assert Context.of(context.root, context.plan, finish).failures.reason_to_leave() is None
 
 
 def test_what_a_shot_is_to_blame_for_leaves_no_host_out(context: Context) -> None:
     for number in range(101, 110):
         context.fail(FrameError("a vertex is not finite"), number)
-    assert context.reason_to_leave() is None
+    assert context.failures.reason_to_leave() is None
     assert not faults_of_hosts(context.root, context.plan)
 
 
@@ -97,19 +97,19 @@ def test_a_full_disk_that_all_hosts_share_leaves_none_out_and_one_of_its_own_doe
 
     for number in range(101, 105):
         fill(context.root / "renders", number)
-    assert context.reason_to_leave() is None
-    assert not context.failed_for_good(), "a retry may find space"
+    assert context.failures.reason_to_leave() is None
+    assert not context.failures.is_final(), "a retry may find space"
     scratch = tmp_path_factory.mktemp("scratch")
     for number in range(101, 105):
         fill(scratch, number)
-    assert "left out" in str(context.reason_to_leave())
+    assert "left out" in str(context.failures.reason_to_leave())
 
 
 def test_the_host_of_the_plan_is_not_left_out_of_what_only_it_does(context: Context) -> None:
     local = next(job.name for job in context.plan.jobs if job.is_local)
     context = Context.of(context.root, context.plan, local)
     fail(context, 1, 2, 3)
-    assert context.reason_to_leave() is None
+    assert context.failures.reason_to_leave() is None
     assert not faults_of_hosts(context.root, context.plan), "so SLURM does not get its name either"
 
 
@@ -186,6 +186,6 @@ def test_slurm_gives_a_host_whose_pictures_fail_no_more_of_them_and_the_run_is_w
 
 def test_a_frame_that_another_host_has_made_since_does_not_count_as_failed(context: Context) -> None:
     fail(context, 1, 2)
-    assert context.failed("render") == {1, 2}
+    assert context.failures.frames("render") == {1, 2}
     context.report(2, False, Timing(1.0, 1.0))
-    assert context.failed("render") == {1}
+    assert context.failures.frames("render") == {1}

@@ -47,7 +47,7 @@ def test_a_template_is_run_in_chunks_of_any_frames(project, monkeypatch):
     made = sorted((project.path / "out/renders" / NAME / QUALITY / "frames").iterdir())
     assert [path.name for path in made] == [f"{NAME}.000{number}.exr" for number in (2, 4, 6)]
     monkeypatch.chdir(project.path)
-    assert Project(project.path / "out", 2).pictures([NAME], QUALITY, "2-6x2").jobs == ()
+    assert Project(project.path / "out", 2).pictures([NAME], QUALITY, FrameRange.parse("2-6x2")).jobs == ()
 
 
 @pytest.mark.soak

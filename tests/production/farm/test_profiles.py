@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from flowsculpt.pipeline.errors import MachineError, MissingInputError, UsageError
+from flowsculpt.pipeline.frames import FrameRange
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.execution.snakemake import _words, complaint
 from flowsculpt.pipeline.production.planning.plan import Job, Plan
@@ -23,7 +24,7 @@ from flowsculpt.pipeline.production.planning.timings import (
 from flowsculpt.pipeline.production.store.event_log import EventLog, EventReader
 from flowsculpt.pipeline.production.store.paths import EVENTS
 from flowsculpt.pipeline.production.store.store import Store
-from flowsculpt.pipeline.production.tasks.job import Context
+from flowsculpt.pipeline.production.tasks.job import Context, bring_inputs_to_now
 
 NAME = "T010_tiny"
 
@@ -165,18 +166,18 @@ def context(tmp_path):
 def test_a_job_that_said_why_it_failed_is_not_tried_again_and_a_killed_one_is(context):
     log = context.log
     log.write("begin")
-    assert not context.failed_for_good()
+    assert not context.failures.is_final()
     log.write("fail", exit_code=4)
     log.write("end")
-    assert not context.failed_for_good()  # a full disk of one node
+    assert not context.failures.is_final()  # a full disk of one node
     context.log.path.unlink()
     log.write("fail", frame=3, exit_code=1)
-    assert not context.failed_for_good()  # killed at a later frame
+    assert not context.failures.is_final()  # killed at a later frame
     log.write("end")
-    assert context.failed_for_good()
+    assert context.failures.is_final()
     context.log.path.unlink()
     log.write("healed")
-    assert context.failed_for_good()  # another round makes what it lacks
+    assert context.failures.is_final()  # another round makes what it lacks
 
 
 def test_a_node_without_the_variant_is_not_tried_again_and_another_node_is(context, monkeypatch):
@@ -184,9 +185,9 @@ def test_a_node_without_the_variant_is_not_tried_again_and_another_node_is(conte
     context.log.write("fail", exit_code=4)
     context.log.write("unfit", host="node7")
     context.log.write("end")
-    assert context.failed_for_good()
+    assert context.failures.is_final()
     monkeypatch.setattr("platform.node", lambda: "node8")
-    assert not context.failed_for_good()
+    assert not context.failures.is_final()
 
 
 def test_a_profile_names_the_variant_of_its_nodes(folder):
@@ -219,10 +220,10 @@ def test_inputs_from_the_future_are_given_the_present_time(context):
     source.parent.mkdir(parents=True)
     source.touch()
     os.utime(source, (0, 0))
-    context.bring_inputs_to_now()
+    bring_inputs_to_now(context)
     assert source.stat().st_mtime == 0
     os.utime(source, (time.time() + 3600, time.time() + 3600))
-    context.bring_inputs_to_now()
+    bring_inputs_to_now(context)
     assert source.stat().st_mtime <= time.time()
 
 
@@ -241,12 +242,12 @@ def test_every_other_host_has_an_event_log_of_its_own(tmp_path, monkeypatch):
 def test_a_simulation_tried_again_goes_on_from_its_last_frame(folder):
     from flowsculpt.pipeline.production.tasks.surfaces import simulate
 
-    plan = Project(folder, 1).meshes([NAME], "1-3")
+    plan = Project(folder, 1).meshes([NAME], FrameRange.parse("1-3"))
     (job,) = plan.jobs
     context = Context.of(folder, plan, job.name)
     assert simulate(context)
     store, request = Store(folder), context.request
-    store.discard("mesh", request.mesh_key(3))
+    store.discard("mesh", request.keys.mesh(3))
     outputs = [folder / place for place in request.places("mesh", job.frames)]
     for output in outputs:
         output.unlink()

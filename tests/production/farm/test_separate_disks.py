@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from flowsculpt.pipeline.errors import MachineError
+from flowsculpt.pipeline.frames import FrameRange
 from flowsculpt.pipeline.plugins.farm import task_runner as tasks
 from flowsculpt.pipeline.plugins.remote import remote_files, remote_requests
 from flowsculpt.pipeline.production.execution.project import Project
@@ -33,7 +34,7 @@ def test_workers_with_empty_roots_render_a_shot_by_its_plan_and_the_store_alone(
     monkeypatch.chdir(project.path)
     plan = tmp_path / "far" / "plan.json"
     plan.parent.mkdir()
-    Project(project.path, 1).whole([NAME], QUALITY, "1").write(plan)
+    Project(project.path, 1).whole([NAME], QUALITY, FrameRange.parse("1")).write(plan)
     surfaces = ("simulate", "smooth_normals", "frame_camera")
     for root, words in (("one", surfaces), ("two", ("render:1", "finish", "assemble"))):
         done = do_task(plan, plan.parent / root, store, *words)
@@ -41,7 +42,7 @@ def test_workers_with_empty_roots_render_a_shot_by_its_plan_and_the_store_alone(
     assert not list((plan.parent / "one").rglob("*.exr"))
     monkeypatch.setenv(VARIABLE, store)
     here = Project(project.path, 1)
-    left = here.pictures([NAME], QUALITY, "1")
+    left = here.pictures([NAME], QUALITY, FrameRange.parse("1"))
     assert left.jobs == () and len(left.remote_names(here.store)) >= 2  # the frame and its movie
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from flowsculpt.pipeline.frames import FrameRange
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.store.paths import STATE
 from flowsculpt.pipeline.production.store.store import missed_uploads
@@ -87,7 +88,7 @@ def test_a_simulation_on_a_node_makes_the_same_meshes(on_slurm, slurm, monkeypat
     assert job["JobState"] == "COMPLETED" and job["MinMemoryNode"] == "4G"
     near = on_slurm.path / "near"
     monkeypatch.chdir(on_slurm.path)
-    plan = Project(near, 2).meshes([NAME], "1-2")
+    plan = Project(near, 2).meshes([NAME], FrameRange.parse("1-2"))
     assert simulate(Context.of(near, plan, plan.jobs[0].name))
     assert files(on_slurm.path / "far") == files(near)
 
