@@ -6,6 +6,7 @@ from flowsculpt.pipeline.animation import material_of as material_of
 from flowsculpt.pipeline.animation.loop import step_into as step_into
 from flowsculpt.pipeline.frames import FrameRange as FrameRange
 from flowsculpt.pipeline.frames import FrameRate as FrameRate
+from flowsculpt.pipeline.frames import FrameSelection as FrameSelection
 from flowsculpt.pipeline.production.picture_sequences import PictureSequence as PictureSequence
 from flowsculpt.pipeline.production.picture_sequences import SequenceGrid as SequenceGrid
 from flowsculpt.pipeline.production.picture_sequences import SequenceQuery as SequenceQuery
@@ -48,6 +49,7 @@ from flowsculpt.pipeline.production.request.manifest import thresholds_at as thr
 from flowsculpt.pipeline.production.request.provenance import FILE as FILE
 from flowsculpt.pipeline.production.request.provenance import Provenance as Provenance
 from flowsculpt.pipeline.production.request.provenance import records as records
+from flowsculpt.pipeline.production.request.render_request import MeshAngle as MeshAngle
 from flowsculpt.pipeline.production.request.render_request import RenderRequest as RenderRequest
 from flowsculpt.pipeline.production.request.shading import STEP as STEP
 from flowsculpt.pipeline.production.request.shading import Shading as Shading
