@@ -20,6 +20,7 @@ from flowsculpt.render.base.limited_process import answer_of_fork as answer_of_f
 from flowsculpt.render.base.limited_process import serve as serve
 from flowsculpt.render.base.python_process import command as command
 from flowsculpt.render.base.python_process import command_line as command_line
+from flowsculpt.render.base.python_process import user_environment as user_environment
 from flowsculpt.render.base.root_files import held as held
 from flowsculpt.render.base.root_files import make_folder as make_folder
 from flowsculpt.render.base.root_files import remove as remove

@@ -11,7 +11,6 @@ from flowsculpt.pipeline.production.picture_sequences import PictureSequence as 
 from flowsculpt.pipeline.production.picture_sequences import SequenceGrid as SequenceGrid
 from flowsculpt.pipeline.production.picture_sequences import SequenceQuery as SequenceQuery
 from flowsculpt.pipeline.production.picture_sequences import begun as begun
-from flowsculpt.pipeline.production.picture_sequences import display_of as display_of
 from flowsculpt.pipeline.production.picture_sequences import light_notes as light_notes
 from flowsculpt.pipeline.production.picture_sequences import shown_picture as shown_picture
 from flowsculpt.pipeline.production.picture_sequences import white as white
@@ -40,15 +39,14 @@ from flowsculpt.pipeline.production.request.lookup import crop_of as crop_of
 from flowsculpt.pipeline.production.request.lookup import edit_names as edit_names
 from flowsculpt.pipeline.production.request.lookup import find_edit as find_edit
 from flowsculpt.pipeline.production.request.lookup import find_shot as find_shot
+from flowsculpt.pipeline.production.request.lookup import is_quality as is_quality
 from flowsculpt.pipeline.production.request.lookup import misnamed_shots as misnamed_shots
 from flowsculpt.pipeline.production.request.lookup import movie_bits as movie_bits
 from flowsculpt.pipeline.production.request.lookup import names_edit as names_edit
 from flowsculpt.pipeline.production.request.lookup import options_of as options_of
 from flowsculpt.pipeline.production.request.lookup import shot_names as shot_names
 from flowsculpt.pipeline.production.request.manifest import thresholds_at as thresholds_at
-from flowsculpt.pipeline.production.request.provenance import FILE as FILE
-from flowsculpt.pipeline.production.request.provenance import Provenance as Provenance
-from flowsculpt.pipeline.production.request.provenance import records as records
+from flowsculpt.pipeline.production.request.render_request import FrameSource as FrameSource
 from flowsculpt.pipeline.production.request.render_request import MeshAngle as MeshAngle
 from flowsculpt.pipeline.production.request.render_request import RenderRequest as RenderRequest
 from flowsculpt.pipeline.production.request.shading import STEP as STEP
@@ -58,6 +56,7 @@ from flowsculpt.pipeline.production.request.shading import is_cloud as is_cloud
 from flowsculpt.pipeline.production.request.shading import radii as radii
 from flowsculpt.pipeline.production.request.shading import speeds as speeds
 from flowsculpt.pipeline.production.request.shot_source import ShotSource as ShotSource
+from flowsculpt.pipeline.production.shot_extras import PublishedVersion as PublishedVersion
 from flowsculpt.pipeline.production.stages import STAGES as STAGES
 from flowsculpt.pipeline.production.stages import PipelineStage as PipelineStage
 from flowsculpt.pipeline.production.store.digests import CorruptFileError as CorruptFileError
@@ -75,7 +74,8 @@ from flowsculpt.pipeline.production.store.paths import STATE as STATE
 from flowsculpt.pipeline.production.store.paths import SUFFIXES as SUFFIXES
 from flowsculpt.pipeline.production.store.paths import Folders as Folders
 from flowsculpt.pipeline.production.store.paths import repeated as repeated
-from flowsculpt.pipeline.production.store.readers import content_reader as content_reader
+from flowsculpt.pipeline.production.store.readers import key_in as key_in
+from flowsculpt.pipeline.production.store.readers import store_reader as store_reader
 from flowsculpt.pipeline.production.store.remote_store import use_store as use_store
 from flowsculpt.pipeline.production.store.store import DAMAGED as DAMAGED
 from flowsculpt.pipeline.production.store.store import Key as Key

@@ -26,15 +26,14 @@ from flowsculpt.render.movie.movie_frames import mix_frames as mix_frames
 from flowsculpt.render.movie.movie_frames import prefetch as prefetch
 from flowsculpt.render.movie.probe import probe_movie as probe_movie
 from flowsculpt.render.post.colour import quantise as quantise
-from flowsculpt.render.post.colour import to_display as to_display
-from flowsculpt.render.post.colour import view_table as view_table
 from flowsculpt.render.post.hdr import nits_of_pq as nits_of_pq
 from flowsculpt.render.post.image import jpeg_bytes as jpeg_bytes
 from flowsculpt.render.post.image import read_exr as read_exr
 from flowsculpt.render.post.image import read_header as read_header
 from flowsculpt.render.post.image import read_png as read_png
 from flowsculpt.render.post.image import write_exr as write_exr
-from flowsculpt.render.post.image import write_png as write_png
+from flowsculpt.render.post.image import write_still as write_still
+from flowsculpt.render.post.view import PictureDisplay as PictureDisplay
 from flowsculpt.render.raster import Shape as Shape
 from flowsculpt.render.raster import StageSetup as StageSetup
 from flowsculpt.render.raster import preview as preview

@@ -24,7 +24,7 @@ from flowsculpt.pipeline.cli.output import (
     print_warning,
     size,
 )
-from flowsculpt.pipeline.cli.run_observer import run_observers
+from flowsculpt.pipeline.cli.run_observer import RunObserver
 from flowsculpt.pipeline.production.execution.run import PATIENCE, Outcome, run
 from flowsculpt.pipeline.production.planning.estimate import Estimate, Forecast, TimeLeft, estimate
 from flowsculpt.pipeline.production.planning.plan import Plan
@@ -204,7 +204,7 @@ def execute_and_report(
     if sheets:
         words += f"\nDrawn from it: {', '.join(sheets)}"
     if outcome.runs:
-        lines = (observer.summary(common, outcome.runs[-1]) for observer in run_observers())
+        lines = (observer.summary(common, outcome.runs[-1]) for observer in RunObserver.of_plugins())
         words = "\n".join([words, *filter(None, lines)])
     facts = {**_outcome_facts(outcome, seconds), **({"sheets": sheets} if draw else {})}
     print_result(words, facts, common.json)
@@ -245,7 +245,7 @@ def execute(common: Common, make_plan: Callable[[], Plan], preview: bool | None 
             return
         with StageBars(plan, common.root, reader).drawn(), ExitStack() as watching:
             if preview is not None:
-                for observer in run_observers():
+                for observer in RunObserver.of_plugins():
                     watching.enter_context(observer.watch(common, plan, preview))
             yield
 

@@ -33,6 +33,7 @@ from rich.table import Table
 from flowsculpt.pipeline.production.store.event_log import poll
 from flowsculpt.render.base.atomic_write import disk_errors
 from flowsculpt.render.base.plural import plural
+from flowsculpt.render.base.render_errors import readable
 from flowsculpt.render.base.root_files import make_folder
 
 LINE_SECONDS = 10.0
@@ -120,9 +121,17 @@ def tell_of_store(progress: bool) -> None:
     LOG.propagate = False
 
 
+class _ReadableTable(Table):
+    """A table whose texts cannot command the terminal, whoever wrote them."""
+
+    def add_row(self, *cells: RenderableType | None, **settings: Any) -> None:
+        shown = (readable(cell) if isinstance(cell, str) else cell for cell in cells)
+        super().add_row(*shown, **settings)
+
+
 def table(*headings: str) -> Table:
     """Return an empty table with these columns."""
-    empty = Table(box=None, pad_edge=False)
+    empty = _ReadableTable(box=None, pad_edge=False)
     for heading in headings:
         empty.add_column(heading, overflow="fold")
     return empty

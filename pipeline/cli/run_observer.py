@@ -18,6 +18,11 @@ class RunObserver:
     raises ends the command with its message.
     """
 
+    @staticmethod
+    def of_plugins() -> list[RunObserver]:
+        """Return the observers of all plug-ins, in the order in which they are called."""
+        return list(plugins().objects("observer", RunObserver).values())
+
     def watch(self, common: Common, plan: Plan, preview: bool) -> AbstractContextManager[object]:
         """Return a context that is entered while `render` or `film` executes a plan at a terminal.
 
@@ -40,8 +45,3 @@ class RunObserver:
         delivery  what `deliver --json` prints: `deliverables`, each with `path`, `as`, `frames` and
                   `up_to_date`; `failed`, lines about frames that are shown as cards; and `seconds`
         """
-
-
-def run_observers() -> list[RunObserver]:
-    """Return the observers of all plug-ins, in the order in which they are called."""
-    return list(plugins().objects("observer", RunObserver).values())

@@ -16,9 +16,9 @@ from flowsculpt.pipeline.errors import UsageError
 from flowsculpt.pipeline.frames import FrameRange
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.planning.frame_states import PICTURE_STAGES, picture_states
-from flowsculpt.pipeline.production.planning.timings import render_seconds
-from flowsculpt.pipeline.production.request.keys import PictureKeys
-from flowsculpt.pipeline.production.request.lookup import is_quality, options_of
+from flowsculpt.pipeline.production.planning.timings import LatestTimings
+from flowsculpt.pipeline.production.request.keys import PictureKeys, projection_of
+from flowsculpt.pipeline.production.request.lookup import is_quality, options_of, require_quality
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.request.shot_source import ShotSource
 from flowsculpt.pipeline.production.stages import STAGES
@@ -28,26 +28,10 @@ from flowsculpt.pipeline.production.store.paths import Folders
 from flowsculpt.pipeline.production.store.store import Key, Store, key_of
 from flowsculpt.render.base.render_errors import RenderError
 from flowsculpt.render.graphics.contact_sheet import reduced
-from flowsculpt.render.post.colour import quantise, to_display
 from flowsculpt.render.post.image import read_header
-from flowsculpt.render.post.view import ACES, ColourView
+from flowsculpt.render.post.view import PictureDisplay
+from flowsculpt.render.scene.render_camera import Projection
 from flowsculpt.render.scene.rgb_spaces import LUMA
-
-
-@dataclass(frozen=True)
-class PictureDisplay:
-    """The exposure (stops) and view transform of pictures.
-
-    shown_as   both as plain data, for the keys of stills
-    """
-
-    exposure: float
-    view: ColourView
-    shown_as: Mapping[str, Any]
-
-
-PLAIN = PictureDisplay(0.0, ACES, {"exposure": 0.0, "view": ACES.recipe})
-"""The display of pictures whose shot cannot be read."""
 
 STALE = "the shot has changed since it was rendered; flowsculpt why says how"
 
@@ -59,6 +43,11 @@ class PictureFile:
     path: Path
     key: Key
     header: Mapping[str, Any]
+
+    @property
+    def projection(self) -> Projection:
+        """The projection of its camera."""
+        return projection_of(self.header)
 
 
 @dataclass(frozen=True)
@@ -72,6 +61,7 @@ class PictureSequence:
     files     frames that are rendered
     faults    frames that failed or are stale: the state and the reason
     seconds   seconds of rendering by frame and part, where they are known
+    display   how they are shown: by default as those of shots that say nothing of it
     note      the note of a published version
     raws      rendered frames, whose AOVs the finished ones do not have, where they are there
     source    the shot file that it is rendered from, and what it rests on
@@ -84,9 +74,9 @@ class PictureSequence:
     subject: str
     numbers: tuple[int, ...]
     files: Mapping[int, Path]
-    display: PictureDisplay
     faults: Mapping[int, tuple[str, str]]
     seconds: Mapping[int, Mapping[str, float]]
+    display: PictureDisplay = field(default_factory=PictureDisplay)
     note: str = ""
     raws: Mapping[int, Path] = field(default_factory=dict)
     source: ShotSource | None = None
@@ -126,7 +116,7 @@ class PictureSequence:
 
     def still_key(self, form: str, number: int) -> Key:
         """The key of a still, the same as `RenderRequest.still_key`, so that both share their files."""
-        return key_of(STAGES[form].recipe, self.pictures[number].key, self.display.shown_as)
+        return key_of(STAGES[form].recipe, self.pictures[number].key, self.display.data)
 
 
 @dataclass(frozen=True)
@@ -160,12 +150,19 @@ def begun(project: Project, path: Path) -> Iterator[RenderRequest]:
 
 @dataclass(frozen=True)
 class SequenceQuery:
-    """A shot whose sequences are wanted, at these qualities; at all qualities if there are none."""
+    """A shot whose sequences are wanted, at these qualities; at all qualities if there are none.
+
+    Raises UsageError for what is not a quality.
+    """
 
     project: Project
     path: Path
     qualities: tuple[str, ...]
     history: History
+
+    def __post_init__(self) -> None:
+        for quality in self.qualities:
+            require_quality(quality)
 
     def includes(self, quality: str) -> bool:
         return not self.qualities or quality in self.qualities
@@ -190,18 +187,12 @@ class SequenceQuery:
             subject=request.folders.title,
             numbers=tuple(sorted(request.requested)),
             files={number: path for number, path in places.items() if path.is_file()},
-            display=display_of(request),
+            display=request.shot.picture.display,
             faults=faults,
-            seconds=render_seconds(request, root),
+            seconds=LatestTimings(root).renders(request),
             raws={n: root / request.place("raw", n) for n in request.angles},
             source=request.source,
         )
-
-
-def display_of(request: RenderRequest) -> PictureDisplay:
-    """Return the exposure and view of the pictures of a request."""
-    picture = request.shot.picture
-    return PictureDisplay(picture.lights.exposure, picture.view, request.manifest.shown_as)
 
 
 def shown_picture(
@@ -222,8 +213,7 @@ def shown_picture(
         return None
     reader = readers.picture(key, request.pictures.quality.rendered_size)
     light = store.read("frame", key, request.place("frame", number), reader)[0]["beauty"]
-    picture = request.shot.picture
-    return quantise(to_display(reduced(light, factor), picture.lights.exposure, display, picture.view), bits)
+    return request.shot.picture.display.pixels(reduced(light, factor), display, bits)
 
 
 DULL, NEARLY_BLACK = 180, 40

@@ -16,7 +16,7 @@ from flowsculpt.pipeline.frames import FrameRange, FrameRate
 from flowsculpt.pipeline.shot.camera_path import CameraPath, Shutter
 from flowsculpt.pipeline.shot.motion import Loop, Motion
 from flowsculpt.render.base.serialise import NOT_PLAIN, OMIT_DEFAULT
-from flowsculpt.render.post.view import ACES, ColourView
+from flowsculpt.render.post.view import ACES, ColourView, PictureDisplay
 from flowsculpt.render.scene.aovs import AOVS, EXTRA
 from flowsculpt.render.scene.materials import Material
 from flowsculpt.render.scene.render_quality import QUALITIES, Quality
@@ -114,9 +114,10 @@ class Picture:
         """The space that light is computed in, and pictures are written in."""
         return WORKING_SPACES[self.view.working_space]
 
-    def display_data(self) -> dict[str, Any]:
-        """Return what maps rendered light to display colours, as plain data."""
-        return {"exposure": self.lights.exposure, "view": self.view.recipe}
+    @property
+    def display(self) -> PictureDisplay:
+        """The exposure and the view that map rendered light to display colours."""
+        return PictureDisplay(self.lights.exposure, self.view)
 
 
 @dataclass(frozen=True)

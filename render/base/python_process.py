@@ -223,7 +223,7 @@ def postpone_collection() -> None:
     gc.set_threshold(LOADED_OBJECTS, *usual[1:])
 
 
-def environment_of_others() -> dict[str, str]:
+def user_environment() -> dict[str, str]:
     """Return the environment for a program of the user, such as a Python script with modules next to it."""
     given = {name: value for name, value in os.environ.items() if name != _OWN}
     if not sys.flags.safe_path:

@@ -150,7 +150,7 @@ def write_png(path: Path, picture: Displayed, header: Header | None = None) -> N
 
 def write_jpeg(
     path: Path,
-    picture: NDArray[np.uint8],
+    picture: Displayed,
     header: Header | None = None,
     projection: Projection = PERSPECTIVE,
 ) -> None:
@@ -172,6 +172,25 @@ def write_jpeg(
         for name, value in _panorama(width, height).items():
             spec.attribute(f"GPano:{name}", value)
     _write(path, "jpeg", spec, np.ascontiguousarray(picture))
+
+
+def write_still(
+    path: Path,
+    picture: Displayed,
+    header: Header | None = None,
+    *,
+    form: str = "png",
+    projection: Projection = PERSPECTIVE,
+) -> None:
+    """Write display values (H, W, 3) as PNG, of 8 or 16 bits, or as JPEG, of 8 bits. Raises MachineError.
+
+    form        jpeg; all others are PNG
+    projection  of the picture: viewers show a spherical JPEG as a panorama
+    """
+    if form == "jpeg":
+        write_jpeg(path, picture, header, projection)
+    else:
+        write_png(path, picture, header)
 
 
 def _panorama(width: int, height: int) -> dict[str, str | int]:

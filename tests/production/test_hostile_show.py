@@ -104,4 +104,4 @@ def test_every_python_is_started_in_one_place() -> None:
 
 def test_a_hook_of_the_user_finds_the_modules_beside_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(python_process.SAFE_PATH, "1")
-    assert python_process.SAFE_PATH not in python_process.environment_of_others()
+    assert python_process.SAFE_PATH not in python_process.user_environment()

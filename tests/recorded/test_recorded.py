@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from flowsculpt.pipeline.errors import MissingInputError, ShotError
-from flowsculpt.pipeline.production.request.provenance import Provenance
+from flowsculpt.pipeline.plugins.versions.provenance import Provenance
 from flowsculpt.pipeline.production.stages import STAGES, forced_with
 from flowsculpt.pipeline.shot import read_shot
 from tests.conftest import ProjectFolder, commanded

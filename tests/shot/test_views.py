@@ -78,9 +78,9 @@ def test_the_files_of_a_config_decide_and_not_where_they_lie(folder, tmp_path_fa
     elsewhere = tmp_path_factory.mktemp("elsewhere")
     (elsewhere / "studio.ocio").write_text(CONFIG)
     (elsewhere / "half.spi1d").write_text(TABLE % 0.5)
-    assert read(elsewhere, said).picture.display_data() == shot.picture.display_data()
+    assert read(elsewhere, said).picture.display.data == shot.picture.display.data
     (folder / "tables" / "half.spi1d").write_text(TABLE % 0.25)
-    assert read(folder, said).picture.display_data() != shot.picture.display_data()
+    assert read(folder, said).picture.display.data != shot.picture.display.data
 
 
 @pytest.mark.parametrize(
@@ -108,7 +108,7 @@ def test_light_is_computed_in_the_space_that_a_shot_names(tmp_path):
     assert read(tmp_path, "").picture.working_space.name == "rec709"
     picture = read(tmp_path, "working_space: acescg\nview: {view: Un-tone-mapped}\n").picture
     assert picture.working_space.name == picture.view.working_space == "acescg"
-    assert picture.display_data() != read(tmp_path, "view: {view: Un-tone-mapped}\n").picture.display_data()
+    assert picture.display.data != read(tmp_path, "view: {view: Un-tone-mapped}\n").picture.display.data
     assert "Did you mean 'acescg'?" in told(tmp_path, "working_space: ACEScg\n")
 
 

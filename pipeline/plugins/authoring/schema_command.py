@@ -13,6 +13,7 @@ from rich.console import Group
 from rich.text import Text
 
 from flowsculpt import FlowsculptError, MachineError
+from flowsculpt.api import ShotExtras
 from flowsculpt.api.commands import print_result, require_one_of, table
 from flowsculpt.api.files import atomic_write
 from flowsculpt.api.frames import SHOTS
@@ -27,7 +28,6 @@ from flowsculpt.pipeline.plugins.authoring.shot_schemas import (
     shot_schema,
 )
 from flowsculpt.pipeline.plugins.authoring.shot_templates import usual_strength
-from flowsculpt.pipeline.production.shot_extras import shot_extras
 
 SCHEMAS = Path(".schema")
 """The folder beside shots with the schemas by which editors check them."""
@@ -37,7 +37,7 @@ KINDS = ("shot", "film", "defaults")
 
 MODELS = {
     kind: (plugin, model)
-    for plugin, extras in shot_extras().items()
+    for plugin, extras in ShotExtras.of_plugins().items()
     for kind, model in extras.schemas().items()
 }
 """The models of further kinds of files, each with the plug-in that has it."""

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flowsculpt.pipeline.production.shot_extras import ShotExtras
+from flowsculpt.api import ShotExtras
 
 if TYPE_CHECKING:
     from flowsculpt.api.frames import RenderRequest

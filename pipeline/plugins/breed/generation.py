@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from flowsculpt import FlowsculptError, UsageError
 from flowsculpt.api.files import atomic_write, disk_errors, held, remove_tree
 from flowsculpt.api.frames import STATE, CorruptFileError
-from flowsculpt.api.pictures import ContactSheet, write_png
+from flowsculpt.api.pictures import ContactSheet, write_still
 from flowsculpt.api.shots import Shot
 from flowsculpt.pipeline.plugins.breed.breeding import Child, Litter, child_of
 from flowsculpt.pipeline.plugins.breed.family_tree import PICTURES, RECORD, family_picture
@@ -235,7 +235,7 @@ class Breeding:
         shown = [(child_name, trial) for child_name, (_, trial) in zip(names, pairs, strict=True)]
         shown += [(f"parent_{k}", trial) for k, trial in enumerate(parents, 1)]
         for file, trial in shown:
-            write_png(folder / PICTURES / f"{file}.png", _half(trial.pictures[-1]))
+            write_still(folder / PICTURES / f"{file}.png", _half(trial.pictures[-1]))
         record = {
             "name": name,
             "generation": litter.generation,
@@ -257,8 +257,8 @@ class Breeding:
         }
         (folder / RECORD).write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
         heading = f"{name}: generation {litter.generation} of {' and '.join(p.name for p in litter.parents)}"
-        write_png(folder / "sheet.png", _sheet(heading, pairs, litter))
-        write_png(folder / "family.png", family_picture(folder, litter.folder))
+        write_still(folder / "sheet.png", _sheet(heading, pairs, litter))
+        write_still(folder / "family.png", family_picture(folder, litter.folder))
         page = page_text(
             record,
             _shown_path(litter.folder),

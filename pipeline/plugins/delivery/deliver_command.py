@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from flowsculpt import FrameError, UsageError
-from flowsculpt.api import plugins, plural
+from flowsculpt.api import RunObserver, plugins, plural
 from flowsculpt.api.commands import (
     Project,
     duration,
@@ -30,7 +30,6 @@ from flowsculpt.api.frames import FrameSelection, Plan, RenderRequest, crop_of, 
 from flowsculpt.api.options import DEFAULT_QUALITY, Common, Frames, PictureOptions, Quality, output_option
 from flowsculpt.api.pictures import BurnIn, Encode
 from flowsculpt.api.shots import is_edit
-from flowsculpt.pipeline.cli.run_observer import run_observers
 from flowsculpt.pipeline.plugins.delivery.deliverables import (
     DELIVERABLES,
     SLATES,
@@ -149,7 +148,7 @@ def deliver(
     if lost:
         print_warning(f"{'; '.join(lost)}: shown as cards that state the reason")
     facts = _facts(done, lost, time.monotonic() - started)
-    for observer in run_observers():
+    for observer in RunObserver.of_plugins():
         observer.delivered(common, facts)
     _report(common, done, facts)
     exit_with(outcome.exit_code or (FrameError.exit_code if faults else 0))

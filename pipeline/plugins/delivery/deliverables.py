@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flowsculpt import FrameError, MachineError
-from flowsculpt.api import Plugin, plugins, plural
+from flowsculpt.api import Plugin, ShotExtras, plugins, plural
 from flowsculpt.api.files import disk_errors, make_folder, to_plain
 from flowsculpt.api.frames import (
     Edit,
@@ -29,13 +29,12 @@ from flowsculpt.api.frames import (
     Key,
     PictureKeys,
     PipelineStage,
-    Provenance,
     RenderRequest,
     Store,
     key_of,
     picture_keys,
-    records,
     samples_of,
+    store_reader,
 )
 from flowsculpt.api.pictures import (
     ENCODES,
@@ -51,14 +50,12 @@ from flowsculpt.api.pictures import (
     prefetch,
     quantise,
     timecode,
-    to_display,
     write_movie,
 )
 from flowsculpt.pipeline.plugins.delivery.gain_map import GAIN_MAP, is_gain_map, write_gain_map
 from flowsculpt.pipeline.plugins.delivery.gif import GIF, write_gif
 from flowsculpt.pipeline.plugins.delivery.relighting import relit_version
 from flowsculpt.pipeline.production.request.audio import AudioClip, AudioTrack
-from flowsculpt.pipeline.production.store import paths, readers
 from flowsculpt.render.graphics.cards import Slate, failure_card
 from flowsculpt.render.movie.codecs import FILM_START, NAME_ENDS
 from flowsculpt.render.post.hdr import HDR_DISPLAYS, ContentLight, hdr_graphics
@@ -139,11 +136,9 @@ class FrameReader:
         return self._picture(number, form), self._labels(number, self._key(number))
 
     def _picture(self, number: int, form: FrameFormat) -> Frame:
-        picture = self.request.shot.picture
         place = self._relit.place(number) if self._relit else self.request.place("frame", number)
         light = self._layer("frame", place, self._key(number), "beauty")
-        values = to_display(light, picture.lights.exposure, form.display, picture.view)
-        frame: Frame = quantise(values, bits=16)
+        frame: Frame = self.request.shot.picture.display.pixels(light, form.display)
         if not form.has_coverage:
             return frame
         assert self.keys is not None, "a finished frame has a key"
@@ -152,8 +147,9 @@ class FrameReader:
         return np.concatenate([frame, np.rint(coverage.clip(0.0, 1.0) * 65535).astype(np.uint16)], axis=2)
 
     def _layer(self, kind: str, place: Path, key: str, layer: str) -> NDArray[np.float32]:
-        read = readers.picture(key, self.request.pictures.quality.rendered_size)
-        return self._store.read(kind, key, place, read)[0][layer]
+        read = store_reader(kind, key, size=self.request.pictures.quality.rendered_size)
+        pixels: NDArray[np.float32] = self._store.read(kind, key, place, read)[0][layer]
+        return pixels
 
     def _key(self, number: int) -> str:
         if self._relit is not None:
@@ -180,12 +176,10 @@ def _version(request: RenderRequest, store: Store, keys: PictureKeys | None) -> 
     if keys is None:
         return IN_WORK
     ours = {n: keys[n].frame for n in request.requested}
-    for _, record in reversed(list(records(store.root / paths.published(request.name)))):
-        if (
-            isinstance(record, Provenance)
-            and ours.items() <= {n: frame.frame for n, frame in record.frames.items()}.items()
-        ):
-            return record.version
+    for extras in ShotExtras.of_plugins().values():
+        for version in reversed(list(extras.versions(store.root, request.name))):
+            if ours.items() <= version.keys.items():
+                return version.name
     return IN_WORK
 
 
@@ -289,7 +283,7 @@ def film_source(
         name=_name(requests[0], edit.name, relit),
         title=opening.title or edit.name,
         subtitle=opening.subtitle,
-        folder=paths.film(quality_name, edit.name).parent / "deliver",
+        folder=edit.path(quality_name).parent / "deliver",
         rate=rate,
         size=screen.picture,
         projection=screen.projection,

@@ -33,12 +33,12 @@ from flowsculpt.api.frames import (
     SequenceQuery,
     Store,
     camera_file,
-    display_of,
     find_shot,
     key_of,
     movie_bits,
     options_of,
     picture_keys,
+    store_reader,
     writing,
 )
 from flowsculpt.api.options import (
@@ -62,14 +62,11 @@ from flowsculpt.api.pictures import (
     mix_frames,
     movie_encode,
     prefetch,
-    quantise,
     read_header,
-    to_display,
     write_exr,
     write_movie,
 )
 from flowsculpt.api.shots import NAME, OPTION, in_yaml, inherited, linear_of, shown
-from flowsculpt.pipeline.production.store import readers
 from flowsculpt.pipeline.production.tasks.finish import exr_attributes
 from flowsculpt.pipeline.shot.documents.field_types import HEX_PATTERN
 from flowsculpt.render.base.serialise import Triple
@@ -169,14 +166,13 @@ class RelitFrames:
 
     def _shown(self, passed: Callable[[], None], numbers: list[int]) -> Iterator[Frame]:
         """Yield frames as a display shows them."""
-        picture = self.request.shot.picture
         for number in numbers:
             light = self._read(self.key(number), self.place(number))[0]["beauty"]
-            yield quantise(to_display(light, picture.lights.exposure, view=picture.view), bits=16)
+            yield self.request.shot.picture.display.pixels(light)
             passed()
 
     def _read(self, key: Key, place: Path) -> tuple[RenderedFrame, dict[str, Any]]:
-        reader = readers.picture(key, self.request.pictures.quality.rendered_size)
+        reader = store_reader("frame", key, size=self.request.pictures.quality.rendered_size)
         return self.store.read("frame", key, place, reader)
 
     @cached_property
@@ -273,7 +269,7 @@ def relit_sequences(query: SequenceQuery) -> Iterator[PictureSequence]:
                 subject=request.folders.title,
                 numbers=tuple(files),
                 files=files,
-                display=display_of(request),
+                display=request.shot.picture.display,
                 faults=stale,
                 seconds={},
                 source=request.source,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from flowsculpt.pipeline.production.shot_extras import Animation, ShotExtras
+from flowsculpt.api import Animation, ShotExtras
 
 if TYPE_CHECKING:
     from flowsculpt.api.frames import RenderRequest, Store

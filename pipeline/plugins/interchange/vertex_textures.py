@@ -25,7 +25,7 @@ import numpy as np
 from flowsculpt import UsageError
 from flowsculpt.api.files import disk_errors
 from flowsculpt.api.meshes import AnyArray, Floats
-from flowsculpt.api.pictures import Material, RenderedFrame, write_exr, write_png
+from flowsculpt.api.pictures import Material, RenderedFrame, write_exr, write_still
 from flowsculpt.pipeline.plugins.interchange.animated_gltf import Moving, write_animated_gltf
 from flowsculpt.pipeline.plugins.interchange.drawn_mesh import DrawnMesh, KeyPoses
 from flowsculpt.pipeline.plugins.interchange.one_mesh import even_step
@@ -161,7 +161,7 @@ class VertexTextures:
 
     def write_normals(self, path: Path) -> None:
         """Write the normals as a PNG. Raises MachineError where the disk refuses."""
-        write_png(path, self.normals)
+        write_still(path, self.normals)
 
     def write_mesh(self, path: Path, look: Material) -> None:
         """Write the mesh at the first frame. Raises MachineError where the disk refuses."""

@@ -13,7 +13,7 @@ import json
 import math
 import zlib
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from importlib.resources import files
 from itertools import pairwise
 from pathlib import Path
@@ -25,7 +25,7 @@ from flowsculpt import MissingInputError
 from flowsculpt.api.files import disk_errors
 from flowsculpt.api.frames import Framing
 from flowsculpt.api.meshes import AnyArray, Floats
-from flowsculpt.api.pictures import FETCH, Camera, LightRig, Material, three_js, view_table
+from flowsculpt.api.pictures import FETCH, Camera, LightRig, Material, three_js
 from flowsculpt.api.shots import Shot
 from flowsculpt.pipeline.plugins.interchange.animated_gltf import Moving, closes
 from flowsculpt.pipeline.plugins.interchange.exported_materials import (
@@ -94,7 +94,7 @@ class WebPage:
     def _facts(self, blobs: _Blobs) -> dict[str, Any]:
         """Return what the page shows, as JSON data; large arrays are numbers of blobs."""
         picture, numbers = self.shot.picture, self.parts[0].keyframes.drawn.mesh.frames
-        view = view_table("srgb", picture.view.for_previews())
+        view = replace(picture.display, view=picture.view.for_previews()).table()
         step = (len(view.values) - 1) // (_TABLE - 1)
         table = np.ones((_TABLE, _TABLE, _TABLE, 4), np.float32)
         table[..., :3] = view.values[::step, ::step, ::step].transpose(2, 1, 0, 3)  # red varies fastest

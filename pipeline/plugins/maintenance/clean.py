@@ -9,12 +9,12 @@ from functools import cache
 from pathlib import Path
 
 from flowsculpt import FlowsculptError, MachineError
+from flowsculpt.api import ShotExtras
 from flowsculpt.api.files import remove, remove_tree, sweep_hidden_drafts
 from flowsculpt.api.frames import EVENTS, Key, RenderRequest, Store, picture_keys
 from flowsculpt.pipeline.plugins.maintenance.store_repair import by_digest, last_requests
 from flowsculpt.pipeline.plugins.maintenance.verify import inode, shown_files
 from flowsculpt.pipeline.production.request.render_request import FORMS
-from flowsculpt.pipeline.production.shot_extras import shot_extras
 from flowsculpt.pipeline.production.store.event_log import RUNS
 from flowsculpt.pipeline.production.store.paths import DONE, LOGS, PLANS, RENDERS
 from flowsculpt.pipeline.production.store.store import COPIED
@@ -76,7 +76,7 @@ def collect_garbage(store: Store, requests: Iterable[RenderRequest], keep: int, 
 def _others(root: Path, requests: Iterable[RenderRequest], dry_run: bool) -> dict[str, tuple[int, int]]:
     """Remove what plug-ins need no more; return how many files and bytes, by what they are."""
     others = {}
-    for extras in shot_extras().values():
+    for extras in ShotExtras.of_plugins().values():
         what, files = extras.unneeded(root, requests)
         sizes = []
         for path in files:

@@ -17,9 +17,9 @@ from pathlib import Path
 from typing import Any
 
 from flowsculpt import MissingInputError
+from flowsculpt.api import RunObserver
 from flowsculpt.api.frames import EVENTS, STAGES, EventReader, read_statistics
 from flowsculpt.api.options import Common
-from flowsculpt.pipeline.cli.run_observer import RunObserver
 from flowsculpt.pipeline.production.store.event_log import Event, logs_of
 from flowsculpt.render.base.work_clock import Timing
 

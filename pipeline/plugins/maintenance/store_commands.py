@@ -126,7 +126,12 @@ def verify(common: Common, settings: Settings = None) -> None:
             {"file": str(file.path), "fault": file.fault} for check in checks for file in check.altered
         ],
         "published": [
-            {"version": str(file.version), "file": str(file.path), "frame": file.number, "fault": file.fault}
+            {
+                "version": str(file.folder),
+                "file": str(file.path),
+                "frame": file.number,
+                "fault": file.fault,
+            }
             for file in versions
         ],
         "unchecked": [str(path) for check in checks for path in check.unchecked],

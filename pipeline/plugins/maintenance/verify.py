@@ -14,20 +14,19 @@ from itertools import groupby
 from pathlib import Path
 
 from flowsculpt import MissingInputError
+from flowsculpt.api import ShotExtras
 from flowsculpt.api.files import digest_of_file, machine_error
 from flowsculpt.api.frames import (
-    FILE,
     NOTES,
     PUBLISHED,
     STATE,
     CorruptFileError,
     FrameRange,
     Key,
-    Provenance,
+    PublishedVersion,
     Store,
-    content_reader,
-    records,
     repeated,
+    store_reader,
 )
 from flowsculpt.api.shots import is_there
 from flowsculpt.pipeline.production.store.digests import ALTERED
@@ -97,7 +96,7 @@ def verify_stored(store: Store, kind: str, key: Key, path: Path) -> StoredFile:
     try:
         has_digest = store.digests.check(path)
         if not has_digest:
-            content_reader(kind, key)(path)
+            store_reader(kind, key)(path)
     except Exception as error:  # libraries raise all kinds for what is damaged
         refusal = _refusal(path, error)
         fault = str(error).removeprefix(f"{path}: ") if refusal is None else None
@@ -181,41 +180,35 @@ def inode(path: Path) -> tuple[int, int]:
 class PublishedFile:
     """A file of a version, at `path`.
 
-    record  what the version was made from; None for a provenance that cannot be read
     number  its frame number; None if it is no frame
-    digest  SHA-256 that it had when it was published
     fault   what is wrong with it, if anything
     """
 
+    version: PublishedVersion
     path: Path
-    record: Provenance | None
     number: int | None = None
-    digest: str = ""
     fault: str | None = None
 
     @property
-    def version(self) -> Path:
+    def folder(self) -> Path:
         """The folder of its version."""
-        return self.path.parents[0 if self.number is None else 1]
+        return self.version.record.parent
 
 
 def published_files(store: Store) -> Iterator[PublishedFile]:
     """Yield the files of all versions under a root, unchecked, and each provenance that is damaged."""
-    for home in sorted((store.root / PUBLISHED).glob("*")):
-        for place, record in records(home):
-            fault = _fault_of_provenance(store, place / FILE)
-            if fault is not None:  # its digests of frames may be wrong
-                yield PublishedFile(place / FILE, None, fault=fault)
-            elif isinstance(record, Provenance):
-                for number, frame in record.frames.items():
-                    yield PublishedFile(place / frame.file, record, number, frame.sha256)
-                for file in filter(None, (record.movie, record.notes)):
-                    yield PublishedFile(place / file["file"], record, None, file["sha256"])
-            else:
-                yield PublishedFile(place / FILE, None, fault=str(record).removeprefix(f"{place / FILE}: "))
+    for extras in ShotExtras.of_plugins().values():
+        for version in extras.versions(store.root):
+            fault = _fault_of_record(store, version.record) or version.fault
+            if fault:  # its digests of frames may be wrong
+                yield PublishedFile(version, version.record, fault=fault)
+                continue
+            numbers = {path: number for number, path in version.frames.items()}
+            for path in version.files:
+                yield PublishedFile(version, path, numbers.get(path))
 
 
-def _fault_of_provenance(store: Store, path: Path) -> str | None:
+def _fault_of_record(store: Store, path: Path) -> str | None:
     try:
         store.digests.check(path)
     except CorruptFileError:
@@ -234,23 +227,22 @@ def checked(files: Iterable[PublishedFile], threads: int) -> Iterator[PublishedF
 def remedies(faulty: Iterable[PublishedFile], root: Path) -> Iterator[str]:
     """Yield a line for each version among faulty files that says how to make its files again."""
     for version, files in groupby(faulty, key=lambda file: file.version):
-        damaged = [
-            file
-            for file in files
-            if file.record is None or file.path != version / file.record.notes.get("file", "")
-        ]
+        record, folder = version.record, version.record.parent
+        damaged = [file for file in files if file.path != version.notes]
         if not damaged:
-            yield f"{version}: restore its notes from a backup; the current notes are in {root / NOTES}"
-            continue
-        record, numbers = damaged[0].record, [file.number for file in damaged if file.number is not None]
-        if record is None:
-            yield f"{version}: only its {FILE} records what it was made from; restore that file from a backup"
-            continue
-        only_frames = f" -f {FrameRange.of(numbers)}" if len(numbers) == len(damaged) else ""
-        yield (
-            f"{version}: flowsculpt reproduce {shlex.quote(str(version / FILE))}{only_frames} makes it "
-            f"again, in {root / repeated(record.shot, record.version)}; published files are never written to"
-        )
+            yield f"{folder}: restore its notes from a backup; the current notes are in {root / NOTES}"
+        elif damaged[0].path == record:
+            yield (
+                f"{folder}: only its {record.name} records what it was made from; restore that file from a "
+                "backup"
+            )
+        else:
+            numbers = [file.number for file in damaged if file.number is not None]
+            only_frames = f" -f {FrameRange.of(numbers)}" if len(numbers) == len(damaged) else ""
+            yield (
+                f"{folder}: flowsculpt reproduce {shlex.quote(str(record))}{only_frames} makes it again, in "
+                f"{root / repeated(version.shot, version.name)}; published files are never written to"
+            )
 
 
 def _fault(file: PublishedFile) -> str | None:
@@ -263,4 +255,8 @@ def _fault(file: PublishedFile) -> str | None:
         return str(machine_error(file.path, error, "read")).removeprefix(f"{file.path}: ")
     except MissingInputError as error:
         return str(error).removeprefix(f"{file.path}: ")
-    return None if digest == file.digest else "differs from the published file: damaged, or altered since"
+    return (
+        None
+        if digest == file.version.files[file.path]
+        else "differs from the published file: damaged, or altered since"
+    )

@@ -8,7 +8,8 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from flowsculpt import PolygonMesh, Thresholds
-from flowsculpt.api.meshes import AnyArray, PolygonMethod, PolygonResampler
+from flowsculpt.api import PolygonMethod, PolygonResampler
+from flowsculpt.api.meshes import AnyArray
 from flowsculpt.api.shots import one_of
 
 Cutting = Literal["slice", "recurse"]

@@ -7,7 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from flowsculpt import PolygonMesh, Thresholds, UsageError
-from flowsculpt.api.meshes import AnyArray, Floats, Points, PolygonReport, PolygonResampler, not_finite
+from flowsculpt.api import PolygonReport, PolygonResampler
+from flowsculpt.api.meshes import AnyArray, Floats, Points, not_finite
 from flowsculpt.pipeline.plugins.polyhedra.polyhedra_method import Collapse, Cutting
 from flowsculpt.pipeline.plugins.polyhedra.polyhedron import (
     OUTSIDE,

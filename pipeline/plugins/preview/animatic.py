@@ -43,7 +43,7 @@ from flowsculpt.api.pictures import (
     mix_frames,
     timecode,
     write_movie,
-    write_png,
+    write_still,
 )
 from flowsculpt.api.shots import Motion
 from flowsculpt.pipeline.plugins.preview.sketch import Sketch, is_closed
@@ -83,7 +83,7 @@ class Animatic:
         framing = known[number] if known else framing_of_still(request, stream, number, self.played({number}))
         size = size_for(request.pictures.aspect, SIZES["still"])
         picture = next(self._pictures(iter([(number, framing)]), size, "srgb"))
-        stream.store.write(path, lambda draft: write_png(draft, picture))
+        stream.store.write(path, lambda draft: write_still(draft, picture))
         tell("drawing", number)
         return framing
 

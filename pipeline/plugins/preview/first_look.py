@@ -11,10 +11,10 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext, supp
 from pathlib import Path
 from typing import IO
 
+from flowsculpt.api import RunObserver
 from flowsculpt.api.commands import err
 from flowsculpt.api.frames import Plan, RenderRequest
 from flowsculpt.api.options import Common
-from flowsculpt.pipeline.cli.run_observer import RunObserver
 from flowsculpt.render.base import python_process
 
 FEWEST = 24  # frames that an animatic has at the least: fewer are soon rendered

@@ -74,21 +74,20 @@ def _key_of_picture(path: Path) -> object:
 
 
 def _key_of_arrays(path: Path) -> Key:
-    import numpy as np  # not needed for other kinds
+    from flowsculpt.api.frames import key_in
 
-    with np.load(path, allow_pickle=False) as named:
-        return str(named["key"])
+    return key_in(path)
 
 
 def _reader_of(kind: str, key: Key) -> Callable[[Path], Any]:
-    from flowsculpt.api.frames import content_reader  # takes a moment
+    from flowsculpt.api.frames import store_reader  # takes a moment
 
-    return content_reader(kind, key)
+    return store_reader(kind, key)
 
 
 def _require_surface(kind: str, key: Key, path: Path) -> None:
     """Read a file of arrays to its end. Raises any error where it is not what its kind says."""
-    arrays = _reader_of(kind, key)(path)
+    arrays = _reader_of("shading" if kind == "normals" else kind, key)(path)
     if kind != "normals":
         return
     count = len(arrays["vertices"])

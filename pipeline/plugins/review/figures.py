@@ -24,7 +24,6 @@ from flowsculpt.api.options import (
 )
 from flowsculpt.api.pictures import Curves, plot_panels
 from flowsculpt.pipeline.plugins.review.measures import TIMED_STAGES, limits_of, measured
-from flowsculpt.pipeline.production.planning.timings import render_seconds
 from flowsculpt.render.graphics.plot import HeatMap, Panel, StackedBars
 
 LONGEST_BAR = 1.6
@@ -77,7 +76,7 @@ def _drawn(
         return page, [], []
     latest = LatestTimings(common.root)
     seconds = latest.by_stage(request.folders.title, request.name, request.quality_name, TIMED_STAGES)
-    if rendered := render_seconds(request, common.root):
+    if rendered := latest.renders(request):
         seconds["render"] = {number: sum(parts.values()) for number, parts in rendered.items()}
     drawn = panels(numbers, measures, limits_of(request), seconds)
     if not common.dry_run:

@@ -22,21 +22,14 @@ from numpy.typing import NDArray
 from flowsculpt.api.frames import DAMAGED, SUFFIXES, CorruptFileError, PictureSequence, Store, key_of
 from flowsculpt.api.pictures import (
     BadInputError,
+    PictureDisplay,
     RenderError,
     nits_of_pq,
-    quantise,
     read_exr,
     read_header,
     read_png,
-    to_display,
-    view_table,
-    write_png,
+    write_still,
 )
-from flowsculpt.pipeline.production.request.keys import projection_of
-from flowsculpt.render.graphics.contact_sheet import reduced
-from flowsculpt.render.post.image import write_jpeg
-from flowsculpt.render.post.view import ColourView
-from flowsculpt.render.scene.scene_lights import PREFIX
 
 THUMB = 160  # width of thumbnails, about, in pixels
 
@@ -89,25 +82,20 @@ class ProxyWriter:
     def _proxy(self, sequence: PictureSequence, number: int) -> tuple[str, str] | None:
         """Write one proxy and its levels, and return their files' names; None if the picture is damaged."""
         picture, key = sequence.pictures[number], sequence.still_key(self.form, number)
-        display = sequence.display
         scope = f"{key_of('scope', SCOPE_FORMAT, sequence.still_key('png', number))}.js"
 
-        def shown() -> tuple[NDArray[Any], Mapping[str, Any]]:
+        def shown() -> NDArray[Any]:
             self.store.digests.check(picture.path)
-            layers, finished = read_exr(picture.path)
-            pixels = quantise(to_display(layers["beauty"], display.exposure, "srgb", display.view))
+            layers, _ = read_exr(picture.path)
+            pixels = sequence.display.pixels(layers["beauty"], "srgb", 8)
             if not self.store.is_whole(self.scopes / scope):
                 text = scope_script(scope, pixels)
                 self.store.write(self.scopes / scope, lambda draft: draft.write_text(text, encoding="utf-8"))
-            return pixels, finished
+            return pixels
 
         def write(path: Path) -> None:
-            pixels, finished = shown()
             header = {"shot": sequence.shot, "frame": number, "key": key}
-            if self.form == "jpeg":
-                write_jpeg(path, pixels, header, projection_of(finished))
-            else:
-                write_png(path, pixels, header)
+            write_still(path, shown(), header, form=self.form, projection=picture.projection)
 
         try:
             self.store.put(self.form, key, write)
@@ -137,7 +125,7 @@ class ProxyWriter:
         name = f"{key_of('thumbs', names, factor, columns)}.jpg"
         if not self.store.is_whole(self.folder / name):
             sheet = self._laid_out(names, factor, columns, (width, height))
-            self.store.write(self.folder / name, lambda path: write_jpeg(path, sheet))
+            self.store.write(self.folder / name, lambda path: write_still(path, sheet, form="jpeg"))
         return {"file": name, "columns": columns, "size": [width, height], "frames": numbers}
 
     def _laid_out(
@@ -147,8 +135,11 @@ class ProxyWriter:
         sheet = np.zeros((-(-len(names) // columns) * height, columns * width, 3), np.uint8)
 
         def small(name: str) -> NDArray[np.uint8]:
-            picture = read_png(self.folder / name)[..., :3].astype(np.float32)
-            return np.rint(reduced(picture, min(factor, *picture.shape[:2]))).astype(np.uint8)
+            picture = read_png(self.folder / name)[..., :3]
+            step = min(factor, *picture.shape[:2])
+            height, width = (side // step for side in picture.shape[:2])
+            blocks = picture[: height * step, : width * step].reshape(height, step, width, step, 3)
+            return np.rint(blocks.mean(axis=(1, 3), dtype=np.float32)).astype(np.uint8)
 
         with ThreadPoolExecutor(self.threads) as pool:
             for index, thumb in enumerate(pool.map(small, names)):
@@ -195,6 +186,8 @@ HDR = "nits"  # the layer of what an HDR screen of 1000 nits shows, by channels 
 LIGHT = ("beauty", "denoised", "noise")
 """Layers shown by the shot's exposure through the display's curve, as are those of light groups."""
 
+GROUP = "light_"  # the beginning of the names of layers of light groups
+
 REFLECTANCE = ("albedo", "denoise_albedo")  # layers shown through the display's curve; others are data
 
 LARGEST_HALF = 65504.0
@@ -233,25 +226,25 @@ class LayerWriter:
             self.store.digests.check(picture.path)
             finished = read_exr(picture.path)[0].arrays
             display = sequence.display
-            shown = quantise(to_display(finished["beauty"], display.exposure, "srgb", display.view))
+            shown = display.pixels(finished["beauty"], "srgb", 8)
             arrays = {**finished, **_raw_layers(sequence, number, finished), **_hdr_layer(sequence, finished)}
         except (*DAMAGED, RenderError, ValueError):
             return {}
         files = {}
-        view = self._write_view(display.view)
+        view = self._write_view(display)
         for name, values in {DISPLAY: shown, **arrays}.items():
             file = f"{key_of('layer', FORMAT, sequence.still_key('png', number), name)}.js"
             if not self.store.is_whole(self.folder / file):
-                about = {"view": view} if name == "beauty" or name.startswith(PREFIX) else {}
+                about = {"view": view} if name == "beauty" or name.startswith(GROUP) else {}
                 self._write_text(file, as_script(file, name, values, display.exposure, about))
             files[name] = file
         return {**files, VIEW: view}
 
-    def _write_view(self, view: ColourView) -> str:
+    def _write_view(self, display: PictureDisplay) -> str:
         """Write the table of a view unless it is there, and return its file's name."""
-        file = f"{key_of('view', FORMAT, view.recipe)}.js"
+        file = f"{key_of('view', FORMAT, display.view.recipe)}.js"
         if not self.store.is_whole(self.folder / file):
-            table = view_table("srgb", view)
+            table = display.table()
             side = table.values.shape[0]
             steps = np.rint(255.0 * np.clip(table.values, 0.0, 1.0)).astype(np.uint8)
             about = {"toe": table.toe, "white": table.white, "side": side}
@@ -264,9 +257,8 @@ class LayerWriter:
 
 def _hdr_layer(sequence: PictureSequence, finished: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
     """Return the nits of a frame on an HDR screen; nothing for views of a shot's own, which have no HDR."""
-    display = sequence.display
     try:
-        return {HDR: nits_of_pq(to_display(finished["beauty"], display.exposure, "pq", display.view))}
+        return {HDR: nits_of_pq(sequence.display.values(finished["beauty"], "pq"))}
     except BadInputError:
         return {}
 
@@ -310,7 +302,7 @@ def as_script(
     if name == DISPLAY:
         kind, bits, low, high = "display", planes.astype("<u2"), 0.0, 255.0
     else:
-        is_light = name in LIGHT or name.startswith(PREFIX)
+        is_light = name in LIGHT or name.startswith(GROUP)
         kind = "light" if is_light or name in REFLECTANCE else "data"
         bits = np.clip(planes, -LARGEST_HALF, LARGEST_HALF).astype("<f2").view("<u2")
         low, high = _range(planes) if kind == "data" else (0.0, 2.0**-exposure if is_light else 1.0)

@@ -17,8 +17,6 @@ from flowsculpt.api.pictures import three_js
 from flowsculpt.api.shots import NAME
 from flowsculpt.pipeline.plugins.review.review_notes import STATUSES, NotesFolder, ReviewNote, as_data, merged
 from flowsculpt.pipeline.plugins.review.review_page import HINT, ReviewPage, Search
-from flowsculpt.pipeline.production.request.lookup import require_quality
-from flowsculpt.render.base.render_errors import readable
 
 FORMS = ("jpeg", "png")
 
@@ -65,8 +63,6 @@ def review(
     `flowsculpt review A010_cube --notes ann.json --notes ben.json` merges the notes that two reviewers
     downloaded into notes/A010_cube.json, and shows them.
     """
-    for quality in qualities or ():
-        require_quality(quality)
     require_one_of(form, FORMS, f"--as {form}: pictures of a page are {' or '.join(FORMS)}.")
     for each in shots:
         if each.endswith(".json"):
@@ -141,7 +137,7 @@ def notes(
     live = sorted((note for note in found if not note.deleted), key=lambda note: (note.sequence, note.first))
     listing = table("sequence", "frames", "status", "by", "time (UTC)", "note")
     for note in live:
-        listing.add_row(*map(readable, _row(note)))
+        listing.add_row(*_row(note))
     kind = f"{status} notes" if status else "notes"
     none = f"{name} has no {kind}; flowsculpt review {name} writes the page for taking them."
     facts = {"path": str(folder.path(name)), "added": added, **as_data(found)}

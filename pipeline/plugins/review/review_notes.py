@@ -22,7 +22,6 @@ from flowsculpt.api import brief
 from flowsculpt.api.files import ChangedFileError, atomic_write, machine_error
 from flowsculpt.api.frames import NOTES, making, writing
 from flowsculpt.api.shots import NAME, is_there
-from flowsculpt.pipeline.shot.yaml.named_files import MOST_LETTERS
 
 FORMAT = "flowsculpt notes"
 VERSION = 1
@@ -81,7 +80,7 @@ class NoteStroke(_Document):
 class NoteRevision(_Document):
     """One revision of a note: what it says from one moment on."""
 
-    shot: Annotated[str, Field(pattern=f"^{NAME}$", max_length=MOST_LETTERS)]
+    shot: Annotated[str, Field(pattern=f"^{NAME}$")]
     sequence: Annotated[Line, Field(description="The sequence's name on the page, as `v001 daily`.")]
     picture: Annotated[
         str,

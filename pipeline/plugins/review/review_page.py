@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from flowsculpt import MissingInputError
+from flowsculpt.api import ShotExtras
 from flowsculpt.api.commands import Project
 from flowsculpt.api.files import disk_errors, make_folder, remove
 from flowsculpt.api.frames import (
@@ -39,7 +40,6 @@ from flowsculpt.pipeline.plugins.review import view_3d
 from flowsculpt.pipeline.plugins.review.measures import TIMED_STAGES, limits_of, measured
 from flowsculpt.pipeline.plugins.review.page_pictures import LayerWriter, Proxies, ProxyWriter
 from flowsculpt.pipeline.plugins.review.review_notes import ReviewNote, as_data
-from flowsculpt.pipeline.production.shot_extras import shot_extras
 
 HINT = f"three.js is not installed, so the page has no 3-D view; {FETCH} fetches it"
 
@@ -68,7 +68,7 @@ class Search:
         """Return the material of a shot. Raises MissingInputError if nothing is rendered, or ShotError."""
         path = find_shot(name)
         query = SequenceQuery(self.project, path, self.qualities, self.history)
-        found = [each for extras in shot_extras().values() for each in extras.sequences(query)]
+        found = [each for extras in ShotExtras.of_plugins().values() for each in extras.sequences(query)]
         grids = tuple(each for each in found if isinstance(each, SequenceGrid))
         single = [query.rendered(request, "render", request.quality_name) for request in query.requests()]
         single += [each for each in found if isinstance(each, PictureSequence)]

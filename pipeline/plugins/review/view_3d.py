@@ -18,11 +18,18 @@ from typing import Any
 import numpy as np
 
 from flowsculpt import FlowsculptError
-from flowsculpt.api.frames import CorruptFileError, FrameRange, Key, RenderRequest, Store, key_of
+from flowsculpt.api import ShotExtras
+from flowsculpt.api.frames import (
+    CorruptFileError,
+    FrameRange,
+    Key,
+    RenderRequest,
+    Store,
+    key_of,
+    store_reader,
+)
 from flowsculpt.api.meshes import AnyArray
 from flowsculpt.pipeline.plugins.review.measures import simulated
-from flowsculpt.pipeline.production.shot_extras import shot_extras
-from flowsculpt.pipeline.production.store import readers
 
 FORMAT = 2
 
@@ -62,7 +69,7 @@ class PageMeshes:
             try:
                 for path, _ in files:
                     self.store.digests.check(path)
-                arrays = joined([readers.shading(key)(path) for path, key in files])
+                arrays = joined([store_reader("shading", key)(path) for path, key in files])
             except (CorruptFileError, OSError):
                 return None
             self._write(name, as_script(name, arrays))
@@ -84,7 +91,7 @@ class PageMeshes:
                 return {"without": f"{name} has changed since frame {number} was simulated; render it again."}
         without = "no plug-in makes animations."
         request = replace(self.request, requested=numbers)
-        for extras in shot_extras().values():
+        for extras in ShotExtras.of_plugins().values():
             try:
                 animation = extras.animation(request, self.store, MOST_VERTICES)
                 if animation is None:

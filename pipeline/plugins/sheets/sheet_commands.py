@@ -44,7 +44,7 @@ from flowsculpt.api.options import (
     frames_option,
     output_option,
 )
-from flowsculpt.api.pictures import Curves, columns_for, fitted_sheet, plot_panels, write_png
+from flowsculpt.api.pictures import Curves, columns_for, fitted_sheet, plot_panels, write_still
 from flowsculpt.api.shots import inherited, read_shot
 from flowsculpt.pipeline.cli.execution import count_words, forecast_facts, forecast_words, made_by_stage
 from flowsculpt.pipeline.plugins.sheets.keyed_curves import curves_of
@@ -90,7 +90,7 @@ class ShotSheet:
         pictures = [shown_picture(request, keys, self.store, n, factor, 8, "srgb") for n in numbers]
         header = {"shot": request.name, "frames": str(FrameRange.of(numbers))}
         page = sheet.picture(pictures, request.quality_name)
-        self.store.write(path, lambda draft: write_png(draft, page, header))
+        self.store.write(path, lambda draft: write_still(draft, page, header))
         shown = zip(numbers, pictures, strict=True)
         return light_notes({n: white(picture) for n, picture in shown if picture is not None})
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from flowsculpt.pipeline.production.shot_extras import ShotExtras
+from flowsculpt.api import ShotExtras
 
 if TYPE_CHECKING:
     from flowsculpt.api.frames import SequenceGrid, SequenceQuery

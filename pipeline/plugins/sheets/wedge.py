@@ -36,7 +36,7 @@ from flowsculpt.api.pictures import (
     fitted_sheet,
     read_header,
     write_movie,
-    write_png,
+    write_still,
 )
 from flowsculpt.api.shots import shown
 from flowsculpt.pipeline.production.store.paths import RENDERS
@@ -277,7 +277,7 @@ class Wedge:
         store, shot = self.project.store, self.shot.stem
         header = {"shot": shot, "frame": self.number, "wedge": [v.said for v in self.grid.variations]}
         (page,) = self._pages([self.number], 8, "srgb")
-        store.write(store.root / self.still_path, lambda path: write_png(path, page, header))
+        store.write(store.root / self.still_path, lambda path: write_still(path, page, header))
         if self.movie_path is None:
             return [self.still_path]
         first = self._read[0][1]

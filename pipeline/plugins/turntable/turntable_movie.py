@@ -54,7 +54,7 @@ from flowsculpt.api.pictures import (
     movie_encode,
     prefetch,
     write_movie,
-    write_png,
+    write_still,
 )
 from flowsculpt.api.shots import DEFAULTS, LOOKS, NAME, YamlSource, inherited, is_there
 from flowsculpt.pipeline.mesh.read import surface_reader
@@ -279,7 +279,7 @@ class TurntableSheets:
         header = {"turntable": self._first.folders.name, "quality": self._first.quality_name}
 
         def write(path: Path) -> None:
-            write_png(path, sheet.picture(self._pictures(cells, factor, 8, "srgb"), note), header)
+            write_still(path, sheet.picture(self._pictures(cells, factor, 8, "srgb"), note), header)
 
         key = self._key("png", cells, captions, columns, note)
         self._store.put("png", key, write)

@@ -26,13 +26,13 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from flowsculpt import FlowsculptError, MachineError, MissingInputError, UsageError
-from flowsculpt.api import suggestion
+from flowsculpt.api import RunObserver, suggestion
 from flowsculpt.api.commands import print_warning
-from flowsculpt.api.frames import EVENTS, FILE, EventReader
+from flowsculpt.api.files import user_environment
+from flowsculpt.api.frames import EVENTS, EventReader
 from flowsculpt.api.options import Common
-from flowsculpt.pipeline.cli.run_observer import RunObserver
+from flowsculpt.pipeline.plugins.versions.provenance import FILE
 from flowsculpt.pipeline.plugins.versions.publishing import Published
-from flowsculpt.render.base.python_process import environment_of_others
 
 EVENT_NAMES = ("run_done", "run_failed", "version_published", "files_delivered")
 
@@ -80,7 +80,7 @@ class Hook:
         try:
             ended = subprocess.run(
                 self.words,
-                env=environment_of_others(),
+                env=user_environment(),
                 input=json.dumps(facts),
                 stdout=STANDARD_ERROR,
                 text=True,

@@ -29,27 +29,25 @@ from pathlib import Path
 from typing import Any
 
 from flowsculpt import FlowsculptError, FrameError, MissingInputError, UsageError
+from flowsculpt.api import ShotExtras
 from flowsculpt.api.files import digest_of_file, disk_errors, held, remove_tree
 from flowsculpt.api.frames import (
     DAMAGED,
-    FILE,
+    STAGES,
     FrameKeys,
     FrameRange,
     Key,
     LatestTimings,
     PictureKeys,
     PictureSequence,
-    Provenance,
     RenderRequest,
     SequenceQuery,
     Store,
-    display_of,
     lock_name,
     making,
     movie_bits,
     picture_keys,
     read_statistics,
-    records,
     samples_of,
     writing,
 )
@@ -61,24 +59,22 @@ from flowsculpt.api.pictures import (
     mix_frames,
     movie_encode,
     probe_movie,
-    quantise,
     read_exr,
-    to_display,
     write_movie,
 )
-from flowsculpt.pipeline.plugins.versions.reproduction import pixels_of, restored
-from flowsculpt.pipeline.production.picture_sequences import PLAIN, PictureDisplay
-from flowsculpt.pipeline.production.planning.timings import SHARED_STAGES
-from flowsculpt.pipeline.production.request.provenance import (
+from flowsculpt.pipeline.plugins.versions.provenance import (
+    FILE,
     VERSION,
     FrameRecord,
+    Provenance,
     host,
     packages,
     portable,
+    published_folder,
+    records,
     stage_versions,
 )
-from flowsculpt.pipeline.production.shot_extras import shot_extras
-from flowsculpt.pipeline.production.store.paths import published
+from flowsculpt.pipeline.plugins.versions.reproduction import pixels_of, restored
 
 _DRAFT = ".draft."
 
@@ -191,11 +187,11 @@ class Release:
 
     @property
     def _home(self) -> Path:
-        return self.store.root / published(self.request.name)
+        return published_folder(self.store.root, self.request.name)
 
     def _published(self, dry: bool) -> Published:
         keys = self._keys()
-        known = list(records(self._home))
+        known = list(records(self.store.root, self.request.name))
         content = (*(keys[n].frame for n in sorted(self.request.angles)), self._movie_key(keys))
         for place, record in known:
             if isinstance(record, Provenance) and record.content == content:
@@ -203,7 +199,8 @@ class Release:
         version = self._version([place.name for place, _ in known])
         final = self._home / version
         if not dry:
-            files = (each.notes(self.store.root, self.request.name) for each in shot_extras().values())
+            extras = ShotExtras.of_plugins().values()
+            files = (each.notes(self.store.root, self.request.name) for each in extras)
             notes = next(filter(None, files), b"")
             record = self._record(version, keys, notes)
             freeze(self.store, record, final, self.copy, notes, self._files())
@@ -345,11 +342,11 @@ def _listed(numbers: list[int]) -> str:
 def published_sequences(query: SequenceQuery) -> Iterator[PictureSequence]:
     """Yield the frames of every published version of a shot."""
     name = query.path.stem
-    for place, record in records(query.project.root / published(name)):
+    for place, record in records(query.project.root, name):
         if isinstance(record, Provenance) and query.includes(record.quality):
             files = {number: place / frame.file for number, frame in record.frames.items()}
             patch = "patch of {version}: frames {frames} are new" if record.patch else ""
-            yield PictureSequence(
+            sequence = PictureSequence(
                 shot=name,
                 kind="version",
                 label=f"{record.version} {record.quality}",
@@ -357,20 +354,15 @@ def published_sequences(query: SequenceQuery) -> Iterator[PictureSequence]:
                 subject=name,
                 numbers=tuple(sorted(record.frames)),
                 files={number: path for number, path in files.items() if path.is_file()},
-                display=_display_of(record, query.project.allow_code),
                 faults={},
                 seconds={number: frame.seconds for number, frame in record.frames.items()},
                 note="; ".join(filter(None, (record.note, patch.format(**record.patch)))),
                 source=record.source,
             )
-
-
-def _display_of(record: Provenance, allow_code: bool) -> PictureDisplay:
-    try:
-        source = restored(record, allow_code)
-        return display_of(RenderRequest(source, record.quality, record.variant, FrameRange()))
-    except FlowsculptError:
-        return PLAIN
+            with contextlib.suppress(FlowsculptError):
+                picture = restored(record, query.project.allow_code).shot.picture
+                sequence = replace(sequence, display=picture.display)
+            yield sequence
 
 
 def _seconds_of_render(request: RenderRequest, root: Path, number: int, raw: Key) -> dict[str, float]:
@@ -381,7 +373,8 @@ def _seconds_of_render(request: RenderRequest, root: Path, number: int, raw: Key
 
 def _total_seconds(request: RenderRequest, root: Path, raws: Mapping[int, Key]) -> dict[str, float]:
     """Return the seconds of all frames of a request by stage; `raws` are the keys of its renders."""
-    stages = (*sorted(SHARED_STAGES), "finish", "assemble")
+    shared = sorted(name for name, stage in STAGES.items() if not stage.per_quality)
+    stages = (*shared, "finish", "assemble")
     latest = LatestTimings(root).by_stage(request.folders.title, request.name, request.quality_name, stages)
     renders = [sum(_seconds_of_render(request, root, number, raw).values()) for number, raw in raws.items()]
     totals = {stage: round(sum(frames.values()), 3) for stage, frames in latest.items()}
@@ -397,7 +390,7 @@ class Patch(Release):
 
     @cached_property
     def _folder(self) -> Path:
-        return self.store.root / published(self.request.name) / self.base
+        return published_folder(self.store.root, self.request.name) / self.base
 
     @cached_property
     def _before(self) -> Provenance:
@@ -477,11 +470,11 @@ class Patch(Release):
 
     def _shown(self, numbers: list[int]) -> Iterator[Frame]:
         """Yield frames as the display of today shows them."""
-        keys, files, picture = self._keys(), self._files(), self.request.shot.picture
+        keys, files, display = self._keys(), self._files(), self.request.shot.picture.display
         for number in numbers:
             path = files.get(number) or self.store.path("frame", keys[number].frame)
             try:
                 light = read_exr(path)[0]["beauty"]
             except RenderError as error:
                 raise FrameError(f"{path}: cannot be read ({error}); run again", number) from None
-            yield quantise(to_display(light, picture.lights.exposure, view=picture.view), bits=16)
+            yield display.pixels(light)

@@ -20,7 +20,6 @@ from flowsculpt.api.frames import (
     FrameRange,
     PictureKeys,
     Plan,
-    Provenance,
     RenderRequest,
     ShotSource,
     Store,
@@ -29,7 +28,7 @@ from flowsculpt.api.frames import (
 )
 from flowsculpt.api.pictures import RenderError, read_exr
 from flowsculpt.api.shots import is_there
-from flowsculpt.pipeline.production.planning.profile import variant_for
+from flowsculpt.pipeline.plugins.versions.provenance import Provenance
 
 
 def pixels_of(path: Path) -> str:
@@ -173,9 +172,10 @@ class Reproduction:
         return self.frames is None and not self.record.patch
 
     def _variant(self, notes: list[str]) -> str:
-        variant, on_nodes = self.project.variant or self.record.variant, not self.project.profile.is_local
+        variant = self.project.variant or self.record.variant
         try:
-            return variant_for(self.home, self.record.shot, variant, notes.append, on_nodes)
+            again = replace(self.project, root=self.home, variant=variant, notes=notes)
+            return again.variant_of(self.record.shot)
         except MachineError as error:
             reason = str(error).partition(";")[0]
             raise MachineError(

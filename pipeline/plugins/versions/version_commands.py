@@ -22,7 +22,7 @@ from flowsculpt.api.commands import (
     report_plan,
     table,
 )
-from flowsculpt.api.frames import FILE, PUBLISHED, FrameRange, Provenance, find_shot, records, use_store
+from flowsculpt.api.frames import PUBLISHED, FrameRange, find_shot, use_store
 from flowsculpt.api.options import (
     DEFAULT_QUALITY,
     AllowCode,
@@ -35,9 +35,9 @@ from flowsculpt.api.options import (
     Variant,
 )
 from flowsculpt.pipeline.plugins.versions.hooks import Hook, hooks_of, tell_published
+from flowsculpt.pipeline.plugins.versions.provenance import FILE, Provenance, records
 from flowsculpt.pipeline.plugins.versions.publishing import Patch, Release
 from flowsculpt.pipeline.plugins.versions.reproduction import Comparison, Reproduction
-from flowsculpt.pipeline.production.store.paths import published
 
 
 def publish(
@@ -129,7 +129,7 @@ def versions(
         raise MissingInputError(f"{name} is not published in {home}; {there}. flowsculpt publish does it")
     provenances, errors = [], []
     for each in known if name is None else [name]:
-        for folder, record in records(common.root / published(each)):
+        for folder, record in records(common.root, each):
             if isinstance(record, Provenance):
                 provenances.append((folder, record))
             else:

@@ -1,14 +1,16 @@
-"""Shows published versions on the review page."""
+"""Shows published versions on the review page, and has them verified."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from flowsculpt.pipeline.production.shot_extras import ShotExtras
+from flowsculpt.api import ShotExtras
 
 if TYPE_CHECKING:
-    from flowsculpt.api.frames import PictureSequence, SequenceQuery
+    from pathlib import Path
+
+    from flowsculpt.api.frames import PictureSequence, PublishedVersion, SequenceQuery
 
 
 class VersionsExtras(ShotExtras):
@@ -18,3 +20,8 @@ class VersionsExtras(ShotExtras):
         from flowsculpt.pipeline.plugins.versions.publishing import published_sequences
 
         return published_sequences(query)
+
+    def versions(self, root: Path, shot: str | None = None) -> Iterator[PublishedVersion]:
+        from flowsculpt.pipeline.plugins.versions.provenance import published_versions
+
+        return published_versions(root, shot)

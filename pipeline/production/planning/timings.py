@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -91,7 +92,11 @@ class LatestTimings:
     """Seconds of every frame made under a root, the last time it was made."""
 
     def __init__(self, root: Path) -> None:
-        self._history = History.of(root)
+        self._root = root
+
+    @cached_property
+    def _history(self) -> History:
+        return History.of(self._root)
 
     def by_stage(
         self, subject: str, shot: str, quality: str, stages: Iterable[str]
@@ -109,11 +114,10 @@ class LatestTimings:
                 timed[stage] = {frame: each.seconds for frame, each in made.items()}
         return timed
 
-
-def render_seconds(request: RenderRequest, root: Path) -> dict[int, Mapping[str, float]]:
-    """Return by frame the seconds of its last render, in parts, where they are known."""
-    read = {n: read_statistics(root / request.place("statistics", n)) for n in request.angles}
-    return {number: statistics.seconds for number, statistics in read.items() if statistics is not None}
+    def renders(self, request: RenderRequest) -> dict[int, Mapping[str, float]]:
+        """Return by frame the seconds of its last render, in parts, where they are known."""
+        read = {n: read_statistics(self._root / request.place("statistics", n)) for n in request.angles}
+        return {number: statistics.seconds for number, statistics in read.items() if statistics is not None}
 
 
 UNMEASURED_MIB = 4096

@@ -89,7 +89,7 @@ class ShotManifest:
             runs_python=any(True for part in shot.parts for _ in python_flows(part.motion.flow)),
             frames=shot.frames.numbers,
             rate=str(shot.rate),
-            shown_as=picture.display_data(),
+            shown_as=picture.display.data,
             sounds=tuple(map(AudioTrack.of, shot.sounds)),
             subjects=tuple(part.subject for part in shot.subjects),
             projection=astuple(picture.camera.projection),

@@ -131,11 +131,6 @@ def of_edit(shot: str, edit: str) -> Path:
     return RENDERS / "edit" / shot / edit
 
 
-def published(name: str) -> Path:
-    """The folder of a shot's published versions."""
-    return PUBLISHED / name
-
-
 def repeated(name: str, version: str) -> Path:
     """The root in which a published version is made again."""
     return REPEATED / f"{name}.{version}"

@@ -98,33 +98,38 @@ def shading(key: Key) -> Callable[[Path], dict[str, AnyArray]]:
     return lambda path: all_copies(arrays(key)(path))
 
 
-def with_key(key: Key, named: Mapping[str, AnyArray]) -> dict[str, AnyArray]:
-    """Return the arrays and their key."""
-    return {**named, "key": np.array(key)}
+def store_reader(kind: str, key: Key, *, number: int = 0, size: Size | None = None) -> Callable[[Path], Any]:
+    """Return a reader of a stored file, which raises CorruptFileError or RenderError for a damaged one.
 
-
-def content_reader(kind: str, key: Key) -> Callable[[Path], Any]:
-    """Return what reads a whole file of a kind, which is stored under `key`.
-
-    It returns a `MeshFrame`, the arrays of a surface, the layers and header of a picture, the pixels of a
-    still, the facts of a movie, or plain data; see SUFFIXES for the kinds. It raises CorruptFileError, or an
-    error of the library that decodes the file, where it cannot be read to its end or is of another key.
+    kind    `raw` and `frame` give the layers of a picture and its header; `mesh` a MeshFrame; `normals` the
+            arrays of a shaded surface, and `shading` these with those of all its copies; other kinds of
+            SUFFIXES arrays, plain data, the pixels of a still or the facts of a movie, by their suffix
+    number  the frame that a mesh is shown as
+    size    what pictures must have: width and height, pixels
     """
-    from flowsculpt.render.movie.probe import probe_movie
-    from flowsculpt.render.post.image import read_png
-
+    if kind in ("raw", "frame"):
+        return picture(key, size)
+    if kind == "mesh":
+        return mesh_frame(key, number)
+    if kind == "shading":
+        return shading(key)
     match SUFFIXES[kind]:
         case ".npz":
-            if kind == "mesh":
-                return mesh_frame(key, number=0)  # whatever frames show it
-            return (shading if kind == "normals" else arrays)(key)
-        case ".exr":
-            return picture(key)
+            return arrays(key)
         case ".json":
             return _plain_content
         case ".png" | ".jpg":
+            from flowsculpt.render.post.image import read_png
+
             return read_png
+    from flowsculpt.render.movie.probe import probe_movie
+
     return probe_movie
+
+
+def with_key(key: Key, named: Mapping[str, AnyArray]) -> dict[str, AnyArray]:
+    """Return the arrays and their key."""
+    return {**named, "key": np.array(key)}
 
 
 def _plain_content(path: Path) -> Any:

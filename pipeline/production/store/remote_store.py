@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import logging
 import os
+from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 from flowsculpt.pipeline.errors import UsageError
-from flowsculpt.pipeline.plugin import named, plugins
+from flowsculpt.pipeline.plugin import plugins
 
 VARIABLE = "FLOWSCULPT_STORE"
 """The environment variable that holds the address. Processes and farms pass it on to their jobs."""
@@ -64,20 +65,20 @@ class RemoteStore(Protocol):
         ...
 
 
-class RemoteStores(Protocol):
-    """Find remote stores by their addresses; added by a plug-in."""
+class RemoteStores(ABC):
+    """The contract of plug-ins that know remote stores by their addresses; made without arguments."""
 
+    @abstractmethod
     def checked(self, typed: str) -> str:
         """Return the address that a user typed. Raises UsageError or MachineError where it cannot be used."""
-        ...
 
+    @abstractmethod
     def opened(self, url: str) -> RemoteStore:
         """Return the store at an address, one for each process. Raises what `checked` raises."""
-        ...
 
+    @abstractmethod
     def load(self, url: str) -> None:
         """Import what the store at an address needs, without starting a thread."""
-        ...
 
 
 def store_url() -> str | None:
@@ -92,11 +93,11 @@ def is_read_only() -> bool:
 
 def remote_stores() -> RemoteStores:
     """Return what finds remote stores. Raises UsageError where no plug-in does."""
-    place = next((plugin.remote_stores for plugin in plugins() if plugin.remote_stores), None)
-    if place is None:
+    contract: Any = RemoteStores  # which is abstract
+    stores: list[RemoteStores] = list(plugins().objects("remote_stores", contract).values())
+    if not stores:
         raise UsageError(f"no plug-in knows remote stores; leave out --store, and {VARIABLE} empty")
-    stores: RemoteStores = named(place)
-    return stores
+    return stores[0]
 
 
 def use_store(typed: str | None) -> None:

@@ -21,8 +21,8 @@ from flowsculpt.render.graphics.cards import Screen, TitleCard, title_frames
 from flowsculpt.render.movie.codecs import movie_encode
 from flowsculpt.render.movie.encode import write_movie
 from flowsculpt.render.movie.movie_frames import ClipFrames, Frame, dissolve, mix_frames, prefetch
-from flowsculpt.render.post.colour import quantise, to_display
-from flowsculpt.render.post.image import write_jpeg, write_png
+from flowsculpt.render.post.colour import quantise
+from flowsculpt.render.post.image import write_still
 
 T = TypeVar("T")
 
@@ -139,11 +139,12 @@ def _shown(
     context: Context, request: RenderRequest, keys: PictureKeys, numbers: list[int]
 ) -> Iterator[Frame]:
     """Yield finished frames as a display shows them. One that cannot be read to its end is evicted."""
-    picture = request.shot.picture
+    display = request.shot.picture.display
 
     def read(number: int) -> Frame:
         layers, _ = context.read_picture(request, "frame", number, keys[number].frame)
-        return quantise(to_display(layers["beauty"], picture.lights.exposure, view=picture.view), bits=16)
+        frame: Frame = display.pixels(layers["beauty"])
+        return frame
 
     try:
         yield from map(read, numbers)
@@ -165,16 +166,13 @@ def _stills(form: str, context: Context) -> bool:
 
 def make_still(context: Context, request: RenderRequest, form: str, number: int, frame: Key) -> bool:
     """Make a still of the finished frame of a key, and show it; return whether the store held it."""
-    key, picture = request.keys.still(form, frame), request.shot.picture
+    key, bits = request.keys.still(form, frame), 16 if form == "png16" else 8
 
     def write(path: Path) -> None:
         layers, finished = context.read_picture(request, "frame", number, frame)
-        shown = to_display(layers["beauty"], picture.lights.exposure, "srgb", picture.view)
+        pixels = request.shot.picture.display.pixels(layers["beauty"], "srgb", bits)
         header = {"shot": request.name, "frame": number, "key": key}
-        if form == "jpeg":
-            write_jpeg(path, quantise(shown, 8), header, projection=projection_of(finished))
-        else:
-            write_png(path, quantise(shown, 16 if form == "png16" else 8), header)
+        write_still(path, pixels, header, form=form, projection=projection_of(finished))
 
     return context.make(form, key, request.place(form, number), write)
 

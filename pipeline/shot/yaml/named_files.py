@@ -20,11 +20,11 @@ DEFAULTS = "defaults.yaml"
 MOST_BYTES = 300_000
 """Size of the largest shot file or edit that is read; its parser takes some seconds for as much."""
 
-NAME = r"[A-Za-z0-9][A-Za-z0-9_.-]*"
-"""Names of shots and edits: they become part of file names, on any system."""
+NAME = r"[A-Za-z0-9][A-Za-z0-9_.-]{0,99}"
+"""Names of shots and edits: they become part of file names, on any system.
 
-MOST_LETTERS = 100
-"""Letters in a name; file systems allow some 250 with the numbers and suffixes of files."""
+File systems allow some 250 letters with the numbers and suffixes of files.
+"""
 
 _TOO_LARGE = (
     f"the file is larger than {MOST_BYTES // 1000} kB; a shot file has a few. Put points and samples in "
@@ -70,7 +70,7 @@ def name_fault(name: str, kind: str = "shot") -> str | None:
     of_plugins = {command.folder for command in plugins().commands.values()}
     if name.lower() in {"edit", "film", *of_plugins} and not (kind == "edit" and name == "film"):
         return f"{name} is the name of a folder in renders/; choose another one, as A010_{name}"
-    if len(name) > MOST_LETTERS or not re.fullmatch(NAME, name):
+    if not re.fullmatch(NAME, name):
         rule = f"use letters, digits, _ and -, as in {example}"
         return f"{shortened(name)} cannot name {indefinite(kind)}; {rule}"
     return None

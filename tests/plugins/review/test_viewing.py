@@ -14,7 +14,7 @@ import pytest
 
 from flowsculpt.pipeline.plugins.review.page_pictures import LayerWriter, as_script
 from flowsculpt.pipeline.production.execution.project import Project
-from flowsculpt.pipeline.production.picture_sequences import PLAIN, PictureSequence
+from flowsculpt.pipeline.production.picture_sequences import PictureSequence
 from flowsculpt.render.post.colour import to_display
 from flowsculpt.render.post.hdr import nits_of_pq
 from flowsculpt.render.post.image import read_exr, read_png, write_exr
@@ -37,7 +37,7 @@ def test_layers_are_the_finished_light_and_the_aovs_of_the_frame_it_was_made_fro
     }
     known: dict[str, Any] = {"shot": NAME, "kind": "render", "label": "draft", "quality": "draft"}
     sequence = PictureSequence(
-        **known, subject=NAME, numbers=(1, 2), files={}, display=PLAIN, faults={}, seconds={}, raws=raws
+        **known, subject=NAME, numbers=(1, 2), files={}, faults={}, seconds={}, raws=raws
     )
     (tmp_path / "layers").mkdir()
     store = Project(tmp_path, 1).store

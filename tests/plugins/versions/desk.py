@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from flowsculpt.pipeline.frames import FrameRange
+from flowsculpt.pipeline.plugins.versions.provenance import FILE, Provenance
 from flowsculpt.pipeline.plugins.versions.publishing import Release
 from flowsculpt.pipeline.plugins.versions.reproduction import Reproduction
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.planning.plan import Plan
-from flowsculpt.pipeline.production.request.provenance import FILE, Provenance
 from flowsculpt.pipeline.production.tasks.job import Context
 from flowsculpt.pipeline.production.tasks.worker import task_of
 from tests.conftest import commanded

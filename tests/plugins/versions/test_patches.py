@@ -10,10 +10,10 @@ import pytest
 from flowsculpt.pipeline.errors import FrameError, MissingInputError, UsageError
 from flowsculpt.pipeline.frames import FrameRange
 from flowsculpt.pipeline.plugins.review.review_page import Search
+from flowsculpt.pipeline.plugins.versions.provenance import FILE, Provenance
 from flowsculpt.pipeline.plugins.versions.publishing import Patch
 from flowsculpt.pipeline.plugins.versions.reproduction import Reproduction
 from flowsculpt.pipeline.production.execution.project import Project
-from flowsculpt.pipeline.production.request.provenance import FILE, Provenance
 from flowsculpt.pipeline.production.store.history import History
 from flowsculpt.render.base.input_files import digest_of_file
 from flowsculpt.render.movie.probe import probe_movie

@@ -15,9 +15,9 @@ import pytest
 from flowsculpt.pipeline.errors import FrameError, MachineError, UsageError
 from flowsculpt.pipeline.plugins.review.review_notes import read_notes
 from flowsculpt.pipeline.plugins.versions import publishing
+from flowsculpt.pipeline.plugins.versions.provenance import FILE, Provenance
 from flowsculpt.pipeline.plugins.versions.reproduction import pixels_of
 from flowsculpt.pipeline.production.request.keys import picture_keys
-from flowsculpt.pipeline.production.request.provenance import FILE, Provenance
 from flowsculpt.pipeline.production.store.locks import exclusive
 from flowsculpt.render.base.input_files import digest_of_file
 from tests.plugins.review.note_cases import TIMES, document, note

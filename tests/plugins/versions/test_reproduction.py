@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from flowsculpt.pipeline.errors import MachineError, MissingInputError, UsageError
+from flowsculpt.pipeline.plugins.versions.provenance import FILE, Provenance
 from flowsculpt.pipeline.production.planning.profile import avoid
 from flowsculpt.pipeline.production.request.keys import picture_keys
-from flowsculpt.pipeline.production.request.provenance import FILE, Provenance
 from flowsculpt.pipeline.production.stages import FINISH
 from flowsculpt.render.post.image import read_exr, write_exr
 from tests.plugins.versions.desk import MODEL, NAME, Desk, done

@@ -14,26 +14,19 @@ from typing import Any
 
 import psutil
 
-from flowsculpt.pipeline.errors import MissingInputError, UsageError
-from flowsculpt.pipeline.production.request.lookup import is_quality, today_name
-from flowsculpt.pipeline.production.request.shot_source import ShotSource
-from flowsculpt.pipeline.production.stages import (
-    ASSEMBLE,
-    FINISH,
-    FRAME_CAMERA,
-    RENDER,
-    SIMULATE,
-    SMOOTH_NORMALS,
-)
-from flowsculpt.pipeline.shot.yaml.named_files import NAME, is_there
-from flowsculpt.render.base.render_errors import BadInputError
-from flowsculpt.render.base.serialise import from_plain, to_plain
-from flowsculpt.render.base.state_files import UNUSABLE
-from flowsculpt.render.mitsuba.engine import available_cores
+from flowsculpt import MissingInputError, UsageError
+from flowsculpt.api.files import from_plain, to_plain, usable
+from flowsculpt.api.frames import PUBLISHED, STAGES, PublishedVersion, ShotSource, is_quality
+from flowsculpt.api.shots import NAME, is_there
 
 FILE = "provenance.json"
 FORMAT = 2
 VERSION = r"v[0-9]{3,6}"
+
+_FORMER_QUALITIES = {"preview": "draft"}
+
+_STAGES = ("simulate", "smooth_normals", "frame_camera", "render", "finish", "assemble")
+"""The stages that a version comes from."""
 
 PACKAGES = (
     "av",
@@ -121,7 +114,8 @@ class Provenance:
             fields |= {"source": {**source, "inputs": inputs}, "stages": {}}
         elif data["format"] != FORMAT:
             raise ValueError
-        fields["quality"] = today_name(str(fields["quality"]))
+        base, dot, part = str(fields["quality"]).partition(".")
+        fields["quality"] = f"{_FORMER_QUALITIES.get(base, base)}{dot}{part}"
         record = from_plain(cls, fields)
         _require_whole(record)
         return record
@@ -134,17 +128,18 @@ class Provenance:
                 f"{path}: no such file; flowsculpt versions lists the published versions; each has a {FILE}"
             )
         try:
-            return cls.from_data(json.loads(path.read_text(encoding="utf-8")))
+            text = path.read_bytes()
         except OSError as error:
             raise MissingInputError(
                 f"{path}: cannot be read ({error.strerror}); check its permissions"
             ) from None
-        except (*UNUSABLE, BadInputError):
+        record = usable(lambda: cls.from_data(json.loads(text.decode("utf-8"))))
+        if record is None:
             raise UsageError(
                 f"{path}: not the provenance of a published version, or cut short; use the one that "
-                "flowsculpt "
-                "publish wrote"
-            ) from None
+                "flowsculpt publish wrote"
+            )
+        return record
 
     @property
     def content(self) -> tuple[str, ...]:
@@ -195,14 +190,41 @@ def _within(path: Path) -> str:
     return (plain.relative_to(Path.cwd()) if plain.is_relative_to(Path.cwd()) else plain).as_posix()
 
 
-def records(folder: Path) -> Iterator[tuple[Path, Provenance | UsageError | MissingInputError]]:
-    """Yield the versions in a shot's published folder, in order; an error for one that cannot be read."""
-    versions = (place for place in folder.glob("v*") if re.fullmatch(VERSION, place.name))
+def published_folder(root: Path, shot: str) -> Path:
+    """Return the folder of a shot's versions."""
+    return root / PUBLISHED / shot
+
+
+def records(root: Path, shot: str) -> Iterator[tuple[Path, Provenance | UsageError | MissingInputError]]:
+    """Yield the folders of a shot's versions, in order, and their provenance or why it cannot be read."""
+    folders = published_folder(root, shot).glob("v*")
+    versions = (place for place in folders if re.fullmatch(VERSION, place.name))
     for place in sorted(versions, key=lambda place: (int(place.name[1:]), place.name)):
         try:
             yield place, Provenance.read(place / FILE)
         except (UsageError, MissingInputError) as error:
             yield place, error
+
+
+def published_versions(root: Path, shot: str | None) -> Iterator[PublishedVersion]:
+    """Yield the versions of a shot, or of all shots."""
+    for name in sorted(folder.name for folder in (root / PUBLISHED).glob("*")) if shot is None else [shot]:
+        for folder, record in records(root, name):
+            if not isinstance(record, Provenance):
+                fault = str(record).removeprefix(f"{folder / FILE}: ")
+                yield PublishedVersion(name, folder.name, folder / FILE, fault=fault)
+                continue
+            files = {folder / frame.file: frame.sha256 for frame in record.frames.values()}
+            others = [each for each in (record.movie, record.notes) if each]
+            yield PublishedVersion(
+                shot=name,
+                name=record.version,
+                record=folder / FILE,
+                frames={number: folder / frame.file for number, frame in record.frames.items()},
+                keys={number: frame.frame for number, frame in record.frames.items()},
+                files=files | {folder / each["file"]: each["sha256"] for each in others},
+                notes=folder / record.notes["file"] if record.notes else None,
+            )
 
 
 def packages() -> dict[str, str]:
@@ -212,8 +234,7 @@ def packages() -> dict[str, str]:
 
 def stage_versions() -> dict[str, int]:
     """Return the versions of the stages that a published version comes from."""
-    stages = (SIMULATE, SMOOTH_NORMALS, FRAME_CAMERA, RENDER, FINISH, ASSEMBLE)
-    return {stage.name: stage.version for stage in stages}
+    return {name: STAGES[name].version for name in _STAGES}
 
 
 def host() -> dict[str, Any]:
@@ -224,7 +245,7 @@ def host() -> dict[str, Any]:
         "python": platform.python_version(),
         "machine": platform.machine(),
         "processor": _processor(),
-        "cores": available_cores(),
+        "cores": os.cpu_count() or 1,
         "memory_mib": psutil.virtual_memory().total // 2**20,
     }
 
