@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flowsculpt import Curvature, FrameError, icosphere
-from flowsculpt.api.flows import costliest_flow
+from flowsculpt.api.flows import FlowCost
 from flowsculpt.api.frames import (
     BoundingSpheres,
     Extent,
@@ -141,9 +141,9 @@ def tried(shot: Shot) -> Trial:
 def _require_speed(motion: Motion, points: Points) -> None:
     """Raise FrameError where the sub-steps of a frame in the middle would take too long in all frames."""
     numbers = list(motion.frames)
-    cost = costliest_flow(motion, numbers[len(numbers) // 2], points) if len(numbers) > 1 else None
-    if cost is not None and cost.substeps * len(points) * len(numbers) > MOST_MOVES:
-        raise FrameError(str(cost), numbers[len(numbers) // 2])
+    costs = FlowCost.of_frame(motion, numbers[len(numbers) // 2], points) if len(numbers) > 1 else ()
+    if costs and costs[0].substeps * len(points) * len(numbers) > MOST_MOVES:
+        raise FrameError(str(costs[0]), numbers[len(numbers) // 2])
 
 
 def _coarser(motion: Motion) -> Motion:
