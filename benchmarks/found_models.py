@@ -31,7 +31,7 @@ import numpy as np
 from benchmarks.report import OUT, Row, Target, keep, show
 from benchmarks.sample_models import MODELS, UNUSABLE, UNUSUAL
 from flowsculpt.pipeline.errors import FlowsculptError
-from flowsculpt.pipeline.mesh.read import surface_reader, read_polygons
+from flowsculpt.pipeline.mesh.read import read_polygons, surface_reader
 from flowsculpt.pipeline.plugins.authoring.first_frame import FirstFrames
 from flowsculpt.pipeline.plugins.authoring.scene_rules import findings
 from flowsculpt.pipeline.plugins.authoring.shot_templates import model_template, shot_of_flow
