@@ -35,7 +35,6 @@ from flowsculpt.api.frames import (
     camera_file,
     find_shot,
     key_of,
-    movie_bits,
     options_of,
     picture_keys,
     store_reader,
@@ -58,8 +57,7 @@ from flowsculpt.api.pictures import (
     LightRig,
     RenderedFrame,
     RenderError,
-    in_loop,
-    mix_frames,
+    loop_frames,
     movie_encode,
     prefetch,
     read_header,
@@ -155,11 +153,11 @@ class RelitFrames:
 
     def _make_movie(self, passed: Callable[[], None]) -> None:
         request = self.request
-        rate, bits = FrameRate.of(request.manifest.rate), movie_bits(request.quality_name)
+        rate = FrameRate.of(request.manifest.rate)
         key = key_of(RELIGHT.recipe, request.keys.movie([self.key(n) for n in self.numbers]))
         if not self.store.holds_whole("movie", key):
-            shown = in_loop(request, self.numbers, partial(self._shown, passed), mix_frames)
-            frames, encode = prefetch(shown), movie_encode(bits)
+            shown = loop_frames(self.numbers, request.loop_dissolve, partial(self._shown, passed))
+            frames, encode = prefetch(shown), movie_encode(request.quality_name)
             options: Any = {"projection": request.pictures.projection, "loops": request.loop is not None}
             self.store.put("movie", key, lambda path: write_movie(path, frames, rate.fps, encode, **options))
         self.store.link("movie", key, self.movie_path)

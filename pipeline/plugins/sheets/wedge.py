@@ -30,14 +30,7 @@ from flowsculpt.api.frames import (
     picture_keys,
     shown_picture,
 )
-from flowsculpt.api.pictures import (
-    H264_8_BITS,
-    columns_for,
-    fitted_sheet,
-    read_header,
-    write_movie,
-    write_still,
-)
+from flowsculpt.api.pictures import ENCODES, columns_for, fitted_sheet, read_header, write_movie, write_still
 from flowsculpt.api.shots import shown
 from flowsculpt.pipeline.production.store.paths import RENDERS
 
@@ -283,7 +276,9 @@ class Wedge:
         first = self._read[0][1]
         pages = self._pages(sorted(first.requested), 16, "rec709")
         rate = first.shot.rate.fps
-        store.write(store.root / self.movie_path, lambda path: write_movie(path, pages, rate, H264_8_BITS))
+        store.write(
+            store.root / self.movie_path, lambda path: write_movie(path, pages, rate, ENCODES["phone"])
+        )
         return [self.still_path, self.movie_path]
 
     def _pages(self, numbers: Sequence[int], bits: int, display: str) -> Iterator[NDArray[Any]]:

@@ -32,7 +32,6 @@ from flowsculpt.api.frames import (
     Store,
     find_shot,
     key_of,
-    movie_bits,
     picture_keys,
     shown_picture,
 )
@@ -303,7 +302,7 @@ class TurntableSheets:
                     yield sheet.picture(pictures, " ".join(turn_and_angle(self._table, number)))
                     advance()
 
-            encode = movie_encode(movie_bits(first.quality_name))
+            encode = movie_encode(first.quality_name)
             write_movie(path, prefetch(pages()), first.shot.rate.fps, encode)
 
         cells = [(look, number) for look in looks for number in first.requested]
