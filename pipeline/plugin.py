@@ -14,7 +14,7 @@ import threading
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import nullcontext
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, is_dataclass
 from functools import cache
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
@@ -22,6 +22,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, Self, TypeVar
 
+from flowsculpt.pipeline.api_version import API, fault_of_fields, fault_of_version
 from flowsculpt.pipeline.plugin_contracts import ContractError, fault_of_types, require_class
 from flowsculpt.render.base.foreign_code import foreign_code, located_reason, reason_of_foreign
 from flowsculpt.render.base.render_errors import MachineError
@@ -36,36 +37,6 @@ LOG = logging.getLogger("flowsculpt.plugins")
 
 GROUP = "flowsculpt.plugins"
 """The group of entry points that name plug-ins."""
-
-API = 2
-"""The version of the contract with plug-ins: names of `flowsculpt.api`, fields of `Plugin`, methods of parts.
-
-It is raised when one of them goes away, or takes or returns something else; not when one is added. A plug-in
-says in `api` which version it is built for. Built for a later one, or for one before OLDEST_API, it is left
-out, as is a plug-in that uses a field that is gone.
-"""
-
-OLDEST_API = 1
-"""The oldest version whose plug-ins work, as long as they use no field that has gone since."""
-
-GONE = {
-    "layouts": "subjects, which takes layouts of copies too",
-    "documents": 'entries={"NAME": ShotEntry("module:Model")}',
-    "stages": 'entries={"NAME": ShotEntry("module:Model", PictureStage(…))}',
-    "exporters": 'commands={"export NAME": Command(…)}',
-    "watchers": 'observer="module:Class", a RunObserver with the method watch',
-    "summaries": 'observer="module:Class", a RunObserver with the method summary',
-    "delivered": 'observer="module:Class", a RunObserver with the method delivered',
-    "sequences": 'extras="module:Class", ShotExtras with the method sequences',
-    "animations": 'extras="module:Class", ShotExtras with the method animation',
-    "notes": 'extras="module:Class", ShotExtras with the method notes',
-    "unneeded": 'extras="module:Class", ShotExtras with the method unneeded',
-    "schemas": 'extras="module:Class", ShotExtras with the method schemas',
-    "mesh_formats": 'formats={"SUFFIX": FileFormat(surface="module:READER")}',
-    "paints": 'formats={"SUFFIX": FileFormat(paint="module:READER")}, with the surface of that suffix',
-    "edits": 'formats={"SUFFIX": FileFormat(edit="module:function")}',
-}
-"""What plug-ins write in place of fields that went with version 2."""
 
 
 @dataclass(frozen=True)
@@ -167,7 +138,7 @@ class Plugin:
     extras         `ShotExtras`: what the plug-in has of a shot besides its frames
     formats        `FileFormat`s of models and timelines by suffix: `obj`, `otio`
     resamplers     `PolygonMethod`s, by the names that shots write: `resample: {method: NAME}`
-    remote_stores  an object that finds remote stores by their addresses: see `RemoteStores`
+    remote_stores  `RemoteStores`, which finds remote stores by their addresses
     """
 
     name: str
@@ -189,7 +160,8 @@ class Plugin:
     def __new__(cls, *values: Any, **given: Any) -> Self:
         """Begin a plug-in. Raises ContractError for a version of the API and for fields that are not ours."""
         api = given.get("api", values[2] if len(values) > 2 else API)
-        if fault := _fault_of_version(api) or _fault_of_fields(given):
+        known = [each.name for each in fields(cls)]
+        if fault := fault_of_version(api) or fault_of_fields(given, known):
             raise ContractError(fault)
         return super().__new__(cls)
 
@@ -201,21 +173,37 @@ class Plugin:
     @property
     def sources(self) -> list[Path]:
         """The Python files of the packages and modules with what it adds to shots; none of flowsculpt's."""
-        tasks = (stage.task for stage in self.stages.values())
-        models = (entry.model for entry in self.entries.values())
-        doors = (self.flows, self.looks, self.subjects)
-        places = (*(place for door in doors for place in door.values()), *models, *tasks)
-        tops = {place.partition(":")[0].partition(".")[0] for place in places}
-        specs = [find_spec(top) for top in sorted(tops - {"flowsculpt"})]
-        found: list[Path] = []
-        for spec in filter(None, specs):
-            if spec.submodule_search_locations:
-                found += sorted(
-                    file for place in spec.submodule_search_locations for file in Path(place).rglob("*.py")
-                )
-            elif spec.origin:
-                found.append(Path(spec.origin))
-        return found
+        return _files_of((self.flows, self.looks, self.subjects, self.entries))
+
+    @property
+    def files(self) -> list[Path]:
+        """All its Python files; none of flowsculpt's."""
+        return _files_of(vars(self).values())
+
+
+def _files_of(values: Iterable[Any]) -> list[Path]:
+    """Return the Python files of the packages and modules that places in values of fields name."""
+    tops = {place.partition(":")[0].partition(".")[0] for place in _places(values)}
+    found: list[Path] = []
+    for spec in filter(None, map(find_spec, sorted(tops - {"flowsculpt"}))):
+        if spec.submodule_search_locations:
+            found += sorted(
+                file for top in spec.submodule_search_locations for file in Path(top).rglob("*.py")
+            )
+        elif spec.origin:
+            found.append(Path(spec.origin))
+    return found
+
+
+def _places(values: Iterable[Any]) -> Iterator[str]:
+    """Yield each "module:name" in values of fields."""
+    for value in values:
+        if isinstance(value, Mapping):
+            yield from _places(value.values())
+        elif is_dataclass(value):
+            yield from _places(vars(value).values())
+        elif isinstance(value, str) and _PLACE.fullmatch(value):
+            yield value
 
 
 @dataclass(frozen=True)
@@ -353,22 +341,30 @@ def named(place: str) -> Any:
 @cache
 def _class(plugin: str, place: str, contract: type) -> Any:
     """Return the class at a place; None, with a warning the first time, where it cannot be used."""
-    try:
-        kind = named(place)
-        require_class(kind, contract)
-    except Exception as error:
-        if place.startswith("flowsculpt."):
-            raise
-        LOG.warning(f"plug-in {plugin}: {place} is left out: {_reason(error)}")
-        return None
-    return kind
+
+    def checked() -> Any:
+        require_class(kind := named(place), contract)
+        return kind
+
+    return _unless_left_out(plugin, place, checked)
 
 
 @cache
 def _object(plugin: str, place: str, contract: type) -> Any:
     """Return an object of the class at a place, once in a process; None where there is none to use."""
     kind = _class(plugin, place, contract) if place else None
-    return None if kind is None else kind()
+    return None if kind is None else _unless_left_out(plugin, place, kind)
+
+
+def _unless_left_out(plugin: str, place: str, make: Callable[[], Any]) -> Any:
+    """Return what is made; None, with a warning, where that fails in a plug-in that is not ours."""
+    try:
+        return make()
+    except Exception as error:
+        if place.startswith("flowsculpt."):
+            raise
+        LOG.warning(f"plug-in {plugin}: {place} is left out: {_reason(error)}")
+        return None
 
 
 def _reason(error: Exception) -> str:
@@ -382,7 +378,7 @@ def fault_of_plugin(error: BaseException) -> MachineError | None:
     lines = [(frame.filename, frame.lineno) for frame in frames]
     if loc := getattr(error, "loc", None):  # numba compiles a kernel far from its line
         lines.append((loc.filename, loc.line))
-    owners = {str(file): plugin.name for plugin in plugins() for file in plugin.sources}
+    owners = {str(file): plugin.name for plugin in plugins() for file in plugin.files}
     for file, line in reversed(lines):
         if file in owners:
             return MachineError(f"{file}:{line}: plug-in {owners[file]}: {reason_of_foreign(error)}")
@@ -408,32 +404,8 @@ def _loaded(entry: EntryPoint) -> Plugin:
 
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+_PLACE = re.compile(r"[\w.]+:\w+")
 _COMMAND = re.compile(r"(?!export$)(export )?[A-Za-z0-9][A-Za-z0-9_.-]*")
-
-
-def _fault_of_version(api: Any) -> str | None:
-    """Return why a plug-in built for a version of the API cannot be used; None where it can."""
-    if not isinstance(api, int):
-        return "its field api is not a whole number"
-    if api > API:
-        return f"it is built for version {api} of the API, and this flowsculpt has {API}; update flowsculpt"
-    if api < OLDEST_API:
-        return (
-            f"it is built for version {api} of the API, and this flowsculpt takes {OLDEST_API} to {API}; "
-            "install a newer version of the plug-in"
-        )
-    return None
-
-
-def _fault_of_fields(given: Iterable[str]) -> str | None:
-    """Return why fields that a plug-in has been given are unknown; None where all are known."""
-    known = {each.name for each in fields(Plugin)}
-    for name in given:
-        if name in GONE:
-            return f"its field {name} is gone since version 2 of the API; write {GONE[name]}"
-        if name not in known:
-            return f"Plugin has no field {name}; correct it, or update flowsculpt if a later one has it"
-    return None
 
 
 def _refusal(

@@ -1,14 +1,14 @@
 """Checks that a part of a plug-in keeps the contract of its door, made when the part is read.
 
-A contract is a class beside the code that uses it. A part that is a class extends it; a part that is an
-object has its methods.
+A contract is a class beside the code that uses it, which the class of a part extends.
 """
 
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import is_dataclass
+from difflib import get_close_matches
 from functools import cache
 from inspect import Parameter, Signature
 from typing import Any, get_args, get_origin, get_type_hints
@@ -70,7 +70,10 @@ def require_class(part: Any, *contracts: type) -> None:
         kinds = f"neither a {' nor a '.join(names)}" if len(names) > 1 else f"not a {names[0]}"
         raise ContractError(f"it is {kinds}; write class {part.__name__}({names[0]})")
     lacking = getattr(part, "__abstractmethods__", frozenset[str]())
-    for name, (contract, ours) in _members(part.__mro__[1:]).items():
+    members = _members(part.__mro__[1:])
+    if all(not getattr(ours, "__isabstractmethod__", False) for _, ours in members.values()):
+        _require_spelling(part, members)
+    for name, (contract, ours) in members.items():
         if name in lacking:
             raise ContractError(_lacks(name, ours, contract))
         theirs = inspect.getattr_static(part, name)
@@ -78,14 +81,12 @@ def require_class(part: Any, *contracts: type) -> None:
             _require_arguments(name, theirs, ours)
 
 
-def require_object(part: Any, contract: type) -> None:
-    """Require that a part is an object with all methods of a contract. Raises ContractError as above."""
-    if isinstance(part, type):
-        raise ContractError(f"it is a class; name an object of it, NAME = {part.__name__}()")
-    for name, (owner, ours) in _members(contract.__mro__).items():
-        if not hasattr(part, name):
-            raise ContractError(_lacks(name, ours, owner))
-        _require_arguments(name, getattr(part, name), ours)
+def _require_spelling(part: type, known: Collection[str]) -> None:
+    """Require that no method has nearly the name of one that a class may override: it would not be called."""
+    own = [name for name, value in vars(part).items() if name not in known and inspect.isfunction(value)]
+    for name in own:
+        if close := get_close_matches(name, known, 1, 0.88):
+            raise ContractError(f"it has no {close[0]}, but {name}; correct the name, or take one less alike")
 
 
 def require_function(part: Any, name: str, contract: Any) -> None:

@@ -191,9 +191,9 @@ def test_the_bound_of_the_examples_gradient_is_the_steepest_slope_across_its_tin
 def test_the_commands_of_the_docs_lead_from_an_empty_folder_to_a_flow(tmp_path: Path) -> None:
     page = (HERE / "docs" / "plugins.md").read_text(encoding="utf-8")
     installed = environment_in(tmp_path)
-    files = dict(re.findall(r"`([\w/]+\.\w+)`(?:(?!```).)*?\n```\w+\n(.*?)```", page, re.DOTALL)[:3])
-    assert list(files) == ["pyproject.toml", "flowsculpt_ripples/__init__.py", "flowsculpt_ripples/flow.py"]
-    for name, text in files.items():
+    first = dict(re.findall(r"`([\w/]+\.\w+)`(?:(?!```).)*?\n```\w+\n(.*?)```", page, re.DOTALL)[:3])
+    assert list(first) == ["pyproject.toml", "flowsculpt_ripples/__init__.py", "flowsculpt_ripples/flow.py"]
+    for name, text in first.items():
         (installed.show / name).parent.mkdir(exist_ok=True)
         (installed.show / name).write_text(text)
     (commands,) = re.findall(r"```console\n(.*?)```", page, re.DOTALL)
@@ -215,3 +215,15 @@ def test_the_commands_of_the_docs_lead_from_an_empty_folder_to_a_flow(tmp_path: 
         and "- ripples.ring:" in (installed.show / "shots/A010_pond.yaml").read_text()
     )
     assert list((installed.show / "renders" / "A010_pond" / "preview").glob("*.png"))
+    files = r"`(flowsculpt_ripples/\w+\.py|A020_lagoon\.yaml)`[^:]*:\n\n```\w+\n(.*?)```"
+    for name, text in re.findall(files, page, re.DOTALL):
+        folder = installed.show / "shots" if name.endswith(".yaml") else installed.show.parent
+        (folder / name).write_text(text)
+    (installed.show / "shots" / "a.txt").write_text("1\n" * 642)
+    scan = "subject={ripples.scan: {heights: a.txt}, fit: 2}"
+    assert "ripples.scan" in installed.done("validate", "A020_lagoon", "--set", scan)
+    assert installed.done("depths", "A020_lagoon").startswith("1: -1.000\n")
+    installed.done("export", "csv", "A020_lagoon")
+    assert (installed.show / "A020_lagoon.csv").read_text().startswith("frame,vertices\n1,")
+    delivery = installed.done("--dry-run", "deliver", "A020_lagoon", "--as", "ripples.wall")
+    assert "tinting 24 frames" in delivery and "as ripples.wall" in delivery

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from flowsculpt.pipeline.plugin import API, Plugin, Plugins
+from flowsculpt.pipeline.api_version import API
+from flowsculpt.pipeline.plugin import Plugin, Plugins
 
 GREETER = """\
 from flowsculpt.pipeline.plugin import Command, Plugin
@@ -466,6 +467,16 @@ def test_the_version_is_printed_without_importing_a_plug_in(environment):
     assert done.returncode == 0 and done.stdout.startswith("flowsculpt ") and not done.stderr
 
 
+def test_an_error_in_a_command_of_a_plug_in_is_told_in_a_line_with_its_place(environment):
+    text = GREETER.replace('print("Hello", shot)', "1 / 0")
+    environment.install("greeter", text)
+    done = environment.run("greet", "A010")
+    line = 1 + text.partition("1 / 0")[0].count("\n")
+    assert done.returncode == 4
+    assert done.stderr.endswith(f"greeter.py:{line}: plug-in greeter: ZeroDivisionError: division by zero\n")
+    assert "Traceback" not in done.stderr
+
+
 def test_a_command_whose_module_does_not_load_ends_with_one_line(environment):
     environment.install("broken", plugin("broken", ", commands={'mend': Command('broken_parts:mend', '')}"))
     done = environment.run("mend")
@@ -481,6 +492,10 @@ class Bell(RunObserver):
     def summary(self, common): return ""
 class Notes(ShotExtras):
     notes = b"none"
+class Near(RunObserver):
+    def summary_(self, common, run): return ""
+class Broken(RunObserver):
+    def __init__(self): 1 / 0
 class More(ShotExtras):
     def notes(self, root, shot, *, more=()): return b""
 """
@@ -501,6 +516,11 @@ class More(ShotExtras):
             "its summary takes (common) and is called as summary(common, run); take these arguments",
         ),
         ("extras", "extras:Notes", "its notes is not a method; write def notes(root, shot)"),
+        (
+            "observer",
+            "extras:Near",
+            "it has no summary, but summary_; correct the name, or take one less alike",
+        ),
         ("extras", "extras:More", None),
     ],
 )

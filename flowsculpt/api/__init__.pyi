@@ -53,6 +53,9 @@ from flowsculpt.pipeline.production.store.remote_store import RemoteStores as Re
 from flowsculpt.pipeline.resample import Chord as Chord
 from flowsculpt.pipeline.resample import Curved as Curved
 from flowsculpt.pipeline.resample import Exact as Exact
+from flowsculpt.pipeline.resample import PolygonMethod as PolygonMethod
+from flowsculpt.pipeline.resample import PolygonReport as PolygonReport
+from flowsculpt.pipeline.resample import PolygonResampler as PolygonResampler
 from flowsculpt.pipeline.resample import Resampler as Resampler
 from flowsculpt.pipeline.resample import Thresholds as Thresholds
 from flowsculpt.pipeline.resample import resample as resample

@@ -6,6 +6,7 @@ from flowsculpt.pipeline.animation import material_of as material_of
 from flowsculpt.pipeline.animation.loop import step_into as step_into
 from flowsculpt.pipeline.frames import FrameRange as FrameRange
 from flowsculpt.pipeline.frames import FrameRate as FrameRate
+from flowsculpt.pipeline.frames import FrameSelection as FrameSelection
 from flowsculpt.pipeline.production.picture_sequences import PictureSequence as PictureSequence
 from flowsculpt.pipeline.production.picture_sequences import SequenceGrid as SequenceGrid
 from flowsculpt.pipeline.production.picture_sequences import SequenceQuery as SequenceQuery
@@ -44,6 +45,8 @@ from flowsculpt.pipeline.production.request.lookup import names_edit as names_ed
 from flowsculpt.pipeline.production.request.lookup import options_of as options_of
 from flowsculpt.pipeline.production.request.lookup import shot_names as shot_names
 from flowsculpt.pipeline.production.request.manifest import thresholds_at as thresholds_at
+from flowsculpt.pipeline.production.request.render_request import FrameSource as FrameSource
+from flowsculpt.pipeline.production.request.render_request import MeshAngle as MeshAngle
 from flowsculpt.pipeline.production.request.render_request import RenderRequest as RenderRequest
 from flowsculpt.pipeline.production.request.shading import STEP as STEP
 from flowsculpt.pipeline.production.request.shading import Shading as Shading

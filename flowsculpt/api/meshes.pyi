@@ -16,6 +16,5 @@ from flowsculpt.pipeline.mesh.read import read_paint as read_paint
 from flowsculpt.pipeline.mesh.read import usual_up as usual_up
 from flowsculpt.pipeline.mesh.validation import require as require
 from flowsculpt.pipeline.mesh.validation import twin_corners as twin_corners
-from flowsculpt.pipeline.resample.polygon_resamplers import PolygonResampler as PolygonResampler
 from flowsculpt.pipeline.resample.resample_pass import not_finite as not_finite
 from flowsculpt.pipeline.statistics import self_intersections as self_intersections

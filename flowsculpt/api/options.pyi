@@ -5,6 +5,7 @@ from flowsculpt.pipeline.cli.options import Common as Common
 from flowsculpt.pipeline.cli.options import Crop as Crop
 from flowsculpt.pipeline.cli.options import Crossings as Crossings
 from flowsculpt.pipeline.cli.options import Force as Force
+from flowsculpt.pipeline.cli.options import FrameNumbers as FrameNumbers
 from flowsculpt.pipeline.cli.options import Frames as Frames
 from flowsculpt.pipeline.cli.options import PictureOptions as PictureOptions
 from flowsculpt.pipeline.cli.options import Plot as Plot

@@ -206,17 +206,17 @@ class ModelMaterials(NamedTuple):
 class PaintReader:
     """The reader of what lies on the faces of models of a format: texture coordinates, colours and materials.
 
-    files      returns the files that paint is read from besides those of the surface
     materials  returns the materials of a model
     paint      returns the paint
+    files      returns the files that paint is read from besides those of the surface
     of_part    returns the reader of a `ScenePart` of scenes; None where parts have no names
 
     They raise MissingInputError where a file is not there, and any error where it cannot read.
     """
 
-    files: Callable[[Path], Files]
     materials: Callable[[Path], ModelMaterials]
     paint: Callable[[Path], Paint]
+    files: Callable[[Path], Files] = lambda path: {}
     of_part: Callable[[ScenePart], PaintReader] | None = None
 
 

@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -20,17 +21,19 @@ from flowsculpt.pipeline.production.planning.plan import Job, Plan
 from flowsculpt.pipeline.production.store.event_log import EventLog, EventReader
 from flowsculpt.pipeline.production.store.paths import CHECKPOINTS, EVENTS
 from flowsculpt.pipeline.production.store.store import Store, checkpoint_of, remove_checkpoints, sweep
-from flowsculpt.pipeline.production.tasks import supervisor
+from flowsculpt.pipeline.production.tasks import worker_end
 from flowsculpt.pipeline.production.tasks.job import Context
-from flowsculpt.pipeline.production.tasks.supervisor import (
+from flowsculpt.pipeline.production.tasks.worker import task_of
+from flowsculpt.pipeline.production.tasks.worker_end import (
     RESTART_WORKER,
     VARIABLE,
     MemoryGuard,
     MemoryLimitError,
-    Supervisor,
-    _verdict,
+    needs_another,
+    run_children,
+    settled_frames,
+    verdict,
 )
-from flowsculpt.pipeline.production.tasks.worker import task_of
 from flowsculpt.render.frame import render_frame as passes
 from flowsculpt.render.post.image import read_exr
 
@@ -174,11 +177,11 @@ def test_a_renderer_that_has_grown_leaves_its_other_frames_to_a_fresh_one(
 
 def test_a_renderer_may_grow_by_half_and_to_a_gibibyte(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv(VARIABLE, raising=False)
-    monkeypatch.setattr(supervisor.gc, "collect", lambda: 0)
+    monkeypatch.setattr(worker_end.gc, "collect", lambda: 0)
     cases = ((200, 1000, False), (200, 1100, True), (2000, 2900, False), (2000, 3100, True))
     for first, grown, worn in cases:
         held = iter([first, *[grown] * 2])
-        monkeypatch.setattr(supervisor, "_resident_mib", lambda held=held: float(next(held)))
+        monkeypatch.setattr(worker_end, "_resident_mib", lambda held=held: float(next(held)))
         process = MemoryGuard()
         process.measure()
         process.check()
@@ -197,48 +200,66 @@ def test_a_size_that_is_none_is_refused(said: str, monkeypatch: pytest.MonkeyPat
         MemoryGuard()
 
 
-_RENDERER = """
-import sys
-from pathlib import Path
-from flowsculpt.pipeline.production.store.event_log import EventLog
-log = EventLog(Path(sys.argv[1]), "job")
-number = int(sys.argv[2])
-for event, frame in {0: [("frame", 1), ("fail", 2)], 2: [("frame", 3)], 3: [("frame", 4)]}[number]:
-    log.write(event, frame=frame)
-sys.exit(75 if number < 3 else 0)
-"""
-
-
-def test_fresh_renderers_go_on_where_others_ended_past_frames_that_failed(tmp_path: Path) -> None:
-    log = EventLog(tmp_path / "events.jsonl", "job")
-    log.write("frame", frame=1)  # of a run before
+@pytest.fixture
+def renderer(tmp_path: Path) -> Context:
+    """A job that renders four frames, of which a run before has made the first."""
     job = Job("job", "render", (0,), (1, 2, 3, 4))
-    started: list[int] = []
-
-    def start(settled: int) -> subprocess.Popen[bytes]:
-        started.append(settled)
-        return subprocess.Popen([sys.executable, "-c", _RENDERER, str(log.path), str(settled)])
-
-    assert RESTART_WORKER == 75
-    assert Supervisor(Context(tmp_path, Plan((), None, (job,)), job, log), start).run() == 0
-    assert started == [0, 2, 3]
+    log = EventLog(tmp_path / "events.jsonl", "job")
+    log.write("frame", frame=1)
+    return Context(tmp_path, Plan((), None, (job,)), job, log)
 
 
-def test_what_was_rendered_is_finished_unless_nothing_was_or_the_machine_refused() -> None:
-    made, failed, refused = (
-        {"event": "frame"},
-        {"event": "fail", "exit_code": 1},
-        {"event": "fail", "exit_code": 4},
-    )
-    assert _verdict(0, [made, made]) == 0 and _verdict(1, [made]) == 1
-    assert _verdict(1, [made, failed]) == 0
-    assert _verdict(1, [failed, failed]) == 1 and _verdict(1, [made, refused]) == 1
+def test_fresh_workers_go_on_where_others_ended_past_frames_that_failed(renderer: Context) -> None:
+    settled: list[int] = []
+
+    def start(after: int) -> Any:
+        renderer.begin(after)
+        settled.append(settled_frames(renderer))
+        if not after:
+            renderer.log.write("frame", frame=1)
+            renderer.log.write("fail", frame=2, exit_code=1)
+        else:
+            renderer.log.write("frame", frame=settled[-1] + 1)
+        code = RESTART_WORKER if settled_frames(renderer) < 4 else 0
+        return SimpleNamespace(wait=lambda: code)
+
+    assert run_children(start) == 0
+    assert settled == [0, 2, 3]
+
+
+@pytest.mark.parametrize(
+    ("code", "events", "expected"),
+    [
+        (0, ["made", "made"], 0),
+        (1, ["made"], 1),
+        (1, ["made", "failed"], 0),
+        (1, ["failed", "failed"], 1),
+        (1, ["made", "refused"], 1),
+        (130, ["made", "failed"], 130),
+    ],
+)
+def test_what_was_rendered_is_finished_unless_nothing_was_or_the_machine_refused(
+    renderer: Context, code: int, events: list[str], expected: int
+) -> None:
+    renderer.begin(0)
+    for number, event in enumerate(events):
+        if event == "made":
+            renderer.log.write("frame", frame=number)
+        else:
+            renderer.log.write("fail", frame=number, exit_code=1 if event == "failed" else 4)
+    assert verdict(renderer, code) == expected
+
+
+def test_a_worker_is_replaced_when_it_has_grown_and_a_killed_one_once_to_say_why() -> None:
+    killed, asked_to_end = -signal.SIGKILL, -signal.SIGTERM
+    assert needs_another(RESTART_WORKER, 0) and needs_another(RESTART_WORKER, RESTART_WORKER)
+    assert needs_another(killed, 0) and needs_another(killed, RESTART_WORKER)
+    assert not any(needs_another(code, 0) for code in (0, 1, 4, 130, asked_to_end))
+    assert not needs_another(killed, killed)
 
 
 def test_a_signal_is_passed_on_and_the_renderer_waited_for(tmp_path: Path) -> None:
     """The renderer ends after its sample batch, not at once."""
-    log = EventLog(tmp_path / "events.jsonl", "job")
-    job = Job("job", "render", (0,), (1,))
     code = (
         "import os, signal, sys, time\n"
         "signal.signal(signal.SIGTERM, lambda *_: (time.sleep(0.3), open(sys.argv[1], 'w'), sys.exit(130)))\n"
@@ -246,10 +267,8 @@ def test_a_signal_is_passed_on_and_the_renderer_waited_for(tmp_path: Path) -> No
         "time.sleep(60)"
     )
 
-    def start(settled: int) -> subprocess.Popen[bytes]:
+    def start(after: int) -> subprocess.Popen[bytes]:
         return subprocess.Popen([sys.executable, "-c", code, str(tmp_path / "kept")])
 
-    context = Context(tmp_path, Plan((), None, (job,)), job, log)
-    assert Supervisor(context, start).run() == 130
+    assert run_children(start) == 130
     assert (tmp_path / "kept").exists()
-    assert not list(EventReader(log.path).new())

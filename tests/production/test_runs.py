@@ -3,10 +3,12 @@
 import json
 import os
 import signal
+import sys
 import time
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 
 from flowsculpt.render.movie.probe import probe_movie
@@ -256,6 +258,20 @@ def test_the_jobs_of_a_killed_command_do_not_outlive_it(project):
     process.kill()
     process.communicate()
     project.wait_until(lambda: not processes_of(process.pid))
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere there is no pool")
+@pytest.mark.parametrize("depth", [2, *(pytest.param(depth, marks=pytest.mark.soak) for depth in (1, 3))])
+def test_a_run_goes_on_when_snakemake_the_pool_or_a_renderer_is_killed(project, depth):
+    process = project.start("render", NAME, "-q", QUALITY)
+    project.wait_until(lambda: project.frames(kind="raw"))
+    killed = psutil.Process(process.pid)
+    for _ in range(depth):
+        killed = killed.children()[0]
+    killed.kill()
+    out, err = process.communicate(timeout=300)
+    assert process.returncode == 0, out + err
+    assert len(project.frames()) == 6
 
 
 def test_a_second_run_of_the_same_is_refused_in_one_line_that_names_the_first(project):

@@ -98,7 +98,7 @@ def test_the_exit_code_of_a_job_is_reported_and_the_next_is_done(tmp_path: Path)
 
 
 @pytest.mark.parametrize(
-    ("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 130), (signal.SIGKILL, -signal.SIGKILL)]
+    ("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 130), (signal.SIGKILL, 1)]
 )
 def test_a_signal_to_a_worker_ends_its_job_alone(
     tmp_path: Path, words: list[str], number: int, code: int
@@ -108,6 +108,8 @@ def test_a_signal_to_a_worker_ends_its_job_alone(
         assert owner.code() == code
         owner.submit()
         assert owner.code() == 2, "the pool works on"
+    (log,) = tmp_path.glob(".flowsculpt/events/*.jsonl")
+    assert ("was terminated by SIGKILL" in log.read_text()) == (number == signal.SIGKILL)
 
 
 def test_signals_to_the_pool_leave_its_end_to_its_owner(tmp_path: Path, words: list[str]) -> None:

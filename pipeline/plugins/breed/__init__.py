@@ -1,7 +1,6 @@
 """Breeding: children of one shot or two, made by chance, from which a person chooses."""
 
-from flowsculpt.api import Command, Plugin
-from flowsculpt.pipeline.plugin import ShotEntry
+from flowsculpt.api import Command, Plugin, ShotEntry
 
 PLUGIN = Plugin(
     name="breed",

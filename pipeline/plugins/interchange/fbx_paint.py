@@ -20,7 +20,7 @@ from flowsculpt.api import brief, shortened
 from flowsculpt.api.files import MEMORY, allow_memory, digest_of_file, read_input, require_input, serve
 from flowsculpt.api.meshes import AnyArray, Floats
 from flowsculpt.api.pictures import linear_of_srgb
-from flowsculpt.pipeline.mesh.mesh_formats import Files, ModelMaterials, PaintReader
+from flowsculpt.pipeline.mesh.mesh_formats import ModelMaterials, PaintReader
 from flowsculpt.pipeline.plugins.interchange.fbx_files import (
     MOST_BYTES,
     counted,
@@ -31,7 +31,7 @@ from flowsculpt.pipeline.plugins.interchange.fbx_files import (
     shown_meshes,
     uncollected,
 )
-from flowsculpt.pipeline.plugins.interchange.model_paint import ModelPaint, packed
+from flowsculpt.pipeline.plugins.interchange.model_paint import ModelPaint, PaintParts, packed
 from flowsculpt.pipeline.plugins.interchange.painted_materials import (
     GREY,
     mask_of,
@@ -80,10 +80,6 @@ _WRAPS = (REPEAT, CLAMP)
 _NO_INDEX = 0xFFFFFFFF
 _FIRST_SET = ("", "default")
 """Names of texture coordinates that stand for the first."""
-
-
-def _no_files(path: Path) -> Files:
-    return {}
 
 
 def _materials(path: Path) -> ModelMaterials:
@@ -155,7 +151,7 @@ def _read(path: Path) -> ModelPaint:
     return ModelPaint.unpacked(asked(_MODULE, path, "paint"))
 
 
-FBX_PAINT = PaintReader(_no_files, _materials, _read)
+FBX_PAINT = PaintReader(_materials, _read)
 
 
 def answer(path: str, question: str) -> bytes:
@@ -178,8 +174,8 @@ def _packed_paint(content: bytes) -> bytes:
 def _material_facts(content: bytes) -> list[dict[str, Any]]:
     """Return the facts about each material of a file, by number. Raises MeshError for what is not read."""
     scene = _PaintedScene.of(loaded_scene(content, ignore_embedded=False))
-    has_colours = any(part.colours is not None for part in scene.parts)
-    return [_facts_of(material) | {"has_colours": has_colours} for material in scene.materials]
+    found = {"has_colours": scene.parts.has_colours}
+    return [_facts_of(material) | found for material in scene.materials]
 
 
 @uncollected()
@@ -190,31 +186,16 @@ def _picture_within(content: bytes, digest: str) -> bytes:
 
 
 @dataclass
-class _Part:
-    """The faces of a placed mesh, and what is on them.
-
-    materials    int64 (F,): numbers of materials
-    coordinates  (C, 2)
-    colours      (C, 3) linear, or None
-    """
-
-    polygons: Polygons
-    materials: AnyArray
-    coordinates: Floats
-    colours: Floats | None
-
-
-@dataclass
 class _PaintedScene:
     """The visible meshes of a scene, and the materials that their faces have, None for faces without one."""
 
-    parts: list[_Part]
+    parts: PaintParts
     materials: list[ufbx.Material | None]
 
     @classmethod
     def of(cls, scene: ufbx.Scene) -> _PaintedScene:
         """Read the paint of a scene. Raises MeshError, with the mesh or material, for what is not read."""
-        found, placed = cls([], []), PlacedMeshes()
+        found, placed = cls(PaintParts(), []), PlacedMeshes()
         numbers: dict[int, int] = {}
         for node, mesh, matrix in shown_meshes(scene, Counter()):
             name = shortened(node.name or mesh.name)
@@ -236,34 +217,14 @@ class _PaintedScene:
                 materials[own == place] = number
                 at = np.repeat(own == place, polygons.sides)
                 coordinates[at] = _coordinates(mesh, material, order[at], name)
-            polygons = polygons._replace(corners=corners[order])
-            found.parts.append(_Part(polygons, materials, coordinates, _colours(mesh, order, name)))
+            colours = _colours(mesh, order, name)
+            arrays = polygons.sides, corners[order], coordinates, materials, colours
+            found.parts.add(polygons.points, *arrays)
         return found
 
     def arrays(self) -> dict[str, AnyArray]:
         """Return the arguments of `ModelPaint.of`."""
-        meshes = [part.polygons for part in self.parts]
-        firsts = np.cumsum([0, *(len(mesh.points) for mesh in meshes)])
-        found = {
-            "points": np.concatenate([np.empty((0, 3)), *(mesh.points for mesh in meshes)]),
-            "sides": np.concatenate([np.empty(0, np.int64), *(mesh.sides for mesh in meshes)]),
-            "corners": np.concatenate(
-                [np.empty(0, np.int64), *(m.corners + k for m, k in zip(meshes, firsts, strict=False))]
-            ),
-            "coordinates": np.concatenate([np.empty((0, 2)), *(part.coordinates for part in self.parts)]),
-            "materials": np.concatenate([np.empty(0, np.int64), *(part.materials for part in self.parts)]),
-        }
-        if any(part.colours is not None for part in self.parts):
-            plain = np.array([_facts_of(material)["colour"] for material in self.materials])
-            found["colours"] = np.concatenate(
-                [
-                    plain[np.repeat(part.materials, part.polygons.sides)]
-                    if part.colours is None
-                    else part.colours
-                    for part in self.parts
-                ]
-            )
-        return found
+        return self.parts.arrays(lambda: np.array([_facts_of(each)["colour"] for each in self.materials]))
 
 
 def _colours(mesh: ufbx.Mesh, corners: AnyArray, name: str) -> Floats | None:

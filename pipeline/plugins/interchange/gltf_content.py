@@ -111,7 +111,7 @@ class GltfContent:
             found.append(
                 {
                     "attributes": own,
-                    "indices": self._indices(faces[numbers == number]),
+                    "indices": self.indices(faces[numbers == number]),
                     "material": self.append("materials", material),
                 }
             )
@@ -155,7 +155,8 @@ class GltfContent:
         rows = values.astype("<f4")
         return self.accessor(self.vertices(rows), rows, kind, FLOAT, bounded=bounded)
 
-    def _indices(self, faces: AnyArray) -> int:
+    def indices(self, faces: AnyArray) -> int:
+        """Add the corners of faces (F, 3)."""
         indices = faces.reshape(-1).astype("<u4")
         if self.compresses:
             view = self._view(encode_indices(indices), len(indices), 4, "INDICES", target=_INDICES)

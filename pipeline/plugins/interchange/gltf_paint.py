@@ -31,7 +31,7 @@ from flowsculpt.pipeline.plugins.interchange.gltf_files import (
     placed,
 )
 from flowsculpt.pipeline.plugins.interchange.gltf_scene import DefaultScene, PlacedPrimitive
-from flowsculpt.pipeline.plugins.interchange.model_paint import ModelPaint, packed
+from flowsculpt.pipeline.plugins.interchange.model_paint import ModelPaint, PaintParts, packed
 from flowsculpt.pipeline.plugins.interchange.painted_materials import (
     GREY,
     alpha_of,
@@ -129,46 +129,33 @@ class PaintArrays(SceneArrays):
         """Return the arguments of `ModelPaint.of`. Raises ValueError."""
         scene = self.scene
         assert isinstance(scene, PaintedScene)
-        points, corners, coordinates, materials, colours, first = [], [], [], [], [], 0
+        found, plain = PaintParts(), dict[int, list[float]]()
         for part in scene.parts:
             own = self._own(part)
             shown = placed(own, self._matrices(part))
             faces = shown.faces % max(len(own.points), 1)
             number, material = scene.material_of(part)
             name, transform = scene.coordinates_of(part)
-            points.append(shown.points)
-            corners.append((shown.faces + first).reshape(-1))
-            coordinates.append(
-                _transformed(self._values(part, name, own, 2), transform)[faces].reshape(-1, 2)
-            )
-            materials.append(np.full(len(faces), number))
-            factor = _factor(material)[:3]
-            values = self._values(part, "COLOR_0", own, 3, 1.0)
-            if values.shape[1] > 3 and (values[:, 3] < 1.0).any() and _is_cut_out(material):
-                raise MeshError(
-                    f"{material.place} has vertex colours with alpha, COLOR_0, which is not read. Export "
-                    "it with a texture, or write paint: off."
-                )
-            values = values[:, :3] * factor
-            colours.append(np.clip(values, 0.0, 1.0)[faces].reshape(-1, 3))
-            first += len(shown.points)
-        found = {
-            "points": np.concatenate([np.empty((0, 3)), *points]),
-            "corners": np.concatenate([np.empty(0, np.int64), *corners]),
-            "coordinates": np.concatenate([np.empty((0, 2)), *coordinates]),
-            "materials": np.concatenate([np.empty(0, np.int64), *materials]),
-        }
-        if any("COLOR_0" in part.primitive.entry("attributes") for part in scene.parts):
-            found["colours"] = np.concatenate([np.empty((0, 3)), *colours])
-        return {**found, "sides": np.full(len(found["materials"]), 3)}
+            coordinates = _transformed(self._values(part, name, own, 2), transform)[faces].reshape(-1, 2)
+            plain[number], colours = _factor(material)[:3], None
+            if "COLOR_0" in part.primitive.entry("attributes"):
+                values = self._values(part, "COLOR_0", own, 3)
+                if values.shape[1] > 3 and (values[:, 3] < 1.0).any() and _is_cut_out(material):
+                    raise MeshError(
+                        f"{material.place} has vertex colours with alpha, COLOR_0, which is not read. Export "
+                        "it with a texture, or write paint: off."
+                    )
+                colours = np.clip(values[:, :3] * plain[number], 0.0, 1.0)[faces].reshape(-1, 3)
+            sides, materials = np.full(len(faces), 3), np.full(len(faces), number)
+            found.add(shown.points, sides, shown.faces.reshape(-1), coordinates, materials, colours)
+        black = [0.0, 0.0, 0.0]  # of materials that no part has
+        return found.arrays(lambda: np.array([plain.get(number, black) for number in range(max(plain) + 1)]))
 
-    def _values(
-        self, part: PlacedPrimitive, name: str, own: Triangles, size: int, otherwise: float = 0.0
-    ) -> Floats:
-        """Return an attribute (V, k) of the points of a part; `otherwise` where it has none."""
+    def _values(self, part: PlacedPrimitive, name: str, own: Triangles, size: int) -> Floats:
+        """Return an attribute (V, k) of the points of a part; zeros where it has none."""
         attributes = part.primitive.entry("attributes").values
         if name not in attributes:
-            return np.full((len(own.points), size), otherwise)
+            return np.zeros((len(own.points), size))
         accessor = self.document.item("accessors", attributes[name], part.place)
         if self.scene.draco_of(part) is not None:
             raise ValueError(f"{part.place} has its {name} as Draco data, and paint is not read from that")
@@ -355,7 +342,7 @@ def _read(path: Path) -> ModelPaint:
     return ModelPaint.unpacked(answer_of("flowsculpt.pipeline.plugins.interchange.gltf_paint", path))
 
 
-GLTF_PAINT = PaintReader(_files, _materials, _read)
+GLTF_PAINT = PaintReader(_materials, _read, _files)
 
 
 def _answer(path: str) -> bytes:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import json
 import struct
 from collections.abc import Callable, Iterator, Mapping
 from itertools import pairwise
@@ -160,39 +159,21 @@ def _glb(mesh: Mesh) -> bytes:
     mesh = _triangles(mesh)
     if not len(mesh.faces):
         raise MeshError("a GLB without a face is not valid; write a PLY")
-    parts = {"POSITION": mesh.vertices.astype("<f4"), "NORMAL": _shading(mesh).astype("<f4")}
+    from flowsculpt.pipeline.plugins.interchange.gltf_content import GltfContent  # with all materials
+
+    content = GltfContent(plain=True)
+    attributes = {
+        "POSITION": content.floats(mesh.vertices, "VEC3", bounded=True),
+        "NORMAL": content.floats(_shading(mesh), "VEC3"),
+    }
     uvs = _attribute(mesh, UV, 2)
     if uvs is not None:
-        parts["TEXCOORD_0"] = np.column_stack([uvs[:, 0], 1.0 - uvs[:, 1]]).astype("<f4")  # downwards
-    arrays = [*parts.values(), mesh.faces.reshape(-1, 1).astype("<u4")]
-    kinds = [*((f"VEC{values.shape[1]}", 5126, 34962) for values in parts.values()), ("SCALAR", 5125, 34963)]
-    accessors: list[dict[str, Any]] = []
-    views: list[dict[str, Any]] = []
-    start = 0
-    for values, (kind, component, target) in zip(arrays, kinds, strict=True):
-        accessors.append(
-            {"bufferView": len(views), "componentType": component, "count": len(values), "type": kind}
-        )
-        views.append({"buffer": 0, "byteOffset": start, "byteLength": values.nbytes, "target": target})
-        start += values.nbytes
-    low, high = parts["POSITION"].min(axis=0), parts["POSITION"].max(axis=0)
-    accessors[0] |= {"min": low.tolist(), "max": high.tolist()}
-    attributes = {name: number for number, name in enumerate(parts)}
-    document = {
-        "asset": {"version": "2.0", "generator": "flowsculpt"},
-        "scene": 0,
-        "scenes": [{"nodes": [0]}],
-        "nodes": [{"mesh": 0}],
-        "meshes": [{"primitives": [{"attributes": attributes, "indices": len(parts), "material": 0}]}],
-        "materials": [{"pbrMetallicRoughness": {"metallicFactor": 0.0}}],  # without any it would be metal
-        "accessors": accessors,
-        "bufferViews": views,
-        "buffers": [{"byteLength": start}],
-    }
-    text = json.dumps(document, separators=(",", ":")).encode()
-    text += b" " * (-len(text) % 4)
-    head = struct.pack("<4sIII4s", b"glTF", 2, 28 + len(text) + start, len(text), b"JSON")
-    return b"".join([head, text, struct.pack("<I4s", start, b"BIN\0"), *(part.tobytes() for part in arrays)])
+        attributes["TEXCOORD_0"] = content.floats(np.column_stack([uvs[:, 0], 1.0 - uvs[:, 1]]), "VEC2")
+    plain = {"pbrMetallicRoughness": {"metallicFactor": 0.0}}  # without any it would be metal
+    material = content.append("materials", plain)
+    primitive = {"attributes": attributes, "indices": content.indices(mesh.faces), "material": material}
+    content.append("nodes", {"mesh": content.append("meshes", {"primitives": [primitive]})})
+    return content.glb("the model", "model")
 
 
 def _triangles(mesh: Mesh) -> TriangleMesh:

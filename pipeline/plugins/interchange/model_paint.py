@@ -13,6 +13,7 @@ the texture coordinates that one position has there.
 from __future__ import annotations
 
 import io
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
@@ -148,6 +149,53 @@ class ModelPaint:
             part = slice(first, first + _BLOCK)
             find_nearest(points[part], wanted[part], own.addresses, own.starts, found[part], shares[part])
         return own.triangles[own.first[wanted] + found], shares
+
+
+class PaintParts:
+    """Collects the painted meshes of a scene; `has_colours` tells whether one has colours of its own."""
+
+    def __init__(self) -> None:
+        self.has_colours = False
+        self._vertices = 0
+        self._colours: list[AnyArray | None] = []
+        self._arrays: dict[str, list[AnyArray]] = {
+            "points": [np.empty((0, 3))],
+            "sides": [np.empty(0, np.int64)],
+            "corners": [np.empty(0, np.int64)],
+            "coordinates": [np.empty((0, 2))],
+            "materials": [np.empty(0, np.int64)],
+        }
+
+    def add(
+        self,
+        points: Points,
+        sides: AnyArray,
+        corners: AnyArray,
+        coordinates: Floats,
+        materials: AnyArray,
+        colours: Floats | None,
+    ) -> None:
+        """Add a mesh, by the arguments of `ModelPaint.of`; its corners count its own points."""
+        added = (points, sides, corners + self._vertices, coordinates, materials)
+        for held, values in zip(self._arrays.values(), added, strict=True):
+            held.append(values)
+        self._vertices += len(points)
+        self._colours.append(colours)
+        self.has_colours |= colours is not None
+
+    def arrays(self, plain: Callable[[], AnyArray]) -> dict[str, AnyArray]:
+        """Return the arguments of `ModelPaint.of`.
+
+        plain  returns the colours (M, 3) of materials, for meshes without colours where others have some
+        """
+        found = {name: np.concatenate(parts) for name, parts in self._arrays.items()}
+        if not self.has_colours:
+            return found
+        of_materials, colours = plain(), list[AnyArray]()
+        meshes = zip(self._arrays["sides"][1:], self._arrays["materials"][1:], self._colours, strict=True)
+        for sides, materials, own in meshes:
+            colours.append(of_materials[np.repeat(materials, sides)] if own is None else own)
+        return {**found, "colours": np.concatenate(colours)}
 
 
 def packed(arrays: dict[str, AnyArray]) -> bytes:

@@ -21,7 +21,7 @@ from flowsculpt.api import brief
 from flowsculpt.api.files import digest_of_file, read_input
 from flowsculpt.api.pictures import linear_of_srgb
 from flowsculpt.pipeline.file_contents import number_fault, text_content
-from flowsculpt.pipeline.mesh.mesh_formats import MOST_BYTES, Files, ModelMaterials, PaintReader
+from flowsculpt.pipeline.mesh.mesh_formats import MOST_BYTES, ModelMaterials, PaintReader
 from flowsculpt.pipeline.plugins.interchange.model_paint import ModelPaint
 from flowsculpt.pipeline.plugins.interchange.obj_files import statements
 from flowsculpt.pipeline.plugins.interchange.painted_materials import (
@@ -306,8 +306,4 @@ def _number(entries: dict[bytes, list[bytes]], name: bytes, otherwise: float) ->
     return number if math.isfinite(number) else otherwise
 
 
-def _no_files(path: Path) -> Files:
-    return {}
-
-
-OBJ_PAINT = PaintReader(_no_files, _materials, _read_paint)
+OBJ_PAINT = PaintReader(_materials, _read_paint)

@@ -18,7 +18,6 @@ from typing import Any
 from flowsculpt import MissingInputError
 from flowsculpt.api.files import allow_memory, cache_path, digest_of_file, joint_digest, mapping, serve
 from flowsculpt.pipeline.mesh.mesh_formats import (
-    Files,
     FileSurface,
     ModelFiles,
     ModelMaterials,
@@ -97,10 +96,6 @@ def read_usd(path: Path, part: ScenePart = _WHOLE) -> FileSurface:
 USD = SurfaceReader(read_usd, stage_files, states_up=True, read_part=read_usd)
 
 
-def _no_files(path: Path) -> Files:
-    return {}  # layers are files of the surface
-
-
 def _materials(path: Path, part: ScenePart = _WHOLE) -> ModelMaterials:
     """Return the materials of a part of a stage in the order of its paint, and the files of their pictures.
 
@@ -176,10 +171,10 @@ def _paint(path: Path, part: ScenePart = _WHOLE) -> ModelPaint:
 
 
 def _paint_of_part(part: ScenePart) -> PaintReader:
-    return PaintReader(_no_files, partial(_materials, part=part), partial(_paint, part=part))
+    return PaintReader(partial(_materials, part=part), partial(_paint, part=part))
 
 
-USD_PAINT = PaintReader(_no_files, _materials, _paint, _paint_of_part)
+USD_PAINT = PaintReader(_materials, _paint, of_part=_paint_of_part)
 
 
 def _digest(path: Path) -> str:
@@ -206,15 +201,29 @@ def answer(path: str, question: str, options: str) -> bytes:
     _load_usd()
     from pxr import Tf
 
-    from flowsculpt.pipeline.plugins.interchange.usd_reader import answer_about, content_of_picture, one_line
+    from flowsculpt.pipeline.plugins.interchange.usd_reader import content_of_picture, one_line
 
     try:
         if question == "picture":
             return answered(lambda: content_of_picture(json.loads(options)[0]))
-        return answered(lambda: answer_about(path, question, *json.loads(options)))
+        return answered(lambda: _answer_about_stage(path, question, *json.loads(options)))
     except Tf.ErrorException as error:
         first = next((part.commentary for part in error.args if hasattr(part, "commentary")), str(error))
         raise ValueError(one_line(first, path)) from None
+
+
+def _answer_about_stage(path: str, question: str, prim: str | None, time_code: float | None) -> bytes:
+    """Return the answer to `facts`, `surface`, `paint` or `materials`; modules are imported as needed."""
+    from flowsculpt.pipeline.plugins.interchange.usd_reader import facts_of, open_stage, surface_of
+
+    stage, files = open_stage(path)
+    if question == "facts":
+        return facts_of(stage, files)
+    if question == "surface":
+        return surface_of(stage, prim, time_code)
+    from flowsculpt.pipeline.plugins.interchange.usd_paint import answer_about_paint
+
+    return answer_about_paint(stage, question, prim, time_code)
 
 
 def _load_usd() -> None:

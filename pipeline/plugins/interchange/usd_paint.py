@@ -17,7 +17,7 @@ from pxr import Ar, Usd, UsdGeom, UsdShade
 from flowsculpt import MeshError
 from flowsculpt.api import brief
 from flowsculpt.api.meshes import AnyArray, Floats
-from flowsculpt.pipeline.plugins.interchange.model_paint import packed
+from flowsculpt.pipeline.plugins.interchange.model_paint import PaintParts, packed
 from flowsculpt.pipeline.plugins.interchange.painted_materials import GREY
 from flowsculpt.pipeline.plugins.interchange.scene_readers import Polygons
 from flowsculpt.pipeline.plugins.interchange.usd_reader import (
@@ -126,24 +126,14 @@ class PaintedStage(StageMeshes):
 
     def arrays(self) -> dict[str, AnyArray]:
         """Return the arguments of `ModelPaint.of`."""
-        found: dict[str, list[AnyArray]] = {"points": [np.empty((0, 3))], "sides": [np.empty(0, np.int64)]}
-        found |= {"corners": [np.empty(0, np.int64)], "coordinates": [np.empty((0, 2))]}
-        found |= {"materials": [np.empty(0, np.int64)], "colours": [np.empty((0, 3))]}
-        plain, first = np.array([surface.facts["colour"] for surface in self.surfaces.values()]), 0
+        found = PaintParts()
         for polygons, mesh in zip(self.placed.parts, self._painted, strict=True):
             order, sides = polygons.corners, polygons.sides  # a mirror turns faces over
-            faces = mesh.faces[order]
-            colours = plain[mesh.materials[faces]] if mesh.colours is None else mesh.colours[order]
-            found["points"].append(polygons.points)
-            found["sides"].append(sides)
-            found["corners"].append(mesh.corners[order] + first)
-            found["coordinates"].append(mesh.coordinates[order])
-            found["materials"].append(mesh.materials[faces[np.cumsum(sides) - sides]])
-            found["colours"].append(colours)
-            first += len(polygons.points)
-        if all(mesh.colours is None for mesh in self._painted):
-            del found["colours"]
-        return {name: np.concatenate(parts) for name, parts in found.items()}
+            materials = mesh.materials[mesh.faces[order][np.cumsum(sides) - sides]]
+            colours = None if mesh.colours is None else mesh.colours[order]
+            corners, coordinates = mesh.corners[order], mesh.coordinates[order]
+            found.add(polygons.points, sides, corners, coordinates, materials, colours)
+        return found.arrays(lambda: np.array([each.facts["colour"] for each in self.surfaces.values()]))
 
     def _mesh(self, prim: Usd.Prim, bound: UsdShade.Material) -> _Mesh:
         mesh, place = UsdGeom.Mesh(prim), brief(prim.GetPath())

@@ -210,24 +210,34 @@ def numbers_at(attribute: Any, time: Usd.TimeCode, path: str, kinds: str, column
     return values
 
 
-def answer_about(path: str, question: str, prim: str | None, time_code: float | None) -> bytes:
-    """Return the answer to `facts`, `surface`, `paint` or `materials` about a stage.
-
-    Raises MissingInputError or MeshError.
-    """
+def open_stage(path: str) -> tuple[Usd.Stage, list[str]]:
+    """Return a stage and the files of its layers. Raises MissingInputError or MeshError."""
     allow_memory(MEMORY // 4 + 40 * require_input(Path(path), MOST_BYTES))
     layers = StageLayers(path)
     layers.open_all()
     allow_memory(MEMORY + 40 * layers.size)
-    stage = _opened(path)
-    if question in ("paint", "materials"):
-        from flowsculpt.pipeline.plugins.interchange.usd_paint import answer_about_paint
+    return _opened(path), list(layers.files)
 
-        return answer_about_paint(stage, question, prim, time_code)
-    if question == "facts":
-        up = "z" if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z else "y"
-        return json.dumps({"up": up, "files": list(layers.files)}).encode()
-    return _surface(start_of(stage, prim), StageMeshes(time_of(stage, time_code)))
+
+def facts_of(stage: Usd.Stage, files: list[str]) -> bytes:
+    """Return the axis that is up on a stage, and its files, as JSON."""
+    up = "z" if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z else "y"
+    return json.dumps({"up": up, "files": files}).encode()
+
+
+def surface_of(stage: Usd.Stage, prim: str | None, time_code: float | None) -> bytes:
+    """Return the meshes of a stage, or of those below a prim, as one surface, packed. Raises MeshError."""
+    start, meshes = start_of(stage, prim), StageMeshes(time_of(stage, time_code))
+    meshes.add(start)
+    if not meshes.placed.parts:
+        where = "it" if start.IsPseudoRoot() else f"its prim {start.GetPath()}"
+        words = meshes.placed.left_out_words
+        others = f" Left out: {words}." if words else ""
+        raise MeshError(
+            f"{where} holds no mesh that is active, visible and of purpose default or render.{others} "
+            f"{_remedy(stage)}"
+        )
+    return packed_surface(joined(meshes.placed.parts, meshes.notes()))
 
 
 def content_of_picture(path: str) -> bytes:
@@ -318,20 +328,6 @@ def time_of(stage: Usd.Stage, time_code: float | None) -> Usd.TimeCode:
         return Usd.TimeCode(time_code)
     has_range = stage.HasAuthoredTimeCodeRange()
     return Usd.TimeCode(stage.GetStartTimeCode()) if has_range else Usd.TimeCode.EarliestTime()
-
-
-def _surface(start: Usd.Prim, meshes: StageMeshes) -> bytes:
-    """Return the meshes of a prim as one surface, packed."""
-    meshes.add(start)
-    if not meshes.placed.parts:
-        where = "it" if start.IsPseudoRoot() else f"its prim {start.GetPath()}"
-        words = meshes.placed.left_out_words
-        others = f" Left out: {words}." if words else ""
-        raise MeshError(
-            f"{where} holds no mesh that is active, visible and of purpose default or render.{others} "
-            f"{_remedy(start.GetStage())}"
-        )
-    return packed_surface(joined(meshes.placed.parts, meshes.notes()))
 
 
 def start_of(stage: Usd.Stage, prim: str | None) -> Usd.Prim:

@@ -8,9 +8,9 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from flowsculpt import PolygonMesh, Thresholds
-from flowsculpt.api.meshes import AnyArray, PolygonResampler
+from flowsculpt.api import PolygonMethod, PolygonResampler
+from flowsculpt.api.meshes import AnyArray
 from flowsculpt.api.shots import one_of
-from flowsculpt.pipeline.resample.polygon_resamplers import PolygonMethod
 
 Cutting = Literal["slice", "recurse"]
 Collapse = Literal["edges", "areas"]

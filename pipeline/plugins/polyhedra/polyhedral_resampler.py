@@ -7,7 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from flowsculpt import PolygonMesh, Thresholds, UsageError
-from flowsculpt.api.meshes import AnyArray, Floats, Points, PolygonResampler, not_finite
+from flowsculpt.api import PolygonReport, PolygonResampler
+from flowsculpt.api.meshes import AnyArray, Floats, Points, not_finite
 from flowsculpt.pipeline.plugins.polyhedra.polyhedra_method import Collapse, Cutting
 from flowsculpt.pipeline.plugins.polyhedra.polyhedron import (
     OUTSIDE,
@@ -17,7 +18,6 @@ from flowsculpt.pipeline.plugins.polyhedra.polyhedron import (
     inherited,
 )
 from flowsculpt.pipeline.plugins.polyhedra.subdivision import Collapser, Slicer
-from flowsculpt.pipeline.resample.resample_pass import PolygonReport
 
 _ATTRIBUTE = "attribute."
 _LARGEST = 1e150  # squares of larger coordinates overflow

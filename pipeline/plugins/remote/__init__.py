@@ -12,5 +12,5 @@ PLUGIN = Plugin(
             "Maintain",
         )
     },
-    remote_stores="flowsculpt.pipeline.plugins.remote.remote_files:STORES",
+    remote_stores="flowsculpt.pipeline.plugins.remote.remote_files:RemoteFileStores",
 )

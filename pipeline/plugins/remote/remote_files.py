@@ -26,8 +26,8 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import lru_cache, partial
 from pathlib import Path
-from types import SimpleNamespace
 
+from flowsculpt.api import RemoteStore, RemoteStores
 from flowsculpt.api.files import machine_error
 from flowsculpt.api.frames import digest_of
 from flowsculpt.pipeline.plugins.remote.fetched_content import fault_of, suffix_of
@@ -247,11 +247,20 @@ def _digest_in(name: str) -> str:
     return name.split(".")[1]
 
 
-STORES = SimpleNamespace(
-    checked=checked_url,
-    opened=RemoteFiles.of,
-    load=load_package,
-    send_kernels=send_kernels,
-    fetch_kernels=fetch_kernels,
-)
-"""Finds remote stores by their addresses, for `flowsculpt.pipeline.production.store.remote_store`."""
+class RemoteFileStores(RemoteStores):
+    """Finds buckets and folders on file shares."""
+
+    def checked(self, typed: str) -> str:
+        return checked_url(typed)
+
+    def opened(self, url: str) -> RemoteFiles:
+        return RemoteFiles.of(url)
+
+    def load(self, url: str) -> None:
+        load_package(url)
+
+    def send_kernels(self, remote: RemoteStore) -> str:
+        return send_kernels(remote)
+
+    def fetch_kernels(self, remote: RemoteStore, planned: str | None = None) -> bool:
+        return fetch_kernels(remote, planned)

@@ -13,21 +13,19 @@ import re
 import shlex
 import shutil
 import stat
-import subprocess
 import sys
 from argparse import ArgumentParser
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from snakemake_interface_executor_plugins.executors.remote import RemoteExecutor
-
 from flowsculpt.pipeline.errors import FlowsculptError, UsageError, suggestion
 from flowsculpt.pipeline.frames import FrameRange, FrameSelection
 from flowsculpt.pipeline.plugin import plugins
+from flowsculpt.pipeline.production.execution.farm_executor import extend_farm_executors
 from flowsculpt.pipeline.production.execution.run import with_inputs_here
 from flowsculpt.pipeline.production.planning.plan import Job, Plan, check_done_files, movie_record
 from flowsculpt.pipeline.production.planning.profile import Share
@@ -38,7 +36,7 @@ from flowsculpt.pipeline.production.store.locks import making, writing
 from flowsculpt.pipeline.production.store.store import Store, upload_missed
 from flowsculpt.pipeline.production.tasks.job import MOST_FAULTS, faults_of_hosts
 from flowsculpt.render.base.atomic_write import atomic_write
-from flowsculpt.render.base.python_process import command, command_line, distrust_working_folder
+from flowsculpt.render.base.python_process import command_line, distrust_working_folder
 from flowsculpt.render.scene.render_quality import DEFAULT_QUALITY
 
 if TYPE_CHECKING:
@@ -69,10 +67,7 @@ class PlannedWorkflow:
 
     def __init__(self, workflow: Any, config: Mapping[str, Any]) -> None:
         distrust_working_folder()
-        RemoteExecutor.get_python_executable = _python_of_nodes
-        slurm: Any = sys.modules.get("snakemake_executor_plugin_slurm")
-        if slurm is not None:
-            slurm.get_submit_command = self._sparing_hosts(slurm.get_submit_command)
+        extend_farm_executors(self.unfit_hosts)
         self._workflow, self._config, self._root = workflow, config, Path.cwd()
         for name in config:
             if name not in (*SETTINGS, *PROFILE_SETTINGS, "plan"):
@@ -172,20 +167,9 @@ class PlannedWorkflow:
         """The jobs by key, those of movies by the movie."""
         return {job.output if job.output.endswith(".mp4") else job.key: job for job in self.plan.jobs}
 
-    def _sparing_hosts(self, submit_command: Callable[..., str]) -> Callable[..., str]:
-        """Keep SLURM from giving jobs to hosts that refuse them, as its plug-in does for broken nodes."""
-
-        def command(job: Any, *words: Any, **options: Any) -> str:
-            hosts = self._unfit_hosts(self._job(job.rule.name, job.wildcards))
-            hosts.update(options.get("failed_nodes") or ())
-            if hosts and _nodes_of_slurm() - hosts:  # it refuses jobs that no node may take
-                options["failed_nodes"] = sorted(hosts)
-            return submit_command(job, *words, **options)
-
-        return command
-
-    def _unfit_hosts(self, job: Job) -> set[str]:
+    def unfit_hosts(self, snakemake_job: Any) -> set[str]:
         """Return the hosts that are left out, and those that have failed at a frame of a job."""
+        job = self._job(snakemake_job.rule.name, snakemake_job.wildcards)
         request = self.plan.requests[job.requests[0]]
         own = {(request.folders.title, request.quality_name, number) for number in job.frames}
         return {
@@ -303,19 +287,8 @@ _MOVIE = re.compile(
 )
 
 
-def _python_of_nodes(executor: RemoteExecutor) -> str:
-    """Return the Python of a farm's jobs for a shell; Snakemake's own is unquoted and lacks `-P`."""
-    return shlex.join(command("snakemake")[:2])
-
-
 _HELD = ExitStack()
 """The locks this process holds until it ends."""
-
-
-def _nodes_of_slurm() -> set[str]:
-    """Return the names of the nodes that SLURM has."""
-    done = subprocess.run(["sinfo", "--noheader", "--Node", "--format=%N"], capture_output=True, text=True)
-    return set(done.stdout.split())
 
 
 def _unprotect(path: Path) -> None:

@@ -85,7 +85,8 @@ class Profile:
         raise MissingInputError(
             f"{name}: no such profile; a profile is a folder with profile.yaml: one that is shipped, one in "
             f"{PROFILES}/, or a path. "
-            f"{suggestion(name, [other for other in known if other != 'default'])}"
+            f"{suggestion(name, [other for other in known if other != 'default'])} docs/farm.md has examples "
+            "for PBS, Grid Engine, LSF and HTCondor."
         )
 
     @property

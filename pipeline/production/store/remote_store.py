@@ -8,12 +8,13 @@ from __future__ import annotations
 import hashlib
 import logging
 import os
+from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 from flowsculpt.pipeline.errors import UsageError
-from flowsculpt.pipeline.plugin import named, plugins
+from flowsculpt.pipeline.plugin import plugins
 from flowsculpt.pipeline.production.store.digests import DIGITS
 from flowsculpt.render.base.atomic_write import atomic_write
 from flowsculpt.render.base.user_cache import kernel_homes
@@ -68,28 +69,28 @@ class RemoteStore(Protocol):
         ...
 
 
-class RemoteStores(Protocol):
-    """Find remote stores by their addresses; added by a plug-in."""
+class RemoteStores(ABC):
+    """The contract of plug-ins that know remote stores by their addresses; made without arguments."""
 
+    @abstractmethod
     def checked(self, typed: str) -> str:
         """Return the address that a user typed. Raises UsageError or MachineError where it cannot be used."""
-        ...
 
+    @abstractmethod
     def opened(self, url: str) -> RemoteStore:
         """Return the store at an address, one for each process. Raises what `checked` raises."""
-        ...
 
+    @abstractmethod
     def load(self, url: str) -> None:
         """Import what the store at an address needs, without starting a thread."""
-        ...
 
+    @abstractmethod
     def send_kernels(self, remote: RemoteStore) -> str:
         """Upload the kernels of this machine; return their name, by which a plan lets workers take them."""
-        ...
 
+    @abstractmethod
     def fetch_kernels(self, remote: RemoteStore, planned: str | None = None) -> bool:
         """Fetch the kernels for this machine, those of a name or any; return whether some came."""
-        ...
 
 
 def store_url() -> str | None:
@@ -104,11 +105,11 @@ def is_read_only() -> bool:
 
 def remote_stores() -> RemoteStores:
     """Return what finds remote stores. Raises UsageError where no plug-in does."""
-    place = next((plugin.remote_stores for plugin in plugins() if plugin.remote_stores), None)
-    if place is None:
+    contract: Any = RemoteStores  # which is abstract
+    stores: list[RemoteStores] = list(plugins().objects("remote_stores", contract).values())
+    if not stores:
         raise UsageError(f"no plug-in knows remote stores; leave out --store, and {VARIABLE} empty")
-    stores: RemoteStores = named(place)
-    return stores
+    return stores[0]
 
 
 def has_kernels(key: str) -> bool:

@@ -231,7 +231,7 @@ class Context:
 
         shown_as  the stage of a plug-in that made a raw picture
         """
-        from flowsculpt.pipeline.production.store import readers  # numpy, which a supervisor does not need
+        from flowsculpt.pipeline.production.store import readers  # loads numpy
 
         reader = readers.picture(key, request.pictures.quality.rendered_size)
         return self.read(kind, key, request.place(shown_as or kind, number), reader)
@@ -272,9 +272,13 @@ class Context:
         """Write an event of the job, or of one of its frames."""
         self.log.write(event, **self._about, frame=number, **facts)
 
-    def begin(self, process: int) -> None:
-        """Say which process works on the job from now on: the watchdog ends it should it hang."""
-        where = {"process": process, "started": start_of(process), "host": platform.node()}
+    def begin(self, after: int) -> None:
+        """Say that this process works on the job from now on: the watchdog ends it should it hang.
+
+        after  the exit code of the process that did so before; 0 for the first
+        """
+        process = os.getpid()
+        where = {"process": process, "started": start_of(process), "host": platform.node(), "after": after}
         self.log.write("begin", stage=self.job.stage, threads=self.job.threads, **where)
 
     def waits(self) -> None:

@@ -23,7 +23,7 @@ from flowsculpt.pipeline.production.store import readers
 from flowsculpt.pipeline.production.store.store import Key, checkpoint_of
 from flowsculpt.pipeline.production.tasks.finish import raw_attributes
 from flowsculpt.pipeline.production.tasks.job import Context
-from flowsculpt.pipeline.production.tasks.supervisor import MemoryGuard, StopRequest, deferred_signals
+from flowsculpt.pipeline.production.tasks.worker_end import MemoryGuard, StopRequest, deferred_signals
 from flowsculpt.render.base.work_clock import Timing, WorkClock, peak_memory
 from flowsculpt.render.frame.checkpoint import Checkpoint
 from flowsculpt.render.frame.render_frame import ShutterInterval, render_frame
@@ -257,7 +257,7 @@ def flow_facts(request: RenderRequest, number: int) -> dict[str, Any]:
 def render(context: Context) -> bool:
     """Render the raw pictures of a batch: sample batches averaged, with AOVs.
 
-    Raises KeyboardInterrupt where the process is to end, and MemoryLimitError where it has grown too
+    Raises StoppedError where the process is to end, and MemoryLimitError where it has grown too
     large; both leave the pictures not yet made to another process.
     """
     request = context.request

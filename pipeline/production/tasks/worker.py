@@ -1,21 +1,24 @@
 """Do one job: `python -m flowsculpt.pipeline.production.tasks.worker PLAN JOB`, and options.
 
-Rendering happens in children: a renderer that crashes takes only itself along. What a job needs is imported
-only by the process that does it, so that its supervisor starts at once.
+The pool of workers forks a process for each job, in which `main` does it. Farms and plain `snakemake` start a
+process; there rendering happens in its children, for a renderer that crashes takes only itself along.
 """
 
 from __future__ import annotations
 
 import os
 import signal
+import subprocess
 import sys
 import traceback
 from argparse import ArgumentParser
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import replace
+from functools import partial
 from importlib import import_module
 from pathlib import Path
+from subprocess import Popen
 from types import FrameType
 from typing import Any
 
@@ -35,17 +38,21 @@ from flowsculpt.pipeline.production.tasks.job import (
     report_store_warnings,
     write_done_file,
 )
-from flowsculpt.pipeline.production.tasks.supervisor import (
+from flowsculpt.pipeline.production.tasks.worker_end import (
     INTERRUPTED,
     RESTART_WORKER,
     MemoryLimitError,
-    Supervisor,
+    StoppedError,
     fall_back_to_other_variant,
-    renderer,
+    report_killed,
+    run_children,
+    settled_frames,
+    verdict,
 )
+from flowsculpt.render.base import python_process
 from flowsculpt.render.base.atomic_write import machine_error
 from flowsculpt.render.base.foreign_code import is_of_user
-from flowsculpt.render.base.python_process import ENDING, postpone_collection
+from flowsculpt.render.base.python_process import ENDING, ForkedProcess, may_fork, postpone_collection
 from flowsculpt.render.base.root_files import open_file
 from flowsculpt.render.mitsuba.engine import GPU_VARIANTS, available_cores
 
@@ -53,33 +60,43 @@ from flowsculpt.render.mitsuba.engine import GPU_VARIANTS, available_cores
 def main(
     plan_path: str,
     job_name: str,
-    settled: int | None = None,
     insist: bool = False,
     threads: int | None = None,
     key: str | None = None,
-    process: int | None = None,
     log: str | None = None,
+    after: int | None = None,
 ) -> int:
     """Do one job; return 0 if all of it went well, 1 if something failed and the event log says what.
 
-    settled  for a process that renders: how many of the job's frames others before it have made, or failed
-             at; None starts such processes. One that has grown returns RESTART_WORKER
     insist   do it again though an earlier attempt has said why it failed
     threads  the threads that Snakemake gave the job, by default those of the plan
     key      the key by which Snakemake knows a movie
-    process  the process that stands for this one (see `job_server`), by default this one
     log      the file, relative to the root, for what the job prints
+    after    the exit code of the worker that this one takes over from, 0 for the first of a job; where this
+             is None, a job that renders is done by children of this process
     """
-    root, process = Path.cwd(), process or os.getpid()
+    root = Path.cwd()
     context = Context.of(root, Plan.thaw(root / plan_path), job_name)
     if log:
-        os.dup2(open_file(root / log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), 1)
+        keep_or_clear = os.O_APPEND if after else os.O_TRUNC
+        os.dup2(open_file(root / log, os.O_WRONLY | os.O_CREAT | keep_or_clear), 1)
         os.dup2(1, 2)
     job = context.job
     context = replace(context, job=replace(job, threads=threads or job.threads, key=key or job.key))
-    if settled is not None:
-        return _heeding_signals(context, lambda: _rest(context, settled, process))
-    return _heeding_signals(context, lambda: _do(context, plan_path, insist, process))
+    if after is None and job.stage == "render":
+        return run_children(lambda code: _child(context, plan_path, insist, code))
+    return _heeding_signals(context, lambda: _do(context, insist, after or 0))
+
+
+def _child(context: Context, plan_path: str, insist: bool, after: int) -> ForkedProcess | Popen[bytes]:
+    """Start a worker for a job: a fork of this process, or where that is not sound, a new one."""
+    if may_fork():
+        work = partial(_heeding_signals, context, lambda: _do(context, insist, after))
+        return ForkedProcess(lambda: _exit_code(work))
+    job = context.job
+    words = [plan_path, job.name, "--threads", str(job.threads), "--after", str(after)]
+    command = python_process.command(__spec__.name, *words, *(["--insist"] if insist else []))
+    return Popen(command, env=python_process.environment(), stdin=subprocess.DEVNULL)
 
 
 def _heeding_signals(context: Context, work: Callable[[], int]) -> int:
@@ -96,38 +113,36 @@ def _heeding_signals(context: Context, work: Callable[[], int]) -> int:
         return 1
 
 
-def _do(context: Context, plan_path: str, insist: bool, process: int) -> int:
-    """Do the job of a context; the other arguments are those of `main`."""
+def _do(context: Context, insist: bool, after: int) -> int:
+    """Do the job of a context, or what is left of it; the other arguments are those of `main`."""
     root, job = context.root, context.job
-    if not insist and context.failures.is_final():
+    if after < 0:
+        report_killed(context, signal.Signals(-after))
         return 1
-    context.begin(process)
-    if not insist and (reason := context.failures.reason_to_leave()):
+    is_first = not (insist or after)
+    if is_first and context.failures.is_final():
+        return 1
+    context.begin(after)
+    if is_first and (reason := context.failures.reason_to_leave()):
         context.refuse(MachineError(reason))
         return ENVIRONMENT
     with writing(root, wait=True), ExitStack() as stack:
         if not STAGES[job.stage].per_quality:
             stack.enter_context(of_key(root, job.key, context.waits))
         bring_inputs_to_now(context)
-        if job.stage != "render":
-            return _finished(context, context)
-        if fault := _unfit(context):
-            return fault
-
-        def render(settled: int) -> int:
-            return _exit_code(lambda: _heeding_signals(context, lambda: _rest(context, settled, os.getpid())))
-
-        code = Supervisor(context, renderer(plan_path, job, render)).run()
-        if code == 0 and job.output and not (root / job.output).exists():
-            write_manifest(root / job.output, "raw", ())  # some frames failed, others go on
-        return code
+        return _render(context, after) if job.stage == "render" else _finished(context, context)
 
 
-def _rest(context: Context, settled: int, process: int) -> int:
-    """Render what is left of a job in this process, a child of the one that supervises it."""
-    context.begin(process)
-    frames = FrameRange(context.job.frames[settled:])
-    return _finished(replace(context, job=replace(context.job, frames=frames)), context)
+def _render(context: Context, after: int) -> int:
+    """Render the frames of a job that the workers before this one have left."""
+    if fault := _unfit(context):
+        return fault
+    job = context.job
+    left = replace(job, frames=FrameRange(job.frames[settled_frames(context) if after else 0 :]))
+    code = verdict(context, _finished(replace(context, job=left), context))
+    if code == 0 and job.output and not (context.root / job.output).exists():
+        write_manifest(context.root / job.output, "raw", ())  # some frames failed, others go on
+    return code
 
 
 def _finished(context: Context, whole: Context) -> int:
@@ -167,7 +182,7 @@ def work(context: Context) -> int:
     except FlowsculptError as error:
         context.fail(error)
     except BaseException as error:  # a stranger's function may raise anything
-        if is_of_user(error):
+        if is_of_user(error) or isinstance(error, StoppedError):
             raise
         with suppress(OSError):  # the job's log may lie on a full disk
             traceback.print_exc()
@@ -222,9 +237,9 @@ def _interrupt_once(number: int, frame: FrameType | None) -> None:
     raise KeyboardInterrupt
 
 
-def run(words: Sequence[str], process: int | None = None) -> int:
+def run(words: Sequence[str]) -> int:
     """Do the job that the words of a command line name; return the exit code."""
-    return _exit_code(lambda: main(**_arguments(words), process=process))
+    return _exit_code(lambda: main(**_arguments(words)))
 
 
 def _exit_code(work: Callable[[], int]) -> int:
@@ -246,7 +261,8 @@ def _arguments(words: Sequence[str]) -> dict[str, Any]:
     parser.add_argument("--threads", type=int)
     parser.add_argument("--key")
     parser.add_argument("--log")
-    parser.add_argument("--child", type=int, dest="settled")
+    parser.add_argument("--after", type=int)
+    parser.add_argument("--insist", action="store_true")
     return vars(parser.parse_args(words))
 
 

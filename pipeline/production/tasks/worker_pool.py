@@ -23,7 +23,9 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from multiprocessing import connection as connections
+from typing import NamedTuple
 
+from flowsculpt.pipeline.production.tasks.worker_end import needs_another
 from flowsculpt.render.base.python_process import ENDING, ForkedProcess, end_with_parent
 
 REQUEST_BYTES = 65536
@@ -108,29 +110,39 @@ def load_what_jobs_need() -> None:
     gc.enable()
 
 
+class _Worker(NamedTuple):
+    """A process that works, the number and words of its job, and the exit code of the worker before it."""
+
+    process: ForkedProcess
+    number: int
+    words: list[str]
+    after: int
+
+
 @dataclass
 class _Pool:
     """Forks a worker for each request that comes, and answers when it has ended."""
 
     connection: socket.socket
-    _workers: dict[int, tuple[int, ForkedProcess]] = field(default_factory=dict)
-    """The number of a job and its worker, by what becomes ready when that ends."""
+    _workers: dict[int, _Worker] = field(default_factory=dict)
+    """The workers, by what becomes ready when they end."""
+    _is_open: bool = True
 
     def run(self) -> None:
         """Serve until the connection is closed, also as the process at its other end was killed."""
-        is_open = True
-        while is_open:
+        while self._is_open:
             for ready in connections.wait([self.connection, *self._workers]):
                 if isinstance(ready, int):
                     self._end(ready)
                 elif request := self.connection.recv(REQUEST_BYTES):
                     number, *words = json.loads(request)
-                    self._fork(number, words)
+                    self._fork(number, words, 0)
                 else:
-                    is_open = False
+                    self._is_open = False
         self._end_all()
 
-    def _fork(self, number: int, words: list[str]) -> None:
+    def _fork(self, number: int, words: list[str], after: int) -> None:
+        """Fork a worker for a job, with the exit code of the one before it, 0 for the first."""
         pool = os.getpid()
 
         def work() -> int:
@@ -138,17 +150,20 @@ class _Pool:
 
             end_with_parent(pool)
             self.connection.close()
-            return run(words)
+            return run([*words, "--after", str(after)])
 
-        worker = ForkedProcess(work)
-        self._workers[worker.sentinel] = number, worker
+        process = ForkedProcess(work)
+        self._workers[process.sentinel] = _Worker(process, number, words, after)
 
     def _end(self, sentinel: int) -> None:
-        """Report that the worker of a job has ended."""
-        number, worker = self._workers.pop(sentinel)
-        code = worker.wait()
+        """Fork another worker for the job of one that has ended, or report the end of the job."""
+        worker = self._workers.pop(sentinel)
+        code = worker.process.wait()
+        if self._is_open and needs_another(code, worker.after):
+            self._fork(worker.number, worker.words, code)
+            return
         with suppress(OSError):  # nobody listens any more
-            self.connection.send(ENDED.pack(number, code))
+            self.connection.send(ENDED.pack(worker.number, code))
 
     def _end_all(self) -> None:
         """Ask the workers to end, which keep what they have done, and kill those that do not."""
@@ -162,5 +177,5 @@ class _Pool:
             self._end(sentinel)
 
     def _send_all(self, signal_number: int) -> None:
-        for _, worker in self._workers.values():
-            worker.send_signal(signal_number)
+        for worker in self._workers.values():
+            worker.process.send_signal(signal_number)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 _NAMES = {
     "title": "name",
@@ -27,9 +27,6 @@ _NAMES = {
     "lights": "light lighting environment",
     "hdri": "environment hdr envmap",
     "aovs": "passes",
-    "light_groups": "groups lightgroups light_passes",
-    "intent": "description",
-    "extends": "parent base",
     "file": "path filename",
     "size": "dimensions width wavelength frequency",
     "tube_radius": "tube minor_radius",
@@ -47,43 +44,28 @@ _NAMES = {
     "weight": "strength amount",
     "intensity": "strength brightness energy",
     "strength": "amplitude amount intensity magnitude factor rate speed energy",
-    "height": "amplitude",
-    "scale": "wavelength factor frequency",
     "rotate": "rotation euler",
     "radiance": "intensity energy",
     "gain": "factor multiplier volume",
-    "band": "frequency frequency_range frequencies",
     "curl_noise": "noise turbulence curl displace displacement mountain perlin simplex jitter",
     "vortex": "swirl whirl",
     "scaling": "scale grow",
     "expansion": "inflate",
     "rotation": "rotate spin turn",
     "translation": "translate move gravity force",
-    "stretch": "extrude",
-    "attraction": "attract",
-    "source": "explode",
-    "within": "wrap",
     "keys": "key keyframes",
     "formula": "expression expr",
     "ease": "interpolation easing",
     "after": "extrapolation",
     "base": "offset minimum",
-    "start": "delay",
-    "release": "decay smoothing",
     "field_of_view": "fov",
-    "projection": "fisheye",
-    "eye_distance": "interpupillary_distance ipd",
     "focal_length": "focal lens",
     "aperture": "fstop f_stop dof depth_of_field",
     "target": "look_at lookat",
     "azimuth": "pan yaw rotation rotate",
     "elevation": "tilt pitch",
     "focus": "focus_distance",
-    "sensor_width": "sensor",
-    "margin": "padding",
     "colour": "color base_color diffuse albedo texture",
-    "colours": "colors",
-    "metallic": "metalness",
     "roughness": "gloss specular",
     "refraction": "ior",
     "subsurface": "sss translucency",
@@ -94,7 +76,6 @@ _NAMES = {
     "samples": "spp",
     "depth": "bounces max_depth",
     "tessellate": "subdivisions subdivision subdiv subdivide",
-    "draft": "draught",
     "aspect": "aspect_ratio ratio",
     "shutter": "motion_blur",
     "stage": "background",
@@ -122,12 +103,8 @@ _VALUES = {
     "hold": "constant",
     "spherical": "equirectangular panorama latlong",
     "dome": "fisheye fulldome",
-    "perspective": "pinhole",
     "chrome": "metal gold silver",
-    "brushed": "copper steel aluminium",
     "glaze": "plastic",
-    "ceramic": "porcelain",
-    "glass": "water",
     "clay": "matte",
     "ground": "floor",
     "cyclorama": "infinity studio",
@@ -143,17 +120,6 @@ _VALUES = {
 """By values, words for which they come closest."""
 
 
-def _by_word(table: dict[str, str]) -> dict[str, list[str]]:
-    meanings: dict[str, list[str]] = {}
-    for name, words in table.items():
-        for word in words.split():
-            meanings.setdefault(word, []).append(name)
-    return meanings
-
-
-_NAMES_BY_WORD, _VALUES_BY_WORD = _by_word(_NAMES), _by_word(_VALUES)
-
-
 def as_name(word: object) -> str:
     """Return a word as shot files spell names: `focalLength` and `Focal length` are focal_length."""
     text = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", str(word))
@@ -162,18 +128,18 @@ def as_name(word: object) -> str:
 
 def synonym(word: object, names: Iterable[str]) -> str | None:
     """Return which of the names a word means; None for words that mean none of them."""
-    return _meant(word, names, _NAMES_BY_WORD)
+    return _meant(word, names, _NAMES)
 
 
 def value_meant(word: object, values: Iterable[str]) -> str | None:
     """Return which of the values a word means; None for words that mean none of them."""
-    return _meant(word, values, _VALUES_BY_WORD)
+    return _meant(word, values, _VALUES)
 
 
-def _meant(word: object, names: Iterable[str], meanings: dict[str, list[str]]) -> str | None:
+def _meant(word: object, names: Iterable[str], table: Mapping[str, str]) -> str | None:
     known, spelt = tuple(names), as_name(word)
     if spelt in known:
         return spelt
     of_plugins = (name for name in known if name.endswith(f".{spelt}"))
-    meant = (name for name in meanings.get(spelt, ()) if name in known)
+    meant = (name for name, words in table.items() if name in known and spelt in words.split())
     return next(of_plugins, next(meant, None))

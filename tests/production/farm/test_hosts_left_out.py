@@ -7,14 +7,15 @@ import json
 import os
 from collections.abc import Callable
 from contextlib import ExitStack
-from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from snakemake.iocontainers import ResourceList
 
 from flowsculpt.pipeline.errors import FrameError, MachineError
+from flowsculpt.pipeline.production.execution.farm_executor import sparing_hosts
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.execution.snakefile import PlannedWorkflow
 from flowsculpt.pipeline.production.planning.profile import Profile
@@ -60,7 +61,7 @@ def test_a_host_tries_no_frame_twice_and_leaves_it_to_another(
     assert context.failures.reason_to_leave() is None
     fail(context, 2)
     assert "node7 has failed at frame 2" in str(context.failures.reason_to_leave())
-    assert worker.main(str(context.plan.file), context.job.name) == MachineError.exit_code
+    assert worker.main(str(context.plan.file), context.job.name, after=0) == MachineError.exit_code
     assert context.failures.is_final(), "nor does it look at the job again"
     monkeypatch.setattr("platform.node", lambda: "node8")
     assert context.failures.reason_to_leave() is None and not context.failures.is_final()
@@ -115,7 +116,7 @@ def test_the_host_of_the_plan_is_not_left_out_of_what_only_it_does(context: Cont
 
 @pytest.fixture
 def submitted(context: Context, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., Any]:
-    """Submit the job to a SLURM of two nodes; return the nodes that it is not to run on."""
+    """Submit the job to a SLURM of two nodes; return what it is submitted with besides."""
     nodes = tmp_path / "sinfo"
     nodes.write_text("#!/bin/sh\necho gpu-3\necho gpu-4\n")
     nodes.chmod(0o755)
@@ -123,9 +124,26 @@ def submitted(context: Context, monkeypatch: pytest.MonkeyPatch, tmp_path: Path)
     workflow = PlannedWorkflow.__new__(PlannedWorkflow)
     workflow._root = context.root
     workflow.__dict__["plan"] = context.plan  # as `cached_property` keeps it
-    sparing = workflow._sparing_hosts(lambda job, **options: options.get("failed_nodes"))  # type: ignore[arg-type, return-value]
     rule, wildcards = SimpleNamespace(name=context.job.stage), SimpleNamespace(key=context.job.key)
-    return partial(sparing, SimpleNamespace(rule=rule, wildcards=wildcards))
+
+    def submit(named: str | None = None, extra: str | None = None) -> str | None:
+        settings = SimpleNamespace(executor_settings=SimpleNamespace(exclude_failed_nodes=named))
+        resources = ResourceList(fromdict={"slurm_extra": extra} if extra else {})
+        job = SimpleNamespace(rule=rule, wildcards=wildcards, resources=resources, is_group=lambda: False)
+        sparing_hosts(_Executor, workflow.unfit_hosts)(settings).run_jobs([job])
+        return job.resources.get("slurm_extra")
+
+    return submit
+
+
+class _Executor:
+    """An executor that submits nothing."""
+
+    def __init__(self, workflow: Any) -> None:
+        self.workflow = workflow
+
+    def run_jobs(self, jobs: Any) -> None:
+        pass
 
 
 def fail_on(host: str, context: Context, *frames: int) -> None:
@@ -135,16 +153,17 @@ def fail_on(host: str, context: Context, *frames: int) -> None:
 
 
 def test_slurm_spares_the_hosts_that_are_left_out(context: Context, submitted: Callable[..., Any]) -> None:
-    assert submitted(failed_nodes={"broken"}) == ["broken"]
+    assert submitted(named="broken") is None, "SLURM's plug-in sees to these"
     fail_on("gpu-3", context, 101, 102)
     assert submitted() is None
     fail_on("gpu-3", context, 103)
-    assert submitted() == ["gpu-3"] and submitted(failed_nodes={"broken"}) == ["broken", "gpu-3"]
+    assert submitted() == "--exclude=gpu-3" and submitted(named="broken, ") == "--exclude=broken,gpu-3"
+    assert submitted(extra="--nice=7") == "--nice=7 --exclude=gpu-3"
 
 
 def test_slurm_gives_a_frame_to_a_host_once(context: Context, submitted: Callable[..., Any]) -> None:
     fail_on("gpu-4", context, context.job.frames[0])
-    assert submitted() == ["gpu-4"]
+    assert submitted() == "--exclude=gpu-4"
 
 
 def test_slurm_is_never_asked_to_spare_all_its_nodes(context: Context, submitted: Callable[..., Any]) -> None:

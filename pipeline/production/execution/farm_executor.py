@@ -1,0 +1,59 @@
+"""Executors of farms, with what flowsculpt knows better: the Python of jobs, and hosts that fail at them."""
+
+from __future__ import annotations
+
+import shlex
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from snakemake_interface_executor_plugins.registry import ExecutorPluginRegistry
+
+from flowsculpt.render.base.python_process import command
+
+UnfitHosts = Callable[[Any], set[str]]
+"""Returns the hosts that are not to get a job of Snakemake."""
+
+
+def extend_farm_executors(unfit_hosts: UnfitHosts) -> None:
+    """Have executor plug-ins for farms start our Python, and SLURM's keep jobs from unfit hosts."""
+    for name, plugin in ExecutorPluginRegistry().plugins.items():
+        if plugin.common_settings.non_local_exec:
+            plugin.executor = _with_our_python(plugin.executor)
+            if name == "slurm":
+                plugin.executor = sparing_hosts(plugin.executor, unfit_hosts)
+
+
+def _with_our_python(executor: Any) -> Any:
+    """Return an executor class that quotes the Python of its jobs, and has it trust no folder of a show."""
+
+    class FarmExecutor(executor):  # type: ignore[misc]  # Snakemake has no types
+        def get_python_executable(self) -> str:
+            python = super().get_python_executable()
+            return shlex.join(command("snakemake")[:2]) if python == sys.executable else str(python)
+
+    return FarmExecutor
+
+
+def sparing_hosts(executor: Any, unfit_hosts: UnfitHosts) -> Any:
+    """Return a class of SLURM's executor that keeps jobs from hosts that refuse them."""
+
+    class SparingExecutor(executor):  # type: ignore[misc]
+        def run_jobs(self, jobs: Sequence[Any]) -> None:
+            for job in jobs:
+                hosts = set() if job.is_group() else unfit_hosts(job)
+                if hosts and _nodes_of_slurm() - hosts:  # it refuses jobs that no node may take
+                    named = self.workflow.executor_settings.exclude_failed_nodes or ""
+                    hosts.update(filter(None, map(str.strip, named.split(","))))
+                    extra = f"{job.resources.get('slurm_extra') or ''} --exclude={','.join(sorted(hosts))}"
+                    job.resources.slurm_extra = extra.strip()
+            super().run_jobs(jobs)
+
+    return SparingExecutor
+
+
+def _nodes_of_slurm() -> set[str]:
+    """Return the names of the nodes that SLURM has."""
+    done = subprocess.run(["sinfo", "--noheader", "--Node", "--format=%N"], capture_output=True, text=True)
+    return set(done.stdout.split())
