@@ -6,13 +6,12 @@ from flowsculpt.render.base.render_errors import BadInputError as BadInputError
 from flowsculpt.render.base.render_errors import RenderError as RenderError
 from flowsculpt.render.graphics.cards import Screen as Screen
 from flowsculpt.render.graphics.contact_sheet import ContactSheet as ContactSheet
-from flowsculpt.render.graphics.contact_sheet import columns_for as columns_for
-from flowsculpt.render.graphics.contact_sheet import fitted_sheet as fitted_sheet
 from flowsculpt.render.graphics.plot import Curves as Curves
 from flowsculpt.render.graphics.plot import plot_panels as plot_panels
 from flowsculpt.render.graphics.three_js import FETCH as FETCH
 from flowsculpt.render.graphics.three_js import three_js as three_js
 from flowsculpt.render.graphics.typesetting import BurnIn as BurnIn
+from flowsculpt.render.graphics.typesetting import Font as Font
 from flowsculpt.render.movie.codecs import ENCODES as ENCODES
 from flowsculpt.render.movie.codecs import Encode as Encode
 from flowsculpt.render.movie.codecs import timecode as timecode

@@ -55,7 +55,7 @@ from flowsculpt.pipeline.plugins.delivery.gain_map import is_gain_map, write_gai
 from flowsculpt.pipeline.plugins.delivery.gif import GIF, write_gif
 from flowsculpt.pipeline.plugins.delivery.hdr_frames import content_light, hdr_graphics
 from flowsculpt.pipeline.plugins.delivery.relighting import relit_version
-from flowsculpt.render.graphics.cards import Slate, failure_card
+from flowsculpt.pipeline.plugins.delivery.slate import Slate, failure_card
 
 DELIVER = PipelineStage(
     "deliver", version=2, packages=("av", "OpenImageIO"), doing="encoding deliverables", makes="movie"

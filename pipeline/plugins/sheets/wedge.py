@@ -30,7 +30,7 @@ from flowsculpt.api.frames import (
     picture_keys,
     shown_picture,
 )
-from flowsculpt.api.pictures import ENCODES, columns_for, fitted_sheet, read_header, write_movie, write_still
+from flowsculpt.api.pictures import ENCODES, ContactSheet, read_header, write_movie, write_still
 from flowsculpt.api.shots import shown
 from flowsculpt.pipeline.production.store.paths import RENDERS
 
@@ -286,9 +286,9 @@ class Wedge:
         first, store = self._read[0][1], self.project.store
         sizes = [(cell.pictures.quality.width, cell.pictures.quality.height) for _, cell in self._read]
         size = max(width for width, _ in sizes), max(height for _, height in sizes)
-        columns = self.columns or self.grid.columns or columns_for(len(self.grid), size)
+        columns = self.columns or self.grid.columns or ContactSheet.columns_for(len(self.grid), size)
         captions = [cell.caption for cell, _ in self._read]
-        sheet, factor = fitted_sheet(first.shot.heading, captions, size, columns, bits)
+        sheet, factor = ContactSheet.fitted(first.shot.heading, captions, size, columns, bits)
         cells = [(request, picture_keys(request, store)) for _, request in self.requests]
         for number in numbers:
             pictures = [shown_picture(*cell, store, number, factor, bits, display) for cell in cells]
