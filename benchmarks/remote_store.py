@@ -25,14 +25,14 @@ from moto.s3.models import s3_backends
 
 from benchmarks.orchestration import CORES, command, fill, write_shots
 from benchmarks.report import Row, keep, show
-from flowsculpt.pipeline.plugins.remote.push_command import upload_lacking
+from flowsculpt.pipeline.plugins.remote.push_command import lacking_names
 from flowsculpt.pipeline.plugins.remote.remote_files import RemoteFiles
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.request.keys import picture_keys
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.store.digests import digest_of
 from flowsculpt.pipeline.production.store.paths import STATE
-from flowsculpt.pipeline.production.store.store import Store
+from flowsculpt.pipeline.production.store.store import Store, upload_missed
 from tests.plugins.remote.s3 import BUCKET, CREDENTIALS, Proxy, serving
 
 LATENCIES = (0.0, 0.05)
@@ -132,7 +132,8 @@ def transfer(proxy: Proxy) -> Iterator[Row]:
             here.put("raw", key, lambda path: path.write_bytes(os.urandom(MEGABYTES * 1_000_000)))
         RemoteFiles.of(url).fault()  # connects
         begun = time.perf_counter()
-        assert upload_lacking(Store(here.root, url)).sent == FILES
+        whole = Store(here.root, url)
+        assert upload_missed(whole, lacking_names(whole)).sent == FILES
         sent = time.perf_counter()
         assert there.bring_all([("raw", key) for key in keys]) == FILES
         fetched = time.perf_counter()

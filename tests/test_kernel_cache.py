@@ -10,7 +10,7 @@ import tempfile
 
 import pytest
 
-from flowsculpt.pipeline.plugins.maintenance.kernel_build import build_kernels, kernel_calls
+from flowsculpt.pipeline.kernel_build import build_kernels, kernel_calls
 from flowsculpt.render.base import kernel_cache, user_cache
 from flowsculpt.render.base.render_errors import MachineError
 
@@ -86,7 +86,7 @@ def test_a_kernel_is_compiled_after_all_that_it_calls_and_once_for_all_its_calle
 
 
 BUILD = """
-from flowsculpt.pipeline.plugins.maintenance.kernel_build import build_kernels
+from flowsculpt.pipeline.kernel_build import build_kernels
 if __name__ == "__main__":
     build_kernels({calls!r}, 2, lambda: None)
 """

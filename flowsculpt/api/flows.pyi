@@ -1,7 +1,8 @@
 """Flows: their parameters, kernels and steps; the flows themselves are in `flowsculpt`."""
 
+from flowsculpt.pipeline.animation.flow_cost import FlowCost as FlowCost
+from flowsculpt.pipeline.animation.flow_cost import SubjectSize as SubjectSize
 from flowsculpt.pipeline.animation.flow_cost import constant_deformations as constant_deformations
-from flowsculpt.pipeline.animation.flow_cost import costliest_flow as costliest_flow
 from flowsculpt.pipeline.animation.flow_cost import estimated_vertices as estimated_vertices
 from flowsculpt.pipeline.animation.flow_cost import flows_of as flows_of
 from flowsculpt.pipeline.animation.flow_cost import growth_warning as growth_warning

@@ -28,7 +28,7 @@ from flowsculpt.pipeline.production.request.framing import BoundingSpheres as Bo
 from flowsculpt.pipeline.production.request.framing import Extent as Extent
 from flowsculpt.pipeline.production.request.framing import Framing as Framing
 from flowsculpt.pipeline.production.request.framing import frame_all as frame_all
-from flowsculpt.pipeline.production.request.framing import together as together
+from flowsculpt.pipeline.production.request.framing import join_extents as join_extents
 from flowsculpt.pipeline.production.request.framing import with_stage_in_view as with_stage_in_view
 from flowsculpt.pipeline.production.request.keys import FrameKeys as FrameKeys
 from flowsculpt.pipeline.production.request.keys import PictureKeys as PictureKeys
@@ -75,14 +75,10 @@ from flowsculpt.pipeline.production.store.paths import Folders as Folders
 from flowsculpt.pipeline.production.store.paths import repeated as repeated
 from flowsculpt.pipeline.production.store.readers import key_in as key_in
 from flowsculpt.pipeline.production.store.readers import store_reader as store_reader
-from flowsculpt.pipeline.production.store.remote_store import LOG as LOG
-from flowsculpt.pipeline.production.store.remote_store import VARIABLE as VARIABLE
-from flowsculpt.pipeline.production.store.remote_store import RemoteStore as RemoteStore
-from flowsculpt.pipeline.production.store.remote_store import RemoteStores as RemoteStores
-from flowsculpt.pipeline.production.store.remote_store import note_all_compiled as note_all_compiled
-from flowsculpt.pipeline.production.store.remote_store import remote_stores as remote_stores
+from flowsculpt.pipeline.production.store.remote_store import use_store as use_store
 from flowsculpt.pipeline.production.store.store import DAMAGED as DAMAGED
 from flowsculpt.pipeline.production.store.store import Key as Key
 from flowsculpt.pipeline.production.store.store import Store as Store
 from flowsculpt.pipeline.production.store.store import key_of as key_of
 from flowsculpt.pipeline.production.store.store import upload_missed as upload_missed
+from flowsculpt.pipeline.production.tasks.worker import do_job as do_job

@@ -13,6 +13,7 @@ from flowsculpt.pipeline.mesh.normals import unit as unit
 from flowsculpt.pipeline.mesh.points import on_surface as on_surface
 from flowsculpt.pipeline.mesh.read import model_files as model_files
 from flowsculpt.pipeline.mesh.read import read_paint as read_paint
+from flowsculpt.pipeline.mesh.read import surface_reader as surface_reader
 from flowsculpt.pipeline.mesh.read import usual_up as usual_up
 from flowsculpt.pipeline.mesh.validation import require as require
 from flowsculpt.pipeline.mesh.validation import twin_corners as twin_corners

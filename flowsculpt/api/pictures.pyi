@@ -48,6 +48,7 @@ from flowsculpt.render.scene.rgb_spaces import linear_of_srgb as linear_of_srgb
 from flowsculpt.render.scene.scene import stage_fades as stage_fades
 from flowsculpt.render.scene.scene_lights import LIGHTS as LIGHTS
 from flowsculpt.render.scene.scene_lights import LightRig as LightRig
+from flowsculpt.render.scene.scene_stage import STAGES as STAGES
 from flowsculpt.render.scene.surface import Surface as Surface
 from flowsculpt.render.scene.textures import REPEATED as REPEATED
 from flowsculpt.render.scene.vertex_colours import vertex_colours as vertex_colours

@@ -2,6 +2,7 @@
 
 from flowsculpt.pipeline.shot import Motion as Motion
 from flowsculpt.pipeline.shot import Shot as Shot
+from flowsculpt.pipeline.shot import read_film as read_film
 from flowsculpt.pipeline.shot.documents.curves import Ease as Ease
 from flowsculpt.pipeline.shot.documents.curves import WeightField as WeightField
 from flowsculpt.pipeline.shot.documents.curves import curve_of as curve_of
@@ -23,13 +24,16 @@ from flowsculpt.pipeline.shot.documents.field_types import vector as vector
 from flowsculpt.pipeline.shot.documents.flow_documents import DOCUMENTS as DOCUMENTS
 from flowsculpt.pipeline.shot.documents.flow_documents import FlowParameters as FlowParameters
 from flowsculpt.pipeline.shot.documents.look_documents import LOOKS as LOOKS
+from flowsculpt.pipeline.shot.documents.shot_documents import FilmDocument as FilmDocument
 from flowsculpt.pipeline.shot.documents.shot_documents import ShotDocument as ShotDocument
 from flowsculpt.pipeline.shot.documents.subject_documents import ModelDocument as ModelDocument
 from flowsculpt.pipeline.shot.documents.subject_documents import SolidDocument as SolidDocument
 from flowsculpt.pipeline.shot.motion import Clock as Clock
 from flowsculpt.pipeline.shot.motion import as_data as as_data
+from flowsculpt.pipeline.shot.motion_checks import outside_note as outside_note
 from flowsculpt.pipeline.shot.point_subjects import CloudInSolid as CloudInSolid
 from flowsculpt.pipeline.shot.shot_reader import read_shot as read_shot
+from flowsculpt.pipeline.shot.subject_checks import subject_views as subject_views
 from flowsculpt.pipeline.shot.subjects import SOLIDS as SOLIDS
 from flowsculpt.pipeline.shot.subjects import Model as Model
 from flowsculpt.pipeline.shot.subjects import PluginSurface as PluginSurface

@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, is_dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -26,40 +26,56 @@ from flowsculpt.pipeline.flow import Flow, Sequence, Streamlines, VelocityField
 from flowsculpt.pipeline.flow.catalogue.deformations import Deformation, Stretch
 from flowsculpt.pipeline.flow.flow_map import checked_displacement
 from flowsculpt.pipeline.flow.parameters import parameters_of, shot_name
+from flowsculpt.pipeline.flow.streamlines import MAX_SUBSTEPS
 from flowsculpt.pipeline.flow.velocity import Sensitivity, sensitivity
 from flowsculpt.pipeline.mesh import TriangleMesh
 from flowsculpt.pipeline.shot import Motion
 from flowsculpt.pipeline.shot.subjects import Model
 
-TYPICAL_EXTENT = 2.0  # units: the extent of the solids, for which flows have their defaults
-SMALL, LARGE = 0.1, 10.0  # extents over TYPICAL_EXTENT between which flows and looks work as they are
-
-COARSE, FINE, FINEST = 12, 24, 150
-"""Edges along the largest extent: with fewer than COARSE a subject loses its shape, FINE are suggested, and
-with more than FINEST a frame takes long."""
+SMALL, LARGE = 0.1, 10.0  # extents over SubjectSize.TYPICAL between which flows and looks work as they are
 
 
-def is_usual_size(extent: float) -> bool:
-    """Tell whether flows and looks work as they are for a subject of this extent."""
-    return SMALL * TYPICAL_EXTENT <= extent <= LARGE * TYPICAL_EXTENT
+@dataclass(frozen=True)
+class SubjectSize:
+    """The size of a motion's subject, against the one that flows and looks are made for.
 
-
-def fit_remedy(motion: Motion, extent: float) -> str:
-    """Return the settings that fit a model to the typical extent; an empty text for other subjects.
-
-    `subject.fit: 2 in place of scale, and max_edge_length: 0.04`. A maximum edge length that suits the
-    typical extent stays; another is scaled with the model.
+    extent   longest side of its bounding box, units
+    TYPICAL  extent of the solids, for which flows have their defaults, units
+    COARSE   edges along the extent: with fewer the subject loses its shape. FINE are suggested, and with more
+             than FINEST a frame takes long
     """
-    if not isinstance(motion.subject, Model):
-        return ""
-    fit = f"subject.fit: {TYPICAL_EXTENT:g}" + " in place of scale" * (motion.subject.scale != 1.0)
-    resampling = motion.resampling_at(motion.frames.first)
-    longest = None if resampling is None else resampling.thresholds.max_edge_length
-    if not isinstance(longest, float) or COARSE <= TYPICAL_EXTENT / longest <= FINEST:
-        return fit
-    edges = extent / longest
-    suited = edges if FINE <= edges <= FINEST else FINE
-    return f"{fit}{',' * ('scale' in fit)} and max_edge_length: {TYPICAL_EXTENT / suited:.2g}"
+
+    motion: Motion
+    extent: float
+
+    TYPICAL: ClassVar[float] = 2.0
+    COARSE: ClassVar[int] = 12
+    FINE: ClassVar[int] = 24
+    FINEST: ClassVar[int] = 150
+
+    @property
+    def is_usual(self) -> bool:
+        """True if flows and looks work as they are for it."""
+        return SMALL * self.TYPICAL <= self.extent <= LARGE * self.TYPICAL
+
+    @property
+    def remedy(self) -> str:
+        """The settings that fit a model to the typical extent; an empty text for other subjects.
+
+        `subject.fit: 2 in place of scale, and max_edge_length: 0.04`. A maximum edge length that suits the
+        typical extent stays; another is scaled with the model.
+        """
+        motion = self.motion
+        if not isinstance(motion.subject, Model):
+            return ""
+        fit = f"subject.fit: {self.TYPICAL:g}" + " in place of scale" * (motion.subject.scale != 1.0)
+        resampling = motion.resampling_at(motion.frames.first)
+        longest = None if resampling is None else resampling.thresholds.max_edge_length
+        if not isinstance(longest, float) or self.COARSE <= self.TYPICAL / longest <= self.FINEST:
+            return fit
+        edges = self.extent / longest
+        suited = edges if self.FINE <= edges <= self.FINEST else self.FINE
+        return f"{fit}{',' * ('scale' in fit)} and max_edge_length: {self.TYPICAL / suited:.2g}"
 
 
 SAMPLE = 1000  # vertices whose speeds are measured
@@ -80,7 +96,10 @@ class FlowCost:
     settings  the parameters that the number of sub-steps follows from
     coarser   the setting `max_step` with which ENOUGH sub-steps remain, in edges; None without edges
     fit       how to fit the model, where that lowers the sub-steps; else empty
+    step      time and duration of the flow's step, seconds
     """
+
+    MOST_SUBSTEPS: ClassVar[int] = MAX_SUBSTEPS
 
     place: str
     flow: Streamlines
@@ -91,6 +110,25 @@ class FlowCost:
     settings: Sensitivity
     coarser: float | None
     fit: list[str]
+    step: tuple[float, float]
+
+    @classmethod
+    def of_frame(cls, motion: Motion, frame: int, points: Points, count: int | None = None) -> list[FlowCost]:
+        """Return the costs of all flows along velocities on the way into a frame, the largest first.
+
+        points  (V, 3) the vertices before it, or some of them
+        count   the number of all; V by default
+
+        Raises FrameError where a parameter of a flow cannot be computed.
+        """
+        edge, count = motion.longest_edge(frame), len(points) if count is None else count
+        costs = [_cost(motion, points, count, edge, *step) for step in _along_velocities(motion, frame)]
+        return sorted(costs, key=lambda cost: -cost.substeps)
+
+    def require_substeps(self) -> None:
+        """Raise FrameError, as the frame will, where its gradient takes more than MOST_SUBSTEPS."""
+        if self.gradient > self.MOST_SUBSTEPS:
+            self.flow.step_plan(*self.step)
 
     @property
     def length(self) -> float:
@@ -153,24 +191,7 @@ class FlowCost:
         return f"{self.fact}: {self.cause}. {remedy[0].upper()}{remedy[1:]}."
 
 
-def costliest_flow(motion: Motion, frame: int, points: Points, count: int | None = None) -> FlowCost | None:
-    """Return the cost of the flow with the most sub-steps on the way into a frame.
-
-    points  (V, 3) the vertices before it, or some of them
-    count   the number of all; V by default
-
-    None where no flow follows velocities. Raises FrameError where a parameter of the flow cannot be computed.
-    """
-    return max(flow_costs(motion, frame, points, count), key=lambda cost: cost.substeps, default=None)
-
-
-def flow_costs(motion: Motion, frame: int, points: Points, count: int | None = None) -> list[FlowCost]:
-    """Return the costs of all flows along velocities; arguments and errors are those of `costliest_flow`."""
-    edge, count = motion.longest_edge(frame), len(points) if count is None else count
-    return [_cost(motion, points, count, edge, *step) for step in along_velocities(motion, frame)]
-
-
-def along_velocities(motion: Motion, frame: int) -> Iterator[tuple[str, Streamlines, float, float]]:
+def _along_velocities(motion: Motion, frame: int) -> Iterator[tuple[str, Streamlines, float, float]]:
     """Yield place in the shot file, flow, time and duration of each step along streamlines into a frame."""
     whole = motion.limit_steps(motion.flow, frame)
     flows = whole.flows if isinstance(whole, Sequence) else (whole,)
@@ -196,13 +217,13 @@ def _cost(
     distance = _distance(flow, sample, time, dt)
     length = distance / max_step
     fit: list[str] = []
-    if isinstance(motion.subject, Model) and extent > 10.0 * TYPICAL_EXTENT and edge is not None:
-        factor = TYPICAL_EXTENT / extent
+    if isinstance(motion.subject, Model) and extent > 10.0 * SubjectSize.TYPICAL and edge is not None:
+        factor = SubjectSize.TYPICAL / extent
         longest = max_step if flow.max_step is None else factor * max_step
         fitted = _distance(flow, factor * (sample - sample.mean(axis=0)), time, dt) / longest
         if COMPARABLE * fitted < length:
             suited = f"resample.max_edge_length: {factor * edge:.2g}"
-            fit = [f"write subject.fit: {TYPICAL_EXTENT:g} and {suited}"]
+            fit = [f"write subject.fit: {SubjectSize.TYPICAL:g} and {suited}"]
     gradient = flow.gradient_substeps(time, dt)
 
     def substeps_of(field: VelocityField) -> float:
@@ -215,7 +236,7 @@ def _cost(
     leaves = [leaf for leaf, _ in flow.field.leaves(sample[0], time)]
     settings = sensitivity(max(leaves, key=substeps_of), substeps_of, time)
     coarser = None if edge is None else distance / ENOUGH / edge
-    return FlowCost(place, flow, count, gradient, distance, max_step, settings, coarser, fit)
+    return FlowCost(place, flow, count, gradient, distance, max_step, settings, coarser, fit, (time, dt))
 
 
 def _distance(flow: Streamlines, points: Points, time: float, dt: float) -> float:
@@ -287,10 +308,10 @@ def growth_warning(
 def _remedy(motion: Motion, growth: Growth, points: Points) -> str:
     """Return what makes a surface grow less."""
     try:
-        costs = [cost for cost in flow_costs(motion, growth.frame, points) if cost.place == growth.place]
+        costs = [c for c in FlowCost.of_frame(motion, growth.frame, points) if c.place == growth.place]
     except FrameError:
         costs = []
-    remedies = max(costs, key=lambda cost: cost.substeps).settings.remedies if costs else []
+    remedies = costs[0].settings.remedies if costs else []
     first = ", ".join(remedies or ["lower its amount or strength"])
     more = "raise resample.max_edge_length; resample.max_growth stops a run at the growth that you set."
     return f"{first[0].upper()}{first[1:]}, or {more}"
@@ -342,10 +363,10 @@ def flows_of(flow: Flow) -> tuple[Flow, ...]:
 def _sample_size(motion: Motion, frame: int, points: Points, frames: int) -> int:
     """Return how many triangles can be carried through all frames in seconds."""
     try:
-        cost = costliest_flow(motion, frame, points)
+        costs = FlowCost.of_frame(motion, frame, points)
     except FrameError:
         return FEWEST
-    substeps = 1.0 if cost is None else max(1.0, cost.substeps)
+    substeps = max(1.0, costs[0].substeps) if costs else 1.0
     return int(min(SAMPLE, max(FEWEST, MOST_MOVES / (3 * substeps * frames))))
 
 

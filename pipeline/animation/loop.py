@@ -13,7 +13,7 @@ from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
-from flowsculpt.pipeline.animation.flow_cost import costliest_flow, fit_remedy, is_usual_size
+from flowsculpt.pipeline.animation.flow_cost import FlowCost, SubjectSize
 from flowsculpt.pipeline.animation.frame import MATERIAL, FrameReport, Mesh, MeshFrame, with_material
 from flowsculpt.pipeline.arrays import AnyArray, Floats, Points, Vectors
 from flowsculpt.pipeline.errors import FlowsculptError, FrameError, UsageError, VertexBudgetError
@@ -192,10 +192,10 @@ class _ResampledSurface(MovingSurface, Generic[R]):
             if thresholds.max_vertices == most:
                 raise self._grown(error.fact, number) from error
             extent = float(np.ptp(self._resampler.vertices, axis=0).max())
-            fit = fit_remedy(self._motion, extent)
-            if not fit or is_usual_size(extent):
+            size = SubjectSize(self._motion, extent)
+            if not size.remedy or size.is_usual:
                 raise error.of(number) from error
-            raise error.with_remedy(fit, number) from error
+            raise error.with_remedy(size.remedy, number) from error
         except FrameError as error:
             raise error.of(number) from error
         except FlowsculptError as error:
@@ -593,10 +593,11 @@ class _FrameWatch:
                 f"the flows stretch the surface from {before.vertices:,} vertices to {last.done:,}. Slow the "
                 "flows down, or raise resample.max_edge_length."
             )
-        cost = None if before is None else costliest_flow(self._motion, self._frame, *before)
-        if before is None or cost is None:
+        costs = [] if before is None else FlowCost.of_frame(self._motion, self._frame, *before)
+        if before is None or not costs:
             count = last.done if before is None else before.vertices
             return "resample", f"{last.activity} has {count:,} vertices. Raise resample.max_edge_length."
+        cost = costs[0]
         if last.activity != CARRYING:
             return cost.place, str(cost)
         more = "New vertices take those of all frames since rest: lower resample.rest_interval."

@@ -1,4 +1,4 @@
-"""The commands of the core, which `render_commands` holds, and the one format of models that it reads."""
+"""The commands of the core, and the one format of models that it reads."""
 
 from flowsculpt.pipeline.plugin import Command, FileFormat, Plugin
 
@@ -25,6 +25,11 @@ PLUGIN = Plugin(
             "flowsculpt.pipeline.cli.render_commands:stills",
             "Write frames as PNG or JPEG, rendering what is missing.",
             "Render",
+        ),
+        "doctor": Command(
+            "flowsculpt.pipeline.cli.doctor_command:doctor",
+            "Show what is installed, and what would make it faster.",
+            "Maintain",
         ),
     },
     formats={"ply": FileFormat("flowsculpt.pipeline.mesh.ply_files:PLY")},

@@ -20,7 +20,7 @@ from flowsculpt.pipeline.frames import FrameRange, FrameSelection
 from flowsculpt.pipeline.plugin import Command, plugins
 from flowsculpt.pipeline.production.request.lookup import today_name
 from flowsculpt.pipeline.production.store.paths import require_store
-from flowsculpt.pipeline.production.store.remote_store import READ_ONLY, VARIABLE, remote_stores
+from flowsculpt.pipeline.production.store.remote_store import READ_ONLY, VARIABLE, use_store
 from flowsculpt.render.mitsuba.engine import VARIANTS, available_cores
 from flowsculpt.render.scene.render_quality import CONVENTIONS, QUALITIES, qualities_of_size
 
@@ -250,7 +250,7 @@ class PictureOptions:
 
         if self.crop is None or not shots or not is_quality(name):
             return cropped_name(name, self.crop, self.scale)
-        sizes = {request.manifest.size for shot in shots for request in project.named(shot, name)}
+        sizes = {request.manifest.size for shot in shots for request in project.find_requests(shot, name)}
         if len(sizes) > 1:
             raise UsageError(
                 f"--crop {self.crop}: these have pictures of several sizes. Crop those of one size at a time."
@@ -373,7 +373,7 @@ class CommonOptions:
         require_readable_path(str(root))
         require_store(root)
         if given.store:
-            os.environ[VARIABLE] = remote_stores().checked(given.store)  # so do they
+            use_store(given.store)  # so do they
             tell_of_store(progress)
         if given.store_read_only:
             os.environ[READ_ONLY] = "1"

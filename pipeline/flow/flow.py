@@ -127,9 +127,13 @@ class Flow(ABC):
     def findings(self) -> Iterator[tuple[str, bool]]:
         """Yield what to know of the flow before frames are made, and whether that is a warning.
 
-        Raises FlowsculptError where the frames would fail.
+        By default that of the flows in it. Raises FlowsculptError where the frames would fail.
         """
-        yield from ()
+        for name in getattr(self, "__dataclass_fields__", ()):
+            value = getattr(self, name)
+            for part in value if isinstance(value, tuple) else (value,):
+                if isinstance(part, Flow):
+                    yield from part.findings()
 
     def facts(self, time: float) -> Mapping[str, Any]:
         """Return what the headers of frames at `time` say of the flow, JSON-able; by default nothing."""
@@ -263,13 +267,12 @@ class PythonFlow(Flow):
         reads = {"reads": self.reads} if self.reads else {}
         return {"python": self.digest, "function": self.function, "time": time, "dt": dt, **reads}
 
-    @property
-    def advice(self) -> str:
-        """Advice on how to make it faster."""
-        return (
+    def findings(self) -> Iterator[tuple[str, bool]]:
+        text = (
             f"flow {self.name} runs in Python; if that is too slow, write it as a formula, which is compiled "
             "and runs on all cores, or decorate the function with numba.njit(cache=True)."
         )
+        yield text, False
 
 
 def python_flows(flow: Flow) -> Iterator[PythonFlow]:

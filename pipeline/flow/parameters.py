@@ -163,6 +163,11 @@ class Parameter:
     kind: Any
 
     @property
+    def description(self) -> str:
+        """One line about it, with its unit in parentheses."""
+        return f"{self.doc.text} ({self.doc.unit})" if self.doc.unit else self.doc.text
+
+    @property
     def needed(self) -> bool:
         """True if a shot must give it."""
         return self.doc.required or self.default is dataclasses.MISSING

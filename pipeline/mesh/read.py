@@ -178,12 +178,6 @@ def _reader(reader: SurfaceReader, part: ScenePart | None) -> Callable[[Path], F
     return lambda path: read_part(path, part)
 
 
-def states_up(path: Path) -> bool:
-    """Tell whether files of a path's format state which axis points up."""
-    reader = surface_reader(path)
-    return reader is not None and reader.states_up
-
-
 def usual_up(path: Path) -> str:
     """Return the axis, y or z, that points up: what a file states, or what is usual in its format.
 

@@ -350,3 +350,4 @@ def _pillar(half: float, height: float, corner: float) -> Mesh:
 
 STAGES = {kind: Stage(kind) for kind in KINDS}
 STAGES[WITH_REFERENCES] = Stage(WITH_REFERENCES, colour=(0.32, 0.32, 0.32))
+"""What a subject stands on or in, by the names of shot files."""

@@ -127,7 +127,7 @@ def test_a_gpu_that_fails_at_a_frame_is_given_up_for_the_shot(
     monkeypatch.setattr(worker, "_limit_kernels", lambda threads: None)
     plan = Project(project.path, 1, ON_GPU).pictures([NAME], "draft")
     (job,) = [job for job in plan.jobs if job.stage == "render"]
-    assert worker.main(plan.freeze(project.path).as_posix(), job.name, after=0) == 1
+    assert worker.do_job(plan.freeze(project.path).as_posix(), job.name, after=0) == 1
     events = list(EventReader(project.path / EVENTS / f"{plan.name}.jsonl").new())
     assert [event["event"] for event in events] == ["begin", "healed"]
     assert "cuda_ad_rgb failed (out of memory) while rendering T010_tiny" in events[1]["message"]

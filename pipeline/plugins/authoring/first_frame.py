@@ -14,7 +14,6 @@ from flowsculpt.api.flows import estimated_vertices
 from flowsculpt.api.frames import animate
 from flowsculpt.api.meshes import Points, components
 from flowsculpt.api.shots import Model, Motion, Solid
-from flowsculpt.pipeline.shot.subjects import Subject
 
 LARGEST_COMPUTED = 3_000_000
 """Vertices up to which the first frame is computed; a larger one is estimated by its area."""
@@ -107,17 +106,18 @@ def _first_frame(motion: Motion) -> FirstFrame:
                 raise
             exceeds = True
     memory, surface = BYTES_OF_VERTEX * estimated, (at_rest.vertices, at_rest.faces)
-    return FirstFrame(estimated, *surface, memory, longest, exceeds, **_facts(motion.subject))
+    return FirstFrame(estimated, *surface, memory, longest, exceeds, **_facts(motion))
 
 
 def _computed(motion: Motion, longest: float | None) -> FirstFrame:
     frame = next(animate(motion))
     points, memory = frame.mesh.vertices, sum(values.nbytes for values in frame.to_arrays().values())
-    return FirstFrame(len(points), points, frame.mesh.faces, memory, longest, **_facts(motion.subject))
+    return FirstFrame(len(points), points, frame.mesh.faces, memory, longest, **_facts(motion))
 
 
-def _facts(subject: Subject) -> dict[str, Any]:
+def _facts(motion: Motion) -> dict[str, Any]:
     """Return name, repairs and notes; the name is `icosphere`, or `bunny.obj (OBJ, 35,947 vertices, …)`."""
+    subject = motion.subject
     if isinstance(subject, Model):
         surface = subject.imported()
         counts = f"{surface.vertices:,} vertices, {surface.faces:,} faces"

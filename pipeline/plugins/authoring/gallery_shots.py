@@ -6,9 +6,8 @@ from functools import cache
 from pathlib import Path
 
 from flowsculpt import MachineError
-from flowsculpt.api.frames import SHOTS
+from flowsculpt.api.frames import SHOTS, shot_names
 from flowsculpt.api.shots import is_edit
-from flowsculpt.pipeline.shot.yaml.named_files import shot_files
 
 GALLERY = Path(__file__).resolve().parents[3] / SHOTS
 """The folder, in the wheel as in a checkout: the one beside `pipeline/`."""
@@ -17,7 +16,7 @@ GALLERY = Path(__file__).resolve().parents[3] / SHOTS
 @cache
 def gallery_names() -> tuple[str, ...]:
     """Return the names of the gallery's shots."""
-    return tuple(path.stem for path in shot_files(GALLERY) if not is_edit(path))
+    return tuple(shot_names(GALLERY))
 
 
 def gallery_files() -> dict[Path, Path]:

@@ -14,9 +14,9 @@ from flowsculpt import FlowsculptError, UsageError
 from flowsculpt.api import plugins, plural
 from flowsculpt.api.commands import print_result, print_warning, require_one_of
 from flowsculpt.api.files import disk_errors
-from flowsculpt.api.frames import FILM, SHOTS, find_shot, shot_names
+from flowsculpt.api.frames import SHOTS, find_shot, shot_names
 from flowsculpt.api.options import Common
-from flowsculpt.api.shots import DEFAULTS, DOCUMENTS, inherited, is_edit, name_fault, read_shot, text_of
+from flowsculpt.api.shots import DEFAULTS, DOCUMENTS, inherited, name_fault, read_shot, text_of
 from flowsculpt.pipeline.plugins.authoring.gallery_shots import GALLERY, gallery_files, gallery_names
 from flowsculpt.pipeline.plugins.authoring.new_files import Content, same_contents, write_new
 from flowsculpt.pipeline.plugins.authoring.schema_command import SCHEMAS, defaults_of, write_schemas
@@ -32,7 +32,6 @@ from flowsculpt.pipeline.plugins.authoring.shot_templates import (
     show_files,
     without_shared,
 )
-from flowsculpt.pipeline.shot.yaml.named_files import shot_files
 
 MODELS = "models"
 """Folder in shots/ for copies of models."""
@@ -230,9 +229,8 @@ def _begin_show(common: Common, folder: Path, source: str, gallery: bool) -> Non
     """
     if folder.exists() and not folder.is_dir():
         raise UsageError(f"{folder} is a file; name the folder of the show, or a new one")
-    shots = [path.stem for path in shot_files(folder / SHOTS) if path.name != FILM.name and not is_edit(path)]
     copies = {folder / name: file for name, file in gallery_files().items()} if gallery else {}
-    shots = [*gallery_names()] if gallery else shots
+    shots = [*gallery_names()] if gallery else shot_names(folder / SHOTS)
     files: dict[Path, Content] = {}
     if not shots:
         require_one_of(source, DOCUMENTS, f"{source!r} is not a flow.")

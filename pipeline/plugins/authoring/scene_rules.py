@@ -18,9 +18,10 @@ import numpy as np
 
 from flowsculpt import Flow, FrameError, VelocityField
 from flowsculpt.api.flows import (
+    FlowCost,
+    SubjectSize,
     checked_displacement,
     constant_deformations,
-    costliest_flow,
     flows_of,
     growth_warning,
     number_at,
@@ -30,20 +31,6 @@ from flowsculpt.api.frames import frame_all, step_into
 from flowsculpt.api.meshes import Points
 from flowsculpt.api.pictures import WideCamera
 from flowsculpt.api.shots import Model, Motion, PluginSurface, Shot
-from flowsculpt.pipeline.animation.flow_cost import (
-    COARSE,
-    FINE,
-    TYPICAL_EXTENT,
-    FlowCost,
-    along_velocities,
-    fit_remedy,
-    flow_costs,
-    is_usual_size,
-)
-from flowsculpt.pipeline.flow import Placed
-from flowsculpt.pipeline.flow.kernels.instructions import BLOCK
-from flowsculpt.pipeline.flow.parameters import shot_name, unit
-from flowsculpt.pipeline.flow.streamlines import MAX_SUBSTEPS
 from flowsculpt.pipeline.plugins.authoring.first_frame import FirstFrame, small_parts
 
 Where = tuple[Any, ...]
@@ -88,7 +75,7 @@ MOST_MEASURED = 500
 LOOP_GAP, LOOP_SAMPLE = 0.01, 1000
 """Distance, over the subject's size, from which on a loop jumps; and points that are followed, at most."""
 
-LONG, SAMPLE = 1e8, BLOCK
+LONG, SAMPLE = 1e8, 256
 """Vertices × sub-steps from which on a frame may be slow, and vertices that are moved to find out."""
 
 
@@ -103,7 +90,7 @@ def acts_elsewhere(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
             if sizes <= FAR_OFF:
                 continue
             middle = ", ".join(f"{x:.4g}" for x in first.middle)
-            fit = fit_remedy(shot.motion, first.extent)
+            fit = _size_of(shot, first).remedy
             fits = f"{fit}, which moves the model to the origin, or " if fit else ""
             yield Finding(
                 ("flows", k),
@@ -126,10 +113,10 @@ def takes_long(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
     cost: FlowCost | None = None
     for number in _moved_frames(shot):
         try:
-            cost = costliest_flow(motion, number, first.points)
-            for _, flow, time, dt in along_velocities(motion, number):
-                if flow.gradient_substeps(time, dt) > MAX_SUBSTEPS:
-                    flow.step_plan(time, dt)  # raises what the frame will
+            of_frame = FlowCost.of_frame(motion, number, first.points)
+            cost = of_frame[0] if of_frame else None
+            for each in of_frame:
+                each.require_substeps()
         except FrameError as error:
             place = "" if cost is None else cost.place
             yield Finding(_where(place), str(error.of(number)), is_error=True)
@@ -140,9 +127,10 @@ def takes_long(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
         return
     number, cost = max(costs, key=lambda item: item[1].substeps)
     where = _where(cost.place)
-    if costs[0][1].length > MAX_SUBSTEPS:
+    if costs[0][1].length > FlowCost.MOST_SUBSTEPS:
         number, cost = costs[0]
-        yield Finding(where, f"frame {number} fails, for {MAX_SUBSTEPS} sub-steps are the most: {cost}", True)
+        most = f"{FlowCost.MOST_SUBSTEPS} sub-steps are the most"
+        yield Finding(where, f"frame {number} fails, for {most}: {cost}", True)
         return
     seconds = _seconds(shot, number, first, cost)
     if seconds > SLOW_SECONDS:
@@ -165,7 +153,8 @@ def stretches(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
                 continue  # `takes_long` tells what fails for certain
             ratio = float(np.quantile(_lengths(moved) / _lengths(corners), 1.0 - STRETCHED))
             if ratio > STRETCH:
-                fit = "" if is_usual_size(first.extent) else fit_remedy(motion, first.extent)
+                size = _size_of(shot, first)
+                fit = "" if size.is_usual else size.remedy
                 remedy = f"Write {fit}, lower" if fit else "Lower"
                 yield Finding(
                     ("flows", k),
@@ -193,7 +182,7 @@ def _lengths(corners: Points) -> Points:
 
 def _substeps(motion: Motion, number: int, first: FirstFrame, k: int) -> float:
     """Return the most sub-steps of the flow with index k on the way into a frame; 0 of a map."""
-    costs = flow_costs(motion, number, first.points)
+    costs = FlowCost.of_frame(motion, number, first.points)
     return max((cost.substeps for cost in costs if cost.place == motion.place_of_flow(k)), default=0.0)
 
 
@@ -230,14 +219,14 @@ def _offsets(flow: Any, point: Points, time: float) -> Iterator[tuple[str, Point
     if isinstance(flow, tuple):
         for part in flow:
             yield from _offsets(part, point, time)
-    if isinstance(flow, Placed) or not dataclasses.is_dataclass(flow) or isinstance(flow, type):
+    if hasattr(flow, "transform") or not dataclasses.is_dataclass(flow) or isinstance(flow, type):
         return
     if isinstance(flow, Flow | VelocityField) and hasattr(flow, "centre"):
         offset = point - np.array(vector_at(flow.centre, time))
         if isinstance(flow, VelocityField) and hasattr(flow, "axis"):
-            axis = np.array(unit(flow.axis))
+            axis = np.array(flow.axis) / np.linalg.norm(flow.axis)
             offset = offset - (offset @ axis) * axis
-        yield shot_name(type(flow)), offset
+        yield flow.name, offset
         return
     for field in dataclasses.fields(flow):
         yield from _offsets(getattr(flow, field.name), point, time)
@@ -284,7 +273,7 @@ def _budget(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
         budget = resampling.thresholds.max_vertices
         more = 10 ** math.ceil(math.log10(2.0 * max(first.vertices, budget)))
         fits = rounded_up(first.longest * math.sqrt(4.0 * first.vertices / budget))
-        fit = fit_remedy(shot.motion, first.extent) if _should_fit(shot, first) else ""
+        fit = _size_of(shot, first).remedy if _should_fit(shot, first) else ""
         remedy = fit or f"max_edge_length: {fits:g}, or max_vertices: {more}"
         yield Finding(
             ("resample", "max_edge_length"),
@@ -304,11 +293,12 @@ def _edges(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
     if resampling is None or resampling.method != "triangles" or _should_fit(shot, first):
         return
     longest = resampling.thresholds.max_edge_length
-    if isinstance(longest, float) and longest > first.extent / COARSE * (1.0 + 1e-9):
+    if isinstance(longest, float) and longest > first.extent / SubjectSize.COARSE * (1.0 + 1e-9):
         yield Finding(
             ("resample", "max_edge_length"),
             f"max_edge_length {longest:g} is coarse for a subject {first.extent:.3g} units large: over "
-            f"1/{COARSE} of its largest extent. Write max_edge_length: {rounded(first.extent / FINE):g}.",
+            f"1/{SubjectSize.COARSE} of its largest extent. Write max_edge_length: "
+            f"{rounded(first.extent / SubjectSize.FINE):g}.",
         )
 
 
@@ -418,12 +408,12 @@ def _unlike_cameras(shot: Shot) -> Iterator[Finding]:
 def _size(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
     """Check that a model has about the size that flows and looks are made for."""
     if _should_fit(shot, first) and not first.exceeds:
-        fit = fit_remedy(shot.motion, first.extent)
+        size = _size_of(shot, first)
         yield Finding(
             ("subject", "model"),
             f"the model is {first.extent:.3g} units large; flows and looks are made for about "
-            f"{TYPICAL_EXTENT:g}. Write {fit}, or choose max_edge_length and the lengths of the flows for "
-            "this size.",
+            f"{size.TYPICAL:g}. Write {size.remedy}, or choose max_edge_length and the lengths of the flows "
+            "for this size.",
         )
 
 
@@ -457,12 +447,17 @@ def _openness(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
 
 def _should_fit(shot: Shot, first: FirstFrame) -> bool:
     """Tell whether fitting the subject gives it a usual size."""
-    return bool(fit_remedy(shot.motion, first.extent)) and not is_usual_size(first.extent)
+    size = _size_of(shot, first)
+    return bool(size.remedy) and not size.is_usual
+
+
+def _size_of(shot: Shot, first: FirstFrame) -> SubjectSize:
+    return SubjectSize(shot.motion, first.extent)
 
 
 def _precision(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
     """Check that renderers, which compute in single precision, resolve the subject where it is."""
-    detail, fit = first.extent / 1000.0, fit_remedy(shot.motion, first.extent)
+    detail, fit = first.extent / 1000.0, _size_of(shot, first).remedy
     if float(np.abs(first.middle).max()) * SINGLE_PRECISION > 0.1 * detail:
         yield Finding(
             ("subject",),

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
+from inspect import cleandoc
 from types import MappingProxyType
 from typing import Any
 
@@ -16,16 +17,10 @@ from pydantic import BaseModel
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import core_schema
 
-from flowsculpt import VelocityField
 from flowsculpt.api.commands import require_one_of
 from flowsculpt.api.flows import Parameter
 from flowsculpt.api.pictures import LIGHTS
-from flowsculpt.api.shots import DOCUMENTS, LOOKS, FlowParameters, ShotDocument
-from flowsculpt.pipeline.flow.flow import PythonFlow
-from flowsculpt.pipeline.flow.parameters import summary
-from flowsculpt.pipeline.shot.documents.flow_documents import description_of
-from flowsculpt.pipeline.shot.documents.flow_entries import FlowDocument, VelocityDocument
-from flowsculpt.pipeline.shot.documents.shot_documents import FilmDocument
+from flowsculpt.api.shots import DOCUMENTS, LOOKS, FilmDocument, FlowParameters, ShotDocument
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
@@ -100,7 +95,7 @@ class _Generator(GenerateJsonSchema):
             if value.get("default", ...) is None:
                 del value["default"]
             if name in own:
-                value["description"] = description_of(own[name])
+                value["description"] = own[name].description
         return result
 
 
@@ -108,9 +103,9 @@ def schema_of(document: type[BaseModel], title: str) -> Schema:
     """Return the schema of a document, with what it needs where it stands, whatever a shot may inherit."""
     schema = document.model_json_schema(schema_generator=_Generator)
     definitions = schema.get("$defs", {})
-    for entry in (FlowDocument, VelocityDocument):
-        if entry.__name__ in definitions:
-            _describe_flows(definitions[entry.__name__]["properties"], definitions)
+    for entry in ("FlowDocument", "VelocityDocument"):
+        if entry in definitions:
+            _describe_flows(definitions[entry]["properties"], definitions)
     for inner in _mappings(definitions):
         _use_standard_bounds(inner)
     return _with_short_names({"$schema": DIALECT, "title": title, **schema})
@@ -199,16 +194,10 @@ def facts(name: str) -> dict[str, Any]:
     document = DOCUMENTS[name]
     return {
         "name": name,
-        "kind": _kind(document.flow),
-        "description": summary(document.flow),
+        "kind": document.flow_kind(),
+        "description": cleandoc(document.flow.__doc__ or "").partition("\n")[0],
         "parameters": [_fact(parameter) for parameter in (*document.own, *document.parameters)],
     }
-
-
-def _kind(flow: type) -> str:
-    if issubclass(flow, VelocityField):
-        return "velocity"
-    return "function" if issubclass(flow, PythonFlow) else "map"
 
 
 def _fact(parameter: Parameter) -> dict[str, Any]:

@@ -18,13 +18,11 @@ from typing import Any
 import numpy as np
 
 from flowsculpt import FlowsculptError, PolygonMesh
-from flowsculpt.api.meshes import read_paint, usual_up
-from flowsculpt.api.pictures import LIGHTS
+from flowsculpt.api.meshes import read_paint, surface_reader, usual_up
+from flowsculpt.api.pictures import LIGHTS, STAGES
 from flowsculpt.api.shots import LOOKS, SOLIDS, Model
-from flowsculpt.pipeline.mesh.read import names_parts, states_up
 from flowsculpt.pipeline.plugins.authoring.first_frame import small_parts
 from flowsculpt.pipeline.plugins.authoring.shot_schemas import default_text, facts
-from flowsculpt.render.scene.scene_stage import STAGES
 
 SCHEMA = "# yaml-language-server: $schema={}\n"
 """Tells editors the schema of a file, relative to it."""
@@ -256,7 +254,9 @@ def model_template(file: Path, reference: str, is_copy: bool = False) -> ModelTe
     """
     imported = Model("", path=file).imported()
     mesh, up = imported.mesh, usual_up(file)
-    is_z_up = up == "z" and not states_up(file)
+    reader = surface_reader(file)
+    assert reader is not None, "it has read the file"
+    is_z_up = up == "z" and not reader.states_up
     size = mesh.bounds[1] - mesh.bounds[0]
     fitted = mesh.with_vertices(mesh.vertices * (FIT / size.max()))
     usual = usual_edge(fitted)
@@ -267,9 +267,9 @@ def model_template(file: Path, reference: str, is_copy: bool = False) -> ModelTe
     word = reference if re.fullmatch(r"[\w./-]+", reference) else json.dumps(reference, ensure_ascii=False)
     units = "its own units" if imported.unit is None else f"its own units, of {imported.unit:.6g} m"
     facts = [f"{file.name}: {imported.vertices} vertices, {imported.faces} faces, {extents} in {units}."]
-    if names_parts(file):
+    if reader.read_part is not None:
         facts.append(f"Its stage has {up} up, which is heeded. prim: /World/Chair reads a part.")
-    elif states_up(file):
+    elif reader.states_up:
         facts.append(f"The file says that {up} points up, which is heeded. rotate: [0, 30, 0] turns it.")
     elif is_z_up:
         facts.append("Most STL files have z up. If the model lies on its back, write up: y.")

@@ -34,14 +34,21 @@ from flowsculpt.api.frames import (
     white,
 )
 from flowsculpt.api.options import Common, Settings, shots_argument
-from flowsculpt.api.shots import Clock, Motion, Shot, YamlSource, dotted, inherited, read_shot
-from flowsculpt.pipeline.flow.flow import python_flows
+from flowsculpt.api.shots import (
+    Clock,
+    Motion,
+    Shot,
+    Where,
+    YamlSource,
+    dotted,
+    inherited,
+    outside_note,
+    read_film,
+    read_shot,
+    subject_views,
+)
 from flowsculpt.pipeline.plugins.authoring.first_frame import FirstFrame, FirstFrames
 from flowsculpt.pipeline.plugins.authoring.scene_rules import Finding, findings, loop_report
-from flowsculpt.pipeline.production.request.lookup import NO_SHOTS
-from flowsculpt.pipeline.shot import read_film
-from flowsculpt.pipeline.shot.motion_checks import outside_note
-from flowsculpt.pipeline.shot.subject_checks import SubjectView, subject_views
 
 
 def validate(
@@ -64,7 +71,7 @@ def validate(
         print_warning(warning)
     names = shots or [*shot_names(), *edits]
     if not names:
-        raise UsageError(NO_SHOTS)
+        raise UsageError("no shots here: shots/ is empty. `flowsculpt new A010_first` writes one")
     first_frames, checks = FirstFrames(), []
     with progress_bars(common.progress) as bar:
         advance = bar("checking", len(names))
@@ -150,7 +157,8 @@ def _check(name: str, settings: tuple[str, ...], first_frames: FirstFrames) -> _
     check.notes += [f"{name}: {line}" for line in shot.notes if line != outside]
     views = {view.name: view for view in subject_views(source)}
     for part in shot.parts:
-        _check_scene(check, part, source, views.get(part.subject), first_frames)
+        view = views.get(part.subject)
+        _check_scene(check, part, first_frames, source, view.in_file if view else lambda where: where)
     check.notes = list(dict.fromkeys(check.notes))
     return check
 
@@ -195,10 +203,13 @@ def _light(common: Common, name: str, settings: tuple[str, ...]) -> list[str]:
 
 
 def _check_scene(
-    check: _Check, shot: Shot, source: YamlSource, view: SubjectView | None, first_frames: FirstFrames
+    check: _Check,
+    shot: Shot,
+    first_frames: FirstFrames,
+    source: YamlSource,
+    in_file: Callable[[Where], Where],
 ) -> None:
-    """Check the scene of a shot of one subject; `view` is that of the subject, if it is one of several."""
-    check.notes += [flow.advice for flow in python_flows(shot.motion.flow)]
+    """Check the scene of a shot of one subject; `in_file` returns the place of its setting in the file."""
     try:
         first = check.firsts[shot.subject] = first_frames.of(shot.motion)
         found = [*findings(shot, first), *_of_flows(check, shot.motion)]
@@ -212,8 +223,7 @@ def _check_scene(
         place = ("resample", "max_edge_length") if isinstance(error, FrameError) else ("subject", "model")
         found = [Finding(place, str(error), is_error=True)]
     for finding in found:
-        where = finding.where if view is None else view.in_file(finding.where)
-        line = f"{source.place(where)}: {finding.text}"
+        line = f"{source.place(in_file(finding.where))}: {finding.text}"
         if finding.is_error:
             check.add_error(ShotError(line))
         elif line not in check.warnings:

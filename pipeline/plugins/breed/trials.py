@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flowsculpt import Curvature, FrameError, icosphere
-from flowsculpt.api.flows import costliest_flow
+from flowsculpt.api.flows import FlowCost
 from flowsculpt.api.frames import (
     BoundingSpheres,
     Extent,
@@ -22,11 +22,11 @@ from flowsculpt.api.frames import (
     animate,
     frame_all,
     is_cloud,
+    join_extents,
     material_of,
     radii,
     speeds,
     thresholds_at,
-    together,
     with_stage_in_view,
 )
 from flowsculpt.api.meshes import AnyArray, Floats, Points
@@ -134,16 +134,16 @@ def tried(shot: Shot) -> Trial:
             extents[index].append(BoundingSpheres(points, radii(frame)) if is_cloud(frame) else points)
             if frame.number in kept:
                 kept[frame.number].append(frame)
-    framings = _framings(shot, numbers, [together(each) for each in extents])
+    framings = _framings(shot, numbers, [join_extents(each) for each in extents])
     return _drawn(shot, motions, kept, framings, growth, [[*kept].index(number) for number in shown])
 
 
 def _require_speed(motion: Motion, points: Points) -> None:
     """Raise FrameError where the sub-steps of a frame in the middle would take too long in all frames."""
     numbers = list(motion.frames)
-    cost = costliest_flow(motion, numbers[len(numbers) // 2], points) if len(numbers) > 1 else None
-    if cost is not None and cost.substeps * len(points) * len(numbers) > MOST_MOVES:
-        raise FrameError(str(cost), numbers[len(numbers) // 2])
+    costs = FlowCost.of_frame(motion, numbers[len(numbers) // 2], points) if len(numbers) > 1 else ()
+    if costs and costs[0].substeps * len(points) * len(numbers) > MOST_MOVES:
+        raise FrameError(str(costs[0]), numbers[len(numbers) // 2])
 
 
 def _coarser(motion: Motion) -> Motion:

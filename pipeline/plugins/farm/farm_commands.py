@@ -15,7 +15,7 @@ from flowsculpt import UsageError
 from flowsculpt.api import plural
 from flowsculpt.api.commands import exit_with, print_result, report_notes
 from flowsculpt.api.files import atomic_write, disk_errors
-from flowsculpt.api.frames import FrameRange, Plan
+from flowsculpt.api.frames import FrameRange, Plan, Store
 from flowsculpt.api.options import (
     DEFAULT_QUALITY,
     Common,
@@ -27,7 +27,6 @@ from flowsculpt.api.options import (
 from flowsculpt.pipeline.plugins.farm.flamenco import JOB_TYPE, submitted_job
 from flowsculpt.pipeline.plugins.farm.openjd import template
 from flowsculpt.pipeline.plugins.farm.task_runner import Part, do
-from flowsculpt.pipeline.production.store.remote_store import store_url
 
 Names = Annotated[
     list[str], typer.Argument(metavar="SHOT|EDIT...", help="Shots, by name or path, or an edit.")
@@ -88,7 +87,7 @@ def openjd(
     made = _plan(common, names, options, frames, quality)
     plan_file = output.with_name(f"{output.name}.plan.json")
     share = common.profile.exported_share
-    job = template(made, plan_file.name, common.root, "+".join(names), share.threads, store_url())
+    job = template(made, plan_file.name, common.root, "+".join(names), share.threads, Store(common.root).url)
     if not common.dry_run:
         _make_folders(common, output)
         made.write(plan_file)
@@ -114,7 +113,8 @@ def flamenco(
     _require_ending(output, "a job of Flamenco", ".json")
     made = _plan(common, names, options, frames, quality)
     plan_file, script = output.with_name(f"{output.name}.plan.json"), output.with_name(JOB_TYPE.name)
-    job = submitted_job(made, plan_file.absolute(), common.root.absolute(), "+".join(names), store_url())
+    root = common.root.absolute()
+    job = submitted_job(made, plan_file.absolute(), root, "+".join(names), Store(root).url)
     if not common.dry_run:
         _make_folders(common, output)
         made.write(plan_file)

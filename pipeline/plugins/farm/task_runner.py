@@ -15,7 +15,6 @@ from pathlib import Path
 from flowsculpt import MachineError, MissingInputError, UsageError
 from flowsculpt.api import plural, suggestion
 from flowsculpt.api.frames import FrameRange, Job, Plan, Store, upload_missed, versions_here
-from flowsculpt.pipeline.production.store.remote_store import store_url
 
 BY_FRAMES = ("render", "finish")  # the stages whose frames several workers may share out
 
@@ -57,14 +56,14 @@ def do(
     and for a task that is not in it, MachineError where this worker has other versions of packages than the
     machine that planned, or the remote store does not take what was made.
     """
-    from flowsculpt.pipeline.production.tasks.worker import main
+    from flowsculpt.api.frames import do_job
 
     plan_file = plan_file.absolute()
     plan = _plan(plan_file)
     jobs = list(_jobs(plan, plan_file, tasks, part))
     _require_versions(plan)
     _enter(root)
-    codes = (main(str(plan_file), job, insist=True, threads=threads) for job in jobs)
+    codes = (do_job(str(plan_file), job, insist=True, threads=threads) for job in jobs)
     code = next(filter(None, codes), 0)
     _upload_rest(root)
     return code
@@ -100,7 +99,7 @@ def _upload_rest(root: Path) -> None:
 def _enter(root: Path) -> None:
     """Make the root the working folder. Where a remote store is named, it may be a new one."""
     try:
-        if store_url() is not None:
+        if Store(root).url is not None:
             root.mkdir(parents=True, exist_ok=True)
         os.chdir(root)
     except OSError as error:

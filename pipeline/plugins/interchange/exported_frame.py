@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -16,7 +17,6 @@ import numpy as np
 from flowsculpt import FrameError
 from flowsculpt.api.files import mapping, read_state, sweep_hidden_drafts, to_plain
 from flowsculpt.api.frames import (
-    LOG,
     STEP,
     Key,
     MeshFrame,
@@ -130,7 +130,7 @@ class KeyedFiles:
 
         def tell() -> None:
             while messages:
-                LOG.info(messages.pop())
+                logging.getLogger("flowsculpt.store").info(messages.pop())
 
         return tell
 

@@ -39,11 +39,6 @@ PLUGIN = Plugin(
             "Maintain",
             also="delete remove",
         ),
-        "doctor": Command(
-            "flowsculpt.pipeline.plugins.maintenance.doctor_command:doctor",
-            "Show what is installed, and what would make it faster.",
-            "Maintain",
-        ),
     },
     observer="flowsculpt.pipeline.plugins.maintenance.run_report:RunSummary",
 )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import math
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,7 +18,6 @@ from flowsculpt.api.commands import Project, execute, exit_with, print_result, r
 from flowsculpt.api.files import remove_tree
 from flowsculpt.api.frames import (
     STATE,
-    VARIABLE,
     FrameKeys,
     FrameRange,
     Plan,
@@ -28,6 +26,7 @@ from flowsculpt.api.frames import (
     lock_name,
     making,
     picture_keys,
+    use_store,
 )
 from flowsculpt.api.options import DEFAULT_QUALITY, Common, Frames, PictureOptions, Quality, Shot
 from flowsculpt.api.pictures import RenderError, read_exr
@@ -60,7 +59,7 @@ def audit(
     of_shot = project.as_finished(request)
     audited = Audit(project, of_shot, finished_frames(of_shot, project.store))
     chosen = audited.chosen(part, seed)
-    os.environ.pop(VARIABLE, None)  # what the remote store has would prove nothing
+    use_store(None)  # what the remote store has would prove nothing
     inside = replace(common, root=audited.home)
     if common.dry_run:
         report_plan(inside, audited.plan(chosen))

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import errno
-import json
 import os
 import shlex
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import groupby
 from pathlib import Path
-from typing import Any
 
 from flowsculpt import MissingInputError
 from flowsculpt.api import ShotExtras
@@ -28,38 +26,14 @@ from flowsculpt.api.frames import (
     PublishedVersion,
     Store,
     repeated,
+    store_reader,
 )
-from flowsculpt.api.pictures import probe_movie, read_png
 from flowsculpt.api.shots import is_there
-from flowsculpt.pipeline.production.store import readers
 from flowsculpt.pipeline.production.store.digests import ALTERED
 from flowsculpt.pipeline.production.store.paths import DIGESTS, RENDERS, REPEATED
 
-
-def _json(path: Path) -> object:
-    try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except (ValueError, RecursionError) as error:
-        raise CorruptFileError(f"{path}: {error}") from error
-
-
 APART = (PUBLISHED, REPEATED)
 """Folders of published versions, which nothing repairs, and of the roots that these are made again in."""
-
-READERS: dict[str, Callable[[Key], Callable[[Path], Any]]] = {
-    "mesh": lambda key: readers.mesh_frame(key, number=0),  # whatever frames show it
-    "normals": readers.arrays,
-    "refined": readers.arrays,
-    "cameras": lambda key: _json,
-    "raw": readers.picture,
-    "frame": readers.picture,
-    **dict.fromkeys(("movie", "mov", "mkv", "webp", "avif", "gif"), lambda key: probe_movie),
-    "png": lambda key: read_png,
-    "png16": lambda key: read_png,
-    "jpeg": lambda key: read_png,
-    "measures": lambda key: _json,
-}
-"""Readers that read a whole file of a key, by kind."""
 
 
 @dataclass(frozen=True)
@@ -122,7 +96,7 @@ def verify_stored(store: Store, kind: str, key: Key, path: Path) -> StoredFile:
     try:
         has_digest = store.digests.check(path)
         if not has_digest:
-            READERS[kind](key)(path)
+            store_reader(kind, key)(path)
     except Exception as error:  # libraries raise all kinds for what is damaged
         refusal = _refusal(path, error)
         fault = str(error).removeprefix(f"{path}: ") if refusal is None else None

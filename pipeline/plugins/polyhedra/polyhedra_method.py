@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from pydantic import Field
 
@@ -11,9 +11,6 @@ from flowsculpt import PolygonMesh, Thresholds
 from flowsculpt.api import PolygonMethod, PolygonResampler
 from flowsculpt.api.meshes import AnyArray
 from flowsculpt.api.shots import one_of
-
-Cutting = Literal["slice", "recurse"]
-Collapse = Literal["edges", "areas"]
 
 
 class Polyhedra(PolygonMethod):

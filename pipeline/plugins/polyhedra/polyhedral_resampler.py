@@ -9,9 +9,10 @@ import numpy as np
 from flowsculpt import PolygonMesh, Thresholds, UsageError
 from flowsculpt.api import PolygonReport, PolygonResampler
 from flowsculpt.api.meshes import AnyArray, Floats, Points, not_finite
-from flowsculpt.pipeline.plugins.polyhedra.polyhedra_method import Collapse, Cutting
 from flowsculpt.pipeline.plugins.polyhedra.polyhedron import (
     OUTSIDE,
+    Collapse,
+    Cutting,
     LengthLimits,
     Polyhedron,
     PolyhedronEditor,

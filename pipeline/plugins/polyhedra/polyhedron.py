@@ -8,13 +8,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from flowsculpt import PolygonMesh, Thresholds
 from flowsculpt.api import VertexBudgetError
 from flowsculpt.api.meshes import AnyArray, Floats, edge_keys, require, twin_corners
+
+Cutting = Literal["slice", "recurse"]
+Collapse = Literal["edges", "areas"]
 
 OUTSIDE = -1  # the face beyond a boundary, and the mark of a removed element
 

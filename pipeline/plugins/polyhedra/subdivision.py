@@ -13,9 +13,9 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from flowsculpt import FrameError
-from flowsculpt.pipeline.plugins.polyhedra.polyhedra_method import Cutting
 from flowsculpt.pipeline.plugins.polyhedra.polyhedron import (
     OUTSIDE,
+    Cutting,
     Point,
     PolyhedronEditor,
     between,

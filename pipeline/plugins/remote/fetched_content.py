@@ -9,13 +9,13 @@ whether the values are right.
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 from zipfile import ZipFile
 
-from flowsculpt.api.files import from_plain, mapping
+from flowsculpt.api.files import from_plain
 from flowsculpt.api.frames import SUFFIXES, Key
-from flowsculpt.pipeline.mesh.meshes import require_existing
-from flowsculpt.render.base.state_files import plain_data
 
 KERNELS = "kernels"
 """The kind of archives of compiled kernels, which stores of roots do not have."""
@@ -43,9 +43,11 @@ def fault_of(kind: str, key: Key, path: Path) -> str | None:
     suffix = suffix_of(kind)
     try:
         if suffix == ".json":
-            read = mapping(plain_data(path.read_bytes()))
+            read = _reader_of(kind, key)(path)
             if kind == "cameras":
                 _require_cameras(read)
+            elif not isinstance(read, dict):
+                return "cannot be read (TypeError)"
         elif suffix == ".zip":
             with ZipFile(path) as packed:
                 if (damaged := packed.testzip()) is not None:
@@ -72,19 +74,20 @@ def _key_of_picture(path: Path) -> object:
 
 
 def _key_of_arrays(path: Path) -> Key:
-    from flowsculpt.pipeline.production.store.readers import key_in
+    from flowsculpt.api.frames import key_in
 
     return key_in(path)
 
 
+def _reader_of(kind: str, key: Key) -> Callable[[Path], Any]:
+    from flowsculpt.api.frames import store_reader  # takes a moment
+
+    return store_reader(kind, key)
+
+
 def _require_surface(kind: str, key: Key, path: Path) -> None:
     """Read a file of arrays to its end. Raises any error where it is not what its kind says."""
-    from flowsculpt.pipeline.production.store import readers
-
-    if kind == "mesh":
-        readers.mesh_frame(key, number=0)(path)  # the number is the business of shots
-        return
-    arrays = (readers.shading if kind == "normals" else readers.arrays)(key)(path)
+    arrays = _reader_of("shading" if kind == "normals" else kind, key)(path)
     if kind != "normals":
         return
     count = len(arrays["vertices"])
@@ -92,11 +95,13 @@ def _require_surface(kind: str, key: Key, path: Path) -> None:
     if any(arrays[name].shape != (count, 3) for name in vectors) or len(arrays["source_vertex"]) != count:
         raise ValueError("its arrays are not of one surface")
     if "radii" not in arrays:
-        require_existing(arrays["faces"].reshape(-1, 3), count)
+        corners = arrays["faces"].reshape(-1, 3)
+        if corners.size and not 0 <= corners.min() <= corners.max() < count:
+            raise ValueError("it has a face without its vertices")
 
 
 def _require_cameras(data: dict[str, object]) -> None:
-    """Read the cameras of all frames. Raises BadInputError for what is not a camera."""
+    """Read the cameras of all frames. Raises BadInputError, or any error, for what is not a camera."""
     from flowsculpt.api.frames import Framing
 
     for number, camera in data.items():

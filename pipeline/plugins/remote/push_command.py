@@ -7,10 +7,8 @@ from functools import cache
 from flowsculpt import MachineError, UsageError
 from flowsculpt.api import plural
 from flowsculpt.api.commands import exit_with, print_result
-from flowsculpt.api.frames import VARIABLE, Store, writing
+from flowsculpt.api.frames import Key, Store, upload_missed, writing
 from flowsculpt.api.options import Common
-from flowsculpt.pipeline.production.store.remote_store import READ_ONLY, is_read_only
-from flowsculpt.pipeline.production.store.store import Name, Uploaded, missed_uploads, upload_all
 
 
 def push(common: Common) -> None:
@@ -21,10 +19,11 @@ def push(common: Common) -> None:
     """
     store = Store(common.root)
     if store.remote is None:
-        raise UsageError(f"push: no remote store is set; name one with --store or {VARIABLE}")
-    if is_read_only():
+        raise UsageError("push: no remote store is set; name one with --store or FLOWSCULPT_STORE")
+    if not store.may_upload:
         raise UsageError(
-            f"push: {store.url} may only be read here; leave out --store-read-only and {READ_ONLY}"
+            f"push: {store.url} may only be read here; leave out --store-read-only and "
+            "FLOWSCULPT_STORE_READ_ONLY"
         )
     if fault := store.remote.fault():
         raise MachineError(f"{store.url}: {fault}")
@@ -32,7 +31,7 @@ def push(common: Common) -> None:
         sent, unsent = len(lacking_names(store)), 0
     else:
         with writing(common.root, common.wait):
-            sent, unsent = upload_lacking(store)
+            sent, unsent = upload_missed(store, lacking_names(store))
     verb = "Would upload" if common.dry_run else "Uploaded"
     words = f"{verb} {plural(sent, 'file')} to {store.url}."
     if unsent:
@@ -41,14 +40,9 @@ def push(common: Common) -> None:
     exit_with(MachineError.exit_code if unsent else 0)
 
 
-def lacking_names(store: Store) -> list[Name]:
-    """Return the stored files that the remote store lacks, without reading them."""
+def lacking_names(store: Store) -> list[tuple[str, Key]]:
+    """Return kind and key of the stored files that the remote store lacks, without reading them."""
     if store.remote is None:
         return []
     there = cache(store.remote.digests)
     return [(kind, key) for kind, key, _ in store.entries() if key not in there(kind)]
-
-
-def upload_lacking(store: Store) -> Uploaded:
-    """Send every stored file that the remote store lacks, and those that are marked."""
-    return upload_all(store, dict.fromkeys([*lacking_names(store), *missed_uploads(store.root)]))

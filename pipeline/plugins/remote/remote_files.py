@@ -27,7 +27,7 @@ from dataclasses import dataclass, field
 from functools import lru_cache, partial
 from pathlib import Path
 
-from flowsculpt.api import RemoteStore, RemoteStores
+from flowsculpt.api import RemoteStores
 from flowsculpt.api.files import machine_error
 from flowsculpt.api.frames import digest_of
 from flowsculpt.pipeline.plugins.remote.fetched_content import fault_of, suffix_of
@@ -39,8 +39,9 @@ from flowsculpt.pipeline.plugins.remote.remote_requests import (
     load_package,
     open_url,
 )
-from flowsculpt.pipeline.plugins.remote.shared_kernels import fetch_kernels, send_kernels
-from flowsculpt.pipeline.production.store.remote_store import SIDE_BY_SIDE
+
+SIDE_BY_SIDE = 16
+"""Requests for listings that are made at once, one for each first digit of a key."""
 
 LISTED_SECONDS = 60.0
 """Seconds for which a listing counts: what others upload meanwhile is seen after these."""
@@ -258,9 +259,3 @@ class RemoteFileStores(RemoteStores):
 
     def load(self, url: str) -> None:
         load_package(url)
-
-    def send_kernels(self, remote: RemoteStore) -> str:
-        return send_kernels(remote)
-
-    def fetch_kernels(self, remote: RemoteStore, planned: str | None = None) -> bool:
-        return fetch_kernels(remote, planned)

@@ -10,6 +10,7 @@ nothing is asked: whoever asks gets `UnreachableError` at once.
 from __future__ import annotations
 
 import errno
+import logging
 import random
 import re
 import threading
@@ -25,7 +26,9 @@ from urllib.parse import urlsplit
 from flowsculpt import MachineError, UsageError
 from flowsculpt.api import suggestion
 from flowsculpt.api.files import command_line
-from flowsculpt.api.frames import LOG
+
+LOG = logging.getLogger("flowsculpt.store")
+"""Its warnings are passed on to the user."""
 
 OPTION = "--store"
 

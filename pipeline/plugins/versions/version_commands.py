@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shlex
 from collections.abc import Sequence
 from dataclasses import replace
@@ -23,7 +22,7 @@ from flowsculpt.api.commands import (
     report_plan,
     table,
 )
-from flowsculpt.api.frames import PUBLISHED, VARIABLE, FrameRange, find_shot
+from flowsculpt.api.frames import PUBLISHED, FrameRange, find_shot, use_store
 from flowsculpt.api.options import (
     DEFAULT_QUALITY,
     AllowCode,
@@ -175,9 +174,9 @@ def reproduce(
     `flowsculpt reproduce renders/published/A010_cube/v001/provenance.json` renders the version in
     renders/repeated from its recorded shot file, and lists which frames are the same.
     """
-    os.environ.pop(VARIABLE, None)  # what the remote store has would prove nothing
+    use_store(None)  # what the remote store has would prove nothing
     record, project = Provenance.read(provenance), project_of(common, None, allow_code, variant)
-    again = Reproduction(record, provenance, project.forcing("render") if force else project, frames)
+    again = Reproduction(record, provenance, project.force_from("render") if force else project, frames)
     inside = replace(common, root=again.home)
     plan = again.plan()
     for note in again.notes:

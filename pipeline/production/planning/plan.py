@@ -35,6 +35,7 @@ from flowsculpt.pipeline.production.store.event_log import logs_of
 from flowsculpt.pipeline.production.store.locks import lock_name
 from flowsculpt.pipeline.production.store.paths import DONE, PLANS, RENDERS
 from flowsculpt.pipeline.production.store.remote_store import remote_stores, store_url
+from flowsculpt.pipeline.production.store.shared_kernels import send_kernels
 from flowsculpt.pipeline.production.store.store import Key, Store
 from flowsculpt.render.base.atomic_write import atomic_write
 from flowsculpt.render.base.root_files import remove, set_time
@@ -277,8 +278,7 @@ class Plan:
         url = store_url()
         plan = self
         if url is not None:
-            stores = remote_stores()
-            plan = replace(self, kernels=stores.send_kernels(stores.opened(url)))
+            plan = replace(self, kernels=send_kernels(remote_stores().opened(url)))
         with atomic_write(path) as draft:
             draft.write_text(json.dumps(to_plain(plan)), encoding="utf-8")
 

@@ -286,10 +286,9 @@ def _near(name: str, known: list[str], otherwise: str) -> str:
     return f"did you mean {', '.join(near)}?" if near else f"there are none; {otherwise}"
 
 
-def shot_names() -> list[str]:
-    """Return the names of the shots of the working folder."""
-    edits = {FILM.stem, *edit_names()}
-    return [path.stem for path in shot_files(SHOTS) if path.stem not in edits]
+def shot_names(folder: Path = SHOTS) -> list[str]:
+    """Return the names of the shots in a folder, by default in that of the working folder."""
+    return [path.stem for path in shot_files(folder) if path.name != FILM.name and not is_edit(path)]
 
 
 def edit_names() -> list[str]:

@@ -16,8 +16,9 @@ from flowsculpt.pipeline.arrays import AnyArray, Points
 from flowsculpt.pipeline.errors import FlowsculptError
 from flowsculpt.pipeline.mesh.placed_copies import COPIES, Placements, all_copies, extremes
 from flowsculpt.pipeline.production.store.digests import CorruptFileError
+from flowsculpt.pipeline.production.store.paths import SUFFIXES
 from flowsculpt.pipeline.production.store.store import Key
-from flowsculpt.render.base.state_files import UNUSABLE
+from flowsculpt.render.base.state_files import UNUSABLE, plain_data
 from flowsculpt.render.post.image import read_exr
 from flowsculpt.render.scene.aovs import RenderedFrame
 
@@ -101,7 +102,8 @@ def store_reader(kind: str, key: Key, *, number: int = 0, size: Size | None = No
     """Return a reader of a stored file, which raises CorruptFileError or RenderError for a damaged one.
 
     kind    `raw` and `frame` give the layers of a picture and its header; `mesh` a MeshFrame; `normals` the
-            arrays of a shaded surface, and `shading` these with those of all its copies
+            arrays of a shaded surface, and `shading` these with those of all its copies; other kinds of
+            SUFFIXES arrays, plain data, the pixels of a still or the facts of a movie, by their suffix
     number  the frame that a mesh is shown as
     size    what pictures must have: width and height, pixels
     """
@@ -109,12 +111,32 @@ def store_reader(kind: str, key: Key, *, number: int = 0, size: Size | None = No
         return picture(key, size)
     if kind == "mesh":
         return mesh_frame(key, number)
-    return shading(key) if kind == "shading" else arrays(key)
+    if kind == "shading":
+        return shading(key)
+    match SUFFIXES[kind]:
+        case ".npz":
+            return arrays(key)
+        case ".json":
+            return _plain_content
+        case ".png" | ".jpg":
+            from flowsculpt.render.post.image import read_png
+
+            return read_png
+    from flowsculpt.render.movie.probe import probe_movie
+
+    return probe_movie
 
 
 def with_key(key: Key, named: Mapping[str, AnyArray]) -> dict[str, AnyArray]:
     """Return the arrays and their key."""
     return {**named, "key": np.array(key)}
+
+
+def _plain_content(path: Path) -> Any:
+    try:
+        return plain_data(path.read_bytes())
+    except (ValueError, RecursionError) as error:
+        raise CorruptFileError(f"{path}: {error}") from error
 
 
 LARGE_BYTES = 1 << 22

@@ -5,7 +5,6 @@ The plug-in that adds it knows addresses and file systems. Without an address no
 
 from __future__ import annotations
 
-import hashlib
 import logging
 import os
 from abc import ABC, abstractmethod
@@ -15,9 +14,6 @@ from typing import Any, Protocol
 
 from flowsculpt.pipeline.errors import UsageError
 from flowsculpt.pipeline.plugin import plugins
-from flowsculpt.pipeline.production.store.digests import DIGITS
-from flowsculpt.render.base.atomic_write import atomic_write
-from flowsculpt.render.base.user_cache import kernel_homes
 
 VARIABLE = "FLOWSCULPT_STORE"
 """The environment variable that holds the address. Processes and farms pass it on to their jobs."""
@@ -84,14 +80,6 @@ class RemoteStores(ABC):
     def load(self, url: str) -> None:
         """Import what the store at an address needs, without starting a thread."""
 
-    @abstractmethod
-    def send_kernels(self, remote: RemoteStore) -> str:
-        """Upload the kernels of this machine; return their name, by which a plan lets workers take them."""
-
-    @abstractmethod
-    def fetch_kernels(self, remote: RemoteStore, planned: str | None = None) -> bool:
-        """Fetch the kernels for this machine, those of a name or any; return whether some came."""
-
 
 def store_url() -> str | None:
     """Return the address of the remote store that the environment names, or None."""
@@ -112,24 +100,12 @@ def remote_stores() -> RemoteStores:
     return stores[0]
 
 
-def has_kernels(key: str) -> bool:
-    """Tell whether this machine has all kernels of a key of `kernels_key`, without importing numba."""
-    return any((home / f"complete-{key}").exists() for home in kernel_homes())
+def use_store(typed: str | None) -> None:
+    """Have this process and those that it starts share the remote store at an address, or none.
 
-
-def kernels_key() -> str:
-    """Return the digest of all that decides what is compiled on this machine."""
-    from flowsculpt.render.base.kernel_cache import (  # numba, which many jobs never need
-        all_kernels,
-        folder_name,
-    )
-
-    parts = "\n".join([folder_name(), *all_kernels()])
-    return hashlib.blake2b(parts.encode(), digest_size=DIGITS // 2).hexdigest()
-
-
-def note_all_compiled() -> None:
-    """Note that this machine has all kernels. Raises MachineError where the disk refuses."""
-    if not has_kernels(key := kernels_key()):
-        with atomic_write(kernel_homes()[1] / f"complete-{key}", flush=False) as draft:
-            draft.touch()
+    Raises UsageError and MachineError for an address that cannot be used.
+    """
+    if typed:
+        os.environ[VARIABLE] = remote_stores().checked(typed)
+    else:
+        os.environ.pop(VARIABLE, None)

@@ -109,6 +109,11 @@ class Store:
         return None if self.url is None else remote_stores().opened(self.url)
 
     @property
+    def may_upload(self) -> bool:
+        """True if there is a remote store, and the user does not keep us from writing to it."""
+        return self.url is not None and not is_read_only()
+
+    @property
     def scratch(self) -> Path:
         """The folder of drafts on the disk of the root."""
         return self.root / STATE / "tmp"
@@ -340,7 +345,7 @@ class Store:
     def reject(self, kind: str, key: Key) -> None:
         """Evict a file that cannot be read though it is as it was written, from the remote store too."""
         self.discard(kind, key)
-        if self.remote is not None and not is_read_only():
+        if self.remote is not None and self.may_upload:
             self.remote.reject(kind, key)
 
     def discard(self, kind: str, key: Key) -> None:
@@ -467,7 +472,7 @@ def upload(store: Store, name: Name, digest: str, replace: bool = False) -> bool
 
     Raises MachineError where the disk refuses the mark.
     """
-    if store.remote is None or is_read_only():
+    if store.remote is None or not store.may_upload:
         return False
     mark = _mark(store.root, name)
     with disk_errors(mark):
@@ -487,15 +492,10 @@ def missed_uploads(root: Path) -> list[Name]:
     return [(kind, key) for kind, _, key in names if kind in SUFFIXES]
 
 
-def upload_missed(store: Store) -> Uploaded:
-    """Send the files that are marked. One that is gone or damaged meanwhile loses its mark."""
-    if store.remote is None or is_read_only():
+def upload_missed(store: Store, others: Iterable[Name] = ()) -> Uploaded:
+    """Send the files that are marked, and others. One that is gone or damaged meanwhile loses its mark."""
+    if not store.may_upload:
         return Uploaded(0, 0)
-    return upload_all(store, missed_uploads(store.root))
-
-
-def upload_all(store: Store, names: Iterable[Name]) -> Uploaded:
-    """Send stored files. One that is gone or damaged meanwhile loses its mark."""
 
     def upload_one(name: Name) -> bool | None:
         """Return None for a file that is gone, damaged, or of unknown digest."""
@@ -510,7 +510,7 @@ def upload_all(store: Store, names: Iterable[Name]) -> Uploaded:
         return upload(store, name, digest)
 
     with ThreadPoolExecutor(SIDE_BY_SIDE) as pool:
-        outcomes = list(pool.map(upload_one, names))
+        outcomes = list(pool.map(upload_one, dict.fromkeys([*others, *missed_uploads(store.root)])))
     return Uploaded(outcomes.count(True), outcomes.count(False))
 
 

@@ -29,7 +29,7 @@ from flowsculpt.pipeline.production.planning.plan import Plan, write_manifest
 from flowsculpt.pipeline.production.planning.profile import VariantError, require_variant
 from flowsculpt.pipeline.production.stages import STAGES
 from flowsculpt.pipeline.production.store.locks import of_key, writing
-from flowsculpt.pipeline.production.store.remote_store import has_kernels, remote_stores
+from flowsculpt.pipeline.production.store.shared_kernels import fetch_kernels
 from flowsculpt.pipeline.production.tasks.job import (
     ENVIRONMENT,
     Context,
@@ -57,7 +57,7 @@ from flowsculpt.render.base.root_files import open_file
 from flowsculpt.render.mitsuba.engine import GPU_VARIANTS, available_cores
 
 
-def main(
+def do_job(
     plan_path: str,
     job_name: str,
     insist: bool = False,
@@ -201,9 +201,9 @@ def work(context: Context) -> int:
 def _bring_kernels(context: Context) -> None:
     """Fetch the compiled kernels that the plan names, where this machine lacks them and there is a store."""
     planned, remote = context.plan.kernels, context.store.remote
-    if planned and remote is not None and not has_kernels(planned.partition(".")[0]):
+    if planned and remote is not None:
         with suppress(MachineError):  # compiling them needs no disk
-            remote_stores().fetch_kernels(remote, planned)
+            fetch_kernels(remote, planned)
 
 
 def _as_failure(error: FlowsculptError | OSError, root: Path) -> FlowsculptError:
@@ -239,7 +239,7 @@ def _interrupt_once(number: int, frame: FrameType | None) -> None:
 
 def run(words: Sequence[str]) -> int:
     """Do the job that the words of a command line name; return the exit code."""
-    return _exit_code(lambda: main(**_arguments(words)))
+    return _exit_code(lambda: do_job(**_arguments(words)))
 
 
 def _exit_code(work: Callable[[], int]) -> int:

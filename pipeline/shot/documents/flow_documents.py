@@ -84,6 +84,13 @@ class FlowParameters(Document):
     parameters: ClassVar[tuple[Parameter, ...]]
     own: ClassVar[tuple[Parameter, ...]]
 
+    @classmethod
+    def flow_kind(cls) -> str:
+        """Return what the flow is: a `velocity`, a `function` of a Python file, or another `map`."""
+        if issubclass(cls.flow, VelocityField):
+            return "velocity"
+        return "function" if issubclass(cls.flow, PythonFlow) else "map"
+
     def build(self, clock: Clock) -> Any:
         """Return the flow; parameters that the file leaves out take the defaults of the code."""
         given = [p for p in self.parameters if p.name in self.model_fields_set]
@@ -145,14 +152,9 @@ def _kind(p: Parameter) -> Any:
     return kinds.get(p.form, p.kind)
 
 
-def description_of(p: Parameter) -> str:
-    """Return one line about a parameter, with its unit in parentheses."""
-    return f"{p.doc.text} ({p.doc.unit})" if p.doc.unit else p.doc.text
-
-
 def _field(p: Parameter) -> Any:
-    description = description_of(p)
-    return Field(description=description) if p.needed else Field(p.default_in_file, description=description)
+    about = p.description
+    return Field(description=about) if p.needed else Field(p.default_in_file, description=about)
 
 
 def _value(p: Parameter, value: Any, clock: Clock) -> Any:

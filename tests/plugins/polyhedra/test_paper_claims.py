@@ -8,9 +8,13 @@ import pytest
 from flowsculpt.pipeline.arrays import Points
 from flowsculpt.pipeline.errors import UsageError
 from flowsculpt.pipeline.mesh import PolygonMesh, require
-from flowsculpt.pipeline.plugins.polyhedra.polyhedra_method import Cutting
 from flowsculpt.pipeline.plugins.polyhedra.polyhedral_resampler import PolyhedralResampler
-from flowsculpt.pipeline.plugins.polyhedra.polyhedron import LengthLimits, Polyhedron, PolyhedronEditor
+from flowsculpt.pipeline.plugins.polyhedra.polyhedron import (
+    Cutting,
+    LengthLimits,
+    Polyhedron,
+    PolyhedronEditor,
+)
 from flowsculpt.pipeline.plugins.polyhedra.subdivision import Slicer
 from flowsculpt.pipeline.resample import Thresholds, edges_by_angle, edges_in_region
 from flowsculpt.pipeline.resample.thresholds import WithinBall, WithinBox

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from flowsculpt.pipeline.arrays import Floats, Points
 from flowsculpt.pipeline.errors import FrameError
 from flowsculpt.pipeline.mesh import PolygonMesh, require, validate
-from flowsculpt.pipeline.plugins.polyhedra.polyhedra_method import Collapse, Cutting
 from flowsculpt.pipeline.plugins.polyhedra.polyhedral_resampler import PolyhedralResampler
+from flowsculpt.pipeline.plugins.polyhedra.polyhedron import Collapse, Cutting
 from flowsculpt.pipeline.resample import Thresholds
 
 KINDS = ["cube", "ell", "comb", "star", "drum", "ring", "open box", "leaf", "tetrahedron", "ball", "cloth"]

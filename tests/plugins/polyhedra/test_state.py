@@ -7,8 +7,8 @@ import pytest
 
 from flowsculpt.pipeline.errors import FrameError, MeshError, UsageError
 from flowsculpt.pipeline.mesh import PolygonMesh, require
-from flowsculpt.pipeline.plugins.polyhedra.polyhedra_method import Cutting
 from flowsculpt.pipeline.plugins.polyhedra.polyhedral_resampler import PolyhedralResampler
+from flowsculpt.pipeline.plugins.polyhedra.polyhedron import Cutting
 from flowsculpt.pipeline.resample import Thresholds
 
 THRESHOLDS = Thresholds(0.35)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from flowsculpt.pipeline.errors import FrameError, MachineError, UsageError
 from flowsculpt.pipeline.plugins.remote import remote_files, remote_requests
-from flowsculpt.pipeline.plugins.remote.push_command import lacking_names, upload_lacking
+from flowsculpt.pipeline.plugins.remote.push_command import lacking_names
 from flowsculpt.pipeline.plugins.remote.remote_files import RemoteFiles
 from flowsculpt.pipeline.production.store.readers import with_key, write_npz
 from flowsculpt.pipeline.production.store.remote_store import READ_ONLY, VARIABLE
@@ -242,7 +242,7 @@ def test_files_made_before_there_was_a_remote_store_are_uploaded_on_demand(tmp_p
     upload_missed(ours)
     assert sent(share) == []
     assert len(lacking_names(ours)) == 2
-    assert upload_lacking(ours) == (2, 0)
+    assert upload_missed(ours, lacking_names(ours)) == (2, 0)
     assert lacking_names(ours) == [] and len(sent(share)) == 2
 
 
@@ -328,7 +328,7 @@ def test_two_roots_that_share_a_remote_store_never_read_other_bytes(tmp_path_fac
         elif action == "evict":
             store.discard("cameras", key)
         elif action == "upload":
-            upload_lacking(store)
+            upload_missed(store, lacking_names(store))
         elif there:
             undamaged.discard(key)
             if action == "delete":

@@ -6,14 +6,15 @@ import zipfile
 import pytest
 
 from flowsculpt.pipeline.plugins.remote.remote_files import RemoteFiles
-from flowsculpt.pipeline.plugins.remote.shared_kernels import fetch_kernels, send_kernels
 from flowsculpt.pipeline.production.planning.plan import Plan
 from flowsculpt.pipeline.production.store.digests import digest_of
-from flowsculpt.pipeline.production.store.remote_store import (
-    VARIABLE,
+from flowsculpt.pipeline.production.store.remote_store import VARIABLE
+from flowsculpt.pipeline.production.store.shared_kernels import (
+    fetch_kernels,
     has_kernels,
     kernels_key,
     note_all_compiled,
+    send_kernels,
 )
 from flowsculpt.render.base.kernel_cache import all_kernels, folder_name
 from flowsculpt.render.base.user_cache import kernel_homes

@@ -61,7 +61,7 @@ def test_a_host_tries_no_frame_twice_and_leaves_it_to_another(
     assert context.failures.reason_to_leave() is None
     fail(context, 2)
     assert "node7 has failed at frame 2" in str(context.failures.reason_to_leave())
-    assert worker.main(str(context.plan.file), context.job.name, after=0) == MachineError.exit_code
+    assert worker.do_job(str(context.plan.file), context.job.name, after=0) == MachineError.exit_code
     assert context.failures.is_final(), "nor does it look at the job again"
     monkeypatch.setattr("platform.node", lambda: "node8")
     assert context.failures.reason_to_leave() is None and not context.failures.is_final()

@@ -8,17 +8,17 @@ from pathlib import Path
 import numba
 import pytest
 
-from flowsculpt.pipeline.plugins.maintenance.kernel_build import kernels_called_by_kernels
-from flowsculpt.pipeline.plugins.maintenance.numba_shortcuts import VERSIONS
+from flowsculpt.pipeline.kernel_build import kernels_called_by_kernels
+from flowsculpt.render.base.numba_shortcuts import VERSIONS
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[1]
 
 COMPARED = """
 import numba
 import numpy as np
 from numba.core import ir
 from numba.core.compiler import Flags, run_frontend
-from flowsculpt.pipeline.plugins.maintenance.numba_shortcuts import take_shortcuts
+from flowsculpt.render.base.numba_shortcuts import take_shortcuts
 
 def total(values):
     copy = np.zeros(len(values))
@@ -82,7 +82,7 @@ def call():
 """
 
 COMPILE_ONLY = """
-from flowsculpt.pipeline.plugins.maintenance.numba_shortcuts import take_shortcuts
+from flowsculpt.render.base.numba_shortcuts import take_shortcuts
 take_shortcuts({("sums", "half")})
 import sums
 print(sums.call())

@@ -7,18 +7,17 @@ its digest is in the plan that it works by, or where its user asks for it by `fl
 
 from __future__ import annotations
 
-import re
+import hashlib
 import tempfile
-import zipfile
 from pathlib import Path
 
-from flowsculpt.api.files import atomic_write
-from flowsculpt.api.frames import LOG, RemoteStore, digest_of, note_all_compiled
-from flowsculpt.pipeline.plugins.remote.fetched_content import KERNELS
-from flowsculpt.pipeline.production.store.remote_store import has_kernels, is_read_only, kernels_key
+from flowsculpt.pipeline.production.store.digests import DIGITS, digest_of
+from flowsculpt.pipeline.production.store.remote_store import LOG, RemoteStore, is_read_only
+from flowsculpt.render.base.atomic_write import atomic_write
 from flowsculpt.render.base.user_cache import kernel_homes
 
-_FILE = re.compile(r"[^/\\:]+\.kernel")
+KERNELS = "kernels"
+"""The kind of archives of compiled kernels, which stores of roots do not have."""
 
 
 def send_kernels(remote: RemoteStore) -> str:
@@ -31,7 +30,9 @@ def send_kernels(remote: RemoteStore) -> str:
         return ""
     archive = kernel_homes()[1] / f"{key}.zip"
     if not archive.exists():
-        _pack(archive)
+        from flowsculpt.render.base.kernel_archive import pack_kernels
+
+        pack_kernels(archive)
     digest = digest_of(archive)
     there = digest in remote.digests(KERNELS).get(key, ())
     sent = there or (not is_read_only() and remote.send(KERNELS, key, archive, digest))
@@ -48,12 +49,14 @@ def fetch_kernels(remote: RemoteStore, planned: str | None = None) -> bool:
     key, _, digest = (planned or kernels_key()).partition(".")
     if has_kernels(key) or key != kernels_key():  # for other processors or sources
         return False
+    from flowsculpt.render.base.kernel_archive import unpack_kernels
+
     with tempfile.TemporaryDirectory() as folder:
         draft = Path(folder) / "kernels.zip"
         found = remote.fetch(KERNELS, key, draft)
         if found is None or found != (digest or found):
             return False
-        if not _unpack(draft):
+        if not unpack_kernels(draft):
             LOG.warning(
                 f"{remote.url}: the archive of kernels {key} holds other files; nothing of it is used"
             )
@@ -62,37 +65,24 @@ def fetch_kernels(remote: RemoteStore, planned: str | None = None) -> bool:
     return True
 
 
-def _pack(archive: Path) -> None:
-    """Write all kernels of this machine to an archive."""
-    from flowsculpt.render.base.kernel_cache import all_kernels, kernel_folders
-
-    files = {
-        f"{name}/{path.name}": path
-        for folder in kernel_folders()
-        for name in all_kernels()
-        for path in sorted((folder / name).glob("*.kernel"))
-    }
-    with (
-        atomic_write(archive, flush=False) as draft,
-        zipfile.ZipFile(draft, "w", zipfile.ZIP_DEFLATED) as packed,
-    ):
-        for name, path in files.items():
-            info = zipfile.ZipInfo(name)  # without a time: the same kernels are the same archive everywhere
-            packed.writestr(info, path.read_bytes(), zipfile.ZIP_DEFLATED)
+def has_kernels(key: str) -> bool:
+    """Tell whether this machine has all kernels of a key of `kernels_key`, without importing numba."""
+    return any((home / f"complete-{key}").exists() for home in kernel_homes())
 
 
-def _unpack(archive: Path) -> bool:
-    """Write the kernels of an archive to where this machine looks for its own; return whether it has done so.
+def kernels_key() -> str:
+    """Return the digest of all that decides what is compiled on this machine."""
+    from flowsculpt.render.base.kernel_cache import (  # numba, which many jobs never need
+        all_kernels,
+        folder_name,
+    )
 
-    Nothing is written of an archive that holds any other file.
-    """
-    from flowsculpt.render.base.kernel_cache import all_kernels, folder_name
+    parts = "\n".join([folder_name(), *all_kernels()])
+    return hashlib.blake2b(parts.encode(), digest_size=DIGITS // 2).hexdigest()
 
-    with zipfile.ZipFile(archive) as packed:
-        names = [name.partition("/")[::2] for name in packed.namelist()]
-        if any(folder not in all_kernels() or not _FILE.fullmatch(file) for folder, file in names):
-            return False
-        for folder, file in names:
-            with atomic_write(kernel_homes()[1] / folder_name() / folder / file, flush=False) as draft:
-                draft.write_bytes(packed.read(f"{folder}/{file}"))
-    return True
+
+def note_all_compiled() -> None:
+    """Note that this machine has all kernels. Raises MachineError where the disk refuses."""
+    if not has_kernels(key := kernels_key()):
+        with atomic_write(kernel_homes()[1] / f"complete-{key}", flush=False) as draft:
+            draft.touch()

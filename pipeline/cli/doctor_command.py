@@ -8,12 +8,13 @@ from typing import Annotated, Any
 
 import typer
 
-from flowsculpt.api import plural
-from flowsculpt.api.commands import exit_with, print_result, print_warning, progress_bars
-from flowsculpt.api.frames import Store, note_all_compiled, remote_stores
-from flowsculpt.api.options import Common
-from flowsculpt.pipeline.plugins.maintenance.kernel_build import build_kernels, kernel_calls
+from flowsculpt.pipeline.cli.options import Common
+from flowsculpt.pipeline.cli.output import exit_with, print_result, print_warning, progress_bars
+from flowsculpt.pipeline.kernel_build import build_kernels, kernel_calls
+from flowsculpt.pipeline.production.store.shared_kernels import fetch_kernels, note_all_compiled, send_kernels
+from flowsculpt.pipeline.production.store.store import Store
 from flowsculpt.render.base.kernel_cache import cache_folder
+from flowsculpt.render.base.plural import plural
 from flowsculpt.render.base.render_errors import MachineError
 from flowsculpt.render.graphics import three_js
 from flowsculpt.render.mitsuba import engine
@@ -42,12 +43,12 @@ def doctor(
         _complete_environment()
         with progress_bars(common.progress) as bar:
             if remote is not None:
-                remote_stores().fetch_kernels(remote)
+                fetch_kernels(remote)
             calls = kernel_calls()
             build_kernels(calls, common.cores, bar("compiling kernels", len(calls)))
             note_all_compiled()
             if remote is not None:
-                remote_stores().send_kernels(remote)
+                send_kernels(remote)
     renderer = engine.facts()
     facts: dict[str, Any] = {
         "flowsculpt": version("flowsculpt"),

@@ -15,7 +15,7 @@ from graphlib import TopologicalSorter
 from multiprocessing import forkserver, get_context
 from typing import TypeGuard
 
-from flowsculpt import MachineError
+from flowsculpt.pipeline.errors import MachineError
 from flowsculpt.pipeline.kernels import compile_module
 from flowsculpt.render.base.kernel_cache import (
     DECORATORS,
@@ -47,7 +47,7 @@ def build_kernels(calls: Mapping[str, set[str]], processes: int, advance: Callab
     Raises MachineError where a process is killed, as it is when memory runs out.
     """
     context = get_context("forkserver")
-    context.set_forkserver_preload(["flowsculpt.pipeline.plugins.maintenance.kernel_compiler"])
+    context.set_forkserver_preload(["flowsculpt.pipeline.kernel_compiler"])
     try:
         with ProcessPoolExecutor(processes, context) as pool:
             _build_all(calls, processes, pool, advance)
