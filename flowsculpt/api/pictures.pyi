@@ -2,6 +2,7 @@
 
 from flowsculpt.pipeline.production.request.audio import AudioClip as AudioClip
 from flowsculpt.pipeline.production.tasks.encoding import movie_encode as movie_encode
+from flowsculpt.pipeline.production.tasks.finish import write_finished as write_finished
 from flowsculpt.render.base.render_errors import BadInputError as BadInputError
 from flowsculpt.render.base.render_errors import RenderError as RenderError
 from flowsculpt.render.graphics.cards import Screen as Screen
