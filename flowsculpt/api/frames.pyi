@@ -28,7 +28,7 @@ from flowsculpt.pipeline.production.request.framing import BoundingSpheres as Bo
 from flowsculpt.pipeline.production.request.framing import Extent as Extent
 from flowsculpt.pipeline.production.request.framing import Framing as Framing
 from flowsculpt.pipeline.production.request.framing import frame_all as frame_all
-from flowsculpt.pipeline.production.request.framing import together as together
+from flowsculpt.pipeline.production.request.framing import join_extents as join_extents
 from flowsculpt.pipeline.production.request.framing import with_stage_in_view as with_stage_in_view
 from flowsculpt.pipeline.production.request.keys import FrameKeys as FrameKeys
 from flowsculpt.pipeline.production.request.keys import PictureKeys as PictureKeys

@@ -250,7 +250,7 @@ class PictureOptions:
 
         if self.crop is None or not shots or not is_quality(name):
             return cropped_name(name, self.crop, self.scale)
-        sizes = {request.manifest.size for shot in shots for request in project.named(shot, name)}
+        sizes = {request.manifest.size for shot in shots for request in project.find_requests(shot, name)}
         if len(sizes) > 1:
             raise UsageError(
                 f"--crop {self.crop}: these have pictures of several sizes. Crop those of one size at a time."

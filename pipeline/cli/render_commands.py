@@ -58,7 +58,7 @@ def render(
     graphics driver, `flowsculpt render A010_cube --force` renders again and replaces what is stored.
     """
     project = options.project(common).with_layers(layers)
-    project = project.forcing("render") if force else project
+    project = project.force_from("render") if force else project
     quality = options.quality(quality, project, shots)
     execute_and_report(common, lambda: project.pictures(shots, quality, frames), preview=not no_preview)
 
@@ -91,7 +91,7 @@ def film(
     project = options.project(common, variant).with_layers(layers)
     if timeline is not None:
         edit = _written_edit(common, timeline)
-    project = project.forcing("render") if force else project
+    project = project.force_from("render") if force else project
     execute_and_report(common, lambda: project.film(quality, find_edit(edit)), preview=not no_preview)
 
 

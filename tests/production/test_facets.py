@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from flowsculpt.pipeline.mesh import box, icosphere
 from flowsculpt.pipeline.mesh.normals import split_at_creases
 from flowsculpt.pipeline.production.request.framing import frame_all
-from flowsculpt.pipeline.production.request.shading import LEAST, diced, pieces_without_facets
+from flowsculpt.pipeline.production.request.shading import LEAST, dice, pieces_without_facets
 from flowsculpt.pipeline.shot import read_shot
 from flowsculpt.pipeline.shot.camera_path import View
 from flowsculpt.render.scene.render_quality import QUALITIES
@@ -39,7 +39,7 @@ def pieces(arrays, quality="draft"):
 def test_the_outline_of_a_ball_is_round_to_a_fraction_of_a_pixel(segments, quality):
     arrays = arrays_of(icosphere(segments))
     count = pieces(arrays, quality)
-    fine = diced(arrays, count)
+    fine = dice(arrays, count)
     middles = fine["vertices"][fine["faces"]][:, :2].mean(axis=1)
     camera, size = camera_at(arrays), QUALITIES[quality].width
     distance = math.dist(camera.origin, (0.0, 0.0, 0.0))
@@ -52,7 +52,7 @@ def test_flat_sides_and_fine_meshes_are_left_alone():
     assert pieces(arrays_of(box((2, 2, 2)))) == 1
     fine = arrays_of(icosphere(40))
     assert pieces(fine) == 1
-    assert diced(fine, 1) == fine
+    assert dice(fine, 1) == fine
 
 
 def test_a_larger_picture_shows_more_and_a_farther_camera_less():
@@ -65,7 +65,7 @@ def test_a_larger_picture_shows_more_and_a_farther_camera_less():
 
 def test_materials_lie_where_the_patches_are():
     arrays = arrays_of(icosphere(3))
-    fine = diced(arrays, 4)
+    fine = dice(arrays, 4)
     assert len(fine["faces"]) == 16 * len(arrays["faces"])
     np.testing.assert_allclose(fine["material"], fine["vertices"], atol=0.05)
 

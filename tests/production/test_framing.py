@@ -12,9 +12,9 @@ from flowsculpt.pipeline.production.request.framing import (
     envelope,
     fitting_distance,
     frame_all,
+    join_extents,
     rotate_y,
     smooth,
-    together,
 )
 from flowsculpt.pipeline.shot.camera_path import Lens, View
 from flowsculpt.render.base.render_errors import BadInputError
@@ -57,13 +57,13 @@ def test_the_floor_never_cuts_into_the_sculpture(seed, frames):
 def test_a_subject_in_focus_by_name_is_sharp_at_its_nearest_point():
     back, front = np.array([[0.0, 0.0, -2.0], [0.0, 1.0, -1.0]]), np.array([[1.0, 0.0, 1.0], [0.0, 0.0, 0.5]])
     ball = BoundingSpheres(np.array([[0.5, 0.0, 2.0]]), np.array([0.25]))
-    extent = together([back, front, ball], ["back", "front_row", "ball"])
+    extent = join_extents([back, front, ball], ["back", "front_row", "ball"])
     level = View(azimuth=0.0, elevation=0.0, field_of_view=0.4, margin=0.1)
     for name, nearest in (("back", -1.0), ("front_row", 1.0), ("ball", 2.25), ("front", 2.25)):
         view = level._replace(lens=Lens(85.0, 4.0, None, name))
         camera = frame_all([view], lambda _: extent, ASPECT)[0].camera
         assert camera.origin[2] - camera.focus_distance == pytest.approx(nearest)
-    assert together([back]) is back
+    assert join_extents([back]) is back
 
 
 def test_focus_front_is_at_the_nearest_point_of_the_sculpture_and_moves_calmly():

@@ -22,11 +22,11 @@ from flowsculpt.api.frames import (
     animate,
     frame_all,
     is_cloud,
+    join_extents,
     material_of,
     radii,
     speeds,
     thresholds_at,
-    together,
     with_stage_in_view,
 )
 from flowsculpt.api.meshes import AnyArray, Floats, Points
@@ -134,7 +134,7 @@ def tried(shot: Shot) -> Trial:
             extents[index].append(BoundingSpheres(points, radii(frame)) if is_cloud(frame) else points)
             if frame.number in kept:
                 kept[frame.number].append(frame)
-    framings = _framings(shot, numbers, [together(each) for each in extents])
+    framings = _framings(shot, numbers, [join_extents(each) for each in extents])
     return _drawn(shot, motions, kept, framings, growth, [[*kept].index(number) for number in shown])
 
 

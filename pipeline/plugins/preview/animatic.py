@@ -28,9 +28,9 @@ from flowsculpt.api.frames import (
     Store,
     camera_file,
     frame_all,
+    join_extents,
     samples_of,
     step_into,
-    together,
     with_stage_in_view,
 )
 from flowsculpt.api.meshes import AnyArray, Indices
@@ -226,7 +226,7 @@ def framings_while(
     """Yield camera and stage of frames while the stream plays them, each when its camera is settled."""
 
     def extent_of(index: int) -> Extent:
-        return together([_extent(arrays) for arrays in stream.each(request, numbers[index])], names)
+        return join_extents([_extent(arrays) for arrays in stream.each(request, numbers[index])], names)
 
     names = [part.subject for part in request.shot.parts]
     views, is_round = [request.pictures.view(n) for n in numbers], request.pictures.is_round
@@ -252,7 +252,7 @@ def framing_of_still(
     ends = zip(motions, known[-1], strict=True)
     later = [_moved(motion, extent, numbers[last:]) for motion, extent in ends]
     names = [part.subject for part in request.shot.parts]
-    extents = [together(each, names) for each in (*known, *zip(*later, strict=False))]
+    extents = [join_extents(each, names) for each in (*known, *zip(*later, strict=False))]
     views = [request.pictures.view(n) for n in numbers[: len(extents)]]
     options = request.shot.picture.camera.follow, request.pictures.is_round
     framing = frame_all(views, lambda i: extents[i], request.pictures.aspect, *options)[last - 1]

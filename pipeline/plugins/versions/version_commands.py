@@ -176,7 +176,7 @@ def reproduce(
     """
     use_store(None)  # what the remote store has would prove nothing
     record, project = Provenance.read(provenance), project_of(common, None, allow_code, variant)
-    again = Reproduction(record, provenance, project.forcing("render") if force else project, frames)
+    again = Reproduction(record, provenance, project.force_from("render") if force else project, frames)
     inside = replace(common, root=again.home)
     plan = again.plan()
     for note in again.notes:

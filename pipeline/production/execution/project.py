@@ -18,8 +18,8 @@ from flowsculpt.pipeline.production.planning.frame_states import (
 from flowsculpt.pipeline.production.planning.plan import Plan
 from flowsculpt.pipeline.production.planning.planner import Planner
 from flowsculpt.pipeline.production.planning.profile import Profile, variant_for
-from flowsculpt.pipeline.production.planning.timings import measured
-from flowsculpt.pipeline.production.request.edit import Edit, ResolvedEdit, resolved_edit
+from flowsculpt.pipeline.production.planning.timings import measure_renders
+from flowsculpt.pipeline.production.request.edit import Edit, ResolvedEdit, resolve_edit
 from flowsculpt.pipeline.production.request.keys import picture_keys
 from flowsculpt.pipeline.production.request.lookup import (
     FILM,
@@ -72,7 +72,7 @@ class Project:
     def store(self) -> Store:
         return Store(self.root)
 
-    def forcing(self, stage: str) -> Project:
+    def force_from(self, stage: str) -> Project:
         """Return the project with a stage, and those that follow it, made again once whatever is stored."""
         return replace(self, force=dict.fromkeys(forced_with({stage}), time.time_ns()))
 
@@ -154,7 +154,7 @@ class Project:
             planner.pictures(request)
             planner.movie(request)
         plan = planner.plan()
-        return replace(plan, measured=measured(self.root, plan.requests))
+        return replace(plan, measured=measure_renders(self.root, plan.requests))
 
     def stills(
         self, shots: Sequence[str], form: str, quality: str, frames: FrameSelection | None = None
@@ -212,7 +212,7 @@ class Project:
         """
         if path not in self._edits:
             cache = PlanningCache(self.root)
-            self._edits[path] = resolved_edit(
+            self._edits[path] = resolve_edit(
                 path, self.settings, cache, lambda shot, edit: self._of_edit(edit)._source(shot).manifest
             )
         edit, clips = self._edits[path].edit, self._edits[path].clips
@@ -228,7 +228,7 @@ class Project:
         """Return the project whose shots have the picture of an edit; settings of the user come on top."""
         return replace(self, settings=(edit.setting, *self.settings)) if edit.setting else self
 
-    def named(self, name: str, quality: str) -> list[RenderRequest]:
+    def find_requests(self, name: str, quality: str) -> list[RenderRequest]:
         """Return the request of a shot, or those of the clips of an edit, by its name."""
         if names_edit(name):
             return self.edit(quality, find_edit(name))[1]

@@ -22,7 +22,7 @@ from flowsculpt.pipeline.errors import UsageError
 from flowsculpt.pipeline.frames import FrameRange
 from flowsculpt.pipeline.production.planning.plan import Job, Link, Plan, done_file, with_threads
 from flowsculpt.pipeline.production.planning.profile import Share
-from flowsculpt.pipeline.production.planning.timings import measured
+from flowsculpt.pipeline.production.planning.timings import measure_renders
 from flowsculpt.pipeline.production.request.cameras import CameraFile
 from flowsculpt.pipeline.production.request.edit import Edit
 from flowsculpt.pipeline.production.request.keys import FrameKeys, PictureKeys, picture_keys, staged_keys
@@ -91,7 +91,7 @@ class PlanEntry:
     @cached_property
     def shown(self) -> list[int]:
         """The mesh frames that pictures of the whole request show."""
-        return sorted({angle.mesh for angle in self.request.angles.values()})
+        return self.request.meshes(self.request.angles)
 
     def require_permission(self) -> None:
         """Raises UsageError where the shot runs Python files, and may not."""
@@ -378,7 +378,7 @@ class Planner:
             notes=tuple(dict.fromkeys(self.notes)),
             spared=+self._planned.spared,
             manifests=self._planned.manifests,
-            measured=measured(self.store.root, tuple(self._entries), rendered),
+            measured=measure_renders(self.store.root, tuple(self._entries), rendered),
             force=tuple(sorted(self.force)),
             farm=self.share is not None,
         )
@@ -439,7 +439,7 @@ class Planner:
         Another request, such as a cell of a wedge, may have made them and shown them elsewhere.
         """
         request = entry.request
-        shown = sorted({request.angles[n].mesh for n in request.requested})
+        shown = request.meshes(request.requested)
         for part in self._parts(entry):
             for stage in ("simulate", "smooth_normals"):
                 kind = STAGES[stage].makes
@@ -453,7 +453,7 @@ class Planner:
     def _surfaces(self, entry: PlanEntry, unrendered: Sequence[int]) -> None:
         """Plan what rendering needs: the normals of the meshes shown, and cameras, which see all meshes."""
         request = entry.request
-        shown = sorted({request.angles[n].mesh for n in unrendered})
+        shown = request.meshes(unrendered)
         key, path = request.keys.cameras, request.folders.cameras().as_posix()
         framed = entry.keys is not None and self._has("frame_camera", "cameras", key, path)
         if any(map(request.pictures.follows_flow, unrendered)):
@@ -509,7 +509,7 @@ class Planner:
                 self._rest(entry, stage, _union(entry.names[n].window for n in request.requested))
             self._rest(entry, "finish", request.requested)
         if goals & {"finish", "smooth_normals"}:
-            shown = sorted({request.angles[n].mesh for n in request.requested})
+            shown = request.meshes(request.requested)
             for part in self._parts(entry):
                 self._rest(part, "smooth_normals", shown)
                 self._rest(part, "simulate", [n for n in part.shown if n not in part.wanted])

@@ -169,7 +169,7 @@ class MeasuredResources:
         return START_MINUTES + math.ceil(_TIME_MARGIN * frames * self.seconds / threads / 60.0)
 
 
-def measured(
+def measure_renders(
     root: Path, requests: Sequence[RenderRequest], places: Iterable[int] | None = None
 ) -> dict[int, MeasuredResources]:
     """Return what earlier renders of requests took, by their places, where any were measured under `root`.

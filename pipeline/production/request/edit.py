@@ -165,7 +165,7 @@ class ResolvedEdit:
         return same and (self.edit.audio is None or self.edit.audio.is_unchanged)
 
 
-def resolved_edit(
+def resolve_edit(
     path: Path, settings: tuple[str, ...], cache: PlanningCache, manifest_of: ManifestOf
 ) -> ResolvedEdit:
     """Return the edit at `path`, with settings in its shots; the cache spares reading all of them.

@@ -54,7 +54,7 @@ Extent = AnyArray | BoundingSpheres
 """Points (N, 3) of any float type, or spheres; a picture must show them all."""
 
 
-def together(extents: Sequence[Extent], names: Iterable[str] = ()) -> Extent:
+def join_extents(extents: Sequence[Extent], names: Iterable[str] = ()) -> Extent:
     """Return the extents of subjects as one, with their names if there are several."""
     if len(extents) == 1:
         return extents[0]

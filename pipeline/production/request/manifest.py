@@ -160,7 +160,7 @@ class SurfaceKeys:
         return cls(meshes, normals_keys(shot, meshes))
 
     @classmethod
-    def joined(cls, frames: Iterable[int], parts: Mapping[str, SurfaceKeys]) -> SurfaceKeys:
+    def join(cls, frames: Iterable[int], parts: Mapping[str, SurfaceKeys]) -> SurfaceKeys:
         """Return digests of the keys of several subjects, with their names, which pictures show."""
         return cls(
             {n: key_of([[name, keys.meshes[n]] for name, keys in parts.items()]) for n in frames},

@@ -94,7 +94,7 @@ def _patch_distance(points: AnyArray, normals: AnyArray, a: AnyArray, b: AnyArra
     return np.asarray(np.linalg.norm(out - back, axis=1) / 8.0)
 
 
-def diced(arrays: Mapping[str, AnyArray], pieces: int, has_pigment: bool = False) -> dict[str, AnyArray]:
+def dice(arrays: Mapping[str, AnyArray], pieces: int, has_pigment: bool = False) -> dict[str, AnyArray]:
     """Return the arrays of a surface whose edges are cut into pieces, on curved patches.
 
     has_pigment  as of `Shading`

@@ -261,7 +261,7 @@ class ShotSource:
         if not subjects:
             return SurfaceKeys.of(self.shot)
         parts = {name: self.of_subject(name).surface_keys for name in subjects}
-        return SurfaceKeys.joined(self.manifest.frames, parts)
+        return SurfaceKeys.join(self.manifest.frames, parts)
 
     def new_notes(self) -> tuple[str, ...]:
         """Return notes on the shot's model and sounds, unless the same contents had the same notes before."""

@@ -18,7 +18,7 @@ from flowsculpt.pipeline.production.request.cameras import camera_file
 from flowsculpt.pipeline.production.request.framing import Framing, rotate_y
 from flowsculpt.pipeline.production.request.keys import FrameKeys, raw_header
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
-from flowsculpt.pipeline.production.request.shading import diced, pieces_without_facets
+from flowsculpt.pipeline.production.request.shading import dice, pieces_without_facets
 from flowsculpt.pipeline.production.store import readers
 from flowsculpt.pipeline.production.store.store import Key, checkpoint_of
 from flowsculpt.pipeline.production.tasks.finish import raw_attributes
@@ -172,7 +172,7 @@ class _ShownSubject:
         if picture.dicing is None:
             arrays, pieces = self._stored_arrays, self._pieces
             if picture.hide_facets and "faces" in arrays:
-                arrays = diced(arrays, pieces, self._has_pigment)
+                arrays = dice(arrays, pieces, self._has_pigment)
             arrays = all_copies(arrays)
         else:
             arrays, pieces = self._shading.arrays(), self._shading.pieces

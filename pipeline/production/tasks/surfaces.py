@@ -23,8 +23,8 @@ from flowsculpt.pipeline.production.request.framing import (
     BoundingSpheres,
     Extent,
     frame_all,
+    join_extents,
     rotate_y,
-    together,
     with_stage_in_view,
 )
 from flowsculpt.pipeline.production.request.manifest import thresholds_at
@@ -253,7 +253,7 @@ def _spheres(context: Context, number: int) -> Extent:
     """Return what a camera must show of a mesh frame. Raises what `read_mesh_frame` raises."""
     parts = context.request.parts
     spheres = [_spheres_of(context, part, number) for part in parts]
-    return together(spheres, [part.source.subject for part in parts])
+    return join_extents(spheres, [part.source.subject for part in parts])
 
 
 def _spheres_of(context: Context, request: RenderRequest, number: int) -> BoundingSpheres:
