@@ -8,8 +8,8 @@ import numpy as np
 
 from examples.drawing import COOL, FAINT, OCHRE, WARM, outline, page, save
 from flowsculpt.pipeline.mesh import PolygonMesh
-from flowsculpt.pipeline.plugins.polyhedra.polyhedron import Cutting
 from flowsculpt.pipeline.plugins.polyhedra.polyhedral_resampler import PolyhedralResampler
+from flowsculpt.pipeline.plugins.polyhedra.polyhedron import Cutting
 from flowsculpt.pipeline.resample import Thresholds
 
 LONGEST = 1.0

@@ -26,6 +26,7 @@ from flowsculpt.api.frames import (
     FrameRange,
     FrameRate,
     Key,
+    Locks,
     PictureKeys,
     PictureSequence,
     PipelineStage,
@@ -39,7 +40,6 @@ from flowsculpt.api.frames import (
     options_of,
     picture_keys,
     store_reader,
-    writing,
 )
 from flowsculpt.api.options import (
     DEFAULT_QUALITY,
@@ -472,7 +472,7 @@ def relight(
         print_result(f"{relit.movie_path}: {count} would be relit.", facts, common.json)
         return
     started = time.monotonic()
-    with writing(common.root, common.wait), progress_bars(common.progress) as bar:
+    with Locks(common.root).hold_with_writers(common.wait), progress_bars(common.progress) as bar:
         made, faults = relit.make(common.cores, bar)
     seconds = time.monotonic() - started
     for fault in faults:

@@ -26,12 +26,11 @@ from flowsculpt.api.commands import (
 )
 from flowsculpt.api.frames import (
     FrameRange,
+    FrameStates,
     History,
     RenderRequest,
     find_shot,
-    mesh_states,
     misnamed_shots,
-    picture_states,
     shot_names,
 )
 from flowsculpt.api.options import (
@@ -44,7 +43,6 @@ from flowsculpt.api.options import (
     shots_argument,
 )
 from flowsculpt.pipeline.plugins.maintenance.run_report import LABELS, RunReport, named_run
-from flowsculpt.pipeline.production.planning.frame_states import FrameStates
 
 if TYPE_CHECKING:
     from flowsculpt.pipeline.plugins.maintenance.why import Explanation
@@ -87,11 +85,13 @@ def states(project: Project, shot: RenderRequest, history: History) -> list[Fram
     Stale frames are compared with every convention of layers.
     """
     store = project.store
-    found = [mesh_states(shot, store, history)]
+    found = [FrameStates.of_meshes(shot, store, history)]
     for request in (replace(shot, quality_name=name) for name in QUALITIES):
         if (store.root / request.folders.home / request.quality_name).exists():
-            row = picture_states(request, store, history)
-            found.append(picture_states(project.as_finished(request), store, history) if row.stale else row)
+            row = FrameStates.of_pictures(request, store, history)
+            found.append(
+                FrameStates.of_pictures(project.as_finished(request), store, history) if row.stale else row
+            )
     return found
 
 

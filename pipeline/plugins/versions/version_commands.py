@@ -22,7 +22,7 @@ from flowsculpt.api.commands import (
     report_plan,
     table,
 )
-from flowsculpt.api.frames import PUBLISHED, FrameRange, find_shot, use_store
+from flowsculpt.api.frames import FrameRange, RootFolders, find_shot, use_store
 from flowsculpt.api.options import (
     DEFAULT_QUALITY,
     AllowCode,
@@ -121,7 +121,7 @@ def versions(
 
     `flowsculpt versions A010_cube` lists the versions that `flowsculpt publish A010_cube` made.
     """
-    home = common.root / PUBLISHED
+    home = RootFolders.of(common.root).published
     known = sorted(folder.name for folder in home.glob("*") if folder.is_dir())
     name = None if shot is None else Path(shot).stem if shot.endswith((".yaml", ".yml")) else shot
     if name is not None and name not in known:
