@@ -2,29 +2,25 @@
 
 from flowsculpt.pipeline.plugin import Command, FileFormat, Plugin
 
+_COMMANDS = "flowsculpt.pipeline.cli.render_commands"
+
 PLUGIN = Plugin(
     name="flowsculpt",
     version="1",
     commands={
-        "simulate": Command(
-            "flowsculpt.pipeline.cli.render_commands:simulate", "Simulate the mesh frames of shots.", "Render"
-        ),
+        "simulate": Command(f"{_COMMANDS}:simulate", "Simulate the mesh frames of shots.", "Render"),
         "render": Command(
-            "flowsculpt.pipeline.cli.render_commands:render",
-            "Render frames of shots and assemble their movies.",
-            "Render",
+            f"{_COMMANDS}:render", "Render frames of shots and assemble their movies.", "Render"
         ),
         "film": Command(
-            "flowsculpt.pipeline.cli.render_commands:film",
+            f"{_COMMANDS}:film",
             "Render every shot of an edit and cut them into a film.",
             "Render",
             also="build make",
             opening="`flowsculpt film` renders the film of a folder.",
         ),
         "stills": Command(
-            "flowsculpt.pipeline.cli.render_commands:stills",
-            "Write frames as PNG or JPEG, rendering what is missing.",
-            "Render",
+            f"{_COMMANDS}:stills", "Write frames as PNG or JPEG, rendering what is missing.", "Render"
         ),
         "doctor": Command(
             "flowsculpt.pipeline.cli.doctor_command:doctor",

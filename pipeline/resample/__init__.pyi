@@ -16,7 +16,5 @@ from flowsculpt.pipeline.resample.thresholds import Curvature as Curvature
 from flowsculpt.pipeline.resample.thresholds import DistanceToCamera as DistanceToCamera
 from flowsculpt.pipeline.resample.thresholds import ThresholdFormula as ThresholdFormula
 from flowsculpt.pipeline.resample.thresholds import Thresholds as Thresholds
-from flowsculpt.pipeline.resample.thresholds import WithinBall as WithinBall
-from flowsculpt.pipeline.resample.thresholds import WithinBox as WithinBox
 from flowsculpt.pipeline.resample.thresholds import edges_by_angle as edges_by_angle
 from flowsculpt.pipeline.resample.thresholds import edges_in_region as edges_in_region

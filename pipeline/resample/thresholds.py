@@ -412,28 +412,6 @@ Region = Callable[[Points], AnyArray]
 """A callable: points (N, 3) to (N,) flags, True for points inside."""
 
 
-@dataclass(frozen=True)
-class WithinBox:
-    """The axis-aligned box between two corners, borders included; scene units."""
-
-    low: tuple[float, float, float]
-    high: tuple[float, float, float]
-
-    def __call__(self, points: Points) -> AnyArray:
-        return np.all((points >= self.low) & (points <= self.high), axis=1)
-
-
-@dataclass(frozen=True)
-class WithinBall:
-    """The ball around a centre, border included; scene units."""
-
-    centre: tuple[float, float, float]
-    radius: float
-
-    def __call__(self, points: Points) -> AnyArray:
-        return np.linalg.norm(points - np.asarray(self.centre), axis=1) <= self.radius
-
-
 def edges_by_angle(mesh: Mesh, hard_angle: float | Floats) -> Indices:
     """Return the edges (K, 2) whose faces enclose more than hard_angle (radians), as creases for a mesh.
 

@@ -5,6 +5,7 @@ from flowsculpt.api import Command, PictureStage, Plugin, ShotEntry
 PLUGIN = Plugin(
     name="marbling",
     version="1.0",
+    api=2,
     flows={"comb": "flowsculpt_marbling.comb:Comb"},
     looks={"inks": "flowsculpt_marbling.inks:INKS"},
     encodes={"wall": "flowsculpt_marbling.inks:WALL"},

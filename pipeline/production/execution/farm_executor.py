@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shlex
 import subprocess
-import sys
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -30,8 +29,8 @@ def _with_our_python(executor: Any) -> Any:
 
     class FarmExecutor(executor):  # type: ignore[misc]  # Snakemake has no types
         def get_python_executable(self) -> str:
-            python = super().get_python_executable()
-            return shlex.join(command("snakemake")[:2]) if python == sys.executable else str(python)
+            python, ours = str(super().get_python_executable()), command("snakemake")[:2]
+            return shlex.join(ours) if python == ours[0] else python
 
     return FarmExecutor
 

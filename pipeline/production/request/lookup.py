@@ -174,20 +174,7 @@ def _pixels(text: str, width: int, height: int) -> Crop:
 
 SHOTS = Path("shots")
 FILM = SHOTS / "film.yaml"
-OTHER_MODELS = (
-    ".3ds",
-    ".abc",
-    ".ac",
-    ".bgeo",
-    ".blend",
-    ".lwo",
-    ".ma",
-    ".max",
-    ".mb",
-    ".vrml",
-    ".wrl",
-    ".x3d",
-)
+OTHER_MODELS = ("3ds", "abc", "ac", "bgeo", "blend", "lwo", "ma", "max", "mb", "vrml", "wrl", "x3d")
 """Endings of model files of formats that are not read, for the message to one who names such a file."""
 
 NO_SHOTS = (
@@ -212,7 +199,7 @@ def find_shot(name: str) -> Path:
             f"{shown(name)} is a model, not a shot; flowsculpt new A010_{own} --model "
             f"{shlex.quote(shown(name))} makes a shot of it"
         )
-    if Path(name).suffix.lower() in OTHER_MODELS:
+    if Path(name).suffix.lower().lstrip(".") in OTHER_MODELS:
         raise UsageError(
             f"{shown(name)} is in a format that is not supported; export the model as FBX, GLB, OBJ or USD"
         )

@@ -5,7 +5,6 @@ Each of several subjects has a place, a look and flows of its own.
 
 import inspect
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
@@ -177,21 +176,14 @@ class PluginSurfaceDocument(OneOfSeveral, SizedDocument):
         return PluginSurface(digest, path=Path(name), name=name, mesh=mesh, **self.placing())
 
 
-@dataclass(frozen=True)
-class _Part:
-    """A kind of subject or a layout of copies, its plug-in's version, and its field in documents."""
+def _part_of_plugin(plugin: Plugin, name: str, kind: Any) -> tuple[type[Document], str, Any]:
+    """Return a kind of subject or a layout of copies, its plug-in's version, and its field in documents.
 
-    contract: type[Document]
-    version: str
-    field: Any
-
-
-def _part_of_plugin(plugin: Plugin, name: str, kind: Any) -> _Part:
-    """Return a part of a plug-in. Raises ContractError for what is none."""
+    Raises ContractError for a class that is neither.
+    """
     require_class(kind, SubjectKind, CopyLayout)
     description = inspect.cleandoc(kind.__doc__ or name).partition("\n")[0]
-    contract = SubjectKind if issubclass(kind, SubjectKind) else CopyLayout
-    return _Part(contract, plugin.version, (kind | None, optional(description)))
+    return kind, plugin.version, (kind | None, optional(description))
 
 
 def _add_parts(document: type[OneOfSeveral], contract: type[Document], *own: str) -> Any:
@@ -199,11 +191,10 @@ def _add_parts(document: type[OneOfSeveral], contract: type[Document], *own: str
 
     own  names of the document that shots may write in their place
     """
-    parts = {name: part for name, part in _PARTS.items() if part.contract is contract}
-    made: Any = create_model(
-        document.__name__, __base__=document, **{name: part.field for name, part in parts.items()}
-    )
-    made.versions = {name: part.version for name, part in parts.items()}
+    parts = {name: part for name, part in _PARTS.items() if issubclass(part[0], contract)}
+    added: dict[str, Any] = {name: field for name, (_, _, field) in parts.items()}
+    made: Any = create_model(document.__name__, __base__=document, **added)
+    made.versions = {name: version for name, (_, version, _) in parts.items()}
     made.several = (*own, *parts)
     made.model_config |= exactly_one(*made.several) if made.several else {}
     return made

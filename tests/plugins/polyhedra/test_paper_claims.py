@@ -17,7 +17,6 @@ from flowsculpt.pipeline.plugins.polyhedra.polyhedron import (
 )
 from flowsculpt.pipeline.plugins.polyhedra.subdivision import Slicer
 from flowsculpt.pipeline.resample import Thresholds, edges_by_angle, edges_in_region
-from flowsculpt.pipeline.resample.thresholds import WithinBall, WithinBox
 
 KINDS = ["cube", "ell", "comb", "star", "drum", "ring", "open box", "leaf", "tetrahedron", "ball", "cloth"]
 COARSE = Thresholds(0.3)
@@ -210,7 +209,7 @@ def test_p31_tagged_edges_are_preserved() -> None:
         (r * 21 + k + 1, r * 21 + k, r * 21 + k + 21, r * 21 + k + 22) for r in range(2) for k in range(20)
     ]
     roof = PolygonMesh(points, [f[::-1] for f in faces])
-    ridge = edges_in_region(roof, WithinBox((-1, 0.03, -0.01), (1, 1, 0.01)))
+    ridge = edges_in_region(roof, lambda points: (points[:, 1] >= 0.03) & (abs(points[:, 2]) <= 0.01))
     assert len(ridge) == 20
     heights = {}
     for name, creases in (("tagged", ridge), ("free", [])):
@@ -232,9 +231,9 @@ def test_p31_edges_are_tagged_by_angle_and_by_region(menagerie: dict[str, Polygo
     assert len(edges_by_angle(cube, math.radians(100))) == 0
     cut = cube.triangulated()
     assert np.array_equal(edges_by_angle(cut, math.radians(40)), cube.edges), "diagonals are flat"
-    top = edges_in_region(cube, WithinBox((-1, 1.9, -1), (1, 2.1, 1)))
+    top = edges_in_region(cube, lambda points: abs(points[:, 1] - 2) <= 0.1)
     assert len(top) == 4
-    assert len(edges_in_region(cube, WithinBall((1, 1, 1), 1.1))) == 1
+    assert len(edges_in_region(cube, lambda points: np.linalg.norm(points - 1, axis=1) <= 1.1)) == 1
     assert len(edges_in_region(cube, lambda points: points[:, 0] > 0)) == 4
     with pytest.raises(UsageError, match="returned shape"):
         edges_in_region(cube, lambda points: points > 0)
