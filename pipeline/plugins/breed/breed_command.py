@@ -12,7 +12,7 @@ from flowsculpt import UsageError
 from flowsculpt.api import plural
 from flowsculpt.api.commands import print_result, progress_bars
 from flowsculpt.api.frames import Locks, find_shot, names_edit
-from flowsculpt.api.options import AllowCode, Common, output_option
+from flowsculpt.api.options import AllowCode, Common, shared_option
 from flowsculpt.api.shots import Shot, is_edit, name_fault, read_shot
 from flowsculpt.pipeline.plugins.breed.breeding import Litter
 from flowsculpt.pipeline.plugins.breed.generation import (
@@ -60,7 +60,8 @@ def breed(
     ] = None,
     allow_code: AllowCode = False,
     output: Annotated[
-        Path | None, output_option("Write this folder. Default: bred/SHOT_1, and so on.", "FOLDER")
+        Path | None,
+        shared_option("output", "Write this folder. Default: bred/SHOT_1, and so on.", metavar="FOLDER"),
     ] = None,
 ) -> None:
     """Make twelve children of a shot, or of two that are crossed, and a page to choose from.

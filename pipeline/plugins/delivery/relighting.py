@@ -45,11 +45,9 @@ from flowsculpt.api.options import (
     DEFAULT_QUALITY,
     AllowCode,
     Common,
-    Crop,
     Frames,
     PictureOptions,
     Quality,
-    Scale,
     Shot,
     Variant,
 )
@@ -434,8 +432,15 @@ def relight(
     name: Annotated[
         str | None, typer.Option(metavar="VERSION", help="The folder of the frames. Default: the factors.")
     ] = None,
-    crop: Crop = None,
-    scale: Scale = None,
+    crop: Annotated[
+        str | None,
+        typer.Option(
+            metavar="X0,Y0,X1,Y1", help="Relight this part: its edges, in fractions of the picture or pixels."
+        ),
+    ] = None,
+    scale: Annotated[
+        str | None, typer.Option(metavar="PERCENT", help="Relight pictures of this size: 50%, or 0.5.")
+    ] = None,
     variant: Variant = None,
     allow_code: AllowCode = False,
 ) -> None:

@@ -30,7 +30,7 @@ from flowsculpt.api.options import (
     Shot,
     ShotOptions,
     Subject,
-    output_option,
+    shared_option,
 )
 from flowsculpt.pipeline.plugins.interchange.model_export import LONGEST_SIDE, ModelExport, require_still
 from flowsculpt.pipeline.plugins.interchange.usd_files import require_usd
@@ -39,7 +39,8 @@ if TYPE_CHECKING:
     from flowsculpt.pipeline.plugins.interchange.usd_export import UsdExport
 
 Folder = Annotated[
-    Path | None, output_option("Write to this folder. Default: a folder in renders/SHOT.", "DIR")
+    Path | None,
+    shared_option("output", "Write to this folder. Default: a folder in renders/SHOT.", metavar="DIR"),
 ]
 
 

@@ -33,15 +33,7 @@ from flowsculpt.api.frames import (
     misnamed_shots,
     shot_names,
 )
-from flowsculpt.api.options import (
-    DEFAULT_QUALITY,
-    QUALITIES,
-    Common,
-    Quality,
-    Settings,
-    Shot,
-    shots_argument,
-)
+from flowsculpt.api.options import DEFAULT_QUALITY, QUALITIES, Common, Quality, Settings, Shot
 from flowsculpt.pipeline.plugins.maintenance.run_report import LABELS, RunReport, named_run
 
 if TYPE_CHECKING:
@@ -50,7 +42,9 @@ if TYPE_CHECKING:
 
 def status(
     common: Common,
-    shots: Annotated[list[str] | None, shots_argument("Names or paths of shots. Default: all.")] = None,
+    shots: Annotated[
+        list[str] | None, typer.Argument(metavar="SHOT", help="Names or paths of shots. Default: all.")
+    ] = None,
     settings: Settings = None,
 ) -> None:
     """List which frames of shots are done, stale and missing, at each quality begun so far.

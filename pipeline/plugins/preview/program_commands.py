@@ -28,7 +28,7 @@ from flowsculpt.api.frames import (
     camera_file,
     find_shot,
 )
-from flowsculpt.api.options import DEFAULT_QUALITY, Common, Frames, Shot, ShotOptions, quality_option
+from flowsculpt.api.options import DEFAULT_QUALITY, Common, Frames, Shot, ShotOptions, shared_option
 from flowsculpt.api.shots import text_of
 from flowsculpt.pipeline.plugins.preview.shot_editor import (
     MOST_REQUEST_BYTES,
@@ -79,7 +79,7 @@ def frames(
     options: ShotOptions,
     frames: Frames = None,
     quality: Annotated[
-        str | None, quality_option("List pictures of this quality too; with --make, render them.")
+        str | None, shared_option("quality", "List pictures of this quality too; with --make, render them.")
     ] = None,
     make: Annotated[
         bool, typer.Option("--make", help="Make what is missing first: meshes and cameras, or pictures.")

@@ -27,7 +27,6 @@ from flowsculpt.api.options import (
     DEFAULT_QUALITY,
     AllowCode,
     Common,
-    Force,
     FrameNumbers,
     PictureOptions,
     Quality,
@@ -167,7 +166,9 @@ def reproduce(
     frames: FrameNumbers = None,
     variant: Variant = None,
     allow_code: AllowCode = False,
-    force: Force = False,
+    force: Annotated[
+        bool, typer.Option("--force", help="Render and finish the frames again, and replace what is stored.")
+    ] = False,
 ) -> None:
     """Render a published version again, and compare it to the last bit.
 
