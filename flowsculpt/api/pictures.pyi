@@ -33,7 +33,7 @@ from flowsculpt.render.post.image import read_header as read_header
 from flowsculpt.render.post.image import read_png as read_png
 from flowsculpt.render.post.image import write_exr as write_exr
 from flowsculpt.render.post.image import write_still as write_still
-from flowsculpt.render.post.view import PictureDisplay as PictureDisplay
+from flowsculpt.render.post.picture_display import PictureDisplay as PictureDisplay
 from flowsculpt.render.raster import Shape as Shape
 from flowsculpt.render.raster import StageSetup as StageSetup
 from flowsculpt.render.raster import preview as preview

@@ -29,7 +29,7 @@ from flowsculpt.pipeline.production.store.store import Key, Store, key_of
 from flowsculpt.render.base.render_errors import RenderError
 from flowsculpt.render.graphics.contact_sheet import reduced
 from flowsculpt.render.post.image import read_header
-from flowsculpt.render.post.view import PictureDisplay
+from flowsculpt.render.post.picture_display import PictureDisplay
 from flowsculpt.render.scene.render_camera import Projection
 from flowsculpt.render.scene.rgb_spaces import LUMA
 

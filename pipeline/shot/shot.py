@@ -16,7 +16,8 @@ from flowsculpt.pipeline.frames import FrameRange, FrameRate
 from flowsculpt.pipeline.shot.camera_path import CameraPath, Shutter
 from flowsculpt.pipeline.shot.motion import Loop, Motion
 from flowsculpt.render.base.serialise import NOT_PLAIN, OMIT_DEFAULT
-from flowsculpt.render.post.view import ACES, ColourView, PictureDisplay
+from flowsculpt.render.post.picture_display import PictureDisplay
+from flowsculpt.render.post.view import ACES, ColourView
 from flowsculpt.render.scene.aovs import AOVS, EXTRA
 from flowsculpt.render.scene.materials import Material
 from flowsculpt.render.scene.render_quality import QUALITIES, Quality
