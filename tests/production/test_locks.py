@@ -84,7 +84,7 @@ def test_an_error_of_the_disk_is_no_other_run(tmp_path: Path, monkeypatch: pytes
 HOLDER = """
 import sys
 from pathlib import Path
-from flowsculpt.pipeline.production.store.locks import making, writing
+from flowsculpt.pipeline.production.store.locks import Locks
 with Locks(Path.cwd()).hold_with_writers(), Locks(Path.cwd()).hold({"A.draft": "A at draft"}):
     print("held", flush=True)
     input()
