@@ -32,7 +32,6 @@ from benchmarks.raw_files import as_read
 from benchmarks.report import Row, Target, keep, show
 from flowsculpt.pipeline.arrays import AnyArray
 from flowsculpt.pipeline.production.planning.plan import Plan
-from flowsculpt.pipeline.production.request.cameras import camera_file
 from flowsculpt.pipeline.production.tasks.job import Context
 from flowsculpt.pipeline.production.tasks.render import ShownFrame
 from flowsculpt.render.frame.render_frame import render_frame
@@ -61,7 +60,7 @@ def scene_of(root: Path, shot: str, frame: int) -> Scene:
         job = next(job for job in plan.jobs if job.stage == "render")
         context = Context.of(root, plan, job.name)
         request = context.request
-        sample, _, _ = ShownFrame(context, frame, camera_file(request, context.store) or {}).moments()
+        sample, _, _ = ShownFrame(context, frame, request.pictures.framings(context.store) or {}).moments()
     picture = request.shot.picture
     lights = picture.lights.turned(request.angles[frame].lights)
     return Scene(sample.subject, picture.look, lights, picture.stage, sample.placement, sample.camera)

@@ -87,7 +87,6 @@ def pictures(path: Path, count: int | None) -> Iterator[AnyArray]:
 
     from flowsculpt.pipeline.animation import animate
     from flowsculpt.pipeline.production.request.framing import frame_all, with_stage_in_view
-    from flowsculpt.pipeline.production.request.manifest import thresholds_at
     from flowsculpt.pipeline.production.request.render_request import RenderRequest
     from flowsculpt.pipeline.production.request.shading import Shading
     from flowsculpt.pipeline.production.request.shot_source import ShotSource
@@ -102,7 +101,7 @@ def pictures(path: Path, count: int | None) -> Iterator[AnyArray]:
     quality = request.pictures.quality
     for frame, framing in list(zip(meshes, framings, strict=True))[:count]:
         there = with_stage_in_view(framing, picture.stage, request.pictures.flat_aspect)
-        shading = Shading.of(frame, thresholds_at(request.shot.motion, frame.number), picture.tessellate)
+        shading = Shading.of(frame, request.shot.motion.thresholds_at(frame.number), picture.tessellate)
         scene, integrator = mitsuba_scene(request, frame.number, there, shading.arrays())
         layers = np.array(mi.render(scene, integrator=integrator, spp=quality.samples, seed=frame.number))
         colour, albedo, normal = (np.ascontiguousarray(layers[..., i : i + 3]) for i in (0, 3, 6))

@@ -29,7 +29,6 @@ from flowsculpt.pipeline.mesh.normals import split_at_creases
 from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh
 from flowsculpt.pipeline.plugins.interchange.refining import Refined, Refiner
 from flowsculpt.pipeline.plugins.interchange.unifying import one_mesh
-from flowsculpt.pipeline.production.request.manifest import thresholds_at
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.request.shot_source import SourceCache
 from flowsculpt.pipeline.production.store.store import Store
@@ -115,7 +114,7 @@ def compare(
     number, theirs = frame.number, frame.mesh
     shown = mesh.frame(number)
     ours = TriangleMesh(shown.points, mesh.faces)
-    thresholds = thresholds_at(request.shot.motion, number)
+    thresholds = request.shot.motion.thresholds_at(number)
     allowed = thresholds.fields(theirs)[:, 0]
     chosen = _spread(len(theirs.vertices))
     soft = chosen[~np.isin(chosen, theirs.creases)]

@@ -34,7 +34,6 @@ from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.planning.plan import Plan
 from flowsculpt.pipeline.production.planning.profile import Profile
 from flowsculpt.pipeline.production.request.framing import Framing
-from flowsculpt.pipeline.production.request.keys import picture_keys
 from flowsculpt.pipeline.production.store.event_log import RUNS
 from flowsculpt.pipeline.production.store.history import summarise
 from flowsculpt.pipeline.production.store.paths import EVENTS, STATE
@@ -161,7 +160,7 @@ def fill(plan: Plan, share: float = 1.0) -> None:
     for request in plan.requests:
         cameras = json.dumps({str(number): to_plain(framing) for number in request.angles})
         store.put("cameras", request.keys.cameras, partial(_write, text=cameras))
-        keys = picture_keys(request, store)
+        keys = request.keys.pictures(store)
         assert keys is not None
         clips.append(keys)
         held = request.requested[: int(share * len(request.requested))]

@@ -28,7 +28,6 @@ from benchmarks.report import Row, keep, show
 from flowsculpt.pipeline.plugins.remote.push_command import lacking_names
 from flowsculpt.pipeline.plugins.remote.remote_files import RemoteFiles
 from flowsculpt.pipeline.production.execution.project import Project
-from flowsculpt.pipeline.production.request.keys import picture_keys
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.store.digests import digest_of
 from flowsculpt.pipeline.production.store.paths import STATE
@@ -104,7 +103,7 @@ def _spent(*words: str) -> Row:
 def _files(store: Store, requests: Sequence[RenderRequest], part: float) -> Iterator[tuple[str, str]]:
     """Yield kind and key of the files of a part of the frames of requests."""
     for request in requests:
-        keys = picture_keys(request, store)
+        keys = request.keys.pictures(store)
         assert keys is not None, "cameras are filled in"
         held = [n for n in request.requested if n <= part * len(request.requested)]
         yield from [("cameras", request.keys.cameras)] if held else []

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from flowsculpt.pipeline.production.picture_sequences import white
+from flowsculpt.pipeline.production.picture_sequences import white_level
 
 HERE = Path(__file__).parent / "gallery"
 STILLS = {
@@ -75,7 +75,7 @@ def _draw(shot: str, frame: int, root: Path, quality: str) -> None:
 
 def _levels(shot: str, pixels: NDArray[np.uint8]) -> str:
     """Return a line: the 99th percentile of luminance, and the percentage of clipped pixels by channel."""
-    brightest, clipped = white(pixels), 100 * (pixels == 255).mean(axis=(0, 1))
+    brightest, clipped = white_level(pixels), 100 * (pixels == 255).mean(axis=(0, 1))
     fair = brightest >= LEAST_WHITE and max(clipped) <= MOST_CLIPPED
     red, green, blue = (f"{share:.2f}" for share in clipped)
     return f"{shot}: white {brightest}, clipped {red} {green} {blue} %{'' if fair else '  <- relight it'}"

@@ -16,7 +16,7 @@ from PIL import Image
 from flowsculpt.pipeline.animation import animate, material_of
 from flowsculpt.pipeline.mesh.normals import split_at_creases, spread, tessellate
 from flowsculpt.pipeline.production.request.framing import BoundingSpheres, Framing, frame_all
-from flowsculpt.pipeline.production.request.shading import Shading, speeds
+from flowsculpt.pipeline.production.request.shading import Shading
 from flowsculpt.pipeline.shot import read_shot
 from flowsculpt.pipeline.shot.camera_path import View
 from flowsculpt.pipeline.shot.shot import Shot
@@ -112,7 +112,7 @@ def _sculpture(shot: Shot) -> tuple[Surface, Framing]:
     }
     edges = outlines(fine.faces, shot.picture.tessellate)
     shading = Shading(frame, split, shot.picture.tessellate)
-    brought = {SPEED: speeds(shot.motion, shading)}
+    brought = {SPEED: shading.speeds(shot.motion)}
     return Surface(faces=fine.faces, edges=edges, attributes=brought, **arrays), framing
 
 

@@ -2,18 +2,13 @@
 
 from flowsculpt.pipeline.animation import MeshFrame as MeshFrame
 from flowsculpt.pipeline.animation import animate as animate
-from flowsculpt.pipeline.animation import material_of as material_of
-from flowsculpt.pipeline.animation.loop import step_into as step_into
 from flowsculpt.pipeline.frames import FrameRange as FrameRange
 from flowsculpt.pipeline.frames import FrameRate as FrameRate
 from flowsculpt.pipeline.frames import FrameSelection as FrameSelection
 from flowsculpt.pipeline.production.picture_sequences import PictureSequence as PictureSequence
 from flowsculpt.pipeline.production.picture_sequences import SequenceGrid as SequenceGrid
 from flowsculpt.pipeline.production.picture_sequences import SequenceQuery as SequenceQuery
-from flowsculpt.pipeline.production.picture_sequences import begun as begun
 from flowsculpt.pipeline.production.picture_sequences import light_notes as light_notes
-from flowsculpt.pipeline.production.picture_sequences import shown_picture as shown_picture
-from flowsculpt.pipeline.production.picture_sequences import white as white
 from flowsculpt.pipeline.production.planning.frame_states import FrameStates as FrameStates
 from flowsculpt.pipeline.production.planning.frame_states import KnownPictures as KnownPictures
 from flowsculpt.pipeline.production.planning.plan import Job as Job
@@ -22,8 +17,6 @@ from flowsculpt.pipeline.production.planning.plan import versions_here as versio
 from flowsculpt.pipeline.production.planning.runs import Runs as Runs
 from flowsculpt.pipeline.production.planning.timings import LatestTimings as LatestTimings
 from flowsculpt.pipeline.production.planning.timings import read_statistics as read_statistics
-from flowsculpt.pipeline.production.request.audio import samples_of as samples_of
-from flowsculpt.pipeline.production.request.cameras import camera_file as camera_file
 from flowsculpt.pipeline.production.request.edit import Edit as Edit
 from flowsculpt.pipeline.production.request.framing import BoundingSpheres as BoundingSpheres
 from flowsculpt.pipeline.production.request.framing import Extent as Extent
@@ -33,7 +26,6 @@ from flowsculpt.pipeline.production.request.framing import join_extents as join_
 from flowsculpt.pipeline.production.request.framing import with_stage_in_view as with_stage_in_view
 from flowsculpt.pipeline.production.request.keys import FrameKeys as FrameKeys
 from flowsculpt.pipeline.production.request.keys import PictureKeys as PictureKeys
-from flowsculpt.pipeline.production.request.keys import picture_keys as picture_keys
 from flowsculpt.pipeline.production.request.lookup import FILM as FILM
 from flowsculpt.pipeline.production.request.lookup import SHOTS as SHOTS
 from flowsculpt.pipeline.production.request.lookup import crop_of as crop_of
@@ -45,16 +37,10 @@ from flowsculpt.pipeline.production.request.lookup import misnamed_shots as misn
 from flowsculpt.pipeline.production.request.lookup import names_edit as names_edit
 from flowsculpt.pipeline.production.request.lookup import options_of as options_of
 from flowsculpt.pipeline.production.request.lookup import shot_names as shot_names
-from flowsculpt.pipeline.production.request.manifest import thresholds_at as thresholds_at
 from flowsculpt.pipeline.production.request.render_request import FrameSource as FrameSource
 from flowsculpt.pipeline.production.request.render_request import MeshAngle as MeshAngle
 from flowsculpt.pipeline.production.request.render_request import RenderRequest as RenderRequest
-from flowsculpt.pipeline.production.request.shading import STEP as STEP
 from flowsculpt.pipeline.production.request.shading import Shading as Shading
-from flowsculpt.pipeline.production.request.shading import flow_cache_data as flow_cache_data
-from flowsculpt.pipeline.production.request.shading import is_cloud as is_cloud
-from flowsculpt.pipeline.production.request.shading import radii as radii
-from flowsculpt.pipeline.production.request.shading import speeds as speeds
 from flowsculpt.pipeline.production.request.shot_source import ShotSource as ShotSource
 from flowsculpt.pipeline.production.shot_extras import PublishedVersion as PublishedVersion
 from flowsculpt.pipeline.production.stages import STAGES as STAGES

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from flowsculpt.pipeline.arrays import AnyArray, Points
+from flowsculpt.pipeline.arrays import AnyArray, Floats, Points
 from flowsculpt.pipeline.errors import UsageError
 from flowsculpt.pipeline.flow import checked_displacement
 from flowsculpt.pipeline.mesh import PolygonMesh, TriangleMesh
@@ -21,6 +21,7 @@ from flowsculpt.pipeline.mesh.placed_copies import COPIES, STARTS, Placements
 from flowsculpt.pipeline.resample import PolygonReport, Report
 from flowsculpt.pipeline.resample.placement import REST
 from flowsculpt.pipeline.shot import Motion
+from flowsculpt.pipeline.shot.point_subjects import RADIUS
 from flowsculpt.pipeline.statistics import MeshStatistics
 from flowsculpt.render.base.serialise import to_plain
 
@@ -105,6 +106,25 @@ class MeshFrame:
         if NORMAL in self.own.attributes:
             named[NORMAL] = self.copies.directions(self.own.attributes[NORMAL])
         return mesh.with_attributes(**named)
+
+    @property
+    def is_cloud(self) -> bool:
+        """True if it has points only."""
+        return not len(self.own.faces)
+
+    @property
+    def radii(self) -> Floats:
+        """The radii (V,) of the spheres around vertices; zeros where there are faces."""
+        return self.own.attributes[RADIUS] if self.is_cloud else np.zeros(len(self.mesh.vertices))
+
+    @property
+    def material(self) -> Points:
+        """The positions (V, 3), scene units, that its vertices had in the undeformed subject.
+
+        With exact placement it is exact until the surface at rest is renewed. From then on, and with other
+        placements, a new vertex is taken to come from the midpoint of its parents.
+        """
+        return material_of(self.mesh)
 
     def with_moved_copies(self, displace: Callable[[Points], Points]) -> MeshFrame:
         """Return the frame with its rigid copies carried and turned by the map of a flow."""

@@ -41,11 +41,6 @@ from flowsculpt.pipeline.shot import Motion, Resampling, Shot
 from flowsculpt.pipeline.statistics import COUNTED_FRAMES, MeshStatistics, mesh_statistics
 
 
-def step_into(motion: Motion, flow: Flow, frame: int) -> FrameStep:
-    """Return the step of the flow that leads into `frame`."""
-    return FrameStep(motion.limit_steps(flow, frame), *motion.step(frame), frame)
-
-
 class RestInterval:
     """The frames that share a surface at rest: the first frame's, or every `rest_interval`-th after it.
 
@@ -62,7 +57,7 @@ class RestInterval:
         self.end = start + length
         self.history = FlowMap()
         for frame in range(start + 1, number + 1):
-            self.history.add(step_into(motion, flow, frame))
+            self.history.add(motion.step_into(flow, frame))
         project = motion.analytic_surface() if start == first else None
         follow = any(step.flow.faces_follow_normals for step in flow.steps(*motion.step(number)))
         self.placement = Exact(self.history.carry, project, tags_creases=False, faces_follow_normals=follow)
@@ -320,7 +315,7 @@ def animate(
         surface = resumed(motion, acting, resume)
         del resume  # its arrays are copied, and take memory while frames are computed
     for frame in range(number + 1, motion.frames.last + 1):
-        surface.move(step_into(motion, acting, frame))
+        surface.move(motion.step_into(acting, frame))
         yield surface.frame(frame, ready)
 
 

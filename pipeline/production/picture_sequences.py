@@ -12,22 +12,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flowsculpt.pipeline.errors import UsageError
 from flowsculpt.pipeline.frames import FrameRange
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.planning.frame_states import PICTURE_STAGES, FrameStates
 from flowsculpt.pipeline.production.planning.timings import LatestTimings
-from flowsculpt.pipeline.production.request.keys import PictureKeys, projection_of
-from flowsculpt.pipeline.production.request.lookup import is_quality, options_of, require_quality
+from flowsculpt.pipeline.production.request.keys import projection_of
+from flowsculpt.pipeline.production.request.lookup import require_quality
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.request.shot_source import ShotSource
 from flowsculpt.pipeline.production.stages import STAGES
-from flowsculpt.pipeline.production.store import readers
 from flowsculpt.pipeline.production.store.history import History
-from flowsculpt.pipeline.production.store.paths import Folders
-from flowsculpt.pipeline.production.store.store import Key, Store, key_of
+from flowsculpt.pipeline.production.store.store import Key, key_of
 from flowsculpt.render.base.render_errors import RenderError
-from flowsculpt.render.graphics.contact_sheet import reduced
 from flowsculpt.render.post.image import read_header
 from flowsculpt.render.post.picture_display import PictureDisplay
 from flowsculpt.render.scene.render_camera import Projection
@@ -132,22 +128,6 @@ class SequenceGrid:
     sequences: tuple[PictureSequence, ...]
 
 
-def begun(project: Project, path: Path) -> Iterator[RenderRequest]:
-    """Yield the request of each quality, crop and scale with a folder; note crops that are left out."""
-    home = project.root / Folders.of_shot(path.stem).home
-    for name in sorted(place.name for place in home.glob("*/") if is_quality(place.name)):
-        request = project.request(path, name)
-        try:
-            _ = request.pictures.quality
-        except UsageError:
-            project.notes.append(
-                f"{path.stem}: pictures of {options_of(name)} are left out; the shot's pictures have no "
-                "such part today. Repeat the --set that they were rendered with to include them."
-            )
-        else:
-            yield project.as_finished(request)
-
-
 @dataclass(frozen=True)
 class SequenceQuery:
     """A shot whose sequences are wanted, at these qualities; at all qualities if there are none.
@@ -169,7 +149,7 @@ class SequenceQuery:
 
     def requests(self) -> Iterator[RenderRequest]:
         """Yield the request of each quality that was begun, with the layers of its finished frames."""
-        return (each for each in begun(self.project, self.path) if self.includes(each.quality_name))
+        return (each for each in self.project.begun(self.path) if self.includes(each.quality_name))
 
     def rendered(self, request: RenderRequest, kind: str, label: str) -> PictureSequence:
         """Return the frames of a request that are rendered, and the faults of the others."""
@@ -195,33 +175,13 @@ class SequenceQuery:
         )
 
 
-def shown_picture(
-    request: RenderRequest,
-    keys: PictureKeys | None,
-    store: Store,
-    number: int,
-    factor: int,
-    bits: int,
-    display: str,
-) -> NDArray[Any] | None:
-    """Return a frame as a display shows it, `factor` times smaller; None where it is not there.
-
-    Raises FrameError where it is damaged.
-    """
-    key = None if keys is None else keys[number].frame
-    if key is None or not store.holds("frame", key):
-        return None
-    reader = readers.picture(key, request.pictures.quality.rendered_size)
-    light = store.read("frame", key, request.place("frame", number), reader)[0]["beauty"]
-    return request.shot.picture.display.pixels(reduced(light, factor), display, bits)
-
-
 DULL, NEARLY_BLACK = 180, 40
 """99th percentiles of luminance, of 255, below which a picture lacks a highlight, and is nearly black."""
 
 
-def light_notes(whites: Mapping[int, int]) -> list[str]:
-    """Return lines about frames without highlights, by their `white`."""
+def light_notes(pictures: Mapping[int, NDArray[Any]]) -> list[str]:
+    """Return lines about pictures (H, W, 3) in 8 bits, by frame, that lack highlights."""
+    whites = {number: white_level(picture) for number, picture in pictures.items()}
     black = [number for number, white in sorted(whites.items()) if white < NEARLY_BLACK]
     notes = []
     if black:
@@ -235,6 +195,6 @@ def light_notes(whites: Mapping[int, int]) -> list[str]:
     return notes
 
 
-def white(picture: NDArray[Any]) -> int:
+def white_level(picture: NDArray[Any]) -> int:
     """Return the 99th percentile of luminance of a picture (H, W, 3) in 8 bits."""
     return int(np.percentile(picture @ LUMA, 99.0))

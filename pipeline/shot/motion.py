@@ -14,7 +14,7 @@ import numpy as np
 from flowsculpt.pipeline.arrays import AnyArray, Faces, Points
 from flowsculpt.pipeline.errors import FrameError, UsageError
 from flowsculpt.pipeline.flow import Flow
-from flowsculpt.pipeline.flow.flow_map import cache_data_or_failure, checked_cache_data
+from flowsculpt.pipeline.flow.flow_map import FrameStep, cache_data_or_failure, checked_cache_data
 from flowsculpt.pipeline.flow.keyframes import elapsed
 from flowsculpt.pipeline.flow.parameters import ORIGIN, Curve, Number, Vector
 from flowsculpt.pipeline.frames import FrameRange, FrameRate
@@ -40,6 +40,9 @@ TIME_PATTERN = rf"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$|{SECONDS_PATTERN}"
 FURTHEST = 10**12
 """Frames beyond this number count as infinite; the flow's time may reach as many seconds."""
 
+
+VELOCITY_STEP = 1.0 / 64.0
+"""Frames to either side for a velocity by differences: short against bends, long against rounding."""
 
 MOST_CHECKED = 1000
 """First frames at which a changing speed is checked while a shot is read: each takes integrals."""
@@ -324,9 +327,41 @@ class Motion:
             self._latest["resampling"] = frame, latest
         return latest
 
+    def thresholds_at(self, frame: int) -> Thresholds:
+        """Return the thresholds of a frame, or of the shape of rigid copies.
+
+        Without resampling they are the default, whose hard angle makes creases.
+        """
+        resampling = self.resampling_at(frame) or self.shape
+        return resampling.thresholds if resampling else Thresholds(1.0)
+
     def place_of_flow(self, index: int) -> str:
         """Return the place in the shot file of one of its flows, such as `flows.0`."""
         return self.flow_places[index] if self.flow_places else f"flows.{index}"
+
+    def step_into(self, flow: Flow, frame: int) -> FrameStep:
+        """Return the step of a flow that leads into `frame`."""
+        return FrameStep(self.limit_steps(flow, frame), *self.step(frame), frame)
+
+    def flow_data(self, frame: int, offsets: tuple[float, ...]) -> list[Any]:
+        """Return the cache data of the flow between a frame and offsets near it: equal data, equal paths.
+
+        Beyond the ends of the shot, the flow at that end counts.
+        """
+        first, last = self.frames.first, self.frames.last
+        found = []
+        for offset in offsets:
+            if not first <= frame + offset <= last:
+                if first == last:
+                    continue
+                offset = 2.0 * VELOCITY_STEP if frame == first else -2.0 * VELOCITY_STEP
+            flow = self.limit_steps(self.flow, frame + (offset > 0.0))
+            found.append(checked_cache_data(flow, *self.clock.between(*sorted((frame, frame + offset)))))
+        return found
+
+    def velocity_data(self, frame: int) -> list[Any]:
+        """Return the cache data of the flow around a frame, which decide velocities and speeds there."""
+        return self.flow_data(frame, (-VELOCITY_STEP, VELOCITY_STEP))
 
     def limit_steps(self, flow: Flow, frame: int) -> Flow:
         """Return a flow whose sub-steps into that frame are no longer than `max_step`, if there is one.

@@ -6,10 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flowsculpt.pipeline.animation import MeshFrame, animate, descent, moved_to_subframe
-from flowsculpt.pipeline.animation.loop import step_into
 from flowsculpt.pipeline.errors import FrameError, ShotError
 from flowsculpt.pipeline.mesh.placed_copies import Placements, nearest_rotations
-from flowsculpt.pipeline.production.request.manifest import thresholds_at
 from flowsculpt.pipeline.production.request.shading import Shading, flow_motion, vertex_motion
 from flowsculpt.pipeline.shot import Motion, read_shot
 from flowsculpt.pipeline.statistics import mesh_statistics
@@ -74,7 +72,7 @@ def test_the_flow_of_a_rotation_turns_copies_as_it_turns_points() -> None:
     first, *_, last = animate(motion)
     points = first.mesh.vertices
     for number in range(2, 7):
-        points = step_into(motion, motion.flow, number).apply(points)
+        points = motion.step_into(motion.flow, number).apply(points)
     assert np.abs(last.mesh.vertices - points).max() < 1e-6
 
 
@@ -118,7 +116,7 @@ def test_copies_within_the_shutter_are_rigid_and_meet_the_next_frame() -> None:
     frames = list(animate(motion))
     now, after = frames[2], frames[3]
     assert np.array_equal(moved_to_subframe(motion, now, 4).mesh.vertices, after.mesh.vertices)
-    shading = Shading.of(now, thresholds_at(motion, 3), 2)
+    shading = Shading.of(now, motion.thresholds_at(3), 2)
     shown, arrays = flow_motion(motion, shading), shading.arrays()
     points, normals = shown.at(0.0)
     assert np.allclose(points, arrays["vertices"], atol=1e-6)

@@ -27,7 +27,6 @@ from flowsculpt.pipeline.plugins.turntable.turntable_movie import (
     TurntableSheets,
 )
 from flowsculpt.pipeline.production.execution.project import Project
-from flowsculpt.pipeline.production.request.keys import picture_keys
 from flowsculpt.pipeline.production.request.lookup import find_shot
 from flowsculpt.pipeline.production.stages import STAGES, STILLS, PipelineStage
 from flowsculpt.pipeline.production.store import readers
@@ -81,7 +80,7 @@ def results(root: Path) -> dict[str, Arrays]:
     done(root, turning.plan())
     (sheet,) = TurntableSheets(turning).draw()
     request, home = project.request(find_shot(NAME), QUALITY), root / "renders"
-    keys, numbers = picture_keys(request, project.store), sorted(request.requested)
+    keys, numbers = request.keys.pictures(project.store), sorted(request.requested)
     assert keys is not None
     meshes = {
         n: readers.mesh_frame(request.keys.mesh(n), n)(root / request.place("mesh", n)) for n in numbers

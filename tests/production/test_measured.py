@@ -12,7 +12,7 @@ from flowsculpt.pipeline.animation import animate
 from flowsculpt.pipeline.plugins.preview.sketch import shape_of
 from flowsculpt.pipeline.production.request.framing import Framing
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
-from flowsculpt.pipeline.production.request.shading import Shading, speeds
+from flowsculpt.pipeline.production.request.shading import Shading
 from flowsculpt.pipeline.production.request.shot_source import ShotSource
 from flowsculpt.pipeline.resample import Thresholds
 from flowsculpt.pipeline.shot import read_shot
@@ -49,7 +49,7 @@ def test_what_spins_is_faster_the_further_out_it_is(number: int) -> None:
     frame = next(frame for frame in animate(shot) if frame.number == number)
     shading = Shading.of(frame, Thresholds(1.0), 1)
     out = np.linalg.norm(shading.arrays()["vertices"][:, [0, 2]], axis=1)
-    found = speeds(shot.motion, shading)
+    found = shading.speeds(shot.motion)
     assert found.shape == (len(out), 1)
     assert found[:, 0] == pytest.approx(math.radians(120.0) * out, rel=1e-3, abs=1e-3)
 

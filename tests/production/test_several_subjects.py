@@ -18,7 +18,6 @@ from flowsculpt.pipeline.plugins.turntable.turntable_movie import TurntableReque
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.planning.frame_states import FrameStates
 from flowsculpt.pipeline.production.planning.plan import Plan
-from flowsculpt.pipeline.production.request.cameras import camera_file
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.store.history import History
 from flowsculpt.render.post.compositing import ASSET, OBJECT
@@ -169,7 +168,7 @@ def test_mattes_and_motion_vectors_of_rigid_copies_are_those_of_their_placements
     crypto = {name: layers[name] for name in layers.arrays if name.startswith(OBJECT)}
     beads = next(part for part in request.parts if part.source.subject == "beads")
     now, after = (MeshFrame.from_arrays(np.load(tmp_path / beads.place("mesh", n)), n) for n in (1, 2))
-    framing = camera_file(request, Project(tmp_path, 2).store)[1]
+    framing = request.pictures.framings(Project(tmp_path, 2).store)[1]
     height, width = layers["matte"].shape[:2]
     assert now.copies is not None and after.copies is not None
     here, there = (

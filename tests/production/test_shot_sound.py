@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from flowsculpt.pipeline.arrays import Floats
-from flowsculpt.pipeline.production.request.audio import samples_of
+from flowsculpt.pipeline.production.request.audio import AudioClip
 from flowsculpt.pipeline.production.request.edit import Edit
 from flowsculpt.pipeline.shot import read_film
 from flowsculpt.render.movie.probe import probe_movie
@@ -59,7 +59,7 @@ def film_of(folder: Path, text: str) -> tuple[Edit, Floats]:
     """Return the edit of a film file, and the left channel of its sound."""
     (folder / "reel.yaml").write_text(f"title: R\ntitle_seconds: 0\n{text}")
     edit = Edit.of(read_film(folder / "reel.yaml"), "reel")
-    parts = samples_of(edit.sounds, edit.length, edit.frame_rate)
+    parts = AudioClip.mix(edit.sounds, edit.length, edit.frame_rate)
     assert parts is not None
     return edit, np.concatenate(list(parts), axis=1)[0]
 

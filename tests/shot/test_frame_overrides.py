@@ -8,7 +8,6 @@ import pytest
 
 from flowsculpt.pipeline.errors import ShotError
 from flowsculpt.pipeline.production.execution.project import Project
-from flowsculpt.pipeline.production.request.keys import picture_keys
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.shot import Shot, read_shot
 from tests.conftest import QUALITY, ProjectFolder
@@ -86,7 +85,7 @@ def keys_of(finished: ProjectFolder, override: str = "") -> tuple[dict, dict, Re
     finished.shot.write_text(before + (f"overrides: [{{{override}}}]\n" if override else ""))
     project = Project(finished.path, cores=1)
     request = project.request(finished.shot, QUALITY)
-    keys = picture_keys(request, project.store)
+    keys = request.keys.pictures(project.store)
     finished.shot.write_text(before)
     assert keys is not None, "a finished shot has cameras"
     return {n: keys[n].raw for n in keys}, {n: keys[n].frame for n in keys}, request

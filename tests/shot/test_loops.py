@@ -8,7 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from flowsculpt.pipeline.animation import animate
-from flowsculpt.pipeline.animation.loop import step_into
 from flowsculpt.pipeline.errors import ShotError
 from flowsculpt.pipeline.frames import FrameRange, FrameRate
 from flowsculpt.pipeline.plugins.authoring.first_frame import FirstFrames
@@ -56,7 +55,7 @@ def test_a_shot_that_loops_returns_to_its_first_frame():
     motion = shot().motion
     first, *_, last = animate(motion)
     points = last.mesh.vertices
-    after = step_into(motion, motion.flow, 13).apply(points.copy())
+    after = motion.step_into(motion.flow, 13).apply(points.copy())
     assert np.abs(after).max() == pytest.approx(0.5, abs=1e-6)
     inside = np.abs(after).max(axis=1)
     assert np.allclose(inside, 0.5, atol=1e-6)  # each vertex lies on the box at rest

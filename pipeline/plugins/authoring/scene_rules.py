@@ -27,7 +27,7 @@ from flowsculpt.api.flows import (
     number_at,
     vector_at,
 )
-from flowsculpt.api.frames import frame_all, step_into
+from flowsculpt.api.frames import frame_all
 from flowsculpt.api.meshes import Points
 from flowsculpt.api.pictures import WideCamera
 from flowsculpt.api.shots import Model, Motion, PluginSurface, Shot
@@ -368,7 +368,7 @@ def loop_report(shot: Shot, first: FirstFrame) -> tuple[str, list[Finding]]:
     start = first.points[:: -(-len(first.points) // LOOP_SAMPLE)]
     points = start.astype(np.float64)
     for number in range(frames.first + 1, frames.last + 2):
-        points = step_into(motion, motion.flow, number).apply(points)
+        points = motion.step_into(motion.flow, number).apply(points)
     away = np.linalg.norm(points - start, axis=1) / first.extent
     found, again = [*_unlike_cameras(shot)], frames.last + 1
     text = f"loop: frame {again}, the first again, is {away.mean():.2%} of the subject's size from it"

@@ -21,12 +21,7 @@ from flowsculpt.api.frames import (
     Shading,
     animate,
     frame_all,
-    is_cloud,
     join_extents,
-    material_of,
-    radii,
-    speeds,
-    thresholds_at,
     with_stage_in_view,
 )
 from flowsculpt.api.meshes import AnyArray, Floats, Points
@@ -131,7 +126,7 @@ def tried(shot: Shot) -> Trial:
                 first = len(points)
                 _require_speed(motion, frame.mesh.vertices)
             growth = max(growth, len(points) / first)
-            extents[index].append(BoundingSpheres(points, radii(frame)) if is_cloud(frame) else points)
+            extents[index].append(BoundingSpheres(points, frame.radii) if frame.is_cloud else points)
             if frame.number in kept:
                 kept[frame.number].append(frame)
     framings = _framings(shot, numbers, [join_extents(each) for each in extents])
@@ -236,12 +231,12 @@ def _picture(
 
 def _shape(part: Shot, motion: Motion, frame: MeshFrame) -> Shape:
     look = part.picture.look
-    shading = Shading.of(frame, thresholds_at(motion, frame.number), max(1, min(2, part.picture.tessellate)))
+    shading = Shading.of(frame, motion.thresholds_at(frame.number), max(1, min(2, part.picture.tessellate)))
     arrays: dict[str, AnyArray] = shading.arrays()
     pattern = look.pattern
     attributes = motion.copy_places(pattern, arrays["material"].astype(np.float64))
     if isinstance(pattern, Measure) and pattern.of == SPEED:
-        attributes[SPEED] = speeds(motion, shading)
+        attributes[SPEED] = shading.speeds(motion)
     vertices = arrays["vertices"]
     if "radii" in arrays:
         vertices, arrays, attributes = _balls(arrays, attributes)
@@ -280,7 +275,7 @@ def _silhouette(seen: Floats) -> NDArray[np.float32]:
 def _change(frame: MeshFrame) -> float:
     """Return how far a surface is from any similar form of itself at rest (Umeyama 1991), over its size."""
     step = max(1, len(frame.mesh.vertices) // SAMPLE)
-    now, rest = frame.mesh.vertices[::step], np.asarray(material_of(frame.mesh), np.float64)[::step]
+    now, rest = frame.mesh.vertices[::step], np.asarray(frame.material, np.float64)[::step]
     now, rest = now - now.mean(axis=0), rest - rest.mean(axis=0)
     left, values, right = np.linalg.svd(now.T @ rest)
     values[-1] *= np.sign(np.linalg.det(left @ right))

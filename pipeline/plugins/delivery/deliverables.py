@@ -32,8 +32,6 @@ from flowsculpt.api.frames import (
     RenderRequest,
     Store,
     key_of,
-    picture_keys,
-    samples_of,
     store_reader,
 )
 from flowsculpt.api.pictures import (
@@ -87,7 +85,7 @@ class FrameReader:
     ) -> None:
         self.request, self._store = request, store
         self._relit = None if relit is None else relit_version(request, store, relit)
-        self.keys: PictureKeys | None = picture_keys(request, store)
+        self.keys: PictureKeys | None = request.keys.pictures(store)
         self.version = f"relit {relit}" if relit else _version(request, store, self.keys)
         history = History.of(store.root).failed(request.folders.name, STAGES, request.quality_name)
         latest = {n: message for (shot, n), message in failures.items() if shot == request.folders.title}
@@ -462,7 +460,7 @@ class Delivery:
         sound = None
         if part == "frames" and encode.container.audio_codec:  # also under the slate before them
             clips = [clip.later(self._leader) for clip in self._sounds]
-            sound = samples_of(clips, source.count + self._leader, source.rate)
+            sound = AudioClip.mix(clips, source.count + self._leader, source.rate)
         code = timecode(first, rate)
         loops = source.loops and part == "frames" and not self._leader
         write_movie(path, frames(), rate, encode, code, sound, source.screen.projection, loops, light)

@@ -35,11 +35,9 @@ from flowsculpt.api.frames import (
     RenderRequest,
     SequenceQuery,
     Store,
-    camera_file,
     find_shot,
     key_of,
     options_of,
-    picture_keys,
     store_reader,
 )
 from flowsculpt.api.options import (
@@ -180,11 +178,11 @@ class RelitFrames:
 
     @cached_property
     def _framings(self) -> Mapping[int, Framing]:
-        return camera_file(self.request, self.store) or {}
+        return self.request.pictures.framings(self.store) or {}
 
     @cached_property
     def _keys(self) -> PictureKeys | None:
-        return picture_keys(self.request, self.store, rendered=())
+        return self.request.keys.pictures(self.store, rendered=())
 
     def _source(self, number: int) -> Key:
         """Return the key of a finished frame."""
@@ -257,7 +255,7 @@ def relit_sequences(query: SequenceQuery) -> Iterator[PictureSequence]:
     """Yield the frames of every relit version. Those whose finished frame was rendered again are stale."""
     root = query.project.root
     for request in query.requests():
-        keys = picture_keys(request, query.project.store, rendered=())
+        keys = request.keys.pictures(query.project.store, rendered=())
         for name in relit_names(request, root):
             files, stale = relit_files(request, root, name), {}
             for number, path in files.items():

@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 from flowsculpt import FrameError
 from flowsculpt.api import Animation, plural
 from flowsculpt.api.files import to_plain
-from flowsculpt.api.frames import Framing, Key, RenderRequest, Store, camera_file, key_of
+from flowsculpt.api.frames import Framing, Key, RenderRequest, Store, key_of
 from flowsculpt.pipeline.plugins.interchange.alembic_export import write_alembic
 from flowsculpt.pipeline.plugins.interchange.animated_gltf import (
     Moving,
@@ -262,7 +262,7 @@ class WebExport(AnimationExport):
     @cached_property
     def _framings(self) -> Mapping[int, Framing]:
         """Camera and stage of each frame. Raises FrameError where they were not found."""
-        framings = camera_file(self.request, self.store)
+        framings = self.request.pictures.framings(self.store)
         if framings is None:
             raise FrameError(
                 f"{self.request.name} has no cameras, which depend on all its frames, so no page was "

@@ -17,7 +17,6 @@ import numpy as np
 from flowsculpt import FrameError
 from flowsculpt.api.files import mapping, read_state, sweep_hidden_drafts, to_plain
 from flowsculpt.api.frames import (
-    STEP,
     Key,
     Locks,
     MeshFrame,
@@ -26,12 +25,7 @@ from flowsculpt.api.frames import (
     Shading,
     Store,
     digest_of,
-    flow_cache_data,
-    is_cloud,
     key_of,
-    material_of,
-    radii,
-    thresholds_at,
 )
 from flowsculpt.api.meshes import AnyArray, Faces, Floats, Indices, Points, Vectors
 from flowsculpt.api.pictures import SPEED, Material, Painted, PaintedFaces, Surface, vertex_colours
@@ -182,17 +176,17 @@ def exported_frame(shot: Shot, frame: MeshFrame) -> ExportedFrame:
     exported as its smooth surface. Raises FrameError where the flow fails, BadInputError where a picture of
     the look cannot be read.
     """
-    if is_cloud(frame):
+    if frame.is_cloud:
         return _exported_cloud(shot, frame)
     whole = frame if frame.copies is None else replace(frame, own=frame.mesh, copies=None, starts=None)
-    shading = Shading.of(whole, thresholds_at(shot.motion, frame.number), shot.picture.tessellate)
+    shading = Shading.of(whole, shot.motion.thresholds_at(frame.number), shot.picture.tessellate)
     if shading.split is None:
         return _exported_net(shot, shading)
     return _exported_mesh(shot, frame, shading.split)
 
 
 def _exported_mesh(shot: Shot, frame: MeshFrame, split: ShadedMesh) -> ExportedFrame:
-    mesh, rest = frame.mesh, material_of(frame.mesh)
+    mesh, rest = frame.mesh, frame.material
     velocities, source = vertex_motion(shot.motion, frame).velocity(), split.source_vertex
     look = shot.picture.look
     paint = shot.motion.painted(rest, mesh.faces)
@@ -223,7 +217,7 @@ def _exported_net(shot: Shot, shading: Shading) -> ExportedFrame:
 
 
 def _exported_cloud(shot: Shot, frame: MeshFrame) -> ExportedFrame:
-    points, rest = frame.mesh.vertices, material_of(frame.mesh)
+    points, rest = frame.mesh.vertices, frame.material
     velocities, nothing = vertex_motion(shot.motion, frame).velocity(), np.empty((0, 3))
     faces, numbers = nothing.astype(np.int32), frame.mesh.attributes.get(IDENTITY)
     surface = rendered_surface(points, np.zeros_like(points), faces, rest, velocities)
@@ -232,7 +226,7 @@ def _exported_cloud(shot: Shot, frame: MeshFrame) -> ExportedFrame:
     return ExportedFrame(
         *(points, faces, nothing, faces, velocities, rest),
         colours=vertex_colours(surface, shot.picture.look),
-        radii=radii(frame),
+        radii=frame.radii,
         numbers=np.arange(len(points)) if numbers is None else numbers,
         copies=_copies(shot, rest),
     )
@@ -290,7 +284,7 @@ def frame_key(request: RenderRequest, number: int) -> Key:
     return key_of(
         EXPORT.recipe,
         request.keys.normals(number),
-        flow_cache_data(motion, number, (-STEP, STEP)),
+        motion.velocity_data(number),
         str(motion.rate),
         *surface_recipe(request.shot),
         *([] if motion.copies is None else ["copies"]),

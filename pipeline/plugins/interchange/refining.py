@@ -36,8 +36,6 @@ from flowsculpt.api.frames import (
     RenderRequest,
     Store,
     key_of,
-    step_into,
-    thresholds_at,
 )
 from flowsculpt.api.meshes import AnyArray, Floats, Indices, Points, Vectors
 from flowsculpt.pipeline.animation.loop import blocks_of, creased
@@ -318,7 +316,7 @@ class Refiner:
         """Return the flow from the first frame to `last`."""
         history = FlowMap()
         for number in range(self.frames[0] + 1, last + 1):
-            history.add(step_into(self._motion, self._motion.flow, number))
+            history.add(self._motion.step_into(self._motion.flow, number))
         return history
 
     def _stepped(self, points: Points, number: int, first: int, history: FlowMap) -> Points:
@@ -328,7 +326,7 @@ class Refiner:
         """
         if number == self.frames[0]:
             return points
-        step = step_into(self._motion, self._motion.flow, number)
+        step = self._motion.step_into(self._motion.flow, number)
         history.add(step)
         moved = np.empty_like(points)
         for block in blocks_of(len(points)):
@@ -409,7 +407,7 @@ class Refiner:
         """The subject at rest, with its creases, position and normal at rest."""
         motion, first = self._motion, self.frames[0]
         mesh, resampling = motion.mesh_at_rest(), motion.resampling_at(first)
-        angles = thresholds_at(motion, first).hard_angles(mesh)
+        angles = motion.thresholds_at(first).hard_angles(mesh)
         mesh = with_hard_edges(mesh, angles) if resampling is None else creased(mesh, resampling, angles)
         named = {REST: mesh.vertices, REST_NORMAL: vertex_normals(mesh)}
         return replace(mesh, attributes=named)

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flowsculpt import TriangleMesh, UsageError
-from flowsculpt.api.frames import Key, RenderRequest, Store, key_of, step_into, thresholds_at
+from flowsculpt.api.frames import Key, RenderRequest, Store, key_of
 from flowsculpt.api.meshes import AnyArray, Floats, Indices, Points, Vectors
 from flowsculpt.api.pictures import Painted, vertex_colours
 from flowsculpt.api.shots import Motion
@@ -158,7 +158,7 @@ class Unification:
             return None
         motion, frames = self.request.shot.motion, self.rigid_frames
         first = frames[motion.frames.first]
-        own = with_hard_edges(first.own, thresholds_at(motion, first.number).hard_angles(first.own))
+        own = with_hard_edges(first.own, motion.thresholds_at(first.number).hard_angles(first.own))
 
         def points_at(number: int) -> Points:
             copies = frames[number].copies
@@ -195,7 +195,7 @@ class Unification:
         else:
             normals = self._read(keys[held])["normals"].astype(np.float64)
         for n in range(held + 1, number + 1):
-            step = step_into(motion, motion.flow, n)
+            step = motion.step_into(motion.flow, n)
             before, after = refined.points_at(n - 1), refined.points_at(n)
             carried = carried_normals(step.apply, before, after, normals).astype(np.float32)
             named = readers.with_key(keys[n], {"normals": carried})

@@ -26,7 +26,7 @@ from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdShade, Vt
 
 from flowsculpt import FrameError
 from flowsculpt.api.files import to_plain
-from flowsculpt.api.frames import Framing, Key, RenderRequest, Store, camera_file, key_of
+from flowsculpt.api.frames import Framing, Key, RenderRequest, Store, key_of
 from flowsculpt.api.meshes import AnyArray
 from flowsculpt.api.pictures import Material
 from flowsculpt.api.shots import Shot
@@ -563,7 +563,7 @@ class UsdExport:
 
     def framings(self) -> Mapping[int, Framing]:
         """Return camera and set of every frame. Raises FrameError where they were not found."""
-        framings = camera_file(self.request, self.store)
+        framings = self.request.pictures.framings(self.store)
         if framings is None:
             raise FrameError(
                 f"{self.request.name} has no cameras, which depend on all its frames, so no stage was "

@@ -24,7 +24,6 @@ from flowsculpt.api.frames import (
     RenderRequest,
     RootFolders,
     Store,
-    picture_keys,
     use_store,
 )
 from flowsculpt.api.options import DEFAULT_QUALITY, Common, Frames, PictureOptions, Quality, Shot
@@ -159,7 +158,7 @@ def finished_frames(request: RenderRequest, store: Store) -> dict[int, FrameKeys
 
     Raises MissingInputError where there are none.
     """
-    keys = picture_keys(request, store)
+    keys = request.keys.pictures(store)
     numbers = () if keys is None else request.requested
     finished = {
         number: keys[number] for number in numbers if keys and store.bring("frame", keys[number].frame)

@@ -11,7 +11,7 @@ from pathlib import Path
 from flowsculpt import FlowsculptError, MachineError
 from flowsculpt.api import ShotExtras
 from flowsculpt.api.files import remove, sweep_hidden_drafts
-from flowsculpt.api.frames import Key, RenderRequest, RootFolders, Runs, Store, picture_keys
+from flowsculpt.api.frames import Key, RenderRequest, RootFolders, Runs, Store
 from flowsculpt.pipeline.plugins.maintenance.store_repair import FORMS, by_digest, last_requests
 from flowsculpt.pipeline.plugins.maintenance.verify import inode, shown_files
 
@@ -89,7 +89,7 @@ def _needs(request: RenderRequest, store: Store) -> Iterator[tuple[str, Key]]:
                 yield "mesh", part.keys.mesh(angle.mesh)
                 yield "normals", part.keys.normals(angle.mesh)
         yield "cameras", request.keys.cameras
-        keys = picture_keys(request, store)
+        keys = request.keys.pictures(store)
         if keys is None:
             return
         for number in request.angles:

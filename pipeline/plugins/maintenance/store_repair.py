@@ -30,13 +30,11 @@ from flowsculpt.api.frames import (
     RootFolders,
     Runs,
     Store,
-    begun,
     edit_names,
     find_edit,
     find_shot,
     is_quality,
     options_of,
-    picture_keys,
     shot_names,
 )
 from flowsculpt.api.options import DEFAULT_QUALITY
@@ -57,7 +55,7 @@ def begun_requests(project: Project, warn: Callable[[str], object]) -> Iterator[
     for name in shot_names():
         try:
             path = find_shot(name)
-            requests = list(begun(project, path)) or [project.request(path, DEFAULT_QUALITY)]
+            requests = list(project.begun(path)) or [project.request(path, DEFAULT_QUALITY)]
         except FlowsculptError as error:
             warn(str(error))
             continue
@@ -190,7 +188,7 @@ class _Repairs:
         if lost := self._claim_of_each(request, "normals", meshes):
             shown = tuple(n for n, angle in request.angles.items() if angle.mesh in lost)
             planner.surfaces(replace(request, requested=FrameRange(shown)))
-        keys = picture_keys(request, store)
+        keys = request.keys.pictures(store)
         if keys is None:  # its cameras are lost, by which its pictures are known
             places = zip(every, map(Path, request.places("frame", every)), strict=True)
             shown = tuple(n for n, place in places if place in self.left or (store.root / place).exists())
@@ -216,7 +214,7 @@ class _Repairs:
     def add_film(self, film: Film) -> None:
         """Plan what makes a film again; a plan has room for one."""
         edit, requests = film
-        keys = [picture_keys(request, self.planner.store) for request in requests]
+        keys = [request.keys.pictures(self.planner.store) for request in requests]
         path = edit.path(requests[0].quality_name)
         if self._film or path not in self.left or None in keys:
             return

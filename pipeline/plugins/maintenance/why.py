@@ -27,7 +27,6 @@ from flowsculpt.api.frames import (
     Runs,
     ShotSource,
     Store,
-    camera_file,
     key_in,
 )
 from flowsculpt.api.pictures import RenderError, read_header
@@ -346,7 +345,7 @@ class _Frame:
     def _parts(self, header: Mapping[str, Any]) -> tuple[Difference, ...]:
         """Return the differences between a header and that of now, as far as the shot is framed."""
         now = self.request.keys.header(self.number)
-        framings = camera_file(self.request, self.store)
+        framings = self.request.pictures.framings(self.store)
         if framings is not None and self._keys is not None:
             now = self.request.keys.header(self.number, framings[self.number], self._keys[self.number])
         now = json.loads(json.dumps(now))

@@ -26,16 +26,14 @@ from flowsculpt.api.frames import (
     Framing,
     RenderRequest,
     Store,
-    camera_file,
     frame_all,
     join_extents,
-    samples_of,
-    step_into,
     with_stage_in_view,
 )
 from flowsculpt.api.meshes import AnyArray, Indices
 from flowsculpt.api.pictures import (
     ENCODES,
+    AudioClip,
     Screen,
     loop_frames,
     mix_frames,
@@ -81,7 +79,7 @@ class Animatic:
         request, stream = self.sketch.request, self.stream
         for played in stream.play(request, self.played_for_still(number)):
             tell("simulating", played)
-        known = camera_file(request, stream.store)
+        known = request.pictures.framings(stream.store)
         framing = known[number] if known else framing_of_still(request, stream, number, self.played({number}))
         size = size_for(request.pictures.aspect, SIZES["still"])
         picture = next(self._pictures(iter([(number, framing)]), size, "srgb"))
@@ -112,7 +110,7 @@ class Animatic:
         Cameras that are not known depend on neighbouring frames, and a camera that stands still on all.
         """
         request = self.sketch.request
-        if camera_file(request, self.stream.store) is not None:
+        if request.pictures.framings(self.stream.store) is not None:
             return sorted(asked)
         angles = sorted(request.angles)
         if request.shot.picture.camera.follow != 1.0 or request.pictures.is_round:
@@ -127,7 +125,7 @@ class Animatic:
                 tell("simulating", number)
                 yield number
 
-        known = camera_file(request, stream.store)
+        known = request.pictures.framings(stream.store)
         framed = (
             framings_while(request, stream, played(), wanted)
             if known is None
@@ -187,7 +185,7 @@ def write_playblast(
     parts = iter([told, iter(first)])
     looped = loop_frames(numbers, lead, lambda _: next(parts))
     start, count = timecode(numbers[lead], rate), len(numbers) - lead
-    sound = samples_of(request.sounds, count, request.shot.rate)
+    sound = AudioClip.mix(request.sounds, count, request.shot.rate)
     options = start, sound, request.pictures.projection, request.loop is not None
     store.write(path, lambda draft: write_movie(draft, looped, rate, PLAYBLAST, *options))
     return count
@@ -273,7 +271,7 @@ def _moved(motion: Motion, extent: Extent, numbers: Sequence[int]) -> list[Exten
     moved, later = points[chosen].astype(np.float64), list[Extent]()
     for number in numbers:
         try:
-            moved = step_into(motion, motion.flow, number).apply(moved)
+            moved = motion.step_into(motion.flow, number).apply(moved)
         except FrameError:
             break  # the still itself is sound; a render stops there
         later.append(moved if radii is None else BoundingSpheres(moved, radii[chosen]))
@@ -324,7 +322,7 @@ def write_film_animatic(
     screen, rate = Screen(request.pictures.projection, first.movie_size), edit.frame_rate
     frames = edit.frames(screen, shown, lambda card: (card // 257).astype(np.uint8), mix_frames)
     told = told_frames(range(1, edit.length + 1), frames, tell)
-    sound = samples_of(edit.sounds, edit.length, rate)
+    sound = AudioClip.mix(edit.sounds, edit.length, rate)
     write = partial(write_movie, sound=sound, projection=request.pictures.projection)
     first.stream.store.write(path, lambda draft: write(draft, told, rate.fps, PLAYBLAST))
     return edit.length

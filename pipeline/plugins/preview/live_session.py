@@ -14,7 +14,7 @@ from typing import Any
 
 from flowsculpt import FlowsculptError
 from flowsculpt.api.files import machine_error
-from flowsculpt.api.frames import STEP, Framing, ShotSource, camera_file, flow_cache_data
+from flowsculpt.api.frames import Framing, ShotSource
 from flowsculpt.api.pictures import Camera, jpeg_bytes
 from flowsculpt.pipeline.animation import FrameProgress
 from flowsculpt.pipeline.plugins.preview.animatic import SIZES, FramedSurfaces, framings_of, size_for
@@ -198,7 +198,7 @@ class LiveSession:
             self.feed.say(progress.slow or f"Frame {progress.frame}: {progress.share:.0%}, {progress.work} …")
 
         self.stream.callback = within_frame
-        known = camera_file(request, self.stream.store) or self._framings
+        known = request.pictures.framings(self.stream.store) or self._framings
         is_simulated = all(self.stream.knows(request, number) for number in numbers)
         self._drawn = {number: drawn for number, drawn in self._drawn.items() if number in request.angles}
         shown = [(drawn.sketch.request, number) for number, drawn in self._drawn.items()]
@@ -211,7 +211,9 @@ class LiveSession:
             framing = known.get(number) or framings_of(request, self.stream, [number])[number]
             surfaces = FramedSurfaces(sketch, self.stream, {number: framing})
             self._draw(take, surfaces, [number], size, check)
-        self._framings = camera_file(request, self.stream.store) or framings_of(request, self.stream, numbers)
+        self._framings = request.pictures.framings(self.stream.store) or framings_of(
+            request, self.stream, numbers
+        )
         surfaces = FramedSurfaces(sketch, self.stream, self._framings)
         self.feed.say("Framing …")
         focus = numbers[0] if self.focus is None else self.focus
@@ -273,7 +275,7 @@ def _recipe(surfaces: FramedSurfaces, number: int) -> tuple[Any, ...]:
     request, sketch = surfaces.sketch.request, surfaces.sketch
     shown = request.pictures.of(number)
     motions = [part.motion for part in request.shot.parts] if sketch.flow else []
-    flows = repr([flow_cache_data(motion, number, (0.0, STEP)) for motion in motions])
+    flows = repr([motion.velocity_data(number) for motion in motions])
     return (
         request.keys.normals(number),
         repr(request.keys.speed_data(number)),

@@ -25,7 +25,6 @@ from flowsculpt.api.frames import (
     Plan,
     RenderRequest,
     Store,
-    camera_file,
     find_shot,
 )
 from flowsculpt.api.options import DEFAULT_QUALITY, Common, Frames, Shot, ShotOptions, shared_option
@@ -187,7 +186,7 @@ def _cameras(request: RenderRequest, store: Store) -> dict[int, dict[str, Any]] 
 
     A wide camera, of a panorama or dome, has no field of view.
     """
-    framed = camera_file(request, store)
+    framed = request.pictures.framings(store)
     if framed is None:
         return None
     cameras = {}

@@ -32,8 +32,6 @@ from flowsculpt.api.frames import (
     Shading,
     Store,
     key_of,
-    speeds,
-    thresholds_at,
 )
 from flowsculpt.api.meshes import AnyArray
 from flowsculpt.api.pictures import SPEED
@@ -286,10 +284,10 @@ class SurfaceStream:
         self.surfaces.put(_key(request, number), self.store.read("normals", key, place, readers.arrays(key)))
 
     def _shade(self, request: RenderRequest, frame: MeshFrame) -> None:
-        shading = Shading.of(frame, thresholds_at(request.shot.motion, frame.number), _pieces(request, frame))
+        shading = Shading.of(frame, request.shot.motion.thresholds_at(frame.number), _pieces(request, frame))
         arrays = shading.stored()
         if request.pictures.measures_speed:
-            arrays[SPEED] = speeds(request.shot.motion, shading)
+            arrays[SPEED] = shading.speeds(request.shot.motion)
         self.surfaces.put(_key(request, frame.number), arrays)
 
 

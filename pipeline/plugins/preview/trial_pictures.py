@@ -23,14 +23,12 @@ import numpy as np
 from flowsculpt import Thresholds, TriangleMesh, UsageError, vertex_normals
 from flowsculpt.api.flows import checked_displacement
 from flowsculpt.api.frames import (
-    STEP,
     Framing,
     MeshFrame,
     RenderRequest,
     Shading,
     animate,
     frame_all,
-    thresholds_at,
     with_stage_in_view,
 )
 from flowsculpt.api.meshes import AnyArray, Floats, Points, Vectors
@@ -124,11 +122,11 @@ def built(motion: Motion, number: int, tessellate: int) -> dict[str, AnyArray]:
     """
     if motion.is_rigid:  # to carry and turn them takes as little as to carry some points
         frame = next(frame for frame in animate(motion) if frame.number == number)
-        return Shading.of(frame, thresholds_at(motion, number), 1).arrays()
+        return Shading.of(frame, motion.thresholds_at(number), 1).arrays()
     mesh = with_material(_coarse(motion))
     lattice = motion.subject.lattice
     frame = MeshFrame(number, mesh, FrameReport(None, lambda: None), lattice=lattice)
-    shading = Shading.of(frame, thresholds_at(motion, number), tessellate if lattice else 1)
+    shading = Shading.of(frame, motion.thresholds_at(number), tessellate if lattice else 1)
     if len(mesh.vertices) <= 2 * MOST_BUILT:
         points = carried_to(motion, mesh.vertices, number)
     else:
@@ -138,6 +136,10 @@ def built(motion: Motion, number: int, tessellate: int) -> dict[str, AnyArray]:
     vertices, normals = shading.at(points)
     arrays = {**shading.arrays(), "vertices": vertices.astype(np.float32)}
     return arrays if normals is None else {**arrays, "normals": normals.astype(np.float32)}
+
+
+STEP = 1 / 64
+"""Frames over which points are moved to measure speed."""
 
 
 def with_speeds(arrays: Mapping[str, AnyArray], motion: Motion, number: int) -> dict[str, AnyArray]:

@@ -28,9 +28,6 @@ from flowsculpt.api.frames import (
     Store,
     find_shot,
     light_notes,
-    picture_keys,
-    shown_picture,
-    white,
 )
 from flowsculpt.api.options import (
     DEFAULT_QUALITY,
@@ -83,13 +80,13 @@ class ShotSheet:
         seconds = [rate.seconds(number - request.shot.frames.first) for number in numbers]
         captions = [(("frame", f"{n}   {s:.2f} s"),) for n, s in zip(numbers, seconds, strict=True)]
         sheet, factor = ContactSheet.fitted(request.shot.heading, captions, size, columns)
-        keys = picture_keys(request, self.store)
-        pictures = [shown_picture(request, keys, self.store, n, factor, 8, "srgb") for n in numbers]
+        keys = request.keys.pictures(self.store)
+        pictures = [request.pictures.shown(keys, self.store, n, factor, 8, "srgb") for n in numbers]
         header = {"shot": request.name, "frames": str(FrameRange.of(numbers))}
         page = sheet.picture(pictures, request.quality_name)
         self.store.write(path, lambda draft: write_still(draft, page, header))
         shown = zip(numbers, pictures, strict=True)
-        return light_notes({n: white(picture) for n, picture in shown if picture is not None})
+        return light_notes({n: picture for n, picture in shown if picture is not None})
 
 
 def curves(

@@ -32,8 +32,6 @@ from flowsculpt.api.frames import (
     Store,
     find_shot,
     key_of,
-    picture_keys,
-    shown_picture,
 )
 from flowsculpt.api.meshes import usual_up
 from flowsculpt.api.options import (
@@ -234,7 +232,7 @@ class TurntableSheets:
 
     @cached_property
     def _keys(self) -> list[PictureKeys | None]:
-        return [picture_keys(request, self._store) for request in self._requests]
+        return [request.keys.pictures(self._store) for request in self._requests]
 
     @property
     def _store(self) -> Store:
@@ -323,7 +321,7 @@ class TurntableSheets:
     ) -> list[NDArray[Any] | None]:
         """Read the pictures of cells. Raises FrameError for a damaged one."""
         return [
-            shown_picture(self._requests[look], self._keys[look], self._store, number, factor, bits, display)
+            self._requests[look].pictures.shown(self._keys[look], self._store, number, factor, bits, display)
             for look, number in cells
         ]
 

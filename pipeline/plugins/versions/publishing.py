@@ -44,11 +44,10 @@ from flowsculpt.api.frames import (
     RenderRequest,
     SequenceQuery,
     Store,
-    picture_keys,
     read_statistics,
-    samples_of,
 )
 from flowsculpt.api.pictures import (
+    AudioClip,
     Frame,
     RenderError,
     loop_frames,
@@ -231,7 +230,7 @@ class Release:
     def _rendered(self, numbers: Collection[int]) -> PictureKeys:
         """Return keys of frames. Raises MissingInputError or UsageError if some of these are not current."""
         request, store = self.request, self.store
-        keys = picture_keys(request, store, numbers)
+        keys = request.keys.pictures(store, numbers)
         missing: list[int] = []
         stale: list[int] = []
         for number in numbers:
@@ -456,7 +455,7 @@ class Patch(Release):
 
         def write(path: Path) -> None:
             frames = loop_frames(numbers, request.loop_dissolve, self._shown)
-            sound = samples_of(request.sounds, len(numbers) - request.loop_dissolve, rate)
+            sound = AudioClip.mix(request.sounds, len(numbers) - request.loop_dissolve, rate)
             options: Any = {"projection": request.pictures.projection, "loops": request.loop is not None}
             write_movie(path, frames, rate.fps, encode, sound=sound, **options)
 

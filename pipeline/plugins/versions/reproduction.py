@@ -24,7 +24,6 @@ from flowsculpt.api.frames import (
     RootFolders,
     ShotSource,
     Store,
-    picture_keys,
 )
 from flowsculpt.api.pictures import RenderError, read_exr
 from flowsculpt.api.shots import is_there
@@ -162,7 +161,7 @@ class Reproduction:
 
     def comparisons(self) -> list[Comparison]:
         """Compare every frame, and the movie if all frames are made."""
-        keys = picture_keys(self.request, self.store)
+        keys = self.request.keys.pictures(self.store)
         found = [self._frame(number, keys) for number in self.numbers]
         return [*found, self._movie()] if self._has_movie else found
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -15,12 +15,13 @@ from flowsculpt.pipeline.production.planning.planner import Planner
 from flowsculpt.pipeline.production.planning.profile import Profile, variant_for
 from flowsculpt.pipeline.production.planning.timings import measure_renders
 from flowsculpt.pipeline.production.request.edit import Edit, ResolvedEdit, resolve_edit
-from flowsculpt.pipeline.production.request.keys import picture_keys
 from flowsculpt.pipeline.production.request.lookup import (
     FILM,
     find_edit,
     find_shot,
+    is_quality,
     names_edit,
+    options_of,
     require_quality,
 )
 from flowsculpt.pipeline.production.request.render_request import FORMS, RenderRequest
@@ -28,7 +29,7 @@ from flowsculpt.pipeline.production.request.shot_source import PlanningCache, Sh
 from flowsculpt.pipeline.production.stages import forced_with
 from flowsculpt.pipeline.production.store import paths
 from flowsculpt.pipeline.production.store.history import History
-from flowsculpt.pipeline.production.store.paths import STATE
+from flowsculpt.pipeline.production.store.paths import STATE, Folders
 from flowsculpt.pipeline.production.store.store import Store
 from flowsculpt.render.scene.render_quality import CONVENTIONS, DEFAULT_QUALITY
 
@@ -120,7 +121,7 @@ class Project:
         if frames is None or self.force:
             return
         whole, store = request.whole(), self.store
-        keys = picture_keys(whole, store)
+        keys = whole.keys.pictures(store)
         if keys is None:
             return
         rest = set(whole.requested) - set(request.requested)
@@ -273,6 +274,21 @@ class Project:
             )
         return replace(request, requested=self._selected[place])
 
+    def begun(self, path: Path) -> Iterator[RenderRequest]:
+        """Yield the request of each quality, crop and scale with a folder; note crops that are left out."""
+        home = self.root / Folders.of_shot(path.stem).home
+        for name in sorted(place.name for place in home.glob("*/") if is_quality(place.name)):
+            request = self.request(path, name)
+            try:
+                _ = request.pictures.quality
+            except UsageError:
+                self.notes.append(
+                    f"{path.stem}: pictures of {options_of(name)} are left out; the shot's pictures have no "
+                    "such part today. Repeat the --set that they were rendered with to include them."
+                )
+            else:
+                yield self.as_finished(request)
+
     def variant_of(self, shot: str) -> str:
         """Return the variant that renders a shot: one asked for, that of the profile, or one that works.
 
@@ -296,7 +312,7 @@ class Project:
             return request
 
         def finished(asked: RenderRequest) -> tuple[int, int]:
-            keys = picture_keys(asked, store, rendered=())
+            keys = asked.keys.pictures(store, rendered=())
             if keys is None:
                 return 0, 0
             frames = [keys[number].frame for number in asked.requested]

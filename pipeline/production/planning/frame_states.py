@@ -13,7 +13,7 @@ from typing import Any
 
 from flowsculpt.pipeline.frames import FrameRange, FrameWords
 from flowsculpt.pipeline.production.request.cameras import ShownCameras
-from flowsculpt.pipeline.production.request.keys import PictureKeys, picture_keys
+from flowsculpt.pipeline.production.request.keys import PictureKeys
 from flowsculpt.pipeline.production.request.render_request import FORMS, RenderRequest
 from flowsculpt.pipeline.production.stages import PLUGIN_STAGES
 from flowsculpt.pipeline.production.store.history import SHARED, History
@@ -99,7 +99,7 @@ class KnownPictures:
     def __init__(self, request: RenderRequest, store: Store, rendered: Collection[int] = ()) -> None:
         """Compare pictures with the store; a run that renders the frames `rendered` averages them too."""
         self._request, self._store, self._rendered = request, store, rendered
-        self.keys: PictureKeys | None = picture_keys(request, store, rendered)
+        self.keys: PictureKeys | None = request.keys.pictures(store, rendered)
         self.is_framed = self.keys is not None
         self._shown = None if self.is_framed else ShownCameras.of(request, store)
         if self._shown is not None:

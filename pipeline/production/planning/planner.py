@@ -25,7 +25,7 @@ from flowsculpt.pipeline.production.planning.profile import Share
 from flowsculpt.pipeline.production.planning.timings import measure_renders
 from flowsculpt.pipeline.production.request.cameras import CameraFile
 from flowsculpt.pipeline.production.request.edit import Edit
-from flowsculpt.pipeline.production.request.keys import FrameKeys, PictureKeys, picture_keys, staged_keys
+from flowsculpt.pipeline.production.request.keys import FrameKeys, PictureKeys, staged_keys
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.stages import STAGES
 from flowsculpt.pipeline.production.store.store import Key, Store, key_of
@@ -394,7 +394,7 @@ class Planner:
                         f"{other.source.path} and {request.source.path} are both called {request.name}, so "
                         "their frames would overwrite each other; rename one of them"
                     )
-            keys = picture_keys(request, self.store)
+            keys = request.keys.pictures(self.store)
             self._entries[request] = PlanEntry(len(self._entries), request, keys, self.store, self.comparable)
         entry = self._entries[request]
         self._goals += [(entry.place, goal) for goal in goals]

@@ -115,6 +115,18 @@ class AudioClip:
         )
         return Segment(moved, first, frames, rise, fall)
 
+    @staticmethod
+    def mix(clips: Sequence[AudioClip], frames: int, rate: FrameRate) -> Iterator[Samples] | None:
+        """Return the sound of clips under a movie of so many frames, in blocks; None without clips.
+
+        Raises FrameError where a file was changed, and as `require_sound` of `movie_sound` does.
+        """
+        if not clips:
+            return None
+        from flowsculpt.render.movie.movie_sound import mixed
+
+        return mixed([clip.segment(rate) for clip in clips], Fraction(frames) / rate.fps)
+
 
 def sound_of_frames(
     tracks: tuple[AudioTrack, ...], shot: Sequence[int], shown: Sequence[int], first: int = 0
@@ -128,15 +140,3 @@ def sound_of_frames(
     if not tracks or list(shown) != list(range(shown[0], shown[0] + len(shown))):
         return ()
     return (AudioClip(tracks, first, len(shown), skipped=shown[0] - shot[0]),)
-
-
-def samples_of(clips: Sequence[AudioClip], frames: int, rate: FrameRate) -> Iterator[Samples] | None:
-    """Return the sound under a movie of so many frames, in blocks; None without clips.
-
-    Raises FrameError where a file was changed, and as `require_sound` of `movie_sound` does.
-    """
-    if not clips:
-        return None
-    from flowsculpt.render.movie.movie_sound import mixed
-
-    return mixed([clip.segment(rate) for clip in clips], Fraction(frames) / rate.fps)

@@ -69,7 +69,7 @@ class CameraFile(Mapping[int, "Framing"]):
         return number in self._numbers
 
 
-def camera_file(request: RenderRequest, store: Store) -> CameraFile | None:
+def stored_framings(request: RenderRequest, store: Store) -> CameraFile | None:
     """Return camera and stage of every picture of a request; None where the store does not hold them.
 
     A damaged file is evicted. Raises MachineError where the disk refuses a file that the remote store has.

@@ -12,7 +12,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flowsculpt.pipeline.production.request.cameras import CameraFile, camera_file
+from flowsculpt.pipeline.production.request.cameras import CameraFile
 from flowsculpt.pipeline.production.request.lookup import movie_bits
 from flowsculpt.pipeline.production.stages import (
     ASSEMBLE,
@@ -158,17 +158,16 @@ class RequestKeys:
         """Return what decides the colours of a picture that shows speeds; nothing of others."""
         if not self.request.pictures.measures_speed:
             return []
-        from flowsculpt.pipeline.production.request.shading import STEP
         from flowsculpt.render.scene.patterns import SPEED
 
-        return [[SPEED, self._flow_data(self.request.angles[number].mesh, (-STEP, STEP))]]
+        mesh, shot = self.request.angles[number].mesh, self.request.shot
+        data = [part.motion.velocity_data(mesh) for part in shot.parts]
+        return [[SPEED, data if shot.subjects else data[0]]]
 
     def _flow_data(self, mesh: int, offsets: tuple[float, ...]) -> list[Any]:
         """Return the cache data of the flow around a mesh frame; of several subjects, a list of them."""
-        from flowsculpt.pipeline.production.request.shading import flow_cache_data
-
         shot = self.request.shot
-        data = [flow_cache_data(part.motion, mesh, offsets) for part in shot.parts]
+        data = [part.motion.flow_data(mesh, offsets) for part in shot.parts]
         return data if shot.subjects else data[0]
 
     def header(
@@ -188,6 +187,14 @@ class RequestKeys:
     def still(self, form: str, frame: Key) -> Key:
         """Return the key of a still by that of its frame."""
         return key_of(STAGES[form].recipe, frame, self.request.manifest.shown_as)
+
+    def pictures(self, store: Store, rendered: Iterable[int] | None = None) -> PictureKeys | None:
+        """Return the keys of the frames, or None before the cameras are found.
+
+        rendered  the frames that are rendered meanwhile, by default those requested (see `PictureKeys`)
+        """
+        framings = self.request.pictures.framings(store)
+        return None if framings is None else PictureKeys(self.request, store, framings, rendered)
 
     def movie(self, frames: list[Key]) -> Key:
         """Return the key of the movie by those of its frames."""
@@ -228,17 +235,6 @@ class _KnownKeys:
 
     raw: dict[int, Key]
     frame: dict[str, Key]
-
-
-def picture_keys(
-    request: RenderRequest, store: Store, rendered: Iterable[int] | None = None
-) -> PictureKeys | None:
-    """Return the keys of a request's frames, or None before its cameras are found.
-
-    rendered  the frames that are rendered meanwhile, by default those requested (see `PictureKeys`)
-    """
-    cameras = camera_file(request, store)
-    return None if cameras is None else PictureKeys(request, store, cameras, rendered)
 
 
 class PictureKeys(Mapping[int, FrameKeys]):

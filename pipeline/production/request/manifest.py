@@ -22,7 +22,6 @@ from flowsculpt.render.base.input_files import digest_of_file
 from flowsculpt.render.scene.render_quality import Quality
 
 if TYPE_CHECKING:  # reading shots takes a second; planning spares it where the cache holds all
-    from flowsculpt.pipeline.resample import Thresholds
     from flowsculpt.pipeline.shot import Motion, Shot
 
 InputDigests = tuple[tuple[str, str], ...]
@@ -187,24 +186,13 @@ def normals_keys(shot: Shot, meshes: Mapping[int, Key]) -> dict[int, Key]:
     from flowsculpt.pipeline.shot.motion import as_data
 
     motion, pieces = shot.motion, shot.picture.tessellate
-    first = thresholds_at(motion, motion.frames.first).hard_angle
+    first = motion.thresholds_at(motion.frames.first).hard_angle
     is_constant = motion.resampling is None or isinstance(motion.resampling.thresholds.hard_angle, float)
     keys = {}
     for number, mesh in meshes.items():
-        angle = first if is_constant else thresholds_at(motion, number).hard_angle
+        angle = first if is_constant else motion.thresholds_at(number).hard_angle
         keys[number] = key_of(SMOOTH_NORMALS.recipe, mesh, as_data(angle), pieces)
     return keys
-
-
-def thresholds_at(motion: Motion, number: int) -> Thresholds:
-    """Return the thresholds of a frame, or of the shape of rigid copies.
-
-    Without resampling they are the default, whose hard angle makes creases.
-    """
-    from flowsculpt.pipeline.resample import Thresholds
-
-    resampling = motion.resampling_at(number) or motion.shape
-    return resampling.thresholds if resampling else Thresholds(1.0)
 
 
 def measures_speed(shot: Shot) -> bool:

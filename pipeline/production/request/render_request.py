@@ -9,22 +9,26 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 from flowsculpt.pipeline.errors import UsageError
 from flowsculpt.pipeline.frames import FrameRange
 from flowsculpt.pipeline.plugin import named, plugins
 from flowsculpt.pipeline.production.request.audio import AudioClip, sound_of_frames
-from flowsculpt.pipeline.production.request.keys import RequestKeys
+from flowsculpt.pipeline.production.request.cameras import CameraFile, stored_framings
+from flowsculpt.pipeline.production.request.keys import PictureKeys, RequestKeys
 from flowsculpt.pipeline.production.request.lookup import crop_of, quality_named
 from flowsculpt.pipeline.production.request.manifest import ShotManifest, measures_speed
 from flowsculpt.pipeline.production.request.shot_source import PlanningCache, ShotSource
 from flowsculpt.pipeline.production.stages import STILLS
 from flowsculpt.pipeline.production.store.paths import Folders
+from flowsculpt.pipeline.production.store.store import Store
 from flowsculpt.render.base.serialise import named_by_kind
 from flowsculpt.render.scene.render_quality import Quality
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from flowsculpt.pipeline.shot import Shot
     from flowsculpt.pipeline.shot.camera_path import View
     from flowsculpt.pipeline.shot.shot import AovSelection, Picture
@@ -350,6 +354,32 @@ class RequestPictures:
             last += 1
         return tuple(range(first, last + 1))
 
+    def framings(self, store: Store) -> CameraFile | None:
+        """Return camera and stage of every picture; None where the store does not hold them.
+
+        A damaged file is evicted. Raises MachineError where the disk refuses one of the remote store.
+        """
+        return stored_framings(self.request, store)
+
+    def shown(
+        self, keys: PictureKeys | None, store: Store, number: int, factor: int, bits: int, display: str
+    ) -> NDArray[Any] | None:
+        """Return a picture as a display shows it, `factor` times smaller; None where it is not there.
+
+        keys  as `RequestKeys.pictures` returns them
+
+        Raises FrameError where it is damaged.
+        """
+        from flowsculpt.pipeline.production.store import readers
+        from flowsculpt.render.graphics.contact_sheet import reduced
+
+        key = None if keys is None else keys[number].frame
+        if key is None or not store.holds("frame", key):
+            return None
+        reader = readers.picture(key, self.quality.rendered_size)
+        light = store.read("frame", key, self.request.place("frame", number), reader)[0]["beauty"]
+        return self.request.shot.picture.display.pixels(reduced(light, factor), display, bits)
+
     @cached_property
     def measures_speed(self) -> bool:
         """True if the colours of the pictures, or of one of the subjects, are the speed of the flow."""
@@ -392,7 +422,12 @@ class RequestPictures:
 
     @cached_property
     def _offsets_of_aovs(self) -> tuple[float, ...]:
-        from flowsculpt.pipeline.production.request.shading import STEP
+        from flowsculpt.pipeline.shot.motion import VELOCITY_STEP
 
-        steps = {"velocity": (-STEP, STEP), "motion": (1.0,), "after": (1.0,), "before": (-1.0,)}
+        steps = {
+            "velocity": (-VELOCITY_STEP, VELOCITY_STEP),
+            "motion": (1.0,),
+            "after": (1.0,),
+            "before": (-1.0,),
+        }
         return tuple(offset for name in self.aovs.extra for offset in steps.get(name, ()))

@@ -17,9 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from flowsculpt.pipeline.animation import MeshFrame, material_of, moved_to_subframe
+from flowsculpt.pipeline.animation import MeshFrame, moved_to_subframe
 from flowsculpt.pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
-from flowsculpt.pipeline.flow.flow_map import checked_cache_data
 from flowsculpt.pipeline.mesh import TriangleMesh
 from flowsculpt.pipeline.mesh.control_net import bspline_surface, bspline_values
 from flowsculpt.pipeline.mesh.normals import (
@@ -36,7 +35,7 @@ from flowsculpt.pipeline.mesh.placed_copies import COPIES, STARTS, Placements, a
 from flowsculpt.pipeline.production.request.framing import Framing, rotate_y
 from flowsculpt.pipeline.resample import Thresholds
 from flowsculpt.pipeline.shot import Motion
-from flowsculpt.pipeline.shot.point_subjects import RADIUS
+from flowsculpt.pipeline.shot.motion import VELOCITY_STEP
 from flowsculpt.render.base.serialise import from_plain, to_plain
 from flowsculpt.render.scene.render_camera import Camera
 from flowsculpt.render.scene.render_quality import Quality
@@ -132,7 +131,7 @@ class Shading:
     @classmethod
     def of(cls, frame: MeshFrame, thresholds: Thresholds, pieces: int) -> Shading:
         """Split a mesh at its creases, which the hard angle of the frame's thresholds decides."""
-        if is_cloud(frame) or frame.lattice is not None:
+        if frame.is_cloud or frame.lattice is not None:
             return cls(frame, None, pieces)
         twin = twins_of(frame.own)
         split = split_at_creases(frame.own, thresholds.hard_angles(frame.own), twin)
@@ -145,7 +144,7 @@ class Shading:
 
         around  points about the axis of whose bounds it turns; by default its own
         """
-        if is_cloud(self.frame):
+        if self.frame.is_cloud:
             return self
         uncut = replace(self, pieces=1)._cut(self.frame.own.vertices, self.split)
         vertices, faces = uncut.vertices, uncut.faces
@@ -165,12 +164,12 @@ class Shading:
             shaded = self._cut(self.frame.own.vertices, self.split)
             placed = {COPIES: self.frame.copies.matrices, STARTS: self.frame.starts.matrices}
             return {**_stored(shaded), **placed}
-        material = material_of(self.frame.mesh)
-        if is_cloud(self.frame):
+        material = self.frame.material
+        if self.frame.is_cloud:
             points = self.frame.mesh.vertices
             return {
                 "vertices": points.astype(np.float32),
-                "radii": radii(self.frame).astype(np.float32),
+                "radii": self.frame.radii.astype(np.float32),
                 "source_vertex": np.arange(len(points), dtype=np.int32),
                 "material": material.astype(np.float32),
             }
@@ -188,10 +187,15 @@ class Shading:
 
         Points have no normals. Creases stay where they were, and normals turn as the faces around them do.
         """
-        if is_cloud(self.frame):
+        if self.frame.is_cloud:
             return points, None
         shaded = self._cut(points, None if self.split is None else self._turned(points, self.split))
         return shaded.vertices, shaded.normals
+
+    def speeds(self, motion: Motion) -> AnyArray:
+        """Return the speed of the vertices, (V, 1) float32, scene units per second."""
+        velocity = flow_motion(motion, self).velocity()
+        return np.asarray(np.linalg.norm(velocity, axis=1, keepdims=True), dtype=np.float32)
 
     def _cut(self, points: Points, split: ShadedMesh | None) -> ShadedMesh:
         if split is not None:
@@ -217,16 +221,6 @@ def _stored(shaded: ShadedMesh) -> dict[str, AnyArray]:
         "faces": shaded.faces,
         "source_vertex": shaded.source_vertex,
     }
-
-
-def is_cloud(frame: MeshFrame) -> bool:
-    """Tell whether a frame has points only."""
-    return not len(frame.own.faces)
-
-
-def radii(frame: MeshFrame) -> Floats:
-    """Return (V,) radii of the spheres around vertices; zeros where there are faces."""
-    return frame.own.attributes[RADIUS] if is_cloud(frame) else np.zeros(len(frame.mesh.vertices))
 
 
 # Dicing
@@ -273,9 +267,6 @@ def _longest_edge(points: AnyArray, faces: AnyArray, camera: Camera, quality: Qu
 
 Shown = tuple[Points, Vectors | None]
 
-STEP = 1.0 / 64.0
-"""Frames to either side for a velocity by differences: short against bends, long against rounding."""
-
 
 @dataclass(frozen=True, eq=False)
 class SurfaceMotion:
@@ -297,9 +288,11 @@ class SurfaceMotion:
     def velocity(self) -> Vectors:
         """Return velocities, (V, 3) scene units per second: central differences, one-sided at the ends."""
         if self.begins or self.ends:
-            step = -STEP if self.begins else STEP
+            step = -VELOCITY_STEP if self.begins else VELOCITY_STEP
             return self.displacement(step) * (self.fps / step)
-        return np.asarray((self.at(STEP)[0] - self.at(-STEP)[0]) * (0.5 * self.fps / STEP))
+        return np.asarray(
+            (self.at(VELOCITY_STEP)[0] - self.at(-VELOCITY_STEP)[0]) * (0.5 * self.fps / VELOCITY_STEP)
+        )
 
 
 def flow_motion(motion: Motion, shading: Shading) -> SurfaceMotion:
@@ -342,12 +335,6 @@ def _movable(frame: MeshFrame) -> Floats:
     return frame.own.vertices if frame.copies is None else frame.copies.matrices
 
 
-def speeds(motion: Motion, shading: Shading) -> AnyArray:
-    """Return the speed of the vertices, (V, 1) float32, scene units per second."""
-    velocity = flow_motion(motion, shading).velocity()
-    return np.asarray(np.linalg.norm(velocity, axis=1, keepdims=True), dtype=np.float32)
-
-
 def turning_motion(
     vertices: Points,
     normals: Vectors | None,
@@ -374,26 +361,9 @@ def _end_velocity(motion: Motion, frame: MeshFrame) -> Floats:
     now = _movable(frame)
     if motion.frames.first == motion.frames.last:
         return np.zeros_like(now)
-    step = STEP if frame.number == motion.frames.first else -STEP
+    step = VELOCITY_STEP if frame.number == motion.frames.first else -VELOCITY_STEP
     near, far = (_movable(moved_to_subframe(motion, frame, frame.number + k * step)) for k in (1, 2))
     return np.asarray((4.0 * near - far - 3.0 * now) / (2.0 * step))
-
-
-def flow_cache_data(motion: Motion, number: int, offsets: tuple[float, ...]) -> list[Any]:
-    """Return the cache data of the flow between a frame and offsets near it: equal data, equal paths.
-
-    Beyond the ends of the shot, the flow at that end counts.
-    """
-    first, last = motion.frames.first, motion.frames.last
-    found = []
-    for offset in offsets:
-        if not first <= number + offset <= last:
-            if first == last:
-                continue
-            offset = 2.0 * STEP if number == first else -2.0 * STEP
-        flow = motion.limit_steps(motion.flow, number + (offset > 0.0))
-        found.append(checked_cache_data(flow, *motion.clock.between(*sorted((number, number + offset)))))
-    return found
 
 
 def framing_at(framings: Mapping[int, Framing], number: int, offset: float) -> Framing:

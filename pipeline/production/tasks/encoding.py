@@ -9,7 +9,7 @@ from typing import TypeVar
 
 from flowsculpt.pipeline.errors import FlowsculptError, FrameError
 from flowsculpt.pipeline.frames import FrameRate
-from flowsculpt.pipeline.production.request.audio import AudioClip, samples_of
+from flowsculpt.pipeline.production.request.audio import AudioClip
 from flowsculpt.pipeline.production.request.keys import PictureKeys, projection_of
 from flowsculpt.pipeline.production.request.lookup import movie_bits
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
@@ -74,7 +74,7 @@ def _movie(
     projection = context.request.pictures.projection
 
     def write(path: Path) -> None:
-        sound = samples_of(*sounds, rate)
+        sound = AudioClip.mix(sounds[0], sounds[1], rate)
         write_movie(
             path, reported, rate.fps, encode, sound=sound, projection=projection, loops=loop is not None
         )

@@ -13,7 +13,6 @@ import numpy as np
 from flowsculpt.pipeline.errors import FrameError
 from flowsculpt.pipeline.frames import FrameRate
 from flowsculpt.pipeline.plugin import named, plugins
-from flowsculpt.pipeline.production.request.cameras import camera_file
 from flowsculpt.pipeline.production.request.keys import FrameKeys, PictureKeys
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.stages import FINISH, STAGES
@@ -40,7 +39,7 @@ def finish(context: Context) -> bool:
     """
     request = context.request
     keys = context.picture_keys(request)
-    framings: Mapping[int, Framing] = camera_file(request, context.store) or {}
+    framings: Mapping[int, Framing] = request.pictures.framings(context.store) or {}
     denoiser, output = _Denoiser(context, keys, framings), FinishedFrames(request, framings)
 
     def work(number: int) -> bool:
@@ -67,7 +66,7 @@ def plugin_stage(context: Context) -> bool:
     place = plugin.stages[stage.name.partition(".")[2]].task
     settings, task = request.shot.entries[stage.name], named(place)
     entry, precision = request.manifest.stages[stage.name], dict(request.pictures.aovs.precision)
-    framings: Mapping[int, Framing] = camera_file(request, context.store) or {}
+    framings: Mapping[int, Framing] = request.pictures.framings(context.store) or {}
 
     def work(number: int) -> bool:
         def write(path: Path) -> None:

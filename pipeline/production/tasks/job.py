@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from flowsculpt.pipeline.errors import FlowsculptError, FrameError
 from flowsculpt.pipeline.production.planning.plan import Job, Plan, movie_record, write_manifest
-from flowsculpt.pipeline.production.request.keys import picture_keys
 from flowsculpt.pipeline.production.request.shot_source import PlanningCache
 from flowsculpt.pipeline.production.stages import STAGES
 from flowsculpt.pipeline.production.store.event_log import Event, EventLog, EventReader
@@ -186,7 +185,7 @@ class Context:
 
     def picture_keys(self, request: RenderRequest) -> PictureKeys:
         """Return the keys of a request's pictures. Raises FrameError where its cameras are not known."""
-        keys = picture_keys(request, self.store)
+        keys = request.keys.pictures(self.store)
         if keys is None:
             raise FrameError(f"{request.folders.cameras()} is missing; run again to frame the shot again")
         return keys

@@ -14,7 +14,6 @@ import numpy as np
 from flowsculpt.pipeline.animation.flow_cost import flows_of
 from flowsculpt.pipeline.arrays import AnyArray
 from flowsculpt.pipeline.mesh.placed_copies import all_copies
-from flowsculpt.pipeline.production.request.cameras import camera_file
 from flowsculpt.pipeline.production.request.framing import Framing, rotate_y
 from flowsculpt.pipeline.production.request.keys import FrameKeys
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
@@ -216,9 +215,8 @@ class _ShownSubject:
             attributes[COPY] = (indices[:, None] + self.first_copy).astype(np.float32)
         if not request.pictures.measures_speed:
             return attributes
-        from flowsculpt.pipeline.production.request.shading import speeds
 
-        return {**attributes, SPEED: speeds(request.shot.motion, self._shading)}
+        return {**attributes, SPEED: self._shading.speeds(request.shot.motion)}
 
     @cached_property
     def _paint(self) -> PaintedFaces | None:
@@ -262,7 +260,7 @@ def render(context: Context) -> bool:
     """
     request = context.request
     engine = choose([request.variant], threads=context.job.threads)
-    framings: Mapping[int, Framing] = camera_file(request, context.store) or {}
+    framings: Mapping[int, Framing] = request.pictures.framings(context.store) or {}
     keys = context.picture_keys(request)
     with deferred_signals() as stop:
         renderer = _Renderer(context, engine, framings, keys, stop, MemoryGuard())

@@ -27,9 +27,8 @@ from flowsculpt.pipeline.production.request.framing import (
     rotate_y,
     with_stage_in_view,
 )
-from flowsculpt.pipeline.production.request.manifest import thresholds_at
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
-from flowsculpt.pipeline.production.request.shading import Shading, radii
+from flowsculpt.pipeline.production.request.shading import Shading
 from flowsculpt.pipeline.production.store import readers
 from flowsculpt.pipeline.production.store.readers import write_npz
 from flowsculpt.pipeline.production.tasks.job import Context
@@ -264,7 +263,7 @@ def _spheres_of(context: Context, request: RenderRequest, number: int) -> Boundi
         return BoundingSpheres(points, np.zeros(len(points)))
     frame = read_mesh_frame(context, request, number)
     if frame.lattice is None:
-        return BoundingSpheres(frame.mesh.vertices, radii(frame))
+        return BoundingSpheres(frame.mesh.vertices, frame.radii)
     points = bspline_surface(frame.mesh.vertices, frame.lattice, request.shot.picture.tessellate).vertices
     return BoundingSpheres(points, np.zeros(len(points)))
 
@@ -282,7 +281,7 @@ def _remember_keys(context: Context) -> None:
 def shading_of(context: Context, request: RenderRequest, number: int) -> Shading:
     """Return how a mesh frame of a request is shaded. Raises what `read_mesh_frame` raises."""
     frame, picture = read_mesh_frame(context, request, number), request.shot.picture
-    return Shading.of(frame, thresholds_at(request.shot.motion, number), picture.tessellate)
+    return Shading.of(frame, request.shot.motion.thresholds_at(number), picture.tessellate)
 
 
 def read_mesh_frame(context: Context, request: RenderRequest, number: int) -> MeshFrame:

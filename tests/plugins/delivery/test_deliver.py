@@ -24,7 +24,6 @@ from flowsculpt.pipeline.plugins.delivery.deliverables import (
 )
 from flowsculpt.pipeline.plugins.delivery.gif import write_gif
 from flowsculpt.pipeline.production.execution.project import Project
-from flowsculpt.pipeline.production.request.keys import picture_keys
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.render.graphics.typesetting import BurnIn
 from flowsculpt.render.movie.codecs import ENCODES
@@ -184,7 +183,7 @@ def test_a_film_of_high_dynamic_range_has_a_slate_and_burn_ins_of_graphics_white
 
 def test_frames_that_failed_are_cards_that_say_why(there):
     project, request = taken(there)
-    keys = picture_keys(request, project.store)
+    keys = request.keys.pictures(project.store)
     whole = shot_source(request, project.store, {})
     project.store.discard("frame", keys[3].frame)
     source = shot_source(request, project.store, {(NAME, 3): "frame 3: the surface is torn"})
@@ -202,7 +201,7 @@ def test_frames_that_failed_are_cards_that_say_why(there):
 
 def test_a_frame_that_cannot_be_read_is_told_and_forgotten_and_nothing_delivered(there):
     project, request = taken(there)
-    key = picture_keys(request, project.store)[3].frame
+    key = request.keys.pictures(project.store)[3].frame
     project.store.discard("frame", key)
     project.store.put("frame", key, lambda path: path.write_bytes(b"cut short"))
     source = shot_source(request, project.store, {})
@@ -220,7 +219,7 @@ def test_the_coverage_of_the_subject_is_the_alpha(there):
     assert frame.shape == (54, 96, 4)
     assert frame[27, 48, 3] == 65535 and frame[1, 1, 3] == 0
     for number in request.requested:
-        project.store.discard("raw", picture_keys(request, project.store)[number].raw)
+        project.store.discard("raw", request.keys.pictures(project.store)[number].raw)
     assert not shot_source(request, project.store, {}).has_coverage
 
 

@@ -13,7 +13,7 @@ from flowsculpt.pipeline.frames import FrameRange
 from flowsculpt.pipeline.plugins.delivery.imported_edit import ImportedEdit
 from flowsculpt.pipeline.plugins.delivery.timeline import Timeline
 from flowsculpt.pipeline.production.execution.project import Project
-from flowsculpt.pipeline.production.request.audio import samples_of
+from flowsculpt.pipeline.production.request.audio import AudioClip
 from flowsculpt.pipeline.production.request.edit import Edit
 from flowsculpt.pipeline.shot import read_film
 from tests.conftest import ProjectFolder
@@ -58,7 +58,7 @@ def test_sounds_of_shots_lie_at_the_samples_of_the_film(timeline: otio.schema.Ti
             heard[first : first + count] += 1
             assert clip.source_range.start_time.to_frames() in (RATE // 8, RATE // 8 + 2 * FRAME)
     edit = Edit.of(read_film(Path("shots/reel.yaml")), "cut")
-    parts = samples_of(edit.sounds, edit.length, edit.frame_rate)
+    parts = AudioClip.mix(edit.sounds, edit.length, edit.frame_rate)
     assert parts is not None
     film = np.concatenate(list(parts), axis=1)[0]
     assert (heard[: len(film)] > 0).tolist() == (film != 0.0).tolist()

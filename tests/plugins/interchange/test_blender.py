@@ -18,7 +18,6 @@ from flowsculpt.pipeline.mesh.mesh_formats import ScenePart
 from flowsculpt.pipeline.mesh.read import read_surface, usual_up
 from flowsculpt.pipeline.plugins.interchange.unifying import one_mesh
 from flowsculpt.pipeline.production.execution.project import Project
-from flowsculpt.pipeline.production.request.cameras import camera_file
 from flowsculpt.pipeline.production.store.readers import read_npz
 from flowsculpt.pipeline.production.store.store import Store
 from flowsculpt.render.post.image import read_exr
@@ -106,8 +105,8 @@ def test_blender_reads_every_frame_of_a_stage_whose_topology_changes(root, tmp_p
     read = read_by_blender(root / "renders" / NAME / "usd" / f"{NAME}.usda", frames, tmp_path / "read.npz")
     assert read["range"].tolist() == [1, 120] and read["lights"].tolist() == ["back", "key", "rim"]
     project = Project(root, 1)
-    framings = camera_file(
-        project.request(root / "shots" / f"{NAME}.yaml", "draft", variant="none"), project.store
+    framings = project.request(root / "shots" / f"{NAME}.yaml", "draft", variant="none").pictures.framings(
+        project.store
     )
     upright = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])  # Blender has z up
     stage, counts = Usd.Stage.Open(str(root / "renders" / NAME / "usd" / f"{NAME}.usda")), set()

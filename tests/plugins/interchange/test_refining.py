@@ -12,7 +12,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flowsculpt.pipeline.animation import animate
-from flowsculpt.pipeline.animation.loop import step_into
 from flowsculpt.pipeline.arrays import Floats
 from flowsculpt.pipeline.errors import FrameError, UsageError
 from flowsculpt.pipeline.flow.flow_map import FlowMap
@@ -91,7 +90,7 @@ def test_each_vertex_lies_on_the_analytic_surface_at_rest_and_where_the_flow_car
     motion, history = request.shot.motion, FlowMap()
     for number in request.requested:
         if number > 1:
-            history.add(step_into(motion, motion.flow, number))
+            history.add(motion.step_into(motion.flow, number))
         assert np.array_equal(refined.points_at(number), history.carry(surface.vertices)), number
     require_fine(request, refined)
 

@@ -19,8 +19,6 @@ from flowsculpt.pipeline.errors import FrameError
 from flowsculpt.pipeline.mesh.normals import split_at_creases
 from flowsculpt.pipeline.plugins.interchange.usd_export import UsdExport, add_floor, clip_times
 from flowsculpt.pipeline.production.execution.project import Project
-from flowsculpt.pipeline.production.request.cameras import camera_file
-from flowsculpt.pipeline.production.request.manifest import thresholds_at
 from flowsculpt.pipeline.production.store.readers import read_npz
 from flowsculpt.pipeline.shot import read_shot
 from flowsculpt.render.post.image import read_exr, write_png
@@ -141,7 +139,7 @@ def test_every_frame_is_the_mesh_that_was_simulated(root, stage):
         normals = UsdGeom.PrimvarsAPI(mesh).GetPrimvar("normals")
         assert normals.GetInterpolation() == UsdGeom.Tokens.faceVarying
         welded = MeshFrame.from_arrays(arrays, frame).mesh
-        split = split_at_creases(welded, thresholds_at(shot.motion, frame).hard_angles(welded))
+        split = split_at_creases(welded, shot.motion.thresholds_at(frame).hard_angles(welded))
         corners = split.normals[split.faces].reshape(-1, 3).astype(np.float32)
         assert np.array_equal(np.array(normals.ComputeFlattened(time)), corners)
         creases = np.array(mesh.GetCreaseIndicesAttr().Get(time)).reshape(-1, 2)
@@ -220,7 +218,7 @@ def test_the_camera_shows_what_our_pictures_show(root, stage):
     camera = UsdGeom.Camera(stage.GetPrimAtPath(f"/{NAME}/camera"))
     project = Project(root, 1)
     request = project.request(root / "shots" / f"{NAME}.yaml", "draft", variant="none")
-    framings = camera_file(request, project.store)
+    framings = request.pictures.framings(project.store)
     points = np.random.default_rng(3).uniform(-1.0, 1.0, (50, 3))
     for frame in (1, 3, 6):
         ours, theirs = framings[frame].camera, camera.GetCamera(float(frame))
@@ -238,7 +236,7 @@ def test_the_camera_shows_what_our_pictures_show(root, stage):
 def test_softboxes_keep_their_place_size_and_radiance(root, stage):
     project = Project(root, 1)
     request = project.request(root / "shots" / f"{NAME}.yaml", "draft", variant="none")
-    placement = camera_file(request, project.store)[2].placement
+    placement = request.pictures.framings(project.store)[2].placement
     boxes = request.shot.picture.lights.softboxes
     assert len(boxes) > 1
     for box in boxes:

@@ -17,7 +17,6 @@ from flowsculpt.pipeline.frames import FrameRange
 from flowsculpt.pipeline.plugins.sheets.wedge import Grid, Wedge
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.planning.plan import Plan
-from flowsculpt.pipeline.production.request.keys import picture_keys
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.store.event_log import EventLog
 from flowsculpt.pipeline.production.store.paths import EVENTS
@@ -115,7 +114,7 @@ def _done(root: Path, plan: Plan) -> None:
 def hang(desk: Desk, request: RenderRequest, numbers: Iterable[int], paint: Callable[[int], Picture]) -> None:
     """Lay the pictures of a take where renders would lie."""
     store = desk.project().store
-    keys = picture_keys(request, store)
+    keys = request.keys.pictures(store)
     assert keys is not None
     for number in numbers:
         key, pixels = keys[number].frame, paint(number)

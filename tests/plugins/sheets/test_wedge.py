@@ -17,7 +17,6 @@ from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.planning import planner
 from flowsculpt.pipeline.production.planning.plan import Plan
 from flowsculpt.pipeline.production.planning.profile import avoid
-from flowsculpt.pipeline.production.request.keys import picture_keys
 from flowsculpt.render.movie.probe import probe_movie
 from flowsculpt.render.post.image import read_exr, read_png
 from tests.conftest import commanded, done
@@ -234,7 +233,7 @@ def test_a_wedge_is_rendered_and_drawn_and_leaves_the_shot_alone(desk: Desk) -> 
     assert still.name == f"flows.0.twist.amount.keys.12,lights.exposure.{QUALITY}.0012.png"
     facts, sides = probe_movie(movie), (page.shape[1], page.shape[0])
     assert facts.frames == 2 and (facts.width, facts.height) == tuple(side + side % 2 for side in sides)
-    keys = picture_keys(wedge.requests[2][1], wedge.project.store)
+    keys = wedge.requests[2][1].keys.pictures(wedge.project.store)
     assert keys is not None
     wedge.project.store.discard("frame", keys[12].frame)
     wedge.draw()

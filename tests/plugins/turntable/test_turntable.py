@@ -25,7 +25,6 @@ from flowsculpt.pipeline.plugins.turntable.turntable_movie import (
 )
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.request.framing import Framing, frame_all, rotate_y, with_stage_in_view
-from flowsculpt.pipeline.production.request.keys import picture_keys
 from flowsculpt.pipeline.production.request.render_request import MeshAngle, RenderRequest, ShotFrames
 from flowsculpt.pipeline.production.request.shot_source import ShotSource
 from flowsculpt.pipeline.shot.camera_path import Lens, View
@@ -207,7 +206,7 @@ def test_looks_share_what_they_have_in_common_and_have_a_movie_side_by_side(
 def test_a_damaged_picture_makes_no_sheet_and_is_told(desk: Desk, turned_in_two_looks: Path) -> None:
     turning = desk.turning(turn="lights", looks=("clay", "glaze"))
     request = turning.requests[0]
-    keys = picture_keys(request, turning.project.store)
+    keys = request.keys.pictures(turning.project.store)
     assert keys is not None
     path = turning.project.store.path("frame", keys[6].frame)
     whole = path.read_bytes()

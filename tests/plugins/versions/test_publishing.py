@@ -17,7 +17,6 @@ from flowsculpt.pipeline.plugins.review.review_notes import read_notes
 from flowsculpt.pipeline.plugins.versions import publishing
 from flowsculpt.pipeline.plugins.versions.provenance import FILE, Provenance
 from flowsculpt.pipeline.plugins.versions.reproduction import pixels_of
-from flowsculpt.pipeline.production.request.keys import picture_keys
 from flowsculpt.pipeline.production.store.locks import Locks
 from flowsculpt.render.base.input_files import digest_of_file
 from tests.plugins.review.note_cases import TIMES, document, note
@@ -86,7 +85,7 @@ def test_a_frame_that_cannot_be_read_is_forgotten_and_not_published(desk: Desk) 
     desk.shot.write_text(SHOT.replace("4: 40", "4: 50"))
     desk.render()
     request = desk.release().request
-    keys = picture_keys(request, desk.release().store)
+    keys = request.keys.pictures(desk.release().store)
     assert keys is not None
     stored = desk.release().store.path("frame", keys[3].frame)
     stored.chmod(0o644)

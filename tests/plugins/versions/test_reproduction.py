@@ -12,7 +12,6 @@ import pytest
 from flowsculpt.pipeline.errors import MachineError, MissingInputError, UsageError
 from flowsculpt.pipeline.plugins.versions.provenance import FILE, Provenance
 from flowsculpt.pipeline.production.planning.profile import avoid
-from flowsculpt.pipeline.production.request.keys import picture_keys
 from flowsculpt.pipeline.production.stages import FINISH
 from flowsculpt.render.post.image import read_exr, write_exr
 from tests.plugins.versions.desk import MODEL, NAME, Desk, done
@@ -32,7 +31,7 @@ def test_a_version_is_made_again_from_its_provenance_alone_to_the_last_bit(desk:
     code, said = desk.command("reproduce", source)
     assert code == 0 and "frames 1-4 and the movie identical" in said
     assert one.home == desk.root / "renders" / "repeated" / f"{NAME}.v001"
-    changed = picture_keys(again.request, again.store)
+    changed = again.request.keys.pictures(again.store)
     assert changed is not None
     file = again.store.path("frame", changed[3].frame)
     layers, header = read_exr(file)
