@@ -236,9 +236,9 @@ class PictureOptions:
 
         Raises UsageError for what cannot be cropped, among it shots and edits with pictures of several sizes.
         """
-        from flowsculpt.pipeline.production.request.lookup import cropped_name, is_quality
+        from flowsculpt.pipeline.production.request.lookup import QualityName, cropped_name
 
-        if self.crop is None or not shots or not is_quality(name):
+        if self.crop is None or not shots or not QualityName.of(name).is_known:
             return cropped_name(name, self.crop, self.scale)
         sizes = {request.manifest.size for shot in shots for request in project.find_requests(shot, name)}
         if len(sizes) > 1:

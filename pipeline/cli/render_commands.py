@@ -25,7 +25,7 @@ from flowsculpt.pipeline.errors import UsageError
 from flowsculpt.pipeline.plugin import named, plugins
 from flowsculpt.pipeline.production.planning.estimate import Forecast, estimate, typical_seconds
 from flowsculpt.pipeline.production.planning.plan import Plan
-from flowsculpt.pipeline.production.request.lookup import FILM, SHOTS, find_edit, shot_names
+from flowsculpt.pipeline.production.request.lookup import Show
 from flowsculpt.pipeline.production.request.render_request import FORMS
 from flowsculpt.pipeline.production.store.store import Store
 from flowsculpt.render.base.atomic_write import atomic_write
@@ -68,7 +68,7 @@ def film(
     options: ShotOptions,
     edit: Annotated[
         str, typer.Argument(metavar="EDIT", help="An edit: its name in shots/, or the path of its file.")
-    ] = FILM.stem,
+    ] = Show().film.stem,
     quality: Quality = DEFAULT_QUALITY,
     variant: Variant = None,
     layers: Layers = None,
@@ -92,7 +92,7 @@ def film(
     if timeline is not None:
         edit = _written_edit(common, timeline)
     project = project.force_from("render") if force else project
-    execute_and_report(common, lambda: project.film(quality, find_edit(edit)), preview=not no_preview)
+    execute_and_report(common, lambda: project.film(quality, Show().find_edit(edit)), preview=not no_preview)
 
 
 def _written_edit(common: Common, timeline: Path) -> str:
@@ -101,7 +101,7 @@ def _written_edit(common: Common, timeline: Path) -> str:
     if (reader := readers.get(timeline.suffix.lstrip("."))) is None:
         known = ", ".join(f".{suffix}" for suffix in readers) or "none: no plug-in reads timelines"
         raise UsageError(f"--edit {timeline}: the names of timelines end in {known}; export one as that")
-    target, text = named(reader)(timeline, shot_names(), SHOTS)
+    target, text = named(reader)(timeline, Show().shots(), Show().folder)
     if common.dry_run and not target.exists():
         raise UsageError(f"--dry-run: {target} is not written yet; call film --edit once without it")
     if not common.dry_run:

@@ -15,7 +15,7 @@ from ruamel.yaml import YAML
 
 from flowsculpt.pipeline.errors import UsageError
 from flowsculpt.pipeline.mesh.read import mesh_suffixes
-from flowsculpt.pipeline.production.request.lookup import OTHER_MODELS, find_shot
+from flowsculpt.pipeline.production.request.lookup import OTHER_MODELS, Show
 from tests.conftest import FILM, TINY, commanded
 from tests.mistakes import is_named
 
@@ -64,4 +64,4 @@ def test_a_model_of_every_format_is_told_from_a_shot() -> None:
     for suffix in mesh_suffixes():
         assert suffix not in OTHER_MODELS
         with pytest.raises(UsageError, match="is a model, not a shot"):
-            find_shot(f"heron.{suffix}")
+            Show().find_shot(f"heron.{suffix}")

@@ -13,7 +13,7 @@ import pytest
 from flowsculpt.pipeline.cli.output import err, frame_progress, out
 from flowsculpt.pipeline.cli.output import table as empty_table
 from flowsculpt.pipeline.errors import UsageError
-from flowsculpt.pipeline.production.request.lookup import find_shot
+from flowsculpt.pipeline.production.request.lookup import Show
 from flowsculpt.render.base.atomic_write import atomic_write
 from tests.conftest import ProjectFolder
 
@@ -117,4 +117,4 @@ def test_a_name_of_the_greatest_length_can_be_written(tmp_path: Path) -> None:
 
 def test_a_command_to_copy_quotes_the_file_it_names(project: ProjectFolder) -> None:
     with chdir(project.path), pytest.raises(UsageError, match=r"--model 'my model\.obj' makes"):
-        find_shot("my model.obj")
+        Show().find_shot("my model.obj")

@@ -14,7 +14,7 @@ from typer.main import get_command
 from flowsculpt.pipeline.cli.app import command_line, command_named, command_words
 from flowsculpt.pipeline.mesh import icosphere
 from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
-from flowsculpt.pipeline.production.request.lookup import is_quality
+from flowsculpt.pipeline.production.request.lookup import QualityName
 from tests.conftest import commanded
 
 ROOT = Path(__file__).parents[2]
@@ -75,7 +75,7 @@ def require_parsed(line: str) -> None:
     assert not left, f"{line}: {left} is too much"
     qualities = given.get("quality") or []
     for quality in [qualities] if isinstance(qualities, str) else qualities:
-        assert is_quality(quality) or quality.isupper(), f"{line}: {quality} is not a quality"
+        assert QualityName.of(quality).is_known or quality.isupper(), f"{line}: {quality} is not a quality"
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 
 from flowsculpt.pipeline.errors import FlowsculptError, MissingInputError, ShotError
-from flowsculpt.pipeline.production.request.lookup import find_shot
+from flowsculpt.pipeline.production.request.lookup import Show
 from flowsculpt.pipeline.shot import read_shot
 from flowsculpt.pipeline.shot.yaml.yaml_source import DEEPEST, MOST_VALUES
 from tests.fuzz.shots import SHOT_FILES, fault_of, faults
@@ -104,4 +104,4 @@ def test_a_pipe_in_place_of_a_shot_is_told_and_not_waited_for(
     os.mkfifo(tmp_path / "shots" / "A010.yaml")
     monkeypatch.chdir(tmp_path)
     with pytest.raises(MissingInputError, match="a named pipe"):
-        find_shot("A010")
+        Show().find_shot("A010")

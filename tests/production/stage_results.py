@@ -27,7 +27,7 @@ from flowsculpt.pipeline.plugins.turntable.turntable_movie import (
     TurntableSheets,
 )
 from flowsculpt.pipeline.production.execution.project import Project
-from flowsculpt.pipeline.production.request.lookup import find_shot
+from flowsculpt.pipeline.production.request.lookup import Show
 from flowsculpt.pipeline.production.stages import STAGES, STILLS, PipelineStage
 from flowsculpt.pipeline.production.store import readers
 from flowsculpt.render.post.image import read_exr, read_png
@@ -79,7 +79,7 @@ def results(root: Path) -> dict[str, Arrays]:
     turning = TurntableRequest(project, NAME, QUALITY, 2, 4, turn="object")
     done(root, turning.plan())
     (sheet,) = TurntableSheets(turning).draw()
-    request, home = project.request(find_shot(NAME), QUALITY), root / "renders"
+    request, home = project.request(Show().find_shot(NAME), QUALITY), root / "renders"
     keys, numbers = request.keys.pictures(project.store), sorted(request.requested)
     assert keys is not None
     meshes = {
@@ -121,7 +121,7 @@ def environment() -> dict[str, Any]:
     packages = sorted({name for stage in EVERY_STAGE for name in stage.packages})
     root = Path.cwd()
     return {
-        "variant": Project(root, 1).request(find_shot(NAME), QUALITY).variant,
+        "variant": Project(root, 1).request(Show().find_shot(NAME), QUALITY).variant,
         "features": sorted(name for name, has in llvm.get_host_cpu_features().items() if has),
         "packages": {name: version(name) for name in packages},
     }

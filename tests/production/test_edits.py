@@ -14,7 +14,7 @@ from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.execution.snakefile import PlannedWorkflow
 from flowsculpt.pipeline.production.request.edit import Edit
 from flowsculpt.pipeline.production.request.keys import FrameKeys
-from flowsculpt.pipeline.production.request.lookup import edit_names, find_edit, find_shot, shot_names
+from flowsculpt.pipeline.production.request.lookup import Show
 from flowsculpt.pipeline.shot import read_film
 from flowsculpt.pipeline.shot.yaml.named_files import is_edit
 from flowsculpt.render.movie.probe import probe_movie
@@ -43,8 +43,8 @@ def there(project, monkeypatch):
 
 def test_an_edit_is_told_from_a_shot_even_where_it_is_no_good_yaml(there):
     Path("shots/broken.yaml").write_text("title: [\nshots: [T010_tiny\n")
-    assert edit_names() == ["broken", "film", "reel"]
-    assert shot_names() == ["T010_tiny"]
+    assert Show().edits() == ["broken", "film", "reel"]
+    assert Show().shots() == ["T010_tiny"]
     assert not is_edit(Path("shots/T010_tiny.yaml")) and not is_edit(Path("shots/none.yaml"))
 
 
@@ -61,25 +61,25 @@ def test_an_edit_is_told_from_a_shot_even_where_it_is_no_good_yaml(there):
 )
 def test_what_is_no_edit_is_told_with_the_nearest_that_is(there, name, kind, says):
     with pytest.raises(FlowsculptError) as error:
-        find_edit(name)
+        Show().find_edit(name)
     assert type(error.value) is kind
     assert says in str(error.value)
 
 
 def test_a_name_and_a_path_find_the_same_edit(there):
-    assert find_edit("reel") == find_edit("shots/reel.yaml") == Path("shots/reel.yaml")
+    assert Show().find_edit("reel") == Show().find_edit("shots/reel.yaml") == Path("shots/reel.yaml")
 
 
 @pytest.mark.parametrize("name", ["reel", "shots/reel.yaml", "film"])
 def test_an_edit_is_no_shot_to_render(there, name):
     with pytest.raises(UsageError, match="is an edit, not a shot; flowsculpt film"):
-        find_shot(name)
+        Show().find_shot(name)
 
 
 def test_each_edit_has_a_film_of_its_own(there):
     project = Project(there.path, cores=2)
-    assert "renders/film/draft/film.mp4" in project.film("draft", find_edit("film")).targets
-    reel = project.film("draft", find_edit("reel"))
+    assert "renders/film/draft/film.mp4" in project.film("draft", Show().find_edit("film")).targets
+    reel = project.film("draft", Show().find_edit("reel"))
     assert "renders/film/draft/reel.mp4" in reel.targets
     assert "renders/film/draft/film.mp4" not in reel.targets
     (film,) = [job for job in reel.jobs if job.stage == "film"]
@@ -92,7 +92,7 @@ def test_each_edit_has_a_film_of_its_own(there):
 
 def test_only_the_part_that_an_edit_shows_is_rendered(there):
     Path("shots/reel.yaml").write_text("title: R\nshots: [{shot: T010_tiny, frames: 2-4}]\n")
-    plan = Project(there.path, cores=2).film("draft", find_edit("reel"))
+    plan = Project(there.path, cores=2).film("draft", Show().find_edit("reel"))
     assert sorted(n for job in plan.jobs if job.stage == "render" for n in job.frames) == [2, 3, 4]
 
 
@@ -111,10 +111,10 @@ def never(*arguments: object, **others: object) -> None:
 
 def test_an_edit_is_planned_again_without_reading_it_or_its_shots(there, monkeypatch):
     Path(".flowsculpt").mkdir()
-    first = Project(there.path, cores=2).film("draft", find_edit("reel"))
+    first = Project(there.path, cores=2).film("draft", Show().find_edit("reel"))
     monkeypatch.setattr("flowsculpt.pipeline.shot.film_reader.read_film", never)
     monkeypatch.setattr("flowsculpt.pipeline.shot.shot_reader.read_shot", never)
-    again = Project(there.path, cores=2).film("draft", find_edit("reel"))
+    again = Project(there.path, cores=2).film("draft", Show().find_edit("reel"))
     assert (again.jobs, again.film, again.targets) == (first.jobs, first.film, first.targets)
 
 
@@ -128,20 +128,20 @@ def test_an_edit_is_planned_again_without_reading_it_or_its_shots(there, monkeyp
 )
 def test_what_became_wrong_since_an_edit_was_planned_is_told(there, file, old, new, says):
     Path(".flowsculpt").mkdir()
-    Project(there.path, cores=2).film("draft", find_edit("reel"))
+    Project(there.path, cores=2).film("draft", Show().find_edit("reel"))
     path = Path(f"shots/{file}.yaml")
     assert old in path.read_text()
     path.write_text(path.read_text().replace(old, new, 1))
     with pytest.raises(ShotError, match=says):
-        Project(there.path, cores=2).film("draft", find_edit("reel"))
+        Project(there.path, cores=2).film("draft", Show().find_edit("reel"))
 
 
 def test_an_edit_of_whole_shots_shows_what_they_have_by_now(there):
     Path(".flowsculpt").mkdir()
     shot, project = Path("shots/T010_tiny.yaml"), Project(there.path, cores=2)
-    before = project.film("draft", find_edit("film"))
+    before = project.film("draft", Show().find_edit("film"))
     shot.write_text(shot.read_text().replace("frames: 1-6", "frames: 1-7"))
-    after = Project(there.path, cores=2).film("draft", find_edit("film"))
+    after = Project(there.path, cores=2).film("draft", Show().find_edit("film"))
     assert [len(plan.requests[0].requested) for plan in (before, after)] == [6, 7]
 
 

@@ -14,7 +14,7 @@ from flowsculpt.pipeline.plugins.maintenance.why import explain
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.planning.estimate import Forecast
 from flowsculpt.pipeline.production.planning.frame_states import FrameStates, KnownPictures
-from flowsculpt.pipeline.production.request.lookup import find_shot
+from flowsculpt.pipeline.production.request.lookup import Show
 from flowsculpt.pipeline.production.store.event_log import EventReader
 from flowsculpt.pipeline.production.store.history import History
 from flowsculpt.pipeline.production.store.paths import EVENTS
@@ -35,7 +35,7 @@ def forecast(project: Project, frames: str | None = None) -> tuple[set[int], set
 
 def states(project: Project) -> dict[str, set[int]]:
     """Return the frames by state, as `status` lists them; `why` must say the same."""
-    request = project.request(find_shot(NAME), QUALITY)
+    request = project.request(Show().find_shot(NAME), QUALITY)
     told = FrameStates.of_pictures(request, project.store, History.of(project.root))
     by_state = {name: set(getattr(told, name)) for name in ("done", "stale", "unframed", "missing")}
     for state, numbers in by_state.items():
@@ -109,7 +109,7 @@ def test_a_frame_that_was_rendered_alone_is_done_for_all_who_ask(
     now = Project(project.path, 2, settings=STEADY)
     assert states(now) == {"done": {3}, "stale": set(), "unframed": set(), "missing": {1, 2, 4, 5, 6}}
     assert forecast(now, "3") == (set(), set()) and 3 in forecast(now)[0], "all are averaged with all"
-    alone = explain(now.request(find_shot(NAME), QUALITY), 3, now.store)
+    alone = explain(now.request(Show().find_shot(NAME), QUALITY), 3, now.store)
     assert alone.reasons == ("it is averaged with frames 1-2,4-5 too once they are rendered",)
 
 
@@ -123,7 +123,7 @@ def test_a_late_edit_of_a_long_shot_leaves_early_frames_done(
     project.render("1,12,40,64", quality="draft.scale5")
     project.shot.write_text(text.replace("6: 60", "60: 60, 64: 94"))
     now = Project(project.path, 2)
-    request = now.request(find_shot(NAME), "draft.scale5", "1,12,40,64")
+    request = now.request(Show().find_shot(NAME), "draft.scale5", "1,12,40,64")
     known = KnownPictures(request, now.store)
     assert [known.state(n) for n in (1, 12, 40, 64)] == ["done", "done", "unframed", "stale"]
 
@@ -139,5 +139,5 @@ def test_links_that_no_job_needs_are_shown_again(finished: Any, monkeypatch: pyt
     plan = project.pictures([NAME], QUALITY)
     assert not plan.jobs and plan.restore_links(project.store) == 3
     assert not FrameStates.of_meshes(
-        project.request(find_shot(NAME), QUALITY), project.store, History(finished.path)
+        project.request(Show().find_shot(NAME), QUALITY), project.store, History(finished.path)
     ).missing

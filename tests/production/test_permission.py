@@ -17,7 +17,7 @@ from flowsculpt.pipeline.errors import UsageError
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.execution.snakefile import PlannedWorkflow
 from flowsculpt.pipeline.production.planning.plan import Plan
-from flowsculpt.pipeline.production.request.lookup import find_shot
+from flowsculpt.pipeline.production.request.lookup import Show
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.store.readers import read_npz
 from flowsculpt.pipeline.production.tasks import worker
@@ -57,7 +57,7 @@ def test_the_permission_is_in_the_frozen_plan_and_changes_no_key(shot: str, tmp_
 def test_a_shot_that_no_file_can_be_called_is_told_in_one_short_line() -> None:
     for name in ("n" * 5000, "n" * 5000 + ".yaml"):
         with pytest.raises(UsageError, match="cannot name a shot") as told:
-            find_shot(name)
+            Show().find_shot(name)
         assert len(str(told.value)) < 400
 
 

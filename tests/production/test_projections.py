@@ -17,7 +17,7 @@ from flowsculpt.pipeline.plugins.delivery.deliverables import Delivery, Delivery
 from flowsculpt.pipeline.plugins.delivery.timeline import _delivered
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.request.keys import projection_of
-from flowsculpt.pipeline.production.request.lookup import find_edit
+from flowsculpt.pipeline.production.request.lookup import Show
 from flowsculpt.pipeline.shot import read_film
 from flowsculpt.render.movie.codecs import ENCODES
 from flowsculpt.render.post.image import read_exr, read_header
@@ -60,7 +60,7 @@ def test_movies_films_and_stills_of_a_spherical_shot_are_told_to_players(there):
     Path("shots/film.yaml").write_text(
         f"title: All around\nshots: [{NAME}]\ntitle_seconds: 0.125\ncredits_seconds: 0\n"
     )
-    done(there.path, Project(there.path, 1).film(QUALITY, find_edit("film")))
+    done(there.path, Project(there.path, 1).film(QUALITY, Show().find_edit("film")))
     home, movie = there.path / "renders" / NAME / QUALITY, there.path / f"renders/film/{QUALITY}/film.mp4"
     assert told(home / f"{NAME}.mp4") == told(movie) == WHOLE
     with av.open(str(movie)) as film:
@@ -134,7 +134,7 @@ def test_a_shot_that_changes_its_projection_is_noticed_though_the_edit_is_cached
     Path(".flowsculpt").mkdir()
     there.shot.write_text(TINY)
     Path("shots/film.yaml").write_text(f"title: R\nshots: [{NAME}, T020_flat]\n")
-    Project(there.path, cores=1).film("draft", find_edit("film"))
+    Project(there.path, cores=1).film("draft", Show().find_edit("film"))
     there.shot.write_text(shot_with("projection: spherical"))
     with pytest.raises(ShotError, match="T020_flat has projection perspective, and T010_tiny spherical"):
-        Project(there.path, cores=1).film("draft", find_edit("film"))
+        Project(there.path, cores=1).film("draft", Show().find_edit("film"))

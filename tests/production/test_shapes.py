@@ -14,7 +14,7 @@ from flowsculpt.pipeline.plugins.maintenance.store_repair import begun_requests
 from flowsculpt.pipeline.plugins.sheets.wedge import Grid, Wedge
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.planning.estimate import estimate
-from flowsculpt.pipeline.production.request.lookup import find_edit, find_shot
+from flowsculpt.pipeline.production.request.lookup import Show
 from flowsculpt.render.movie.probe import probe_movie
 from flowsculpt.render.post.image import read_png
 from tests.conftest import QUALITY, TINY, ProjectFolder, done
@@ -34,23 +34,23 @@ def there(project: ProjectFolder, monkeypatch: pytest.MonkeyPatch) -> Project:
 
 def test_a_film_has_the_shape_of_its_edit_and_its_shot_keeps_its_own(there: Project) -> None:
     Path("shots/up.yaml").write_text(f"{UPRIGHT}shots: [{{shot: {NAME}, frames: 1-2}}]\n")
-    done(there.root, there.film(QUALITY, find_edit("up")))
+    done(there.root, there.film(QUALITY, Show().find_edit("up")))
     movie = probe_movie(there.root / "renders" / "film" / QUALITY / "up.mp4")
     assert (movie.width, movie.height) == (54, 96)
     home = there.root / "renders" / "edit" / NAME / "up"
     assert len(list((home / QUALITY / "frames").iterdir())) == 2
     assert not (there.root / "renders" / NAME).exists()
-    assert there.request(find_shot(NAME), QUALITY).pictures.quality.rendered_size == (96, 54)
-    assert not there.film(QUALITY, find_edit("up")).jobs, "nothing is left to do"
+    assert there.request(Show().find_shot(NAME), QUALITY).pictures.quality.rendered_size == (96, 54)
+    assert not there.film(QUALITY, Show().find_edit("up")).jobs, "nothing is left to do"
 
 
 @pytest.mark.quick
 def test_a_shot_that_changes_its_shape_is_noticed_though_the_edit_is_cached(there: Project) -> None:
     Path("shots/film.yaml").write_text(f"title: R\nshots: [{NAME}, B]\n")
-    there.film("draft", find_edit("film"))
+    there.film("draft", Show().find_edit("film"))
     Path("shots/B.yaml").write_text(f"{TINY}picture: {{aspect: 1}}\n")
     with pytest.raises(ShotError, match=r"B has pictures of \[1080, 1080\] pixels"):
-        Project(there.root, 1).film("draft", find_edit("film"))
+        Project(there.root, 1).film("draft", Show().find_edit("film"))
 
 
 @pytest.mark.quick
@@ -82,7 +82,9 @@ def test_a_crop_of_pictures_that_had_another_shape_hides_nothing_else_of_its_sho
 
 
 def test_a_wedge_shows_pictures_of_several_shapes_side_by_side(there: Project) -> None:
-    wedge = Wedge(there, find_shot(NAME), Grid.parse(["picture.aspect=9:16,2.39"]), "draft.scale10", at=1)
+    wedge = Wedge(
+        there, Show().find_shot(NAME), Grid.parse(["picture.aspect=9:16,2.39"]), "draft.scale10", at=1
+    )
     assert [request.pictures.quality.rendered_size for _, request in wedge.requests] == [(27, 48), (65, 27)]
     (path,) = wedge.draw()
     sheet = read_png(there.root / path)

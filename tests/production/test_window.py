@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from flowsculpt.pipeline.errors import UsageError
-from flowsculpt.pipeline.production.request.lookup import base_of, cropped_name, quality_named
+from flowsculpt.pipeline.production.request.lookup import QualityName, cropped_name, quality_named
 from flowsculpt.render.scene.render_quality import QUALITIES
 
 pytestmark = pytest.mark.quick
@@ -47,7 +47,7 @@ def test_every_part_of_some_size_is_found_again_in_its_name(shares, of, scale):
     left, upper, right, lower = part.crop
     assert left <= x0 * part.width + 1e-5 and right >= x1 * part.width - 1e-5
     assert upper <= y0 * part.height + 1e-5 and lower >= y1 * part.height - 1e-5
-    assert base_of(cropped_name(of, f"{x0},{y0},{x1},{y1}", scale)) == of
+    assert QualityName.of(cropped_name(of, f"{x0},{y0},{x1},{y1}", scale)).base == of
 
 
 @pytest.mark.parametrize(
@@ -76,4 +76,4 @@ def test_what_is_no_part_of_a_picture_is_told(crop, scale, message):
 
 def test_an_unknown_quality_is_left_to_be_told_of():
     assert cropped_name("finest", "0,0,1,1") == "finest"
-    assert base_of("final.crop1-2") == "final.crop1-2"
+    assert QualityName.of("final.crop1-2").base == "final.crop1-2"

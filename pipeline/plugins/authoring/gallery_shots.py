@@ -6,17 +6,17 @@ from functools import cache
 from pathlib import Path
 
 from flowsculpt import MachineError
-from flowsculpt.api.frames import SHOTS, shot_names
+from flowsculpt.api.frames import Show
 from flowsculpt.api.shots import is_edit
 
-GALLERY = Path(__file__).resolve().parents[3] / SHOTS
+GALLERY = Path(__file__).resolve().parents[3] / Show().folder
 """The folder, in the wheel as in a checkout: the one beside `pipeline/`."""
 
 
 @cache
 def gallery_names() -> tuple[str, ...]:
     """Return the names of the gallery's shots."""
-    return tuple(shot_names(GALLERY))
+    return tuple(Show(GALLERY).shots())
 
 
 def gallery_files() -> dict[Path, Path]:
@@ -29,4 +29,4 @@ def gallery_files() -> dict[Path, Path]:
     names = [path.relative_to(GALLERY) for path in sorted(GALLERY.rglob("*")) if path.is_file()]
     names = [name for name in names if not any(part.startswith(".") for part in name.parts)]
     names.sort(key=lambda name: (name.suffix == ".yaml", is_edit(GALLERY / name)))
-    return {SHOTS / name: GALLERY / name for name in names}
+    return {Show().folder / name: GALLERY / name for name in names}

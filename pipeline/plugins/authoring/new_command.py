@@ -14,7 +14,7 @@ from flowsculpt import FlowsculptError, UsageError
 from flowsculpt.api import plugins, plural
 from flowsculpt.api.commands import print_result, print_warning, require_one_of
 from flowsculpt.api.files import disk_errors
-from flowsculpt.api.frames import SHOTS, find_shot, shot_names
+from flowsculpt.api.frames import Show
 from flowsculpt.api.options import Common
 from flowsculpt.api.shots import DEFAULTS, DOCUMENTS, inherited, name_fault, read_shot, text_of
 from flowsculpt.pipeline.plugins.authoring.gallery_shots import GALLERY, gallery_files, gallery_names
@@ -117,7 +117,7 @@ def new(
         raise UsageError(f"{name} is the name of a file; write {Path(name).stem}, the name of the shot")
     if fault := name_fault(name):
         raise UsageError(fault)
-    path = SHOTS / f"{name}.yaml"
+    path = Show().folder / f"{name}.yaml"
     if path.exists():
         raise UsageError(f"{path} is there already; choose another name or edit that file")
     shot = _of_source(source, name) if model is None else _of_model(model, source, name)
@@ -127,7 +127,7 @@ def new(
             raise UsageError(f"{file} is there already, and {source} would write one; choose another name")
     if not common.dry_run:
         with disk_errors(path):
-            write_schemas(SHOTS)
+            write_schemas(Show().folder)
             write_new({**shot.beside, path: _SHOT_SCHEMA + shot.text})
     for remark in shot.remarks:
         print_warning(remark)
@@ -155,16 +155,19 @@ def _of_source(source: str, name: str) -> _NewShot:
     """Return a new shot of a flow, or the copy of a shot."""
     if source in DOCUMENTS:
         file = FLOW_FILES.get(source)
-        text = without_shared(shot_of_flow(source, name), defaults_of(SHOTS))
-        return _NewShot(text, {SHOTS / f"{name}{file[0]}": file[1]} if file else {})
-    known, of_gallery = shot_names(), gallery_names()
+        text = without_shared(shot_of_flow(source, name), defaults_of(Show().folder))
+        return _NewShot(text, {Show().folder / f"{name}{file[0]}": file[1]} if file else {})
+    known, of_gallery = Show().shots(), gallery_names()
     if source not in known and not source.endswith((".yaml", ".yml")):
         words = dict.fromkeys((*known, *of_gallery, *DOCUMENTS))
         require_one_of(source, words, f"{source!r} is neither a flow nor a shot.")
     is_here = source in known or source not in of_gallery
-    path, target = find_shot(source) if is_here else GALLERY / f"{source}.yaml", SHOTS / f"{name}.yaml"
+    path, target = (
+        Show().find_shot(source) if is_here else GALLERY / f"{source}.yaml",
+        Show().folder / f"{name}.yaml",
+    )
     try:
-        if path.parent.resolve() == SHOTS.resolve():
+        if path.parent.resolve() == Show().folder.resolve():
             text = shot_of_shot(text_of(path), name)
             copy, remarks = CopiedShot(text, text), []
         else:
@@ -175,7 +178,7 @@ def _of_source(source: str, name: str) -> _NewShot:
         read_shot(target, copy.today)
     except FlowsculptError as error:
         first = str(error).splitlines()[0]
-        raise UsageError(f"a copy of {source} would not be good in {SHOTS}/: {first}") from None
+        raise UsageError(f"a copy of {source} would not be good in {Show().folder}/: {first}") from None
     remedy = "rename it, in shots that name it too"
     beside: dict[Path, Content] = {
         copied: file for copied, file in copy.copies.items() if not same_contents(file, copied, remedy)
@@ -189,7 +192,9 @@ def _about_defaults(target: Path, text: str, source: str) -> list[str]:
     names = ", ".join(name for name, value in here.items() if value != alone.get(name))
     if not names or read_shot(target, text) == read_shot(target, text, beside={}):
         return []
-    return [f"{SHOTS / DEFAULTS} changes this copy of {source}: {names}; what the shot itself says wins"]
+    return [
+        f"{Show().folder / DEFAULTS} changes this copy of {source}: {names}; what the shot itself says wins"
+    ]
 
 
 def _of_model(model: Path, source: str, name: str) -> _NewShot:
@@ -204,21 +209,21 @@ def _of_model(model: Path, source: str, name: str) -> _NewShot:
     place = model.resolve()
     is_copy = not place.is_relative_to(Path.cwd().resolve())
     if not is_copy:
-        reference = Path(os.path.relpath(place, SHOTS.resolve())).as_posix()
+        reference = Path(os.path.relpath(place, Show().folder.resolve())).as_posix()
         where = f"{model} stays where it is; the shot names it {reference}"
     else:
         if model.suffix.lower() == ".gltf":
             raise UsageError(
                 f"{model}: a glTF names other files, which its copy would miss. Put all of them into a "
-                f"folder in {SHOTS}, or export a GLB, which holds them."
+                f"folder in {Show().folder}, or export a GLB, which holds them."
             )
-        copied = SHOTS / MODELS / model.name
+        copied = Show().folder / MODELS / model.name
         reference = f"{MODELS}/{model.name}"
         where = f"{model} lies outside this folder; the shot shows its copy {copied}"
         if not same_contents(model, copied):
             beside[copied] = place
     template = model_template(place, reference, is_copy)
-    text = without_shared(shot_of_flow(source, name, template), defaults_of(SHOTS))
+    text = without_shared(shot_of_flow(source, name, template), defaults_of(Show().folder))
     return _NewShot(text, beside, [where, *template.notes])
 
 
@@ -230,29 +235,29 @@ def _begin_show(common: Common, folder: Path, source: str, gallery: bool) -> Non
     if folder.exists() and not folder.is_dir():
         raise UsageError(f"{folder} is a file; name the folder of the show, or a new one")
     copies = {folder / name: file for name, file in gallery_files().items()} if gallery else {}
-    shots = [*gallery_names()] if gallery else shot_names(folder / SHOTS)
+    shots = [*gallery_names()] if gallery else Show(folder / Show().folder).shots()
     files: dict[Path, Content] = {}
     if not shots:
         require_one_of(source, DOCUMENTS, f"{source!r} is not a flow.")
         shot = _SHOT_SCHEMA + without_shared(shot_of_flow(source, FIRST_SHOT), SHARED)
         if source in FLOW_FILES:
             ending, write = FLOW_FILES[source]
-            files[folder / SHOTS / f"{FIRST_SHOT}{ending}"] = write
-        files[folder / SHOTS / f"{FIRST_SHOT}.yaml"] = shot
+            files[folder / Show().folder / f"{FIRST_SHOT}{ending}"] = write
+        files[folder / Show().folder / f"{FIRST_SHOT}.yaml"] = shot
     for name, text in show_files(folder.absolute().name, shots or [FIRST_SHOT]).items():
         if not (gallery and name.endswith(".yaml")):
             files[folder / name] = text
     kept = [path for path in files if path.exists()]
     another = "the gallery needs a folder of its own, so name a new one"
     kept += [path for path, file in copies.items() if same_contents(file, path, another)]
-    if gallery and (defaults := folder / SHOTS / DEFAULTS) not in copies and defaults.exists():
+    if gallery and (defaults := folder / Show().folder / DEFAULTS) not in copies and defaults.exists():
         raise UsageError(f"{defaults} would change the gallery's shots; {another}")
     files.update(copies)
     written = [path for path in files if path not in kept]
     if not common.dry_run:
         with disk_errors(folder):
             write_new({path: files[path] for path in written})
-            write_schemas(folder / SHOTS)
+            write_schemas(folder / Show().folder)
     facts = {
         "folder": str(folder),
         "written": [str(path) for path in written],
@@ -261,7 +266,9 @@ def _begin_show(common: Common, folder: Path, source: str, gallery: bool) -> Non
     lines = [f"{path}: {common.done('written')}" for path in written if path not in copies]
     lines += [f"{path}: kept as it is" for path in kept]
     if count := sum(path in copies for path in written):
-        lines.append(f"{folder / SHOTS}: {plural(count, 'file')} of the gallery: {common.done('written')}")
+        lines.append(
+            f"{folder / Show().folder}: {plural(count, 'file')} of the gallery: {common.done('written')}"
+        )
     enter = "" if folder.resolve() == Path.cwd() else f"cd {shlex.quote(str(folder))}; "
     lines.append(f"Go on: {enter}flowsculpt preview {(shots or [FIRST_SHOT])[0]}; flowsculpt film")
     print_result("\n".join(lines), facts, common.json)

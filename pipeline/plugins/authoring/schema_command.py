@@ -16,7 +16,7 @@ from flowsculpt import FlowsculptError, MachineError
 from flowsculpt.api import ShotExtras
 from flowsculpt.api.commands import print_result, require_one_of, table
 from flowsculpt.api.files import atomic_write
-from flowsculpt.api.frames import SHOTS
+from flowsculpt.api.frames import Show
 from flowsculpt.api.options import Common, shared_option
 from flowsculpt.api.shots import DEFAULTS, DOCUMENTS, YamlSource
 from flowsculpt.pipeline.plugins.authoring.shot_schemas import (
@@ -58,7 +58,7 @@ def schema(
     shots/defaults.yaml gives are not required.
     """
     require_one_of(kind, ALL_KINDS, f"{kind!r} has no schema.")
-    content = _schema_of(kind, SHOTS)
+    content = _schema_of(kind, Show().folder)
     if output is None:
         print_result(_as_text(content), content, common.json)
         return

@@ -13,7 +13,7 @@ from typing import Any
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 from flowsculpt import UsageError
-from flowsculpt.api.frames import SHOTS
+from flowsculpt.api.frames import Show
 from flowsculpt.api.shots import YamlSource, composed, flow_style, inherited, inherited_files, text_of
 
 _WORDS = ("title", "intent")
@@ -57,18 +57,20 @@ def copied_shot(path: Path, text: str, files: list[Path], keeps_files: bool) -> 
         place = (folder / node.value).resolve()
         if place not in there and not any(fnmatch(file.as_posix(), place.as_posix()) for file in there):
             continue
-        new = Path(os.path.relpath(place, SHOTS.resolve()))
+        new = Path(os.path.relpath(place, Show().folder.resolve()))
         if not (keeps_files and place.is_relative_to(here)):
             new = Path(*place.parts[-2:]) if len(Path(node.value).parts) > 1 else Path(place.name)
             new = place.relative_to(folder) if place.is_relative_to(folder) else new
             along = (file for file in there if file.is_relative_to(place.parent))
-            copies |= {(SHOTS / new).parent / file.relative_to(place.parent): file for file in along}
+            copies |= {(Show().folder / new).parent / file.relative_to(place.parent): file for file in along}
         begin, end = node.start_mark.index, node.end_mark.index
         final = final[:begin] + flow_style(new.as_posix()) + final[end:]
         today = today[:begin] + flow_style(place.as_posix()) + today[end:]
     for file in sorted(there - {*copies.values()}):
         if not (keeps_files and file.is_relative_to(here)):
-            raise UsageError(f"{file} is named by another file, of another folder; copy both into {SHOTS}")
+            raise UsageError(
+                f"{file} is named by another file, of another folder; copy both into {Show().folder}"
+            )
     return CopiedShot(final, today, copies)
 
 

@@ -22,15 +22,7 @@ from flowsculpt.api.commands import (
     table,
 )
 from flowsculpt.api.flows import flows_of
-from flowsculpt.api.frames import (
-    crop_of,
-    edit_names,
-    find_edit,
-    find_shot,
-    light_notes,
-    misnamed_shots,
-    shot_names,
-)
+from flowsculpt.api.frames import QualityName, Show, light_notes
 from flowsculpt.api.options import Common, Settings
 from flowsculpt.api.shots import (
     Clock,
@@ -66,10 +58,10 @@ def validate(
     inside of it, flows that act elsewhere or take minutes a frame. Of finished frames, the light is looked
     at too.
     """
-    edits, given = edit_names(), tuple(settings or ())
-    for warning in () if shots else misnamed_shots().values():
+    edits, given = Show().edits(), tuple(settings or ())
+    for warning in () if shots else Show().misnamed().values():
         print_warning(warning)
-    names = shots or [*shot_names(), *edits]
+    names = shots or [*Show().shots(), *edits]
     if not names:
         raise UsageError("no shots here: shots/ is empty. `flowsculpt new A010_first` writes one")
     first_frames, checks = FirstFrames(), []
@@ -137,7 +129,7 @@ def _check_edit(name: str, settings: tuple[str, ...]) -> _Check:
     """Check an edit and the files of its shots."""
     check = _Check(name)
     try:
-        read_film(find_edit(name), settings=settings)
+        read_film(Show().find_edit(name), settings=settings)
     except FlowsculptError as error:
         check.add_error(error)
     return check
@@ -147,7 +139,7 @@ def _check(name: str, settings: tuple[str, ...], first_frames: FirstFrames) -> _
     """Check a shot file, and if it is well written its scene."""
     check = _Check(name)
     try:
-        path = find_shot(name)
+        path = Show().find_shot(name)
         shot, source = read_shot(path, settings=settings), inherited(path, None, settings, None)
     except FlowsculptError as error:
         check.add_error(error)
@@ -191,7 +183,11 @@ def _light(common: Common, name: str, settings: tuple[str, ...]) -> list[str]:
     They are whole pictures, those of its draft if there are any.
     """
     project = Project(common.root, common.cores, settings=settings, profile=common.profile)
-    whole = [each for each in project.begun(find_shot(name)) if crop_of(each.quality_name) is None]
+    whole = [
+        each
+        for each in project.begun(Show().find_shot(name))
+        if QualityName.of(each.quality_name).crop is None
+    ]
     if not whole:
         return []
     request = min(whole, key=lambda each: each.quality_name != "draft")

@@ -11,7 +11,7 @@ import typer
 from flowsculpt import UsageError
 from flowsculpt.api import plural
 from flowsculpt.api.commands import print_result, progress_bars
-from flowsculpt.api.frames import Locks, find_shot, names_edit
+from flowsculpt.api.frames import Locks, Show
 from flowsculpt.api.options import AllowCode, Common, shared_option
 from flowsculpt.api.shots import Shot, is_edit, name_fault, read_shot
 from flowsculpt.pipeline.plugins.breed.breeding import Litter
@@ -134,9 +134,9 @@ def _breed(
 
 def _path(name: str) -> Path:
     """Return the path of a shot. Raises UsageError for an edit."""
-    if names_edit(name):
+    if Show().names_edit(name):
         raise UsageError(f"{name} is an edit; breed takes shots, one or two")
-    path = find_shot(name)
+    path = Show().find_shot(name)
     if is_edit(path):
         raise UsageError(f"{path} is an edit; breed takes shots, one or two")
     return path

@@ -26,7 +26,7 @@ from flowsculpt.api.commands import (
     require_one_of,
     words_of,
 )
-from flowsculpt.api.frames import FrameSelection, Plan, RenderRequest, crop_of, edit_names, find_edit
+from flowsculpt.api.frames import FrameSelection, Plan, QualityName, RenderRequest, Show
 from flowsculpt.api.options import (
     DEFAULT_QUALITY,
     Common,
@@ -194,7 +194,7 @@ class _Wanted:
             request = self._requests(name)[0]
             width, height = request.pictures.quality.rendered_size
             small = [e.name for e in encodes if min(width, height) < USUAL_SIDES.get(e.name, 0)]
-            if not small or crop_of(self.quality):
+            if not small or QualityName.of(self.quality).crop:
                 continue
             whole = replace(request, quality_name="final").pictures.quality
             remedy = "Write a larger picture: {size: …} in the shot."
@@ -213,7 +213,7 @@ class _Wanted:
         store, made = self.project.store, []
         for name in self.names:
             if _is_of_edit(name):
-                edit = self.project.edit(self.quality, find_edit(name))[0]
+                edit = self.project.edit(self.quality, Show().find_edit(name))[0]
                 source = film_source(edit, self._requests(name), store, failed, self.relit)
             else:
                 source = shot_source(self._requests(name)[0], store, failed, self.relit)
@@ -226,13 +226,13 @@ class _Wanted:
             return [self.project.as_finished(self.project.find_request(name, self.quality, self.frames))]
         if self.frames is not None:
             raise UsageError(f"-f {self.frames} chooses frames of shots; {name} is an edit and names its own")
-        _, requests = self.project.edit(self.quality, find_edit(name))
+        _, requests = self.project.edit(self.quality, Show().find_edit(name))
         return [self.project.as_finished(each) for each in requests]
 
 
 def _is_of_edit(name: str) -> bool:
     path = Path(name)
-    return is_edit(path) if path.suffix in (".yaml", ".yml") else name in edit_names()
+    return is_edit(path) if path.suffix in (".yaml", ".yml") else name in Show().edits()
 
 
 def _facts(done: Sequence[DeliveredFile], lost: Sequence[str], seconds: float) -> dict[str, Any]:

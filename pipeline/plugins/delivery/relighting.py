@@ -32,12 +32,12 @@ from flowsculpt.api.frames import (
     PictureKeys,
     PictureSequence,
     PipelineStage,
+    QualityName,
     RenderRequest,
     SequenceQuery,
+    Show,
     Store,
-    find_shot,
     key_of,
-    options_of,
     store_reader,
 )
 from flowsculpt.api.options import (
@@ -460,7 +460,7 @@ def relight(
     project = project_of(common, given.of_shot, allow_code, variant)
     quality_name = PictureOptions(crop, scale).quality(quality, project, [shot])
     request = project.find_request(shot, quality_name, frames)
-    lights, path = request.shot.picture.lights, find_shot(shot)
+    lights, path = request.shot.picture.lights, Show().find_shot(shot)
     if not lights.groups:
         raise UsageError(
             f"{shown(path)}: {request.name} has no light groups, so its frames cannot be relit. Write "
@@ -500,4 +500,4 @@ def relight(
 def _command(command: str, request: RenderRequest) -> str:
     """Return a command line for the shot and quality of a request."""
     settings = "".join(f" --set '{setting}'" for setting in request.source.settings)
-    return f"flowsculpt {command} {request.name} {options_of(request.quality_name)}{settings}"
+    return f"flowsculpt {command} {request.name} {QualityName.of(request.quality_name).options}{settings}"

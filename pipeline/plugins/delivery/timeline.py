@@ -24,7 +24,7 @@ from opentimelineio import opentime, schema
 from flowsculpt import UsageError
 from flowsculpt.api import plural
 from flowsculpt.api.commands import print_result, require_one_of
-from flowsculpt.api.frames import FILM, Edit, FrameRange, RenderRequest, Store, find_edit
+from flowsculpt.api.frames import Edit, FrameRange, RenderRequest, Show, Store
 from flowsculpt.api.options import DEFAULT_QUALITY, Common, Quality, ShotOptions, shared_option
 from flowsculpt.api.pictures import ENCODES, AudioClip, Encode
 from flowsculpt.pipeline.plugins.delivery.encodes import FILM_START, NAME_ENDS
@@ -288,7 +288,7 @@ def otio(
     options: ShotOptions,
     edit: Annotated[
         str, typer.Argument(metavar="EDIT", help="An edit: its name in shots/, or the path of its file.")
-    ] = FILM.stem,
+    ] = Show().film.stem,
     output: Annotated[Path | None, shared_option("output", "Write this file. Default: EDIT.otio.")] = None,
     media: Annotated[
         str, typer.Option(metavar="NAME", help=f"What clips refer to: {', '.join(MEDIA)}.")
@@ -303,7 +303,7 @@ def otio(
     """
     require_one_of(media, MEDIA, f"--media {media}: clips cannot refer to it.")
     project = options.project(common)
-    path = find_edit(edit)
+    path = Show().find_edit(edit)
     place = output or Path(f"{path.stem}.otio")
     if place.suffix != ".otio":
         raise UsageError(f"{place}: a timeline's name ends in .otio; call it {place.stem}.otio")

@@ -12,7 +12,7 @@ import typer
 from flowsculpt import UsageError
 from flowsculpt.api.commands import print_result
 from flowsculpt.api.files import atomic_write, disk_errors
-from flowsculpt.api.frames import SHOTS
+from flowsculpt.api.frames import Show
 from flowsculpt.api.options import Common
 from flowsculpt.api.shots import DOCUMENTS, name_fault
 from flowsculpt.pipeline.plugins.lettering.kinds import TextKind
@@ -87,18 +87,20 @@ def letters(
     """
     if fault := name_fault(name):
         raise UsageError(fault)
-    path = SHOTS / f"{name}.yaml"
+    path = Show().folder / f"{name}.yaml"
     if path.exists():
         raise UsageError(f"{path} is there already; choose another name or edit that file")
     if from_drops and "become" not in DOCUMENTS:
         raise UsageError("--from-drops needs the plug-in become, which is not installed; leave it out")
     written = TextKind.model_construct(text=text, font=font)
-    shapes = written.outlines(SHOTS).shapes()
+    shapes = written.outlines(Show().folder).shapes()
     if from_drops and (several := [shape.name for shape in shapes if shape.region.geom_type != "Polygon"]):
         fact = f"become carries a surface of one part, and {several[0]} has several"
         raise UsageError(f"{fact}. Write capitals, or leave --from-drops out.")
     subjects = [_subject_name(shape, number) for number, shape in enumerate(shapes, 1)]
-    models = {subject: SHOTS / "models" / f"{name}_{subject}.ply" for subject in subjects if from_drops}
+    models = {
+        subject: Show().folder / "models" / f"{name}_{subject}.ply" for subject in subjects if from_drops
+    }
     named = f", font: {_quoted(font)}" if font else ""
     entries = []
     for number, (subject, shape) in enumerate(zip(subjects, shapes, strict=True), 1):
@@ -147,7 +149,7 @@ def _write_model(letter: TextKind, path: Path) -> None:
     """Write the solid of a letter as PLY."""
     import trimesh
 
-    mesh = letter.surface(SHOTS)
+    mesh = letter.surface(Show().folder)
     path.parent.mkdir(parents=True, exist_ok=True)
     with atomic_write(path) as draft:
         draft.write_bytes(trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).export(file_type="ply"))

@@ -24,15 +24,7 @@ from flowsculpt.api.commands import (
     project_of,
     table,
 )
-from flowsculpt.api.frames import (
-    FrameRange,
-    FrameStates,
-    History,
-    RenderRequest,
-    find_shot,
-    misnamed_shots,
-    shot_names,
-)
+from flowsculpt.api.frames import FrameRange, FrameStates, History, RenderRequest, Show
 from flowsculpt.api.options import DEFAULT_QUALITY, QUALITIES, Common, Quality, Settings, Shot
 from flowsculpt.pipeline.plugins.maintenance.run_report import LABELS, RunReport, named_run
 
@@ -59,11 +51,11 @@ def status(
     history = History.of(common.root)
     rows: list[FrameStates] = []
     errors: list[FlowsculptError] = []
-    for warning in () if shots else misnamed_shots().values():
+    for warning in () if shots else Show().misnamed().values():
         print_warning(warning)
-    for shot in shots or shot_names():
+    for shot in shots or Show().shots():
         try:
-            request = project.request(find_shot(shot), DEFAULT_QUALITY)
+            request = project.request(Show().find_shot(shot), DEFAULT_QUALITY)
             rows += states(project, request, history)
         except FlowsculptError as error:
             errors.append(error)
@@ -167,7 +159,7 @@ def why(
         first_undone,
     )
 
-    project, path = project_of(common, settings), find_shot(shot)
+    project, path = project_of(common, settings), Show().find_shot(shot)
     asked = None if frame is None else FrameRange([frame])
     request = project.as_finished(project.request(path, quality, asked))
     number = first_undone(request, project.store) if frame is None else frame

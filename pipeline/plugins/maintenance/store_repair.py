@@ -19,23 +19,18 @@ from flowsculpt import FlowsculptError
 from flowsculpt.api.commands import Project
 from flowsculpt.api.files import remove
 from flowsculpt.api.frames import (
-    FILM,
     STAGES,
     Edit,
     FrameRange,
     Key,
     PictureKeys,
     Plan,
+    QualityName,
     RenderRequest,
     RootFolders,
     Runs,
+    Show,
     Store,
-    edit_names,
-    find_edit,
-    find_shot,
-    is_quality,
-    options_of,
-    shot_names,
 )
 from flowsculpt.api.options import DEFAULT_QUALITY
 from flowsculpt.pipeline.plugins.maintenance.verify import ShownFile, StoredFile, inode, shown_files
@@ -52,9 +47,9 @@ def begun_requests(project: Project, warn: Callable[[str], object]) -> Iterator[
 
     warn  called with a line about each shot that cannot be read
     """
-    for name in shot_names():
+    for name in Show().shots():
         try:
-            path = find_shot(name)
+            path = Show().find_shot(name)
             requests = list(project.begun(path)) or [project.request(path, DEFAULT_QUALITY)]
         except FlowsculptError as error:
             warn(str(error))
@@ -64,10 +59,12 @@ def begun_requests(project: Project, warn: Callable[[str], object]) -> Iterator[
 
 def begun_films(project: Project) -> Iterator[Film]:
     """Yield today's edits at every quality begun so far."""
-    for name in edit_names():
+    for name in Show().edits():
         for quality in _qualities(RootFolders.of(project.root).renders / "film"):
             with suppress(FlowsculptError):
-                yield project.edit(quality, FILM if name == FILM.stem else find_edit(name))
+                yield project.edit(
+                    quality, Show().film if name == Show().film.stem else Show().find_edit(name)
+                )
 
 
 def last_requests(root: Path, count: int) -> Iterator[RenderRequest]:
@@ -86,7 +83,9 @@ def last_requests(root: Path, count: int) -> Iterator[RenderRequest]:
 
 def _qualities(folder: Path) -> list[str]:
     """Return the qualities that a folder has folders of."""
-    return sorted(path.name for path in folder.glob("*") if path.is_dir() and is_quality(path.name))
+    return sorted(
+        path.name for path in folder.glob("*") if path.is_dir() and QualityName.of(path.name).is_known
+    )
 
 
 Names = Collection[tuple[str, Key]]
@@ -344,8 +343,8 @@ def remedy(path: Path) -> str:
         return f"{path}: the command that wrote it makes it again"
     folder, names = known
     words = {"name": path.stem, **names}
-    if is_quality(words.get("quality", "")):
-        words["quality"] = options_of(words["quality"])
+    if QualityName.of(words.get("quality", "")).is_known:
+        words["quality"] = QualityName.of(words["quality"]).options
     if folder.command is None:
         return f"{path}: the next run that needs it makes it again"
     command, more, _ = folder.command.format(**words).partition(" …")

@@ -21,7 +21,7 @@ from flowsculpt.api.commands import (
     print_warning,
 )
 from flowsculpt.api.flows import estimated_vertices, growth_warning
-from flowsculpt.api.frames import Edit, FrameRange, RenderRequest, Store, find_edit, find_shot, names_edit
+from flowsculpt.api.frames import Edit, FrameRange, RenderRequest, Show, Store
 from flowsculpt.api.options import DEFAULT_QUALITY, Common, ShotOptions, shared_option
 from flowsculpt.api.pictures import BurnIn
 from flowsculpt.pipeline.animation import FrameProgress
@@ -109,15 +109,15 @@ def preview(
     if at is not None and (live or watch):
         raise UsageError("--live and --watch show movies; leave --at out")
     fields = None if burn_in is None else BurnIn.parse(burn_in)
-    if names_edit(shot):
+    if Show().names_edit(shot):
         if at is not None or frames is not None or live or watch:
             raise UsageError(
                 f"{shot} is an edit, always drawn whole; --at, -f, --live and --watch are for shots"
             )
-        edit, requests = options.project(common).edit(DEFAULT_QUALITY, find_edit(shot), variant="none")
+        edit, requests = options.project(common).edit(DEFAULT_QUALITY, Show().find_edit(shot), variant="none")
         _draw_film(common, edit, [Sketch(each, flow, edges, fields) for each in requests], output)
         return
-    path = find_shot(shot)
+    path = Show().find_shot(shot)
 
     def read() -> Sketch:
         """Return the shot as its file is now."""

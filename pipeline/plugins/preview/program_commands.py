@@ -17,16 +17,7 @@ import typer
 
 from flowsculpt import FlowsculptError, UsageError
 from flowsculpt.api.commands import Project, exit_with, print_error, print_warning
-from flowsculpt.api.frames import (
-    STAGES,
-    EventReader,
-    FrameStates,
-    History,
-    Plan,
-    RenderRequest,
-    Store,
-    find_shot,
-)
+from flowsculpt.api.frames import STAGES, EventReader, FrameStates, History, Plan, RenderRequest, Show, Store
 from flowsculpt.api.options import DEFAULT_QUALITY, Common, Frames, Shot, ShotOptions, shared_option
 from flowsculpt.api.shots import text_of
 from flowsculpt.pipeline.plugins.preview.shot_editor import (
@@ -56,7 +47,7 @@ def edit(common: Common, shot: Shot, options: ShotOptions) -> None:
     `changed`, or if the shot would not be valid. With --dry-run nothing is written at all.
     """
     with _errors_answered():
-        editor = ShotEditor(find_shot(shot), tuple(options.settings or ()), options.allow_code)
+        editor = ShotEditor(Show().find_shot(shot), tuple(options.settings or ()), options.allow_code)
         asked = json_object(sys.stdin.buffer.read(MOST_REQUEST_BYTES + 1))
         if unknown := asked.keys() - {"digest", "edits"}:
             raise UsageError(f"a request has digest and edits, and no {', '.join(sorted(unknown))}")
@@ -95,7 +86,7 @@ def frames(
     says how many frames of a stage are done. `-q draft` lists, or with --make renders, finished frames.
     """
     with _errors_answered():
-        project, path = options.project(common), find_shot(shot)
+        project, path = options.project(common), Show().find_shot(shot)
         name, variant = quality or DEFAULT_QUALITY, None if quality else "none"
 
         def planned() -> Plan:

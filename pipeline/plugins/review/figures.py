@@ -10,7 +10,7 @@ import numpy as np
 
 from flowsculpt import MissingInputError, UsageError
 from flowsculpt.api.commands import Project, print_result
-from flowsculpt.api.frames import STAGES, LatestTimings, RenderRequest, find_shot
+from flowsculpt.api.frames import STAGES, LatestTimings, RenderRequest, Show
 from flowsculpt.api.meshes import Floats
 from flowsculpt.api.options import DEFAULT_QUALITY, Common, Quality, Shot, ShotOptions, Subject, shared_option
 from flowsculpt.api.pictures import Curves, plot_panels
@@ -43,7 +43,7 @@ def figures(
     page each.
     """
     project = options.project(common)
-    whole = project.request(find_shot(shot), quality, variant="none").of_subject(subject)
+    whole = project.request(Show().find_shot(shot), quality, variant="none").of_subject(subject)
     if output is not None and len(whole.parts) > 1:
         raise UsageError(f"-o {output} is one file, but {whole.name} has several subjects; choose --subject")
     drawn = [_drawn(common, project, request, output, crossings) for request in whole.parts]

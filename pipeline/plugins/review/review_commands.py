@@ -11,7 +11,7 @@ import typer
 from flowsculpt import UsageError
 from flowsculpt.api import plural
 from flowsculpt.api.commands import print_result, print_warning, progress_bars, require_one_of, size, table
-from flowsculpt.api.frames import History, Locks, find_shot
+from flowsculpt.api.frames import History, Locks, Show
 from flowsculpt.api.options import QUALITIES, Common, Shot, ShotOptions, shared_option
 from flowsculpt.api.pictures import three_js
 from flowsculpt.api.shots import NAME
@@ -136,7 +136,7 @@ def notes(
     """
     if status is not None:
         require_one_of(status, STATUSES, f"--status {status}: a note is {', '.join(STATUSES)}.")
-    name, folder = find_shot(shot).stem, NotesFolder(common.root)
+    name, folder = Show().find_shot(shot).stem, NotesFolder(common.root)
     added = folder.add(add or (), common.dry_run)
     found = [note for note in folder.notes(name) if status in (None, note.status)]
     live = sorted((note for note in found if not note.deleted), key=lambda note: (note.sequence, note.first))

@@ -30,8 +30,8 @@ from flowsculpt.api.frames import (
     RenderRequest,
     SequenceGrid,
     SequenceQuery,
+    Show,
     Store,
-    find_shot,
     key_of,
 )
 from flowsculpt.api.options import DEFAULT_QUALITY
@@ -66,7 +66,7 @@ class Search:
 
     def shot(self, name: str) -> ShotMaterial:
         """Return the material of a shot. Raises MissingInputError if nothing is rendered, or ShotError."""
-        path = find_shot(name)
+        path = Show().find_shot(name)
         query = SequenceQuery(self.project, path, self.qualities, self.history)
         found = [each for extras in ShotExtras.of_plugins().values() for each in extras.sequences(query)]
         grids = tuple(each for each in found if isinstance(each, SequenceGrid))

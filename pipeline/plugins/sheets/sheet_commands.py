@@ -19,16 +19,7 @@ from flowsculpt.api.commands import (
     report_notes,
     report_plan,
 )
-from flowsculpt.api.frames import (
-    STAGES,
-    Folders,
-    FrameRange,
-    Plan,
-    RenderRequest,
-    Store,
-    find_shot,
-    light_notes,
-)
+from flowsculpt.api.frames import STAGES, Folders, FrameRange, Plan, RenderRequest, Show, Store, light_notes
 from flowsculpt.api.options import (
     DEFAULT_QUALITY,
     Common,
@@ -102,7 +93,7 @@ def curves(
 
     `flowsculpt curves A010_cube` writes renders/A010_cube/A010_cube.curves.svg.
     """
-    path = find_shot(shot)
+    path = Show().find_shot(shot)
     keyed = curves_of(path, settings or ())
     if not keyed:
         raise UsageError(
@@ -154,7 +145,7 @@ def sheet(
         raise UsageError("--at is the frame of --looks; name the frames of a sheet with -f")
 
     project = options.project(common)
-    request = project.request(find_shot(shot), options.quality(quality, project, [shot]), frames)
+    request = project.request(Show().find_shot(shot), options.quality(quality, project, [shot]), frames)
     made = ShotSheet(request if frames is not None else spread(request), project.store, columns)
 
     def planned() -> Plan:
@@ -209,7 +200,7 @@ def wedge(
     grid = Grid.parse(vary or [], yes)
     project = options.project(common)
     named = options.quality(quality, project, [shot])
-    made = Wedge(project, find_shot(shot), grid, named, frames, at, columns)
+    made = Wedge(project, Show().find_shot(shot), grid, named, frames, at, columns)
     for note in _notes(made):
         print_warning(note)
     if common.dry_run:

@@ -22,15 +22,14 @@ from flowsculpt.api import plural, suggestion
 from flowsculpt.api.commands import Project, execute_and_report, progress_bars, require_one_of, words_of
 from flowsculpt.api.files import require_input
 from flowsculpt.api.frames import (
-    SHOTS,
     Folders,
     FrameRange,
     PictureKeys,
     PipelineStage,
     Plan,
     RenderRequest,
+    Show,
     Store,
-    find_shot,
     key_of,
 )
 from flowsculpt.api.meshes import usual_up
@@ -124,7 +123,7 @@ class TurntableRequest:
             shot = _shot_around(mesh, up, self._named_looks, PAINTED in self.looks)
             self.project.use_text(path, shot)
         else:
-            path = find_shot(self.subject)
+            path = Show().find_shot(self.subject)
         return [self._take(path, of_file, look) for look in self.looks or (None,)]
 
     @cached_property
@@ -133,10 +132,12 @@ class TurntableRequest:
         if not self.looks:
             return {}
         if not self._is_of_file:
-            return inherited(find_shot(self.subject), None, self.project.settings, None).mapping("looks")
-        defaults = SHOTS / DEFAULTS
+            return inherited(Show().find_shot(self.subject), None, self.project.settings, None).mapping(
+                "looks"
+            )
+        defaults = Show().folder / DEFAULTS
         looks = YamlSource.read(defaults).mapping("looks") if is_there(defaults) else {}
-        return cast(Mapping[str, Any], _with_absolute_files(looks, SHOTS))
+        return cast(Mapping[str, Any], _with_absolute_files(looks, Show().folder))
 
     @property
     def _is_of_file(self) -> bool:

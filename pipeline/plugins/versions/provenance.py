@@ -16,7 +16,7 @@ import psutil
 
 from flowsculpt import MissingInputError, UsageError
 from flowsculpt.api.files import from_plain, to_plain, usable
-from flowsculpt.api.frames import STAGES, PublishedVersion, RootFolders, ShotSource, is_quality
+from flowsculpt.api.frames import STAGES, PublishedVersion, QualityName, RootFolders, ShotSource
 from flowsculpt.api.shots import NAME, is_there
 
 FILE = "provenance.json"
@@ -166,7 +166,7 @@ class Provenance:
 def _require_whole(record: Provenance) -> None:
     """Check what else readers rely on; names become those of folders. Raises KeyError or ValueError."""
     named = re.fullmatch(NAME, record.shot) and re.fullmatch(VERSION, record.version)
-    known = is_quality(record.quality) and record.source.name == record.shot
+    known = QualityName.of(record.quality).is_known and record.source.name == record.shot
     if not (named and known and record.frames and isinstance(record.source.text, str)):
         raise ValueError
     files = [record.movie["file"], *(frame.file for frame in record.frames.values())]

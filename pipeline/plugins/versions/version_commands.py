@@ -22,7 +22,7 @@ from flowsculpt.api.commands import (
     report_plan,
     table,
 )
-from flowsculpt.api.frames import FrameRange, RootFolders, find_shot, use_store
+from flowsculpt.api.frames import FrameRange, RootFolders, Show, use_store
 from flowsculpt.api.options import (
     DEFAULT_QUALITY,
     AllowCode,
@@ -80,7 +80,7 @@ def publish(
     """
     hooks = [*map(Hook.of, hook or ()), *hooks_of(common.profile.folder, "version_published")]
     project = options.project(common)
-    request = project.request(find_shot(shot), options.quality(quality, project, [shot]))
+    request = project.request(Show().find_shot(shot), options.quality(quality, project, [shot]))
     given = {"--crop": options.crop, "--scale": options.scale, "--variant": options.variant}
     words = ["flowsculpt", "render", shot, "-q", quality]
     words += [word for option, value in given.items() if value is not None for word in (option, value)]

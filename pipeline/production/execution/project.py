@@ -15,15 +15,7 @@ from flowsculpt.pipeline.production.planning.planner import Planner
 from flowsculpt.pipeline.production.planning.profile import Profile, variant_for
 from flowsculpt.pipeline.production.planning.timings import measure_renders
 from flowsculpt.pipeline.production.request.edit import Edit, ResolvedEdit, resolve_edit
-from flowsculpt.pipeline.production.request.lookup import (
-    FILM,
-    find_edit,
-    find_shot,
-    is_quality,
-    names_edit,
-    options_of,
-    require_quality,
-)
+from flowsculpt.pipeline.production.request.lookup import QualityName, Show, require_quality
 from flowsculpt.pipeline.production.request.render_request import FORMS, RenderRequest
 from flowsculpt.pipeline.production.request.shot_source import PlanningCache, ShotSource, SourceCache
 from flowsculpt.pipeline.production.stages import forced_with
@@ -32,6 +24,8 @@ from flowsculpt.pipeline.production.store.history import History
 from flowsculpt.pipeline.production.store.paths import STATE, Folders
 from flowsculpt.pipeline.production.store.store import Store
 from flowsculpt.render.scene.render_quality import CONVENTIONS, DEFAULT_QUALITY
+
+MAIN_EDIT = Show().film
 
 States = Callable[[RenderRequest, Store, History], FrameStates]
 
@@ -135,7 +129,7 @@ class Project:
 
         A name of an edit stands for its film. Raises UsageError for frames of several shots.
         """
-        edits = [name for name in shots if names_edit(name)]
+        edits = [name for name in shots if Show().names_edit(name)]
         if frames is not None and (edits or len(shots) > 1):
             fact = f"{edits[0]} is an edit, which names its own" if edits else "these are several shots"
             raise UsageError(f"-f {frames}: frames can be chosen of one shot, and {fact}; leave -f out")
@@ -146,9 +140,9 @@ class Project:
         far = replace(self, for_farm=True)
         for shot in shots:
             if shot in edits:
-                far.add_film(planner, quality, find_edit(shot))
+                far.add_film(planner, quality, Show().find_edit(shot))
                 continue
-            request = far.request(find_shot(shot), quality, frames)
+            request = far.request(Show().find_shot(shot), quality, frames)
             planner.pictures(request)
             planner.movie(request)
         plan = planner.plan()
@@ -177,13 +171,13 @@ class Project:
         planner.geometry(request)
         return planner.plan()
 
-    def film(self, quality: str, path: Path = FILM) -> Plan:
+    def film(self, quality: str, path: Path = MAIN_EDIT) -> Plan:
         """Return the plan of an edit's film: its shots' frames, their movies, and the film."""
         planner = self.planner()
         self.add_film(planner, quality, path)
         return planner.plan()
 
-    def add_film(self, planner: Planner, quality: str, path: Path = FILM) -> None:
+    def add_film(self, planner: Planner, quality: str, path: Path = MAIN_EDIT) -> None:
         """Ask for the film of an edit, which is called as the file of the edit is, and its shots' movies."""
         edit, requests = self.edit(quality, path)
         for request in requests:
@@ -201,7 +195,7 @@ class Project:
     # Requests
 
     def edit(
-        self, quality: str, path: Path = FILM, variant: str | None = None
+        self, quality: str, path: Path = MAIN_EDIT, variant: str | None = None
     ) -> tuple[Edit, list[RenderRequest]]:
         """Return an edit and the render requests of its clips.
 
@@ -228,9 +222,9 @@ class Project:
 
     def find_requests(self, name: str, quality: str) -> list[RenderRequest]:
         """Return the request of a shot, or those of the clips of an edit, by its name."""
-        if names_edit(name):
-            return self.edit(quality, find_edit(name))[1]
-        return [self.request(find_shot(name), quality)]
+        if Show().names_edit(name):
+            return self.edit(quality, Show().find_edit(name))[1]
+        return [self.request(Show().find_shot(name), quality)]
 
     def find_request(
         self,
@@ -241,7 +235,7 @@ class Project:
         variant: str | None = None,
     ) -> RenderRequest:
         """Return the request of a shot by its name; arguments as of `request`."""
-        return self.request(find_shot(shot), quality, frames, variant, states)
+        return self.request(Show().find_shot(shot), quality, frames, variant, states)
 
     def request(
         self,
@@ -277,14 +271,15 @@ class Project:
     def begun(self, path: Path) -> Iterator[RenderRequest]:
         """Yield the request of each quality, crop and scale with a folder; note crops that are left out."""
         home = self.root / Folders.of_shot(path.stem).home
-        for name in sorted(place.name for place in home.glob("*/") if is_quality(place.name)):
+        for name in sorted(place.name for place in home.glob("*/") if QualityName.of(place.name).is_known):
             request = self.request(path, name)
             try:
                 _ = request.pictures.quality
             except UsageError:
                 self.notes.append(
-                    f"{path.stem}: pictures of {options_of(name)} are left out; the shot's pictures have no "
-                    "such part today. Repeat the --set that they were rendered with to include them."
+                    f"{path.stem}: pictures of {QualityName.of(name).options} are left out; the shot's "
+                    "pictures have no such part today. Repeat the --set that they were rendered with to "
+                    "include them."
                 )
             else:
                 yield self.as_finished(request)

@@ -29,7 +29,7 @@ from flowsculpt.pipeline.production.execution.farm_executor import extend_farm_e
 from flowsculpt.pipeline.production.execution.run import with_inputs_here
 from flowsculpt.pipeline.production.planning.plan import Job, Plan, check_done_files, movie_record
 from flowsculpt.pipeline.production.planning.profile import Share
-from flowsculpt.pipeline.production.request.lookup import FILM, find_edit, find_shot, today_name
+from flowsculpt.pipeline.production.request.lookup import Show, today_name
 from flowsculpt.pipeline.production.stages import PLUGIN_STAGES, STAGES, forced_with
 from flowsculpt.pipeline.production.store.history import summarise
 from flowsculpt.pipeline.production.store.locks import Locks
@@ -232,7 +232,7 @@ class PlannedWorkflow:
         """Ask the planner for what the targets and `--config` name: by default the film of an edit."""
         config, quality = self._config, today_name(str(self._config.get("quality", DEFAULT_QUALITY)))
         frames = FrameSelection.of_text(str(config["frames"])) if "frames" in config else None
-        edit = str(config.get("edit", FILM.stem))
+        edit = str(config.get("edit", Show().film.stem))
         shots = [name for name in str(config.get("shots", config.get("shot", ""))).split(",") if name]
         numbers: dict[tuple[str, str], list[int]] = {}
         for target in targets:
@@ -240,17 +240,19 @@ class PlannedWorkflow:
                 place = _shot_of(match, target), match["quality"]
                 numbers.setdefault(place, []).append(int(match["number"]))
             elif match := _FILM.fullmatch(target):
-                project.add_film(planner, match["quality"], find_edit(match["movie"]))
+                project.add_film(planner, match["quality"], Show().find_edit(match["movie"]))
             elif match := _MOVIE.fullmatch(target):
                 shot = _shot_of(match, target)
                 part = FrameRange.parse(match["frames"]) if match["frames"] else None
                 project.add_pictures(planner, shot, match["quality"], part)
             elif target == "shots":
-                of_film = [] if shots else project.edit(quality, find_edit(edit))[1]
-                for request in [project.request(find_shot(name), quality) for name in shots] or of_film:
+                of_film = [] if shots else project.edit(quality, Show().find_edit(edit))[1]
+                for request in [
+                    project.request(Show().find_shot(name), quality) for name in shots
+                ] or of_film:
                     planner.surfaces(request.whole())
         for (shot, wanted), frame_numbers in numbers.items():
-            planner.pictures(project.request(find_shot(shot), wanted, FrameRange(frame_numbers)))
+            planner.pictures(project.request(Show().find_shot(shot), wanted, FrameRange(frame_numbers)))
         if targets and "all" not in targets:
             return
         for name in shots:
@@ -258,7 +260,7 @@ class PlannedWorkflow:
         if frames is not None and not shots:
             raise UsageError(f"--config frames={frames} needs a shot; add shot=NAME.")
         if not shots:
-            project.add_film(planner, quality, find_edit(edit))
+            project.add_film(planner, quality, Show().find_edit(edit))
 
 
 def _profile_config() -> dict[str, Any]:

@@ -27,7 +27,7 @@ from flowsculpt.pipeline.plugin import plugins
 from flowsculpt.pipeline.production.planning.frame_states import KnownPictures
 from flowsculpt.pipeline.production.planning.plan import Job, Plan
 from flowsculpt.pipeline.production.planning.timings import SHARED_STAGES, statistics_in
-from flowsculpt.pipeline.production.request.lookup import base_of, pixels
+from flowsculpt.pipeline.production.request.lookup import QualityName, pixels
 from flowsculpt.pipeline.production.request.render_request import FORMS
 from flowsculpt.pipeline.production.store.event_log import Event
 from flowsculpt.pipeline.production.store.history import History
@@ -121,7 +121,7 @@ class MeanTimings:
             places = sorted(history.places(), key=lambda place: (place[0] != shot, place[1] != quality))
         for name, at in places:
             if made := history.stage(stage, name, at).made.values():
-                known = at if base_of(at) in QUALITIES else DEFAULT_QUALITY
+                known = at if QualityName.of(at).base in QUALITIES else DEFAULT_QUALITY
                 scale = 1.0 if stage in SHARED_STAGES else pixels(quality) / pixels(known)
                 taken = sum(each.cost for each in made)
                 return Sample(scale * taken / len(made), len(made), f"{name} at {at}")
@@ -161,7 +161,7 @@ class MeanTimings:
 
 def samples(quality: str) -> float:
     """Return the samples per pixel that a typical frame of a quality takes."""
-    return QUALITIES[base_of(quality)].typical_samples
+    return QUALITIES[QualityName.of(quality).base].typical_samples
 
 
 def typical_seconds(quality: Quality) -> float:
@@ -174,7 +174,7 @@ def _statistics_folders(root: Path, name: str, quality: str) -> Iterator[Path]:
     """Yield the folders of render statistics of built-in qualities."""
     for home in (root / RENDERS, *(root / RENDERS / kind for kind in plugins().frame_sources)):
         for folder in sorted(home.glob(f"{name}/{quality}/statistics")):
-            if base_of(folder.parent.name) in QUALITIES:
+            if QualityName.of(folder.parent.name).base in QUALITIES:
                 yield folder
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from flowsculpt.pipeline.errors import FlowsculptError
-from flowsculpt.pipeline.production.request.lookup import is_quality
+from flowsculpt.pipeline.production.request.lookup import QualityName
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.store.event_log import RUNS, EventReader, logs_of
 from flowsculpt.pipeline.production.store.paths import DONE, EVENTS, LOGS, PLANS
@@ -51,7 +51,7 @@ class Runs:
         plan = self.root / PLANS / f"{run}.json"
         for data in read_state(plan, lambda plan: list(plan["requests"])) or ():
             with suppress(*UNUSABLE, FlowsculptError):  # of an earlier version, or damaged
-                if is_quality(data["quality_name"]):
+                if QualityName.of(data["quality_name"]).is_known:
                     yield from_plain(RenderRequest, data)
 
     def forget(self, keep: int) -> None:

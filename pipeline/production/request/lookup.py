@@ -11,8 +11,9 @@ import math
 import re
 import shlex
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 from flowsculpt.pipeline.errors import MissingInputError, UsageError, suggestion
 from flowsculpt.pipeline.plugin import plugins
@@ -25,6 +26,41 @@ LEAST, MOST = 1.0, 400.0
 """Limits of `--scale`, per cent."""
 
 _NAME = re.compile(r"(\w+)(?:\.scale(\d+(?:\.\d+)?))?(?:\.crop(\d+)-(\d+)-(\d+)-(\d+))?")
+
+
+class QualityName(NamedTuple):
+    """What the name of a quality, or of a crop or scale of one, says: `final.scale50.crop0-0-480-270`.
+
+    scale  per cent, as the name has it; empty for pictures of the usual size
+    crop   pixels; None for whole pictures
+    """
+
+    base: str
+    scale: str
+    crop: Crop | None
+
+    @classmethod
+    def of(cls, name: str) -> QualityName:
+        """Return what a name says; any other text is the name of an unknown quality."""
+        match = _NAME.fullmatch(name)
+        if match is None:
+            return cls(name, "", None)
+        base, scale, *crop = match.groups()
+        x0, y0, x1, y1 = (int(edge or 0) for edge in crop)
+        return cls(base, scale or "", (x0, y0, x1, y1) if crop[0] else None)
+
+    @property
+    def is_known(self) -> bool:
+        """True if there is such a quality."""
+        return self.base in QUALITIES
+
+    @property
+    def options(self) -> str:
+        """The options that ask for it: `-q draft --scale 50%`."""
+        options = [f"-q {self.base}"]
+        options += [f"--scale {self.scale}%"] if self.scale else []
+        options += [f"--crop {','.join(map(str, self.crop))}"] if self.crop else []
+        return " ".join(options)
 
 
 def cropped_name(
@@ -48,37 +84,18 @@ def cropped_name(
     return name
 
 
-def options_of(name: str) -> str:
-    """Return the options that ask for a quality, or for a crop or scale of one: `-q draft --scale 50%`."""
-    base, scale, crop = _parts(name)
-    options = [f"-q {base}"]
-    options += [f"--scale {scale}%"] if scale else []
-    options += [f"--crop {','.join(map(str, crop))}"] if crop else []
-    return " ".join(options)
-
-
 def today_name(name: str) -> str:
     """Return the name of a quality, or of a crop or scale of one, as it is today: draft for preview."""
-    base = base_of(name)
+    base = QualityName.of(name).base
     return FORMER_NAMES.get(base, base) + name[len(base) :]
-
-
-def is_quality(name: str) -> bool:
-    """Tell whether it is the name of a quality, or of a crop or scale of one."""
-    return base_of(name) in QUALITIES
 
 
 def require_quality(name: str) -> None:
     """Raise UsageError, with the nearest one, for what is no quality."""
-    if not is_quality(name):
+    if not QualityName.of(name).is_known:
         meant = value_meant(name, QUALITIES)
         hint = f"Did you mean {meant!r}?" if meant else suggestion(name, QUALITIES)
         raise UsageError(f"{name!r} is not a quality. {hint}")
-
-
-def base_of(name: str) -> str:
-    """Return the quality whose crop or scale has this name."""
-    return _parts(name)[0]
 
 
 def quality_named(name: str, qualities: Mapping[str, Quality]) -> Quality:
@@ -86,7 +103,7 @@ def quality_named(name: str, qualities: Mapping[str, Quality]) -> Quality:
 
     Raises UsageError for a crop of larger pictures than those of the shot.
     """
-    base, scale, crop = _parts(name)
+    base, scale, crop = QualityName.of(name)
     quality = qualities[base]
     if scale:
         size = (max(1, round(side * float(scale) / 100.0)) for side in (quality.width, quality.height))
@@ -102,24 +119,9 @@ def quality_named(name: str, qualities: Mapping[str, Quality]) -> Quality:
     return quality
 
 
-def crop_of(name: str) -> Crop | None:
-    """Return the crop of a name that `cropped_name` gave; None for whole pictures."""
-    return _parts(name)[2]
-
-
-def _parts(name: str) -> tuple[str, str, Crop | None]:
-    """Return the quality, the per cent of its scale, and the crop of a name that `cropped_name` gave."""
-    match = _NAME.fullmatch(name)
-    if match is None:
-        return name, "", None
-    base, scale, *crop = match.groups()
-    x0, y0, x1, y1 = (int(edge or 0) for edge in crop)
-    return base, scale or "", (x0, y0, x1, y1) if crop[0] else None
-
-
 def pixels(name: str) -> int:
     """Return the pixels that the quality of a name renders of 16:9 pictures; of a crop, of any."""
-    if crop := crop_of(name):
+    if crop := QualityName.of(name).crop:
         x0, y0, x1, y1 = crop
         return (x1 - x0) * (y1 - y0)
     named = quality_named(name, QUALITIES)
@@ -128,7 +130,7 @@ def pixels(name: str) -> int:
 
 def movie_bits(name: str) -> int:
     """Return the bits of a movie's samples: 10 keep gradients smooth, 8 play everywhere."""
-    return 10 if base_of(name) == "final" else 8
+    return 10 if QualityName.of(name).base == "final" else 8
 
 
 def _per_cent(text: str) -> float:
@@ -172,13 +174,11 @@ def _pixels(text: str, width: int, height: int) -> Crop:
     return x0, y0, x1, y1
 
 
-SHOTS = Path("shots")
-FILM = SHOTS / "film.yaml"
 OTHER_MODELS = ("3ds", "abc", "ac", "bgeo", "blend", "lwo", "ma", "max", "mb", "vrml", "wrl", "x3d")
 """Endings of model files of formats that are not read, for the message to one who names such a file."""
 
 NO_SHOTS = (
-    f"no shots here: {SHOTS}/ is empty. `flowsculpt new A010_first` writes one, "
+    "no shots here: shots/ is empty. `flowsculpt new A010_first` writes one, "
     "`flowsculpt new --show` a show with its first shot and its edit."
 )
 """The message of commands where nothing was begun yet."""
@@ -186,80 +186,6 @@ NO_SHOTS = (
 
 def _is_model(name: str) -> bool:
     return Path(name).suffix.lower().lstrip(".") in plugins().readers("surface")
-
-
-def find_shot(name: str) -> Path:
-    """Return the file of a shot: a path, or a name in `shots/`.
-
-    Raises MissingInputError with the nearest names, UsageError for a name that frames cannot be called by.
-    """
-    if _is_model(name) and not is_there(SHOTS / f"{name}.yaml"):
-        own = re.sub(r"[^A-Za-z0-9_-]", "_", Path(name).stem)
-        raise UsageError(
-            f"{shown(name)} is a model, not a shot; flowsculpt new A010_{own} --model "
-            f"{shlex.quote(shown(name))} makes a shot of it"
-        )
-    if Path(name).suffix.lower().lstrip(".") in OTHER_MODELS:
-        raise UsageError(
-            f"{shown(name)} is in a format that is not supported; export the model as FBX, GLB, OBJ or USD"
-        )
-    path = _path(name)
-    if is_edit(path):
-        own = "" if path == FILM else f" {shown(name)}"
-        raise UsageError(f"{shown(path)} is an edit, not a shot; flowsculpt film{own} renders it")
-    _require_name(path, "shot")
-    if is_there(path):
-        return path
-    if kind := kind_of_path(path):
-        raise MissingInputError(
-            f"{shown(path)}: it is {kind}; a shot is a regular file. Remove or rename it."
-        )
-    if path == Path(name):
-        hint = f"did you mean {path.stem}?" if path.stem in shot_names() else "flowsculpt new makes one"
-        raise MissingInputError(f"{shown(name)}: no such shot file; {hint}")
-    if name in (known := misnamed_shots()):
-        raise MissingInputError(f"{shown(path)}: no such shot; {known[name]}")
-    _require_shots()
-    raise MissingInputError(
-        f"{shown(path)}: no such shot; {_near(name, shot_names(), 'flowsculpt new makes one')}"
-    )
-
-
-def find_edit(name: str) -> Path:
-    """Return the file of an edit: a path, or a name in `shots/`.
-
-    Raises MissingInputError with the nearest names, UsageError for a shot, and for a name that a film cannot
-    be called by.
-    """
-    path = _path(name)
-    _require_name(path, "edit")
-    hint = _near(path.stem, edit_names(), "flowsculpt new --show writes shots/film.yaml")
-    if not is_there(path):
-        _require_shots()
-        raise MissingInputError(f"{shown(path)}: no such edit; {hint}")
-    if path.stem in shot_names() and path.absolute() == (SHOTS / path.name).absolute():
-        raise UsageError(
-            f"{shown(path)} is a shot, not an edit; flowsculpt render {path.stem} renders it, "
-            f"and as for edits, {hint}"
-        )
-    return path
-
-
-def names_edit(name: str) -> bool:
-    """Tell whether a name, or a path, is that of an edit."""
-    path = _path(name)
-    return path == FILM or is_edit(path)
-
-
-def _require_shots() -> None:
-    """Raise UsageError where no shot was begun yet."""
-    if not shot_names() and not edit_names():
-        raise UsageError(NO_SHOTS)
-
-
-def _path(name: str) -> Path:
-    """Return the path of a shot or an edit."""
-    return Path(name) if name.endswith((".yaml", ".yml")) else SHOTS / f"{name}.yaml"
 
 
 def _require_name(path: Path, kind: str) -> None:
@@ -273,20 +199,100 @@ def _near(name: str, known: list[str], otherwise: str) -> str:
     return f"did you mean {', '.join(near)}?" if near else f"there are none; {otherwise}"
 
 
-def shot_names(folder: Path = SHOTS) -> list[str]:
-    """Return the names of the shots in a folder, by default in that of the working folder."""
-    return [path.stem for path in shot_files(folder) if path.name != FILM.name and not is_edit(path)]
+@dataclass(frozen=True)
+class Show:
+    """The shots and edits of a folder, by default of `shots/` in the working folder."""
 
+    folder: Path = Path("shots")
 
-def edit_names() -> list[str]:
-    """Return the names of the edits of the working folder; `film` is always an edit."""
-    return [path.stem for path in shot_files(SHOTS) if path == FILM or is_edit(path)]
+    @property
+    def film(self) -> Path:
+        """The file of its main edit."""
+        return self.folder / "film.yaml"
 
+    def find_shot(self, name: str) -> Path:
+        """Return the file of a shot: a path, or a name in `shots/`.
 
-def misnamed_shots() -> dict[str, str]:
-    """Return files that only their suffix keeps from being shots, with the remedy."""
-    return {
-        path.stem: f"{shown(path)} is passed over: shots end in .yaml. Rename it to {path.stem}.yaml."
-        for path in sorted(SHOTS.glob("[!.]*"))
-        if path.suffix != ".yaml" and path.suffix.lower() in (".yaml", ".yml")
-    }
+        Raises MissingInputError with the nearest names, UsageError for a name that no frames can have.
+        """
+        if _is_model(name) and not is_there(self.folder / f"{name}.yaml"):
+            own = re.sub(r"[^A-Za-z0-9_-]", "_", Path(name).stem)
+            raise UsageError(
+                f"{shown(name)} is a model, not a shot; flowsculpt new A010_{own} --model "
+                f"{shlex.quote(shown(name))} makes a shot of it"
+            )
+        if Path(name).suffix.lower().lstrip(".") in OTHER_MODELS:
+            raise UsageError(
+                f"{shown(name)} is in a format that is not supported; export the model as FBX, GLB, OBJ "
+                "or USD"
+            )
+        path = self._path(name)
+        if is_edit(path):
+            own = "" if path == self.film else f" {shown(name)}"
+            raise UsageError(f"{shown(path)} is an edit, not a shot; flowsculpt film{own} renders it")
+        _require_name(path, "shot")
+        if is_there(path):
+            return path
+        if kind := kind_of_path(path):
+            raise MissingInputError(
+                f"{shown(path)}: it is {kind}; a shot is a regular file. Remove or rename it."
+            )
+        if path == Path(name):
+            hint = f"did you mean {path.stem}?" if path.stem in self.shots() else "flowsculpt new makes one"
+            raise MissingInputError(f"{shown(name)}: no such shot file; {hint}")
+        if name in (known := self.misnamed()):
+            raise MissingInputError(f"{shown(path)}: no such shot; {known[name]}")
+        self._require_shots()
+        raise MissingInputError(
+            f"{shown(path)}: no such shot; {_near(name, self.shots(), 'flowsculpt new makes one')}"
+        )
+
+    def find_edit(self, name: str) -> Path:
+        """Return the file of an edit: a path, or a name in `shots/`.
+
+        Raises MissingInputError with the nearest names, UsageError for a shot, and for a name that no film
+        can have.
+        """
+        path = self._path(name)
+        _require_name(path, "edit")
+        hint = _near(path.stem, self.edits(), "flowsculpt new --show writes shots/film.yaml")
+        if not is_there(path):
+            self._require_shots()
+            raise MissingInputError(f"{shown(path)}: no such edit; {hint}")
+        if path.stem in self.shots() and path.absolute() == (self.folder / path.name).absolute():
+            raise UsageError(
+                f"{shown(path)} is a shot, not an edit; flowsculpt render {path.stem} renders it, "
+                f"and as for edits, {hint}"
+            )
+        return path
+
+    def names_edit(self, name: str) -> bool:
+        """Tell whether a name, or a path, is that of an edit."""
+        path = self._path(name)
+        return path == self.film or is_edit(path)
+
+    def shots(self) -> list[str]:
+        """Return the names of the shots."""
+        files = shot_files(self.folder)
+        return [path.stem for path in files if path.name != self.film.name and not is_edit(path)]
+
+    def edits(self) -> list[str]:
+        """Return the names of the edits; `film` is always an edit."""
+        return [path.stem for path in shot_files(self.folder) if path == self.film or is_edit(path)]
+
+    def misnamed(self) -> dict[str, str]:
+        """Return files that only their suffix keeps from being shots, with the remedy."""
+        return {
+            path.stem: f"{shown(path)} is passed over: shots end in .yaml. Rename it to {path.stem}.yaml."
+            for path in sorted(self.folder.glob("[!.]*"))
+            if path.suffix != ".yaml" and path.suffix.lower() in (".yaml", ".yml")
+        }
+
+    def _require_shots(self) -> None:
+        """Raise UsageError where no shot was begun yet."""
+        if not self.shots() and not self.edits():
+            raise UsageError(NO_SHOTS)
+
+    def _path(self, name: str) -> Path:
+        """Return the path of a shot or an edit."""
+        return Path(name) if name.endswith((".yaml", ".yml")) else self.folder / f"{name}.yaml"

@@ -17,7 +17,7 @@ from flowsculpt.pipeline.plugin import named, plugins
 from flowsculpt.pipeline.production.request.audio import AudioClip, sound_of_frames
 from flowsculpt.pipeline.production.request.cameras import CameraFile, stored_framings
 from flowsculpt.pipeline.production.request.keys import PictureKeys, RequestKeys
-from flowsculpt.pipeline.production.request.lookup import crop_of, quality_named
+from flowsculpt.pipeline.production.request.lookup import QualityName, quality_named
 from flowsculpt.pipeline.production.request.manifest import ShotManifest, measures_speed
 from flowsculpt.pipeline.production.request.shot_source import PlanningCache, ShotSource
 from flowsculpt.pipeline.production.stages import STILLS
@@ -276,7 +276,7 @@ class RequestPictures:
         Raises UsageError for a crop of a picture with a wide projection, or of a larger picture.
         """
         request, manifest = self.request, self.request.manifest
-        if manifest.is_wide and crop_of(request.quality_name):
+        if manifest.is_wide and QualityName.of(request.quality_name).crop:
             raise UsageError(
                 f"{request.name}: a picture of projection {manifest.projection[0]} has no crop, since "
                 "players and denoising need all of it; use --scale instead of --crop"

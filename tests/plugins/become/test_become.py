@@ -22,7 +22,7 @@ from flowsculpt.pipeline.plugins.become.velocity_path import PathSpace, energy
 from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
 from flowsculpt.pipeline.plugins.review.review_page import tabled
 from flowsculpt.pipeline.production.execution.project import Project
-from flowsculpt.pipeline.production.request.lookup import find_shot
+from flowsculpt.pipeline.production.request.lookup import Show
 from flowsculpt.pipeline.production.tasks.render import flow_facts
 from flowsculpt.pipeline.shot import read_shot
 from flowsculpt.pipeline.shot.subjects import Solid
@@ -333,7 +333,7 @@ def test_headers_of_frames_have_the_residual_and_the_review_page_shows_it(
     flows = "become: {solid: box, size: [1.5, 1.5, 1.5], from: 3, to: 9, detail: coarse}"
     Path("shots").mkdir()
     Path("shots/a.yaml").write_text(SHOT.format(flows=flows, subject="{solid: icosphere}"))
-    request = Project(Path(), 1).request(find_shot("a"), "draft")
+    request = Project(Path(), 1).request(Show().find_shot("a"), "draft")
     assert flow_facts(request, 7) == {} and not list(quick.iterdir()), "a node that only renders fits nothing"
     fit = request.shot.motion.flow.flows[0].flow.fit()  # type: ignore[attr-defined]
     assert flow_facts(request, 3) == {}, "nothing has moved"

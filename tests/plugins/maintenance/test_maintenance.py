@@ -15,7 +15,7 @@ from flowsculpt.pipeline.plugins.become.stored_fits import path_of
 from flowsculpt.pipeline.plugins.maintenance.clean import collect_garbage
 from flowsculpt.pipeline.plugins.maintenance.verify import verify
 from flowsculpt.pipeline.production.execution.project import Project
-from flowsculpt.pipeline.production.request.lookup import find_shot
+from flowsculpt.pipeline.production.request.lookup import Show
 from flowsculpt.pipeline.production.store.locks import Locks
 from flowsculpt.pipeline.production.store.store import Store
 from flowsculpt.render.post.image import read_header
@@ -87,7 +87,7 @@ def test_cleaning_keeps_what_today_and_the_last_runs_need(
     everything = {path for _, _, path in store.entries()}
 
     def requests() -> list[Any]:
-        return [Project(finished.path, 2).request(find_shot(NAME), QUALITY)]
+        return [Project(finished.path, 2).request(Show().find_shot(NAME), QUALITY)]
 
     def gone_but_films(keep: int) -> list[Path]:
         """Return the collected files but movies, which belong to no shot."""
@@ -117,7 +117,7 @@ def test_cleaning_deletes_trials_of_breed_and_fits_that_were_not_used_for_long(
     monkeypatch.setattr("flowsculpt.render.base.user_cache.readable_cache", lambda: fits.parent)
     text = project.shot.read_text()
     project.shot.write_text(text.replace("flows:", "flows:\n  - become: {solid: icosphere, detail: coarse}"))
-    requests = [Project(project.path, 2).request(find_shot(NAME), QUALITY)]
+    requests = [Project(project.path, 2).request(Show().find_shot(NAME), QUALITY)]
     flow = requests[0].shot.motion.flow.flows[0].flow
     ours = path_of(flow.start, flow.target, flow.detail)
     old, unfinished, new = (fits / f"{name}.npz" for name in ("old", "b.unfinished", "new"))
