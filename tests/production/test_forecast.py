@@ -27,7 +27,8 @@ STEADY = ("quality.draft={temporal_denoise: 2}",)
 
 def forecast(project: Project, frames: str | None = None) -> tuple[set[int], set[int]]:
     """Return the finished frames that a dry run names: those made for certain, and those perhaps."""
-    told = Forecast.of(project.pictures([NAME], QUALITY, frames), project.store)
+    asked = None if frames is None else FrameSelection.of_text(frames)
+    told = Forecast.of(project.pictures([NAME], QUALITY, asked), project.store)
     frames_of = {n for job in told.plan.jobs if job.stage == "finish" for n in job.frames}
     perhaps = set(told.unframed.get("finish", ()))
     return frames_of - perhaps, perhaps
