@@ -124,7 +124,7 @@ def test_a_late_edit_of_a_long_shot_leaves_early_frames_done(
     project.render("1,12,40,64", quality="draft.scale5")
     project.shot.write_text(text.replace("6: 60", "60: 60, 64: 94"))
     now = Project(project.path, 2)
-    request = now.request(find_shot(NAME), "draft.scale5", "1,12,40,64")
+    request = now.request(find_shot(NAME), "draft.scale5", FrameRange.parse("1,12,40,64"))
     known = KnownPictures(request, now.store)
     assert [known.state(n) for n in (1, 12, 40, 64)] == ["done", "done", "unframed", "stale"]
 
