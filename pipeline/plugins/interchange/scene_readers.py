@@ -15,7 +15,7 @@ import numpy as np
 
 from flowsculpt import FlowsculptError, MachineError, MeshError, MissingInputError
 from flowsculpt.api import brief, plural
-from flowsculpt.api.files import answer_of, command_line, digest_of_file, joint_digest
+from flowsculpt.api.files import Parser, command_line, digest_of_file
 from flowsculpt.api.meshes import AnyArray, Floats, Points
 from flowsculpt.pipeline.mesh.mesh_formats import FileSurface, ModelFiles
 
@@ -149,7 +149,7 @@ def one_file(up_of: Callable[[Path, str], str]) -> Callable[[Path], ModelFiles]:
 
     def files(path: Path) -> ModelFiles:
         digest = digest_of_file(path)
-        return ModelFiles(joint_digest([digest]), ((path, digest),), up_of(path, digest))
+        return ModelFiles.of([(path, digest)], up_of(path, digest))
 
     return files
 
@@ -178,7 +178,7 @@ def asked(module: str, path: Path, *options: str) -> bytes:
 
     Raises MissingInputError or MeshError as it did, and what `answer_of` raises.
     """
-    return content_of(answer_of(module, path, *options), path)
+    return content_of(Parser(module).answer(path, *options), path)
 
 
 def content_of(answer: bytes, path: Path) -> bytes:

@@ -18,7 +18,6 @@ from flowsculpt.api.commands import (
     print_error,
     print_result,
     print_warning,
-    project_of,
     report_plan,
     table,
 )
@@ -31,6 +30,7 @@ from flowsculpt.api.options import (
     PictureOptions,
     Quality,
     Shot,
+    ShotOptions,
     Variant,
 )
 from flowsculpt.pipeline.plugins.versions.hooks import Hook, hooks_of, tell_published
@@ -176,7 +176,7 @@ def reproduce(
     renders/repeated from its recorded shot file, and lists which frames are the same.
     """
     use_store(None)  # what the remote store has would prove nothing
-    record, project = Provenance.read(provenance), project_of(common, None, allow_code, variant)
+    record, project = Provenance.read(provenance), ShotOptions(None, allow_code).project(common, variant)
     again = Reproduction(record, provenance, project.force_from("render") if force else project, frames)
     inside = replace(common, root=again.home)
     plan = again.plan()
