@@ -176,7 +176,7 @@ def answered(read: Callable[[], bytes]) -> bytes:
 def asked(module: str, path: Path, *options: str) -> bytes:
     """Return what the process of a module answers by `answered`.
 
-    Raises MissingInputError or MeshError as it did, and what `answer_of` raises.
+    Raises MissingInputError or MeshError as it did, and what `Parser.answer` raises.
     """
     return content_of(Parser(module).answer(path, *options), path)
 
