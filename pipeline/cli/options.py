@@ -109,10 +109,6 @@ _SHARED: dict[str, tuple[tuple[str, ...], dict[str, Any]]] = {
 """Words and settings of options by name."""
 
 Shot = Annotated[str, typer.Argument(metavar="SHOT", help="A name in shots/, or the path of a shot file.")]
-Subject = Annotated[
-    str | None,
-    typer.Option("--subject", metavar="NAME", help="One of the shot's subjects, if it has several."),
-]
 Shots = Annotated[list[str], typer.Argument(metavar="SHOT", help="Names in shots/, or paths of shot files.")]
 Frames = Annotated[
     FrameSelection | None,
@@ -123,12 +119,6 @@ Frames = Annotated[
         parser=FrameSelection.of_text,
     ),
 ]
-
-FrameNumbers = Annotated[
-    FrameRange | None,
-    shared_option("frames", "Frames: 12, 1-48, 1-48x2, 1-24,30; 1-100:10 is coarse first. Default: all."),
-]
-
 
 Quality = Annotated[str, shared_option("quality", f"One of {', '.join(QUALITIES)}.")]
 Variant = Annotated[

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import math
+import shlex
 from collections import Counter
 from collections.abc import Callable, Sequence
 from importlib.util import find_spec
@@ -15,7 +16,7 @@ import numpy as np
 
 from flowsculpt import FlowsculptError, MachineError, MeshError, MissingInputError
 from flowsculpt.api import brief, plural
-from flowsculpt.api.files import Parser, command_line, digest_of_file
+from flowsculpt.api.files import Parser, command, digest_of_file
 from flowsculpt.api.meshes import AnyArray, Floats, Points
 from flowsculpt.pipeline.mesh.mesh_formats import FileSurface, ModelFiles
 
@@ -160,7 +161,7 @@ def require_package(files: str, module: str, package: str, extra: str) -> None:
         name = package.partition(" ")[0]
         raise MachineError(
             f"{files} need the package {package}, which is not installed; install the extra [{extra}], or "
-            f"only the package, for the Python of flowsculpt: {command_line('pip', 'install', name)}"
+            f"only the package, for the Python of flowsculpt: {shlex.join(command('pip', 'install', name))}"
         )
 
 

@@ -37,15 +37,7 @@ from flowsculpt.api.frames import (
     shown_picture,
 )
 from flowsculpt.api.meshes import usual_up
-from flowsculpt.api.options import (
-    DEFAULT_QUALITY,
-    Common,
-    Quality,
-    ShotOptions,
-    Subject,
-    Variant,
-    shared_option,
-)
+from flowsculpt.api.options import DEFAULT_QUALITY, Common, Quality, ShotOptions, Variant, shared_option
 from flowsculpt.api.pictures import (
     ContactSheet,
     columns_for,
@@ -374,7 +366,10 @@ def turntable(
             help="The axis of the mesh file that points up. Default: what it states, or z of an STL, else y.",
         ),
     ] = None,
-    part: Subject = None,
+    part: Annotated[
+        str | None,
+        typer.Option("--subject", metavar="NAME", help="One of the shot's subjects, if it has several."),
+    ] = None,
     quality: Quality = DEFAULT_QUALITY,
     scale: Annotated[
         str | None, typer.Option(metavar="PERCENT", help="Render smaller or larger pictures: 50%, or 0.5.")

@@ -26,17 +26,22 @@ from flowsculpt.api.options import (
     DEFAULT_QUALITY,
     AllowCode,
     Common,
-    FrameNumbers,
     PictureOptions,
     Quality,
     Shot,
     ShotOptions,
     Variant,
+    shared_option,
 )
 from flowsculpt.pipeline.plugins.versions.hooks import Hook, hooks_of, tell_published
 from flowsculpt.pipeline.plugins.versions.provenance import FILE, Provenance, records
 from flowsculpt.pipeline.plugins.versions.publishing import Patch, Release
 from flowsculpt.pipeline.plugins.versions.reproduction import Comparison, Reproduction
+
+FrameNumbers = Annotated[
+    FrameRange | None,
+    shared_option("frames", "Frames: 12, 1-48, 1-48x2, 1-24,30; 1-100:10 is coarse first. Default: all."),
+]
 
 
 def publish(
