@@ -95,10 +95,12 @@ def print_result(words: str | RenderableType, facts: Any, as_json: bool) -> None
 
 
 def print_error(words: str) -> None:
+    """Print an error to standard error, in red on terminals."""
     err.print(words, style="red")
 
 
 def print_warning(words: str) -> None:
+    """Print a warning to standard error, in yellow on terminals."""
     err.print(words, style="yellow")
 
 
