@@ -21,11 +21,10 @@ from flowsculpt.api.commands import (
     print_error,
     print_result,
     print_warning,
-    project_of,
     table,
 )
 from flowsculpt.api.frames import FrameRange, FrameStates, History, RenderRequest, Show
-from flowsculpt.api.options import DEFAULT_QUALITY, QUALITIES, Common, Quality, Settings, Shot
+from flowsculpt.api.options import DEFAULT_QUALITY, QUALITIES, Common, Quality, Settings, Shot, ShotOptions
 from flowsculpt.pipeline.plugins.maintenance.run_report import LABELS, RunReport, named_run
 
 if TYPE_CHECKING:
@@ -47,7 +46,7 @@ def status(
     Failed frames failed at the last attempt; running frames are being rendered. The time left assumes that
     frames take as long as the last ones did.
     """
-    project = project_of(common, settings)
+    project = ShotOptions(settings).project(common)
     history = History.of(common.root)
     rows: list[FrameStates] = []
     errors: list[FlowsculptError] = []
@@ -159,7 +158,7 @@ def why(
         first_undone,
     )
 
-    project, path = project_of(common, settings), Show().find_shot(shot)
+    project, path = ShotOptions(settings).project(common), Show().find_shot(shot)
     asked = None if frame is None else FrameRange([frame])
     request = project.as_finished(project.request(path, quality, asked))
     number = first_undone(request, project.store) if frame is None else frame
