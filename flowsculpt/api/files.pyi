@@ -13,6 +13,7 @@ from flowsculpt.render.base.input_files import read_input as read_input
 from flowsculpt.render.base.input_files import require_input as require_input
 from flowsculpt.render.base.limited_process import Parser as Parser
 from flowsculpt.render.base.limited_process import ParserError as ParserError
+from flowsculpt.render.base.python_process import ForkedProcess as ForkedProcess
 from flowsculpt.render.base.python_process import command as command
 from flowsculpt.render.base.python_process import user_environment as user_environment
 from flowsculpt.render.base.root_files import remove as remove

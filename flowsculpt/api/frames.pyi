@@ -28,6 +28,7 @@ from flowsculpt.pipeline.production.request.keys import FrameKeys as FrameKeys
 from flowsculpt.pipeline.production.request.keys import PictureKeys as PictureKeys
 from flowsculpt.pipeline.production.request.lookup import QualityName as QualityName
 from flowsculpt.pipeline.production.request.lookup import Show as Show
+from flowsculpt.pipeline.production.request.manifest import ShotManifest as ShotManifest
 from flowsculpt.pipeline.production.request.render_request import FrameSource as FrameSource
 from flowsculpt.pipeline.production.request.render_request import MeshAngle as MeshAngle
 from flowsculpt.pipeline.production.request.render_request import RenderRequest as RenderRequest

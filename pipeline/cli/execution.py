@@ -7,6 +7,7 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskID, TextColumn, TimeElapsedColumn
@@ -211,27 +212,46 @@ def execute_and_report(
     exit_with(outcome.exit_code)
 
 
-def report_plan(common: Common, plan: Plan) -> None:
-    """Report what a plan would do, how long it takes and how much disk it needs."""
+def report_plan(
+    common: Common,
+    plan: Plan,
+    lines: Sequence[str] = (),
+    facts: Mapping[str, Any] = MappingProxyType({}),
+    nothing: str = "Nothing to be done.",
+) -> None:
+    """Report what a plan would do, how long it takes and how much disk it needs.
+
+    lines    what is said before it
+    facts    what is added to the answer in JSON
+    nothing  what is said where there is nothing to do
+    """
     report_notes(plan, set())
-    forecast = Forecast.of(plan, Store(common.root))
+    store = Store(common.root)
+    forecast = Forecast.of(plan, store)
     expected = estimate(forecast.plan, common.root, common.cores)
     if not expected.fits:
         print_warning(
             f"the run needs about {size(expected.bytes or 0.0)}, and the disk has "
             f"{size(expected.free)} left; free some space, or choose another disk with --root"
         )
-    words = forecast_words(forecast, expected) if plan.jobs else "Nothing to be done."
-    store = Store(common.root)
+    words = [*lines, forecast_words(forecast, expected) if plan.jobs else nothing]
+    if plan.spared:
+        words.append(f"Shared, and done once: {count_words(plan.spared)}.")
     if fetched := len(plan.remote_names(store)):
-        words += f"\n{plural(fetched, 'file')} would be fetched from {store.url}."
-    facts = {
-        **forecast_facts(forecast),
+        words.append(f"{plural(fetched, 'file')} would be fetched from {store.url}.")
+    counts = forecast.plan.frame_counts()
+    jobs = [{"job": job.name, "task": job.stage, "frames": list(job.frames)} for job in forecast.plan.jobs]
+    told = {
+        "jobs": jobs,
+        "unframed": {stage: list(n) for stage, n in forecast.unframed.items()},
+        "to_be_made": {stage: counts[stage] for stage in STAGES if counts[stage]},
         "targets": list(plan.targets),
+        "shared": dict(plan.spared),
         "estimate": expected.as_data(),
         "fetched": fetched,
+        **facts,
     }
-    print_result(words, facts, common.json)
+    print_result("\n".join(words), told, common.json)
 
 
 def execute(common: Common, make_plan: Callable[[], Plan], preview: bool | None = None) -> Outcome:
@@ -265,11 +285,6 @@ def execute(common: Common, make_plan: Callable[[], Plan], preview: bool | None 
     for failure in outcome.failures:
         print_error(_failure(failure))
     return outcome
-
-
-def made_by_stage(outcome: Outcome) -> dict[str, int]:
-    """Return how many frames of each stage a run computed."""
-    return {stage: outcome.made(stage) for stage in STAGES if outcome.made(stage)}
 
 
 def report_notes(plan: Plan, reported: set[str]) -> None:
@@ -340,18 +355,12 @@ def _failure(event: dict[str, Any]) -> str:
     return f"{shot} frame {frame}: {message}" if frame is not None else f"{shot}: {message}"
 
 
-def forecast_facts(forecast: Forecast) -> dict[str, Any]:
-    """Return the jobs of a forecast as JSON-able data, and the frames by stage that are perhaps made."""
-    jobs = [{"job": job.name, "task": job.stage, "frames": list(job.frames)} for job in forecast.plan.jobs]
-    return {"jobs": jobs, "unframed": {stage: list(n) for stage, n in forecast.unframed.items()}}
-
-
 def _outcome_facts(outcome: Outcome, seconds: float) -> dict[str, Any]:
     return {
         "done": not outcome.unfinished,
         "seconds": round(seconds, 2),
         "runs": list(outcome.runs),
-        "made": made_by_stage(outcome),
+        "made": outcome.made_by_stage(),
         "links_restored": outcome.restored,
         "fetched": outcome.fetched,
         "warnings": [*outcome.plan.notes, *outcome.warnings],

@@ -20,7 +20,9 @@ from flowsculpt.render.post.picture_display import PictureDisplay
 from flowsculpt.render.post.view import ACES, ColourView
 from flowsculpt.render.scene.aovs import AOVS, EXTRA
 from flowsculpt.render.scene.materials import Material
-from flowsculpt.render.scene.render_quality import QUALITIES, Quality
+from flowsculpt.render.scene.patterns import SPEED, Measure
+from flowsculpt.render.scene.render_camera import PERSPECTIVE
+from flowsculpt.render.scene.render_quality import QUALITIES, Quality, flat_qualities
 from flowsculpt.render.scene.rgb_spaces import WORKING_SPACES, WorkingSpace
 from flowsculpt.render.scene.scene_lights import LightRig
 from flowsculpt.render.scene.scene_stage import Stage
@@ -110,6 +112,13 @@ class Picture:
             },
         )
 
+    def in_perspective(self) -> Picture:
+        """Return the picture in perspective, in the usual sizes; itself if its projection is not wide."""
+        if not self.camera.projection.is_wide:
+            return self
+        camera = replace(self.camera, projection=PERSPECTIVE)
+        return replace(self, camera=camera, qualities=flat_qualities(self.qualities))
+
     @property
     def working_space(self) -> WorkingSpace:
         """The space that light is computed in, and pictures are written in."""
@@ -171,6 +180,12 @@ class Shot:
     def parts(self) -> tuple[Shot, ...]:
         """The shots of one subject each: those of `subjects`, or the shot itself."""
         return self.subjects or (self,)
+
+    @property
+    def measures_speed(self) -> bool:
+        """True if its colours, or those of one of its subjects, are the speed of the flow."""
+        patterns = [part.picture.look.pattern for part in self.parts]
+        return any(isinstance(pattern, Measure) and pattern.of == SPEED for pattern in patterns)
 
     def of_subject(self, name: str) -> Shot:
         """Return the shot with one of its subjects. Raises UsageError for a name that none has."""

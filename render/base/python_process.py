@@ -80,6 +80,21 @@ class ForkedProcess:
             self._process.start()
         self.pid = self._process.pid or 0
 
+    @staticmethod
+    def may_start() -> bool:
+        """Tell whether this process may be forked: under Linux, where it has no other thread.
+
+        OpenBLAS ends its threads before a fork, and starts them when it needs them again. So they are gone
+        once a process was forked for that.
+        """
+        if sys.platform != "linux" or threading.active_count() > 1:
+            return False
+        with _signals_blocked():
+            if (trial := os.fork()) == 0:
+                os._exit(0)
+        os.waitpid(trial, 0)
+        return len(os.listdir("/proc/self/task")) == 1  # noqa: PTH208  # Paths are slow
+
     @property
     def sentinel(self) -> int:
         """What `multiprocessing.connection.wait` finds ready once the process has ended."""
@@ -107,21 +122,6 @@ def end_with_parent(parent: int) -> None:
 
 _PARENT_DEATH_SIGNAL = 1
 """PR_SET_PDEATHSIG. Source: https://man7.org/linux/man-pages/man2/PR_SET_PDEATHSIG.2const.html"""
-
-
-def may_fork() -> bool:
-    """Tell whether this process may be forked: under Linux, where it has no other thread.
-
-    OpenBLAS ends its threads before a fork, and starts them when it needs them again. So they are gone once a
-    process was forked for that.
-    """
-    if sys.platform != "linux" or threading.active_count() > 1:
-        return False
-    with _signals_blocked():
-        if (trial := os.fork()) == 0:
-            os._exit(0)
-    os.waitpid(trial, 0)
-    return len(os.listdir("/proc/self/task")) == 1  # noqa: PTH208  # Paths are slow
 
 
 @contextmanager

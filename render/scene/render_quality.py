@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -140,6 +141,14 @@ def qualities_for(projection: Projection, final: tuple[int, int] | None = None) 
     return {
         name: replace(quality, width=sizes[name][0], height=sizes[name][1]) if sizes else quality
         for name, quality in QUALITIES.items()
+    }
+
+
+def flat_qualities(qualities: Mapping[str, Quality]) -> dict[str, Quality]:
+    """Return qualities with the usual sizes of pictures in perspective."""
+    return {
+        name: replace(quality, width=QUALITIES[name].width, height=QUALITIES[name].height)
+        for name, quality in qualities.items()
     }
 
 

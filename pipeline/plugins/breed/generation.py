@@ -15,6 +15,8 @@ import json
 import os
 import signal
 import time
+import zipfile
+import zlib
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, suppress
@@ -28,8 +30,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flowsculpt import FlowsculptError, UsageError
-from flowsculpt.api.files import atomic_folder, atomic_write, remove_tree
-from flowsculpt.api.frames import CorruptFileError, RootFolders
+from flowsculpt.api.files import ForkedProcess, atomic_folder, atomic_write, remove_tree
+from flowsculpt.api.frames import RootFolders
 from flowsculpt.api.pictures import ContactSheet, Font, write_still
 from flowsculpt.api.shots import Shot
 from flowsculpt.pipeline.plugins.breed.breeding import Child, Litter, child_of
@@ -47,8 +49,6 @@ from flowsculpt.pipeline.plugins.breed.selection import (
     judged,
 )
 from flowsculpt.pipeline.plugins.breed.trials import Trial, tried
-from flowsculpt.pipeline.production.store import readers
-from flowsculpt.render.base.python_process import ForkedProcess, may_fork
 
 CHILDREN = 12
 """Children of a generation."""
@@ -143,7 +143,7 @@ class Breeding:
 
         Threads would not do: the resampler's kernels are not made to be called by several at once.
         """
-        count = self.processes if may_fork() else 1
+        count = self.processes if ForkedProcess.may_start() else 1
         others = [ForkedProcess(partial(_exhaust, self._tried(children, k, count))) for k in range(1, count)]
         try:
             with bars() as add:
@@ -170,16 +170,17 @@ class Breeding:
     def _trial(self, name: str, shot: Shot) -> Trial | None:
         """Return a trial, from the run before if that was interrupted; None for one that explodes."""
         file = self._file(name)
-        with suppress(OSError, ValueError, TypeError, KeyError, CorruptFileError):
-            arrays = readers.read_npz(file)
+        with suppress(OSError, EOFError, ValueError, TypeError, KeyError, zipfile.BadZipFile, zlib.error):
+            with np.load(file, allow_pickle=False) as stored:
+                arrays = dict(stored)
             return None if arrays.keys() == {"explodes"} else Trial.of(arrays)
         try:
             trial = tried(shot)
         except (FlowsculptError, np.linalg.LinAlgError):
             trial = None
         arrays = {"explodes": np.array(True)} if trial is None else trial.arrays()
-        with atomic_write(file, flush=False) as draft:
-            readers.write_npz(draft, arrays)
+        with atomic_write(file, flush=False) as draft, draft.open("wb") as written:
+            np.savez(written, **arrays)
         return trial
 
     def _file(self, name: str) -> Path:

@@ -40,7 +40,6 @@ from flowsculpt.api.pictures import (
     wide_picture,
 )
 from flowsculpt.api.shots import Motion, Shot
-from flowsculpt.render.scene.patterns import Measure
 
 SHOWN = 9
 """Pictures of a trial, at equal distances up to the last frame."""
@@ -235,7 +234,7 @@ def _shape(part: Shot, motion: Motion, frame: MeshFrame) -> Shape:
     arrays: dict[str, AnyArray] = shading.arrays()
     pattern = look.pattern
     attributes = motion.copy_places(pattern, arrays["material"].astype(np.float64))
-    if isinstance(pattern, Measure) and pattern.of == SPEED:
+    if part.measures_speed:
         attributes[SPEED] = shading.speeds(motion)
     vertices = arrays["vertices"]
     if "radii" in arrays:

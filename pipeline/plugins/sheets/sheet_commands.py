@@ -10,10 +10,9 @@ import typer
 
 from flowsculpt import UsageError
 from flowsculpt.api import plural
-from flowsculpt.api.commands import execute, exit_with, print_result, print_warning, report_notes, report_plan
+from flowsculpt.api.commands import execute, exit_with, print_result, print_warning, report_plan
 from flowsculpt.api.files import make_folder
 from flowsculpt.api.frames import (
-    STAGES,
     Folders,
     FrameRange,
     Plan,
@@ -33,10 +32,8 @@ from flowsculpt.api.options import (
 )
 from flowsculpt.api.pictures import ContactSheet, Curves, plot_panels, write_still
 from flowsculpt.api.shots import inherited, read_shot
-from flowsculpt.pipeline.cli.execution import count_words, forecast_facts, forecast_words, made_by_stage
 from flowsculpt.pipeline.plugins.sheets.keyed_curves import curves_of
 from flowsculpt.pipeline.plugins.sheets.wedge import MOST_CELLS, OPTION, Grid, Variation, Wedge
-from flowsculpt.pipeline.production.planning.estimate import Forecast, estimate
 
 DEFAULT_FRAMES = 12  # most frames of a sheet where none are requested
 
@@ -214,7 +211,7 @@ def wedge(
         "cells": _cells(made),
         "frame": made.number,
         "sheets": [path.as_posix() for path in sheets],
-        "made": made_by_stage(outcome),
+        "made": outcome.made_by_stage(),
         "done": not outcome.unfinished,
     }
     rendered = f"{plural(len(grid), 'cell')}, {plural(outcome.made('render'), 'frame')} rendered"
@@ -255,27 +252,11 @@ def _remedied(made: Wedge, variation: Variation, text: str) -> str:
 
 def _report(common: Common, made: Wedge) -> None:
     """Report the grid and what a run would do for it."""
-    plan = made.plan()
-    forecast = Forecast.of(plan, made.project.store)
-    expected = estimate(forecast.plan, common.root, common.cores)
-    counts, spared = forecast.plan.frame_counts(), plan.spared
-    report_notes(plan, set())
-    todo = {stage: counts[stage] for stage in STAGES if counts[stage]}
-    facts = {
-        "cells": _cells(made),
-        "frame": made.number,
-        "to_be_made": todo,
-        "shared": dict(spared),
-        "estimate": expected.as_data(),
-        **forecast_facts(forecast),
-    }
     lines = [f"{'  '.join(cell.settings)}" for cell, _ in made.requests]
     frames = len(made.requests[0][1].requested)
     lines.append(f"{plural(len(lines), 'cell')} of {plural(frames, 'frame')}, the sheet at {made.number}.")
-    lines.append(forecast_words(forecast, expected) if todo else "Only the sheet is to be drawn.")
-    if spared:
-        lines.append(f"Shared by cells, and done once: {count_words(spared)}.")
-    print_result("\n".join(lines), facts, common.json)
+    facts = {"cells": _cells(made), "frame": made.number}
+    report_plan(common, made.plan(), lines, facts, "Only the sheet is to be drawn.")
 
 
 def _cells(made: Wedge) -> list[dict[str, object]]:

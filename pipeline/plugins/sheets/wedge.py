@@ -21,6 +21,7 @@ from flowsculpt import FlowsculptError, UsageError
 from flowsculpt.api import ShotError
 from flowsculpt.api.commands import Project
 from flowsculpt.api.frames import (
+    Folders,
     FrameRange,
     Plan,
     RenderRequest,
@@ -30,7 +31,6 @@ from flowsculpt.api.frames import (
 )
 from flowsculpt.api.pictures import ENCODES, ContactSheet, read_header, write_movie, write_still
 from flowsculpt.api.shots import shown
-from flowsculpt.pipeline.production.store.paths import RENDERS
 
 OPTION = "--vary"
 MOST_CELLS = 100  # cells of a wedge at most, without --yes
@@ -321,7 +321,7 @@ def _at_the_variation(message: str, variations: tuple[Variation, ...], cell: Cel
 
 def wedge_folder(name: str) -> Path:
     """Return the folder of a shot's wedges: cells and sheets."""
-    return RENDERS / "wedge" / name
+    return Folders.of_kind("wedge", name).home
 
 
 def wedge_sequences(query: SequenceQuery) -> Iterator[SequenceGrid]:

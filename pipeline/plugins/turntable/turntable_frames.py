@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
-from dataclasses import astuple, dataclass, fields, replace
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
-from flowsculpt.api.frames import Folders, FrameRange, MeshAngle
-from flowsculpt.api.options import QUALITIES
+from flowsculpt.api.frames import Folders, FrameRange, MeshAngle, ShotManifest
 from flowsculpt.api.shots import Shot
-from flowsculpt.pipeline.production.request.manifest import ShotManifest
-from flowsculpt.pipeline.production.store.paths import RENDERS
-from flowsculpt.pipeline.shot.camera_path import CameraPath, View
-from flowsculpt.render.scene.render_camera import PERSPECTIVE
-from flowsculpt.render.scene.render_quality import Quality
-from flowsculpt.render.scene.scene_stage import WITH_REFERENCES
+
+REFERENCES = "turntable"
+"""The name of the stage with grey ball, chrome ball and colour chart."""
 
 TURNS = ("object", "lights")
 """The turns of a turntable, in their order."""
@@ -63,23 +59,16 @@ class Turntable:
 
     def adapt_shot(self, shot: Shot) -> Shot:
         """Return the shot with a camera that stands still; the reference objects need the whole object."""
-        picture, camera = shot.picture, shot.picture.camera
-        is_wide = camera.projection.is_wide
-        if is_wide or picture.stage.kind == WITH_REFERENCES:
-            own = {each.name: getattr(camera, each.name) for each in fields(camera)}
-            still: CameraPath = _WholeView(**own | {"follow": 0.0, "projection": PERSPECTIVE}, path=camera)
-        else:
-            still = replace(camera, follow=0.0)
-        qualities = _flat(picture.qualities) if is_wide else picture.qualities
-        return replace(shot, picture=replace(picture, camera=still, qualities=qualities, overrides=()))
+        if shot.picture.camera.projection.is_wide or shot.picture.stage.kind == REFERENCES:
+            shot = _seen_whole(shot, shot.motion.clock.time(self.at))
+        camera = replace(shot.picture.camera, follow=0.0)
+        return replace(shot, picture=replace(shot.picture, camera=camera, overrides=()))
 
     def adapt_manifest(self, manifest: ShotManifest) -> ShotManifest:
         """Return the manifest of a shot that is only turned."""
         return replace(
-            manifest,
+            manifest.in_perspective(),
             sounds=(),
-            projection=astuple(PERSPECTIVE),
-            qualities=_flat(manifest.qualities) if manifest.is_wide else manifest.qualities,
             overrides=(),
             restyled=(),
             stages={},
@@ -88,14 +77,14 @@ class Turntable:
 
     def mesh_folders(self, name: str) -> Folders:
         """Return the folders of the mesh frames: the shot's, or those of a mesh file."""
-        return Folders(RENDERS / self.kind / name, name) if self.of_file else Folders.of_shot(name)
+        return Folders.of_kind(self.kind, name) if self.of_file else Folders.of_shot(name)
 
     def picture_folders(self, meshes: Folders) -> Folders:
         """Return the folders of the pictures; one of several looks has a folder of its own."""
         frame = "" if self.of_file else f"{self.at:04d}"
         name = ".".join(filter(None, (meshes.name, frame, meshes.subject)))
-        home = RENDERS / self.kind / name
-        return Folders(home / self.look if self.look else home, name)
+        folders = Folders.of_kind(self.kind, name)
+        return Folders(folders.home / self.look, name) if self.look else folders
 
     def part_name(self, numbers: FrameRange) -> str:
         """Return the one of TURNS that has exactly these pictures, or their range."""
@@ -103,44 +92,30 @@ class Turntable:
         return known.get(frozenset(numbers)) or str(numbers)
 
 
-@dataclass(frozen=True)
-class _WholeView(CameraPath):
-    """A camera that shows the whole object from the side from which a path sees it."""
+def _seen_whole(shot: Shot, time: float) -> Shot:
+    """Return a shot in perspective, with a still camera that shows the whole object, and room for balls.
 
-    path: CameraPath | None = None
-
-    def at(self, time: float) -> View:
-        """Return the view at a time in seconds."""
-        assert self.path is not None, "it is made of a path"
-        return framed_whole(self.path.at(time))
-
-
-def framed_whole(view: View) -> View:
-    """Return the view from the same side that shows the whole object, with room for balls and chart.
-
-    Distance, aim, roll and lens of the shot at that moment are dropped; so is a wide projection.
+    It stands on the side from which the shot's camera sees the object at a time. Distance, aim, roll and lens
+    of the shot at that moment are dropped; so is a wide projection.
     """
+    view, picture = shot.picture.camera.at(time), shot.picture.in_perspective()
     azimuth, elevation = view.azimuth, view.elevation
     if view.position is not None and view.target is not None:
         x, y, z = (a - b for a, b in zip(view.position, view.target, strict=True))
         azimuth, elevation = math.atan2(x, z), math.atan2(y, math.hypot(x, z))
-    return view._replace(
+    still = replace(
+        picture.camera,
         azimuth=azimuth,
         elevation=elevation,
         field_of_view=min(view.field_of_view, WIDEST),
         margin=max(view.margin, MARGIN),
+        focal_length=None,
         roll=0.0,
         dolly=1.0,
         distance=None,
         target=None,
         position=None,
-        lens=None,
+        aperture=None,
+        aspect=1.0,  # the field of view is that across
     )
-
-
-def _flat(qualities: Mapping[str, Quality]) -> dict[str, Quality]:
-    """Return qualities of pictures in perspective."""
-    return {
-        name: replace(quality, width=QUALITIES[name].width, height=QUALITIES[name].height)
-        for name, quality in qualities.items()
-    }
+    return replace(shot, picture=replace(picture, camera=still))

@@ -32,10 +32,11 @@ from flowsculpt.api.frames import (
     Store,
     key_of,
 )
-from flowsculpt.api.meshes import usual_up
+from flowsculpt.api.meshes import surface_reader, usual_up
 from flowsculpt.api.options import (
     DEFAULT_QUALITY,
     Common,
+    PictureOptions,
     Quality,
     ShotOptions,
     Variant,
@@ -43,11 +44,7 @@ from flowsculpt.api.options import (
 )
 from flowsculpt.api.pictures import ContactSheet, movie_encode, prefetch, write_movie, write_still
 from flowsculpt.api.shots import DEFAULTS, LOOKS, NAME, YamlSource, inherited, is_there
-from flowsculpt.pipeline.mesh.read import surface_reader
-from flowsculpt.pipeline.plugins.turntable.turntable_frames import TURNS, Turntable
-from flowsculpt.pipeline.production.request.lookup import cropped_name
-from flowsculpt.render.graphics.contact_sheet import Caption
-from flowsculpt.render.scene.scene_stage import WITH_REFERENCES
+from flowsculpt.pipeline.plugins.turntable.turntable_frames import REFERENCES, TURNS, Turntable
 
 TURNTABLE_SHEET = PipelineStage(
     "turntable_sheet", version=2, packages=("av", "OpenImageIO"), doing="laying out sheets", makes="png"
@@ -157,7 +154,7 @@ class TurntableRequest:
     def _settings(self, look: str | None, subjects: Sequence[str]) -> Iterator[str]:
         """Yield settings of the shot and of its subjects by name; the user's come last and win."""
         if not self.bare:
-            yield f"stage={WITH_REFERENCES}"
+            yield f"stage={REFERENCES}"
         if look is not None:
             yield f"look={look}"
             yield from (f"subjects.{name}.look={look}" for name in subjects)
@@ -197,6 +194,9 @@ PAINTED = "model"
 """The look that shows the paint of a model."""
 
 ROW = 4  # most looks in one row; with as many looks or more, each has its own row of key angles
+
+Caption = tuple[tuple[str, str], ...]
+"""Labels and texts below a picture of a sheet."""
 
 Bar = Callable[[str, int], Callable[[], None]]
 """Adds a progress bar by name and total, and returns what advances it by one."""
@@ -382,7 +382,7 @@ def turntable(
     of them alone.
     """
     project = options.project(common, variant)
-    named = cropped_name(quality, None, scale)
+    named = PictureOptions(scale=scale).quality(quality, project, ())
     looks = tuple(dict.fromkeys(word.strip() for word in (look or "").split(",") if word.strip()))
     if look is not None and not looks:
         raise UsageError("--look names no look; write one, or several as in clay,glaze,chrome")

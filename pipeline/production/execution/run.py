@@ -23,6 +23,7 @@ from flowsculpt.pipeline.production.execution.snakemake import end_family
 from flowsculpt.pipeline.production.planning.plan import Plan
 from flowsculpt.pipeline.production.planning.profile import Profile
 from flowsculpt.pipeline.production.request.shot_source import PlanningCache
+from flowsculpt.pipeline.production.stages import STAGES
 from flowsculpt.pipeline.production.store.event_log import Event, EventLog, EventReader, poll
 from flowsculpt.pipeline.production.store.history import summarise
 from flowsculpt.pipeline.production.store.locks import Locks
@@ -208,6 +209,10 @@ class Outcome:
         code = int(failure.get("exit_code", FrameError.exit_code))
         some_failed = failure.get("frame") is not None and self.made(str(failure["stage"]))
         return FrameError.exit_code if some_failed and code != MachineError.exit_code else code
+
+    def made_by_stage(self) -> dict[str, int]:
+        """Return how many frames of each stage were computed."""
+        return {stage: made for stage in STAGES if (made := self.made(stage))}
 
     def made(self, stage: str) -> int:
         """Return how many frames of a stage were computed, not reused."""

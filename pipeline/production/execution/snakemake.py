@@ -33,7 +33,7 @@ from flowsculpt.pipeline.production.store.paths import LOGS, STATE
 from flowsculpt.pipeline.production.tasks.worker_pool import WorkerPool
 from flowsculpt.render.base import python_process
 from flowsculpt.render.base.atomic_write import PROBE, REMEDIES, disk_errors, machine_error
-from flowsculpt.render.base.python_process import ForkedProcess, may_fork
+from flowsculpt.render.base.python_process import ForkedProcess
 from flowsculpt.render.base.root_files import forbid_links, guard, held, open_file, require_own_folders
 from flowsculpt.render.base.user_cache import user_number
 
@@ -127,7 +127,7 @@ def running(plan: Plan, root: Path, cores: int, profile: Profile) -> Iterator[Fo
 
 def _start(root: Path, output: int, words: list[str], is_local: bool) -> ForkedProcess | Popen[bytes]:
     """Start Snakemake: where that is sound, by a fork, for much of what it needs is loaded here."""
-    if is_local and may_fork():
+    if is_local and ForkedProcess.may_start():
         return ForkedProcess(lambda: main(words), output, root)
     return Popen(
         python_process.command("flowsculpt.pipeline.production.execution.snakemake", *words),

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,7 +19,7 @@ from flowsculpt.pipeline.production.stages import PLUGIN_STAGES, SIMULATE, SMOOT
 from flowsculpt.pipeline.production.store.paths import STATE
 from flowsculpt.pipeline.production.store.store import Key, key_of
 from flowsculpt.render.base.input_files import digest_of_file
-from flowsculpt.render.scene.render_quality import Quality
+from flowsculpt.render.scene.render_quality import Quality, flat_qualities
 
 if TYPE_CHECKING:  # reading shots takes a second; planning spares it where the cache holds all
     from flowsculpt.pipeline.shot import Motion, Shot
@@ -97,7 +97,7 @@ class ShotManifest:
             layers=picture.layers,
             blurred=tuple(n for n in shot.frames if picture.shutter.open_at(clock.time(n))),
             shows_motion=not MOVING_AOVS.isdisjoint(picture.aovs.extra),
-            measures_speed=measures_speed(shot),
+            measures_speed=shot.measures_speed,
             is_diced=picture.dicing is not None,
             overrides=tuple(override.frames.numbers for override in picture.overrides),
             restyled=tuple(n for override in picture.overrides if override.is_seen for n in override.frames),
@@ -119,6 +119,14 @@ class ShotManifest:
     def is_wide(self) -> bool:
         """True for all projections but a perspective."""
         return self.projection[0] != "perspective"
+
+    def in_perspective(self) -> ShotManifest:
+        """Return that of the shot in perspective, in the usual sizes; itself if it is not wide."""
+        if not self.is_wide:
+            return self
+        from flowsculpt.render.scene.render_camera import PERSPECTIVE  # numpy, which planning does without
+
+        return replace(self, projection=astuple(PERSPECTIVE), qualities=flat_qualities(self.qualities))
 
     def is_blurred(self, number: int) -> bool:
         """Tell whether the shutter of a frame is open for some time."""
@@ -193,14 +201,6 @@ def normals_keys(shot: Shot, meshes: Mapping[int, Key]) -> dict[int, Key]:
         angle = first if is_constant else motion.thresholds_at(number).hard_angle
         keys[number] = key_of(SMOOTH_NORMALS.recipe, mesh, as_data(angle), pieces)
     return keys
-
-
-def measures_speed(shot: Shot) -> bool:
-    """Tell whether the colours of a shot, or of one of its subjects, are the speed of the flow."""
-    from flowsculpt.render.scene.patterns import SPEED, Measure
-
-    patterns = [part.picture.look.pattern for part in shot.parts]
-    return any(isinstance(pattern, Measure) and pattern.of == SPEED for pattern in patterns)
 
 
 def _stages(entries: Mapping[str, Any]) -> dict[str, str]:

@@ -18,7 +18,7 @@ from flowsculpt.pipeline.production.request.audio import AudioClip, sound_of_fra
 from flowsculpt.pipeline.production.request.cameras import CameraFile, stored_framings
 from flowsculpt.pipeline.production.request.keys import PictureKeys, RequestKeys
 from flowsculpt.pipeline.production.request.lookup import QualityName, quality_named
-from flowsculpt.pipeline.production.request.manifest import ShotManifest, measures_speed
+from flowsculpt.pipeline.production.request.manifest import ShotManifest
 from flowsculpt.pipeline.production.request.shot_source import PlanningCache, ShotSource
 from flowsculpt.pipeline.production.stages import STILLS
 from flowsculpt.pipeline.production.store.paths import Folders
@@ -383,7 +383,7 @@ class RequestPictures:
     @cached_property
     def measures_speed(self) -> bool:
         """True if the colours of the pictures, or of one of the subjects, are the speed of the flow."""
-        return measures_speed(self.request.shot)
+        return self.request.shot.measures_speed
 
     @cached_property
     def _needs_offsets(self) -> bool:

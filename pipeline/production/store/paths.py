@@ -103,6 +103,11 @@ class Folders:
         """Return the folders of a shot."""
         return cls(RENDERS / name, name)
 
+    @classmethod
+    def of_kind(cls, kind: str, name: str) -> Folders:
+        """Return the folders of frames that a plug-in shows of a shot, or of a file."""
+        return cls(RENDERS / kind / name, name)
+
     @property
     def title(self) -> str:
         """The name in events and messages: with the subject, or the folder if it is of another name."""

@@ -52,7 +52,7 @@ from flowsculpt.pipeline.production.tasks.worker_end import (
 from flowsculpt.render.base import python_process
 from flowsculpt.render.base.atomic_write import machine_error
 from flowsculpt.render.base.foreign_code import is_of_user
-from flowsculpt.render.base.python_process import ENDING, ForkedProcess, may_fork, postpone_collection
+from flowsculpt.render.base.python_process import ENDING, ForkedProcess, postpone_collection
 from flowsculpt.render.base.root_files import open_file
 from flowsculpt.render.mitsuba.engine import GPU_VARIANTS, available_cores
 
@@ -90,7 +90,7 @@ def do_job(
 
 def _child(context: Context, plan_path: str, insist: bool, after: int) -> ForkedProcess | Popen[bytes]:
     """Start a worker for a job: a fork of this process, or where that is not sound, a new one."""
-    if may_fork():
+    if ForkedProcess.may_start():
         work = partial(_heeding_signals, context, lambda: _do(context, insist, after))
         return ForkedProcess(lambda: _exit_code(work))
     job = context.job

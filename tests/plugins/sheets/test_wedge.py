@@ -321,7 +321,7 @@ def test_a_dry_run_tells_the_grid_and_what_is_shared(desk: Desk) -> None:
     code, said = desk.command(*words)
     assert code == 0
     assert "stage=none  flows.0.twist.amount.keys.12=50\n" in said
-    assert "6 cells of 1 frame, the sheet at 7." in said and "Shared by cells, and done once: " in said
+    assert "6 cells of 1 frame, the sheet at 7." in said and "Shared, and done once: " in said
     facts = json.loads(desk.command("--json", *words)[1])
     assert len(facts["cells"]) == 6 and facts["shared"]["simulate"] > 0 and "estimate" in facts
     assert facts["cells"][0]["folder"].startswith(f"renders/wedge/{NAME}/stage=none,")

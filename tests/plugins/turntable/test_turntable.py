@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from flowsculpt.pipeline.errors import FrameError, UsageError
 from flowsculpt.pipeline.mesh import icosphere
 from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
-from flowsculpt.pipeline.plugins.turntable.turntable_frames import TURNS, Turntable, framed_whole
+from flowsculpt.pipeline.plugins.turntable.turntable_frames import TURNS, Turntable
 from flowsculpt.pipeline.plugins.turntable.turntable_movie import (
     TurntableRequest,
     TurntableSheets,
@@ -27,7 +27,8 @@ from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.request.framing import Framing, frame_all, rotate_y, with_stage_in_view
 from flowsculpt.pipeline.production.request.render_request import MeshAngle, RenderRequest, ShotFrames
 from flowsculpt.pipeline.production.request.shot_source import ShotSource
-from flowsculpt.pipeline.shot.camera_path import Lens, View
+from flowsculpt.pipeline.shot import read_shot
+from flowsculpt.pipeline.shot.camera_path import CameraPath
 from flowsculpt.render.base.serialise import from_plain, to_plain
 from flowsculpt.render.movie.probe import probe_movie
 from flowsculpt.render.post.image import read_exr, read_png, write_png
@@ -294,37 +295,38 @@ def test_sheets_show_the_pictures_nearest_to_eighths_and_quarters(
     assert list(dict.fromkeys(turn for turn, _ in found)) == list(turns)
 
 
-views = st.builds(
-    View,
+cameras = st.builds(
+    CameraPath,
     azimuth=st.floats(-3.0, 3.0),
     elevation=st.floats(-0.2, 0.9),
     field_of_view=st.floats(0.2, 1.5),
     margin=st.floats(0.0, 0.2),
     roll=st.floats(-1.0, 1.0),
-    orbit=st.floats(-3.0, 3.0),
     dolly=st.floats(0.2, 3.0),
     distance=st.none() | st.floats(0.5, 50.0),
     target=st.none() | st.tuples(*[st.floats(-5.0, 5.0)] * 3),
     position=st.none(),
-    lens=st.none() | st.just(Lens(85.0, 1.4)),
+    aperture=st.none() | st.just(1.4),
 )
 sizes = st.tuples(*[st.floats(0.2, 4.0)] * 3)
 
 
 @settings(max_examples=40, deadline=None)
-@given(views, sizes, st.sampled_from([ASPECT, 9 / 16, 1.0, 2.39]))
+@given(cameras, sizes, st.sampled_from([ASPECT, 9 / 16, 1.0, 2.39]))
 def test_through_the_whole_turn_the_object_touches_neither_balls_nor_chart(
-    view: View, size: tuple[float, ...], aspect: float
+    camera: CameraPath, size: tuple[float, ...], aspect: float
 ) -> None:
     box = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * size
     angles = [rotate_y(box, angle) for angle in np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)]
-    (framing, *_) = frame_all([framed_whole(view)] * 12, angles.__getitem__, aspect, follow=0.0)
+    shot = read_shot(Path("turn.yaml"), SHOT + "stage: turntable\n")
+    turned = Turntable(1, 12).adapt_shot(replace(shot, picture=replace(shot.picture, camera=camera)))
+    (framing, *_) = frame_all([turned.picture.camera.at(0.0)] * 12, angles.__getitem__, aspect, follow=0.0)
     framing = with_stage_in_view(framing, STAGES["turntable"], aspect)
-    camera = framing.camera
-    object_ = np.concatenate([camera.project(angle, aspect) for angle in angles])
-    grey, chrome, board = positions(camera, framing.placement, aspect)
-    pieces: list[Surface] = [ball(grey), ball(chrome), chart(board, camera)]
-    projected = [camera.project(piece.vertices, aspect) for piece in pieces]
+    seen = framing.camera
+    object_ = np.concatenate([seen.project(angle, aspect) for angle in angles])
+    grey, chrome, board = positions(seen, framing.placement, aspect)
+    pieces: list[Surface] = [ball(grey), ball(chrome), chart(board, seen)]
+    projected = [seen.project(piece.vertices, aspect) for piece in pieces]
     assert np.abs(object_[:, :2]).max() < 1.0
     # A wide lens stretches the balls a little.
     assert max(piece[:, 1].max() for piece in projected) < object_[:, 1].min() + 0.02
