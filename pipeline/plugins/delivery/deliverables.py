@@ -41,19 +41,17 @@ from flowsculpt.api.pictures import (
     AudioClip,
     BurnIn,
     Encode,
-    Frame,
     Screen,
     loop_frames,
     mix_frames,
     prefetch,
-    quantise,
     timecode,
     write_movie,
 )
 from flowsculpt.pipeline.plugins.delivery.encodes import FILM_START, KINDS, NAME_ENDS
 from flowsculpt.pipeline.plugins.delivery.gain_map import is_gain_map, write_gain_map
 from flowsculpt.pipeline.plugins.delivery.gif import GIF, write_gif
-from flowsculpt.pipeline.plugins.delivery.hdr_frames import content_light, hdr_graphics
+from flowsculpt.pipeline.plugins.delivery.hdr_frames import Frame, content_light, hdr_graphics
 from flowsculpt.pipeline.plugins.delivery.relighting import relit_version
 from flowsculpt.pipeline.plugins.delivery.slate import Slate, failure_card
 
@@ -127,8 +125,8 @@ class FrameReader:
         if not self.is_finished(number):
             heading = f"{self.request.name}  frame {number} failed"
             screen = Screen(self.request.pictures.projection, self.request.pictures.quality.rendered_size)
-            card = screen.show(failure_card(screen.size, heading, self.reason(number)))
-            return opaque(quantise(card, bits=16), form), self._labels(number, "")
+            card = screen.frame(failure_card(screen.size, heading, self.reason(number)))
+            return opaque(card, form), self._labels(number, "")
         return self._picture(number, form), self._labels(number, self._key(number))
 
     def _picture(self, number: int, form: FrameFormat) -> Frame:
@@ -484,8 +482,7 @@ class Delivery:
         poster = source.poster(FrameFormat(display, False))[0].astype(np.float32) / np.float32(65535)
         facts = (*source.facts, ("made as", encode.name))
         slate = Slate(source.title, source.subtitle, facts, poster)
-        drawn = source.screen.show(slate.draw(source.screen.size))
-        frame = opaque(quantise(drawn, bits=16), form)
+        frame = opaque(source.screen.frame(slate.draw(source.screen.size)), form)
         for _ in range(self._slate_frames):
             yield frame
 

@@ -55,7 +55,6 @@ from flowsculpt.api.options import (
     Variant,
 )
 from flowsculpt.api.pictures import (
-    Frame,
     LightRig,
     RenderedFrame,
     RenderError,
@@ -67,6 +66,7 @@ from flowsculpt.api.pictures import (
     write_movie,
 )
 from flowsculpt.api.shots import NAME, OPTION, in_yaml, inherited, linear_of, shown
+from flowsculpt.pipeline.plugins.delivery.hdr_frames import Frame
 
 RELIGHT = PipelineStage("relight", version=1, packages=("OpenImageIO",), doing="relighting", makes="frame")
 

@@ -28,6 +28,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from numpy.typing import NDArray
+
 from flowsculpt import FlowsculptError, FrameError, MissingInputError, UsageError
 from flowsculpt.api import ShotExtras
 from flowsculpt.api.files import digest_of_file, disk_errors, held, remove_tree
@@ -48,17 +50,10 @@ from flowsculpt.api.frames import (
     picture_keys,
     read_statistics,
     samples_of,
+    store_reader,
     writing,
 )
-from flowsculpt.api.pictures import (
-    Frame,
-    RenderError,
-    loop_frames,
-    movie_encode,
-    probe_movie,
-    read_exr,
-    write_movie,
-)
+from flowsculpt.api.pictures import RenderError, loop_frames, movie_encode, read_exr, write_movie
 from flowsculpt.pipeline.plugins.versions.provenance import (
     FILE,
     VERSION,
@@ -309,7 +304,7 @@ class Release:
         try:
             self.store.bring("movie", key)
             self.store.digests.check(file)
-            whole = probe_movie(file).frames == len(self.request.angles)
+            whole = store_reader("movie", key)(file).frames == len(self.request.angles)
         except DAMAGED:
             whole = False
         if not whole:
@@ -465,7 +460,7 @@ class Patch(Release):
         self.store.put("movie", key, write)
         return super()._whole_movie(key)
 
-    def _shown(self, numbers: list[int]) -> Iterator[Frame]:
+    def _shown(self, numbers: list[int]) -> Iterator[NDArray[Any]]:
         """Yield frames as the display of today shows them."""
         keys, files, display = self._keys(), self._files(), self.request.shot.picture.display
         for number in numbers:

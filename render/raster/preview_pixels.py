@@ -1,0 +1,52 @@
+"""The pixels of a quick preview, of any camera, with edges of faces and lines over it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flowsculpt.render.post.colour import quantise
+from flowsculpt.render.raster.preview import Edges, preview, wide_picture, with_lines
+from flowsculpt.render.raster.raster_shapes import Floats, Shape, StageSetup
+from flowsculpt.render.scene.render_camera import Camera, WideCamera
+from flowsculpt.render.scene.scene import stage_fades
+
+Lines = tuple[Floats, Floats, Floats]
+"""Polylines: points (N, K, 3), display colours (N, K, 3) and opacities (N, K)."""
+
+
+def draw_preview(
+    shapes: Sequence[Shape],
+    setup: StageSetup,
+    camera: Camera,
+    size: tuple[int, int],
+    display: str = "srgb",
+    *,
+    has_edges: bool = False,
+    lines: Lines | None = None,
+    line_width: float = 0.0,
+) -> NDArray[Any]:
+    """Draw subjects on their stage quickly, without a path tracer; return the picture uint8 (H, W, 3).
+
+    size        width and height in pixels
+    display     rec709 for movies, srgb for pages
+    has_edges   draw the edges of faces
+    lines       points (N, K, 3), display colours (N, K, 3) and opacities (N, K) of lines in the scene
+    line_width  their width, over that of the picture; at least one pixel
+    """
+    setup = replace(setup, view=setup.view.for_previews(), fades=stage_fades(camera, setup.lights))
+    first, *others = shapes
+
+    def draw(camera: Camera, size: tuple[int, int]) -> NDArray[np.float32]:
+        drawn = preview(first, setup, camera, size, display, Edges() if has_edges else None, others)
+        if lines is None:
+            return drawn.picture
+        return with_lines(drawn, *lines, camera, max(1.0, line_width * size[0]))
+
+    return quantise(
+        wide_picture(camera, size, draw) if isinstance(camera, WideCamera) else draw(camera, size)
+    )
