@@ -30,9 +30,8 @@ from flowsculpt.api.frames import (
     with_stage_in_view,
 )
 from flowsculpt.api.meshes import AnyArray, Floats, Points
-from flowsculpt.api.pictures import SPEED, Shape, StageSetup, Surface, draw_preview
+from flowsculpt.api.pictures import SPEED, Shape, Surface, draw_preview
 from flowsculpt.api.shots import Motion, Shot
-from flowsculpt.render.scene.patterns import Measure
 
 SHOWN = 9
 """Pictures of a trial, at equal distances up to the last frame."""
@@ -205,12 +204,10 @@ def _picture(
     size: tuple[int, int],
 ) -> NDArray[np.uint8]:
     """Draw a frame, uint8 (H, W, 3)."""
-    picture = shot.picture
     shapes = [
         _shape(part, motion, frame) for part, motion, frame in zip(shot.parts, motions, frames, strict=True)
     ]
-    setup = StageSetup(picture.lights, picture.stage, framing.placement, picture.view)
-    return draw_preview(shapes, setup, framing.camera, size)
+    return draw_preview(shapes, shot.picture, framing, size)
 
 
 def _shape(part: Shot, motion: Motion, frame: MeshFrame) -> Shape:
@@ -219,7 +216,7 @@ def _shape(part: Shot, motion: Motion, frame: MeshFrame) -> Shape:
     arrays: dict[str, AnyArray] = shading.arrays()
     pattern = look.pattern
     attributes = motion.copy_places(pattern, arrays["material"].astype(np.float64))
-    if isinstance(pattern, Measure) and pattern.of == SPEED:
+    if look.measures_speed:
         attributes[SPEED] = speeds(motion, shading)
     vertices = arrays["vertices"]
     if "radii" in arrays:

@@ -59,7 +59,6 @@ from flowsculpt.api.pictures import (
     RenderedFrame,
     RenderError,
     loop_frames,
-    movie_encode,
     prefetch,
     read_header,
     write_finished,
@@ -164,7 +163,7 @@ class RelitFrames:
         key = key_of(RELIGHT.recipe, request.keys.movie([self.key(n) for n in self.numbers]))
         if not self.store.holds_whole("movie", key):
             shown = loop_frames(self.numbers, request.loop_dissolve, partial(self._shown, passed))
-            frames, encode = prefetch(shown), movie_encode(request.quality_name)
+            frames, encode = prefetch(shown), request.pictures.movie_encode
             options: Any = {"projection": request.pictures.projection, "loops": request.loop is not None}
             self.store.put("movie", key, lambda path: write_movie(path, frames, rate.fps, encode, **options))
         self.store.link("movie", key, self.movie_path)

@@ -21,10 +21,8 @@ from flowsculpt.api.pictures import (
     Painted,
     PaintedFaces,
     Shape,
-    StageSetup,
     Surface,
     draw_preview,
-    timecode,
     vertex_colours,
 )
 from flowsculpt.api.shots import Motion
@@ -78,7 +76,6 @@ class Sketch:
     ) -> NDArray[Any]:
         """Draw a frame from the arrays of each subject, uint8 (H, W, 3). Raises FrameError."""
         picture, parts = self.request.pictures.of(number), self.request.parts
-        setup = StageSetup(picture.lights, picture.stage, framing.placement, picture.view)
         shapes = [
             shape_of(
                 {**arrays, **_copy_places(part, number, arrays)},
@@ -94,8 +91,8 @@ class Sketch:
             lines = streams.points, *line_colours(streams)
         pixels = draw_preview(
             shapes,
-            setup,
-            framing.camera,
+            picture,
+            framing,
             size,
             display,
             has_edges=self.edges,
@@ -122,7 +119,7 @@ class Sketch:
         return StreamlineSet(np.concatenate(points), np.concatenate(speeds))
 
     def _facts(self, number: int) -> dict[str, str | int]:
-        code, key = timecode(number, self.request.shot.rate.fps), self.request.keys.mesh(number)[:8]
+        code, key = self.request.shot.rate.timecode(number), self.request.keys.mesh(number)[:8]
         facts: dict[str, str | int] = {"shot": self.request.name, "frame": number, "timecode": code}
         return {**facts, "quality": "preview", "key": key}
 

@@ -46,7 +46,7 @@ from flowsculpt.api.options import (
     Variant,
     at_option,
 )
-from flowsculpt.api.pictures import ContactSheet, movie_encode, prefetch, write_movie, write_still
+from flowsculpt.api.pictures import ContactSheet, prefetch, write_movie, write_still
 from flowsculpt.api.shots import DEFAULTS, LOOKS, NAME, YamlSource, inherited, is_there
 from flowsculpt.pipeline.mesh.read import surface_reader
 from flowsculpt.pipeline.plugins.turntable.turntable_frames import TURNS, Turntable
@@ -294,7 +294,7 @@ class TurntableSheets:
                     yield sheet.picture(pictures, " ".join(turn_and_angle(self._table, number)))
                     advance()
 
-            encode = movie_encode(first.quality_name)
+            encode = first.pictures.movie_encode
             write_movie(path, prefetch(pages()), first.shot.rate.fps, encode)
 
         cells = [(look, number) for look in looks for number in first.requested]

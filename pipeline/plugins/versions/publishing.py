@@ -53,7 +53,7 @@ from flowsculpt.api.frames import (
     store_reader,
     writing,
 )
-from flowsculpt.api.pictures import RenderError, loop_frames, movie_encode, read_exr, write_movie
+from flowsculpt.api.pictures import RenderError, loop_frames, read_exr, write_movie
 from flowsculpt.pipeline.plugins.versions.provenance import (
     FILE,
     VERSION,
@@ -449,7 +449,7 @@ class Patch(Release):
     def _whole_movie(self, key: Key) -> str:
         """Encode the movie unless the store has it, and return its digest."""
         request, numbers = self.request.whole(), sorted(self.request.angles)
-        rate, encode = request.shot.rate, movie_encode(request.quality_name)
+        rate, encode = request.shot.rate, request.pictures.movie_encode
 
         def write(path: Path) -> None:
             frames = loop_frames(numbers, request.loop_dissolve, self._shown)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from flowsculpt.render.base.render_errors import BadInputError
 from flowsculpt.render.base.serialise import OMIT_DEFAULT, Colour, Triple
-from flowsculpt.render.scene.patterns import Measure, Pigment
+from flowsculpt.render.scene.patterns import SPEED, Measure, Pigment
 from flowsculpt.render.scene.picture_file import Pixels
 from flowsculpt.render.scene.surface import Wireframe
 from flowsculpt.render.scene.texture_projection import MODEL, TextureProjection
@@ -80,6 +80,11 @@ class Material:
     def pattern(self) -> Pigment | Measure | None:
         """The pattern that gives colours by a phase per vertex, or None."""
         return None
+
+    @property
+    def measures_speed(self) -> bool:
+        """True if its colours are the speed of the surface."""
+        return isinstance(self.pattern, Measure) and self.pattern.of == SPEED
 
     @property
     def texture_projection(self) -> TextureProjection | None:
