@@ -27,7 +27,6 @@ from flowsculpt.api.frames import (
     Plan,
     RenderRequest,
     Store,
-    begun,
     edit_names,
     find_edit,
     find_shot,
@@ -55,7 +54,7 @@ def begun_requests(project: Project, warn: Callable[[str], object]) -> Iterator[
     for name in shot_names():
         try:
             path = find_shot(name)
-            requests = list(begun(project, path)) or [project.request(path, DEFAULT_QUALITY)]
+            requests = list(project.rendered_requests(path)) or [project.request(path, DEFAULT_QUALITY)]
         except FlowsculptError as error:
             warn(str(error))
             continue

@@ -34,7 +34,7 @@ from flowsculpt.api.frames import (
     with_stage_in_view,
 )
 from flowsculpt.api.meshes import AnyArray, Indices
-from flowsculpt.api.pictures import ENCODES, loop_frames, mix_frames, write_movie, write_still
+from flowsculpt.api.pictures import ENCODES, loop_frames, write_movie, write_still
 from flowsculpt.api.shots import Motion
 from flowsculpt.pipeline.plugins.preview.sketch import Sketch, is_closed
 from flowsculpt.pipeline.plugins.preview.surface_stream import SurfaceStream, in_order
@@ -314,7 +314,7 @@ def write_film_animatic(
         yield from _in_order(clip.sketch.request.requested, clip.pictures(tell))
 
     screen, rate = replace(request.pictures.screen, picture=first.movie_size), edit.frame_rate
-    frames = edit.frames(screen, shown, lambda card: (card // 257).astype(np.uint8), mix_frames)
+    frames = edit.frames(screen, shown, lambda card: (card // 257).astype(np.uint8))
     told = told_frames(range(1, edit.length + 1), frames, tell)
     sound = samples_of(edit.sounds, edit.length, rate)
     write = partial(write_movie, sound=sound, projection=request.pictures.projection)

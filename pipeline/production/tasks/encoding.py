@@ -16,7 +16,7 @@ from flowsculpt.pipeline.production.store.store import Key
 from flowsculpt.pipeline.production.tasks.job import Context
 from flowsculpt.render.base.work_clock import WorkClock
 from flowsculpt.render.movie.encode import write_movie
-from flowsculpt.render.movie.movie_frames import Frame, loop_frames, mix_frames, prefetch
+from flowsculpt.render.movie.movie_frames import Frame, loop_frames, prefetch
 from flowsculpt.render.post.image import write_still
 
 T = TypeVar("T")
@@ -45,7 +45,7 @@ def film(context: Context) -> bool:
         return _shown(context, requests[clip], keys[clip], list(requests[clip].requested))
 
     screen = first.pictures.screen
-    frames = edit.frames(screen, shown, lambda frame: frame, mix_frames)
+    frames = edit.frames(screen, shown, lambda frame: frame)
     target = edit.path(first.quality_name)
     return _movie(context, edit.key(requests, keys), target, frames, rate, (edit.sounds, edit.length))
 

@@ -15,7 +15,7 @@ from flowsculpt.render.scene.patterns import SPEED, Measure, Pigment
 from flowsculpt.render.scene.picture_file import Pixels
 from flowsculpt.render.scene.surface import Wireframe
 from flowsculpt.render.scene.texture_projection import MODEL, TextureProjection
-from flowsculpt.render.scene.textures import Texture, continued
+from flowsculpt.render.scene.textures import REPEATED, Texture, continued, texels_at
 
 M = TypeVar("M", bound="Material")
 
@@ -219,6 +219,11 @@ class Opacity:
         values = np.ones((1, 1, 1), np.float32) if texture is None else np.clip(texture.numbers(), 0.0, 1.0)
         values = values * np.float32(self.factor)
         return values if self.cutoff is None else 1.0 + (values - np.float32(self.cutoff)) * _STEEP
+
+    def fractions_at(self, across: NDArray[Any], up: NDArray[Any]) -> NDArray[Any]:
+        """Return the fractions (…) at places in the texture, from its lower left corner, sides of 1."""
+        wrap = REPEATED if self.texture is None else self.texture.wrap
+        return texels_at(self.fractions(), across, 1.0 - up, wrap)[..., 0]
 
 
 _STEEP = np.float32(1e6)
