@@ -13,7 +13,7 @@ from flowsculpt.pipeline.frames import FrameRange, FrameSelection
 from flowsculpt.pipeline.plugins.maintenance.why import explain
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.planning.estimate import Forecast
-from flowsculpt.pipeline.production.planning.frame_states import KnownPictures, mesh_states, picture_states
+from flowsculpt.pipeline.production.planning.frame_states import FrameStates, KnownPictures
 from flowsculpt.pipeline.production.request.lookup import find_shot
 from flowsculpt.pipeline.production.store.event_log import EventReader
 from flowsculpt.pipeline.production.store.history import History
@@ -36,7 +36,7 @@ def forecast(project: Project, frames: str | None = None) -> tuple[set[int], set
 def states(project: Project) -> dict[str, set[int]]:
     """Return the frames by state, as `status` lists them; `why` must say the same."""
     request = project.request(find_shot(NAME), QUALITY)
-    told = picture_states(request, project.store, History.of(project.root))
+    told = FrameStates.of_pictures(request, project.store, History.of(project.root))
     by_state = {name: set(getattr(told, name)) for name in ("done", "stale", "unframed", "missing")}
     for state, numbers in by_state.items():
         assert {explain(request, n, project.store).state for n in numbers} <= {state}
@@ -138,6 +138,6 @@ def test_links_that_no_job_needs_are_shown_again(finished: Any, monkeypatch: pyt
     project = Project(finished.path, 2)
     plan = project.pictures([NAME], QUALITY)
     assert not plan.jobs and plan.restore_links(project.store) == 3
-    assert not mesh_states(
+    assert not FrameStates.of_meshes(
         project.request(find_shot(NAME), QUALITY), project.store, History(finished.path)
     ).missing
