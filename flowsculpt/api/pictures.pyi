@@ -2,7 +2,6 @@
 
 from flowsculpt.pipeline.production.request.audio import AudioClip as AudioClip
 from flowsculpt.pipeline.production.tasks.finish import write_finished as write_finished
-from flowsculpt.render.base.render_errors import BadInputError as BadInputError
 from flowsculpt.render.base.render_errors import RenderError as RenderError
 from flowsculpt.render.graphics.contact_sheet import ContactSheet as ContactSheet
 from flowsculpt.render.graphics.plot import Curves as Curves
@@ -34,9 +33,7 @@ from flowsculpt.render.scene.patterns import SPEED as SPEED
 from flowsculpt.render.scene.patterns import Pigment as Pigment
 from flowsculpt.render.scene.render_camera import Camera as Camera
 from flowsculpt.render.scene.rgb_spaces import linear_of_srgb as linear_of_srgb
-from flowsculpt.render.scene.scene_lights import LIGHTS as LIGHTS
 from flowsculpt.render.scene.scene_lights import LightRig as LightRig
-from flowsculpt.render.scene.scene_stage import STAGES as STAGES
 from flowsculpt.render.scene.surface import Surface as Surface
 from flowsculpt.render.scene.textures import REPEATED as REPEATED
 from flowsculpt.render.scene.vertex_colours import vertex_colours as vertex_colours
