@@ -5,6 +5,7 @@ from flowsculpt.pipeline.animation import animate as animate
 from flowsculpt.pipeline.frames import FrameRange as FrameRange
 from flowsculpt.pipeline.frames import FrameRate as FrameRate
 from flowsculpt.pipeline.frames import FrameSelection as FrameSelection
+from flowsculpt.pipeline.production.picture_sequences import FinishedPictures as FinishedPictures
 from flowsculpt.pipeline.production.picture_sequences import PictureSequence as PictureSequence
 from flowsculpt.pipeline.production.picture_sequences import SequenceGrid as SequenceGrid
 from flowsculpt.pipeline.production.picture_sequences import SequenceQuery as SequenceQuery

@@ -16,14 +16,16 @@ from flowsculpt.pipeline.frames import FrameRange
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.planning.frame_states import PICTURE_STAGES, FrameStates
 from flowsculpt.pipeline.production.planning.timings import LatestTimings
-from flowsculpt.pipeline.production.request.keys import projection_of
+from flowsculpt.pipeline.production.request.keys import PictureKeys, projection_of
 from flowsculpt.pipeline.production.request.lookup import require_quality
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.request.shot_source import ShotSource
 from flowsculpt.pipeline.production.stages import STAGES
+from flowsculpt.pipeline.production.store import readers
 from flowsculpt.pipeline.production.store.history import History
-from flowsculpt.pipeline.production.store.store import Key, key_of
+from flowsculpt.pipeline.production.store.store import Key, Store, key_of
 from flowsculpt.render.base.render_errors import RenderError
+from flowsculpt.render.graphics.contact_sheet import reduced
 from flowsculpt.render.post.image import read_header
 from flowsculpt.render.post.picture_display import PictureDisplay
 from flowsculpt.render.scene.render_camera import Projection
@@ -149,7 +151,9 @@ class SequenceQuery:
 
     def requests(self) -> Iterator[RenderRequest]:
         """Yield the request of each quality that was begun, with the layers of its finished frames."""
-        return (each for each in self.project.begun(self.path) if self.includes(each.quality_name))
+        return (
+            each for each in self.project.rendered_requests(self.path) if self.includes(each.quality_name)
+        )
 
     def rendered(self, request: RenderRequest, kind: str, label: str) -> PictureSequence:
         """Return the frames of a request that are rendered, and the faults of the others."""
@@ -175,14 +179,49 @@ class SequenceQuery:
         )
 
 
+@dataclass(frozen=True, eq=False)
+class FinishedPictures:
+    """The finished frames of a request as displays show them, with the view and the exposure of the shot."""
+
+    request: RenderRequest
+    store: Store
+
+    @cached_property
+    def _keys(self) -> PictureKeys | None:
+        return self.request.keys.pictures(self.store)
+
+    def key(self, number: int) -> Key | None:
+        """Return the key of a frame; None where it is not there."""
+        key = None if self._keys is None else self._keys[number].frame
+        return key if self.store.holds("frame", key) else None
+
+    def pixels(
+        self, number: int, factor: int = 1, bits: int = 8, display: str = "srgb"
+    ) -> NDArray[Any] | None:
+        """Return a frame, uint8 or for more `bits` uint16 (H, W, 3); None where it is not there.
+
+        factor  a whole number by which it is smaller
+
+        Raises FrameError where it is damaged.
+        """
+        if (key := self.key(number)) is None:
+            return None
+        reader = readers.picture(key, self.request.pictures.quality.rendered_size)
+        light = self.store.read("frame", key, self.request.place("frame", number), reader)[0]["beauty"]
+        return self.request.shot.picture.display.pixels(reduced(light, factor), display, bits)
+
+
 DULL, NEARLY_BLACK = 180, 40
 """99th percentiles of luminance, of 255, below which a picture lacks a highlight, and is nearly black."""
 
 
-def light_notes(pictures: Mapping[int, NDArray[Any]]) -> list[str]:
-    """Return lines about pictures (H, W, 3) in 8 bits, by frame, that lack highlights."""
-    whites = {number: white_level(picture) for number, picture in pictures.items()}
-    black = [number for number, white in sorted(whites.items()) if white < NEARLY_BLACK]
+def light_notes(pictures: Mapping[int, NDArray[Any] | None]) -> list[str]:
+    """Return lines about frames without highlights; None stands for frames that are not there.
+
+    pictures  uint8 (H, W, 3) by frame number
+    """
+    whites = {n: white_level(picture) for n, picture in sorted(pictures.items()) if picture is not None}
+    black = [number for number, white in whites.items() if white < NEARLY_BLACK]
     notes = []
     if black:
         frames = f"frames {FrameRange.of(black)} are" if len(black) > 1 else f"frame {black[0]} is"

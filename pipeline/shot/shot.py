@@ -20,7 +20,6 @@ from flowsculpt.render.post.picture_display import PictureDisplay
 from flowsculpt.render.post.view import ACES, ColourView
 from flowsculpt.render.scene.aovs import AOVS, EXTRA
 from flowsculpt.render.scene.materials import Material
-from flowsculpt.render.scene.patterns import SPEED, Measure
 from flowsculpt.render.scene.render_camera import PERSPECTIVE
 from flowsculpt.render.scene.render_quality import QUALITIES, Quality, flat_qualities
 from flowsculpt.render.scene.rgb_spaces import WORKING_SPACES, WorkingSpace
@@ -184,8 +183,7 @@ class Shot:
     @property
     def measures_speed(self) -> bool:
         """True if its colours, or those of one of its subjects, are the speed of the flow."""
-        patterns = [part.picture.look.pattern for part in self.parts]
-        return any(isinstance(pattern, Measure) and pattern.of == SPEED for pattern in patterns)
+        return any(part.picture.look.measures_speed for part in self.parts)
 
     def of_subject(self, name: str) -> Shot:
         """Return the shot with one of its subjects. Raises UsageError for a name that none has."""

@@ -72,7 +72,7 @@ def test_a_crop_of_pictures_that_had_another_shape_hides_nothing_else_of_its_sho
         folder.mkdir(parents=True)
         statistics = {"key": "", "seconds": {"rendering": 1.0}, "threads": 1, "peak_memory_mib": 1.0}
         (folder / f"{NAME}.0001.json").write_text(json.dumps(statistics))
-    assert [each.quality_name for each in there.begun(Show().find_shot(NAME))] == ["draft"]
+    assert [each.quality_name for each in there.rendered_requests(Show().find_shot(NAME))] == ["draft"]
     assert estimate(there.pictures([NAME], "daily"), there.root, cores=1).seconds > 0.0
     with pytest.raises(UsageError, match="0,240,270,480 goes beyond the picture, which has 480 × 270 pixels"):
         there.pictures([NAME], upright)

@@ -23,7 +23,7 @@ from flowsculpt.api.commands import (
     table,
 )
 from flowsculpt.api.flows import flows_of
-from flowsculpt.api.frames import QualityName, Show, light_notes
+from flowsculpt.api.frames import FinishedPictures, QualityName, Show, light_notes
 from flowsculpt.api.options import Common, Settings
 from flowsculpt.api.shots import (
     Clock,
@@ -186,17 +186,16 @@ def _light(common: Common, name: str, settings: tuple[str, ...]) -> list[str]:
     project = Project(common.root, common.cores, settings=settings, profile=common.profile)
     whole = [
         each
-        for each in project.begun(Show().find_shot(name))
+        for each in project.rendered_requests(Show().find_shot(name))
         if QualityName.of(each.quality_name).crop is None
     ]
     if not whole:
         return []
     request = min(whole, key=lambda each: each.quality_name != "draft")
-    keys = request.keys.pictures(project.store)
+    finished = FinishedPictures(request, project.store)
     there = [n for n in sorted(request.angles) if (common.root / request.place("frame", n)).exists()]
     looked_at = there[:: -(-len(there) // LOOKED_AT) or 1]
-    shown = {n: request.pictures.shown(keys, project.store, n, 2, 8, "srgb") for n in looked_at}
-    return light_notes({n: picture for n, picture in shown.items() if picture is not None})
+    return light_notes({number: finished.pixels(number, 2) for number in looked_at})
 
 
 def _check_scene(

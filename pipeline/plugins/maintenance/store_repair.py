@@ -50,7 +50,7 @@ def begun_requests(project: Project, warn: Callable[[str], object]) -> Iterator[
     for name in Show().shots():
         try:
             path = Show().find_shot(name)
-            requests = list(project.begun(path)) or [project.request(path, DEFAULT_QUALITY)]
+            requests = list(project.rendered_requests(path)) or [project.request(path, DEFAULT_QUALITY)]
         except FlowsculptError as error:
             warn(str(error))
             continue

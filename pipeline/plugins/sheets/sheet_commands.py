@@ -13,6 +13,7 @@ from flowsculpt.api import plural
 from flowsculpt.api.commands import execute, exit_with, print_result, print_warning, report_plan
 from flowsculpt.api.files import make_folder
 from flowsculpt.api.frames import (
+    FinishedPictures,
     Folders,
     FrameRange,
     Plan,
@@ -70,13 +71,12 @@ class ShotSheet:
         seconds = [rate.seconds(number - request.shot.frames.first) for number in numbers]
         captions = [(("frame", f"{n}   {s:.2f} s"),) for n, s in zip(numbers, seconds, strict=True)]
         sheet, factor = ContactSheet.fitted(request.shot.heading, captions, size, columns)
-        keys = request.keys.pictures(self.store)
-        pictures = [request.pictures.shown(keys, self.store, n, factor, 8, "srgb") for n in numbers]
+        finished = FinishedPictures(request, self.store)
+        pictures = {number: finished.pixels(number, factor) for number in numbers}
         header = {"shot": request.name, "frames": str(FrameRange.of(numbers))}
-        page = sheet.picture(pictures, request.quality_name)
+        page = sheet.picture([*pictures.values()], request.quality_name)
         self.store.write(path, lambda draft: write_still(draft, page, header))
-        shown = zip(numbers, pictures, strict=True)
-        return light_notes({n: picture for n, picture in shown if picture is not None})
+        return light_notes(pictures)
 
 
 def curves(

@@ -21,6 +21,7 @@ from flowsculpt import FlowsculptError, UsageError
 from flowsculpt.api import ShotError
 from flowsculpt.api.commands import Project
 from flowsculpt.api.frames import (
+    FinishedPictures,
     Folders,
     FrameRange,
     Plan,
@@ -287,11 +288,9 @@ class Wedge:
         columns = self.columns or self.grid.columns or ContactSheet.columns_for(len(self.grid), size)
         captions = [cell.caption for cell, _ in self._read]
         sheet, factor = ContactSheet.fitted(first.shot.heading, captions, size, columns, bits)
-        cells = [(request, request.keys.pictures(store)) for _, request in self.requests]
+        cells = [FinishedPictures(request, store) for _, request in self.requests]
         for number in numbers:
-            pictures = [
-                request.pictures.shown(keys, store, number, factor, bits, display) for request, keys in cells
-            ]
+            pictures = [cell.pixels(number, factor, bits, display) for cell in cells]
             yield sheet.picture(pictures, f"frame {number} · {self.quality}")
 
     @property

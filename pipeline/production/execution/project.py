@@ -270,22 +270,6 @@ class Project:
             )
         return replace(request, requested=self._selected[place])
 
-    def begun(self, path: Path) -> Iterator[RenderRequest]:
-        """Yield the request of each quality, crop and scale with a folder; note crops that are left out."""
-        home = self.root / Folders.of_shot(path.stem).home
-        for name in sorted(place.name for place in home.glob("*/") if QualityName.of(place.name).is_known):
-            request = self.request(path, name)
-            try:
-                _ = request.pictures.quality
-            except UsageError:
-                self.notes.append(
-                    f"{path.stem}: pictures of {QualityName.of(name).options} are left out; the shot's "
-                    "pictures have no such part today. Repeat the --set that they were rendered with to "
-                    "include them."
-                )
-            else:
-                yield self.as_finished(request)
-
     def variant_of(self, shot: str) -> str:
         """Return the variant that renders a shot: one asked for, that of the profile, or one that works.
 
@@ -329,6 +313,25 @@ class Project:
             for each in CONVENTIONS
         ]
         return max(request, *others, key=finished)
+
+    def rendered_requests(self, path: Path) -> Iterator[RenderRequest]:
+        """Yield the request of each quality, crop and scale of a shot that has a folder in renders/.
+
+        They have the layers of their finished frames. `notes` say which crops are left out.
+        """
+        home = self.root / Folders.of_shot(path.stem).home
+        for name in sorted(place.name for place in home.glob("*/") if QualityName.of(place.name).is_known):
+            request = self.request(path, name)
+            try:
+                _ = request.pictures.quality
+            except UsageError:
+                self.notes.append(
+                    f"{path.stem}: pictures of {QualityName.of(name).options} are left out; the shot's "
+                    "pictures have no such part today. Repeat the --set that they were rendered with to "
+                    "include them."
+                )
+            else:
+                yield self.as_finished(request)
 
     def use_text(self, path: Path, text: str) -> None:
         """Use `text` as the content of the shot file at `path`, without writing it."""

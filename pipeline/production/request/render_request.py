@@ -9,15 +9,15 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+from typing import TYPE_CHECKING, ClassVar, Protocol
 
 from flowsculpt.pipeline.errors import UsageError
 from flowsculpt.pipeline.frames import FrameRange
 from flowsculpt.pipeline.plugin import named, plugins
 from flowsculpt.pipeline.production.request.audio import AudioClip, sound_of_frames
 from flowsculpt.pipeline.production.request.cameras import CameraFile, stored_framings
-from flowsculpt.pipeline.production.request.keys import PictureKeys, RequestKeys
-from flowsculpt.pipeline.production.request.lookup import QualityName, quality_named
+from flowsculpt.pipeline.production.request.keys import RequestKeys
+from flowsculpt.pipeline.production.request.lookup import QualityName, movie_bits, quality_named
 from flowsculpt.pipeline.production.request.manifest import ShotManifest
 from flowsculpt.pipeline.production.request.shot_source import PlanningCache, ShotSource
 from flowsculpt.pipeline.production.stages import STILLS
@@ -27,11 +27,11 @@ from flowsculpt.render.base.serialise import named_by_kind
 from flowsculpt.render.scene.render_quality import Quality
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from flowsculpt.pipeline.shot import Shot
     from flowsculpt.pipeline.shot.camera_path import View
     from flowsculpt.pipeline.shot.shot import AovSelection, Picture
+    from flowsculpt.render.graphics.cards import Screen
+    from flowsculpt.render.movie.codecs import Encode
     from flowsculpt.render.scene.render_camera import Projection
 
 FORMS = tuple(stage.name for stage in STILLS)
@@ -307,6 +307,20 @@ class RequestPictures:
         return Projection(*self.request.manifest.projection)
 
     @property
+    def screen(self) -> Screen:
+        """Where cards stand in the pictures."""
+        from flowsculpt.render.graphics.cards import Screen
+
+        return Screen(self.projection, self.quality.rendered_size)
+
+    @property
+    def movie_encode(self) -> Encode:
+        """The encode of movies and films: 10 bits keep gradients smooth, 8 play everywhere."""
+        from flowsculpt.render.movie.codecs import H264, H264_8_BITS
+
+        return H264 if movie_bits(self.request.quality_name) == 10 else H264_8_BITS
+
+    @property
     def is_round(self) -> bool:
         """True if the first frame follows the last, as in a loop without a dissolve."""
         loop = self.request.manifest.loop
@@ -360,25 +374,6 @@ class RequestPictures:
         A damaged file is evicted. Raises MachineError where the disk refuses one of the remote store.
         """
         return stored_framings(self.request, store)
-
-    def shown(
-        self, keys: PictureKeys | None, store: Store, number: int, factor: int, bits: int, display: str
-    ) -> NDArray[Any] | None:
-        """Return a picture as a display shows it, `factor` times smaller; None where it is not there.
-
-        keys  as `RequestKeys.pictures` returns them
-
-        Raises FrameError where it is damaged.
-        """
-        from flowsculpt.pipeline.production.store import readers
-        from flowsculpt.render.graphics.contact_sheet import reduced
-
-        key = None if keys is None else keys[number].frame
-        if key is None or not store.holds("frame", key):
-            return None
-        reader = readers.picture(key, self.quality.rendered_size)
-        light = store.read("frame", key, self.request.place("frame", number), reader)[0]["beauty"]
-        return self.request.shot.picture.display.pixels(reduced(light, factor), display, bits)
 
     @cached_property
     def measures_speed(self) -> bool:
