@@ -179,6 +179,10 @@ class SequenceQuery:
         )
 
 
+DULL, NEARLY_BLACK = 180, 40
+"""99th percentiles of luminance, of 255, below which a picture lacks a highlight, and is nearly black."""
+
+
 @dataclass(frozen=True, eq=False)
 class FinishedPictures:
     """The finished frames of a request as displays show them, with the view and the exposure of the shot."""
@@ -210,28 +214,27 @@ class FinishedPictures:
         light = self.store.read("frame", key, self.request.place("frame", number), reader)[0]["beauty"]
         return self.request.shot.picture.display.pixels(reduced(light, factor), display, bits)
 
+    @staticmethod
+    def light_notes(pictures: Mapping[int, NDArray[Any] | None]) -> list[str]:
+        """Return lines about frames without highlights; None stands for frames that are not there.
 
-DULL, NEARLY_BLACK = 180, 40
-"""99th percentiles of luminance, of 255, below which a picture lacks a highlight, and is nearly black."""
-
-
-def light_notes(pictures: Mapping[int, NDArray[Any] | None]) -> list[str]:
-    """Return lines about frames without highlights; None stands for frames that are not there.
-
-    pictures  uint8 (H, W, 3) by frame number
-    """
-    whites = {n: white_level(picture) for n, picture in sorted(pictures.items()) if picture is not None}
-    black = [number for number, white in whites.items() if white < NEARLY_BLACK]
-    notes = []
-    if black:
-        frames = f"frames {FrameRange.of(black)} are" if len(black) > 1 else f"frame {black[0]} is"
-        notes.append(f"{frames} nearly black: 99% of the pixels are below {NEARLY_BLACK} of 255. Add light.")
-    if whites and NEARLY_BLACK <= (brightest := max(whites.values())) < DULL:
-        notes.append(
-            f"no highlight: in the brightest frame 99% of the pixels are below {brightest} of 255; lively "
-            "pictures reach 215 to 250. Write lights: {exposure: 0.5}, or a smaller and stronger key light."
-        )
-    return notes
+        pictures  uint8 (H, W, 3) by frame number
+        """
+        whites = {n: white_level(picture) for n, picture in sorted(pictures.items()) if picture is not None}
+        black = [number for number, white in whites.items() if white < NEARLY_BLACK]
+        notes = []
+        if black:
+            frames = f"frames {FrameRange.of(black)} are" if len(black) > 1 else f"frame {black[0]} is"
+            notes.append(
+                f"{frames} nearly black: 99% of the pixels are below {NEARLY_BLACK} of 255. Add light."
+            )
+        if whites and NEARLY_BLACK <= (brightest := max(whites.values())) < DULL:
+            notes.append(
+                f"no highlight: in the brightest frame 99% of the pixels are below {brightest} of 255; "
+                "lively pictures reach 215 to 250. Write lights: {exposure: 0.5}, or a smaller and stronger "
+                "key light."
+            )
+        return notes
 
 
 def white_level(picture: NDArray[Any]) -> int:

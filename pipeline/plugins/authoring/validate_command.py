@@ -23,7 +23,7 @@ from flowsculpt.api.commands import (
     table,
 )
 from flowsculpt.api.flows import flows_of
-from flowsculpt.api.frames import FinishedPictures, QualityName, Show, light_notes
+from flowsculpt.api.frames import FinishedPictures, QualityName, Show
 from flowsculpt.api.options import Common, Settings
 from flowsculpt.api.shots import (
     Clock,
@@ -195,7 +195,7 @@ def _light(common: Common, name: str, settings: tuple[str, ...]) -> list[str]:
     finished = FinishedPictures(request, project.store)
     there = [n for n in sorted(request.angles) if (common.root / request.place("frame", n)).exists()]
     looked_at = there[:: -(-len(there) // LOOKED_AT) or 1]
-    return light_notes({number: finished.pixels(number, 2) for number in looked_at})
+    return FinishedPictures.light_notes({number: finished.pixels(number, 2) for number in looked_at})
 
 
 def _check_scene(

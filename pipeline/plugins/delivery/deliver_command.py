@@ -24,7 +24,7 @@ from flowsculpt.api.commands import (
     report_plan,
     require_one_of,
 )
-from flowsculpt.api.frames import FrameSelection, Plan, QualityName, RenderRequest, Show
+from flowsculpt.api.frames import Plan, QualityName, RenderRequest, Show
 from flowsculpt.api.options import (
     DEFAULT_QUALITY,
     Common,
@@ -164,7 +164,7 @@ class _Wanted:
     project: Project
     names: tuple[str, ...]
     quality: str
-    frames: FrameSelection | None
+    frames: Frames
     relit: str | None
 
     def plan(self) -> Plan:

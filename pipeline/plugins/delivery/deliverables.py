@@ -31,8 +31,8 @@ from flowsculpt.api.frames import (
     PipelineStage,
     RenderRequest,
     Store,
+    StoredFiles,
     key_of,
-    store_reader,
 )
 from flowsculpt.api.pictures import (
     HDR_DISPLAYS,
@@ -137,7 +137,7 @@ class FrameReader:
         return np.concatenate([frame, np.rint(coverage.clip(0.0, 1.0) * 65535).astype(np.uint16)], axis=2)
 
     def _layer(self, kind: str, place: Path, key: str, layer: str) -> NDArray[np.float32]:
-        read = store_reader(kind, key, size=self.request.pictures.quality.rendered_size)
+        read = StoredFiles(kind).reader(key, size=self.request.pictures.quality.rendered_size)
         pixels: NDArray[np.float32] = self._store.read(kind, key, place, read)[0][layer]
         return pixels
 

@@ -37,8 +37,8 @@ from flowsculpt.api.frames import (
     SequenceQuery,
     Show,
     Store,
+    StoredFiles,
     key_of,
-    store_reader,
 )
 from flowsculpt.api.options import (
     DEFAULT_QUALITY,
@@ -173,7 +173,7 @@ class RelitFrames:
             passed()
 
     def _read(self, key: Key, place: Path) -> tuple[RenderedFrame, dict[str, Any]]:
-        reader = store_reader("frame", key, size=self.request.pictures.quality.rendered_size)
+        reader = StoredFiles("frame").reader(key, size=self.request.pictures.quality.rendered_size)
         return self.store.read("frame", key, place, reader)
 
     @cached_property

@@ -24,7 +24,7 @@ from flowsculpt.api.frames import (
     RenderRequest,
     Shading,
     Store,
-    digest_of,
+    StoredFiles,
     key_of,
 )
 from flowsculpt.api.meshes import AnyArray, Faces, Floats, Indices, Points, Vectors
@@ -79,7 +79,7 @@ class KeyedFiles:
         if noted is not None and name not in self._found:
             self._found[name] = None
             with suppress(OSError):
-                self._found[name] = digest_of(self.folder / name)
+                self._found[name] = StoredFiles.digest_of(self.folder / name)
         return noted is not None and self._found[name] == noted
 
     def is_current(self, name: str, key: Key) -> bool:

@@ -21,8 +21,9 @@ import numpy as np
 from flowsculpt import FrameError, MeshError, TriangleMesh, UsageError, validate
 from flowsculpt.api.files import disk_errors, to_plain
 from flowsculpt.api.flows import TriangleTree
-from flowsculpt.api.frames import FrameSelection, Key, RenderRequest, Store, key_of
+from flowsculpt.api.frames import Key, RenderRequest, Store, key_of
 from flowsculpt.api.meshes import AnyArray, Floats, Points, Vectors, face_normals, self_intersections, unit
+from flowsculpt.api.options import Frames
 from flowsculpt.api.pictures import Material
 from flowsculpt.pipeline.mesh.normals import NORMAL
 from flowsculpt.pipeline.plugins.interchange.drawn_mesh import split_corners
@@ -291,7 +292,7 @@ def _lines(form: str, rows: AnyArray) -> str:
 STILLS = ("glb", "stl")  # formats that hold one frame
 
 
-def require_still(form: str, frames: FrameSelection | None, count: int) -> None:
+def require_still(form: str, frames: Frames, count: int) -> None:
     """Raise UsageError where a form that holds a still is asked for so many frames."""
     if form in STILLS and count != 1:
         asked = f"-f {frames} is {count} frames" if frames else "no frame is chosen"

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 from flowsculpt import MissingInputError
 from flowsculpt.api import RunObserver
-from flowsculpt.api.frames import STAGES, Runs, read_statistics
+from flowsculpt.api.frames import STAGES, LatestTimings, Runs
 from flowsculpt.api.options import Common
 
 Event = Mapping[str, Any]
@@ -50,7 +50,7 @@ LABELS = {
 }
 
 
-class Timing(NamedTuple):
+class TimeTaken(NamedTuple):
     """Wall time and CPU seconds."""
 
     seconds: float
@@ -141,12 +141,12 @@ class RunReport:
 
 
 def _statistics_of(root: Path, event: Event) -> Path:
-    """Return the statistics file of a rendered frame. Raises KeyError for logs that do not name it."""
+    """Return the place of a frame's statistics. Raises KeyError for logs that do not name it."""
     shot: str = event["shot"]
     place = Path(event["quality"]) / "statistics"
-    homes = (root / "renders" / shot, root / "renders" / "turntable" / shot)
+    homes = (Path("renders", shot), Path("renders", "turntable", shot))
     files = [home / place / f"{shot}.{event['frame']:04d}.json" for home in homes]
-    found = [file for file in files if file.exists()]
+    found = [file for file in files if (root / file).exists()]
     return found[0] if found else files[0]
 
 
@@ -166,14 +166,14 @@ class _Job:
     began: float | None = None
     held: float = 0.0
     used: float = 0.0
-    frames: list[tuple[Event, Timing]] = field(default_factory=list)
+    frames: list[tuple[Event, TimeTaken]] = field(default_factory=list)
     work: float = 0.0
 
     @property
-    def accounted(self) -> Timing:
+    def accounted(self) -> TimeTaken:
         """The time of its frames, with the CPU seconds of the rest of its stage."""
         taken = [each for _, each in self.frames]
-        return Timing(sum(each.seconds for each in taken), self.work + sum(each.cpu for each in taken))
+        return TimeTaken(sum(each.seconds for each in taken), self.work + sum(each.cpu for each in taken))
 
     @property
     def cpu(self) -> float:
@@ -181,11 +181,11 @@ class _Job:
         return max(self.used, self.accounted.cpu)
 
     @property
-    def rest(self) -> Timing:
+    def rest(self) -> TimeTaken:
         """CPU seconds that its frames do not account for; None if its total is unknown."""
         if not self.used:
-            return Timing(0.0, 0.0)
-        return Timing(self.held - self.accounted.seconds, self.cpu - self.accounted.cpu)
+            return TimeTaken(0.0, 0.0)
+        return TimeTaken(self.held - self.accounted.seconds, self.cpu - self.accounted.cpu)
 
 
 def _jobs(events: Iterable[Event], last: float, is_counted: bool) -> dict[str, _Job]:
@@ -204,7 +204,7 @@ def _jobs(events: Iterable[Event], last: float, is_counted: bool) -> dict[str, _
             job.began = float(event["time"]) if job.began is None else job.began
         elif what == "frame":
             seconds = float(event.get("seconds", 0.0))
-            job.frames.append((event, Timing(seconds, float(event.get("cpu", seconds * job.threads)))))
+            job.frames.append((event, TimeTaken(seconds, float(event.get("cpu", seconds * job.threads)))))
         elif what == "work":
             job.work += float(event.get("cpu", 0.0))
         else:
@@ -222,14 +222,14 @@ def _cpu_of_run(events: Iterable[Event]) -> float | None:
     return next((float(event["cpu"]) for event in events if event["event"] == "ran" and "cpu" in event), None)
 
 
-def _parts(root: Path, job: _Job) -> Iterator[tuple[str, Timing]]:
+def _parts(root: Path, job: _Job) -> Iterator[tuple[str, TimeTaken]]:
     """Yield what the time of a job's frames, and of the rest of its stage, went into."""
-    yield job.stage, Timing(0.0, job.work)
+    yield job.stage, TimeTaken(0.0, job.work)
     for event, taken in job.frames:
         stage = job.stage
         statistics = None
         if stage == "render" and not event.get("found") and "quality" in event:
-            statistics = read_statistics(_statistics_of(root, event))
+            statistics = LatestTimings(root).of_picture(_statistics_of(root, event))
         if statistics is None or not sum(statistics.seconds.values()):
             yield stage, taken
             continue
@@ -237,7 +237,7 @@ def _parts(root: Path, job: _Job) -> Iterator[tuple[str, Timing]]:
         for part in seconds:
             shares = (each.get(part, 0.0) / max(sum(each.values()), 1e-9) for each in (seconds, cost))
             parts = (whole * share for whole, share in zip(taken, shares, strict=True))
-            yield part if part in LABELS else "rendering", Timing(*parts)
+            yield part if part in LABELS else "rendering", TimeTaken(*parts)
 
 
 def named_run(root: Path, name: str | None) -> str:

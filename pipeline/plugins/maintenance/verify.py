@@ -23,7 +23,7 @@ from flowsculpt.api.frames import (
     PublishedVersion,
     RootFolders,
     Store,
-    store_reader,
+    StoredFiles,
 )
 from flowsculpt.api.shots import is_there
 
@@ -89,7 +89,7 @@ def verify_stored(store: Store, kind: str, key: Key, path: Path) -> StoredFile:
     try:
         has_digest = store.digests.check(path)
         if not has_digest:
-            store_reader(kind, key)(path)
+            StoredFiles(kind).reader(key)(path)
     except Exception as error:  # libraries raise all kinds for what is damaged
         refusal = _refusal(path, error)
         fault = str(error).removeprefix(f"{path}: ") if refusal is None else None

@@ -27,7 +27,7 @@ from flowsculpt.api.frames import (
     Runs,
     ShotSource,
     Store,
-    key_in,
+    StoredFiles,
 )
 from flowsculpt.api.pictures import RenderError, read_header
 from flowsculpt.api.shots import OPTION, Where, YamlSource, in_yaml, inherited
@@ -330,7 +330,9 @@ class _Frame:
         for number in sorted(self.request.source.surface_keys.meshes):
             for part in self.request.parts:
                 with contextlib.suppress(CorruptFileError, OSError):
-                    if key_in(self.store.root / part.place("mesh", number)) != part.keys.mesh(number):
+                    if StoredFiles.key_in(self.store.root / part.place("mesh", number)) != part.keys.mesh(
+                        number
+                    ):
                         return number
         return None
 

@@ -15,7 +15,7 @@ from typing import Any
 from zipfile import ZipFile
 
 from flowsculpt.api.files import from_plain
-from flowsculpt.api.frames import SUFFIXES, Key
+from flowsculpt.api.frames import Key, StoredFiles
 
 KERNELS = "kernels"
 """The kind of archives of compiled kernels, which stores of roots do not have."""
@@ -35,7 +35,7 @@ _BEGINNINGS = {
 
 def suffix_of(kind: str) -> str:
     """Return the suffix that files of a kind have in a remote store."""
-    return ".zip" if kind == KERNELS else SUFFIXES[kind]
+    return ".zip" if kind == KERNELS else StoredFiles(kind).suffix
 
 
 def fault_of(kind: str, key: Key, path: Path) -> str | None:
@@ -74,15 +74,15 @@ def _key_of_picture(path: Path) -> object:
 
 
 def _key_of_arrays(path: Path) -> Key:
-    from flowsculpt.api.frames import key_in
+    from flowsculpt.api.frames import StoredFiles
 
-    return key_in(path)
+    return StoredFiles.key_in(path)
 
 
 def _reader_of(kind: str, key: Key) -> Callable[[Path], Any]:
-    from flowsculpt.api.frames import store_reader  # takes a moment
+    from flowsculpt.api.frames import StoredFiles  # takes a moment
 
-    return store_reader(kind, key)
+    return StoredFiles(kind).reader(key)
 
 
 def _require_surface(kind: str, key: Key, path: Path) -> None:

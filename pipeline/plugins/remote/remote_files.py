@@ -29,7 +29,7 @@ from pathlib import Path
 
 from flowsculpt.api import RemoteStores
 from flowsculpt.api.files import machine_error
-from flowsculpt.api.frames import digest_of
+from flowsculpt.api.frames import StoredFiles
 from flowsculpt.pipeline.plugins.remote.fetched_content import fault_of, suffix_of
 from flowsculpt.pipeline.plugins.remote.remote_requests import (
     NO_FOLDER,
@@ -150,7 +150,7 @@ class RemoteFiles:
                 for _ in range(2):  # damaged on the way, perhaps
                     if not self.requests.tried(partial(self._get, self._place(kind, name), draft)):
                         break
-                    is_as_sent = digest_of(draft) == _digest_in(name)
+                    is_as_sent = StoredFiles.digest_of(draft) == _digest_in(name)
                     fault = fault_of(kind, key, draft) if is_as_sent else "differs from the stored file"
                     if fault is None:
                         return _digest_in(name)

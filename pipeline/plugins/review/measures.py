@@ -21,9 +21,8 @@ from flowsculpt.api.frames import (
     PipelineStage,
     RenderRequest,
     Store,
-    key_in,
+    StoredFiles,
     key_of,
-    store_reader,
 )
 from flowsculpt.api.meshes import Floats, self_intersections
 
@@ -196,7 +195,7 @@ def _of_frame(
     store.discard("measures", key)
     try:
         store.digests.check(path)
-        found = measures_of(store_reader("mesh", mesh, number=number)(path), maximum, count_crossings)
+        found = measures_of(StoredFiles("mesh").reader(mesh, number=number)(path), maximum, count_crossings)
     except (CorruptFileError, OSError):
         return None
     store.put("measures", key, lambda draft: draft.write_text(json.dumps(found), encoding="utf-8"))
@@ -210,7 +209,7 @@ def simulated(request: RenderRequest, store: Store, number: int, kind: str) -> t
     """
     shown = store.root / request.place(kind, number)
     try:
-        return shown, key_in(shown)
+        return shown, StoredFiles.key_in(shown)
     except (CorruptFileError, OSError):
         key = request.keys.mesh(number) if kind == "mesh" else request.keys.normals(number)
         return (store.path(kind, key), key) if store.bring(kind, key) else None

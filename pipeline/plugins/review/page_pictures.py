@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flowsculpt.api.frames import DAMAGED, SUFFIXES, CorruptFileError, PictureSequence, Store, key_of
+from flowsculpt.api.frames import CorruptFileError, PictureSequence, Store, StoredFiles, key_of
 from flowsculpt.api.pictures import HDR_DISPLAYS, RenderError, read_exr, read_header, read_png, write_still
 
 THUMB = 160  # width of thumbnails, about, in pixels
@@ -94,7 +94,7 @@ class ProxyWriter:
                 shown()
         except (CorruptFileError, RenderError):
             return None
-        name = f"{key}{SUFFIXES[self.form]}"
+        name = f"{key}{StoredFiles(self.form).suffix}"
         self.store.link(self.form, key, (self.folder / name).relative_to(self.store.root))
         return name, scope
 
@@ -219,7 +219,7 @@ class LayerWriter:
             display = sequence.display
             shown = display.pixels(finished["beauty"], "srgb", 8)
             arrays = {**finished, **_raw_layers(sequence, number, finished), **_hdr_layer(sequence, finished)}
-        except (*DAMAGED, RenderError, ValueError):
+        except (*StoredFiles.DAMAGED, RenderError, ValueError):
             return {}
         files = {}
         view = self._write_view(sequence)

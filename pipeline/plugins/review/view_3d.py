@@ -19,15 +19,7 @@ import numpy as np
 
 from flowsculpt import FlowsculptError
 from flowsculpt.api import ShotExtras
-from flowsculpt.api.frames import (
-    CorruptFileError,
-    FrameRange,
-    Key,
-    RenderRequest,
-    Store,
-    key_of,
-    store_reader,
-)
+from flowsculpt.api.frames import CorruptFileError, FrameRange, Key, RenderRequest, Store, StoredFiles, key_of
 from flowsculpt.api.meshes import AnyArray
 from flowsculpt.pipeline.plugins.review.measures import simulated
 
@@ -69,7 +61,7 @@ class PageMeshes:
             try:
                 for path, _ in files:
                     self.store.digests.check(path)
-                arrays = joined([store_reader("shading", key)(path) for path, key in files])
+                arrays = joined([StoredFiles("shading").reader(key)(path) for path, key in files])
             except (CorruptFileError, OSError):
                 return None
             self._write(name, as_script(name, arrays))

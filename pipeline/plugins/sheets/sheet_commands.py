@@ -12,16 +12,7 @@ from flowsculpt import UsageError
 from flowsculpt.api import plural
 from flowsculpt.api.commands import execute, exit_with, print_result, print_warning, report_plan
 from flowsculpt.api.files import make_folder
-from flowsculpt.api.frames import (
-    FinishedPictures,
-    Folders,
-    FrameRange,
-    Plan,
-    RenderRequest,
-    Show,
-    Store,
-    light_notes,
-)
+from flowsculpt.api.frames import FinishedPictures, Folders, FrameRange, Plan, RenderRequest, Show, Store
 from flowsculpt.api.options import (
     DEFAULT_QUALITY,
     Common,
@@ -76,7 +67,7 @@ class ShotSheet:
         header = {"shot": request.name, "frames": str(FrameRange.of(numbers))}
         page = sheet.picture([*pictures.values()], request.quality_name)
         self.store.write(path, lambda draft: write_still(draft, page, header))
-        return light_notes(pictures)
+        return FinishedPictures.light_notes(pictures)
 
 
 def curves(

@@ -33,7 +33,6 @@ from flowsculpt import FlowsculptError, FrameError, MissingInputError, UsageErro
 from flowsculpt.api import ShotExtras
 from flowsculpt.api.files import atomic_folder, digest_of_file, remove_tree
 from flowsculpt.api.frames import (
-    DAMAGED,
     STAGES,
     FrameKeys,
     FrameRange,
@@ -45,8 +44,7 @@ from flowsculpt.api.frames import (
     RenderRequest,
     SequenceQuery,
     Store,
-    read_statistics,
-    store_reader,
+    StoredFiles,
 )
 from flowsculpt.api.pictures import AudioClip, RenderError, loop_frames, read_exr, write_movie
 from flowsculpt.pipeline.plugins.versions.provenance import (
@@ -274,7 +272,7 @@ class Release:
             self.store.bring("frame", found.frame)
             self.store.digests.check(file)
             pixels = pixels_of(file)
-        except DAMAGED:
+        except StoredFiles.DAMAGED:
             raise self._evicted("frame", found.frame, f"frame {number}") from None
         return FrameRecord(
             file=f"frames/{request.name}.{number:04d}.exr",
@@ -294,8 +292,8 @@ class Release:
         try:
             self.store.bring("movie", key)
             self.store.digests.check(file)
-            whole = store_reader("movie", key)(file).frames == len(self.request.angles)
-        except DAMAGED:
+            whole = StoredFiles("movie").reader(key)(file).frames == len(self.request.angles)
+        except StoredFiles.DAMAGED:
             whole = False
         if not whole:
             raise self._evicted("movie", key, self.request.movie_path.name)
@@ -349,7 +347,7 @@ def published_sequences(query: SequenceQuery) -> Iterator[PictureSequence]:
 
 def _seconds_of_render(request: RenderRequest, root: Path, number: int, raw: Key) -> dict[str, float]:
     """Return the seconds of one render, in parts; empty where the picture of this key has none."""
-    statistics = read_statistics(root / request.place("statistics", number))
+    statistics = LatestTimings(root).of_picture(request.place("statistics", number))
     return dict(statistics.seconds) if statistics is not None and statistics.key == raw else {}
 
 

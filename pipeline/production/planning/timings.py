@@ -98,6 +98,10 @@ class LatestTimings:
     def _history(self) -> History:
         return History.of(self._root)
 
+    def of_picture(self, place: str | Path) -> RenderStatistics | None:
+        """Return the statistics of a picture by their file; None where it is missing or damaged."""
+        return read_statistics(self._root / place)
+
     def by_stage(
         self, subject: str, shot: str, quality: str, stages: Iterable[str]
     ) -> dict[str, dict[int, float]]:

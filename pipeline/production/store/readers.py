@@ -7,17 +7,18 @@ import zipfile
 import zlib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from flowsculpt.pipeline.arrays import AnyArray, Points
 from flowsculpt.pipeline.errors import FlowsculptError
 from flowsculpt.pipeline.mesh.placed_copies import COPIES, Placements, all_copies, extremes
-from flowsculpt.pipeline.production.store.digests import CorruptFileError
+from flowsculpt.pipeline.production.store.digests import CorruptFileError, digest_of
 from flowsculpt.pipeline.production.store.paths import SUFFIXES
-from flowsculpt.pipeline.production.store.store import Key
+from flowsculpt.pipeline.production.store.store import DAMAGED, Key
 from flowsculpt.render.base.state_files import UNUSABLE, plain_data
 from flowsculpt.render.post.image import read_exr
 from flowsculpt.render.scene.aovs import RenderedFrame
@@ -98,38 +99,74 @@ def shading(key: Key) -> Callable[[Path], dict[str, AnyArray]]:
     return lambda path: all_copies(arrays(key)(path))
 
 
-def store_reader(kind: str, key: Key, *, number: int = 0, size: Size | None = None) -> Callable[[Path], Any]:
-    """Return a reader of a stored file, which raises CorruptFileError or RenderError for a damaged one.
-
-    kind    `raw` and `frame` give the layers of a picture and its header; `mesh` a MeshFrame; `normals` the
-            arrays of a shaded surface, and `shading` these with those of all its copies; other kinds of
-            SUFFIXES arrays, plain data, the pixels of a still or the facts of a movie, by their suffix
-    number  the frame that a mesh is shown as
-    size    what pictures must have: width and height, pixels
-    """
-    if kind in ("raw", "frame"):
-        return picture(key, size)
-    if kind == "mesh":
-        return mesh_frame(key, number)
-    if kind == "shading":
-        return shading(key)
-    match SUFFIXES[kind]:
-        case ".npz":
-            return arrays(key)
-        case ".json":
-            return _plain_content
-        case ".png" | ".jpg":
-            from flowsculpt.render.post.image import read_png
-
-            return read_png
-    from flowsculpt.render.movie.probe import probe_movie
-
-    return probe_movie
-
-
 def with_key(key: Key, named: Mapping[str, AnyArray]) -> dict[str, AnyArray]:
     """Return the arrays and their key."""
     return {**named, "key": np.array(key)}
+
+
+@dataclass(frozen=True)
+class StoredFiles:
+    """The files of one kind in a store.
+
+    kind     `raw` and `frame` are pictures, `mesh` frames of a shot's surface, `normals` shaded surfaces;
+             `cameras`, `measures` and `statistics` plain data; `png`, `png16` and `jpeg` stills; other kinds
+             movies
+    DAMAGED  errors that readers raise for a file that must be made again
+    """
+
+    kind: str
+
+    DAMAGED: ClassVar = DAMAGED
+
+    @property
+    def suffix(self) -> str:
+        """The suffix of their names."""
+        return SUFFIXES[self.kind]
+
+    def reader(self, key: Key, *, number: int = 0, size: Size | None = None) -> Callable[[Path], Any]:
+        """Return a reader of the file of a key, which raises one of DAMAGED where it is damaged.
+
+        It returns the layers of a picture and its header, a MeshFrame, arrays by name, plain data, the pixels
+        of a still, or the facts of a movie. Of the kind `shading` it reads a file of `normals`, and returns
+        the arrays of all copies.
+
+        number  the frame that a mesh is shown as
+        size    what pictures must have: width and height, pixels
+        """
+        if self.kind in ("raw", "frame"):
+            return picture(key, size)
+        if self.kind == "mesh":
+            return mesh_frame(key, number)
+        if self.kind == "shading":
+            return shading(key)
+        match self.suffix:
+            case ".npz":
+                return arrays(key)
+            case ".json":
+                return _plain_content
+            case ".png" | ".jpg":
+                from flowsculpt.render.post.image import read_png
+
+                return read_png
+        from flowsculpt.render.movie.probe import probe_movie
+
+        return probe_movie
+
+    @staticmethod
+    def key_in(path: Path) -> Key:
+        """Return the key of a file of arrays. Raises one of DAMAGED."""
+        with _opened(path) as named:
+            return str(named["key"])
+
+    @staticmethod
+    def digest_of(path: Path) -> str:
+        """Return the digest of a file's bytes by which stores tell damage. Raises OSError."""
+        return digest_of(path)
+
+    @staticmethod
+    def write_arrays(path: Path, key: Key, named: Mapping[str, AnyArray]) -> None:
+        """Write arrays as the file of a key."""
+        write_npz(path, with_key(key, named))
 
 
 def _plain_content(path: Path) -> Any:
@@ -185,12 +222,6 @@ def read_npz(path: Path) -> dict[str, AnyArray]:
     """Return all arrays of a file. Raises CorruptFileError where it cannot be read to its end."""
     with _opened(path) as named:
         return {name: named[name] for name in named.files}
-
-
-def key_in(path: Path) -> Key:
-    """Return the key of a file of arrays. Raises as `read_npz` does."""
-    with _opened(path) as named:
-        return str(named["key"])
 
 
 @contextmanager
