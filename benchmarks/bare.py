@@ -86,7 +86,7 @@ def pictures(path: Path, count: int | None) -> Iterator[AnyArray]:
     import pyoidn
 
     from flowsculpt.pipeline.animation import animate
-    from flowsculpt.pipeline.production.request.framing import frame_all, with_stage_in_view
+    from flowsculpt.pipeline.production.request.framing import Framer
     from flowsculpt.pipeline.production.request.render_request import RenderRequest
     from flowsculpt.pipeline.production.request.shading import Shading
     from flowsculpt.pipeline.production.request.shot_source import ShotSource
@@ -97,10 +97,10 @@ def pictures(path: Path, count: int | None) -> Iterator[AnyArray]:
     meshes = list(animate(request.shot))
     views = [request.pictures.view(frame.number) for frame in meshes]
     aspect, follow = request.pictures.aspect, request.shot.picture.camera.follow
-    framings = frame_all(views, lambda i: meshes[i].mesh.vertices, aspect, follow)
+    framings = Framer(views, lambda i: meshes[i].mesh.vertices, aspect, follow).all()
     quality = request.pictures.quality
     for frame, framing in list(zip(meshes, framings, strict=True))[:count]:
-        there = with_stage_in_view(framing, picture.stage, request.pictures.flat_aspect)
+        there = framing.with_stage_in_view(picture.stage, request.pictures.flat_aspect)
         shading = Shading.of(frame, request.shot.motion.thresholds_at(frame.number), picture.tessellate)
         scene, integrator = mitsuba_scene(request, frame.number, there, shading.arrays())
         layers = np.array(mi.render(scene, integrator=integrator, spp=quality.samples, seed=frame.number))

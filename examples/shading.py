@@ -11,7 +11,7 @@ import numpy as np
 from examples.drawing import INK
 from flowsculpt.pipeline.arrays import AnyArray
 from flowsculpt.pipeline.mesh import PolygonMesh, TriangleMesh, split_at_creases
-from flowsculpt.pipeline.production.request.framing import Framing, frame_all
+from flowsculpt.pipeline.production.request.framing import Framer, Framing
 from flowsculpt.pipeline.shot.camera_path import View
 from flowsculpt.render.frame.render_frame import render_frame
 from flowsculpt.render.mitsuba.engine import choose
@@ -48,7 +48,7 @@ def frame_mesh(
 ) -> Framing:
     """Return the framing of one mesh; angles in degrees, `aspect` is width over height."""
     view = View(math.radians(azimuth), math.radians(elevation), math.radians(26), margin)
-    return frame_all([view], lambda _: mesh.vertices, aspect)[0]
+    return Framer(([view]), lambda _: mesh.vertices, aspect).all()[0]
 
 
 def render_mesh(

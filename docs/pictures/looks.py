@@ -15,7 +15,7 @@ from PIL import Image
 
 from flowsculpt.pipeline.animation import animate, material_of
 from flowsculpt.pipeline.mesh.normals import split_at_creases, spread, tessellate
-from flowsculpt.pipeline.production.request.framing import BoundingSpheres, Framing, frame_all
+from flowsculpt.pipeline.production.request.framing import BoundingSpheres, Framer, Framing
 from flowsculpt.pipeline.production.request.shading import Shading
 from flowsculpt.pipeline.shot import read_shot
 from flowsculpt.pipeline.shot.camera_path import View
@@ -101,11 +101,11 @@ def _sculpture(shot: Shot) -> tuple[Surface, Framing]:
     split = split_at_creases(frame.mesh, np.radians(40.0))
     fine = tessellate(split, shot.picture.tessellate)
     rest = spread(material_of(frame.mesh), split, fine)
-    (framing,) = frame_all(
+    (framing,) = Framer(
         [View(np.radians(-28.0), np.radians(14.0), np.radians(26.0), 0.09)],
         lambda _: BoundingSpheres(fine.vertices, np.zeros(len(fine.vertices))),
         QUALITY.aspect,
-    )
+    ).all()
     arrays: dict[str, Any] = {
         name: array.astype(np.float32)
         for name, array in (("vertices", fine.vertices), ("normals", fine.normals), ("rest", rest))

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from flowsculpt.pipeline.production.request.framing import Framing, with_stage_in_view
+from flowsculpt.pipeline.production.request.framing import Framing
 from flowsculpt.render.base.serialise import from_plain
 from flowsculpt.render.frame.batch_schedule import seed_of
 from flowsculpt.render.frame.render_frame import render_frame
@@ -84,7 +84,7 @@ def _picture(
     surface: Surface, framing: Framing, lights: LightRig, stage: Stage, look: Material
 ) -> Image.Image:
     quality = QUALITIES["draft"]
-    there = with_stage_in_view(framing, stage, quality.aspect)
+    there = framing.with_stage_in_view(stage, quality.aspect)
     seed = seed_of("sets", stage.kind)
     scene = Scene(surface, look, lights, stage, there.placement, there.camera)
     layers = render_frame(scene, quality, seed, choose())

@@ -16,11 +16,8 @@ from flowsculpt.pipeline.production.planning.runs import Runs as Runs
 from flowsculpt.pipeline.production.planning.timings import LatestTimings as LatestTimings
 from flowsculpt.pipeline.production.request.edit import Edit as Edit
 from flowsculpt.pipeline.production.request.framing import BoundingSpheres as BoundingSpheres
-from flowsculpt.pipeline.production.request.framing import Extent as Extent
+from flowsculpt.pipeline.production.request.framing import Framer as Framer
 from flowsculpt.pipeline.production.request.framing import Framing as Framing
-from flowsculpt.pipeline.production.request.framing import frame_all as frame_all
-from flowsculpt.pipeline.production.request.framing import join_extents as join_extents
-from flowsculpt.pipeline.production.request.framing import with_stage_in_view as with_stage_in_view
 from flowsculpt.pipeline.production.request.keys import FrameKeys as FrameKeys
 from flowsculpt.pipeline.production.request.keys import PictureKeys as PictureKeys
 from flowsculpt.pipeline.production.request.lookup import QualityName as QualityName

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from flowsculpt.pipeline.mesh import box, icosphere
 from flowsculpt.pipeline.mesh.normals import split_at_creases
-from flowsculpt.pipeline.production.request.framing import frame_all
+from flowsculpt.pipeline.production.request.framing import Framer
 from flowsculpt.pipeline.production.request.shading import LEAST, dice, pieces_without_facets
 from flowsculpt.pipeline.shot import read_shot
 from flowsculpt.pipeline.shot.camera_path import View
@@ -27,7 +27,7 @@ def arrays_of(mesh):
 
 
 def camera_at(arrays):
-    return frame_all([VIEW], lambda _: arrays["vertices"], 16 / 9)[0].camera
+    return Framer([VIEW], lambda _: arrays["vertices"], 16 / 9).all()[0].camera
 
 
 def pieces(arrays, quality="draft"):

@@ -11,8 +11,6 @@ from flowsculpt.pipeline.production.request.framing import (
     Framer,
     envelope,
     fitting_distance,
-    frame_all,
-    join_extents,
     rotate_y,
     smooth,
 )
@@ -39,7 +37,7 @@ def blobs(seed: int, frames: int) -> list[np.ndarray]:
 def test_every_vertex_of_every_frame_stays_within_the_margins(seed, azimuth, elevation, frames):
     clouds = blobs(seed, frames)
     views = [View(azimuth + 0.02 * i, elevation, np.radians(26), 0.08) for i in range(frames)]
-    for framing, cloud in zip(frame_all(views, clouds.__getitem__, ASPECT), clouds, strict=True):
+    for framing, cloud in zip(Framer(views, clouds.__getitem__, ASPECT).all(), clouds, strict=True):
         x, y, depth = framing.camera.project(cloud, ASPECT).T
         assert depth.min() > 0
         assert np.abs(x).max() <= 1 - 2 * 0.08 + 1e-9
@@ -50,38 +48,38 @@ def test_every_vertex_of_every_frame_stays_within_the_margins(seed, azimuth, ele
 @given(st.integers(0, 10_000), st.integers(1, 40))
 def test_the_floor_never_cuts_into_the_sculpture(seed, frames):
     clouds = blobs(seed, frames)
-    for framing, cloud in zip(frame_all([VIEW] * frames, clouds.__getitem__, ASPECT), clouds, strict=True):
+    for framing, cloud in zip(Framer([VIEW] * frames, clouds.__getitem__, ASPECT).all(), clouds, strict=True):
         assert framing.placement.origin[1] <= cloud[:, 1].min() + 1e-9
 
 
 def test_a_subject_in_focus_by_name_is_sharp_at_its_nearest_point():
     back, front = np.array([[0.0, 0.0, -2.0], [0.0, 1.0, -1.0]]), np.array([[1.0, 0.0, 1.0], [0.0, 0.0, 0.5]])
     ball = BoundingSpheres(np.array([[0.5, 0.0, 2.0]]), np.array([0.25]))
-    extent = join_extents([back, front, ball], ["back", "front_row", "ball"])
+    extent = BoundingSpheres.join([back, front, ball], ["back", "front_row", "ball"])
     level = View(azimuth=0.0, elevation=0.0, field_of_view=0.4, margin=0.1)
     for name, nearest in (("back", -1.0), ("front_row", 1.0), ("ball", 2.25), ("front", 2.25)):
         view = level._replace(lens=Lens(85.0, 4.0, None, name))
-        camera = frame_all([view], lambda _: extent, ASPECT)[0].camera
+        camera = Framer([view], lambda _: extent, ASPECT).all()[0].camera
         assert camera.origin[2] - camera.focus_distance == pytest.approx(nearest)
-    assert join_extents([back]) is back
+    assert BoundingSpheres.join([back]) is back
 
 
 def test_focus_front_is_at_the_nearest_point_of_the_sculpture_and_moves_calmly():
     clouds = blobs(3, 40)
     near = VIEW._replace(lens=Lens(85.0, 4.0, None, "front"))
-    framings = frame_all([near] * 40, clouds.__getitem__, ASPECT)
+    framings = Framer([near] * 40, clouds.__getitem__, ASPECT).all()
     distances = np.array([framing.camera.focus_distance for framing in framings])
     depths = [f.camera.project(c, ASPECT)[:, 2].min() for f, c in zip(framings, clouds, strict=True)]
     middles = np.array([np.linalg.norm(np.subtract(f.camera.origin, f.camera.target)) for f in framings])
     assert np.median(np.abs(distances - depths)) < 0.2 * np.median(middles - depths)
     cube = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T.astype(float)
-    (still,) = frame_all([near], lambda i: cube, ASPECT)
+    (still,) = Framer([near], lambda i: cube, ASPECT).all()
     assert still.camera.focus_distance == pytest.approx(still.camera.project(cube, ASPECT)[:, 2].min())
 
 
 def test_a_sculpture_at_rest_stands_on_the_floor_and_fills_the_safe_area():
     cube = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T.astype(float)
-    framing = frame_all([VIEW] * 30, lambda i: cube, ASPECT)[15]
+    framing = Framer([VIEW] * 30, lambda i: cube, ASPECT).all()[15]
     assert framing.placement.origin[1] == pytest.approx(-1)
     x, y, _ = framing.camera.project(cube, ASPECT).T
     assert max(np.abs(x).max(), np.abs(y).max()) == pytest.approx(1 - 2 * 0.08)
@@ -99,7 +97,7 @@ def filled(framings, clouds):
 @given(st.integers(0, 10_000), st.floats(-3, 3), st.floats(0, 1.2), st.floats(0.1, 1.0))
 def test_a_sculpture_at_rest_is_in_the_middle_of_the_picture(seed, azimuth, elevation, field_of_view):
     (cloud,) = blobs(seed, 1)
-    (framing,) = frame_all([View(azimuth, elevation, field_of_view, 0.1)], lambda i: cloud, ASPECT)
+    (framing,) = Framer([View(azimuth, elevation, field_of_view, 0.1)], lambda i: cloud, ASPECT).all()
     low, high = (edge(framing.camera.project(cloud, ASPECT)[:, :2], axis=0) for edge in (np.min, np.max))
     assert np.abs(low + high).max() < 0.05
     assert filled([framing], [cloud]) == pytest.approx(0.8)
@@ -110,7 +108,7 @@ def test_a_sculpture_that_grows_or_shrinks_steadily_fills_the_picture_all_along(
     (cloud,) = blobs(1, 1)
     clouds = [cloud * growth**i for i in range(80)]
     views = [View(0.4 + 0.01 * i, 0.25, np.radians(26), 0.1) for i in range(80)]
-    shares = filled(frame_all(views, clouds.__getitem__, ASPECT), clouds)
+    shares = filled(Framer(views, clouds.__getitem__, ASPECT).all(), clouds)
     assert shares.min() > 0.7 and shares.max() <= 0.8 + 1e-9
 
 
@@ -137,22 +135,22 @@ def test_the_fitting_distance_is_the_least(seed, away, field_of_view, margin):
 
 def test_points_of_single_precision_are_framed_as_exactly_as_others():
     clouds = [cloud.astype(np.float32) for cloud in blobs(11, 8)]
-    single = frame_all([VIEW] * 8, clouds.__getitem__, ASPECT)
-    assert single == frame_all([VIEW] * 8, lambda i: clouds[i].astype(np.float64), ASPECT)
+    single = Framer([VIEW] * 8, clouds.__getitem__, ASPECT).all()
+    assert single == Framer([VIEW] * 8, lambda i: clouds[i].astype(np.float64), ASPECT).all()
 
 
 def test_what_has_no_place_has_no_camera():
     cloud = blobs(2, 1)[0]
     cloud[17, 1] = np.nan
     with pytest.raises(BadInputError, match="finite"):
-        frame_all([VIEW], lambda _: cloud, ASPECT)
+        Framer([VIEW], lambda _: cloud, ASPECT).all()
 
 
 def test_an_edit_late_in_the_shot_leaves_early_cameras_alone():
     early, late = blobs(3, 90), blobs(3, 90)
     late[80] = late[80] * 3
     views = [VIEW] * 90
-    before, after = (frame_all(views, clouds.__getitem__, ASPECT) for clouds in (early, late))
+    before, after = (Framer(views, clouds.__getitem__, ASPECT).all() for clouds in (early, late))
     assert before[:40] == after[:40]
     assert before[80] != after[80]
 
@@ -160,7 +158,7 @@ def test_an_edit_late_in_the_shot_leaves_early_cameras_alone():
 def test_a_turntable_holds_its_camera_still():
     cloud = blobs(5, 1)[0]
     angles = np.linspace(0, 2 * np.pi, 12, endpoint=False)
-    framings = frame_all([VIEW] * 12, lambda i: rotate_y(cloud, angles[i]), ASPECT, follow=0.0)
+    framings = Framer([VIEW] * 12, lambda i: rotate_y(cloud, angles[i]), ASPECT, follow=0.0).all()
     assert len(set(framings)) == 1
 
 
@@ -193,7 +191,7 @@ def test_balls_stay_within_the_margins_and_above_the_floor_all_around(seed, azim
     around = np.random.default_rng(1).normal(size=(60, 3))
     around /= np.linalg.norm(around, axis=1, keepdims=True)
     views = [View(azimuth, 0.3, np.radians(26), 0.08)] * frames
-    framings = frame_all(views, lambda i: BoundingSpheres(clouds[i], radii), ASPECT)
+    framings = Framer(views, lambda i: BoundingSpheres(clouds[i], radii), ASPECT).all()
     for framing, cloud in zip(framings, clouds, strict=True):
         skin = (cloud[:, None] + radii[:, None, None] * around).reshape(-1, 3)
         x, y, depth = framing.camera.project(skin, ASPECT).T
@@ -203,7 +201,9 @@ def test_balls_stay_within_the_margins_and_above_the_floor_all_around(seed, azim
 
 
 def test_one_ball_fills_the_safe_area_and_stands_on_the_floor():
-    framing = frame_all([VIEW] * 5, lambda i: BoundingSpheres(np.zeros((1, 3)), np.array([2.0])), ASPECT)[2]
+    framing = Framer(
+        ([VIEW] * 5), lambda i: BoundingSpheres(np.zeros((1, 3)), np.array([2.0])), ASPECT
+    ).all()[2]
     assert framing.placement.origin[1] == pytest.approx(-2)
     distance = np.linalg.norm(np.subtract(framing.camera.origin, framing.camera.target))
     high = np.tan(np.radians(13)) / ASPECT * (1 - 2 * 0.08)
@@ -218,7 +218,7 @@ def test_cameras_are_settled_while_frames_come_and_are_those_of_the_whole(
 ) -> None:
     frames = sum(steps)
     clouds = blobs(seed, frames)
-    whole = frame_all([VIEW] * frames, clouds.__getitem__, ASPECT)
+    whole = Framer([VIEW] * frames, clouds.__getitem__, ASPECT).all()
     seen = 0
     framer = Framer(
         [VIEW] * frames, lambda i: clouds[i] if i < seen else pytest.fail("not there yet"), ASPECT
@@ -235,7 +235,7 @@ def test_a_camera_that_stands_waits_for_the_whole_sequence() -> None:
     clouds = blobs(3, 40)
     framer = Framer([VIEW] * 40, clouds.__getitem__, ASPECT, follow=0.5)
     assert framer.framings(39) == []
-    assert framer.framings(40) == frame_all([VIEW] * 40, clouds.__getitem__, ASPECT, follow=0.5)
+    assert framer.framings(40) == Framer([VIEW] * 40, clouds.__getitem__, ASPECT, follow=0.5).all()
 
 
 def test_the_camera_of_a_loop_is_as_calm_at_its_first_frame_as_elsewhere():
@@ -243,9 +243,9 @@ def test_the_camera_of_a_loop_is_as_calm_at_its_first_frame_as_elsewhere():
     there = blobs(4, 26)
     clouds = there + there[-2:0:-1]
     count = len(clouds)
-    framings = frame_all([VIEW] * count, clouds.__getitem__, ASPECT, is_round=True)
+    framings = Framer([VIEW] * count, clouds.__getitem__, ASPECT, is_round=True).all()
     assert len(framings) == count
-    later = frame_all([VIEW] * count, lambda i: clouds[(i + 9) % count], ASPECT, is_round=True)
+    later = Framer([VIEW] * count, lambda i: clouds[(i + 9) % count], ASPECT, is_round=True).all()
     for i, framing in enumerate(later):
         assert np.allclose(framing.camera.origin, framings[(i + 9) % count].camera.origin)
         assert np.allclose(framing.placement.origin, framings[(i + 9) % count].placement.origin)

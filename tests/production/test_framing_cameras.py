@@ -11,8 +11,8 @@ from flowsculpt.pipeline.production.request.framing import (
     FOOTING,
     STEADINESS,
     BoundingSpheres,
+    Framer,
     Framing,
-    frame_all,
 )
 from flowsculpt.pipeline.shot.camera_path import Lens, View
 from flowsculpt.render.base.serialise import from_plain, to_plain
@@ -51,7 +51,7 @@ def cubes(sizes: list[float]) -> list[np.ndarray]:
 
 
 def framed(view: View, frames: int = 3, follow: float = 1.0) -> Framing:
-    return frame_all([view] * frames, lambda i: CUBE, ASPECT, follow)[0]
+    return Framer([view] * frames, lambda i: CUBE, ASPECT, follow).all()[0]
 
 
 def away(framing: Framing) -> float:
@@ -71,7 +71,7 @@ def test_an_edit_leaves_all_cameras_that_are_early_enough_to_the_last_bit(view, 
     edited = data.draw(st.integers(SEEN_FROM + 1, last))
     changed = [other if i >= edited else size for i, size in enumerate(sizes)]
     before, after, seen_otherwise = (
-        frame_all(looks, lambda i, kept=kept: cubes(kept)[i], ASPECT)
+        Framer(looks, lambda i, kept=kept: cubes(kept)[i], ASPECT).all()
         for kept, looks in (
             (sizes, [view] * len(sizes)),
             (changed, [view] * len(sizes)),
@@ -109,7 +109,7 @@ def test_a_rolled_camera_that_follows_partly_still_loses_nothing(azimuth, elevat
     sizes = np.linspace(0, 2, 30).tolist()
     looks = [View(azimuth, elevation, 0.5, 0.1, roll=roll)] * 30
     clouds = cubes(sizes)
-    for framing, cloud in zip(frame_all(looks, clouds.__getitem__, ASPECT, follow), clouds, strict=True):
+    for framing, cloud in zip(Framer(looks, clouds.__getitem__, ASPECT, follow).all(), clouds, strict=True):
         x, y, depth = framing.camera.project(cloud, ASPECT).T
         assert depth.min() > 0
         assert max(np.abs(x).max(), np.abs(y).max()) <= 0.8 + 1e-9
@@ -136,7 +136,7 @@ def test_an_orbit_leaves_the_set_and_its_lights_where_an_azimuth_turns_them():
 
 def test_the_set_faces_where_a_placed_camera_first_stands():
     looks = [PLAIN._replace(position=(5 * math.sin(a), 1.0, 5 * math.cos(a))) for a in (0.5, 0.7, 0.9)]
-    assert [f.placement.turn for f in frame_all(looks, lambda i: CUBE, ASPECT)] == pytest.approx([0.5] * 3)
+    assert [f.placement.turn for f in Framer(looks, lambda i: CUBE, ASPECT).all()] == pytest.approx([0.5] * 3)
 
 
 def test_aiming_beside_the_sculpture_moves_no_light():
@@ -156,7 +156,7 @@ def test_a_longer_lens_stands_farther_off_and_shows_as_much():
 
 def test_a_camera_that_stands_still_zooms_while_the_set_keeps_its_size():
     looks = [PLAIN._replace(field_of_view=angle) for angle in (0.3, 0.4, 0.5)]
-    framings = frame_all(looks, lambda i: CUBE, ASPECT, follow=0.0)
+    framings = Framer(looks, lambda i: CUBE, ASPECT, follow=0.0).all()
     assert len({framing.camera.origin for framing in framings}) == 1
     assert len({framing.placement for framing in framings}) == 1
     assert len({framing.camera.field_of_view for framing in framings}) == 3
@@ -165,7 +165,7 @@ def test_a_camera_that_stands_still_zooms_while_the_set_keeps_its_size():
 def test_a_sculpture_and_its_enlarged_copy_are_blurred_alike():
     lens = Lens(85.0, 2.8)
     small, large = (
-        frame_all([PLAIN._replace(lens=lens)], lambda i, k=k: k * CUBE, ASPECT)[0] for k in (0.1, 20.0)
+        Framer([PLAIN._replace(lens=lens)], lambda i, k=k: k * CUBE, ASPECT).all()[0] for k in (0.1, 20.0)
     )
     assert large.camera.lens_radius == pytest.approx(200 * small.camera.lens_radius)
     assert large.camera.focus_distance == pytest.approx(200 * small.camera.focus_distance)
@@ -189,7 +189,7 @@ def test_the_subject_is_sharp_unless_something_else_is_to_be():
 
 def test_a_camera_in_the_middle_of_the_sculpture_fails_no_other_frame():
     looks = [PLAIN._replace(position=(0.0, 0.0, float(z))) for z in (4, 2, 0)]
-    framings = frame_all(looks, lambda i: BoundingSpheres(np.zeros((1, 3)), np.ones(1)), ASPECT)
+    framings = Framer(looks, lambda i: BoundingSpheres(np.zeros((1, 3)), np.ones(1)), ASPECT).all()
     assert framings[2].camera.origin == (0.0, 0.0, 0.0)
     assert framings[0].camera.origin == (0.0, 0.0, 4.0)
 

@@ -10,7 +10,7 @@ import pytest
 from flowsculpt.pipeline.errors import UsageError
 from flowsculpt.pipeline.mesh import icosphere
 from flowsculpt.pipeline.production.execution.project import Project
-from flowsculpt.pipeline.production.request.framing import Framing, frame_all
+from flowsculpt.pipeline.production.request.framing import Framer, Framing
 from flowsculpt.pipeline.shot import read_shot
 from flowsculpt.render.base.serialise import from_plain, to_plain
 from flowsculpt.render.scene.render_camera import Projection, WideCamera
@@ -21,7 +21,7 @@ SHOT = "title: A\nframes: 1-2\nsubject: {solid: icosphere}\nresample: {max_edge_
 def framed(camera: str) -> Framing:
     """Return the framing of a ball of radius 1 at the origin."""
     view = read_shot("a.yaml", SHOT + f"camera: {camera}\n").picture.camera.at(0.0)
-    return frame_all([view], lambda _: icosphere(4).vertices, 2.0)[0]
+    return Framer([view], lambda _: icosphere(4).vertices, 2.0).all()[0]
 
 
 @pytest.mark.parametrize("kind", ["spherical", "dome", "vr180"])

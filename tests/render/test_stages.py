@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flowsculpt.pipeline.mesh import icosphere
-from flowsculpt.pipeline.production.request.framing import frame_all, with_stage_in_view
+from flowsculpt.pipeline.production.request.framing import Framer
 from flowsculpt.pipeline.shot.camera_path import View
 from flowsculpt.render.base.render_errors import BadInputError
 from flowsculpt.render.mitsuba.engine import Engine
@@ -163,9 +163,9 @@ def test_pieces_stand_in_the_lower_corners_below_the_subject(
     view: View, size: tuple[float, ...], aspect: float
 ) -> None:
     corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * size
-    (framing,) = frame_all([view], lambda _: corners, aspect)
+    (framing,) = Framer([view], lambda _: corners, aspect).all()
     plain = framing.camera.project(corners, aspect)
-    framing = with_stage_in_view(framing, STAGES["turntable"], aspect)
+    framing = framing.with_stage_in_view(STAGES["turntable"], aspect)
     camera = framing.camera
     lowest = camera.project(corners, aspect)[:, 1].min()
     grey, chrome, board = positions(camera, framing.placement, aspect)
@@ -187,10 +187,10 @@ def test_a_plinth_leaves_the_subject_in_the_picture(
     view: View, size: tuple[float, ...], aspect: float
 ) -> None:
     corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * size
-    (framing,) = frame_all([view], lambda _: corners, aspect)
-    seen = with_stage_in_view(framing, STAGES["plinth"], aspect).camera.project(corners, aspect)
+    (framing,) = Framer([view], lambda _: corners, aspect).all()
+    seen = framing.with_stage_in_view(STAGES["plinth"], aspect).camera.project(corners, aspect)
     assert np.abs(seen[:, :2]).max() < 1.0
-    assert with_stage_in_view(framing, STAGES["cyclorama"], aspect) == framing
+    assert framing.with_stage_in_view(STAGES["cyclorama"], aspect) == framing
 
 
 def test_the_chart_has_the_published_colours() -> None:

@@ -27,7 +27,7 @@ from flowsculpt.api.flows import (
     number_at,
     vector_at,
 )
-from flowsculpt.api.frames import frame_all
+from flowsculpt.api.frames import Framer
 from flowsculpt.api.meshes import Points
 from flowsculpt.api.shots import Model, Motion, PluginSurface, Shot
 from flowsculpt.pipeline.plugins.authoring.first_frame import FirstFrame, small_parts
@@ -313,7 +313,7 @@ def _camera(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
     aspect = shot.picture.qualities["draft"].aspect
     for number in sampled_frames(shot):
         view = camera.at(shot.motion.clock.time(number))
-        (framing,) = frame_all([view], lambda _: first.points, aspect)
+        (framing,) = Framer([view], lambda _: first.points, aspect).all()
         if is_inside(np.array(framing.camera.origin), first):
             when = "" if number == shot.frames.first else f", where it was on frame {shot.frames.first}"
             at = ", ".join(f"{x:.3g}" for x in framing.camera.origin)
@@ -331,7 +331,7 @@ def _sharpness(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
     if camera.aperture is None or camera.projection.is_wide or shot.subject:
         return  # of several subjects, framing sees all
     aspect = shot.picture.qualities["draft"].aspect
-    (framing,) = frame_all([camera.at(shot.motion.clock.time(number))], lambda _: first.points, aspect)
+    (framing,) = Framer([camera.at(shot.motion.clock.time(number))], lambda _: first.points, aspect).all()
     lens, depths = framing.camera, framing.camera.project(first.points, aspect)[:, 2]
     facing = depths[(depths > lens.near) & (depths <= np.median(depths))]
     if not len(facing):

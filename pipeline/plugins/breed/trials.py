@@ -13,20 +13,13 @@ from numpy.typing import NDArray
 
 from flowsculpt import Curvature, FrameError, icosphere
 from flowsculpt.api.flows import FlowCost
-from flowsculpt.api.frames import (
-    BoundingSpheres,
-    Extent,
-    Framing,
-    MeshFrame,
-    Shading,
-    animate,
-    frame_all,
-    join_extents,
-    with_stage_in_view,
-)
+from flowsculpt.api.frames import BoundingSpheres, Framer, Framing, MeshFrame, Shading, animate
 from flowsculpt.api.meshes import AnyArray, Floats, Points
 from flowsculpt.api.pictures import SPEED, Shape, Surface, draw_preview
 from flowsculpt.api.shots import Motion, Shot
+
+Extent = AnyArray | BoundingSpheres
+"""Points (N, 3), or spheres, that a picture shows."""
 
 SHOWN = 9
 """Pictures of a trial, at equal distances up to the last frame."""
@@ -115,7 +108,7 @@ def tried(shot: Shot) -> Trial:
             extents[index].append(BoundingSpheres(points, frame.radii) if frame.is_cloud else points)
             if frame.number in kept:
                 kept[frame.number].append(frame)
-    framings = _framings(shot, numbers, [join_extents(each) for each in extents])
+    framings = _framings(shot, numbers, [BoundingSpheres.join(each) for each in extents])
     return _drawn(shot, motions, kept, framings, growth, [[*kept].index(number) for number in shown])
 
 
@@ -158,9 +151,9 @@ def _framings(shot: Shot, numbers: Sequence[int], extents: Sequence[Extent]) -> 
     camera, stage = picture.camera, picture.stage
     aspect = picture.qualities["final"].aspect
     views = [camera.at(shot.motion.clock.time(number)) for number in numbers]
-    framed = frame_all(views, lambda i: extents[i], aspect, camera.follow)
+    framed = Framer(views, lambda i: extents[i], aspect, camera.follow).all()
     flat = None if camera.projection.is_wide else aspect
-    return {n: with_stage_in_view(each, stage, flat) for n, each in zip(numbers, framed, strict=True)}
+    return {n: each.with_stage_in_view(stage, flat) for n, each in zip(numbers, framed, strict=True)}
 
 
 def _drawn(

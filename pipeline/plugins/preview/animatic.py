@@ -19,23 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flowsculpt import FrameError
-from flowsculpt.api.frames import (
-    BoundingSpheres,
-    Edit,
-    Extent,
-    Framing,
-    RenderRequest,
-    Store,
-    frame_all,
-    join_extents,
-    with_stage_in_view,
-)
+from flowsculpt.api.frames import BoundingSpheres, Edit, Framer, Framing, RenderRequest, Store
 from flowsculpt.api.meshes import AnyArray, Indices
 from flowsculpt.api.pictures import ENCODES, AudioClip, loop_frames, write_movie, write_still
 from flowsculpt.api.shots import Motion
 from flowsculpt.pipeline.plugins.preview.sketch import Sketch, is_closed
 from flowsculpt.pipeline.plugins.preview.surface_stream import SurfaceStream, in_order
-from flowsculpt.pipeline.production.request.framing import AHEAD, Framer
 from flowsculpt.pipeline.production.store import paths
 
 SIZES = {"still": (960, 540), "movie": (480, 270)}  # pixels of a 16:9 picture; other aspects have as many
@@ -49,6 +38,9 @@ PLAYBLAST = replace(
 """Encoded soon, and stepped through quickly."""
 
 Picture = NDArray[Any]
+Extent = AnyArray | BoundingSpheres
+"""Points (N, 3), or spheres, that a picture shows."""
+
 Framed = tuple[int, Framing]
 
 FrameCallback = Callable[[str, int], None]
@@ -106,7 +98,7 @@ class Animatic:
         angles = sorted(request.angles)
         if request.shot.picture.camera.follow != 1.0 or request.pictures.is_round:
             return angles
-        return angles[: angles.index(max(asked)) + AHEAD + 1]
+        return angles[: angles.index(max(asked)) + Framer.AHEAD + 1]
 
     def _framed(self, asked: Set[int], tell: FrameCallback) -> Iterator[Framed]:
         request, stream, wanted = self.sketch.request, self.stream, self.played(asked)
@@ -217,7 +209,9 @@ def framings_while(
     """Yield camera and stage of frames while the stream plays them, each when its camera is settled."""
 
     def extent_of(index: int) -> Extent:
-        return join_extents([_extent(arrays) for arrays in stream.each(request, numbers[index])], names)
+        return BoundingSpheres.join(
+            [_extent(arrays) for arrays in stream.each(request, numbers[index])], names
+        )
 
     names = [part.subject for part in request.shot.parts]
     views, is_round = [request.pictures.view(n) for n in numbers], request.pictures.is_round
@@ -226,7 +220,7 @@ def framings_while(
     for count, _ in enumerate(played, start=1):
         if count % INTERVAL == 0 or count == len(numbers):
             for framing in framer.framings(count):
-                yield next(left), with_stage_in_view(framing, stage, request.pictures.flat_aspect)
+                yield next(left), framing.with_stage_in_view(stage, request.pictures.flat_aspect)
 
 
 MOST_SAMPLED = 4000  # points of a still that are moved on, about
@@ -243,11 +237,11 @@ def framing_of_still(
     ends = zip(motions, known[-1], strict=True)
     later = [_moved(motion, extent, numbers[last:]) for motion, extent in ends]
     names = [part.subject for part in request.shot.parts]
-    extents = [join_extents(each, names) for each in (*known, *zip(*later, strict=False))]
+    extents = [BoundingSpheres.join(each, names) for each in (*known, *zip(*later, strict=False))]
     views = [request.pictures.view(n) for n in numbers[: len(extents)]]
     options = request.shot.picture.camera.follow, request.pictures.is_round
-    framing = frame_all(views, lambda i: extents[i], request.pictures.aspect, *options)[last - 1]
-    return with_stage_in_view(framing, request.shot.picture.stage, request.pictures.flat_aspect)
+    framing = Framer(views, lambda i: extents[i], request.pictures.aspect, *options).all()[last - 1]
+    return framing.with_stage_in_view(request.shot.picture.stage, request.pictures.flat_aspect)
 
 
 def _extent(arrays: dict[str, AnyArray]) -> Extent:

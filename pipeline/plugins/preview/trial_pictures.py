@@ -22,15 +22,7 @@ import numpy as np
 
 from flowsculpt import Thresholds, TriangleMesh, UsageError, vertex_normals
 from flowsculpt.api.flows import checked_displacement
-from flowsculpt.api.frames import (
-    Framing,
-    MeshFrame,
-    RenderRequest,
-    Shading,
-    animate,
-    frame_all,
-    with_stage_in_view,
-)
+from flowsculpt.api.frames import Framer, Framing, MeshFrame, RenderRequest, Shading, animate
 from flowsculpt.api.meshes import AnyArray, Floats, Points, Vectors
 from flowsculpt.api.pictures import SPEED, Camera, jpeg_bytes
 from flowsculpt.api.shots import Motion, Solid, Where
@@ -40,7 +32,6 @@ from flowsculpt.pipeline.plugins.preview.animatic import size_for
 from flowsculpt.pipeline.plugins.preview.live_session import Drawn, LiveSession, camera_data
 from flowsculpt.pipeline.plugins.preview.shot_editor import ShotEditor
 from flowsculpt.pipeline.plugins.preview.text_edits import ValueEdit
-from flowsculpt.pipeline.production.request.framing import AHEAD
 from flowsculpt.pipeline.production.request.render_request import MeshAngle
 from flowsculpt.pipeline.production.request.shot_source import NO_CACHE
 from flowsculpt.pipeline.shot import Resampling
@@ -338,7 +329,7 @@ class TrialPictures:
         """
         numbers = sorted(drawn.sketch.request.angles)
         if request.shot.picture.camera.follow == drawn.sketch.request.shot.picture.camera.follow == 1.0:
-            numbers = [n for n in numbers if abs(n - number) <= AHEAD]
+            numbers = [n for n in numbers if abs(n - number) <= Framer.AHEAD]
         else:
             numbers = [n for n in numbers if n == number or not n % -(-len(numbers) // MOST_FRAMED)]
         numbers = [n for n in numbers if self.session.drawn(n) is not None]
@@ -347,7 +338,7 @@ class TrialPictures:
 
         def framed(asked: RenderRequest) -> Framing:
             views, follow = [asked.pictures.view(n) for n in numbers], asked.shot.picture.camera.follow
-            return frame_all(views, lambda i: extents[i], asked.pictures.aspect, follow)[index]
+            return Framer(views, lambda i: extents[i], asked.pictures.aspect, follow).all()[index]
 
         return _corrected(framed(request), framed(drawn.sketch.request), drawn.framing, request, number)
 
@@ -360,7 +351,7 @@ class TrialPictures:
         def framed(asked: RenderRequest, seen: Sequence[Mapping[str, AnyArray]]) -> Framing:
             points = np.concatenate([arrays["vertices"] for arrays in seen])
             views, follow = [asked.pictures.view(number)], asked.shot.picture.camera.follow
-            return frame_all(views, lambda i: points, asked.pictures.aspect, follow)[0]
+            return Framer(views, lambda i: points, asked.pictures.aspect, follow).all()[0]
 
         before = framed(drawn.sketch.request, known)
         return _corrected(framed(request, surfaces), before, drawn.framing, request, number)
@@ -432,7 +423,7 @@ def _corrected(
     if request.pictures.view(number).position is None:
         camera = _corrected_camera(camera, before.camera, true.camera)
     stage, aspect = request.shot.picture.stage, request.pictures.flat_aspect
-    return with_stage_in_view(Framing(camera, placement), stage, aspect)
+    return Framing(camera, placement).with_stage_in_view(stage, aspect)
 
 
 def _corrected_camera(camera: Camera, rough: Camera, true: Camera) -> Camera:

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -44,6 +44,19 @@ class BoundingSpheres(NamedTuple):
     radii: AnyArray
     parts: Mapping[str, slice] = MappingProxyType({})
 
+    @staticmethod
+    def join(extents: Sequence[Extent], names: Iterable[str] = ()) -> Extent:
+        """Return points or spheres of subjects as one, with their names if there are several."""
+        if len(extents) == 1:
+            return extents[0]
+        spheres = [
+            each if isinstance(each, BoundingSpheres) else BoundingSpheres(each, np.zeros(len(each)))
+            for each in extents
+        ]
+        points, radii = (np.concatenate(column) for column in list(zip(*spheres, strict=True))[:2])
+        ends = np.cumsum([0, *(len(each.points) for each in spheres)]).tolist()
+        return BoundingSpheres(points, radii, dict(zip(names, map(slice, ends, ends[1:]), strict=False)))
+
     def of(self, name: str) -> BoundingSpheres:
         """Return the spheres of a subject; all where none has that name."""
         part = self.parts.get(name, slice(None))
@@ -52,16 +65,6 @@ class BoundingSpheres(NamedTuple):
 
 Extent = AnyArray | BoundingSpheres
 """Points (N, 3) of any float type, or spheres; a picture must show them all."""
-
-
-def join_extents(extents: Sequence[Extent], names: Iterable[str] = ()) -> Extent:
-    """Return the extents of subjects as one, with their names if there are several."""
-    if len(extents) == 1:
-        return extents[0]
-    spheres = [e if isinstance(e, BoundingSpheres) else BoundingSpheres(e, np.zeros(len(e))) for e in extents]
-    points, radii = (np.concatenate(column) for column in list(zip(*spheres, strict=True))[:2])
-    ends = np.cumsum([0, *(len(each.points) for each in spheres)]).tolist()
-    return BoundingSpheres(points, radii, dict(zip(names, map(slice, ends, ends[1:]), strict=False)))
 
 
 def rotate_y(
@@ -254,29 +257,20 @@ class Framing:
     camera: Camera | WideCamera
     placement: StagePlacement
 
+    def with_stage_in_view(self, stage: Stage, aspect: float | None) -> Framing:
+        """Move the camera until the stage's reference objects are in the picture too; see `camera_move`."""
+        return replace(self, camera=stage.adjusted_camera(self.camera, self.placement, aspect))
 
-def frame_all(
-    views: Sequence[View],
-    points_of: Callable[[int], Extent],
-    aspect: float,
-    follow: float = 1.0,
-    is_round: bool = False,
-) -> list[Framing]:
-    """Frame a sequence: `points_of(i)` gives what `views[i]` sees; it is computed with as float64.
 
-    aspect  width to height
-    follow  1 goes along with the sculpture; 0 holds the distance, the aim and the floor for the whole
-            sequence, as a turned object wants them; in between, partly
-    is_round  True if the first frame follows the last, so that the camera is as calm there
+class Framer:
+    """Finds the cameras of a sequence, also while its frames come.
 
     What a view says itself is taken as it is: a target, a distance, a position. The stage stands around the
     sculpture all the same, and is as large as it.
     """
-    return Framer(views, points_of, aspect, follow, is_round).framings(len(views))
 
-
-class Framer:
-    """The cameras of a sequence while its frames come; arguments as of `frame_all`."""
+    AHEAD: ClassVar[int] = AHEAD
+    """Frames after one that its camera depends on."""
 
     def __init__(
         self,
@@ -286,6 +280,13 @@ class Framer:
         follow: float = 1.0,
         is_round: bool = False,
     ) -> None:
+        """Frame a sequence: `points_of(i)` gives what `views[i]` sees; it is computed with as float64.
+
+        aspect  width to height
+        follow  1 goes along with the sculpture; 0 holds the distance, the aim and the floor for the whole
+                sequence, as a turned object wants them; in between, partly
+        is_round  True if the first frame follows the last, so that the camera is as calm there
+        """
         self._count, self._lead = len(views), AHEAD if is_round else 0
         if is_round:  # frames of the rounds before and after are framed too
             count, of_round = len(views), points_of
@@ -302,6 +303,10 @@ class Framer:
         self._middles, self._aims, self._sides = (np.zeros((many, 3, *more)) for more in ((), (), (3,)))
         self._reach, self._around, self._fronts = np.zeros(many), np.zeros(many), np.zeros(many)
         self._surveyed = self._aimed = self._given = 0
+
+    def all(self) -> list[Framing]:
+        """Return the framings of all frames."""
+        return self.framings(self._count)
 
     def framings(self, come: int) -> list[Framing]:
         """Return the framings that the first `come` frames determine, without those returned before.
@@ -377,11 +382,6 @@ class Framer:
         placement = StagePlacement(origin=triple([x, ground, z]), size=size, turn=turn)
         camera = camera_of(view, self._aims[i], self._sides[i], distance, size, front)
         return Framing(camera, placement)
-
-
-def with_stage_in_view(framing: Framing, stage: Stage, aspect: float | None) -> Framing:
-    """Move the camera until the reference objects of the stage are in the picture too; see `camera_move`."""
-    return replace(framing, camera=stage.adjusted_camera(framing.camera, framing.placement, aspect))
 
 
 # Tracks

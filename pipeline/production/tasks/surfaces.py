@@ -19,14 +19,7 @@ from flowsculpt.pipeline.arrays import AnyArray
 from flowsculpt.pipeline.errors import FlowsculptError, FrameError
 from flowsculpt.pipeline.mesh.control_net import bspline_surface
 from flowsculpt.pipeline.production.request.cameras import note_framing
-from flowsculpt.pipeline.production.request.framing import (
-    BoundingSpheres,
-    Extent,
-    frame_all,
-    join_extents,
-    rotate_y,
-    with_stage_in_view,
-)
+from flowsculpt.pipeline.production.request.framing import BoundingSpheres, Extent, Framer, rotate_y
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.request.shading import Shading
 from flowsculpt.pipeline.production.store import readers
@@ -226,8 +219,8 @@ def frame_camera(context: Context) -> bool:
     def write(path: Path) -> None:
         picture, pictures = request.shot.picture, request.pictures
         views, follow = [pictures.view(number) for number in framed], picture.camera.follow
-        framings = frame_all(views, points_of, pictures.aspect, follow, pictures.is_round)
-        framings = [with_stage_in_view(each, picture.stage, pictures.flat_aspect) for each in framings]
+        framings = Framer(views, points_of, pictures.aspect, follow, pictures.is_round).all()
+        framings = [each.with_stage_in_view(picture.stage, pictures.flat_aspect) for each in framings]
         plain = {number: to_plain(framing) for number, framing in zip(framed, framings, strict=True)}
         data = {str(number): plain[firsts[angle.mesh, angle.spin]] for number, angle in angles.items()}
         path.write_text(json.dumps(data), encoding="utf-8")
@@ -252,7 +245,7 @@ def _spheres(context: Context, number: int) -> Extent:
     """Return what a camera must show of a mesh frame. Raises what `read_mesh_frame` raises."""
     parts = context.request.parts
     spheres = [_spheres_of(context, part, number) for part in parts]
-    return join_extents(spheres, [part.source.subject for part in parts])
+    return BoundingSpheres.join(spheres, [part.source.subject for part in parts])
 
 
 def _spheres_of(context: Context, request: RenderRequest, number: int) -> BoundingSpheres:

@@ -23,7 +23,7 @@ from flowsculpt.pipeline.plugins.preview.surface_stream import (
     SurfaceStream,
 )
 from flowsculpt.pipeline.production.execution.project import Project
-from flowsculpt.pipeline.production.request.framing import frame_all
+from flowsculpt.pipeline.production.request.framing import Framer
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.request.shot_source import ShotSource
 from flowsculpt.pipeline.production.store.store import Store
@@ -96,7 +96,7 @@ def test_cameras_are_those_of_the_render(root: Path) -> None:
     numbers = sorted(points)
     views = [request.pictures.view(n) for n in numbers]
     aspect, follow = request.pictures.aspect, request.shot.picture.camera.follow
-    expected = frame_all(views, lambda i: points[numbers[i]], aspect, follow)
+    expected = Framer(views, lambda i: points[numbers[i]], aspect, follow).all()
     with SurfaceStream(Project(root, 2).store) as stream:
         list(stream.play(request, numbers))
         found = framings_of(request, stream, numbers)

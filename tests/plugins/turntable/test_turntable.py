@@ -24,7 +24,7 @@ from flowsculpt.pipeline.plugins.turntable.turntable_movie import (
     turn_and_angle,
 )
 from flowsculpt.pipeline.production.execution.project import Project
-from flowsculpt.pipeline.production.request.framing import Framing, frame_all, rotate_y, with_stage_in_view
+from flowsculpt.pipeline.production.request.framing import Framer, Framing, rotate_y
 from flowsculpt.pipeline.production.request.render_request import MeshAngle, RenderRequest, ShotFrames
 from flowsculpt.pipeline.production.request.shot_source import ShotSource
 from flowsculpt.pipeline.shot import read_shot
@@ -320,8 +320,10 @@ def test_through_the_whole_turn_the_object_touches_neither_balls_nor_chart(
     angles = [rotate_y(box, angle) for angle in np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)]
     shot = read_shot(Path("turn.yaml"), SHOT + "stage: turntable\n")
     turned = Turntable(1, 12).adapt_shot(replace(shot, picture=replace(shot.picture, camera=camera)))
-    (framing, *_) = frame_all([turned.picture.camera.at(0.0)] * 12, angles.__getitem__, aspect, follow=0.0)
-    framing = with_stage_in_view(framing, STAGES["turntable"], aspect)
+    (framing, *_) = Framer(
+        ([turned.picture.camera.at(0.0)] * 12), angles.__getitem__, aspect, follow=0.0
+    ).all()
+    framing = framing.with_stage_in_view(STAGES["turntable"], aspect)
     seen = framing.camera
     object_ = np.concatenate([seen.project(angle, aspect) for angle in angles])
     grey, chrome, board = positions(seen, framing.placement, aspect)
