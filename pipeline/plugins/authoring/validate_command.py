@@ -24,17 +24,14 @@ from flowsculpt.api.commands import (
 )
 from flowsculpt.api.flows import flows_of
 from flowsculpt.api.frames import (
-    begun,
+    FinishedPictures,
     crop_of,
     edit_names,
     find_edit,
     find_shot,
     light_notes,
     misnamed_shots,
-    picture_keys,
     shot_names,
-    shown_picture,
-    white,
 )
 from flowsculpt.api.options import Common, Settings
 from flowsculpt.api.shots import (
@@ -196,15 +193,16 @@ def _light(common: Common, name: str, settings: tuple[str, ...]) -> list[str]:
     They are whole pictures, those of its draft if there are any.
     """
     project = Project(common.root, common.cores, settings=settings, profile=common.profile)
-    whole = [each for each in begun(project, find_shot(name)) if crop_of(each.quality_name) is None]
+    whole = [
+        each for each in project.rendered_requests(find_shot(name)) if crop_of(each.quality_name) is None
+    ]
     if not whole:
         return []
     request = min(whole, key=lambda each: each.quality_name != "draft")
-    keys = picture_keys(request, project.store)
+    finished = FinishedPictures(request, project.store)
     there = [n for n in sorted(request.angles) if (common.root / request.place("frame", n)).exists()]
     looked_at = there[:: -(-len(there) // LOOKED_AT) or 1]
-    shown = {n: shown_picture(request, keys, project.store, n, 2, 8, "srgb") for n in looked_at}
-    return light_notes({n: white(picture) for n, picture in shown.items() if picture is not None})
+    return light_notes({number: finished.pixels(number, 2) for number in looked_at})
 
 
 def _check_scene(

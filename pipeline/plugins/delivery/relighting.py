@@ -54,18 +54,17 @@ from flowsculpt.api.options import (
     Variant,
 )
 from flowsculpt.api.pictures import (
-    Frame,
     LightRig,
     RenderedFrame,
     RenderError,
     loop_frames,
-    movie_encode,
     prefetch,
     read_header,
     write_finished,
     write_movie,
 )
 from flowsculpt.api.shots import NAME, OPTION, in_yaml, inherited, linear_of, shown
+from flowsculpt.pipeline.plugins.delivery.hdr_frames import Frame
 
 RELIGHT = PipelineStage("relight", version=1, packages=("OpenImageIO",), doing="relighting", makes="frame")
 
@@ -163,7 +162,7 @@ class RelitFrames:
         key = key_of(RELIGHT.recipe, request.keys.movie([self.key(n) for n in self.numbers]))
         if not self.store.holds_whole("movie", key):
             shown = loop_frames(self.numbers, request.loop_dissolve, partial(self._shown, passed))
-            frames, encode = prefetch(shown), movie_encode(request.quality_name)
+            frames, encode = prefetch(shown), request.pictures.movie_encode
             options: Any = {"projection": request.pictures.projection, "loops": request.loop is not None}
             self.store.put("movie", key, lambda path: write_movie(path, frames, rate.fps, encode, **options))
         self.store.link("movie", key, self.movie_path)

@@ -10,7 +10,7 @@ from typing import Any
 from flowsculpt import MissingInputError
 from flowsculpt.api import brief
 from flowsculpt.api.files import atomic_write, digest_of_file, usable, writable_cache
-from flowsculpt.api.pictures import REPEATED, BadInputError
+from flowsculpt.api.pictures import REPEATED, RenderError
 from flowsculpt.render.base.serialise import Colour
 from flowsculpt.render.scene.materials import Diffuse, Opacity, PatternedMaterial, Satin
 from flowsculpt.render.scene.painted_faces import VERTEX_COLOURS
@@ -112,5 +112,6 @@ def picture_within(
             draft.write_bytes(content())
     try:
         return texture_of(str(cached), digest, space)
-    except BadInputError as error:
-        raise BadInputError(str(error).replace(str(cached), f"{model}: its picture {brief(name)}")) from None
+    except RenderError as error:
+        message = str(error).replace(str(cached), f"{model}: its picture {brief(name)}")
+        raise type(error)(message) from None

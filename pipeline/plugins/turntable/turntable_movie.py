@@ -23,17 +23,15 @@ from flowsculpt.api.commands import Project, execute_and_report, progress_bars, 
 from flowsculpt.api.files import require_input
 from flowsculpt.api.frames import (
     SHOTS,
+    FinishedPictures,
     Folders,
     FrameRange,
-    PictureKeys,
     PipelineStage,
     Plan,
     RenderRequest,
     Store,
     find_shot,
     key_of,
-    picture_keys,
-    shown_picture,
 )
 from flowsculpt.api.meshes import usual_up
 from flowsculpt.api.options import (
@@ -44,7 +42,7 @@ from flowsculpt.api.options import (
     Variant,
     shared_option,
 )
-from flowsculpt.api.pictures import ContactSheet, movie_encode, prefetch, write_movie, write_still
+from flowsculpt.api.pictures import ContactSheet, prefetch, write_movie, write_still
 from flowsculpt.api.shots import DEFAULTS, LOOKS, NAME, YamlSource, inherited, is_there
 from flowsculpt.pipeline.mesh.read import surface_reader
 from flowsculpt.pipeline.plugins.turntable.turntable_frames import TURNS, Turntable
@@ -216,7 +214,7 @@ class TurntableSheets:
         the disk refuses.
         """
         first, looks = self._first, range(len(self._requests))
-        if not any(self._stored_key(look, number) for look in looks for number in first.requested):
+        if not any(self._finished[look].key(number) for look in looks for number in first.requested):
             return []
         sheets = [self._key_angles([look], self._requests[look].movie_path) for look in looks]
         if len(looks) == 1:
@@ -232,8 +230,8 @@ class TurntableSheets:
         return self.turntable.requests
 
     @cached_property
-    def _keys(self) -> list[PictureKeys | None]:
-        return [picture_keys(request, self._store) for request in self._requests]
+    def _finished(self) -> list[FinishedPictures]:
+        return [FinishedPictures(request, self._store) for request in self._requests]
 
     @property
     def _store(self) -> Store:
@@ -292,7 +290,7 @@ class TurntableSheets:
                     yield sheet.picture(pictures, " ".join(turn_and_angle(self._table, number)))
                     advance()
 
-            encode = movie_encode(first.quality_name)
+            encode = first.pictures.movie_encode
             write_movie(path, prefetch(pages()), first.shot.rate.fps, encode)
 
         cells = [(look, number) for look in looks for number in first.requested]
@@ -311,23 +309,14 @@ class TurntableSheets:
         name = self._first.name
         return name if self._table.of_file else self._first.shot.heading
 
-    def _stored_key(self, look: int, number: int) -> str | None:
-        """Return the key of a finished picture, if it is stored."""
-        keys = self._keys[look]
-        key = keys[number].frame if keys is not None else None
-        return key if self._store.holds("frame", key) else None
-
     def _pictures(
         self, cells: Sequence[tuple[int, int]], factor: int, bits: int, display: str
     ) -> list[NDArray[Any] | None]:
         """Read the pictures of cells. Raises FrameError for a damaged one."""
-        return [
-            shown_picture(self._requests[look], self._keys[look], self._store, number, factor, bits, display)
-            for look, number in cells
-        ]
+        return [self._finished[look].pixels(number, factor, bits, display) for look, number in cells]
 
     def _key(self, kind: str, cells: Sequence[tuple[int, int]], *content: Any) -> str:
-        frames = [self._stored_key(look, number) for look, number in cells]
+        frames = [self._finished[look].key(number) for look, number in cells]
         displays = [dict(request.manifest.shown_as) for request in self._requests]
         return key_of(TURNTABLE_SHEET.recipe, kind, self._heading, frames, displays, *content)
 

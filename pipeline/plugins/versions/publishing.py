@@ -27,6 +27,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from numpy.typing import NDArray
+
 from flowsculpt import FlowsculptError, FrameError, MissingInputError, UsageError
 from flowsculpt.api import ShotExtras
 from flowsculpt.api.files import atomic_folder, digest_of_file, remove_tree
@@ -46,16 +48,9 @@ from flowsculpt.api.frames import (
     picture_keys,
     read_statistics,
     samples_of,
+    store_reader,
 )
-from flowsculpt.api.pictures import (
-    Frame,
-    RenderError,
-    loop_frames,
-    movie_encode,
-    probe_movie,
-    read_exr,
-    write_movie,
-)
+from flowsculpt.api.pictures import RenderError, loop_frames, read_exr, write_movie
 from flowsculpt.pipeline.plugins.versions.provenance import (
     FILE,
     VERSION,
@@ -301,7 +296,7 @@ class Release:
         try:
             self.store.bring("movie", key)
             self.store.digests.check(file)
-            whole = probe_movie(file).frames == len(self.request.angles)
+            whole = store_reader("movie", key)(file).frames == len(self.request.angles)
         except DAMAGED:
             whole = False
         if not whole:
@@ -446,7 +441,7 @@ class Patch(Release):
     def _whole_movie(self, key: Key) -> str:
         """Encode the movie unless the store has it, and return its digest."""
         request, numbers = self.request.whole(), sorted(self.request.angles)
-        rate, encode = request.shot.rate, movie_encode(request.quality_name)
+        rate, encode = request.shot.rate, request.pictures.movie_encode
 
         def write(path: Path) -> None:
             frames = loop_frames(numbers, request.loop_dissolve, self._shown)
@@ -457,7 +452,7 @@ class Patch(Release):
         self.store.put("movie", key, write)
         return super()._whole_movie(key)
 
-    def _shown(self, numbers: list[int]) -> Iterator[Frame]:
+    def _shown(self, numbers: list[int]) -> Iterator[NDArray[Any]]:
         """Yield frames as the display of today shows them."""
         keys, files, display = self._keys(), self._files(), self.request.shot.picture.display
         for number in numbers:
