@@ -7,13 +7,14 @@ from dataclasses import dataclass, field
 from typing import Annotated, Any
 
 import typer
+from rich.console import Group
+from rich.table import Table
 
 from flowsculpt import FlowsculptError, FrameError, UsageError
 from flowsculpt.api import Progress, ShotError, reporting_to
 from flowsculpt.api.commands import (
     Project,
     exit_with,
-    out,
     print_error,
     print_result,
     print_warning,
@@ -261,16 +262,15 @@ def _report(common: Common, checks: list[_Check]) -> None:
     lines += [f"With warnings: {', '.join(doubtful)}"] if doubtful else []
     notes = [f"Note: {note}" for check in checks for note in check.notes]
     words = "\n".join([*(lines or ["No shot is good."]), *notes])
-    print_result(words, [check.as_data() for check in checks], common.json)
-    if not common.json:
-        _print_first_frames(checks)
+    print_result(Group(words, *_first_frames(checks)), [check.as_data() for check in checks], common.json)
 
 
-def _print_first_frames(checks: list[_Check]) -> None:
+def _first_frames(checks: list[_Check]) -> Iterator[Table]:
+    """Yield a table of first frames where there are any."""
     rows = table("shot", "subject", "units", "vertices", "memory")
     for check in checks:
         for name, first in check.firsts.items():
             facts = f"{first.extent:.3g}", f"{first.vertices:,}", size(first.memory)
             rows.add_row(check.name, f"{name}: {first.subject}" if name else first.subject, *facts)
     if rows.row_count:
-        out.print(rows)
+        yield rows

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from flowsculpt import FrameError, MachineError
 from flowsculpt.api import ShotExtras, plugins, plural
-from flowsculpt.api.files import disk_errors, make_folder, to_plain
+from flowsculpt.api.files import make_folder, to_plain
 from flowsculpt.api.frames import (
     Edit,
     FrameRange,
@@ -381,8 +381,7 @@ class Delivery:
         """
         made = []
         place = self.store.root / self._folder
-        with disk_errors(place):
-            make_folder(place)
+        make_folder(place)
         if not os.access(place, os.W_OK):
             raise MachineError(f"{place}: permission denied; choose another folder with -o")
         for encode, path, part in self._files():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterator
 from dataclasses import replace
 from importlib.util import find_spec
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flowsculpt import MachineError, UsageError
-from flowsculpt.api.files import atomic_write, command_line
+from flowsculpt.api.files import atomic_write, command
 from flowsculpt.api.pictures import ENCODES, HDR_DISPLAYS, Encode
 from flowsculpt.pipeline.plugins.delivery.hdr_frames import GRAPHICS_WHITE, Frame
 
@@ -53,7 +54,7 @@ def require_gain_maps(frames: int) -> None:
         raise MachineError(
             "gain-map needs the package imagecodecs (79 MB), which is not installed; install the extra "
             "[gain-maps], or only the package, for the Python of flowsculpt: "
-            f"{command_line('pip', 'install', 'imagecodecs')}"
+            f"{shlex.join(command('pip', 'install', 'imagecodecs'))}"
         )
 
 

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from flowsculpt import FrameError, MissingInputError, UsageError
 from flowsculpt.api import plural, shortened, suggestion
-from flowsculpt.api.commands import exit_with, print_error, print_result, progress_bars, project_of
+from flowsculpt.api.commands import exit_with, print_error, print_result, progress_bars
 from flowsculpt.api.frames import (
     FrameRange,
     FrameRate,
@@ -50,6 +50,7 @@ from flowsculpt.api.options import (
     PictureOptions,
     Quality,
     Shot,
+    ShotOptions,
     Variant,
 )
 from flowsculpt.api.pictures import (
@@ -458,7 +459,7 @@ def relight(
     the same view. At the end it prints what to write in the shot file to render with these lights.
     """
     given = LightSettings.of(settings or ())
-    project = project_of(common, given.of_shot, allow_code, variant)
+    project = ShotOptions(list(given.of_shot), allow_code).project(common, variant)
     quality_name = PictureOptions(crop, scale).quality(quality, project, [shot])
     request = project.find_request(shot, quality_name, frames)
     lights, path = request.shot.picture.lights, find_shot(shot)

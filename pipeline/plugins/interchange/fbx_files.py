@@ -19,7 +19,7 @@ import numpy as np
 
 from flowsculpt import MeshError
 from flowsculpt.api import plural, shortened
-from flowsculpt.api.files import MEMORY, allow_memory, read_input, require_input, serve
+from flowsculpt.api.files import Parser, read_input, require_input
 from flowsculpt.api.meshes import AnyArray, Floats, Points
 from flowsculpt.pipeline.file_contents import text_content
 from flowsculpt.pipeline.mesh.face_soup import FaceSoup
@@ -37,7 +37,6 @@ from flowsculpt.pipeline.plugins.interchange.scene_readers import (
     require_package,
     unpacked_surface,
 )
-from flowsculpt.render.base.limited_process import answer_about_content
 
 if TYPE_CHECKING:
     import ufbx
@@ -58,7 +57,7 @@ def read_fbx(path: Path) -> FileSurface:
 def _up_of(path: Path, digest: str) -> str:
     """Return the axis that points up in the coordinates of `read_fbx`; the disk cache stores it by digest."""
     require_ufbx()
-    return answer_about_content(_MODULE, path, digest, "ufbx", "up")
+    return Parser(_MODULE).answer_about_content(path, digest, "ufbx", "up")
 
 
 def require_ufbx() -> None:
@@ -96,7 +95,7 @@ def uncollected() -> Iterator[None]:
 
 def answer(path: str, question: str) -> bytes:
     """Return the answer to `up` or `surface` about the file at a path."""
-    allow_memory(MEMORY + 40 * require_input(Path(path), MOST_BYTES))
+    Parser.allow_memory(Parser.MEMORY + 40 * require_input(Path(path), MOST_BYTES))
     content = read_input(Path(path), MOST_BYTES)
     if question == "up":
         return up_axis(content).encode()
@@ -309,4 +308,4 @@ def numbers_of(values: Any, kind: Any, columns: int = 1) -> AnyArray:
 
 
 if __name__ == "__main__":
-    serve(answer)
+    Parser.serve(answer)

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from flowsculpt import MissingInputError
-from flowsculpt.api.files import allow_memory, cache_path, digest_of_file, joint_digest, mapping, serve
+from flowsculpt.api.files import CachedAnswer, Parser, digest_of_file
 from flowsculpt.pipeline.mesh.mesh_formats import (
     FileSurface,
     ModelFiles,
@@ -38,7 +38,6 @@ from flowsculpt.pipeline.plugins.interchange.scene_readers import (
     require_package,
     unpacked_surface,
 )
-from flowsculpt.render.base.user_cache import load_answer, store_answer
 from flowsculpt.render.scene.materials import PatternedMaterial
 from flowsculpt.render.scene.textures import BLACK, CLAMP, REPEAT, Texture
 
@@ -64,20 +63,20 @@ def stage_files(path: Path) -> ModelFiles:
     """
     require_usd()
     own, name = digest_of_file(path), str(path.absolute())
-    cached = cache_path("parsed", ["usd", str(_VERSION), version("usd-core"), name, own])
-    known = load_answer(cached, _known_files)
+    cached = CachedAnswer.of("parsed", ["usd", str(_VERSION), version("usd-core"), name, own])
+    known = cached.load(_known_files)
     if known is None:
         facts = json.loads(_asked("facts", path, _WHOLE))
         known = facts["up"], {name: own, **{file: digest_of_file(Path(file)) for file in facts["files"]}}
-        store_answer(cached, dict(zip(("up", "digests"), known, strict=True)))
+        cached.store(dict(zip(("up", "digests"), known, strict=True)))
     up, digests = known
     others = [(Path(file), digest) for file, digest in digests.items() if file != name]
-    return ModelFiles(joint_digest(list(digests.values())), ((path, own), *others), up)
+    return ModelFiles.of(((path, own), *others), up)
 
 
 def _known_files(answer: dict[str, Any]) -> tuple[Any, dict[str, str]]:
     """Return the axis that is up, and the digests of files, if no file has changed. Raises ValueError."""
-    digests = mapping(answer["digests"])
+    digests = dict(answer["digests"])
     if not digests or any(_digest(Path(file)) != digest for file, digest in digests.items()):
         raise ValueError("a file has changed")
     return answer["up"], digests
@@ -107,7 +106,7 @@ def _materials(path: Path, part: ScenePart = _WHOLE) -> ModelMaterials:
         stage_files(path).digest,
         *map(str, astuple(part)),
     ]
-    cached = cache_path("parsed", ["usd paint", str(_PAINT_VERSION), *depends_on])
+    cached = CachedAnswer.of("parsed", ["usd paint", str(_PAINT_VERSION), *depends_on])
 
     def made(answer: dict[str, Any]) -> ModelMaterials:
         files: dict[Path, str] = {}
@@ -115,10 +114,10 @@ def _materials(path: Path, part: ScenePart = _WHOLE) -> ModelMaterials:
         notes = (note for facts in answer["materials"] for note in facts["notes"])
         return ModelMaterials(parts, files, tuple(notes))
 
-    if (known := load_answer(cached, made)) is not None:
+    if (known := cached.load(made)) is not None:
         return known
     answer = {"materials": json.loads(_asked("materials", path, part))}
-    store_answer(cached, answer)
+    cached.store(answer)
     return made(answer)
 
 
@@ -232,7 +231,7 @@ def _load_usd() -> None:
     USD reserves over a gigabyte of addresses when it makes its first paths, and crashes where it cannot.
     """
     os.environ["PXR_WORK_THREAD_LIMIT"] = "1"  # each thread reserves more
-    allow_memory(_ADDRESSES)
+    Parser.allow_memory(_ADDRESSES)
     from pxr import Usd, UsdGeom
 
     stage = Usd.Stage.CreateInMemory()
@@ -242,4 +241,4 @@ def _load_usd() -> None:
 
 
 if __name__ == "__main__":
-    serve(answer)
+    Parser.serve(answer)

@@ -10,15 +10,8 @@ import typer
 
 from flowsculpt import UsageError
 from flowsculpt.api import plural
-from flowsculpt.api.commands import (
-    execute,
-    exit_with,
-    make_folder_of,
-    print_result,
-    print_warning,
-    report_notes,
-    report_plan,
-)
+from flowsculpt.api.commands import execute, exit_with, print_result, print_warning, report_notes, report_plan
+from flowsculpt.api.files import make_folder
 from flowsculpt.api.frames import (
     STAGES,
     FinishedPictures,
@@ -112,7 +105,7 @@ def curves(
     clock = read_shot(path, settings=settings or ()).motion.clock
     page = output or common.root / Folders.of_shot(path.stem).home / f"{path.stem}.curves.svg"
     if not common.dry_run:
-        make_folder_of(page)
+        make_folder(page.parent)
         tracks = [Curves(c.name, c.unit, c.frames, c.values, c.keys) for c in keyed]
         store, rate = Store(common.root), float(clock.rate.fps)
         store.write(page, lambda draft: plot_panels(path.stem, tracks, rate, draft))

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from flowsculpt import MissingInputError, UsageError
 from flowsculpt.api import plural, suggestion
-from flowsculpt.api.commands import Project, execute_and_report, progress_bars, require_one_of, words_of
+from flowsculpt.api.commands import Project, execute_and_report, progress_bars, require_one_of
 from flowsculpt.api.files import require_input
 from flowsculpt.api.frames import (
     SHOTS,
@@ -39,7 +39,6 @@ from flowsculpt.api.options import (
     Common,
     Quality,
     ShotOptions,
-    Subject,
     Variant,
     shared_option,
 )
@@ -354,7 +353,10 @@ def turntable(
             help="The axis of the mesh file that points up. Default: what it states, or z of an STL, else y.",
         ),
     ] = None,
-    part: Subject = None,
+    part: Annotated[
+        str | None,
+        typer.Option("--subject", metavar="NAME", help="One of the shot's subjects, if it has several."),
+    ] = None,
     quality: Quality = DEFAULT_QUALITY,
     scale: Annotated[
         str | None, typer.Option(metavar="PERCENT", help="Render smaller or larger pictures: 50%, or 0.5.")
@@ -371,8 +373,9 @@ def turntable(
     """
     project = options.project(common, variant)
     named = cropped_name(quality, None, scale)
-    fault = "--look names no look; write one, or several as in clay,glaze,chrome"
-    looks = () if look is None else words_of(look, fault)
+    looks = tuple(dict.fromkeys(word.strip() for word in (look or "").split(",") if word.strip()))
+    if look is not None and not looks:
+        raise UsageError("--look names no look; write one, or several as in clay,glaze,chrome")
     request = TurntableRequest(project, subject, named, at, frames, turn, looks, bare, up, part)
 
     def draw() -> list[Path]:

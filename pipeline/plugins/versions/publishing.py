@@ -21,7 +21,6 @@ import os
 import re
 import shutil
 import time
-import uuid
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -32,7 +31,7 @@ from numpy.typing import NDArray
 
 from flowsculpt import FlowsculptError, FrameError, MissingInputError, UsageError
 from flowsculpt.api import ShotExtras
-from flowsculpt.api.files import digest_of_file, disk_errors, held, remove_tree
+from flowsculpt.api.files import atomic_folder, digest_of_file, remove_tree
 from flowsculpt.api.frames import (
     DAMAGED,
     STAGES,
@@ -86,23 +85,18 @@ def freeze(
     the disk refuses; then nothing is left of it.
     """
     freeze_frame = _copy if copy else _link
-    with disk_errors(final), held(final.parent, make=True) as home:
-        draft = home / f"{_DRAFT}{final.name}.{uuid.uuid4().hex[:8]}"
-        try:
-            for number, frame in record.frames.items():
-                source = (files or {}).get(number) or store.path("frame", frame.frame)
-                freeze_frame(source, draft / frame.file)
-                store.digests.add_copy(final / frame.file, source)
-            _copy(store.path("movie", record.movie["key"]), draft / record.movie["file"])
-            text = json.dumps(record.as_data(), indent=1, ensure_ascii=False) + "\n"
-            for name, content in ((NOTES, notes), (FILE, text.encode())):
-                if content:
-                    (draft / name).write_bytes(content)
-                    _settle(draft / name)
-            store.digests.add(final / FILE, draft / FILE)
-            draft.rename(home / final.name)
-        finally:
-            shutil.rmtree(draft, ignore_errors=True)
+    with atomic_folder(final, f"{_DRAFT}{final.name}.") as draft:
+        for number, frame in record.frames.items():
+            source = (files or {}).get(number) or store.path("frame", frame.frame)
+            freeze_frame(source, draft / frame.file)
+            store.digests.add_copy(final / frame.file, source)
+        _copy(store.path("movie", record.movie["key"]), draft / record.movie["file"])
+        text = json.dumps(record.as_data(), indent=1, ensure_ascii=False) + "\n"
+        for name, content in ((NOTES, notes), (FILE, text.encode())):
+            if content:
+                (draft / name).write_bytes(content)
+                _settle(draft / name)
+        store.digests.add(final / FILE, draft / FILE)
 
 
 def sweep(home: Path) -> None:

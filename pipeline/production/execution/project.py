@@ -256,6 +256,8 @@ class Project:
 
         states  the states that words such as `missing` select by; which frames they mean is settled once
         """
+        if not isinstance(frames, FrameSelection | None):
+            raise TypeError(f"frames are {frames!r}; FrameSelection.of_text reads text")
         require_quality(quality)
         source = self._source(path)
         whole = FrameRange(source.manifest.frames)

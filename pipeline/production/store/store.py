@@ -169,7 +169,7 @@ class Store:
             return False
         final = self.path(kind, key)
         with disk_errors(final), held(self.inner_scratch, make=True) as folder:
-            draft = folder / self._stored_draft(kind).name
+            draft = folder / self.draft(SUFFIXES[kind]).name
             try:
                 with _named(draft, final):
                     digest = self.remote.fetch(kind, key, draft)
@@ -215,9 +215,6 @@ class Store:
         """Return a new path for an unfinished file next to a shown one; see `sweep_hidden_drafts`."""
         return path.with_name(f".{self.draft(path.suffix).name}")
 
-    def _stored_draft(self, kind: str) -> Path:
-        return self.inner_scratch / self.draft(SUFFIXES[kind]).name
-
     def put(self, kind: str, key: Key, write: Callable[[Path], object], replace: bool = False) -> Path:
         """Make the file of `key` by `write(path)`, unless it is there; return its path.
 
@@ -230,7 +227,7 @@ class Store:
         final = self.path(kind, key)
         if not replace and (self.holds_whole if kind in self.COPIED else self.bring)(kind, key):
             return final
-        with atomic_write(final, self._stored_draft(kind)) as draft:
+        with atomic_write(final, self.inner_scratch / self.draft(SUFFIXES[kind]).name) as draft:
             with _named(draft, final):
                 write(draft)
             draft.chmod(STORED)

@@ -27,7 +27,8 @@ STEADY = ("quality.draft={temporal_denoise: 2}",)
 
 def forecast(project: Project, frames: str | None = None) -> tuple[set[int], set[int]]:
     """Return the finished frames that a dry run names: those made for certain, and those perhaps."""
-    told = Forecast.of(project.pictures([NAME], QUALITY, frames), project.store)
+    asked = None if frames is None else FrameSelection.of_text(frames)
+    told = Forecast.of(project.pictures([NAME], QUALITY, asked), project.store)
     frames_of = {n for job in told.plan.jobs if job.stage == "finish" for n in job.frames}
     perhaps = set(told.unframed.get("finish", ()))
     return frames_of - perhaps, perhaps
@@ -123,7 +124,7 @@ def test_a_late_edit_of_a_long_shot_leaves_early_frames_done(
     project.render("1,12,40,64", quality="draft.scale5")
     project.shot.write_text(text.replace("6: 60", "60: 60, 64: 94"))
     now = Project(project.path, 2)
-    request = now.request(find_shot(NAME), "draft.scale5", "1,12,40,64")
+    request = now.request(find_shot(NAME), "draft.scale5", FrameRange.parse("1,12,40,64"))
     known = KnownPictures(request, now.store)
     assert [known.state(n) for n in (1, 12, 40, 64)] == ["done", "done", "unframed", "stale"]
 
