@@ -13,8 +13,6 @@ from flowsculpt import TriangleMesh, UsageError, read_mesh
 from flowsculpt.api import CopyLayout, indefinite, plural
 from flowsculpt.api.meshes import Floats, Points, Vectors, face_normals, model_files, on_surface, unit
 from flowsculpt.api.shots import (
-    DEGREE,
-    ORIGIN,
     SOLIDS,
     Degrees,
     Document,
@@ -45,6 +43,8 @@ FACES = 4
 _SOLIDS = [name for name in SOLIDS if name != "lattice"]
 
 Places = tuple[Points, Floats]
+
+ORIGIN = [0.0, 0.0, 0.0]
 
 
 class Arrangement(Document):
@@ -210,7 +210,7 @@ class OneLayout(CopyLayout, OneOfSeveral):
         arrangement: Any = getattr(self, self.named[0])
         places, turns = arrangement.arranged(count, seed)
         moves = np.array(self.jitter) * np.random.default_rng([seed, 3]).uniform(-1.0, 1.0, (count, 3))
-        c, s = math.cos(DEGREE * self.lean), math.sin(DEGREE * self.lean)
+        c, s = math.cos(math.radians(self.lean)), math.sin(math.radians(self.lean))
         return places + moves, turns @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
 
 

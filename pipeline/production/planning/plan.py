@@ -279,6 +279,17 @@ class Plan:
             if home:
                 yield Path(home, "raw", name)
 
+    @staticmethod
+    def versions_here() -> dict[str, str]:
+        """Return the versions that keys hold: of stages (`render's results`), plug-ins and packages."""
+        of_plugins = {f"plug-in {plugin.name}": plugin.version for plugin in plugins() if plugin.sources}
+        return of_plugins | {
+            f"{stage.name}'s results" if part == "version" else part: str(value)
+            for stage in STAGES.values()
+            for part, value in stage.recipe.items()
+            if part != "stage"
+        }
+
     def freeze(self, root: Path) -> Path:
         """Write the plan under `root`; return the file, relative to `root`."""
         self.write(root / self.file)
