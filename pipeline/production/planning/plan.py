@@ -168,17 +168,6 @@ class Plan:
     versions: Mapping[str, str] = field(default_factory=lambda: Plan.versions_here())
     kernels: str = ""
 
-    @staticmethod
-    def versions_here() -> dict[str, str]:
-        """Return the versions in keys: of stages, as `render's results`, of plug-ins and of packages."""
-        of_plugins = {f"plug-in {plugin.name}": plugin.version for plugin in plugins() if plugin.sources}
-        return of_plugins | {
-            f"{stage.name}'s results" if part == "version" else part: str(value)
-            for stage in STAGES.values()
-            for part, value in stage.recipe.items()
-            if part != "stage"
-        }
-
     def named_last(self, root: Path) -> Plan:
         """Return the plan under a name after those of all runs under `root`, whatever the clock was set to.
 
