@@ -15,6 +15,7 @@ from flowsculpt.render.base.limited_process import Parser as Parser
 from flowsculpt.render.base.limited_process import ParserError as ParserError
 from flowsculpt.render.base.python_process import ForkedProcess as ForkedProcess
 from flowsculpt.render.base.python_process import command as command
+from flowsculpt.render.base.python_process import environment as environment
 from flowsculpt.render.base.python_process import user_environment as user_environment
 from flowsculpt.render.base.root_files import remove as remove
 from flowsculpt.render.base.root_files import remove_tree as remove_tree

@@ -1,5 +1,6 @@
 """Frames of shots: requests, plans, keys, the store and its locks, cameras, the history of runs."""
 
+from flowsculpt.pipeline.animation import FrameProgress as FrameProgress
 from flowsculpt.pipeline.animation import MeshFrame as MeshFrame
 from flowsculpt.pipeline.animation import animate as animate
 from flowsculpt.pipeline.frames import FrameRange as FrameRange

@@ -32,6 +32,7 @@ from flowsculpt.pipeline.shot.motion import as_data as as_data
 from flowsculpt.pipeline.shot.motion_checks import outside_note as outside_note
 from flowsculpt.pipeline.shot.point_subjects import CloudInSolid as CloudInSolid
 from flowsculpt.pipeline.shot.shot_reader import read_shot as read_shot
+from flowsculpt.pipeline.shot.shot_reader import shot_clock as shot_clock
 from flowsculpt.pipeline.shot.subject_checks import subject_views as subject_views
 from flowsculpt.pipeline.shot.subjects import SOLIDS as SOLIDS
 from flowsculpt.pipeline.shot.subjects import Model as Model
@@ -43,6 +44,7 @@ from flowsculpt.pipeline.shot.yaml.document_validation import bad_value as bad_v
 from flowsculpt.pipeline.shot.yaml.inheritance import OPTION as OPTION
 from flowsculpt.pipeline.shot.yaml.inheritance import inherited as inherited
 from flowsculpt.pipeline.shot.yaml.inheritance import inherited_files as inherited_files
+from flowsculpt.pipeline.shot.yaml.messages import FieldType as FieldType
 from flowsculpt.pipeline.shot.yaml.named_files import DEFAULTS as DEFAULTS
 from flowsculpt.pipeline.shot.yaml.named_files import NAME as NAME
 from flowsculpt.pipeline.shot.yaml.named_files import is_edit as is_edit

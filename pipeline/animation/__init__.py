@@ -12,7 +12,6 @@ from flowsculpt.pipeline.animation.loop import (
     FrameProgress,
     FrameProgressCallback,
     animate,
-    animate_reporting,
 )
 
 __all__ = [
@@ -21,7 +20,6 @@ __all__ = [
     "FrameReport",
     "MeshFrame",
     "animate",
-    "animate_reporting",
     "descent",
     "material_of",
     "mesh_at_subframe",

@@ -96,6 +96,11 @@ class MeshFrame:
     copies: Placements | None = None
     starts: Placements | None = None
 
+    @classmethod
+    def at_rest(cls, number: int, mesh: TriangleMesh, lattice: Lattice | None = None) -> MeshFrame:
+        """Return a frame that shows the undeformed surface, without a report."""
+        return cls(number, with_material(mesh), FrameReport(None, lambda: None), lattice=lattice)
+
     @cached_property
     def mesh(self) -> TriangleMesh:
         """The surface; of rigid copies that of all, one after another, with material positions."""

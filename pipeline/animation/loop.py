@@ -293,19 +293,27 @@ def animate(
     resume: MeshFrame | None = None,
     flow: Flow | Displacement | None = None,
     ready: Callable[[], None] = lambda: None,
+    progress: FrameProgressCallback | None = None,
 ) -> Iterator[MeshFrame]:
     """Yield the shot's frames in order: each moved by the flow for one frame, then resampled once (P6).
 
     The first frame is the subject at rest, resampled only. With `resume`, yields the frames after that one,
     with the same bits as an uninterrupted run. `flow` replaces the shot's own: any callable `points, time, dt
     -> points` (P1). `ready` is called before the arrays of each frame are copied: who still holds those of
-    the frame before may free them first.
+    the frame before may free them first. `progress` hears of the progress within each frame that takes long.
 
     Raises FrameError, with its `frame`, where the flow fails or the surface cannot be resampled; the frames
     before it have been yielded. MeshError and MissingInputError for an unusable subject.
     """
     motion = shot.motion if isinstance(shot, Shot) else shot
-    acting = motion.flow if flow is None else as_flow(flow)
+    frames = _animated(motion, resume, motion.flow if flow is None else as_flow(flow), ready)
+    return frames if progress is None else _reported(motion, resume, frames, progress)
+
+
+def _animated(
+    motion: Motion, resume: MeshFrame | None, acting: Flow, ready: Callable[[], None]
+) -> Iterator[MeshFrame]:
+    """Yield the frames as `animate` does."""
     if resume is None:
         number = motion.frames.first
         surface = at_rest(motion, acting)
@@ -494,14 +502,11 @@ class _VertexSample(NamedTuple):
         return cls(points if stride < 2 else points[::stride].copy(), len(points))
 
 
-def animate_reporting(
-    shot: Shot,
-    resume: MeshFrame | None,
-    callback: FrameProgressCallback,
-    ready: Callable[[], None] = lambda: None,
+def _reported(
+    motion: Motion, resume: MeshFrame | None, frames: Iterator[MeshFrame], callback: FrameProgressCallback
 ) -> Iterator[MeshFrame]:
-    """Yield the frames of `animate`, which calls `ready`; report the progress within each that takes long."""
-    motion, frames, told = shot.motion, animate(shot, resume, ready=ready), set[str]()
+    """Yield frames; report the progress within each that takes long."""
+    told = set[str]()
     number = motion.frames.first if resume is None else resume.number + 1
     before = None if resume is None else _VertexSample.of(resume)
     del resume  # a frame that its taker has dropped takes no memory while the next one is computed

@@ -163,19 +163,24 @@ def _named(now: Mapping[object, _FrameInWork]) -> str:
 
 
 @contextmanager
-def slow_frames_told(reader: EventReader) -> Iterator[None]:
-    """Print why frames are slow while no bars are drawn."""
+def _events_told(reader: EventReader, tell: Callable[[Event], None]) -> Iterator[None]:
+    """Call a function with each event of a run."""
 
     def read() -> None:
         for event in reader.new():
-            if event["event"] == "slow":
-                print_warning(_named_message(event))
+            tell(event)
 
     try:
         with poll(POLL_SECONDS, read, print_warning):
             yield
     finally:
         read()
+
+
+def _tell_of_slow_frame(event: Event) -> None:
+    """Print why a frame is slow, where no bars say it."""
+    if event["event"] == "slow":
+        print_warning(_named_message(event))
 
 
 def _named_message(event: Event) -> str:
@@ -254,13 +259,21 @@ def report_plan(
     print_result("\n".join(words), told, common.json)
 
 
-def execute(common: Common, make_plan: Callable[[], Plan], preview: bool | None = None) -> Outcome:
-    """Execute a plan with progress bars, and report warnings and failures; `preview` as above."""
+def execute(
+    common: Common,
+    make_plan: Callable[[], Plan],
+    preview: bool | None = None,
+    teller: Callable[[Plan], Callable[[Event], None]] | None = None,
+) -> Outcome:
+    """Execute a plan with progress bars, and report warnings and failures; `preview` as above.
+
+    teller  returns, for each plan that is executed, what is called with its events in place of bars
+    """
 
     @contextmanager
     def watch(plan: Plan, reader: EventReader) -> Iterator[None]:
-        if not common.progress:
-            with slow_frames_told(reader):
+        if teller is not None or not common.progress:
+            with _events_told(reader, teller(plan) if teller else _tell_of_slow_frame):
                 yield
             return
         with StageBars(plan, common.root, reader).drawn(), ExitStack() as watching:

@@ -387,18 +387,20 @@ class Motion:
             longest = longest.coarsest
         return longest if isinstance(longest, float) else None
 
-    def mesh_at_rest(self) -> TriangleMesh:
-        """Return the subject's mesh, as fine as the first frame needs it.
+    def mesh_at_rest(self, longest: float | None = None) -> TriangleMesh:
+        """Return the subject's mesh with edges of a length at most, or as fine as the first frame needs it.
 
         Where edge lengths vary, solids are meshed for the finest, and the first resampling collapses edges.
         Lengths below a third of the median are left to its splits.
         """
+        if longest is not None:
+            return self._placed(self.subject.build(longest))
         resampling = self.resampling_at(self.frames.first) or self.shape
         if resampling is None:
             return self._placed(self.subject.build())
-        longest = resampling.thresholds.max_edge_length
-        if isinstance(longest, float):
-            return self._placed(self.subject.build(longest))
+        limit = resampling.thresholds.max_edge_length
+        if isinstance(limit, float):
+            return self._placed(self.subject.build(limit))
         coarse = self._placed(self.subject.build())
         if not isinstance(self.subject, Solid | PluginSurface):
             return coarse  # a model is as its file says

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from flowsculpt.pipeline.errors import UsageError, shortened, suggestion
+from flowsculpt.pipeline.flow.flow import require_permission
 from flowsculpt.pipeline.frames import FrameRange, FrameRate
 from flowsculpt.pipeline.shot.camera_path import CameraPath, Shutter
 from flowsculpt.pipeline.shot.motion import Loop, Motion
@@ -179,6 +180,11 @@ class Shot:
     def parts(self) -> tuple[Shot, ...]:
         """The shots of one subject each: those of `subjects`, or the shot itself."""
         return self.subjects or (self,)
+
+    def require_permission(self) -> None:
+        """Raise UsageError for the first Python file that it would run without permission."""
+        for part in self.parts:
+            require_permission(part.motion.flow)
 
     @property
     def measures_speed(self) -> bool:

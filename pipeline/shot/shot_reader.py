@@ -278,6 +278,12 @@ def read_rate(source: YamlSource) -> tuple[FrameRate | None, list[Problem]]:
         return None, [(("rate",), str(error))]
 
 
+def shot_clock(source: YamlSource) -> Clock | None:
+    """Return the clock of a shot file with its speed; None where the file has mistakes in it."""
+    clock, _ = read_clock(source)
+    return None if clock is None else with_speed(clock, source)[0]
+
+
 def with_speed(clock: Clock, source: YamlSource) -> tuple[Clock, list[Problem]]:
     """Return the clock with the speed of the file, and the problem with it between half frames.
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import flowsculpt.pipeline.animation.loop as module
-from flowsculpt.pipeline.animation import FrameProgress, animate, animate_reporting
+from flowsculpt.pipeline.animation import FrameProgress, animate
 from flowsculpt.pipeline.animation.flow_cost import FlowCost
 from flowsculpt.pipeline.flow import Streamlines, streamlines
 from flowsculpt.pipeline.flow.catalogue.vortices import CurlNoise, Vortex
@@ -81,7 +81,7 @@ def test_a_flow_reports_its_points_in_ascending_order_up_to_all(monkeypatch: pyt
 @pytest.mark.usefixtures("impatient")
 def test_progress_moves_within_a_frame_and_changes_no_mesh(tmp_path: Path) -> None:
     shot, reports = shot_of(tmp_path, SPINNING), list[FrameProgress]()
-    frames = list(animate_reporting(shot, None, reports.append))
+    frames = list(animate(shot, progress=reports.append))
     assert [frame.number for frame in frames] == [1, 2, 3, 4]
     for frame, alone in zip(frames, animate(shot), strict=True):
         assert frame.mesh.vertices.tobytes() == alone.mesh.vertices.tobytes()
@@ -93,7 +93,7 @@ def test_progress_moves_within_a_frame_and_changes_no_mesh(tmp_path: Path) -> No
 @pytest.mark.usefixtures("impatient")
 def test_a_slow_frame_says_once_what_it_does_and_which_setting_causes_it(tmp_path: Path) -> None:
     reports: list[FrameProgress] = []
-    for _ in animate_reporting(shot_of(tmp_path, SPINNING), None, reports.append):
+    for _ in animate(shot_of(tmp_path, SPINNING), progress=reports.append):
         pass
     said = [report.slow for report in reports if "flows.1 rotation" in report.slow]
     assert len(said) == 1

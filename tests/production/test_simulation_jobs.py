@@ -103,7 +103,7 @@ def test_a_frame_is_written_while_the_next_one_is_computed(
 ) -> None:
     computed, write = threading.Event(), readers.write_npz
 
-    def frames(*given: Any) -> Iterator[MeshFrame]:
+    def frames(*given: Any, **more: Any) -> Iterator[MeshFrame]:
         for frame in animate(given[0]):
             if frame.number == 2:
                 computed.set()
@@ -114,7 +114,7 @@ def test_a_frame_is_written_while_the_next_one_is_computed(
         assert not is_first or computed.wait(120.0), "the first is not written before the second comes"
         write(path, named)
 
-    monkeypatch.setattr(surfaces, "animate_reporting", frames)
+    monkeypatch.setattr(surfaces, "animate", frames)
     monkeypatch.setattr(surfaces, "write_npz", writes)
     job = Job(root, "1-3")
     assert job.run() and job.stored() == [1, 2, 3]
@@ -142,13 +142,13 @@ def test_where_writing_fails_the_job_says_so_once_and_leaves_nothing_half_writte
 
 
 def test_where_a_frame_fails_those_before_it_are_stored(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def frames(*given: Any) -> Iterator[MeshFrame]:
+    def frames(*given: Any, **more: Any) -> Iterator[MeshFrame]:
         for frame in animate(given[0]):
             if frame.number == 4:
                 raise FrameError("the flow fails", 4)
             yield frame
 
-    monkeypatch.setattr(surfaces, "animate_reporting", frames)
+    monkeypatch.setattr(surfaces, "animate", frames)
     job = Job(root, "1-6")
     assert not job.run()
     assert job.events("fail")[0]["frame"] == 4 and job.stored() == job.shown() == [1, 2, 3]
@@ -158,12 +158,12 @@ def test_what_is_not_stored_is_not_measured(root: Path, monkeypatch: pytest.Monk
     monkeypatch.setattr(surfaces, "LARGE", 1)
     measured: list[int] = []
 
-    def frames(*given: Any) -> Iterator[MeshFrame]:
+    def frames(*given: Any, **more: Any) -> Iterator[MeshFrame]:
         for frame in animate(given[0]):
             yield frame
             measured.extend([frame.number] * ("statistics" in vars(frame.report)))
 
-    monkeypatch.setattr(surfaces, "animate_reporting", frames)
+    monkeypatch.setattr(surfaces, "animate", frames)
     job = Job(root, "5-6")
     assert job.run() and measured == [5]  # nothing asks for a frame after the last one
     report = json.loads(str(readers.read_npz(root / "renders/A/meshes/A.0006.npz")["report"]))

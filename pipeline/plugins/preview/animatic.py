@@ -25,7 +25,6 @@ from flowsculpt.api.pictures import ENCODES, AudioClip, loop_frames, write_movie
 from flowsculpt.api.shots import Motion
 from flowsculpt.pipeline.plugins.preview.sketch import Sketch, is_closed
 from flowsculpt.pipeline.plugins.preview.surface_stream import SurfaceStream, in_order
-from flowsculpt.pipeline.production.store import paths
 
 SIZES = {"still": (960, 540), "movie": (480, 270)}  # pixels of a 16:9 picture; other aspects have as many
 
@@ -279,7 +278,7 @@ FOLDER = "preview"  # stands for the quality in the path of a film's animatic
 
 def film_path(edit: Edit) -> Path:
     """Return the path of a film's animatic, relative to the root."""
-    return paths.film(FOLDER, edit.name)
+    return edit.path(FOLDER)
 
 
 def write_film_animatic(

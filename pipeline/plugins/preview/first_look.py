@@ -13,9 +13,9 @@ from typing import IO
 
 from flowsculpt.api import RunObserver
 from flowsculpt.api.commands import print_warning
+from flowsculpt.api.files import command, environment
 from flowsculpt.api.frames import Plan, RenderRequest
 from flowsculpt.api.options import Common
-from flowsculpt.render.base import python_process
 
 FEWEST = 24  # frames that an animatic has at the least: fewer are soon rendered
 ENDING_SECONDS = 3.0  # seconds in which the process that draws leaves, before it is killed
@@ -59,9 +59,9 @@ def _is_new(root: Path, request: RenderRequest) -> bool:
 def _process(root: Path, *words: str) -> Iterator[None]:
     """Have a process make the pictures, and print its lines; end it with the context."""
     process = subprocess.Popen(
-        python_process.command("flowsculpt.pipeline.plugins.preview.first_pictures", *words),
+        command("flowsculpt.pipeline.plugins.preview.first_pictures", *words),
         cwd=root,
-        env=python_process.environment(),
+        env=environment(),
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,

@@ -19,12 +19,9 @@ from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING
 
-from flowsculpt import FlowsculptError
+from flowsculpt import FlowsculptError, FrameError
 from flowsculpt.api import plural
 from flowsculpt.api.frames import Plan, RenderRequest, Runs, Store
-from flowsculpt.pipeline.production.request.shot_source import PlanningCache
-from flowsculpt.pipeline.production.store.event_log import EventLog
-from flowsculpt.pipeline.production.tasks.job import Context, cpu_of_job
 
 if TYPE_CHECKING:  # who only waits for a frame needs no rasteriser
     from flowsculpt.pipeline.plugins.preview.animatic import Animatic
@@ -73,7 +70,7 @@ class FirstPictures:
 
     def __init__(self, root: Path, plan: Plan) -> None:
         self._root, self._plan, self._store = root, plan, Store(root)
-        self._log = EventLog(Runs(root).folder / plan.log_name, NAME)
+        self._runs, self._cpu = Runs(root), 0.0
 
     def say(self, what: str, make: Callable[[], Iterator[str]]) -> None:
         """Print the lines that `make` yields, or why it could not."""
@@ -85,7 +82,8 @@ class FirstPictures:
         except Exception as error:
             fault = f"{type(error).__name__}: {error}; this is a bug in flowsculpt"
             print(f"the {what} is left out: {fault}", flush=True)
-        self._log.write("work", stage=NAME, cpu=cpu_of_job())
+        taken, self._cpu = time.process_time() - self._cpu, time.process_time()
+        self._runs.note_work(self._plan, NAME, taken)
 
     def animatics(self) -> Iterator[str]:
         """Draw the animatic of the film, or of each shot when it can be drawn; yield where they are."""
@@ -93,8 +91,7 @@ class FirstPictures:
         from flowsculpt.pipeline.plugins.preview.sketch import Sketch
         from flowsculpt.pipeline.plugins.preview.surface_stream import SurfaceStream
 
-        cache = PlanningCache(self._root)
-        requests = [request.with_cache(cache) for request in shown_requests(self._plan)]
+        requests = [request.with_cache(self._root) for request in shown_requests(self._plan)]
         with ExitStack() as stack:
             animatics = [
                 Animatic(Sketch(request), stack.enter_context(SurfaceStream(self._store, once=True)))
@@ -118,12 +115,24 @@ class FirstPictures:
 
     def frame(self) -> Iterator[str]:
         """Write the first frame that the run finishes as a PNG; yield where it is."""
-        from flowsculpt.pipeline.production.tasks.encoding import make_still
+        from flowsculpt.api.frames import FinishedPictures
+        from flowsculpt.api.pictures import write_still
 
         job, number = self._first_finished()
-        context = Context.of(self._root, self._plan, job)
-        request = context.request
-        make_still(context, request, "png", number, context.picture_keys(request)[number].frame)
+        request = self._plan.requests[self._plan.job(job).requests[0]].with_cache(self._root)
+        finished = FinishedPictures(request, self._store)
+        if (frame := finished.key(number)) is None:
+            raise FrameError(f"frame {number} is no longer there", number)
+        key = request.keys.still("png", frame)
+        header = {"shot": request.name, "frame": number, "key": key}
+
+        def write(path: Path) -> None:
+            pixels = finished.pixels(number)
+            assert pixels is not None, "its key is known"
+            write_still(path, pixels, header, projection=request.pictures.projection)
+
+        self._store.put("png", key, write)
+        self._store.link("png", key, request.place("png", number))
         yield f"First finished frame: {request.place('png', number)}"
 
     def _first_finished(self) -> tuple[str, int]:

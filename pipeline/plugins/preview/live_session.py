@@ -14,9 +14,8 @@ from typing import Any
 
 from flowsculpt import FlowsculptError
 from flowsculpt.api.files import machine_error
-from flowsculpt.api.frames import Framing, ShotSource
+from flowsculpt.api.frames import FrameProgress, Framing, ShotSource
 from flowsculpt.api.pictures import Camera, jpeg_bytes
-from flowsculpt.pipeline.animation import FrameProgress
 from flowsculpt.pipeline.plugins.preview.animatic import SIZES, FramedSurfaces, framings_of, size_for
 from flowsculpt.pipeline.plugins.preview.sketch import Sketch, is_closed
 from flowsculpt.pipeline.plugins.preview.surface_stream import SurfaceStream

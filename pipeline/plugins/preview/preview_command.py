@@ -15,11 +15,9 @@ from flowsculpt.api import Progress, plural, reporting_to
 from flowsculpt.api.commands import frame_progress, print_error, print_result, print_warning
 from flowsculpt.api.files import make_folder
 from flowsculpt.api.flows import estimated_vertices, growth_warning
-from flowsculpt.api.frames import Edit, FrameRange, RenderRequest, Show, Store
+from flowsculpt.api.frames import Edit, FrameProgress, FrameRange, RenderRequest, Show, Store
 from flowsculpt.api.options import DEFAULT_QUALITY, Common, ShotOptions, shared_option
 from flowsculpt.api.pictures import BurnIn
-from flowsculpt.pipeline.animation import FrameProgress
-from flowsculpt.pipeline.flow.flow import require_permission
 from flowsculpt.pipeline.plugins.preview.animatic import (
     Animatic,
     FrameCallback,
@@ -117,7 +115,7 @@ def preview(
         """Return the shot as its file is now."""
         numbers = FrameRange([at]) if at is not None else frames
         request = options.project(common).request(path, DEFAULT_QUALITY, numbers, variant="none")
-        _require_permissions(request)
+        request.shot.require_permission()
         return Sketch(request, flow, edges, fields)
 
     sketch, store = read(), Store(common.root)
@@ -157,7 +155,7 @@ def _draw_film(common: Common, edit: Edit, sketches: Sequence[Sketch], output: P
     """Draw the movie of an edit; `sketches` are those of its clips."""
     path, store = output or common.root / film_path(edit), Store(common.root)
     for sketch in sketches:
-        _require_permissions(sketch.request)
+        sketch.request.shot.require_permission()
     if not common.dry_run:
         make_folder(path.parent)
         with ExitStack() as stack:
@@ -181,11 +179,6 @@ def _print_notes(sketches: Sequence[Sketch]) -> None:
         f"{each.name}: {line}" for each in requests for line in each.source.new_notes()
     ):
         print_warning(line)
-
-
-def _require_permissions(request: RenderRequest) -> None:
-    for part in request.shot.parts:
-        require_permission(part.motion.flow)
 
 
 def _warn_of_growth(request: RenderRequest, last: int) -> None:

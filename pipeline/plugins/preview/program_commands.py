@@ -16,8 +16,8 @@ from typing import Annotated, Any
 import typer
 
 from flowsculpt import FlowsculptError, UsageError
-from flowsculpt.api.commands import Project, exit_with, print_error, print_warning
-from flowsculpt.api.frames import STAGES, EventReader, FrameStates, History, Plan, RenderRequest, Show, Store
+from flowsculpt.api.commands import Project, execute, exit_with
+from flowsculpt.api.frames import STAGES, FrameStates, History, Plan, RenderRequest, Show, Store
 from flowsculpt.api.options import DEFAULT_QUALITY, Common, Frames, Shot, ShotOptions, shared_option
 from flowsculpt.api.shots import text_of
 from flowsculpt.pipeline.plugins.preview.shot_editor import (
@@ -28,10 +28,6 @@ from flowsculpt.pipeline.plugins.preview.shot_editor import (
     edits_in,
     json_object,
 )
-from flowsculpt.pipeline.production.execution.run import PATIENCE, Outcome, run
-from flowsculpt.pipeline.production.store.event_log import poll
-
-POLL_SECONDS = 0.2  # between looks at what a run has done
 
 
 def edit(common: Common, shot: Shot, options: ShotOptions) -> None:
@@ -94,41 +90,28 @@ def frames(
                 return project.pictures([shot], quality, frames)
             return project.geometry(project.request(path, name, frames, variant))
 
-        outcome = _made(common, planned) if make and not common.dry_run else None
+        making = make and not common.dry_run
+        outcome = execute(common, planned, teller=_progress_answered) if making else None
         request = project.request(path, name, frames, variant)
         failed = [_failure(event) for event in outcome.failures] if outcome else []
         _answer({**_listing(project, request, quality is not None), "failed": failed})
-    for failure in failed:
-        print_error(f"{failure['shot']} frame {failure['frame']}: {failure['message']}")
     exit_with(outcome.exit_code if outcome else 0)
 
 
-def _made(common: Common, planned: Callable[[], Plan]) -> Outcome:
-    """Make what a plan lacks; answer with a line whenever frames of a stage are done."""
+def _progress_answered(plan: Plan) -> Callable[[dict[str, Any]], None]:
+    """Return what answers with a line whenever a frame of a stage is done."""
+    totals, done = plan.frame_counts(), dict.fromkeys(STAGES, 0)
 
-    @contextmanager
-    def watch(plan: Plan, reader: EventReader) -> Iterator[None]:
-        totals, done = plan.frame_counts(), dict.fromkeys(STAGES, 0)
+    def tell(event: dict[str, Any]) -> None:
+        stage = str(event.get("stage"))
+        if event["event"] == "frame" and totals.get(stage):
+            done[stage] += 1
+            _answer(
+                {"stage": stage, "doing": STAGES[stage].doing, "frame": event.get("frame")}
+                | {"done": done[stage], "total": totals[stage]}
+            )
 
-        def read() -> None:
-            for event in reader.new():
-                stage = str(event.get("stage"))
-                if event["event"] == "frame" and totals.get(stage):
-                    done[stage] += 1
-                    _answer(
-                        {"stage": stage, "doing": STAGES[stage].doing, "frame": event.get("frame")}
-                        | {"done": done[stage], "total": totals[stage]}
-                    )
-
-        try:
-            with poll(POLL_SECONDS, read, print_warning):
-                yield
-        finally:
-            read()
-
-    return run(
-        planned, common.root, common.cores, watch, common.profile, common.patience or PATIENCE, common.wait
-    )
+    return tell
 
 
 def _failure(event: Mapping[str, Any]) -> dict[str, Any]:

@@ -17,18 +17,16 @@ from flowsculpt.api.shots import (
     LARGEST,
     PRESETS,
     Clock,
+    FieldType,
     ParseContext,
     ShotDocument,
     Where,
     YamlSource,
     curve_of,
     inherited,
+    is_changing,
+    shot_clock,
 )
-from flowsculpt.pipeline.shot.documents.curves import KeyDocument, Keyed, OverTime, OverTimeTriple
-from flowsculpt.pipeline.shot.documents.field_types import is_number
-from flowsculpt.pipeline.shot.documents.flow_entries import Entry, RepeatedDocument, ReversedDocument, seconds
-from flowsculpt.pipeline.shot.shot_reader import read_clock, with_speed
-from flowsculpt.pipeline.shot.yaml.messages import choices, field_names, members
 
 
 def flow_frames(document: ShotDocument, clock: Clock) -> dict[Where, list[float]]:
@@ -40,7 +38,7 @@ def flow_frames(document: ShotDocument, clock: Clock) -> dict[Where, list[float]
     first, fps = clock.frames.first, float(clock.rate.fps)
     numbers = range(first, clock.frames.last + 1)
     times = np.array([clock.flow_time(number) for number in numbers])
-    lists: dict[Where, Sequence[Entry]] = {("flows",): document.flows}
+    lists: dict[Where, Sequence[Any]] = {("flows",): document.flows}
     for name, subject in (document.subjects or {}).items():
         lists["subjects", name, "flows"] = subject.flows
     found: dict[Where, Floats] = {}
@@ -52,17 +50,20 @@ def flow_frames(document: ShotDocument, clock: Clock) -> dict[Where, list[float]
 
 
 def _own_times(
-    flows: Sequence[Entry], where: Where, times: Floats, clock: Clock
+    flows: Sequence[Any], where: Where, times: Floats, clock: Clock
 ) -> Iterator[tuple[Where, Floats]]:
     """Yield the paths of compositions with a time of their own, and these times (N,), seconds."""
     for index, entry in enumerate(flows):
         name, chosen = next(iter(entry.model_fields_set)), entry.chosen
         place, own = (*where, index, name), times
-        if isinstance(chosen, ReversedDocument):
-            whole = clock.duration if chosen.duration is None else seconds(chosen.duration, clock)
-            own = whole - times
-        elif isinstance(chosen, RepeatedDocument):
-            own = times % seconds(chosen.period, clock)
+        if name == "reversed":
+            own = (
+                clock.duration - times
+                if chosen.duration is None
+                else _seconds(chosen.duration, clock) - times
+            )
+        elif name == "repeated":
+            own = times % _seconds(chosen.period, clock)
         if own is not times:
             yield place, own
         if isinstance(chosen, list):
@@ -150,15 +151,14 @@ def settable_values(
     Arguments are those of `read_shot`, which reports mistakes; raises pydantic's errors where there are any.
     """
     source = inherited(path, text, settings, beside)
-    clock, _ = read_clock(source)
+    clock = shot_clock(source)
     assert clock is not None, "read_shot has accepted the file"
-    clock, _ = with_speed(clock, source)
     context = {"clock": clock, "parse_context": ParseContext(path.parent)}
     document = ShotDocument.model_validate(source.data, context=context)
     times = flow_frames(document, clock)
     ends = [clock.frames.first, clock.frames.last, *(frame for frames in times.values() for frame in frames)]
     walk = _Walk(source, clock, math.floor(min(ends)), math.ceil(max(ends)))
-    fields = field_names([ShotDocument])
+    fields = FieldType.of_fields(ShotDocument)
     values = [
         found
         for name in SECTIONS
@@ -181,13 +181,15 @@ class _Walk:
     first: int
     last: int
 
-    def values(self, value: Any, where: Where, kind: Any, description: str) -> Iterator[SettableValue]:
+    def values(
+        self, value: Any, where: Where, kind: FieldType | None, description: str
+    ) -> Iterator[SettableValue]:
         """Yield the values within a part of a document.
 
         kind         its annotation
         description  what it is, with its unit in parentheses
         """
-        if isinstance(value, BaseModel) and not isinstance(value, Keyed | OverTime | OverTimeTriple):
+        if isinstance(value, BaseModel) and not _is_curve(value):
             yield from self._document(value, where)
         elif isinstance(value, list) and any(isinstance(item, BaseModel) for item in value):
             for index, item in enumerate(value):
@@ -199,7 +201,7 @@ class _Walk:
             yield found
 
     def _document(self, document: BaseModel, where: Where) -> Iterator[SettableValue]:
-        fields = field_names([type(document)])
+        fields = FieldType.of_fields(type(document))
         units = {p.name: p.doc for p in getattr(document, "own", ())}
         for name, field in type(document).model_fields.items():
             word = field.alias or name
@@ -213,7 +215,9 @@ class _Walk:
             if is_given or (is_leaf and isinstance(self.source.get(*where), dict | None)):
                 yield from self.values(value, (*where, word), fields[word], description)
 
-    def _value(self, value: Any, where: Where, kind: Any, description: str) -> SettableValue | None:
+    def _value(
+        self, value: Any, where: Where, kind: FieldType | None, description: str
+    ) -> SettableValue | None:
         raw = self.source.get(*where)
         form = _form(value, kind)
         if form is None:
@@ -235,38 +239,39 @@ class _Walk:
             self._names(kind),
             raw is not None,
             file,
-            any(map(_is_keyed, members(kind))),
+            kind is not None and any(map(_has_keys, kind.members)),
             form == "vector" or (curve is not None and len(curve.values[0]) == 3),
             curve,
         )
 
-    def _names(self, kind: Any) -> tuple[str, ...]:
+    def _names(self, kind: FieldType | None) -> tuple[str, ...]:
         """Return the names that a value can have, with those that the show gives to looks and light rigs."""
-        names = choices(kind)
+        names = () if kind is None else kind.choices
         for registry, own in ((PRESETS["look"], "looks"), (PRESETS["lights"], "rigs")):
             if names == tuple(registry):
                 return *names, *(name for name in map(str, self.source.mapping(own)) if name not in names)
         return names
 
-    def _curve(self, value: Keyed[Any] | OverTime | OverTimeTriple, where: Where) -> SampledCurve:
+    def _curve(self, value: Any, where: Where) -> SampledCurve:
         """Return the samples of a curve, by its own clock."""
         first, last = self.first, self.last
         frames = np.linspace(first, last, min(MOST_SAMPLES, max(LEAST_SAMPLES, 2 * (last - first) + 1)))
         curve = curve_of(value, self.clock)
         values = [list(curve.at(self.clock.time(float(frame)))) for frame in frames]
         keys = []
-        if isinstance(value, Keyed):
+        if "keys" in type(value).model_fields:
             for time, key in value.keys.items():
-                item = key if isinstance(key, KeyDocument) else KeyDocument(value=key)
+                own = key if isinstance(key, BaseModel) else None
+                value_there: Any = key if own is None else key.value
                 seconds = self.clock.seconds(time) or 0.0
                 keys.append(
                     {
                         "time": time,
                         "frame": round(self.clock.frames.first + seconds * float(self.clock.rate.fps), 6),
-                        "value": item.value if isinstance(item.value, list) else [item.value],
-                        "ease": item.ease,
-                        "left": self._handle(item.left),
-                        "right": self._handle(item.right),
+                        "value": value_there if isinstance(value_there, list) else [value_there],
+                        "ease": None if own is None else key.ease,
+                        "left": self._handle(None if own is None else key.left),
+                        "right": self._handle(None if own is None else key.right),
                     }
                 )
             return SampledCurve(frames.tolist(), values, keys, value.ease, value.before, value.after, None)
@@ -281,30 +286,47 @@ class _Walk:
         return [round(seconds * float(self.clock.rate.fps), 6), offset]
 
 
-def _form(value: Any, kind: Any) -> str | None:
+def _form(value: Any, kind: FieldType | None) -> str | None:
     """Return the form of a value; None for one that is not listed."""
-    if isinstance(value, Keyed | OverTime | OverTimeTriple):
+    if _is_curve(value):
         return "curve"
     if isinstance(value, bool):
         return "switch"
-    names = choices(kind)
+    names = () if kind is None else kind.choices
     if isinstance(value, str):
         return "axis" if names == ("x", "y", "z") else "name" if names else None
     if is_number(value):
-        return "whole" if isinstance(value, int) and int in set(members(kind)) - {float} else "number"
+        is_whole = isinstance(value, int) and kind is not None and int in kind.members
+        return "whole" if is_whole else "number"
     if isinstance(value, list) and len(value) == 3 and all(map(is_number, value)):
         return "axis" if names == ("x", "y", "z") else "vector"
     return None
 
 
-def _is_keyed(kind: Any) -> bool:
-    return isinstance(kind, type) and issubclass(kind, Keyed | OverTime | OverTimeTriple)
+def _is_curve(value: Any) -> bool:
+    """Tell whether a value is keys or a formula; what follows a sound has no curve to edit."""
+    return is_changing(value) and "audio" not in type(value).model_fields
 
 
-def _bounds(kind: Any) -> tuple[float, float]:
+def _has_keys(kind: Any) -> bool:
+    """Tell whether a type is that of keys."""
+    return isinstance(kind, type) and issubclass(kind, BaseModel) and "keys" in kind.model_fields
+
+
+def is_number(value: Any) -> bool:
+    """Tell whether a value is a number; True and False are none."""
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _seconds(duration: Any, clock: Clock) -> float:
+    """Return a parsed duration in seconds."""
+    return clock.length(duration) or 0.0
+
+
+def _bounds(kind: FieldType | None) -> tuple[float, float]:
     """Return the lowest and highest number of a setting; infinite where any number is allowed."""
     low, high = [-math.inf], [math.inf]
-    waiting = [kind]
+    waiting: list[Any] = [] if kind is None else [kind.annotation]
     while waiting:
         part = waiting.pop()
         if typing.get_origin(part) is Annotated:

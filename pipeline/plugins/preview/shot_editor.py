@@ -20,11 +20,9 @@ from typing import Any
 from flowsculpt import FlowsculptError, MissingInputError, UsageError
 from flowsculpt.api import ShotError
 from flowsculpt.api.files import ChangedFileError, atomic_write, read_input
-from flowsculpt.api.shots import Where, YamlSource, dotted, inherited_files, read_shot, text_of
+from flowsculpt.api.shots import Where, YamlSource, dotted, inherited_files, read_shot, shot_clock, text_of
 from flowsculpt.pipeline.plugins.preview.settable_values import settable_values
 from flowsculpt.pipeline.plugins.preview.text_edits import ValueEdit, edited, parsed
-from flowsculpt.pipeline.shot.shot_reader import read_clock
-from flowsculpt.pipeline.shot.yaml.named_files import MOST_BYTES
 
 MOST_STEPS = 200  # edits that can be undone
 
@@ -112,12 +110,13 @@ class ShotEditor:
         source = parsed(self.path, text)
         for edit in edits:
             self._require_own(source, edit)
-        clock, _ = read_clock(source)
+        clock = shot_clock(source)
         after = edited(self.path, text, edits, lambda key: clock.seconds(key) if clock else None, verify)
-        if len(after.encode()) > MOST_BYTES:
+        if len(after.encode()) > YamlSource.MOST_BYTES:
             raise ShotError(
-                f"{self.path}: with this edit the file would be larger than {MOST_BYTES // 1000} kB, which "
-                "none may be; nothing was written. Give it fewer keys."
+                f"{self.path}: with this edit the file would be larger than "
+                f"{YamlSource.MOST_BYTES // 1000} kB, which none may be; nothing was written. Give it fewer "
+                "keys."
             )
         return after
 

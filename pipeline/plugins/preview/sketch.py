@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flowsculpt import TriangleMesh, icosphere
+from flowsculpt.api.flows import checked_displacement
 from flowsculpt.api.frames import Framing, RenderRequest
 from flowsculpt.api.meshes import AnyArray, Floats, Points, Vectors
 from flowsculpt.api.pictures import (
-    SPEED,
     BurnIn,
     Material,
     Painted,
@@ -26,11 +26,7 @@ from flowsculpt.api.pictures import (
     vertex_colours,
 )
 from flowsculpt.api.shots import Motion
-from flowsculpt.pipeline.flow import checked_displacement
-from flowsculpt.pipeline.kernels import readable
-from flowsculpt.pipeline.mesh.kernels.halfedge import SOUND, match_twins
 from flowsculpt.pipeline.plugins.preview.holes import without_holes
-from flowsculpt.render.scene.patterns import COPY_PLACE
 
 MOST_BALLS = 20_000
 """Most points of a cloud that are drawn; of more points a part is drawn, with larger balls."""
@@ -44,6 +40,9 @@ OCTAHEDRON = TriangleMesh(
 )
 
 LINE = 1 / 600  # width of a streamline, over that of the picture
+
+OF_SURFACE = {"vertices", "normals", "faces", "source_vertex", "material", "radii"}
+"""Arrays of a frame that are no attributes of its vertices."""
 
 SLOW, MIDDLE, FAST = (0.10, 0.36, 0.56), (0.86, 0.63, 0.16), (0.80, 0.24, 0.14)
 """Display colours of streamlines, from still to the fastest."""
@@ -141,7 +140,7 @@ def shape_of(
     arrays: Mapping[str, AnyArray], look: Material, quick: bool = False, paint: PaintedFaces | None = None
 ) -> Shape:
     """Return the shape of a frame's arrays; of a cloud, a ball for each point, which is coarse if `quick`."""
-    attributes = {name: arrays[name] for name in (SPEED, COPY_PLACE) if name in arrays}
+    attributes = {name: values for name, values in arrays.items() if name not in OF_SURFACE}
     vertices, no_faces = arrays["vertices"], np.empty((0, 3), np.int32)
     normals, faces = arrays.get("normals", vertices), arrays.get("faces", no_faces)
     surface = Surface(vertices, normals, faces, attributes, arrays["material"], paint=paint)
@@ -180,10 +179,10 @@ def is_closed(arrays: Mapping[str, AnyArray]) -> bool:
     """Tell whether every edge of a surface has two faces, which then holds for every frame of a shot."""
     if "faces" not in arrays:
         return True
-    faces, vertices = arrays["source_vertex"][arrays["faces"]], int(arrays["source_vertex"].max()) + 1
-    twin = np.empty(faces.size, np.int32)
-    problem, _ = match_twins(readable(faces.reshape(-1), np.int32), vertices, twin)
-    return problem == SOUND and bool((twin >= 0).all())
+    faces, count = arrays["source_vertex"][arrays["faces"]], int(arrays["source_vertex"].max()) + 1
+    ends, others = faces.astype(np.int64).ravel(), np.roll(faces, -1, axis=1).astype(np.int64).ravel()
+    forward, backward = np.sort(ends * count + others), np.sort(others * count + ends)
+    return bool(np.array_equal(forward, backward) and (np.diff(forward) > 0).all())
 
 
 def line_colours(lines: StreamlineSet) -> tuple[Floats, Floats]:

@@ -19,26 +19,26 @@ from functools import partial
 from pathlib import Path
 from threading import Lock
 from types import TracebackType
-from typing import TypeVar
+from typing import Any, TypeVar
 
+import numpy as np
 import psutil
 
 from flowsculpt import FrameError
 from flowsculpt.api.files import atomic_write, disk_errors
 from flowsculpt.api.frames import (
+    FrameProgress,
     Key,
     MeshFrame,
     RenderRequest,
     Shading,
     Store,
+    StoredFiles,
+    animate,
     key_of,
 )
 from flowsculpt.api.meshes import AnyArray
 from flowsculpt.api.pictures import SPEED
-from flowsculpt.pipeline.animation import FrameProgressCallback, animate_reporting
-from flowsculpt.pipeline.mesh.normals import MOST_PIECES
-from flowsculpt.pipeline.mesh.placed_copies import all_copies
-from flowsculpt.pipeline.production.store import readers
 
 SLOW = 0.25  # core-seconds from which on a simulated frame is stored
 
@@ -46,6 +46,9 @@ MEMORY_SHARE = 0.2  # fraction of the free memory that mesh frames may take, and
 
 UNSHADED, LARGE_BYTES = 4, 1 << 24
 """Frames that may wait for normals while others are simulated, and the size from which on only one may."""
+
+MOST_DICED_PIECES = 16
+"""Pieces into which an edge is cut at most."""
 
 DICED = 100_000  # vertices, about, of a previewed surface that renders dice
 
@@ -80,7 +83,7 @@ class MeshSource:
     request: RenderRequest
     store: Store
     cache: MeshCache
-    callback: FrameProgressCallback
+    callback: Callable[[FrameProgress], None]
     _simulation: Iterator[MeshFrame] | None = None
 
     def at(self, number: int) -> MeshFrame:
@@ -93,7 +96,7 @@ class MeshSource:
             first = self.request.shot.motion.frames.first
             earlier = (self._known(n) for n in range(number - 1, first - 1, -1))
             latest = next((frame for frame in earlier if frame is not None), None)
-            self._simulation = animate_reporting(self.request.shot, latest, self.callback)
+            self._simulation = animate(self.request.shot, latest, progress=self.callback)
         while True:
             started = time.thread_time()
             frame = next(self._simulation)
@@ -108,15 +111,18 @@ class MeshSource:
         if self.store.bring("mesh", key):
             with suppress(FrameError):  # a damaged file is evicted, and the frame simulated again
                 place = self.request.place("mesh", number)
-                return self.store.read("mesh", key, place, readers.mesh_frame(key, number))
+                known: MeshFrame = self.store.read(
+                    "mesh", key, place, StoredFiles("mesh").reader(key, number=number)
+                )
+                return known
         return None
 
     def _keep(self, frame: MeshFrame, seconds: float) -> None:
         key = self.request.keys.mesh(frame.number)
         self.cache.remember(key, frame)
         if seconds > SLOW:
-            arrays = readers.with_key(key, frame.to_arrays())
-            self.store.put("mesh", key, partial(readers.write_npz, named=arrays))
+            write = partial(StoredFiles.write_arrays, key=key, named=frame.to_arrays())
+            self.store.put("mesh", key, write)
 
 
 def _size(frame: MeshFrame) -> int:
@@ -150,11 +156,15 @@ class SpillCache:
         if fits:
             self._held[key] = arrays
         else:
-            with atomic_write(self._file(key), flush=False) as draft:
-                readers.write_npz(draft, dict(arrays))
+            named: dict[str, Any] = dict(arrays)
+            with atomic_write(self._file(key), flush=False) as draft, draft.open("wb") as file:
+                np.savez(file, **named)
 
     def get(self, key: Key) -> Arrays:
-        return self._held[key] if key in self._held else readers.read_npz(self._file(key))
+        if key in self._held:
+            return self._held[key]
+        with np.load(self._file(key), allow_pickle=False) as stored:
+            return dict(stored)
 
     def drop(self, key: Key) -> None:
         """Forget the arrays of a key."""
@@ -211,7 +221,7 @@ class SurfaceStream:
     once: bool = False
     meshes: MeshCache = field(init=False)
     surfaces: SpillCache = field(default_factory=SpillCache)
-    callback: FrameProgressCallback = field(default=lambda progress: None)
+    callback: Callable[[FrameProgress], None] = field(default=lambda progress: None)
 
     def __post_init__(self) -> None:
         self._waiting = UNSHADED
@@ -252,7 +262,7 @@ class SurfaceStream:
 
     def arrays(self, request: RenderRequest, number: int) -> dict[str, AnyArray]:
         """Return the arrays of a frame that was played, of a request of one subject."""
-        return all_copies(self.surfaces.get(_key(request, number)))
+        return Shading.of_all_copies(self.surfaces.get(_key(request, number)))
 
     def each(self, request: RenderRequest, number: int) -> list[dict[str, AnyArray]]:
         """Return the arrays of each subject of a frame that was played."""
@@ -281,7 +291,9 @@ class SurfaceStream:
 
     def _read(self, request: RenderRequest, number: int) -> None:
         key, place = request.keys.normals(number), request.place("normals", number)
-        self.surfaces.put(_key(request, number), self.store.read("normals", key, place, readers.arrays(key)))
+        self.surfaces.put(
+            _key(request, number), self.store.read("normals", key, place, StoredFiles("normals").reader(key))
+        )
 
     def _shade(self, request: RenderRequest, frame: MeshFrame) -> None:
         shading = Shading.of(frame, request.shot.motion.thresholds_at(frame.number), _pieces(request, frame))
@@ -311,4 +323,4 @@ def _pieces(request: RenderRequest, frame: MeshFrame) -> int:
     picture = request.shot.picture
     if picture.dicing is None:
         return picture.tessellate
-    return max(1, min(MOST_PIECES, math.isqrt(DICED // max(1, len(frame.mesh.vertices)))))
+    return max(1, min(MOST_DICED_PIECES, math.isqrt(DICED // max(1, len(frame.mesh.vertices)))))

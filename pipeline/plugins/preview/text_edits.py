@@ -20,7 +20,6 @@ from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 from flowsculpt.api import ShotError
 from flowsculpt.api.shots import Where, YamlSource, composed, dotted, flow_style
-from flowsculpt.pipeline.shot.yaml.yaml_source import scalar
 
 
 def replaced(text: str, start: int, end: int, words: str) -> str:
@@ -54,7 +53,7 @@ class TextMapping:
 
     def __init__(self, text: str, node: MappingNode) -> None:
         self.text, self.node = text, node
-        self.names: list[Any] = [scalar(key) for key, _ in node.value]
+        self.names: list[Any] = [YamlSource.value_of(key) for key, _ in node.value]
 
     def key_span(self, index: int) -> tuple[int, int]:
         """Return start and end of an entry's name."""
@@ -266,7 +265,7 @@ class _Editor:
 
     def _merged(self, where: Where, node: MappingNode, value: dict[Any, Any]) -> str:
         """Return the text with the entries of one mapping made those of another, one by one."""
-        there = [scalar(key) for key, _ in node.value]
+        there = [YamlSource.value_of(key) for key, _ in node.value]
         for name, item in value.items():
             if name not in there or self.source.get(*where, name) != item:
                 self.text = self._set((*where, name), item)
@@ -283,7 +282,7 @@ class _Editor:
         if isinstance(node, MappingNode) and (node.value or node.flow_style):
             mapping = TextMapping(self.text, node)
             return mapping.with_entry(self._position(where, mapping.names, name), entry)
-        if isinstance(node, ScalarNode) and scalar(node) is None:
+        if isinstance(node, ScalarNode) and YamlSource.value_of(node) is None:
             start, end = self._span(nodes[-2], node)
             return replaced(self.text, start, end, f" {{{entry}}}" if start == end else f"{{{entry}}}")
         raise _refused(self.source, where[:-1], "is not a mapping")
@@ -321,7 +320,7 @@ class _Editor:
 
     def _step(self, node: Node, step: Any) -> Node | None:
         if isinstance(node, MappingNode):
-            return next((value for key, value in node.value if scalar(key) == step), None)
+            return next((value for key, value in node.value if YamlSource.value_of(key) == step), None)
         is_item = isinstance(node, SequenceNode) and isinstance(step, int) and 0 <= step < len(node.value)
         return node.value[step] if is_item else None
 

@@ -20,21 +20,16 @@ from typing import Any
 
 import numpy as np
 
-from flowsculpt import Thresholds, TriangleMesh, UsageError, vertex_normals
+from flowsculpt import TriangleMesh, UsageError, vertex_normals
 from flowsculpt.api.flows import checked_displacement
-from flowsculpt.api.frames import Framer, Framing, MeshFrame, RenderRequest, Shading, animate
+from flowsculpt.api.frames import Framer, Framing, MeshAngle, MeshFrame, RenderRequest, Shading, animate
 from flowsculpt.api.meshes import AnyArray, Floats, Points, Vectors
 from flowsculpt.api.pictures import SPEED, Camera, jpeg_bytes
 from flowsculpt.api.shots import Motion, Solid, Where
-from flowsculpt.pipeline.animation import FrameReport
-from flowsculpt.pipeline.animation.frame import with_material
 from flowsculpt.pipeline.plugins.preview.animatic import size_for
 from flowsculpt.pipeline.plugins.preview.live_session import Drawn, LiveSession, camera_data
 from flowsculpt.pipeline.plugins.preview.shot_editor import ShotEditor
 from flowsculpt.pipeline.plugins.preview.text_edits import ValueEdit
-from flowsculpt.pipeline.production.request.render_request import MeshAngle
-from flowsculpt.pipeline.production.request.shot_source import NO_CACHE
-from flowsculpt.pipeline.shot import Resampling
 
 MOST_STEPS = 24  # steps in which points are carried to a frame; each spans several frames in a long shot
 MOST_WEIGHTS = 1 << 21  # weights of carried points for vertices, at most, and with it their memory: 8 MiB
@@ -114,9 +109,9 @@ def built(motion: Motion, number: int, tessellate: int) -> dict[str, AnyArray]:
     if motion.is_rigid:  # to carry and turn them takes as little as to carry some points
         frame = next(frame for frame in animate(motion) if frame.number == number)
         return Shading.of(frame, motion.thresholds_at(number), 1).arrays()
-    mesh = with_material(_coarse(motion))
     lattice = motion.subject.lattice
-    frame = MeshFrame(number, mesh, FrameReport(None, lambda: None), lattice=lattice)
+    frame = MeshFrame.at_rest(number, _coarse(motion), lattice)
+    mesh = frame.mesh
     shading = Shading.of(frame, motion.thresholds_at(number), tessellate if lattice else 1)
     if len(mesh.vertices) <= 2 * MOST_BUILT:
         points = carried_to(motion, mesh.vertices, number)
@@ -153,7 +148,7 @@ def _coarse(motion: Motion) -> TriangleMesh:
     area = 0.5 * float(np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1).sum())
     vertices = MOST_BUILT / (copies.count if copies else 1)
     edge = max(1.07 * (area / vertices) ** 0.5, 1e-9)  # equilateral triangles have half a vertex each
-    return replace(motion, resampling=Resampling(Thresholds(edge))).mesh_at_rest()
+    return motion.mesh_at_rest(edge)
 
 
 def _points_for(count: int) -> int:
@@ -407,7 +402,7 @@ class _TrialRequest(RenderRequest):
 
 def _with_text(request: RenderRequest, text: str) -> RenderRequest:
     """Return a request of the same frames for another text of its shot."""
-    source = replace(request.source, text=text, inputs=None, cache=NO_CACHE)
+    source = request.source.with_text(text)
     own = {each.name: getattr(request, each.name) for each in fields(RenderRequest)}
     return _TrialRequest(**{**own, "source": source}, before=request)
 

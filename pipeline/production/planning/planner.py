@@ -96,10 +96,7 @@ class PlanEntry:
     def require_permission(self) -> None:
         """Raises UsageError where the shot runs Python files, and may not."""
         if self.request.manifest.runs_python:
-            from flowsculpt.pipeline.flow.flow import require_permission
-
-            for part in self.request.shot.parts:
-                require_permission(part.motion.flow)
+            self.request.shot.require_permission()
 
     def mesh_keys(self, numbers: Sequence[int]) -> tuple[Key, ...]:
         """Return the keys of mesh frames, in order."""

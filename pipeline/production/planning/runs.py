@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import ClassVar
 
 from flowsculpt.pipeline.errors import FlowsculptError
+from flowsculpt.pipeline.production.planning.plan import Plan
 from flowsculpt.pipeline.production.request.lookup import QualityName
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
-from flowsculpt.pipeline.production.store.event_log import RUNS, EventReader, logs_of
+from flowsculpt.pipeline.production.store.event_log import RUNS, EventLog, EventReader, logs_of
 from flowsculpt.pipeline.production.store.paths import DONE, EVENTS, LOGS, PLANS
 from flowsculpt.render.base.root_files import remove_tree
 from flowsculpt.render.base.serialise import from_plain
@@ -45,6 +46,10 @@ class Runs:
     def reader(self, run: str) -> EventReader:
         """Return a reader of the events of a run."""
         return EventReader(self.folder / f"{run}.jsonl")
+
+    def note_work(self, plan: Plan, what: str, cpu: float) -> None:
+        """Write into the log of a plan's run that a process took so many CPU seconds for something."""
+        EventLog(self.folder / plan.log_name, what).write("work", stage=what, cpu=round(cpu, 4))
 
     def requests(self, run: str) -> Iterator[RenderRequest]:
         """Yield the requests in the plan of a run, but those that this version cannot read."""

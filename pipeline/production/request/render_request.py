@@ -134,9 +134,9 @@ class RenderRequest:
     frame_source: FrameSource = field(default=ShotFrames(), metadata=named_by_kind(_source_of_kind))
     home: str | None = None
 
-    def with_cache(self, cache: PlanningCache) -> RenderRequest:
-        """Return the request with a cache that spares reading its shot."""
-        return replace(self, source=replace(self.source, cache=cache))
+    def with_cache(self, root: Path) -> RenderRequest:
+        """Return the request with the planning cache of a root, which spares reading its shot."""
+        return replace(self, source=replace(self.source, cache=PlanningCache(root)))
 
     @cached_property
     def shot(self) -> Shot:

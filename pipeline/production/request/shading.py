@@ -156,7 +156,7 @@ class Shading:
 
     def arrays(self) -> dict[str, AnyArray]:
         """Return the arrays of what is rendered, at the frame itself: of rigid copies those of all."""
-        return all_copies(self.stored())
+        return self.of_all_copies(self.stored())
 
     def stored(self) -> dict[str, AnyArray]:
         """Return the arrays of the normals file, at the frame itself: of rigid copies one, and placements."""
@@ -181,6 +181,11 @@ class Shading:
         elif self.split is not None:
             material = spread(material, self.split, shaded)
         return {**_stored(shaded), "material": material.astype(np.float32)}
+
+    @staticmethod
+    def of_all_copies(stored: Mapping[str, AnyArray]) -> dict[str, AnyArray]:
+        """Return the arrays of all copies of what `stored` returns."""
+        return all_copies(stored)
 
     def at(self, points: Points) -> tuple[Points, Vectors | None]:
         """Return vertices and normals, float64, with the vertices of the mesh moved to `points`.

@@ -225,6 +225,10 @@ class ShotSource:
         """
         return replace(self, subject=name, origin=self)
 
+    def with_text(self, text: str) -> ShotSource:
+        """Return the source of another text of the shot, which the planning cache does not keep."""
+        return replace(self, text=text, inputs=None, cache=NO_CACHE)
+
     def with_inputs(self) -> ShotSource:
         """Return the source with the digests of the files that its shot reads."""
         return replace(self, inputs=self.manifest.inputs, origin=self)

@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from flowsculpt.pipeline.errors import FlowsculptError, FrameError
 from flowsculpt.pipeline.production.planning.plan import Job, Plan, movie_record, write_manifest
-from flowsculpt.pipeline.production.request.shot_source import PlanningCache
 from flowsculpt.pipeline.production.stages import STAGES
 from flowsculpt.pipeline.production.store.event_log import Event, EventLog, EventReader
 from flowsculpt.pipeline.production.store.paths import EVENTS
@@ -169,8 +168,7 @@ class Context:
 
     @cached_property
     def requests(self) -> list[RenderRequest]:
-        cache = PlanningCache(self.root)
-        return [self.plan.requests[place].with_cache(cache) for place in self.job.requests]
+        return [self.plan.requests[place].with_cache(self.root) for place in self.job.requests]
 
     @property
     def subject(self) -> str:

@@ -14,7 +14,7 @@ from types import TracebackType
 
 import numpy as np
 
-from flowsculpt.pipeline.animation import FrameProgress, MeshFrame, animate_reporting
+from flowsculpt.pipeline.animation import FrameProgress, MeshFrame, animate
 from flowsculpt.pipeline.arrays import AnyArray
 from flowsculpt.pipeline.errors import FlowsculptError, FrameError
 from flowsculpt.pipeline.mesh.control_net import bspline_surface
@@ -53,7 +53,7 @@ def simulate(context: Context) -> bool:
     try:
         with _FrameWriter(context, missing) as writer:
             report = partial(_report_progress, context)
-            frames = animate_reporting(request.shot, resume, report, writer.wait)
+            frames = animate(request.shot, resume, ready=writer.wait, progress=report)
             del resume  # the generator drops it too, once the simulation has begun
             for frame in frames:
                 if begins:

@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
@@ -185,6 +185,14 @@ class YamlSource:
     data: Any
     places: dict[Where, Spot]
     problems: list[Problem] = field(default_factory=list)
+
+    MOST_BYTES: ClassVar[int] = MOST_BYTES
+    """Size of the largest file that is read."""
+
+    @staticmethod
+    def value_of(node: ScalarNode) -> Any:
+        """Return the value of a number, a word or a text in a tree of `composed`."""
+        return scalar(node)
 
     @classmethod
     def read(cls, path: Path, text: str | None = None) -> YamlSource:
