@@ -32,7 +32,6 @@ from flowsculpt.pipeline.resample import (
     Resampler,
     Thresholds,
     edges_by_angle,
-    polygon_method,
 )
 from flowsculpt.pipeline.resample.placement import REST, REST_NORMAL
 from flowsculpt.pipeline.resample.resampler import STATELESS
@@ -345,6 +344,8 @@ def at_rest(motion: Motion, flow: Flow) -> MovingSurface:
     if not resampling.cuts_triangles:
         polygons = with_material(motion.polygons_at_rest())
         polygons = creased(polygons, resampling, _hard_angles(polygons, thresholds))
+        from flowsculpt.pipeline.resample import polygon_method  # pydantic, which meshes alone do without
+
         method = polygon_method(resampling.method, resampling.options)
         return PolygonSurface(motion, resampling, method.begin(polygons, thresholds))
     mesh = with_identities(motion.mesh_at_rest())
@@ -419,6 +420,8 @@ def resumed(motion: Motion, flow: Flow, frame: MeshFrame) -> MovingSurface:
             )
         others = {"creases": polygons.creases, "offsets": polygons.offsets, "corners": polygons.corners}
         state = _state(polygons, **others)
+        from flowsculpt.pipeline.resample import polygon_method
+
         polygonal = polygon_method(resampling.method, resampling.options).resume(state, thresholds)
         return PolygonSurface(motion, resampling, polygonal, _start_vertices(motion, flow, frame))
     numbers = {"identities": np.array(frame.identities), "unsorted": np.array(frame.unsorted)}

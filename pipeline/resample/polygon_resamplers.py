@@ -1,16 +1,11 @@
-"""The contract of plug-ins for methods of resampling polygons, by the names that shots write: `method`."""
+"""The contract of plug-ins for resamplers of polygons."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping
-from typing import Any
 
-from pydantic import BaseModel, ConfigDict
-
-from flowsculpt.pipeline.arrays import AnyArray, Points
+from flowsculpt.pipeline.arrays import Points
 from flowsculpt.pipeline.mesh.meshes import PolygonMesh
-from flowsculpt.pipeline.plugin import plugins
 from flowsculpt.pipeline.resample.resample_pass import PolygonReport
 from flowsculpt.pipeline.resample.thresholds import Thresholds
 
@@ -36,35 +31,3 @@ class PolygonResampler(ABC):
     @abstractmethod
     def resample(self) -> PolygonReport:
         """Bring edges and faces within their limits, in place. Raises FrameError where that cannot be."""
-
-
-class PolygonMethod(BaseModel):
-    """A method of resampling: its settings, and the resamplers that have them.
-
-    Its fields are settings in `resample` of shots, next to `method`, and their names and values decide keys.
-    Each has a default, a description, and a name that no other setting has.
-    """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    @abstractmethod
-    def begin(self, mesh: PolygonMesh, thresholds: Thresholds) -> PolygonResampler:
-        """Begin with the first surface. Raises MeshError where it is not sound."""
-
-    @abstractmethod
-    def resume(self, state: Mapping[str, AnyArray], thresholds: Thresholds) -> PolygonResampler:
-        """Resume with the same bits as without a stop. Raises UsageError where arrays are missing.
-
-        state  vertices, offsets, corners, creases, and vertex attributes as `attribute.NAME`
-        """
-
-
-def polygon_methods() -> dict[str, type[PolygonMethod]]:
-    """Return the methods of plug-ins by their names."""
-    methods: dict[str, type[PolygonMethod]] = plugins().classes("resamplers", PolygonMethod)
-    return methods
-
-
-def polygon_method(name: str, settings: Iterable[tuple[str, Any]] = ()) -> PolygonMethod:
-    """Return a method with settings."""
-    return polygon_methods()[name](**dict(settings))

@@ -220,7 +220,7 @@ LOOP = '<object id="1"><components><component objectid="1"/></components></objec
         ({"a": '<!DOCTYPE x [<!ENTITY a "b">]><model/>'}, "it declares the entity 'a'"),
         (
             {"a": model_part(corner(1) + " " * (1 << 25))},
-            "unpacks from .* to 32 MiB, which no model file does",
+            "unpacks from .* to 33,554,894, which no model file does",
         ),
         ({"b": model_part(corner(1))}, "it has no part '3D/a.model'"),
         (

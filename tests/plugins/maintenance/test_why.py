@@ -12,11 +12,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from flowsculpt.pipeline.frames import FrameRange
 from flowsculpt.pipeline.mesh import box
 from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
 from flowsculpt.pipeline.plugins.maintenance.why import Explanation, differences, explain, option_differences
 from flowsculpt.pipeline.production.execution.project import Project
-from flowsculpt.pipeline.production.request.lookup import Show
 from flowsculpt.pipeline.production.stages import FINISH, FRAME_CAMERA, RENDER
 from flowsculpt.render.post.image import read_exr, write_exr
 from flowsculpt.render.scene.aovs import RenderedFrame
@@ -45,7 +45,7 @@ def test_a_difference_is_told_as_a_path() -> None:
 
 def ask(project: Any, frame: int, settings: tuple[str, ...] = ()) -> Explanation:
     there = Project(project.path, 2, settings=settings)
-    return explain(there.request(Show().find_shot(NAME), QUALITY, str(frame)), frame, there.store)
+    return explain(there.request(Show().find_shot(NAME), QUALITY, FrameRange([frame])), frame, there.store)
 
 
 @dataclass(frozen=True)
@@ -235,7 +235,7 @@ def test_why_names_an_option_that_made_a_frame_and_is_not_given_any_more(
 ) -> None:
     monkeypatch.chdir(made.path)
     project = Project(made.path, 2, settings=("look=ceramic",))
-    request = project.request(Show().find_shot(NAME), QUALITY, "3")
+    request = project.request(Show().find_shot(NAME), QUALITY, FrameRange([3]))
     made_with = replace(request.source, settings=("look=ceramic",))
     assert list(option_differences(made_with, replace(request.source, settings=()))) == [
         "it was made with --set look=ceramic, which is not given now"
@@ -297,14 +297,14 @@ def test_why_names_a_file_whose_contents_changed(tmp_path: Any, monkeypatch: pyt
     shot, model = tmp_path / "shots" / f"{NAME}.yaml", tmp_path / "shots" / "box.obj"
     write_mesh(box((2.0, 2.0, 2.0)), model)
     shot.write_text("title: A\nframes: 1-3\nsubject: {model: box.obj}\nresample: {max_edge_length: 0.9}\n")
-    request = Project(tmp_path, 1).request(Show().find_shot(NAME), QUALITY, "2")
+    request = Project(tmp_path, 1).request(Show().find_shot(NAME), QUALITY, FrameRange([2]))
     file = tmp_path / request.place("frame", 2)
     file.parent.mkdir(parents=True)
     pixels = RenderedFrame({"beauty": np.zeros((2, 2, 3), np.float32)}, {})
     write_exr(file, pixels, json.loads(json.dumps(request.keys.header(2))))
     write_mesh(box((2.0, 2.0, 2.2)), model)
     there = Project(tmp_path, 1)
-    explanation = explain(there.request(Show().find_shot(NAME), QUALITY, "2"), 2, there.store)
+    explanation = explain(there.request(Show().find_shot(NAME), QUALITY, FrameRange([2])), 2, there.store)
     assert explanation.reasons == ("file box.obj changed since it was made", "its mesh differs")
 
 

@@ -178,7 +178,7 @@ def test_a_shot_without_motion_says_why_in_a_line(
     if shot == "another":
         file.write_text(file.read_text().replace("3: 60", "3: 50"))
     if shot == "no plug-in":
-        monkeypatch.setattr(view_3d, "shot_extras", dict)
+        monkeypatch.setattr(ShotExtras, "of_plugins", dict)
     if shot == "large":
         monkeypatch.setattr(view_3d, "MOST_VERTICES", 20)
     found = meshes_of(desk).write_motion(lambda name, total: lambda: None)
@@ -199,7 +199,8 @@ def test_another_plug_in_may_make_the_motion_which_is_kept_by_its_key(
 
             return Animation("f00", glb)
 
-    monkeypatch.setattr(view_3d, "shot_extras", lambda: {"silent": ShotExtras(), "stranger": Knitting()})
+    extras = {"silent": ShotExtras(), "stranger": Knitting()}
+    monkeypatch.setattr(ShotExtras, "of_plugins", lambda: extras)
     meshes = PageMeshes(desk.request("draft"), desk.project().store, tmp_path)
     bars: list[str] = []
     for _ in range(2):
