@@ -17,6 +17,7 @@ from flowsculpt.pipeline.mesh import box
 from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
 from flowsculpt.pipeline.plugins.maintenance.why import Explanation, differences, explain, option_differences
 from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.request.lookup import Show
 from flowsculpt.pipeline.production.stages import FINISH, FRAME_CAMERA, RENDER
 from flowsculpt.render.post.image import read_exr, write_exr
 from flowsculpt.render.scene.aovs import RenderedFrame
