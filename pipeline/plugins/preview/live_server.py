@@ -44,17 +44,17 @@ SCRIPTS = (
 
 SCRIPT, STYLE = "text/javascript; charset=utf-8", "text/css; charset=utf-8"
 
-PREVIEW, REVIEW = "flowsculpt.pipeline.plugins.preview", "flowsculpt.pipeline.plugins.review"
-"""Packages that hold files of the page: colours and type are those of the review page."""
+OWN, SHARED = files("flowsculpt.pipeline.plugins.preview") / "page", files("flowsculpt.pipeline") / "web"
+"""Folders of files of the page: colours, type and icons are those of all pages."""
 
 PAGE = {
-    "": (PREVIEW, "page.html", "text/html; charset=utf-8"),
-    "style.css": (REVIEW, "style.css", STYLE),
-    "icons.js": (REVIEW, "icons.js", SCRIPT),
-    "page.css": (PREVIEW, "page.css", STYLE),
-    **{name: (PREVIEW, name, SCRIPT) for name in SCRIPTS},
+    "": (OWN, "page.html", "text/html; charset=utf-8"),
+    "style.css": (SHARED, "style.css", STYLE),
+    "icons.js": (SHARED, "icons.js", SCRIPT),
+    "page.css": (OWN, "page.css", STYLE),
+    **{name: (OWN, name, SCRIPT) for name in SCRIPTS},
 }
-"""Package, file and type by the paths below the token."""
+"""Folder, file and type by the paths below the token."""
 
 _PICTURE = re.compile(r"frames/(\d{1,9})/(\d{1,9})\.jpg(?:\?\d+)?")
 
@@ -170,8 +170,8 @@ class _Handler(BaseHTTPRequestHandler):
             return
         self.server.waiting.pop(self.connection, None)
         if name in PAGE:
-            package, file, kind = PAGE[name]
-            self._send(files(package).joinpath("page", file).read_bytes(), kind)
+            folder, file, kind = PAGE[name]
+            self._send(folder.joinpath(file).read_bytes(), kind)
         elif name == "events":
             self._stream()
         elif (match := _PICTURE.fullmatch(name)) and (

@@ -86,7 +86,7 @@ def _order(sequence: PictureSequence) -> int:
     return KINDS.index(sequence.kind) if sequence.kind in KINDS else len(KINDS)
 
 
-SOURCES = files("flowsculpt.pipeline.plugins.review") / "page"
+SOURCES = (files("flowsculpt.pipeline.plugins.review") / "page", files("flowsculpt.pipeline") / "web")
 
 Tell = Callable[[], None]
 
@@ -165,7 +165,7 @@ class ReviewPage:
             "three": "three.js" if script else None,
             "hint": hint,
         }
-        for source in SOURCES.iterdir():
+        for source in (file for folder in SOURCES for file in folder.iterdir()):
             path = self.index if source.name == self.index.name else self.folder / "page" / source.name
             self._write(path, source.read_bytes())
         if script:
