@@ -8,6 +8,7 @@ from flowsculpt.pipeline.animation.flow_cost import flows_of as flows_of
 from flowsculpt.pipeline.animation.flow_cost import growth_warning as growth_warning
 from flowsculpt.pipeline.flow.catalogue.external_fields import Sampled as Sampled
 from flowsculpt.pipeline.flow.flow import PluginMap as PluginMap
+from flowsculpt.pipeline.flow.flow_map import FlowMap as FlowMap
 from flowsculpt.pipeline.flow.flow_map import checked_displacement as checked_displacement
 from flowsculpt.pipeline.flow.kernels.external_kernels import DEEPEST as DEEPEST
 from flowsculpt.pipeline.flow.kernels.external_kernels import nearest as nearest

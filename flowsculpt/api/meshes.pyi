@@ -17,5 +17,8 @@ from flowsculpt.pipeline.mesh.read import surface_reader as surface_reader
 from flowsculpt.pipeline.mesh.read import usual_up as usual_up
 from flowsculpt.pipeline.mesh.validation import require as require
 from flowsculpt.pipeline.mesh.validation import twin_corners as twin_corners
+from flowsculpt.pipeline.resample.refinement import Births as Births
+from flowsculpt.pipeline.resample.refinement import RefinableSurface as RefinableSurface
 from flowsculpt.pipeline.resample.resample_pass import not_finite as not_finite
+from flowsculpt.pipeline.resample.thresholds import edges_by_angle as edges_by_angle
 from flowsculpt.pipeline.statistics import self_intersections as self_intersections

@@ -16,7 +16,7 @@ from flowsculpt import TriangleMesh, UsageError
 from flowsculpt.api.frames import FrameRange, FrameRate, Key
 from flowsculpt.api.meshes import Faces, Floats, Indices, Points, Vectors
 from flowsculpt.api.pictures import PaintedFaces
-from flowsculpt.pipeline.mesh.normals import NORMAL, fan_normals, split_at_creases, trusted_normals
+from flowsculpt.pipeline.mesh.normals import fan_normals, split_at_creases, trusted_normals
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +120,7 @@ class OneMesh:
         normals = fan_normals(mesh, self.corner_normals, rows)
         if self.normals_at is not None:
             known = self.normals_at(number)
-            trusted = np.flatnonzero(trusted_normals(mesh.with_attributes(**{NORMAL: known})))
+            trusted = np.flatnonzero(trusted_normals(mesh.with_attributes(normal=known)))
             normals[trusted] = known[trusted]
         return OneMeshFrame(points, normals, lambda: self.velocities_at(number))
 

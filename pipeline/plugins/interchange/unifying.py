@@ -23,7 +23,7 @@ from flowsculpt.api.shots import Motion
 from flowsculpt.pipeline.animation.frame import FrameReport, MeshFrame
 from flowsculpt.pipeline.animation.loop import animate
 from flowsculpt.pipeline.mesh.normals import carried_normals
-from flowsculpt.pipeline.plugins.interchange.birth_replay import raise_to_dependents
+from flowsculpt.pipeline.plugins.interchange.birth_values import raise_to_dependents
 from flowsculpt.pipeline.plugins.interchange.exported_frame import (
     has_colours,
     rendered_surface,
@@ -37,6 +37,7 @@ from flowsculpt.pipeline.plugins.interchange.refining import (
     Began,
     Refined,
     Refiner,
+    carries_normals,
     with_hard_edges,
 )
 from flowsculpt.pipeline.production.request.shading import vertex_motion
@@ -125,8 +126,7 @@ class Unification:
             self.request.source.subject or self.request.name,
             *(self.request.requested, motion.rate, surface, self.key, points_at, velocities_at),
         )
-        resampling = motion.resampling
-        if resampling and (resampling.placement, resampling.normals) == ("exact", "carried"):
+        if carries_normals(motion):
             whole = surface if reduction is None else refined.surface()[0]
             mesh = replace(mesh, normals_at=lambda number: self._normals(refined, whole, number)[rows])
         mesh = replace(mesh, longest_at=lambda number: float(np.median(refined.lengths_at(number))))
@@ -190,7 +190,7 @@ class Unification:
         keys = {n: key_of(self._refiner.key, "normals", n - first) for n in range(first, number + 1)}
         held = next((n for n in reversed(keys) if self.store.holds(KIND, keys[n])), None)
         if held is None:
-            held, normals = first, refined.normals_at_rest(motion.analytic_surface())
+            held, normals = first, refined.normals_at_rest(motion)
             normals[whole.creases.ravel()] = 0.0
         else:
             normals = self._read(keys[held])["normals"].astype(np.float64)
