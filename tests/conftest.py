@@ -231,10 +231,12 @@ class ProjectFolder:
         self, frames: str | None = None, *, settings: tuple[str, ...] = (), quality: str = QUALITY
     ) -> Plan:
         """Render frames of the shot in this process, stage after stage; return the plan that was followed."""
+        from flowsculpt.pipeline.frames import FrameRange
         from flowsculpt.pipeline.production.execution.project import Project
 
+        asked = None if frames is None else FrameRange.parse(frames)
         with chdir(self.path):
-            plan = Project(self.path, 1, settings=settings).pictures([self.shot.stem], quality, frames)
+            plan = Project(self.path, 1, settings=settings).pictures([self.shot.stem], quality, asked)
             done(self.path, plan)
         return plan
 

@@ -41,7 +41,6 @@ from flowsculpt.pipeline.production.request.lookup import find_edit as find_edit
 from flowsculpt.pipeline.production.request.lookup import find_shot as find_shot
 from flowsculpt.pipeline.production.request.lookup import is_quality as is_quality
 from flowsculpt.pipeline.production.request.lookup import misnamed_shots as misnamed_shots
-from flowsculpt.pipeline.production.request.lookup import movie_bits as movie_bits
 from flowsculpt.pipeline.production.request.lookup import names_edit as names_edit
 from flowsculpt.pipeline.production.request.lookup import options_of as options_of
 from flowsculpt.pipeline.production.request.lookup import shot_names as shot_names

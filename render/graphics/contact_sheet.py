@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flowsculpt.render.base.render_errors import BadInputError
-from flowsculpt.render.graphics.typesetting import cut_short, line, write
+from flowsculpt.render.graphics.typesetting import Font
 
 Caption = tuple[tuple[str, str], ...]  # lines below a picture: a name in quiet ink and a value in bright ink
 
@@ -54,6 +54,26 @@ class ContactSheet:
                 f"a contact sheet of {len(self.captions)} pictures of {self.size[0]} × {self.size[1]} pixels "
                 f"in {self.columns} columns is not possible; it needs at least one of each"
             )
+
+    @classmethod
+    def fitted(
+        cls, heading: str, captions: Sequence[Caption], size: tuple[int, int], columns: int, bits: int = 8
+    ) -> tuple[ContactSheet, int]:
+        """Return a sheet for pictures of a width and height, and the factor that reduces them."""
+        factor = reduction(len(captions), columns, size)
+        return cls(heading, captions, (size[0] // factor, size[1] // factor), columns, bits), factor
+
+    @staticmethod
+    def columns_for(count: int, size: tuple[int, int]) -> int:
+        """Return the number of columns that gives a sheet the shape of a screen, without an empty row."""
+
+        def cost(columns: int) -> float:
+            rows = ceil(count / columns)
+            empty = columns * rows - count
+            aspect = columns * size[0] / (rows * size[1] * _CAPTIONED)
+            return abs(log(aspect / _ASPECT)) + 3.0 * empty / count
+
+        return min(range(1, count + 1), key=cost)
 
     def picture(self, pictures: Sequence[NDArray[Any] | None], note: str = "") -> NDArray[Any]:
         """Return the page (H, W, 3) with display pictures (h, w, 3), uint8 or, for 16 bits, uint16.
@@ -155,8 +175,9 @@ class ContactSheet:
     ) -> None:
         """Write a line of text, cut short to `max_width`."""
         if text.strip():
-            shown = text if max_width is None else cut_short(text, FONT, size, max_width)
-            write(page, shown, FONT, size, (x, baseline), self._level(ink), from_right=from_right)
+            font = Font(FONT, size)
+            shown = text if max_width is None else font.cut_short(text, max_width)
+            font.write(page, shown, (x, baseline), self._level(ink), from_right)
 
     def _write_vacant(self, page: NDArray[Any], x: int, y: int) -> None:
         """Write the words that a picture will cover."""
@@ -176,26 +197,6 @@ class ContactSheet:
             )
 
 
-def columns_for(count: int, size: tuple[int, int]) -> int:
-    """Return the number of columns that gives a sheet the shape of a screen, without an empty row."""
-
-    def cost(columns: int) -> float:
-        rows = ceil(count / columns)
-        empty = columns * rows - count
-        aspect = columns * size[0] / (rows * size[1] * _CAPTIONED)
-        return abs(log(aspect / _ASPECT)) + 3.0 * empty / count
-
-    return min(range(1, count + 1), key=cost)
-
-
-def fitted_sheet(
-    heading: str, captions: Sequence[Caption], size: tuple[int, int], columns: int, bits: int = 8
-) -> tuple[ContactSheet, int]:
-    """Return a sheet for pictures of a width and height, and the whole factor that reduces them for it."""
-    factor = reduction(len(captions), columns, size)
-    return ContactSheet(heading, captions, (size[0] // factor, size[1] // factor), columns, bits), factor
-
-
 def reduction(count: int, columns: int, size: tuple[int, int]) -> int:
     """Return the whole factor that reduces pictures so that no side is much over MAX_PIXELS."""
     longest = max(columns * size[0], ceil(count / columns) * size[1])
@@ -213,4 +214,4 @@ def reduced(light: NDArray[np.float32], factor: int) -> NDArray[np.float32]:
 
 
 def _width(text: str, size: int) -> int:
-    return int(line(text, FONT, size).shape[1]) if text.strip() else 0
+    return Font(FONT, size).width(text) if text.strip() else 0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +19,6 @@ if TYPE_CHECKING:
 INK, GREY, FAINT = "#23282d", "#8a9299", "#e4e6e8"
 PENS = ("#c4553b", "#5b8a5a", "#2c6e91")
 """The colours of x, y and z; a single number has the last."""
-
-BAR_INKS = ("#5f7f9c", "#a8643f", "#c9a45c", "#7f9a6e")
-"""The colours of the parts of bars, in their order."""
 
 ENDINGS = (".svg", ".png", ".pdf")
 
@@ -53,6 +50,9 @@ STYLE: Any = {
 _KEY_MARK: Any = {"color": "white", "markersize": 4.6, "markeredgewidth": 1.4, "clip_on": False, "zorder": 5}
 
 
+_BESIDE: Any = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points"}
+
+
 class Curves(NamedTuple):
     """Numbers over frames (T,): values (T, K), and keys (N, 1 + K) of frames and values. NaN is a gap."""
 
@@ -62,33 +62,36 @@ class Curves(NamedTuple):
     values: NDArray[np.float64]
     keys: NDArray[np.float64]
 
-
-class HeatMap(NamedTuple):
-    """Histograms over frames (T,): shares (T, B) in equal bins from 0 to `top`.
-
-    levels  horizontal lines over it, each a value and a word
-    line    a curve (T,) over it
-    """
-
-    name: str
-    unit: str
-    frames: NDArray[np.float64]
-    shares: NDArray[np.float64]
-    top: float
-    levels: tuple[tuple[float, str], ...] = ()
-    line: NDArray[np.float64] | None = None
+    def draw(self, axes: Axes) -> None:
+        """Draw the curves, with dots at their keys; three of them have names."""
+        several = self.values.shape[1] > 1
+        for k, pen in enumerate(PENS if several else PENS[-1:]):
+            axes.plot(self.frames, self.values[:, k], color=pen, linewidth=1.7, clip_on=False)
+            if len(self.keys):
+                axes.plot(self.keys[:, 0], self.keys[:, 1 + k], "o", markeredgecolor=pen, **_KEY_MARK)
+            if several:
+                at, offset = (1.0, float(self.values[-1, k])), (7 + 8 * k, 0)
+                axes.annotate("xyz"[k], at, xytext=offset, color=pen, size=8.5, va="center", **_BESIDE)
+        low, high = float(np.nanmin(self.values)), float(np.nanmax(self.values))
+        room = 0.12 * (high - low) if high > low else max(1.0, abs(high))
+        axes.set_ylim(low - room, high + room)
 
 
-class StackedBars(NamedTuple):
-    """Parts by name (T,), stacked over frames (T,); negative parts hang down."""
+class Panel(Protocol):
+    """What a page shows in a row: a name, a unit, the frames (T,), and how it is drawn."""
 
-    name: str
-    unit: str
-    frames: NDArray[np.float64]
-    parts: dict[str, NDArray[np.float64]]
+    @property
+    def name(self) -> str: ...
 
+    @property
+    def unit(self) -> str: ...
 
-Panel = Curves | HeatMap | StackedBars
+    @property
+    def frames(self) -> NDArray[np.float64]: ...
+
+    def draw(self, axes: Axes) -> None:
+        """Draw it into axes of matplotlib, which have the frames across."""
+        ...
 
 
 def plot_panels(title: str, panels: Sequence[Panel], fps: float, path: Path) -> None:
@@ -141,63 +144,5 @@ def draw_panel(axes: Axes, panel: Panel) -> None:
     unit = f"   {panel.unit}" if panel.unit else ""
     axes.text(0.0, 1.04, panel.name, transform=axes.transAxes, size=8.5, va="bottom")
     axes.annotate(unit, (1.0, 1.04), xycoords="axes fraction", size=8, color=GREY, va="bottom", ha="right")
-    match panel:
-        case Curves():
-            _draw_curves(axes, panel)
-        case HeatMap():
-            _draw_heat_map(axes, panel)
-        case StackedBars():
-            _draw_bars(axes, panel)
+    panel.draw(axes)
     axes.locator_params(axis="y", nbins=4)
-
-
-def _draw_curves(axes: Axes, curves: Curves) -> None:
-    several = curves.values.shape[1] > 1
-    for k, pen in enumerate(PENS if several else PENS[-1:]):
-        axes.plot(curves.frames, curves.values[:, k], color=pen, linewidth=1.7, clip_on=False)
-        if len(curves.keys):
-            axes.plot(curves.keys[:, 0], curves.keys[:, 1 + k], "o", markeredgecolor=pen, **_KEY_MARK)
-        if several:
-            _label(axes, "xyz"[k], float(curves.values[-1, k]), 7 + 8 * k, color=pen, size=8.5)
-    low, high = float(np.nanmin(curves.values)), float(np.nanmax(curves.values))
-    room = 0.12 * (high - low) if high > low else max(1.0, abs(high))
-    axes.set_ylim(low - room, high + room)
-
-
-def _label(axes: Axes, text: str, value: float, points: float, **style: Any) -> None:
-    """Write a text next to a panel at the height of a value, some points from its right edge."""
-    place: dict[str, Any] = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points"}
-    axes.annotate(text, (1.0, value), xytext=(points, 0), va="center", **place, **style)
-
-
-def _draw_heat_map(axes: Axes, heat: HeatMap) -> None:
-    first, last = float(heat.frames[0]), float(heat.frames[-1])
-    axes.imshow(
-        np.sqrt(heat.shares.T),
-        origin="lower",
-        aspect="auto",
-        extent=(first - 0.5, last + 0.5, 0.0, heat.top),
-        cmap="Greys",
-        interpolation="nearest",
-    )
-    axes.grid(visible=False)
-    for value, word in heat.levels:
-        axes.axhline(value, color=PENS[0], linewidth=0.8, linestyle=(0, (4, 3)))
-        _label(axes, word, value, 4, color=PENS[0], size=7.5)
-    if heat.line is not None:
-        axes.plot(heat.frames, heat.line, color=PENS[0], linewidth=1.4)
-
-
-def _draw_bars(axes: Axes, bars: StackedBars) -> None:
-    above, below = np.zeros(len(bars.frames)), np.zeros(len(bars.frames))
-    for index, (name, values) in enumerate(bars.parts.items()):
-        heights = np.nan_to_num(values)
-        base = np.where(heights >= 0.0, above, below)
-        ink = BAR_INKS[index % len(BAR_INKS)]
-        axes.bar(bars.frames, heights, bottom=base, width=0.86, color=ink, linewidth=0)
-        above, below = above + np.maximum(heights, 0.0), below + np.minimum(heights, 0.0)
-        place: Any = {"xycoords": "axes fraction", "textcoords": "offset points", "va": "bottom"}
-        axes.annotate(name, (0.0, 1.04), xytext=(150 + 74 * index, 0), size=8, color=ink, **place)
-    if below.any():
-        axes.axhline(0.0, color=GREY, linewidth=0.7)
-        axes.yaxis.set_major_formatter(lambda value, _: f"{abs(value):g}")

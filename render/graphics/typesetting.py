@@ -8,7 +8,7 @@ burn-in costs next to nothing per frame.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
@@ -53,11 +53,9 @@ def lettering(text: str, font: str, size: int, spacing: float = 0.0) -> Floats:
 
 
 @lru_cache(maxsize=4096)
-def line(text: str, font: str, size: int, spacing: float = 0.0) -> Floats:
-    """Return the coverage (h, w) of one line of text; w is 0 for an empty text."""
-    if not text:
-        return np.zeros((1, 0), np.float32)
-    return lettering(text, font, size, spacing)
+def set_line(text: str, font: str, size: int, spacing: float) -> Floats:
+    """Set a line of text, or an empty one; each once."""
+    return lettering(text, font, size, spacing) if text else np.zeros((1, 0), np.float32)
 
 
 def overlay(page: NDArray[Any], cover: Floats, x: int, y: int, ink: float | Triple) -> None:
@@ -74,51 +72,70 @@ def overlay(page: NDArray[Any], cover: Floats, x: int, y: int, ink: float | Trip
         place[:] = np.rint(place * (1.0 - weight) + ink * weight)
 
 
-def write(
-    page: NDArray[Any],
-    text: str,
-    font: str,
-    size: int,
-    at: tuple[float, float],
-    ink: float | Triple,
-    spacing: float = 0.0,
-    from_right: bool = False,
-) -> None:
-    """Write a line whose baseline begins at `at`, or ends there if `from_right`."""
-    cover = line(text, font, size, spacing)
-    x = round(at[0]) - cover.shape[1] * from_right
-    overlay(page, cover, x, round(at[1]) - round(BASELINE * size), ink)
+@dataclass(frozen=True)
+class Font:
+    """A font at a size, which sets lines of text.
 
+    name     of a font that OpenImageIO ships or the system has
+    size     pixels
+    spacing  added after each letter, in font sizes
 
-def fit_size(text: str, font: str, size: int, max_width: float, spacing: float = 0.0) -> int:
-    """Return the size, or a smaller one at which the line fits into `max_width`."""
-    width = line(text, font, size, spacing).shape[1]
-    return size if width <= max_width else max(4, int(size * max_width / width))
+    Methods raise BadInputError for an unknown font.
+    """
 
+    name: str
+    size: int
+    spacing: float = 0.0
 
-def wrap(
-    text: str, font: str, size: int, max_width: float, max_lines: int, spacing: float = 0.0
-) -> list[str]:
-    """Break a text into lines; what does not fit ends in dots."""
-    lines: list[str] = []
-    for word in text.split():
-        longer = f"{lines[-1]} {word}" if lines else word
-        if lines and line(longer, font, size, spacing).shape[1] <= max_width:
-            lines[-1] = longer
-        else:
-            lines.append(word)
-    if len(lines) > max_lines:
-        lines = [*lines[: max_lines - 1], f"{lines[max_lines - 1]} ..."]
-    return [cut_short(words, font, size, max_width, spacing) for words in lines]
+    def line(self, text: str) -> Floats:
+        """Return the coverage (h, w), 0 … 1, of one line of text; w is 0 for an empty text."""
+        return set_line(text, self.name, self.size, self.spacing)
 
+    def width(self, text: str) -> int:
+        """Return the width of one line of text, pixels."""
+        return int(self.line(text).shape[1])
 
-def cut_short(text: str, font: str, size: int, max_width: float, spacing: float = 0.0) -> str:
-    """Return the line, or as much of its beginning as fits, with dots."""
-    while text and (width := line(text, font, size, spacing).shape[1]) > max_width:
-        kept = text.removesuffix("...")
-        kept = kept[: max(0, min(len(kept) - 1, int(len(kept) * max_width / width)))]
-        text = f"{kept}..." if kept else ""
-    return text
+    def write(
+        self,
+        page: NDArray[Any],
+        text: str,
+        at: tuple[float, float],
+        ink: float | Triple,
+        from_right: bool = False,
+    ) -> None:
+        """Write a line on a page (H, W, 3); its baseline begins at `at`, or ends there if `from_right`.
+
+        ink  in the page's values; pages of integers are rounded
+        """
+        cover = self.line(text)
+        x = round(at[0]) - cover.shape[1] * from_right
+        overlay(page, cover, x, round(at[1]) - round(BASELINE * self.size), ink)
+
+    def fit(self, text: str, max_width: float) -> Font:
+        """Return the font, or a smaller one in which the line fits into `max_width`."""
+        width = self.width(text)
+        return self if width <= max_width else replace(self, size=max(4, int(self.size * max_width / width)))
+
+    def wrap(self, text: str, max_width: float, max_lines: int) -> list[str]:
+        """Break a text into lines; what does not fit ends in dots."""
+        lines: list[str] = []
+        for word in text.split():
+            longer = f"{lines[-1]} {word}" if lines else word
+            if lines and self.width(longer) <= max_width:
+                lines[-1] = longer
+            else:
+                lines.append(word)
+        if len(lines) > max_lines:
+            lines = [*lines[: max_lines - 1], f"{lines[max_lines - 1]} ..."]
+        return [self.cut_short(words, max_width) for words in lines]
+
+    def cut_short(self, text: str, max_width: float) -> str:
+        """Return the line, or as much of its beginning as fits, with dots."""
+        while text and (width := self.width(text)) > max_width:
+            kept = text.removesuffix("...")
+            kept = kept[: max(0, min(len(kept) - 1, int(len(kept) * max_width / width)))]
+            text = f"{kept}..." if kept else ""
+        return text
 
 
 def _ink_width(text: str, size: int, font: str) -> int:
@@ -209,22 +226,23 @@ def _print(
     baseline = round(1.55 * size) if band == "upper" else len(strip) - round(0.85 * size)
     at = width - size
     for field, text in right:
-        words = _line(field, text, size)
+        words = _set(field, text, size)
         at -= words.shape[1]
         overlay(made, words, at, baseline - round(BASELINE * size), _INKS.get(field, _QUIET) * top)
         at -= gap
-    start, room = size, at - size
+    start, room, font = size, at - size, Font(_FONT, size)
     for field, text in left:
-        words = line(cut_short(text, _FONT, size, room), _FONT, size)
+        words = font.line(font.cut_short(text, room))
         overlay(made, words, start, baseline - round(BASELINE * size), _INKS.get(field, _QUIET) * top)
         start, room = start + words.shape[1] + gap, room - words.shape[1] - gap
     strip[:] = made if strip.dtype.kind == "f" else np.rint(made)
 
 
-def _line(field: str, text: str, size: int) -> Strip:
+def _set(field: str, text: str, size: int) -> Strip:
+    font = Font(_FONT, size)
     if field not in _CHANGING:
-        return line(text, _FONT, size)
-    letters = [line(letter, _FONT, size) for letter in text]
+        return font.line(text)
+    letters = [font.line(letter) for letter in text]
     return np.concatenate(letters, axis=1) if letters else np.zeros((1, 0), np.float32)
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from math import ceil
 
-from flowsculpt.render.base.render_errors import BadInputError, shortened, suggestion
+from flowsculpt.render.base.render_errors import BadInputError
 
 
 @dataclass(frozen=True)
@@ -146,57 +146,7 @@ ENCODES = {
     encode.name: encode
     for encode in (REVIEW, PHONE, H264, H265, HDR10, HDR10_AV1, HLG, AVIF, PRORES4444, AV1, FFV1, WEBP)
 }
-"""The deliverables, by name."""
-
-PLAYBLAST = replace(REVIEW, options={**_X264, "preset": "superfast", "g": "12", "bf": "0"})
-"""For previews: encoded soon, and stepped through quickly."""
-
-
-NAME_ENDS = {"spherical": "_360", "vr180": "_180_LR"}
-"""Ends of the names of deliverables by projection: many players of headsets go by names."""
-
-
-MEANT = {
-    "apng": "webp",
-    "dnxhd": "prores4444",
-    "exr": "ffv1",
-    "hdr": "hdr10",
-    "hevc": "h265",
-    "lossless": "ffv1",
-    "instagram": "phone",
-    "m4v": "phone",
-    "mkv": "ffv1",
-    "mobile": "phone",
-    "mov": "prores4444",
-    "mp4": "h264",
-    "pq": "hdr10",
-    "preview": "review",
-    "prores": "prores4444",
-    "quicktime": "prores4444",
-    "social": "phone",
-    "tiktok": "phone",
-    "webm": "av1",
-    "x264": "h264",
-    "x265": "h265",
-}
-"""Words for movie formats, and the deliverables that are suggested for them."""
-
-
-def movie_encode(bits: int) -> Encode:
-    """Return the encode of films and movies of shots, by bits a sample: 8 or 10. Raises BadInputError."""
-    if bits not in (8, 10):
-        raise BadInputError(f"a movie of {bits} bits is not possible; it can have 8 or 10")
-    return H264_8_BITS if bits == 8 else H264
-
-
-def encode_named(name: str, encodes: Mapping[str, Encode] = ENCODES) -> Encode:
-    """Return a deliverable by its name. Raises BadInputError, with the names there are."""
-    if name not in encodes:
-        meant = MEANT.get(name.lower().lstrip("."))
-        close = f"Did you mean {meant!r}?" if meant else suggestion(name, encodes)
-        known = "" if close.startswith("There are") else f" There are: {', '.join(encodes)}."
-        raise BadInputError(f"{shortened(name)} is not a deliverable. {close}{known}")
-    return encodes[name]
+"""The encodes of movies, by name."""
 
 
 def require_size(encode: Encode, width: int, height: int) -> None:
@@ -209,7 +159,6 @@ def require_size(encode: Encode, width: int, height: int) -> None:
 
 
 MAX_RATE = 99  # the highest nominal rate: timecode has two digits for frames
-FILM_START = 3600  # the timecode of a film's first frame, in seconds: 01:00:00:00 leaves room for leaders
 
 
 def timecode(frame: int, rate: Fraction) -> str:

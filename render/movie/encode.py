@@ -22,7 +22,6 @@ from flowsculpt.render.movie.codecs import Encode, require_size
 from flowsculpt.render.movie.movie_frames import Frame, pad_to_even, require_frame, to_pixel_format
 from flowsculpt.render.movie.movie_sound import AudioStream, Samples
 from flowsculpt.render.movie.projection_tags import is_tagged, tag_movie
-from flowsculpt.render.post.hdr import ContentLight
 from flowsculpt.render.scene.render_camera import PERSPECTIVE, Projection
 
 _LIMITED, _FULL = 1, 2
@@ -57,7 +56,7 @@ def write_movie(
     sound: Iterator[Samples] | None = None,
     projection: Projection = PERSPECTIVE,
     loops: bool = False,
-    light: ContentLight | None = None,
+    light: tuple[int, int] | None = None,
 ) -> int:
     """Encode display frames (H, W, 3) or (H, W, 4) as they come; return how many there were.
 
@@ -66,7 +65,7 @@ def write_movie(
     sound       from `blocks` of `movie_sound`; dropped where the file can hold no sound
     projection  of the frames; the file is tagged with it where `projection_tags.is_tagged`
     loops       True if the first frame follows the last; the file's comment then says so
-    light       of the frames, for an encode of PQ
+    light       of the frames, for an encode of PQ: MaxCLL and MaxFALL, nits
 
     Where colour has half the resolution, an odd last column or row is repeated once. The movie appears under
     its name only when complete, and the same input gives the same bytes.
@@ -173,7 +172,7 @@ def _open_movie(
 
 
 def _codec_options(
-    encode: Encode, width: int, can_reorder: bool, light: ContentLight | None
+    encode: Encode, width: int, can_reorder: bool, light: tuple[int, int] | None
 ) -> dict[str, str]:
     """Return the options of the codec on this machine, for a movie long enough to reorder frames or not.
 
@@ -194,7 +193,7 @@ def _codec_options(
         options["x265-params"] += ":ctu=16:cutree=0" if width <= 48 else ":ctu=32"
     if light is not None:
         name, display, content = _LIGHT_OPTIONS[encode.codec]
-        options[name] += f":{display}:{content}={light.brightest},{light.average}"
+        options[name] += f":{display}:{content}={light[0]},{light[1]}"
     return options
 
 

@@ -152,6 +152,24 @@ def dissolve(clips: Sequence[ClipFrames[T]], mix: Callable[[T, T, float], T]) ->
             yield mix(next(frames), next(following), step / (tail + 1))
 
 
+def loop_frames(
+    numbers: list[int],
+    lead: int,
+    shown: Callable[[list[int]], Iterator[T]],
+    mix: Callable[[T, T, float], T] | None = None,
+) -> Iterator[T]:
+    """Yield the frames of a movie that loops, of which the first `lead` come last, mixed with its end.
+
+    shown  yields frames by their numbers
+    mix    as of `dissolve`; by default `mix_frames`
+    """
+    if not lead:
+        return shown(numbers)
+    first, rest = numbers[:lead], numbers[lead:]
+    mixing: Any = mix or mix_frames
+    return dissolve([(len(rest), 0, shown(rest)), (lead, lead, shown(first))], mixing)
+
+
 def mix_frames(before: Frame, after: Frame, weight: float) -> Frame:
     """Mix two display frames of one size and type by their display values, as editing programs do."""
     first, second = before.astype(np.float32), after.astype(np.float32)

@@ -1,4 +1,4 @@
-"""High dynamic range: the curves of ITU-R BT.2100, graphics at its white, and the light that a film holds.
+"""High dynamic range: the curves of ITU-R BT.2100.
 
 Display values count nits (cd/m²) by the perceptual quantiser, PQ, or relate to the scene by hybrid log-gamma,
 HLG, on a display of PEAK nits. Primaries are those of BT.2020.
@@ -6,27 +6,15 @@ HLG, on a display of PEAK nits. Primaries are those of BT.2020.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
-from functools import cache
-from typing import Any
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flowsculpt.render.scene.rgb_spaces import WorkingSpace
-
-HDR_DISPLAYS = ("pq", "hlg")
-
 PEAK = 1000.0
 """Nits of the display that views are made for, and that frames are mastered on."""
 
-GRAPHICS_WHITE = 203.0
-"""Nits of the white of graphics (ITU-R BT.2408-7, table 1)."""
-
-BT2020 = WorkingSpace(
-    "rec2020", "lin_rec2020_scene", (0.708, 0.292, 0.170, 0.797, 0.131, 0.046, 0.3127, 0.3290)
-)
 _LUMA = np.array([0.2627, 0.6780, 0.0593])  # ITU-R BT.2020-2, table 4
 _M1, _M2 = 2610 / 16384, 2523 / 4096 * 128  # ITU-R BT.2100-2, table 4
 _C1, _C2, _C3 = 3424 / 4096, 2413 / 4096 * 32, 2392 / 4096 * 32
@@ -67,36 +55,18 @@ def nits_of_hlg(values: Values) -> Values:
     return PEAK * scene * luminance ** (_SYSTEM_GAMMA - 1.0)
 
 
-def hdr_graphics(picture: NDArray[np.uint16], display: str) -> NDArray[np.uint16]:
-    """Return a picture (H, W, 3) for a Rec.709 movie as it looks next to HDR: its white at GRAPHICS_WHITE."""
-    light = BT2020.from_rec709((picture / 65535.0) ** 2.4)
-    nits = GRAPHICS_WHITE * np.maximum(light, 0.0)
-    shown = pq_of_nits(nits) if display == "pq" else hlg_of_nits(nits)
-    return np.asarray(np.rint(shown * 65535.0), dtype=np.uint16)
+class HdrDisplay(NamedTuple):
+    """A display of high dynamic range.
 
-
-@dataclass(frozen=True)
-class ContentLight:
-    """The light of a film's pixels, each counted by its brightest channel, in nits (CTA-861.3, annex P).
-
-    brightest  of all pixels: MaxCLL
-    average    of the frame with the highest average: MaxFALL
+    values  turns nits (…, 3) of BT.2020 into display values 0 … 1
+    nits    turns display values back into nits
+    peak    its brightest white, nits
     """
 
-    brightest: int
-    average: int
-
-    @classmethod
-    def of(cls, frames: Iterable[NDArray[Any]]) -> ContentLight:
-        """Measure PQ frames (H, W, 3), uint16."""
-        brightest = average = 0.0
-        for frame in frames:
-            nits = _nits_of_steps()[frame[..., :3].max(axis=2)]
-            brightest, average = max(brightest, float(nits.max())), max(average, float(nits.mean()))
-        return cls(round(brightest), round(average))
+    values: Callable[[Values], Values]
+    nits: Callable[[Values], Values]
+    peak: float = PEAK
 
 
-@cache
-def _nits_of_steps() -> NDArray[np.float32]:
-    """Return the nits of each uint16."""
-    return nits_of_pq(np.arange(65536) / 65535.0).astype(np.float32)
+HDR_DISPLAYS = {"pq": HdrDisplay(pq_of_nits, nits_of_pq), "hlg": HdrDisplay(hlg_of_nits, nits_of_hlg)}
+"""Displays of high dynamic range by the names that `PictureDisplay` knows them by."""

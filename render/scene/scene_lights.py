@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from flowsculpt.render.base.render_errors import BadInputError
 from flowsculpt.render.base.serialise import OMIT_DEFAULT, Colour, Triple
 from flowsculpt.render.scene.render_camera import unit
-from flowsculpt.render.scene.rgb_spaces import LUMA, WorkingSpace
+from flowsculpt.render.scene.rgb_spaces import LUMA
 from flowsculpt.render.scene.sky import Daylight, Environment
 
 
@@ -346,19 +346,6 @@ def with_beauty(groups: Mapping[str, NDArray[Any]]) -> dict[str, Pixels]:
     for layer in layers.values():
         beauty += layer
     return {"beauty": beauty, **layers}
-
-
-def mixed(groups: Mapping[str, Pixels], factors: Mapping[str, Triple], space: WorkingSpace) -> Pixels:
-    """Return the sum (H, W, 3) of light groups, in alphabetical order, each times a factor.
-
-    factors  red, green, blue of linear Rec.709 by group; others count once
-    space    the working space of the groups
-    """
-    total = np.zeros_like(next(iter(groups.values())))
-    for name in sorted(groups):
-        factor = space.from_rec709(np.array(factors.get(name, (1.0, 1.0, 1.0))))
-        total += groups[name] * factor.astype(np.float32)
-    return total
 
 
 @dataclass(frozen=True)

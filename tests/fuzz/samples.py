@@ -228,7 +228,7 @@ def _timeline(folder: Path) -> Path:
     """Write a timeline with frames, a movie, a dissolve, a clip at twice its speed, and a sound."""
     from opentimelineio import schema
 
-    from tests.plugins.test_imported_edit import clip, frames, movie, saved, span, transition
+    from tests.plugins.delivery.test_imported_edit import clip, frames, movie, saved, span, transition
 
     marked = clip(frames(available=span(0, 24)))
     marked.markers.append(schema.Marker("look", span(2, 1)))

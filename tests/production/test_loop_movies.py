@@ -9,8 +9,8 @@ import pytest
 
 from flowsculpt.pipeline.frames import FrameRange
 from flowsculpt.pipeline.production.execution.project import Project
-from flowsculpt.pipeline.production.tasks.encoding import in_loop
 from flowsculpt.render.movie.encode import LOOPS
+from flowsculpt.render.movie.movie_frames import loop_frames
 from tests.conftest import QUALITY
 
 DISSOLVE = "loop={dissolve: 2}"
@@ -24,14 +24,16 @@ def movie(path) -> tuple[int, str]:
 
 def test_the_end_of_a_loop_is_mixed_with_the_frames_before_its_beginning(project):
     request = Project(project.path, 1, settings=(DISSOLVE,)).request(project.shot, QUALITY)
-    mixed = in_loop(request, [1, 2, 3, 4, 5, 6], iter, lambda a, b, weight: (a, b, round(weight, 3)))
+    mixed = loop_frames(
+        [1, 2, 3, 4, 5, 6], request.loop_dissolve, iter, lambda a, b, weight: (a, b, round(weight, 3))
+    )
     assert list(mixed) == [3, 4, (5, 1, 0.333), (6, 2, 0.667)]
     plain = Project(project.path, 1).request(project.shot, QUALITY)
-    assert list(in_loop(plain, [1, 2, 3], iter, max)) == [1, 2, 3]
+    assert list(loop_frames([1, 2, 3], plain.loop_dissolve, iter, max)) == [1, 2, 3]
     part = Project(project.path, 1, settings=(DISSOLVE,)).request(
         project.shot, QUALITY, FrameRange.parse("2-5")
     )
-    assert list(in_loop(part, [2, 3, 4, 5], iter, max)) == [2, 3, 4, 5]
+    assert list(loop_frames([2, 3, 4, 5], part.loop_dissolve, iter, max)) == [2, 3, 4, 5]
 
 
 def test_a_dissolve_is_encoded_from_the_frames_that_there_are(finished):

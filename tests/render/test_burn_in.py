@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flowsculpt.render.base.render_errors import BadInputError
-from flowsculpt.render.graphics.typesetting import FIELDS, BurnIn, line
+from flowsculpt.render.graphics.typesetting import FIELDS, BurnIn, set_line
 from flowsculpt.render.movie.codecs import timecode
 
 VALUES = {
@@ -97,13 +97,13 @@ def test_an_unknown_field_is_told() -> None:
 def test_frames_that_count_on_typeset_no_letter_again() -> None:
     def typeset(numbers: range) -> int:
         """Return how many letters or lines are typeset, for frames burnt in one after another."""
-        before = line.cache_info().misses
+        before = set_line.cache_info().misses
         for number in numbers:
             counting = {"frame": number, "timecode": timecode(number, Fraction(24))}
             BurnIn().over(GREY, {**VALUES, **counting})
-        return line.cache_info().misses - before
+        return set_line.cache_info().misses - before
 
-    line.cache_clear()
+    set_line.cache_clear()
     assert typeset(range(10)) > 10
     assert typeset(range(100, 140)) == 0
 

@@ -11,7 +11,6 @@ from flowsculpt.render.graphics.contact_sheet import (
     MAX_PIXELS,
     VACANT,
     ContactSheet,
-    columns_for,
     reduced,
     reduction,
 )
@@ -101,8 +100,15 @@ def test_what_cannot_be_on_a_sheet_is_refused() -> None:
 
 
 def test_columns_make_a_sheet_like_a_screen() -> None:
-    assert [columns_for(count, (480, 270)) for count in (1, 2, 4, 9, 16, 100)] == [1, 2, 2, 3, 4, 10]
-    assert columns_for(3, (480, 270)) == 3, "no empty place"
+    assert [ContactSheet.columns_for(count, (480, 270)) for count in (1, 2, 4, 9, 16, 100)] == [
+        1,
+        2,
+        2,
+        3,
+        4,
+        10,
+    ]
+    assert ContactSheet.columns_for(3, (480, 270)) == 3, "no empty place"
 
 
 def test_large_sheets_show_smaller_pictures() -> None:

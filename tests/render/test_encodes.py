@@ -23,7 +23,7 @@ from flowsculpt.render.base.render_errors import (
     MachineError,
     MissingInputError,
 )
-from flowsculpt.render.movie.codecs import ENCODES, Encode, encode_named
+from flowsculpt.render.movie.codecs import ENCODES, Encode
 from flowsculpt.render.movie.encode import write_movie
 from flowsculpt.render.movie.movie_sound import RATE, Sound, blocks
 from flowsculpt.render.movie.probe import probe_movie
@@ -259,14 +259,6 @@ def test_frames_are_let_go_while_others_come(encode: Encode, tmp_path: Path) -> 
     gc.collect()
     assert most <= 4
     assert living == [0]
-
-
-def test_an_unknown_encode_is_told() -> None:
-    with pytest.raises(BadInputError, match=r"'prores' is not a deliverable. Did you mean 'prores4444'\?"):
-        encode_named("prores")
-    with pytest.raises(BadInputError, match="There are: review, phone"):
-        encode_named("xyz")
-    assert encode_named("av1") is ENCODES["av1"]
 
 
 def test_what_cannot_be_encoded_is_told(tmp_path: Path) -> None:

@@ -14,10 +14,8 @@ from numpy.typing import NDArray
 from pydantic import AfterValidator, BaseModel, Field, ValidationError
 
 from flowsculpt import FlowsculptError, UsageError
-from flowsculpt.api.pictures import read_png
+from flowsculpt.api.pictures import Font, read_png
 from flowsculpt.api.shots import name_fault
-from flowsculpt.render.graphics.contact_sheet import FONT, GROUND, INK, QUIET
-from flowsculpt.render.graphics.typesetting import cut_short, write
 
 RECORD = "generation.json"
 """The file that says what a generation was bred from."""
@@ -27,6 +25,9 @@ PICTURES = "pictures"
 
 GAP, MARGIN, TEXT, ABOVE = 10, 28, 14, 64
 """Pixels between pictures, around the tree, of its letters, and between rows."""
+
+GROUND, QUIET, INK = 24 / 255, 0.56, 0.92
+"""Display values of the ground, of headings and of labels: those of contact sheets."""
 
 LINE, FAVOURITE, PARENT = (120, 120, 120), (236, 196, 110), (255, 255, 255)
 """Colours of lines, and of frames around favourites and parents."""
@@ -152,7 +153,7 @@ def family_picture(folder: Path, place: Path) -> Pixels:
     most = max(len(row.pictures) for row in rows)
     width = 2 * MARGIN + most * (wide + GAP) - GAP
     height = 2 * MARGIN + len(rows) * (high + ABOVE)
-    page = np.full((height, width, 3), round(255 * GROUND), np.uint8)
+    page, font = np.full((height, width, 3), round(255 * GROUND), np.uint8), Font("DroidSans", TEXT)
     places: dict[str, tuple[int, int]] = {}
     for index, row in enumerate(rows):
         left = (width - len(row.pictures) * (wide + GAP) + GAP) // 2
@@ -168,11 +169,11 @@ def family_picture(folder: Path, place: Path) -> Pixels:
                 x0, y0 = x + (wide - w) // 2, y + (high - h) // 2
                 page[y0 : y0 + h, x0 : x0 + w] = picture
             number = name.rpartition("_")[2] if row.heading else name
-            label = cut_short(number, FONT, TEXT, wide)
-            write(page, label, FONT, TEXT, (x, y + high + TEXT + 3), round(255 * INK))
+            label = font.cut_short(number, wide)
+            font.write(page, label, (x, y + high + TEXT + 3), round(255 * INK))
         if row.heading:
             x, y = places[next(iter(row.pictures))]
-            write(page, row.heading, FONT, TEXT, (x, y - 8), round(255 * QUIET))
+            font.write(page, row.heading, (x, y - 8), round(255 * QUIET))
     for row in rows:
         for names, colour, wide_line in ((row.favourites, FAVOURITE, 3), (row.parents, PARENT, 3)):
             for name in names:

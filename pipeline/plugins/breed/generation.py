@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from flowsculpt import FlowsculptError, UsageError
 from flowsculpt.api.files import atomic_write, disk_errors, held, remove_tree
 from flowsculpt.api.frames import STATE, CorruptFileError
-from flowsculpt.api.pictures import ContactSheet, write_still
+from flowsculpt.api.pictures import ContactSheet, Font, write_still
 from flowsculpt.api.shots import Shot
 from flowsculpt.pipeline.plugins.breed.breeding import Child, Litter, child_of
 from flowsculpt.pipeline.plugins.breed.family_tree import PICTURES, RECORD, family_picture
@@ -51,8 +51,6 @@ from flowsculpt.pipeline.plugins.breed.selection import (
 from flowsculpt.pipeline.plugins.breed.trials import Trial, tried
 from flowsculpt.pipeline.production.store import readers
 from flowsculpt.render.base.python_process import ForkedProcess, may_fork
-from flowsculpt.render.graphics.contact_sheet import FONT
-from flowsculpt.render.graphics.typesetting import wrap
 
 CHILDREN = 12
 """Children of a generation."""
@@ -293,8 +291,8 @@ def _shown_path(folder: Path) -> str:
 def _sheet(heading: str, pairs: Sequence[tuple[Child, Trial]], litter: Litter) -> NDArray[Any]:
     """Draw three pictures of each child in a row, three children side by side."""
     rows = [np.concatenate([trial.pictures[k] for k in KEY_PICTURES], axis=1) for _, trial in pairs]
-    width, height = rows[0].shape[1], rows[0].shape[0]
-    lines = [wrap(", ".join(child.words), FONT, TEXT, width - 2 * TEXT, 2) for child, _ in pairs]
+    width, height, font = rows[0].shape[1], rows[0].shape[0], Font("DroidSans", TEXT)
+    lines = [font.wrap(", ".join(child.words), width - 2 * TEXT, 2) for child, _ in pairs]
     captions = [
         tuple((str(k) if row == 0 else "", text) for row, text in enumerate([*texts, ""][:2]))
         for k, texts in enumerate(lines, 1)

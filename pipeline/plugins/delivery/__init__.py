@@ -1,7 +1,6 @@
 """Deliverables: frames encoded for others, relit frames, and timelines of editing programs."""
 
-from flowsculpt.api import Command, Plugin
-from flowsculpt.pipeline.plugin import FileFormat
+from flowsculpt.api import Command, FileFormat, Plugin
 
 PLUGIN = Plugin(
     name="delivery",

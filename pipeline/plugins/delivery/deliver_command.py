@@ -28,25 +28,20 @@ from flowsculpt.api.commands import (
 )
 from flowsculpt.api.frames import FrameSelection, Plan, RenderRequest, crop_of, edit_names, find_edit
 from flowsculpt.api.options import DEFAULT_QUALITY, Common, Frames, PictureOptions, Quality, output_option
-from flowsculpt.api.pictures import BurnIn, Encode
+from flowsculpt.api.pictures import HDR_DISPLAYS, AudioClip, BurnIn, Encode
 from flowsculpt.api.shots import is_edit
 from flowsculpt.pipeline.plugins.delivery.deliverables import (
-    DELIVERABLES,
     SLATES,
     DeliveredFile,
     Delivery,
     DeliveryOptions,
-    audio_track,
     film_source,
     lost_frames,
     shot_source,
 )
+from flowsculpt.pipeline.plugins.delivery.encodes import DELIVERABLES, encode_named
 from flowsculpt.pipeline.plugins.delivery.gain_map import is_gain_map, require_gain_maps
 from flowsculpt.pipeline.plugins.delivery.relighting import RelitFrames, relit_version
-from flowsculpt.pipeline.production.request.lookup import base_of
-from flowsculpt.render.graphics.typesetting import FIELDS
-from flowsculpt.render.movie.codecs import encode_named
-from flowsculpt.render.post.hdr import HDR_DISPLAYS
 
 USUAL_SIDES = dict.fromkeys(("phone", "hdr10", "hdr10-av1", "hlg"), 1080)
 """Pixels along the shorter side that the screens of deliverables usually show, by their names."""
@@ -71,7 +66,7 @@ def deliver(
     ] = None,
     burn_in: Annotated[
         str | None,
-        typer.Option("--burn-in", metavar="FIELD,…", help=f"Burn in: all, or {', '.join(FIELDS)}."),
+        typer.Option("--burn-in", metavar="FIELD,…", help=f"Burn in: all, or {', '.join(BurnIn().fields)}."),
     ] = None,
     sound: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Add this sound. An edit may name its own.")
@@ -110,10 +105,10 @@ def deliver(
         if word not in DELIVERABLES and (needed := plugins().lacking(word)):
             raise UsageError(f"{word!r} is not a deliverable. {needed}")
     order = DeliveryOptions(
-        encodes=tuple(encode_named(word, DELIVERABLES) for word in words),
+        encodes=tuple(encode_named(word) for word in words),
         slate=slate,
         burn_in=None if burn_in is None else BurnIn.parse(burn_in),
-        audio=None if sound is None else audio_track(sound),
+        audio=None if sound is None else AudioClip.of_file(sound),
         folder=output,
     )
     project = options.project(common)
@@ -197,7 +192,7 @@ class _Wanted:
             whole = replace(request, quality_name="final").pictures.quality
             remedy = "Write a larger picture: {size: …} in the shot."
             if whole.width > width:
-                also = ", without --scale," if base_of(self.quality) == "final" else ""
+                also = ", without --scale," if self.quality.partition(".")[0] == "final" else ""
                 remedy = f"Use -q final{also} for {whole.width} × {whole.height}."
             yield (
                 f"{', '.join(small)}: {name} has {width} × {height} pixels, and such screens usually show "

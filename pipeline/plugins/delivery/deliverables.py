@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flowsculpt import FrameError, MachineError
-from flowsculpt.api import Plugin, ShotExtras, plugins, plural
+from flowsculpt.api import ShotExtras, plugins, plural
 from flowsculpt.api.files import disk_errors, make_folder, to_plain
 from flowsculpt.api.frames import (
     Edit,
@@ -37,29 +37,25 @@ from flowsculpt.api.frames import (
     store_reader,
 )
 from flowsculpt.api.pictures import (
-    ENCODES,
+    HDR_DISPLAYS,
+    AudioClip,
     BurnIn,
     Encode,
     Frame,
     Screen,
-    cut_together,
-    dissolve,
-    in_loop,
-    loop_dissolve,
+    loop_frames,
     mix_frames,
     prefetch,
     quantise,
     timecode,
     write_movie,
 )
-from flowsculpt.pipeline.plugins.delivery.gain_map import GAIN_MAP, is_gain_map, write_gain_map
+from flowsculpt.pipeline.plugins.delivery.encodes import FILM_START, KINDS, NAME_ENDS
+from flowsculpt.pipeline.plugins.delivery.gain_map import is_gain_map, write_gain_map
 from flowsculpt.pipeline.plugins.delivery.gif import GIF, write_gif
+from flowsculpt.pipeline.plugins.delivery.hdr_frames import content_light, hdr_graphics
 from flowsculpt.pipeline.plugins.delivery.relighting import relit_version
-from flowsculpt.pipeline.production.request.audio import AudioClip, AudioTrack
-from flowsculpt.render.graphics.cards import Slate, failure_card
-from flowsculpt.render.movie.codecs import FILM_START, NAME_ENDS
-from flowsculpt.render.post.hdr import HDR_DISPLAYS, ContentLight, hdr_graphics
-from flowsculpt.render.scene.render_camera import Projection
+from flowsculpt.pipeline.plugins.delivery.slate import Slate, failure_card
 
 DELIVER = PipelineStage(
     "deliver", version=2, packages=("av", "OpenImageIO"), doing="encoding deliverables", makes="movie"
@@ -188,6 +184,7 @@ class DeliverySource:
     """Frames in order, and facts about them.
 
     folder        of the files, relative to the root
+    screen        the projection and the size of the frames
     start         the frame number that gives the first timecode
     facts         names and values for the slate
     content       plain data of everything that decides the frames
@@ -203,8 +200,7 @@ class DeliverySource:
     subtitle: str
     folder: Path
     rate: FrameRate
-    size: tuple[int, int]
-    projection: Projection
+    screen: Screen
     start: int
     count: int
     facts: tuple[tuple[str, str], ...]
@@ -236,17 +232,16 @@ def shot_source(
         subtitle=request.shot.title,
         folder=request.folders.home / request.quality_name / "deliver",
         rate=rate,
-        size=request.pictures.quality.rendered_size,
-        projection=request.pictures.projection,
-        start=numbers[loop_dissolve(request)],
-        count=len(numbers) - loop_dissolve(request),
+        screen=Screen(request.pictures.projection, request.pictures.quality.rendered_size),
+        start=numbers[request.loop_dissolve],
+        count=len(numbers) - request.loop_dissolve,
         facts=(("version", reader.version), *_facts(request, str(frames), len(numbers), rate), ("key", key)),
         content=[*reader.content(numbers), *([] if request.loop is None else [list(request.loop)])],
         lost=lost,
         has_coverage=all(reader.has_coverage(n) for n in finished),
         sounds=request.sounds,
-        frames=lambda form: in_loop(
-            request, numbers, lambda shown: (reader.read(n, form) for n in shown), _mix
+        frames=lambda form: loop_frames(
+            numbers, request.loop_dissolve, lambda shown: (reader.read(n, form) for n in shown), _mix
         ),
         loops=request.loop is not None,
         poster=lambda form: reader.read(finished[len(finished) // 2], form),
@@ -275,7 +270,7 @@ def film_source(
         def card(frame: Frame) -> LabelledFrame:
             return opaque(frame, form), {"quality": quality_name, "shot": edit.name}
 
-        return dissolve(list(cut_together(edit, screen, clip, card)), _mix)
+        return edit.frames(screen, clip, card, _mix)
 
     poster, number = finished[len(finished) // 2]
     shots = dict.fromkeys(f"{reader.request.name} {reader.version}" for reader in readers)
@@ -285,8 +280,7 @@ def film_source(
         subtitle=opening.subtitle,
         folder=edit.path(quality_name).parent / "deliver",
         rate=rate,
-        size=screen.picture,
-        projection=screen.projection,
+        screen=screen,
         start=FILM_START * ceil(rate.fps),
         count=edit.length,
         facts=(("shots", ", ".join(shots)), *_facts(requests[0], f"{edit.length}", edit.length, rate)),
@@ -343,30 +337,6 @@ SLATES = ("head", "apart")  # the places of a slate: before the first frame, or 
 
 SLATE_SECONDS = 2
 
-_KINDS = {
-    ".mp4": "movie",
-    ".jpg": "jpeg",
-    **{end: end[1:] for end in (".mov", ".mkv", ".webp", ".avif", ".gif")},
-}
-
-
-def _encode_of_plugin(plugin: Plugin, name: str, encode: Any) -> Encode:
-    """Return the encode of a plug-in under its full name. Raises TypeError or ValueError for what is none."""
-    if not isinstance(encode, Encode):
-        raise TypeError("it is not an Encode")
-    if encode.suffix not in _KINDS:
-        raise ValueError(f"its files end in {encode.suffix}; they can end in {', '.join(_KINDS)}")
-    return replace(encode, name=name)
-
-
-DELIVERABLES: Mapping[str, Encode] = {
-    **ENCODES,
-    GAIN_MAP.name: GAIN_MAP,
-    GIF.name: GIF,
-    **plugins().parts("encodes", _encode_of_plugin),
-}
-"""The encodes of deliverables by name, those of plug-ins last."""
-
 
 @dataclass(frozen=True)
 class DeliveryOptions:
@@ -381,7 +351,7 @@ class DeliveryOptions:
     encodes: tuple[Encode, ...]
     slate: str | None = None
     burn_in: BurnIn | None = None
-    audio: AudioTrack | None = None
+    audio: AudioClip | None = None
     folder: Path | None = None
 
 
@@ -420,7 +390,7 @@ class Delivery:
         if not os.access(place, os.W_OK):
             raise MachineError(f"{place}: permission denied; choose another folder with -o")
         for encode, path, part in self._files():
-            kind, key = _KINDS[encode.suffix], self._key(encode, part)
+            kind, key = KINDS[encode.suffix], self._key(encode, part)
             count = self._slate_frames if part == "slate" else self.source.count + self._leader
             passes = 2 if _measures_light(encode) or encode.suffix == GIF.suffix else 1
             reused = self.store.holds_whole(kind, key)
@@ -455,7 +425,7 @@ class Delivery:
         """The sound of the movie: its own, or the sounds of the frames."""
         if self.options.audio is None:
             return self.source.sounds
-        return (AudioClip((self.options.audio,), 0, self.source.count),)
+        return (replace(self.options.audio, frames=self.source.count),)
 
     def _key(self, encode: Encode, part: str) -> Key:
         """Return the key of a file: everything but its path."""
@@ -467,7 +437,7 @@ class Delivery:
             asdict(encode),
             *([plugins().loaded[encode.name.partition(".")[0]].version] if "." in encode.name else []),
             [clip.content for clip in self._sounds] or None if encode.container.audio_codec else None,
-            [str(source.rate), list(source.size), source.start, source.count],
+            [str(source.rate), list(source.screen.picture), source.start, source.count],
             [source.has_coverage, source.name],
             [source.title, source.subtitle, facts] if options.slate else None,
             source.content,
@@ -487,7 +457,7 @@ class Delivery:
         if is_gain_map(encode):
             write_gain_map(path, frames())
             return
-        light = ContentLight.of(frames()) if _measures_light(encode) else None
+        light = content_light(frames()) if _measures_light(encode) else None
         first = source.start - (self._slate_frames if part == "slate" else self._leader)
         sound = None
         if part == "frames" and encode.container.audio_codec:  # also under the slate before them
@@ -495,7 +465,7 @@ class Delivery:
             sound = samples_of(clips, source.count + self._leader, source.rate)
         code = timecode(first, rate)
         loops = source.loops and part == "frames" and not self._leader
-        write_movie(path, frames(), rate, encode, code, sound, source.projection, loops, light)
+        write_movie(path, frames(), rate, encode, code, sound, source.screen.projection, loops, light)
 
     def _frames(self, encode: Encode, form: FrameFormat) -> Iterator[Frame]:
         if self._leader:
@@ -513,8 +483,8 @@ class Delivery:
         display = "rec709" if form.display in HDR_DISPLAYS else form.display  # a slate is graphics
         poster = source.poster(FrameFormat(display, False))[0].astype(np.float32) / np.float32(65535)
         facts = (*source.facts, ("made as", encode.name))
-        screen = Screen(source.projection, source.size)
-        drawn = screen.show(Slate(source.title, source.subtitle, facts, poster).draw(screen.size))
+        slate = Slate(source.title, source.subtitle, facts, poster)
+        drawn = source.screen.show(slate.draw(source.screen.size))
         frame = opaque(quantise(drawn, bits=16), form)
         for _ in range(self._slate_frames):
             yield frame
@@ -542,15 +512,6 @@ def _counted(frames: Iterator[Frame], passed: Callable[[], None]) -> Iterator[Fr
     for frame in frames:
         yield frame
         passed()
-
-
-def audio_track(file: Path) -> AudioTrack:
-    """Return a sound file as audio track. Raises MissingImageError or CorruptImageError."""
-    from flowsculpt.api.files import digest_of_file
-    from flowsculpt.render.movie.movie_sound import silence_in
-
-    silence = silence_in(file)
-    return AudioTrack(str(file.absolute()), digest_of_file(file), silence=silence)
 
 
 def lost_frames(deliveries: Sequence[Delivery]) -> list[str]:

@@ -12,14 +12,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flowsculpt import MachineError
+from flowsculpt import MachineError, UsageError
 from flowsculpt.api.files import atomic_write, command_line
-from flowsculpt.api.pictures import BadInputError, Encode, Frame, nits_of_pq
-from flowsculpt.render.movie.codecs import AVIF, Container
-from flowsculpt.render.post.hdr import BT2020, GRAPHICS_WHITE, PEAK
-from flowsculpt.render.scene.rgb_spaces import WorkingSpace
+from flowsculpt.api.pictures import ENCODES, HDR_DISPLAYS, Encode, Frame, WorkingSpace
+from flowsculpt.pipeline.plugins.delivery.hdr_frames import BT2020, GRAPHICS_WHITE
 
-GAIN_MAP = replace(AVIF, name="gain-map", container=Container("gain-map", ".jpg"), codec="libultrahdr")
+_AVIF, _PQ = ENCODES["avif"], HDR_DISPLAYS["pq"]
+
+GAIN_MAP = replace(
+    _AVIF,
+    name="gain-map",
+    container=replace(_AVIF.container, format="gain-map", suffix=".jpg"),
+    codec="libultrahdr",
+)
 """JPEG with a gain map, made of frames in PQ; it holds one frame."""
 
 _P3 = WorkingSpace("p3", "lin_p3d65_scene", (0.680, 0.320, 0.265, 0.690, 0.150, 0.060, 0.3127, 0.3290))
@@ -34,9 +39,9 @@ def is_gain_map(encode: Encode) -> bool:
 
 
 def require_gain_maps(frames: int) -> None:
-    """Raises BadInputError for more than one frame, MachineError where imagecodecs is not installed."""
+    """Raises UsageError for more than one frame, MachineError where imagecodecs is not installed."""
     if frames != 1:
-        raise BadInputError(
+        raise UsageError(
             f"gain-map holds one frame, not {frames}; choose one with -f 40, or deliver hdr10 or avif"
         )
     if not _is_installed():
@@ -71,9 +76,9 @@ def write_gain_map(path: Path, frames: Iterator[Frame]) -> None:
 def _encoded(frame: NDArray[Any]) -> bytes:
     import imagecodecs  # takes a second, and is an extra
 
-    light = _P3.from_rec709(BT2020.to_rec709(nits_of_pq(frame / 65535.0)))
+    light = _P3.from_rec709(BT2020.to_rec709(_PQ.nits(frame / 65535.0)))
     pixels = np.ones((*frame.shape[:2], 4), np.float16)
-    pixels[..., :3] = np.clip(light, 0.0, PEAK) / GRAPHICS_WHITE
+    pixels[..., :3] = np.clip(light, 0.0, _PQ.peak) / GRAPHICS_WHITE
     kinds = imagecodecs.ULTRAHDR
     return bytes(
         imagecodecs.ultrahdr_encode(
@@ -81,7 +86,7 @@ def _encoded(frame: NDArray[Any]) -> bytes:
             _QUALITY,
             gamut=kinds.CG.DISPLAY_P3,
             transfer=kinds.CT.LINEAR,
-            nits=PEAK,
+            nits=_PQ.peak,
             usage=kinds.USAGE.QUALITY,
         )
     )

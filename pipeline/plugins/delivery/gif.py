@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
@@ -17,13 +18,13 @@ import numpy as np
 from av.filter import Graph
 
 from flowsculpt.api.files import atomic_write
-from flowsculpt.api.pictures import Encode, Frame
-from flowsculpt.render.movie.codecs import Container
-from flowsculpt.render.movie.movie_frames import to_pixel_format
+from flowsculpt.api.pictures import ENCODES, Encode, Frame, to_pixel_format
 
 _DITHER = {"dither": "sierra2_4a", "diff_mode": "rectangle"}
 
-GIF = Encode("gif", Container("gif", ".gif"), "gif", "pal8", _DITHER, display="srgb")
+_CONTAINER = replace(ENCODES["avif"].container, format="gif", suffix=".gif")
+
+GIF = Encode("gif", _CONTAINER, "gif", "pal8", _DITHER, display="srgb")
 """GIF; its options are those of FFmpeg's filter `paletteuse`."""
 
 _TICKS = 100  # of GIF's clock, a second

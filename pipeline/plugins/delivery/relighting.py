@@ -17,7 +17,9 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+import numpy as np
 import typer
+from numpy.typing import NDArray
 
 from flowsculpt import FrameError, MissingInputError, UsageError
 from flowsculpt.api import plural, shortened, suggestion
@@ -35,7 +37,6 @@ from flowsculpt.api.frames import (
     camera_file,
     find_shot,
     key_of,
-    movie_bits,
     options_of,
     picture_keys,
     store_reader,
@@ -58,21 +59,19 @@ from flowsculpt.api.pictures import (
     LightRig,
     RenderedFrame,
     RenderError,
-    in_loop,
-    mix_frames,
+    loop_frames,
     movie_encode,
     prefetch,
     read_header,
-    write_exr,
+    write_finished,
     write_movie,
 )
 from flowsculpt.api.shots import NAME, OPTION, in_yaml, inherited, linear_of, shown
-from flowsculpt.pipeline.production.tasks.finish import exr_attributes
-from flowsculpt.pipeline.shot.documents.field_types import HEX_PATTERN
-from flowsculpt.render.base.serialise import Triple
-from flowsculpt.render.scene.scene_lights import BACKGROUND, LightGroup, groups_in, mixed
 
 RELIGHT = PipelineStage("relight", version=1, packages=("OpenImageIO",), doing="relighting", makes="frame")
+
+Factor = tuple[float, float, float]
+"""A factor on the light of a group: red, green and blue of linear Rec.709."""
 
 if TYPE_CHECKING:
     from flowsculpt.api.frames import Framing
@@ -80,11 +79,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class RelitFrames:
-    """The frames of a request with factors on their light groups: (red, green, blue), linear Rec.709."""
+    """The frames of a request with factors on their light groups."""
 
     request: RenderRequest
     store: Store
-    factors: Mapping[str, Triple]
+    factors: Mapping[str, Factor]
     name: str
 
     @cached_property
@@ -139,27 +138,33 @@ class RelitFrames:
 
     def _write(self, number: int, key: Key, path: Path) -> None:
         finished, header = self._read(self._source(number), self.request.place("frame", number))
-        space = self.request.shot.picture.working_space
-        light = mixed(groups_in(finished.arrays), self.factors, space)
+        light = self._mixed(finished)
         stages = {**header.get("stages", {}), RELIGHT.name: RELIGHT.recipe}
         relit = {"relit": {name: list(factor) for name, factor in self.factors.items()}}
         entries = {**header, **relit, "stages": stages, "finished_key": header["key"], "key": key}
-        write_exr(
-            path,
-            RenderedFrame({"beauty": light, "alpha": finished["alpha"]}),
-            entries,
-            dict(self.request.manifest.precision),
-            attributes=exr_attributes(self.request, number, self._framings),
-            convention=self.request.manifest.layers,
-        )
+        layers = RenderedFrame({"beauty": light, "alpha": finished["alpha"]})
+        write_finished(path, self.request, number, self._framings, layers, entries)
+
+    def _mixed(self, finished: RenderedFrame) -> NDArray[np.float32]:
+        """Return the sum (H, W, 3) of the light groups of a frame, each times its factor.
+
+        Groups are added in alphabetical order, as those of a render are.
+        """
+        picture = self.request.shot.picture
+        groups = sorted(picture.lights.groups, key=lambda group: group.layer)
+        total = np.zeros_like(finished[groups[0].layer])
+        for group in groups:
+            factor = np.array(self.factors.get(group.name, (1.0, 1.0, 1.0)))
+            total += finished[group.layer] * picture.working_space.from_rec709(factor).astype(np.float32)
+        return total
 
     def _make_movie(self, passed: Callable[[], None]) -> None:
         request = self.request
-        rate, bits = FrameRate.of(request.manifest.rate), movie_bits(request.quality_name)
+        rate = FrameRate.of(request.manifest.rate)
         key = key_of(RELIGHT.recipe, request.keys.movie([self.key(n) for n in self.numbers]))
         if not self.store.holds_whole("movie", key):
-            shown = in_loop(request, self.numbers, partial(self._shown, passed), mix_frames)
-            frames, encode = prefetch(shown), movie_encode(bits)
+            shown = loop_frames(self.numbers, request.loop_dissolve, partial(self._shown, passed))
+            frames, encode = prefetch(shown), movie_encode(request.quality_name)
             options: Any = {"projection": request.pictures.projection, "loops": request.loop is not None}
             self.store.put("movie", key, lambda path: write_movie(path, frames, rate.fps, encode, **options))
         self.store.link("movie", key, self.movie_path)
@@ -281,6 +286,7 @@ MAX_FACTOR = 1e6
 MOST_LETTERS = 60  # letters of the longest name that factors give to a version
 
 _FACTOR = re.compile(r"\s*lights\.(\w+)\s*=(.*)", re.DOTALL)
+_HEX = re.compile("#([0-9a-fA-F]{3}|[0-9a-fA-F]{6})")
 _INTENSITY = re.compile(r"\s*lights\.intensity(?:\.(\w+))?\s*=(.*)", re.DOTALL)
 
 _OF_SHOT = ("exposure", "hdri", "rig", "softboxes", "turn", "visible")
@@ -312,13 +318,13 @@ class LightSettings:
                 others.append(setting)
         return cls(factors, tuple(others))
 
-    def by_group(self, shot: str, groups: Sequence[LightGroup]) -> dict[str, Triple]:
+    def by_group(self, shot: str, lights: LightRig) -> dict[str, Factor]:
         """Return the factors (red, green, blue) by light group, in the order of the groups.
 
         Raises UsageError where there are none, for a group that the shot does not have, and for text that is
         no factor.
         """
-        names = [group.name for group in groups]
+        names = [group.name for group in lights.groups]
         if not self.factors:
             raise UsageError(
                 f"no light is set. Write, for example, {OPTION} lights.{names[0]}=1.4; the light groups of "
@@ -326,16 +332,16 @@ class LightSettings:
             )
         for name in self.factors:
             if name not in names:
-                owner = next((group.name for group in groups if name in group.lights), None)
+                owner = next((group.name for group in lights.groups if name in group.lights), None)
                 remedy = f"It is in group {owner}: set lights.{owner}." if owner else suggestion(name, names)
                 raise UsageError(f"{OPTION} lights.{name}: {shot} has no light group {name}. {remedy}")
         return {name: _parsed(name, self.factors[name]) for name in names if name in self.factors}
 
 
-def _parsed(name: str, text: str) -> Triple:
+def _parsed(name: str, text: str) -> Factor:
     """Return a factor: one number, three of linear Rec.709, or a hexadecimal colour of sRGB."""
     bare = text.strip("[]()'\" ")
-    if re.fullmatch(HEX_PATTERN, bare):
+    if re.fullmatch(_HEX, bare):
         red, green, blue = linear_of(bare)
         return red, green, blue
     try:
@@ -351,7 +357,7 @@ def _parsed(name: str, text: str) -> Triple:
     return red, green, blue
 
 
-def version_name(factors: Mapping[str, Triple]) -> str:
+def version_name(factors: Mapping[str, Factor]) -> str:
     """Return a name for frames with these factors, as in `key1.4_rim1-0.8-0.6`."""
     words = [
         name + "-".join(f"{value:.4g}" for value in (factor[:1] if _is_grey(factor) else factor))
@@ -360,9 +366,9 @@ def version_name(factors: Mapping[str, Triple]) -> str:
     return "_".join(words).replace("+", "")[:MOST_LETTERS]
 
 
-def permanent(path: Path, of_shot: Sequence[str], lights: LightRig, factors: Mapping[str, Triple]) -> str:
+def permanent(path: Path, of_shot: Sequence[str], lights: LightRig, factors: Mapping[str, Factor]) -> str:
     """Return how the factors are written in the shot file at `path`; `of_shot` are settings over it."""
-    members = {each.name: [name for name in each.lights if name != BACKGROUND] for each in lights.groups}
+    members = {each.name: [name for name in each.lights if name in lights.names] for each in lights.groups}
     refused = [
         name
         for name, factor in factors.items()
@@ -393,12 +399,13 @@ def permanent(path: Path, of_shot: Sequence[str], lights: LightRig, factors: Map
             "a sky with a radiance of that colour"
         )
     sentences = ["To render with these lights, " + "; ".join(words) + "."] if words else []
-    if len({_factor_on(light, lights, factors) for light in ("sky", BACKGROUND)} - {None}) > 1:
+    seen = {light for group in lights.groups for light in group.lights} - set(lights.names)  # by the lens
+    if len({_factor_on(light, lights, factors) for light in ("sky", *seen)} - {None}) > 1:
         sentences.append("Only relit frames can show a sky brighter or darker than its light.")
     return " ".join(sentences)
 
 
-def _multiplied(intensity: Any, factor: Triple) -> float | list[float]:
+def _multiplied(intensity: Any, factor: Factor) -> float | list[float]:
     """Return the intensity of a shot file, a number or a colour, times a factor."""
     before = linear_of(intensity) if isinstance(intensity, str) else intensity
     parts = before if isinstance(before, Sequence) else [before] * 3
@@ -406,13 +413,13 @@ def _multiplied(intensity: Any, factor: Triple) -> float | list[float]:
     return product[0] if len(set(product)) == 1 else product
 
 
-def _factor_on(light: str, lights: LightRig, factors: Mapping[str, Triple]) -> Triple | None:
+def _factor_on(light: str, lights: LightRig, factors: Mapping[str, Factor]) -> Factor | None:
     """Return the factor on a light, or None where it is in no group."""
     owner = next((group.name for group in lights.groups if light in group.lights), None)
     return None if owner is None else factors.get(owner, (1.0, 1.0, 1.0))
 
 
-def _is_grey(factor: Triple) -> bool:
+def _is_grey(factor: Factor) -> bool:
     return len(set(factor)) == 1
 
 
@@ -456,7 +463,7 @@ def relight(
             f"{shown(path)}: {request.name} has no light groups, so its frames cannot be relit. Write "
             f"light_groups: each in the file, and render it: {_command('render', request)}"
         )
-    factors = given.by_group(request.name, lights.groups)
+    factors = given.by_group(request.name, lights)
     if name is not None and not re.fullmatch(NAME, name):
         raise UsageError(f"--name {name}: a version has letters, digits, _, - and . in its name, as warm_key")
     version = name or version_name(factors)

@@ -11,7 +11,7 @@ rises by transitions to and from silence.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import ceil
 from pathlib import Path
@@ -26,17 +26,20 @@ from flowsculpt.api import plural
 from flowsculpt.api.commands import print_result, require_one_of
 from flowsculpt.api.frames import FILM, Edit, FrameRange, RenderRequest, Store, find_edit
 from flowsculpt.api.options import DEFAULT_QUALITY, Common, Quality, ShotOptions, output_option
-from flowsculpt.api.pictures import ENCODES, Encode
+from flowsculpt.api.pictures import ENCODES, AudioClip, Encode
+from flowsculpt.pipeline.plugins.delivery.encodes import FILM_START, NAME_ENDS
 from flowsculpt.pipeline.plugins.delivery.imported_sound import LEVELS
-from flowsculpt.pipeline.production.request.audio import AudioClip, AudioTrack
-from flowsculpt.pipeline.production.request.edit import EditItem
-from flowsculpt.render.movie.codecs import FILM_START, NAME_ENDS
+
+RATE = 48_000  # samples of sound in a second, as movies have them
 
 
 @dataclass(frozen=True)
 class HeardSound:
     """A sound where it is heard in a film, in samples.
 
+    file          of the sound
+    levels        its settings, by the names of LEVELS
+    start         second of the shot or of the film at which the file begins
     begins, ends  of the film
     skipped       of the file before what is heard
     length        of the whole file
@@ -44,7 +47,9 @@ class HeardSound:
     request       of the shot that it is a sound of; None for the film's own
     """
 
-    track: AudioTrack
+    file: Path
+    levels: Mapping[str, float]
+    start: float
     begins: int
     ends: int
     skipped: int
@@ -76,7 +81,6 @@ def _shots_by_begin(edit: Edit, requests: Sequence[RenderRequest]) -> Iterator[t
 
 def _heard(edit: Edit, clip: AudioClip, request: RenderRequest | None) -> Iterator[HeardSound]:
     """Yield the sounds that are heard under a run of frames, as `AudioClip.segment` places them."""
-    from flowsculpt.render.movie.movie_sound import RATE, require_sound  # imports PyAV, which takes time
 
     def samples(frames: int) -> int:
         return round(frames / edit.frame_rate.fps * RATE)
@@ -84,11 +88,13 @@ def _heard(edit: Edit, clip: AudioClip, request: RenderRequest | None) -> Iterat
     begin, run = samples(clip.first), samples(clip.frames)
     for track in clip.tracks:
         start = round((track.start - float(clip.skipped / edit.frame_rate.fps)) * RATE)
-        length = round(require_sound(Path(track.file)) * RATE)
+        length = round(track.seconds * RATE)
         first, last = max(0, start), min(run, start + length)
         if last > first:
             yield HeardSound(
-                track,
+                Path(track.file),
+                {name: getattr(track, name) for name in LEVELS},
+                track.start,
                 begin + first,
                 begin + last,
                 max(0, -start),
@@ -118,7 +124,6 @@ def sound_tracks(sounds: Sequence[HeardSound], url: Callable[[Path], str]) -> li
 
 def _parts(sound: HeardSound, end: int, url: Callable[[Path], str]) -> Iterator[Any]:
     """Yield the silence since `end`, the last sample of the track, and the clip with its transitions."""
-    from flowsculpt.render.movie.movie_sound import RATE
 
     def time(samples: int) -> Any:
         return opentime.RationalTime(samples, RATE)
@@ -132,10 +137,9 @@ def _parts(sound: HeardSound, end: int, url: Callable[[Path], str]) -> Iterator[
         yield schema.Gap(duration=time(sound.begins - end))
     if sound.rise and sound.begins > end:
         yield fade(0, min(sound.rise, heard))
-    file = Path(sound.track.file)
-    media = schema.ExternalReference(url(file), opentime.TimeRange(time(0), time(sound.length)))
+    media = schema.ExternalReference(url(sound.file), opentime.TimeRange(time(0), time(sound.length)))
     shown = opentime.TimeRange(time(sound.skipped), time(heard))
-    clip = schema.Clip(file.stem, media, shown)
+    clip = schema.Clip(sound.file.stem, media, shown)
     clip.metadata["flowsculpt"] = _facts(sound)
     yield clip
     if sound.fall:
@@ -144,10 +148,10 @@ def _parts(sound: HeardSound, end: int, url: Callable[[Path], str]) -> Iterator[
 
 def _facts(sound: HeardSound) -> dict[str, Any]:
     """Return the settings of a sound; of a shot's also its name, its first frame and its start there."""
-    facts = {name: getattr(sound.track, name) for name in LEVELS}
+    facts = dict(sound.levels)
     if (request := sound.request) is None:
         return facts
-    place = {"first_frame": min(request.angles), "start": sound.track.start}
+    place = {"first_frame": min(request.angles), "start": sound.start}
     return {**facts, "shot": request.name, **place}
 
 
@@ -204,15 +208,16 @@ class Timeline:
                     self._time(before),
                     self._time(item.dissolve - before),
                 )
-            handles = item.dissolve // 2, after - after // 2
-            yield from [self._card(item, *handles)] if item.clip is None else self._clips(item, *handles)
+            shown = slice(item.dissolve // 2, item.frames - (after - after // 2))  # without its handles
+            if item.clip is None:
+                words = {"title": item.title, "subtitle": item.subtitle}
+                yield self._card(words, item.frames, shown)
+            else:
+                yield from self._clips(self.requests[item.clip], shown)
 
-    def _clips(self, item: EditItem, head: int, tail: int) -> Iterator[Any]:
-        """Yield a clip without its handles, in runs of one speed."""
-        assert item.clip is not None, "a card has no frames"
-        request = self.requests[item.clip]
-        numbers = request.requested[head : item.frames - tail]
-        for run in _runs(numbers):
+    def _clips(self, request: RenderRequest, shown: slice) -> Iterator[Any]:
+        """Yield the part of a clip that is shown, in runs of one speed."""
+        for run in _runs(request.requested[shown]):
             step = run[1] - run[0] if len(run) > 1 else 1
             clip = schema.Clip(request.name, self._reference(request), self._range(run[0], len(run)))
             if step != 1:
@@ -220,10 +225,10 @@ class Timeline:
             clip.metadata["flowsculpt"] = {"quality": request.quality_name, "title": request.shot.title}
             yield clip
 
-    def _card(self, item: EditItem, head: int, tail: int) -> Any:
-        words = {"title": item.title, "subtitle": item.subtitle}
-        card = schema.GeneratorReference("card", "flowsculpt card", self._range(0, item.frames), words)
-        return schema.Clip(item.title or "card", card, self._range(head, item.frames - head - tail))
+    def _card(self, words: dict[str, str], frames: int, shown: slice) -> Any:
+        card = schema.GeneratorReference("card", "flowsculpt card", self._range(0, frames), words)
+        part = self._range(shown.start, shown.stop - shown.start)
+        return schema.Clip(words["title"] or "card", card, part)
 
     def _reference(self, request: RenderRequest) -> Any:
         """Return a reference to all frames of a shot."""

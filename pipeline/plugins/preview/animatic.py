@@ -35,11 +35,9 @@ from flowsculpt.api.frames import (
 )
 from flowsculpt.api.meshes import AnyArray, Indices
 from flowsculpt.api.pictures import (
+    ENCODES,
     Screen,
-    cut_together,
-    dissolve,
-    in_loop,
-    loop_dissolve,
+    loop_frames,
     mix_frames,
     timecode,
     write_movie,
@@ -50,12 +48,16 @@ from flowsculpt.pipeline.plugins.preview.sketch import Sketch, is_closed
 from flowsculpt.pipeline.plugins.preview.surface_stream import SurfaceStream, in_order
 from flowsculpt.pipeline.production.request.framing import AHEAD, Framer
 from flowsculpt.pipeline.production.store import paths
-from flowsculpt.render.movie.codecs import PLAYBLAST
 
 SIZES = {"still": (960, 540), "movie": (480, 270)}  # pixels of a 16:9 picture; other aspects have as many
 
 THREADS = 2  # pictures that are drawn at the same time
 WAITING = 12  # pictures that may be begun and not yet written before more frames are simulated
+
+PLAYBLAST = replace(
+    ENCODES["review"], options={**ENCODES["review"].options, "preset": "superfast", "g": "12"}
+)
+"""Encoded soon, and stepped through quickly."""
 
 Picture = NDArray[Any]
 Framed = tuple[int, Framing]
@@ -179,11 +181,11 @@ def write_playblast(
     store: Store, path: Path, request: RenderRequest, pictures: Iterator[Picture], tell: FrameCallback
 ) -> int:
     """Write an MP4 of the requested frames and return their number."""
-    numbers, rate, lead = sorted(request.requested), request.shot.rate.fps, loop_dissolve(request)
+    numbers, rate, lead = sorted(request.requested), request.shot.rate.fps, request.loop_dissolve
     told = told_frames(numbers, pictures, tell)
     first = list(itertools.islice(told, lead))  # they come first, and are shown last
     parts = iter([told, iter(first)])
-    looped = in_loop(request, numbers, lambda _: next(parts), mix_frames)
+    looped = loop_frames(numbers, lead, lambda _: next(parts))
     start, count = timecode(numbers[lead], rate), len(numbers) - lead
     sound = samples_of(request.sounds, count, request.shot.rate)
     options = start, sound, request.pictures.projection, request.loop is not None
@@ -320,8 +322,7 @@ def write_film_animatic(
         yield from _in_order(clip.sketch.request.requested, clip.pictures(tell))
 
     screen, rate = Screen(request.pictures.projection, first.movie_size), edit.frame_rate
-    parts = cut_together(edit, screen, shown, lambda card: (card // 257).astype(np.uint8))
-    frames = dissolve(list(parts), mix_frames)
+    frames = edit.frames(screen, shown, lambda card: (card // 257).astype(np.uint8), mix_frames)
     told = told_frames(range(1, edit.length + 1), frames, tell)
     sound = samples_of(edit.sounds, edit.length, rate)
     write = partial(write_movie, sound=sound, projection=request.pictures.projection)

@@ -23,8 +23,10 @@ from flowsculpt.api.options import (
     Subject,
 )
 from flowsculpt.api.pictures import Curves, plot_panels
+from flowsculpt.pipeline.plugins.review.figure_panels import HeatMap, StackedBars
 from flowsculpt.pipeline.plugins.review.measures import TIMED_STAGES, limits_of, measured
-from flowsculpt.render.graphics.plot import HeatMap, Panel, StackedBars
+
+Panel = Curves | HeatMap | StackedBars
 
 LONGEST_BAR = 1.6
 """The axis of seconds ends at this multiple of the 90th percentile, for first frames compile kernels."""

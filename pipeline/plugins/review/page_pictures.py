@@ -21,10 +21,10 @@ from numpy.typing import NDArray
 
 from flowsculpt.api.frames import DAMAGED, SUFFIXES, CorruptFileError, PictureSequence, Store, key_of
 from flowsculpt.api.pictures import (
+    HDR_DISPLAYS,
     BadInputError,
     PictureDisplay,
     RenderError,
-    nits_of_pq,
     read_exr,
     read_header,
     read_png,
@@ -258,7 +258,7 @@ class LayerWriter:
 def _hdr_layer(sequence: PictureSequence, finished: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
     """Return the nits of a frame on an HDR screen; nothing for views of a shot's own, which have no HDR."""
     try:
-        return {HDR: nits_of_pq(sequence.display.values(finished["beauty"], "pq"))}
+        return {HDR: HDR_DISPLAYS["pq"].nits(sequence.display.values(finished["beauty"], "pq"))}
     except BadInputError:
         return {}
 

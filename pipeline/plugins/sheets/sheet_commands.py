@@ -44,7 +44,7 @@ from flowsculpt.api.options import (
     frames_option,
     output_option,
 )
-from flowsculpt.api.pictures import Curves, columns_for, fitted_sheet, plot_panels, write_still
+from flowsculpt.api.pictures import ContactSheet, Curves, plot_panels, write_still
 from flowsculpt.api.shots import inherited, read_shot
 from flowsculpt.pipeline.cli.execution import count_words, forecast_facts, forecast_words, made_by_stage
 from flowsculpt.pipeline.plugins.sheets.keyed_curves import curves_of
@@ -81,11 +81,11 @@ class ShotSheet:
         """
         request, numbers = self.request, self.request.requested
         size = request.pictures.quality.rendered_size
-        columns = min(len(numbers), self.columns or columns_for(len(numbers), size))
+        columns = min(len(numbers), self.columns or ContactSheet.columns_for(len(numbers), size))
         rate = request.shot.rate
         seconds = [rate.seconds(number - request.shot.frames.first) for number in numbers]
         captions = [(("frame", f"{n}   {s:.2f} s"),) for n, s in zip(numbers, seconds, strict=True)]
-        sheet, factor = fitted_sheet(request.shot.heading, captions, size, columns)
+        sheet, factor = ContactSheet.fitted(request.shot.heading, captions, size, columns)
         keys = picture_keys(request, self.store)
         pictures = [shown_picture(request, keys, self.store, n, factor, 8, "srgb") for n in numbers]
         header = {"shot": request.name, "frames": str(FrameRange.of(numbers))}

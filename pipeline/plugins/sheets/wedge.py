@@ -30,14 +30,7 @@ from flowsculpt.api.frames import (
     picture_keys,
     shown_picture,
 )
-from flowsculpt.api.pictures import (
-    H264_8_BITS,
-    columns_for,
-    fitted_sheet,
-    read_header,
-    write_movie,
-    write_still,
-)
+from flowsculpt.api.pictures import ENCODES, ContactSheet, read_header, write_movie, write_still
 from flowsculpt.api.shots import shown
 from flowsculpt.pipeline.production.store.paths import RENDERS
 
@@ -283,7 +276,9 @@ class Wedge:
         first = self._read[0][1]
         pages = self._pages(sorted(first.requested), 16, "rec709")
         rate = first.shot.rate.fps
-        store.write(store.root / self.movie_path, lambda path: write_movie(path, pages, rate, H264_8_BITS))
+        store.write(
+            store.root / self.movie_path, lambda path: write_movie(path, pages, rate, ENCODES["phone"])
+        )
         return [self.still_path, self.movie_path]
 
     def _pages(self, numbers: Sequence[int], bits: int, display: str) -> Iterator[NDArray[Any]]:
@@ -291,9 +286,9 @@ class Wedge:
         first, store = self._read[0][1], self.project.store
         sizes = [(cell.pictures.quality.width, cell.pictures.quality.height) for _, cell in self._read]
         size = max(width for width, _ in sizes), max(height for _, height in sizes)
-        columns = self.columns or self.grid.columns or columns_for(len(self.grid), size)
+        columns = self.columns or self.grid.columns or ContactSheet.columns_for(len(self.grid), size)
         captions = [cell.caption for cell, _ in self._read]
-        sheet, factor = fitted_sheet(first.shot.heading, captions, size, columns, bits)
+        sheet, factor = ContactSheet.fitted(first.shot.heading, captions, size, columns, bits)
         cells = [(request, picture_keys(request, store)) for _, request in self.requests]
         for number in numbers:
             pictures = [shown_picture(*cell, store, number, factor, bits, display) for cell in cells]

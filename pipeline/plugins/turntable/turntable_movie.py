@@ -32,7 +32,6 @@ from flowsculpt.api.frames import (
     Store,
     find_shot,
     key_of,
-    movie_bits,
     picture_keys,
     shown_picture,
 )
@@ -47,15 +46,7 @@ from flowsculpt.api.options import (
     Variant,
     at_option,
 )
-from flowsculpt.api.pictures import (
-    ContactSheet,
-    columns_for,
-    fitted_sheet,
-    movie_encode,
-    prefetch,
-    write_movie,
-    write_still,
-)
+from flowsculpt.api.pictures import ContactSheet, movie_encode, prefetch, write_movie, write_still
 from flowsculpt.api.shots import DEFAULTS, LOOKS, NAME, YamlSource, inherited, is_there
 from flowsculpt.pipeline.mesh.read import surface_reader
 from flowsculpt.pipeline.plugins.turntable.turntable_frames import TURNS, Turntable
@@ -290,7 +281,7 @@ class TurntableSheets:
         """Write the movie of all looks side by side."""
         first, looks = self._first, range(len(self._requests))
         size = first.pictures.quality.width, first.pictures.quality.height
-        columns = len(looks) if len(looks) <= ROW else columns_for(len(looks), size)
+        columns = len(looks) if len(looks) <= ROW else ContactSheet.columns_for(len(looks), size)
         captions: list[Caption] = [(("", name),) for name in self.turntable.looks]
         sheet, factor = self._sheet(captions, columns, 16)
 
@@ -303,7 +294,7 @@ class TurntableSheets:
                     yield sheet.picture(pictures, " ".join(turn_and_angle(self._table, number)))
                     advance()
 
-            encode = movie_encode(movie_bits(first.quality_name))
+            encode = movie_encode(first.quality_name)
             write_movie(path, prefetch(pages()), first.shot.rate.fps, encode)
 
         cells = [(look, number) for look in looks for number in first.requested]
@@ -315,7 +306,7 @@ class TurntableSheets:
     def _sheet(self, captions: Sequence[Caption], columns: int, bits: int = 8) -> tuple[ContactSheet, int]:
         """Return a sheet and the factor by which pictures are smaller on it."""
         size = self._first.pictures.quality.width, self._first.pictures.quality.height
-        return fitted_sheet(self._heading, captions, size, columns, bits)
+        return ContactSheet.fitted(self._heading, captions, size, columns, bits)
 
     @property
     def _heading(self) -> str:

@@ -45,7 +45,6 @@ from flowsculpt.api.frames import (
     Store,
     lock_name,
     making,
-    movie_bits,
     picture_keys,
     read_statistics,
     samples_of,
@@ -54,9 +53,7 @@ from flowsculpt.api.frames import (
 from flowsculpt.api.pictures import (
     Frame,
     RenderError,
-    in_loop,
-    loop_dissolve,
-    mix_frames,
+    loop_frames,
     movie_encode,
     probe_movie,
     read_exr,
@@ -457,11 +454,11 @@ class Patch(Release):
     def _whole_movie(self, key: Key) -> str:
         """Encode the movie unless the store has it, and return its digest."""
         request, numbers = self.request.whole(), sorted(self.request.angles)
-        rate, encode = request.shot.rate, movie_encode(movie_bits(request.quality_name))
+        rate, encode = request.shot.rate, movie_encode(request.quality_name)
 
         def write(path: Path) -> None:
-            frames = in_loop(request, numbers, self._shown, mix_frames)
-            sound = samples_of(request.sounds, len(numbers) - loop_dissolve(request), rate)
+            frames = loop_frames(numbers, request.loop_dissolve, self._shown)
+            sound = samples_of(request.sounds, len(numbers) - request.loop_dissolve, rate)
             options: Any = {"projection": request.pictures.projection, "loops": request.loop is not None}
             write_movie(path, frames, rate.fps, encode, sound=sound, **options)
 

@@ -50,6 +50,13 @@ class AudioTrack:
         path = Path(self.file)
         return path.is_file() and digest_of_file(path) == self.digest
 
+    @property
+    def seconds(self) -> float:
+        """The length of the file. Raises MissingInputError or BadInputError where it cannot be read."""
+        from flowsculpt.render.movie.movie_sound import require_sound  # imports PyAV, which takes time
+
+        return require_sound(Path(self.file))
+
     def sound(self) -> Sound:
         """Return the sound. Raises FrameError where the file was changed."""
         from flowsculpt.render.movie.movie_sound import Sound
@@ -77,6 +84,14 @@ class AudioClip:
     skipped: int = 0
     rise: int = 0
     fall: int = 0
+
+    @classmethod
+    def of_file(cls, file: Path, frames: int = 0) -> AudioClip:
+        """Return a sound file under so many frames. Raises MissingInputError or BadInputError."""
+        from flowsculpt.render.movie.movie_sound import silence_in
+
+        silence = silence_in(file)
+        return cls((AudioTrack(str(file.absolute()), digest_of_file(file), silence=silence),), 0, frames)
 
     @property
     def content(self) -> list[Any]:

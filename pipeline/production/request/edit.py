@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import astuple, dataclass, replace
 from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from flowsculpt.pipeline.errors import FlowsculptError
 from flowsculpt.pipeline.frames import FrameRate
@@ -21,11 +21,15 @@ from flowsculpt.pipeline.production.store.store import Key, key_of
 from flowsculpt.pipeline.shot.yaml.named_files import text_of
 from flowsculpt.render.base.serialise import to_plain
 
+T = TypeVar("T")
+
 if TYPE_CHECKING:
     from flowsculpt.pipeline.production.request.keys import FrameKeys
     from flowsculpt.pipeline.production.request.render_request import RenderRequest
     from flowsculpt.pipeline.shot import Film
     from flowsculpt.pipeline.shot.shot import Card, Clip
+    from flowsculpt.render.graphics.cards import Screen
+    from flowsculpt.render.movie.movie_frames import Frame
 
 
 @dataclass(frozen=True)
@@ -107,6 +111,30 @@ class Edit:
     def length(self) -> int:
         """Frames of the whole film; those of dissolves count once."""
         return sum(item.frames - item.dissolve for item in self.items)
+
+    def frames(
+        self,
+        screen: Screen,
+        shown: Callable[[int], Iterator[T]],
+        card: Callable[[Frame], T],
+        mix: Callable[[T, T, float], T],
+    ) -> Iterator[T]:
+        """Yield the frames of the film: clips and cards one after another, mixed where they dissolve.
+
+        screen  where cards stand in the pictures
+        shown   yields the frames of the clip in a place
+        card    turns a card's frame, uint16 (H, W, 3), into one of these
+        mix     mixes two of them by the weight of the second, as `mix_frames` does
+        """
+        from flowsculpt.render.graphics.cards import card_frames  # numba, which planning does without
+        from flowsculpt.render.movie.movie_frames import dissolve
+
+        def frames(item: EditItem) -> Iterator[T]:
+            if item.clip is not None:
+                return shown(item.clip)
+            return map(card, card_frames(item.title, item.subtitle, screen, item.frames))
+
+        return dissolve([(item.frames, item.dissolve, frames(item)) for item in self.items], mix)
 
     def path(self, quality_name: str) -> Path:
         return paths.film(quality_name, self.name)

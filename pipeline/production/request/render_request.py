@@ -214,6 +214,11 @@ class RenderRequest:
 
     # Files
 
+    @property
+    def loop_dissolve(self) -> int:
+        """Frames by which the movie of a loop is shorter than its shot, as they dissolve; 0 of others."""
+        return 0 if self.loop is None else self.loop[1]
+
     @cached_property
     def motion_folders(self) -> Folders:
         """The folders of mesh frames."""

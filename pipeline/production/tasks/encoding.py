@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TypeVar
@@ -10,18 +10,16 @@ from typing import TypeVar
 from flowsculpt.pipeline.errors import FlowsculptError, FrameError
 from flowsculpt.pipeline.frames import FrameRate
 from flowsculpt.pipeline.production.request.audio import AudioClip, samples_of
-from flowsculpt.pipeline.production.request.edit import Edit
 from flowsculpt.pipeline.production.request.keys import PictureKeys, projection_of
 from flowsculpt.pipeline.production.request.lookup import movie_bits
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.store.store import Key
 from flowsculpt.pipeline.production.tasks.job import Context
 from flowsculpt.render.base.work_clock import WorkClock
-from flowsculpt.render.graphics.cards import Screen, TitleCard, title_frames
-from flowsculpt.render.movie.codecs import movie_encode
+from flowsculpt.render.graphics.cards import Screen
+from flowsculpt.render.movie.codecs import H264, H264_8_BITS, Encode
 from flowsculpt.render.movie.encode import write_movie
-from flowsculpt.render.movie.movie_frames import ClipFrames, Frame, dissolve, mix_frames, prefetch
-from flowsculpt.render.post.colour import quantise
+from flowsculpt.render.movie.movie_frames import Frame, loop_frames, mix_frames, prefetch
 from flowsculpt.render.post.image import write_still
 
 T = TypeVar("T")
@@ -33,31 +31,14 @@ def assemble(context: Context) -> bool:
     keys, numbers = context.picture_keys(request), sorted(request.requested)
     key = request.keys.movie([keys[n].frame for n in numbers])
     rate = FrameRate.of(request.manifest.rate)
-    frames = in_loop(request, numbers, partial(_shown, context, request, keys), mix_frames)
-    length = len(numbers) - loop_dissolve(request)
+    frames = loop_frames(numbers, request.loop_dissolve, partial(_shown, context, request, keys))
+    length = len(numbers) - request.loop_dissolve
     return _movie(context, key, request.movie_path, frames, rate, (request.sounds, length), request.loop)
 
 
-def loop_dissolve(request: RenderRequest) -> int:
-    """Return the frames by which the movie of a loop is shorter than its shot."""
-    return 0 if request.loop is None else request.loop[1]
-
-
-def in_loop(
-    request: RenderRequest,
-    numbers: list[int],
-    shown: Callable[[list[int]], Iterator[T]],
-    mix: Callable[[T, T, float], T],
-) -> Iterator[T]:
-    """Yield the frames of a request's movie: those of a dissolve into the beginning come last, mixed with it.
-
-    shown  yields frames by their numbers
-    mix    as of `flowsculpt.render.movie.movie_frames.dissolve`
-    """
-    if not (count := loop_dissolve(request)):
-        return shown(numbers)
-    first, rest = numbers[:count], numbers[count:]
-    return dissolve([(len(rest), 0, shown(rest)), (count, count, shown(first))], mix)
+def movie_encode(quality_name: str) -> Encode:
+    """Return the encode of movies and films at a quality, or at a crop or scale of one."""
+    return H264 if movie_bits(quality_name) == 10 else H264_8_BITS
 
 
 def film(context: Context) -> bool:
@@ -72,7 +53,7 @@ def film(context: Context) -> bool:
         return _shown(context, requests[clip], keys[clip], list(requests[clip].requested))
 
     screen = Screen(first.pictures.projection, (first.pictures.quality.width, first.pictures.quality.height))
-    frames = dissolve(list(cut_together(edit, screen, shown, lambda frame: frame)), mix_frames)
+    frames = edit.frames(screen, shown, lambda frame: frame, mix_frames)
     target = edit.path(first.quality_name)
     return _movie(context, edit.key(requests, keys), target, frames, rate, (edit.sounds, edit.length))
 
@@ -89,7 +70,7 @@ def _movie(
     """Write a movie with its sounds, which come with the number of its frames."""
     clock = WorkClock()
     reported = _reported(context, prefetch(frames), clock)
-    encode = movie_encode(movie_bits(context.request.quality_name))
+    encode = movie_encode(context.request.quality_name)
     projection = context.request.pictures.projection
 
     def write(path: Path) -> None:
@@ -112,27 +93,6 @@ def _reported(context: Context, frames: Iterator[Frame], clock: WorkClock) -> It
     for number, frame in enumerate(frames, 1):
         yield frame
         context.report(number, False, clock.lap())
-
-
-def cut_together(
-    edit: Edit, screen: Screen, shown: Callable[[int], Iterator[T]], card: Callable[[Frame], T]
-) -> Iterator[ClipFrames[T]]:
-    """Yield the clips of a film for `flowsculpt.render.movie.movie_frames.dissolve`.
-
-    screen  where cards stand in the pictures
-    shown   the frames of the film's request in a place
-    card    a card's frame as one of these
-    """
-    for item in edit.items:
-        words = TitleCard(item.title, item.subtitle)
-        frames = map(card, _card(words, screen, item.frames)) if item.clip is None else shown(item.clip)
-        yield item.frames, item.dissolve, frames
-
-
-def _card(card: TitleCard, screen: Screen, count: int) -> Iterator[Frame]:
-    """Yield a card's frames; the words take a quarter of its time to come, and another to go."""
-    for drawn in title_frames(card, screen.size, count, fade=count // 4):
-        yield quantise(screen.show(drawn), bits=16)
 
 
 def _shown(

@@ -203,15 +203,8 @@ class FinishedFrames:
             extra = {name: frame[name] for name, _ in request.manifest.precision if name in frame.arrays}
             layers = {**extra, **compositing_layers(frame, inputs), **shadow, **light}
             standard = mattes_header(frame, inputs, request.manifest.layers)
-        write_exr(
-            path,
-            RenderedFrame(layers, frame.facts),
-            header,
-            dict(request.manifest.precision),
-            attributes=exr_attributes(request, number, self.framings),
-            standard=standard,
-            convention=request.manifest.layers,
-        )
+        shown = RenderedFrame(layers, frame.facts)
+        write_finished(path, request, number, self.framings, shown, header, standard)
 
     def _inputs(self, number: int) -> LayerInputs:
         """Return what `compositing_layers` needs besides the AOVs."""
@@ -234,10 +227,34 @@ def material_name(look: Material) -> str:
     return next((name for name, known in LOOKS.items() if known == look), look.model)
 
 
-def exr_attributes(request: RenderRequest, number: int, framings: Mapping[int, Framing]) -> ExrAttributes:
-    """Return the standard attributes of a finished picture."""
+def write_finished(
+    path: Path,
+    request: RenderRequest,
+    number: int,
+    framings: Mapping[int, Framing],
+    layers: RenderedFrame,
+    header: Mapping[str, Any],
+    standard: Mapping[str, str] | None = None,
+) -> None:
+    """Write the layers of a finished frame as EXR, with rate, timecode and camera as all programs read them.
+
+    framings  camera and stage of every picture
+    header    plain data, which become `flowsculpt:` entries
+    standard  more entries of the header by their whole names
+
+    Precision and channel names are those that the shot asks for. Raises MachineError where the disk refuses.
+    """
     rate = FrameRate.of(request.manifest.rate).fps
-    return replace(raw_attributes(request, framings[number]), rate=rate, timecode=timecode(number, rate))
+    raw = raw_attributes(request, framings[number])
+    write_exr(
+        path,
+        layers,
+        header,
+        dict(request.manifest.precision),
+        attributes=replace(raw, rate=rate, timecode=timecode(number, rate)),
+        standard=standard,
+        convention=request.manifest.layers,
+    )
 
 
 def raw_attributes(request: RenderRequest, framing: Framing) -> ExrAttributes:

@@ -86,9 +86,8 @@ def on_slurm(project, slurm: Farm, monkeypatch: pytest.MonkeyPatch):
 @pytest.fixture
 def store(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     """The address of an S3 store that every process finds."""
-    from tests.plugins.remote.s3 import BUCKET, CREDENTIALS, serving  # a second, which few tests need
-
-    with serving() as server:
-        for name, value in {**CREDENTIALS, "AWS_ENDPOINT_URL": server.url}.items():
+    s3 = pytest.importorskip("tests.plugins.remote.s3")  # a second, which few tests need
+    with s3.serving() as server:
+        for name, value in {**s3.CREDENTIALS, "AWS_ENDPOINT_URL": server.url}.items():
             monkeypatch.setenv(name, value)
-        yield f"s3://{BUCKET}/{uuid.uuid4().hex}"
+        yield f"s3://{s3.BUCKET}/{uuid.uuid4().hex}"

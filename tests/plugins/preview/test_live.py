@@ -21,7 +21,7 @@ from flowsculpt.pipeline.plugins.preview.shot_editor import MOST_REQUEST_BYTES, 
 from flowsculpt.pipeline.plugins.preview.surface_stream import SurfaceStream
 from flowsculpt.pipeline.production.execution.project import Project
 from tests.conftest import TINY
-from tests.plugins.live_follower import NAME, PATIENCE, Follower
+from tests.plugins.preview.live_follower import NAME, PATIENCE, Follower
 
 
 @pytest.fixture

@@ -9,6 +9,7 @@ import opentimelineio as otio
 import pytest
 
 from flowsculpt.pipeline.errors import ShotError
+from flowsculpt.pipeline.frames import FrameRange
 from flowsculpt.pipeline.plugins.delivery.imported_edit import ImportedEdit
 from flowsculpt.pipeline.plugins.delivery.timeline import Timeline
 from flowsculpt.pipeline.production.execution.project import Project
@@ -39,7 +40,8 @@ def timeline(project: ProjectFolder, monkeypatch: pytest.MonkeyPatch) -> otio.sc
     project.shot.write_text(project.shot.read_text() + "sound: {file: a tone.wav, start: -0.125, gain: -3}\n")
     (project.path / "shots/reel.yaml").write_text(CUT)
     edit = Edit.of(read_film(Path("shots/reel.yaml")), "cut")
-    clips = [Project(project.path, 2).request(project.shot, "draft", frames) for frames in ("1-6", "3-6")]
+    ranges = map(FrameRange.parse, ("1-6", "3-6"))
+    clips = [Project(project.path, 2).request(project.shot, "draft", frames) for frames in ranges]
     Timeline(edit, clips, project.path, "frames", project.path / "cut.otio").write()
     return otio.adapters.read_from_file("cut.otio")
 

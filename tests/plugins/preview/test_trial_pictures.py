@@ -19,7 +19,7 @@ from flowsculpt.pipeline.plugins.preview.text_edits import ValueEdit
 from flowsculpt.pipeline.plugins.preview.trial_pictures import TrialPictures
 from flowsculpt.pipeline.production.request.manifest import ShotManifest
 from flowsculpt.render.scene.materials import LOOKS
-from tests.plugins.live_follower import Follower
+from tests.plugins.preview.live_follower import Follower
 
 SHOT = """\
 title: A block and motes

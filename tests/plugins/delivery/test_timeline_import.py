@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from flowsculpt.pipeline.errors import FlowsculptError, MissingInputError, ShotError, UsageError
 from flowsculpt.pipeline.plugins.delivery.imported_edit import ImportedEdit
-from tests.plugins.test_timeline import NAME, REEL, exported, seen
+from tests.plugins.delivery.test_timeline import NAME, REEL, exported, seen
 
 FPS = 24
 

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from flowsculpt.pipeline.errors import MachineError
+from flowsculpt.pipeline.errors import MachineError, UsageError
 from flowsculpt.pipeline.plugins.delivery.gain_map import require_gain_maps, write_gain_map
-from flowsculpt.render.base.render_errors import BadInputError
-from flowsculpt.render.post.hdr import BT2020, pq_of_nits
+from flowsculpt.pipeline.plugins.delivery.hdr_frames import BT2020
+from flowsculpt.render.post.hdr import pq_of_nits
 from tests.conftest import QUALITY
 
 NAME = "T010_tiny"
@@ -52,7 +52,7 @@ def test_the_same_frame_gives_the_same_bytes(tmp_path: Path):
 
 
 def test_several_frames_or_a_missing_library_are_refused(monkeypatch: pytest.MonkeyPatch):
-    with pytest.raises(BadInputError, match="gain-map holds one frame, not 2; choose one with -f 40"):
+    with pytest.raises(UsageError, match="gain-map holds one frame, not 2; choose one with -f 40"):
         require_gain_maps(2)
     monkeypatch.setitem(sys.modules, "imagecodecs", None)
     with pytest.raises(MachineError, match=r"gain-map needs the package imagecodecs .* extra \[gain-maps\]"):

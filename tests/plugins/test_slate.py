@@ -7,8 +7,9 @@ import itertools
 import numpy as np
 import pytest
 
-from flowsculpt.render.graphics.cards import BARS, GREYS, Slate, TitleCard, failure_card, title_frames
-from flowsculpt.render.graphics.typesetting import cut_short, line, wrap
+from flowsculpt.pipeline.plugins.delivery.slate import BARS, GREYS, Slate, failure_card
+from flowsculpt.render.graphics.cards import TitleCard, title_frames
+from flowsculpt.render.graphics.typesetting import Font
 
 FACTS = (("version", "v003"), ("frames", "1-48"), ("quality", "final"))
 PICTURE = np.tile(np.linspace(0.3, 0.7, 96, dtype=np.float32)[:, None], (54, 1, 3))
@@ -78,11 +79,12 @@ def test_an_upright_slate_shows_its_picture_below_its_facts() -> None:
 
 
 def test_words_are_wrapped_within_their_room() -> None:
-    lines = wrap("the flow at frame 16 tears the surface apart", "DroidSans", 12, 100.0, max_lines=3)
+    font = Font("DroidSans", 12)
+    lines = font.wrap("the flow at frame 16 tears the surface apart", 100.0, max_lines=3)
     assert len(lines) == 3
-    assert all(line(each, "DroidSans", 12).shape[1] <= 100 for each in lines)
-    assert cut_short("abc", "DroidSans", 12, 0.0) == ""
-    assert cut_short("abc", "DroidSans", 12, 500.0) == "abc"
+    assert all(font.width(each) <= 100 for each in lines)
+    assert font.cut_short("abc", 0.0) == ""
+    assert font.cut_short("abc", 500.0) == "abc"
 
 
 def x_height(with_words, without):

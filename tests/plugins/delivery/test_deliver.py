@@ -102,7 +102,7 @@ def test_only_what_is_asked_for_is_rendered_and_no_other_movie_made(project):
 
 def test_pictures_that_move_on_pages_play_without_end_and_at_their_rate(there, tmp_path):
     hooked = tmp_path / "mine"
-    shutil.copytree(Path(__file__).parents[2] / "profiles/local", hooked)
+    shutil.copytree(Path(__file__).parents[3] / "profiles/local", hooked)
     program = f"import sys; open({str(tmp_path / 'told')!r}, 'w').write(sys.stdin.read())"
     (hooked / "hooks.yaml").write_text(
         json.dumps({"files_delivered": shlex.join([sys.executable, "-c", program])})
