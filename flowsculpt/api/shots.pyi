@@ -1,6 +1,7 @@
 """Shot files as values, their entries, and messages about them by line and column."""
 
 from flowsculpt.pipeline.shot import Motion as Motion
+from flowsculpt.pipeline.shot import Picture as Picture
 from flowsculpt.pipeline.shot import Shot as Shot
 from flowsculpt.pipeline.shot import read_film as read_film
 from flowsculpt.pipeline.shot.documents.curves import Ease as Ease
@@ -31,6 +32,7 @@ from flowsculpt.pipeline.shot.documents.subject_documents import SolidDocument a
 from flowsculpt.pipeline.shot.motion import Clock as Clock
 from flowsculpt.pipeline.shot.motion import as_data as as_data
 from flowsculpt.pipeline.shot.motion_checks import outside_note as outside_note
+from flowsculpt.pipeline.shot.point_subjects import Cloud as Cloud
 from flowsculpt.pipeline.shot.point_subjects import CloudInSolid as CloudInSolid
 from flowsculpt.pipeline.shot.shot_reader import read_shot as read_shot
 from flowsculpt.pipeline.shot.subject_checks import subject_views as subject_views

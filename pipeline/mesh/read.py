@@ -43,7 +43,7 @@ from flowsculpt.pipeline.plugin import named, plugins
 from flowsculpt.render.base.input_files import (
     digest_of_file,
     joint_digest,
-    opened_input,
+    open_input,
     other_content,
     require_input,
 )
@@ -223,7 +223,7 @@ def _own_file(path: Path, misread: re.Pattern[bytes] | None) -> ModelFiles:
     digest = digest_of_file(path)
     reader = []
     if misread is not None:
-        with opened_input(path) as (file, size):
+        with open_input(path) as (file, size):
             reader = ["text reader 2"] * bool(misread.search(file.read(min(size, 1 << 14))))
     return ModelFiles(joint_digest([*reader, digest]), ((path, digest),))
 

@@ -15,6 +15,7 @@ from flowsculpt import FrameError
 from flowsculpt.api import Animation, plural
 from flowsculpt.api.files import to_plain
 from flowsculpt.api.frames import Framing, Key, RenderRequest, Store, camera_file, key_of
+from flowsculpt.api.materials import LOOKS
 from flowsculpt.pipeline.plugins.interchange.alembic_export import write_alembic
 from flowsculpt.pipeline.plugins.interchange.animated_gltf import (
     Moving,
@@ -29,7 +30,6 @@ from flowsculpt.pipeline.plugins.interchange.refining import Began
 from flowsculpt.pipeline.plugins.interchange.unifying import Unification
 from flowsculpt.pipeline.plugins.interchange.vertex_textures import VertexTextures
 from flowsculpt.pipeline.plugins.interchange.web_player import PARTS, WebPage, require_three_js
-from flowsculpt.render.scene.materials import LOOKS
 
 _VERSION = 2  # of the formats as they are written here
 

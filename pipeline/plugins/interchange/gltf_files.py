@@ -22,8 +22,15 @@ from flowsculpt.api.files import (
     require_input,
     serve,
 )
-from flowsculpt.api.meshes import AnyArray, Floats, Points
-from flowsculpt.pipeline.mesh.mesh_formats import FileSurface, ModelFiles, SurfaceReader, file_surface
+from flowsculpt.api.meshes import (
+    AnyArray,
+    FileSurface,
+    Floats,
+    ModelFiles,
+    Points,
+    SurfaceReader,
+    file_surface,
+)
 from flowsculpt.pipeline.plugins.interchange.gltf_document import (
     MESHOPT,
     MOST_BYTES,

@@ -36,8 +36,10 @@ from flowsculpt.api.frames import (
     PipelineStage,
     RenderRequest,
     Store,
+    arrays_writer,
     key_of,
     step_into,
+    store_reader,
     thresholds_at,
 )
 from flowsculpt.api.meshes import (
@@ -52,7 +54,6 @@ from flowsculpt.api.meshes import (
 )
 from flowsculpt.api.shots import Motion
 from flowsculpt.pipeline.plugins.interchange.birth_values import mix_births
-from flowsculpt.pipeline.production.store import readers
 
 KIND = "refined"
 """The kind of its files in the store."""
@@ -229,8 +230,7 @@ class Refiner:
                 surface.points[:] = np.concatenate([self._points(before, number), points])
                 limits = self._limits(surface, before, number, births)
                 entry = self._split(surface, number, history, held, limits)
-                write = partial(readers.write_npz, named=readers.with_key(key, entry))
-                self._store.put(KIND, key, write)
+                self._store.put(KIND, key, arrays_writer(key, entry))
             known, points = held, entry["points"]
             births.append(entry["births"])
             born.append(entry["born"])
@@ -325,7 +325,7 @@ class Refiner:
 
     def _read(self, key: Key) -> dict[str, AnyArray]:
         place = self._store.path(KIND, key).relative_to(self._store.root)
-        return self._store.read(KIND, key, place, readers.arrays(key))
+        return self._store.read(KIND, key, place, store_reader(KIND, key))
 
     def _points(self, sweeps: Sequence[_Sweep], number: int) -> Points:
         """Return the points that sweeps have stored of a frame."""

@@ -25,11 +25,12 @@ import numpy as np
 from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdShade, Vt
 
 from flowsculpt import FrameError
-from flowsculpt.api.files import to_plain
+from flowsculpt.api.files import cannot_write, to_plain
 from flowsculpt.api.frames import Framing, Key, RenderRequest, Store, camera_file, key_of
+from flowsculpt.api.materials import Diffuse, Opacity, Satin, Stage
 from flowsculpt.api.meshes import AnyArray
-from flowsculpt.api.pictures import Material
-from flowsculpt.api.shots import Shot
+from flowsculpt.api.pictures import Material, PaintedFaces
+from flowsculpt.api.shots import Picture, Shot
 from flowsculpt.pipeline.plugins.interchange.exported_frame import (
     EXPORT,
     ExportedFrame,
@@ -55,11 +56,6 @@ from flowsculpt.pipeline.plugins.interchange.usd_prims import (
     sky_map,
     write_picture,
 )
-from flowsculpt.pipeline.shot import Picture
-from flowsculpt.render.base.atomic_write import cannot_write
-from flowsculpt.render.scene.materials import Diffuse, Opacity, Satin
-from flowsculpt.render.scene.painted_faces import VERTEX_COLOURS
-from flowsculpt.render.scene.scene_stage import Stage
 
 if TYPE_CHECKING:
     from flowsculpt.api.frames import Framing
@@ -260,7 +256,7 @@ class SculptureFiles:
 
     @cached_property
     def is_cloud(self) -> bool:
-        from flowsculpt.pipeline.shot.point_subjects import Cloud
+        from flowsculpt.api.shots import Cloud
 
         return isinstance(self.request.shot.motion.subject, Cloud)
 
@@ -327,7 +323,7 @@ class SculptureFiles:
         if len(self.parts) == 1:
             return add_material(stage, place, self.look, self.pictures(0), has_colours(self.look), sizes)
         for number, part in enumerate(self.parts):
-            is_dyed = getattr(part, "colour_from", None) == VERTEX_COLOURS
+            is_dyed = getattr(part, "colour_from", None) == PaintedFaces.COLOURS
             own = add_material(stage, f"{place}_{number}", part, self.pictures(number), is_dyed)
             bind(stage.OverridePrim(f"{self.prim}/{subset_name(number)}"), own)
         return add_material(stage, place, self.look, is_coloured=True, sizes=sizes)

@@ -9,15 +9,26 @@ from __future__ import annotations
 
 import json
 import os
+from contextlib import suppress
 from dataclasses import astuple, replace
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from flowsculpt import MissingInputError
-from flowsculpt.api.files import allow_memory, cache_path, digest_of_file, joint_digest, mapping, serve
-from flowsculpt.pipeline.mesh.mesh_formats import (
+from flowsculpt import MachineError, MissingInputError
+from flowsculpt.api.files import (
+    allow_memory,
+    atomic_write,
+    cache_path,
+    digest_of_file,
+    joint_digest,
+    mapping,
+    read_state,
+    serve,
+)
+from flowsculpt.api.materials import PatternedMaterial, Texture
+from flowsculpt.api.meshes import (
     FileSurface,
     ModelFiles,
     ModelMaterials,
@@ -38,9 +49,6 @@ from flowsculpt.pipeline.plugins.interchange.scene_readers import (
     require_package,
     unpacked_surface,
 )
-from flowsculpt.render.base.user_cache import load_answer, store_answer
-from flowsculpt.render.scene.materials import PatternedMaterial
-from flowsculpt.render.scene.textures import BLACK, CLAMP, REPEAT, Texture
 
 _MODULE = "flowsculpt.pipeline.plugins.interchange.usd_files"
 
@@ -65,14 +73,20 @@ def stage_files(path: Path) -> ModelFiles:
     require_usd()
     own, name = digest_of_file(path), str(path.absolute())
     cached = cache_path("parsed", ["usd", str(_VERSION), version("usd-core"), name, own])
-    known = load_answer(cached, _known_files)
+    known = read_state(cached, _known_files)
     if known is None:
         facts = json.loads(_asked("facts", path, _WHOLE))
         known = facts["up"], {name: own, **{file: digest_of_file(Path(file)) for file in facts["files"]}}
-        store_answer(cached, dict(zip(("up", "digests"), known, strict=True)))
+        _store(cached, dict(zip(("up", "digests"), known, strict=True)))
     up, digests = known
     others = [(Path(file), digest) for file, digest in digests.items() if file != name]
     return ModelFiles(joint_digest(list(digests.values())), ((path, own), *others), up)
+
+
+def _store(path: Path, answer: dict[str, Any]) -> None:
+    """Store an answer. A folder that cannot be written only means that it is asked for again."""
+    with suppress(MachineError), atomic_write(path, flush=False) as draft:
+        draft.write_text(json.dumps(answer), encoding="utf-8")
 
 
 def _known_files(answer: dict[str, Any]) -> tuple[Any, dict[str, str]]:
@@ -115,10 +129,10 @@ def _materials(path: Path, part: ScenePart = _WHOLE) -> ModelMaterials:
         notes = (note for facts in answer["materials"] for note in facts["notes"])
         return ModelMaterials(parts, files, tuple(notes))
 
-    if (known := load_answer(cached, made)) is not None:
+    if (known := read_state(cached, made)) is not None:
         return known
     answer = {"materials": json.loads(_asked("materials", path, part))}
-    store_answer(cached, answer)
+    _store(cached, answer)
     return made(answer)
 
 
@@ -144,9 +158,9 @@ def _wrap(stated: list[str], name: str, is_beyond: bool) -> tuple[str, str]:
 
     is_beyond  tells whether any of it shows; otherwise the picture is read as one that repeats
     """
-    across, up = (mode or (BLACK if is_beyond else REPEAT) for mode in stated)
+    across, up = (mode or ("black" if is_beyond else "repeat") for mode in stated)
     if name == "normal":  # black is not a direction
-        across, up = (CLAMP if mode == BLACK else mode for mode in (across, up))
+        across, up = ("clamp" if mode == "black" else mode for mode in (across, up))
     return across, up
 
 

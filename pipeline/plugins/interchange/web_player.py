@@ -24,9 +24,10 @@ import numpy as np
 from flowsculpt import MissingInputError
 from flowsculpt.api.files import disk_errors
 from flowsculpt.api.frames import Framing
+from flowsculpt.api.materials import EmbeddedPicture, Glass, Smoke, Softbox, Stage
 from flowsculpt.api.meshes import AnyArray, Floats
 from flowsculpt.api.pictures import FETCH, Camera, LightRig, Material, three_js
-from flowsculpt.api.shots import Shot
+from flowsculpt.api.shots import Picture, Shot
 from flowsculpt.pipeline.plugins.interchange.animated_gltf import Moving, closes
 from flowsculpt.pipeline.plugins.interchange.exported_materials import (
     COMPACT,
@@ -34,11 +35,6 @@ from flowsculpt.pipeline.plugins.interchange.exported_materials import (
     exported_materials,
 )
 from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh
-from flowsculpt.pipeline.shot import Picture
-from flowsculpt.render.post.embedded_textures import EmbeddedPicture
-from flowsculpt.render.scene.materials import Glass, Smoke
-from flowsculpt.render.scene.scene_lights import Softbox
-from flowsculpt.render.scene.scene_stage import Stage
 
 PARTS = files("flowsculpt.pipeline.plugins.interchange")
 
