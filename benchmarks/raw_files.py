@@ -7,7 +7,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from flowsculpt.pipeline.production.request.keys import picture_header
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.request.shot_source import ShotSource
 from flowsculpt.render.post.image import read_exr, write_exr
@@ -30,4 +29,5 @@ def _header() -> dict[str, Any]:
     with TemporaryDirectory() as folder:
         path = Path(folder) / "R010_header.yaml"
         path.write_text(SHOT)
-        return picture_header(RenderRequest(ShotSource(SHOT, path).with_inputs(), "draft", "none", (1, 2)), 1)
+        request = RenderRequest(ShotSource(SHOT, path).with_inputs(), "draft", "none", (1, 2))
+        return request.keys.header(1)

@@ -85,53 +85,52 @@ def require_options(words: Iterable[str], known: Collection[str]) -> None:
             raise UsageError(f"unknown option {name}. Did you mean {meant}?")
 
 
-def shots_argument(help: str) -> Any:
-    return typer.Argument(metavar="SHOT", help=help)
+def _today_names(given: str | list[str] | None) -> str | list[str] | None:
+    """Return the names of qualities as they are today."""
+    return [today_name(name) for name in given] if isinstance(given, list) else given and today_name(given)
 
 
-def frames_option(help: str, parser: Callable[[str], FrameSelection] = FrameRange.parse) -> Any:
-    return typer.Option("-f", "--frames", metavar="RANGE", help=help, parser=parser)
+def shared_option(name: str, help: str, **settings: Any) -> Any:
+    """Return an option that several commands have, with a help of its own.
+
+    name      `at`, a frame; `frames`, a FrameRange; `output`, a file; or `quality`
+    settings  of `typer.Option`, in place of the usual ones
+    """
+    words, usual = _SHARED[name]
+    return typer.Option(*words, help=help, **{**usual, **settings})
 
 
-def at_option(help: str) -> Any:
-    return typer.Option("--at", metavar="FRAME", help=help)
-
-
-def output_option(help: str, metavar: str = "FILE") -> Any:
-    return typer.Option("-o", "--output", metavar=metavar, help=help)
-
+_SHARED: dict[str, tuple[tuple[str, ...], dict[str, Any]]] = {
+    "at": (("--at",), {"metavar": "FRAME"}),
+    "frames": (("-f", "--frames"), {"metavar": "RANGE", "parser": FrameRange.parse}),
+    "output": (("-o", "--output"), {"metavar": "FILE"}),
+    "quality": (("-q", "--quality"), {"metavar": "QUALITY", "callback": _today_names}),
+}
+"""Words and settings of options by name."""
 
 Shot = Annotated[str, typer.Argument(metavar="SHOT", help="A name in shots/, or the path of a shot file.")]
 Subject = Annotated[
     str | None,
     typer.Option("--subject", metavar="NAME", help="One of the shot's subjects, if it has several."),
 ]
-Shots = Annotated[list[str], shots_argument("Names in shots/, or paths of shot files.")]
+Shots = Annotated[list[str], typer.Argument(metavar="SHOT", help="Names in shots/, or paths of shot files.")]
 Frames = Annotated[
     FrameSelection | None,
-    frames_option(
+    shared_option(
+        "frames",
         "Frames: 12, 1-48, 1-48x2, 1-24,30; 1-100:10 is coarse first. Or by state, as `status` lists them: "
         "missing, stale, failed. Default: all.",
-        FrameSelection.of_text,
+        parser=FrameSelection.of_text,
     ),
 ]
 
 FrameNumbers = Annotated[
     FrameRange | None,
-    frames_option("Frames: 12, 1-48, 1-48x2, 1-24,30; 1-100:10 is coarse first. Default: all."),
+    shared_option("frames", "Frames: 12, 1-48, 1-48x2, 1-24,30; 1-100:10 is coarse first. Default: all."),
 ]
 
 
-def _today_names(given: str | list[str] | None) -> str | list[str] | None:
-    """Return the names of qualities as they are today."""
-    return [today_name(name) for name in given] if isinstance(given, list) else given and today_name(given)
-
-
-def quality_option(help: str = f"One of {', '.join(QUALITIES)}.", **settings: Any) -> Any:
-    return typer.Option("-q", "--quality", metavar="QUALITY", help=help, callback=_today_names, **settings)
-
-
-Quality = Annotated[str, quality_option()]
+Quality = Annotated[str, shared_option("quality", f"One of {', '.join(QUALITIES)}.")]
 Variant = Annotated[
     str | None,
     typer.Option(
@@ -170,15 +169,6 @@ NoPreview = Annotated[
         "--no-preview",
         help="Draw no animatic. Default: in a terminal, one is drawn of the frames not rendered yet at this "
         "quality; see docs/production.md.",
-    ),
-]
-Plot = Annotated[Path | None, output_option("Write this SVG, PNG or PDF. Default: an SVG in renders/SHOT.")]
-Crossings = Annotated[
-    bool,
-    typer.Option(
-        "--crossings",
-        help="Count pairs of faces that pass through each other in every frame. Default: in the first frame, "
-        "every eighth after it and the last.",
     ),
 ]
 Settings = Annotated[

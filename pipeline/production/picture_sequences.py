@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from flowsculpt.pipeline.errors import UsageError
 from flowsculpt.pipeline.frames import FrameRange
 from flowsculpt.pipeline.production.execution.project import Project
-from flowsculpt.pipeline.production.planning.frame_states import PICTURE_STAGES, picture_states
+from flowsculpt.pipeline.production.planning.frame_states import PICTURE_STAGES, FrameStates
 from flowsculpt.pipeline.production.planning.timings import LatestTimings
 from flowsculpt.pipeline.production.request.keys import PictureKeys, projection_of
 from flowsculpt.pipeline.production.request.lookup import is_quality, options_of, require_quality
@@ -175,7 +175,7 @@ class SequenceQuery:
         """Return the frames of a request that are rendered, and the faults of the others."""
         root = self.project.root
         failed = self.history.failed(request.folders.title, PICTURE_STAGES, request.quality_name)
-        stale = picture_states(request, self.project.store, self.history).stale
+        stale = FrameStates.of_pictures(request, self.project.store, self.history).stale
         faults = {number: ("failed", message) for number, message in failed.items()}
         faults |= dict.fromkeys(stale, ("stale", STALE))
         places = {n: root / request.place("frame", n) for n in request.angles}

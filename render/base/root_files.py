@@ -112,16 +112,17 @@ def set_time(path: Path, when: float) -> None:
         os.utime(folder / path.name, (when, when), follow_symlinks=follow)
 
 
-def remove(path: Path) -> None:
-    """Remove a file, or the link in its place, if there is one. Raises as `held` does."""
+def remove(path: Path, prune: bool = False) -> None:
+    """Remove a file, or the link in its place, if there is one. Raises as `held` does.
+
+    prune  remove folders that are empty then, too
+    """
     with suppress(FileNotFoundError, NotADirectoryError), held(path.parent) as folder:
         (folder / path.name).unlink()
-
-
-def remove_folder(path: Path) -> None:
-    """Remove an empty folder. Raises as `held` does."""
-    with held(path.parent) as folder:
-        (folder / path.name).rmdir()
+    with suppress(OSError):  # others are in it
+        for inner in path.parents if prune else ():
+            with held(inner.parent) as folder:
+                (folder / inner.name).rmdir()
 
 
 def remove_tree(path: Path) -> None:

@@ -13,7 +13,7 @@ from flowsculpt.pipeline.frames import FrameRange, FrameSelection
 from flowsculpt.pipeline.plugins.maintenance.why import explain
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.planning.estimate import Forecast
-from flowsculpt.pipeline.production.planning.frame_states import KnownPictures, mesh_states, picture_states
+from flowsculpt.pipeline.production.planning.frame_states import FrameStates, KnownPictures
 from flowsculpt.pipeline.production.request.lookup import find_shot
 from flowsculpt.pipeline.production.store.event_log import EventReader
 from flowsculpt.pipeline.production.store.history import History
@@ -27,7 +27,8 @@ STEADY = ("quality.draft={temporal_denoise: 2}",)
 
 def forecast(project: Project, frames: str | None = None) -> tuple[set[int], set[int]]:
     """Return the finished frames that a dry run names: those made for certain, and those perhaps."""
-    told = Forecast.of(project.pictures([NAME], QUALITY, frames), project.store)
+    asked = None if frames is None else FrameSelection.of_text(frames)
+    told = Forecast.of(project.pictures([NAME], QUALITY, asked), project.store)
     frames_of = {n for job in told.plan.jobs if job.stage == "finish" for n in job.frames}
     perhaps = set(told.unframed.get("finish", ()))
     return frames_of - perhaps, perhaps
@@ -36,7 +37,7 @@ def forecast(project: Project, frames: str | None = None) -> tuple[set[int], set
 def states(project: Project) -> dict[str, set[int]]:
     """Return the frames by state, as `status` lists them; `why` must say the same."""
     request = project.request(find_shot(NAME), QUALITY)
-    told = picture_states(request, project.store, History.of(project.root))
+    told = FrameStates.of_pictures(request, project.store, History.of(project.root))
     by_state = {name: set(getattr(told, name)) for name in ("done", "stale", "unframed", "missing")}
     for state, numbers in by_state.items():
         assert {explain(request, n, project.store).state for n in numbers} <= {state}
@@ -123,7 +124,7 @@ def test_a_late_edit_of_a_long_shot_leaves_early_frames_done(
     project.render("1,12,40,64", quality="draft.scale5")
     project.shot.write_text(text.replace("6: 60", "60: 60, 64: 94"))
     now = Project(project.path, 2)
-    request = now.request(find_shot(NAME), "draft.scale5", "1,12,40,64")
+    request = now.request(find_shot(NAME), "draft.scale5", FrameRange.parse("1,12,40,64"))
     known = KnownPictures(request, now.store)
     assert [known.state(n) for n in (1, 12, 40, 64)] == ["done", "done", "unframed", "stale"]
 
@@ -138,6 +139,6 @@ def test_links_that_no_job_needs_are_shown_again(finished: Any, monkeypatch: pyt
     project = Project(finished.path, 2)
     plan = project.pictures([NAME], QUALITY)
     assert not plan.jobs and plan.restore_links(project.store) == 3
-    assert not mesh_states(
+    assert not FrameStates.of_meshes(
         project.request(find_shot(NAME), QUALITY), project.store, History(finished.path)
     ).missing

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.frames import FrameRange
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.planning.plan import Job, Plan
 from flowsculpt.pipeline.production.store.event_log import EventLog, EventReader
@@ -49,7 +50,8 @@ class Bench:
     root: Path
 
     def plan(self, frames: str, *settings: str) -> Plan:
-        return Project(self.root, 1, settings=(*SETTINGS, *settings)).pictures([NAME], QUALITY, frames)
+        project = Project(self.root, 1, settings=(*SETTINGS, *settings))
+        return project.pictures([NAME], QUALITY, FrameRange.parse(frames))
 
     def context(self, plan: Plan, task: str) -> Context:
         job = next(job for job in plan.jobs if job.stage == task)

@@ -22,7 +22,7 @@ import pytest
 from flowsculpt.pipeline.errors import MachineError
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.store import locks
-from flowsculpt.pipeline.production.store.locks import exclusive, lock_name, making, of_key, writing
+from flowsculpt.pipeline.production.store.locks import Locks
 from tests.conftest import done, new_project
 
 NAMES = ("T010_tiny", "T020_other")
@@ -30,21 +30,25 @@ QUALITY = "draft.scale10"
 
 
 def names(shot: str, quality: str = "draft") -> dict[str, str]:
-    return {lock_name(shot, quality): f"{shot} at {quality}"}
+    return {Locks.name(shot, quality): f"{shot} at {quality}"}
 
 
 def test_a_second_run_of_the_same_is_told_who_makes_it(tmp_path: Path) -> None:
-    with writing(tmp_path), making(tmp_path, names("A")) as waited:
+    with Locks(tmp_path).hold_with_writers(), Locks(tmp_path).hold(names("A")) as waited:
         assert not waited
         with (
-            writing(tmp_path),
+            Locks(tmp_path).hold_with_writers(),
             pytest.raises(MachineError, match=rf"^A at draft: .*, process {os.getpid()}, since 20"),
-            making(tmp_path, names("A")),
+            Locks(tmp_path).hold(names("A")),
         ):
             pass
-        with writing(tmp_path), making(tmp_path, names("A", "final")), making(tmp_path, names("B")):
+        with (
+            Locks(tmp_path).hold_with_writers(),
+            Locks(tmp_path).hold(names("A", "final")),
+            Locks(tmp_path).hold(names("B")),
+        ):
             pass
-    with making(tmp_path, names("A")):
+    with Locks(tmp_path).hold(names("A")):
         pass
     assert list((tmp_path / ".flowsculpt/locks").iterdir()) == []
 
@@ -58,22 +62,30 @@ def refusing(monkeypatch: pytest.MonkeyPatch, number: int) -> None:
 
 def test_a_file_system_without_locks_is_used_without(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     refusing(monkeypatch, errno.ENOLCK)
-    one, other = making(tmp_path, names("A")), making(tmp_path, names("A"))
-    with writing(tmp_path), exclusive(tmp_path), one as one_waited, other as other_waited:
+    one, other = Locks(tmp_path).hold(names("A")), Locks(tmp_path).hold(names("A"))
+    with (
+        Locks(tmp_path).hold_with_writers(),
+        Locks(tmp_path).hold_alone(),
+        one as one_waited,
+        other as other_waited,
+    ):
         assert not one_waited and not other_waited
 
 
 def test_an_error_of_the_disk_is_no_other_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     refusing(monkeypatch, errno.EIO)
-    with pytest.raises(MachineError, match="the disk reports an error"), writing(tmp_path, wait=True):
+    with (
+        pytest.raises(MachineError, match="the disk reports an error"),
+        Locks(tmp_path).hold_with_writers(wait=True),
+    ):
         pass
 
 
 HOLDER = """
 import sys
 from pathlib import Path
-from flowsculpt.pipeline.production.store.locks import making, writing
-with writing(Path.cwd()), making(Path.cwd(), {"A.draft": "A at draft"}):
+from flowsculpt.pipeline.production.store.locks import Locks
+with Locks(Path.cwd()).hold_with_writers(), Locks(Path.cwd()).hold({"A.draft": "A at draft"}):
     print("held", flush=True)
     input()
 """
@@ -83,12 +95,12 @@ with writing(Path.cwd()), making(Path.cwd(), {"A.draft": "A at draft"}):
 def test_a_forked_process_leaves_locks_to_the_one_that_forked_it(tmp_path: Path) -> None:
     context = get_context("fork")
     works = context.Event()
-    with writing(tmp_path), making(tmp_path, names("A")):
+    with Locks(tmp_path).hold_with_writers(), Locks(tmp_path).hold(names("A")):
         process = context.Process(target=lambda: (works.set(), time.sleep(3600)))
         process.start()
         works.wait(120)
     try:
-        with exclusive(tmp_path):
+        with Locks(tmp_path).hold_alone():
             assert process.is_alive()
     finally:
         process.kill()
@@ -104,40 +116,48 @@ def test_a_run_of_another_host_holds_its_lock_and_is_named(tmp_path: Path) -> No
             pytest.skip(f"no second host: {other.communicate()[1].strip()}")
         with (
             pytest.raises(MachineError, match=r"^A at draft: another .* on farm7, process \d+, since 20"),
-            making(tmp_path, names("A")),
+            Locks(tmp_path).hold(names("A")),
         ):
             pass
         with (
             pytest.raises(MachineError, match=r"here: A at draft by .* on farm7"),
-            exclusive(tmp_path),
+            Locks(tmp_path).hold_alone(),
         ):
             pass
         other.kill()
         other.wait()
-        with exclusive(tmp_path), pytest.raises(MachineError, match="removes files"), writing(tmp_path):
+        with (
+            Locks(tmp_path).hold_alone(),
+            pytest.raises(MachineError, match="removes files"),
+            Locks(tmp_path).hold_with_writers(),
+        ):
             pass
 
 
 def test_the_first_of_two_locks_is_given_back_where_the_second_is_refused(tmp_path: Path) -> None:
-    with making(tmp_path, names("B")):
-        with pytest.raises(MachineError, match=r"^B at draft"), making(tmp_path, names("A") | names("B")):
+    with Locks(tmp_path).hold(names("B")):
+        with pytest.raises(MachineError, match=r"^B at draft"), Locks(tmp_path).hold(names("A") | names("B")):
             pass
-        with making(tmp_path, names("A")):
+        with Locks(tmp_path).hold(names("A")):
             pass
 
 
 def test_what_removes_files_works_alone_and_names_who_is_at_work(tmp_path: Path) -> None:
     at_work, removes = "is writing here: A at draft by ", "removes files from the store: "
     with (
-        writing(tmp_path),
-        making(tmp_path, names("A")),
+        Locks(tmp_path).hold_with_writers(),
+        Locks(tmp_path).hold(names("A")),
         pytest.raises(MachineError, match=at_work),
-        exclusive(tmp_path),
+        Locks(tmp_path).hold_alone(),
     ):
         pass
-    with exclusive(tmp_path), pytest.raises(MachineError, match=removes), writing(tmp_path):
+    with (
+        Locks(tmp_path).hold_alone(),
+        pytest.raises(MachineError, match=removes),
+        Locks(tmp_path).hold_with_writers(),
+    ):
         pass
-    with writing(tmp_path), writing(tmp_path):
+    with Locks(tmp_path).hold_with_writers(), Locks(tmp_path).hold_with_writers():
         pass
 
 
@@ -148,7 +168,7 @@ def test_whoever_waits_goes_on_once_the_other_has_ended(
     pauses = SimpleNamespace(sleep=lambda seconds: waits.set(), strftime=time.strftime)
 
     def hold() -> None:
-        with making(tmp_path, names("A")), of_key(tmp_path, "k", lambda: None):
+        with Locks(tmp_path).hold(names("A")), Locks(tmp_path).hold_key("k", lambda: None):
             held.set()
             assert waits.wait(120)
             events.append("released")
@@ -157,10 +177,10 @@ def test_whoever_waits_goes_on_once_the_other_has_ended(
     thread.start()
     assert held.wait(120)
     monkeypatch.setattr(locks, "time", pauses)
-    with making(tmp_path, names("A"), wait=True) as waited:
+    with Locks(tmp_path).hold(names("A"), wait=True) as waited:
         events.append("held")
         assert waited
-    with of_key(tmp_path, "k", lambda: events.append("waits")):
+    with Locks(tmp_path).hold_key("k", lambda: events.append("waits")):
         thread.join()
     assert events[:2] == ["released", "held"]
 

@@ -99,3 +99,5 @@ def test_what_failed_is_tried_again_by_that_word(project: Any, monkeypatch: pyte
     assert Project(project.path, 2).find_request(NAME, "draft", failed).requested == (5,)
     targets = Project(project.path, 2).pictures([NAME], "draft", failed).targets
     assert [Path(target).suffix for target in targets] == [".exr"]
+    with pytest.raises(TypeError, match="reads text"):
+        whole_project.find_request(NAME, "draft", "1-2")  # type: ignore[arg-type]  # as a script may

@@ -16,7 +16,7 @@ from flowsculpt.pipeline.plugins.maintenance.store_repair import Evicted, repair
 from flowsculpt.pipeline.plugins.review.measures import measured
 from flowsculpt.pipeline.plugins.turntable.turntable_movie import TurntableRequest
 from flowsculpt.pipeline.production.execution.project import Project
-from flowsculpt.pipeline.production.planning.frame_states import mesh_states
+from flowsculpt.pipeline.production.planning.frame_states import FrameStates
 from flowsculpt.pipeline.production.planning.plan import Plan
 from flowsculpt.pipeline.production.request.cameras import camera_file
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
@@ -203,10 +203,14 @@ def test_nothing_is_to_be_done_twice_and_one_edit_makes_one_chain_again(made: Pa
     edited = planned(made, SHOT.replace("radius: 0.4", "radius: 0.3"))
     chains = [job for job in edited.jobs if job.stage in ("simulate", "smooth_normals")]
     assert {edited.requests[job.requests[0]].source.subject for job in chains} == {"heron"}
-    states = mesh_states(request_of(made), Project(made, 2).store, History.of(made))
+    states = FrameStates.of_meshes(request_of(made), Project(made, 2).store, History.of(made))
     assert list(states.stale) == [1, 2, 3]
     planned(made)
-    assert list(mesh_states(request_of(made), Project(made, 2).store, History.of(made)).done) == [1, 2, 3]
+    assert list(FrameStates.of_meshes(request_of(made), Project(made, 2).store, History.of(made)).done) == [
+        1,
+        2,
+        3,
+    ]
 
 
 def test_measures_of_several_subjects_are_those_of_all_taken_together(made: Path) -> None:

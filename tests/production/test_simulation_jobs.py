@@ -13,6 +13,7 @@ import pytest
 
 from flowsculpt.pipeline.animation import MeshFrame, animate
 from flowsculpt.pipeline.errors import FrameError, MachineError
+from flowsculpt.pipeline.frames import FrameRange
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.planning.plan import Plan
 from flowsculpt.pipeline.production.store import readers
@@ -40,7 +41,7 @@ class Job:
 
     def __init__(self, root: Path, frames: str) -> None:
         self.root = root
-        self.plan: Plan = Project(root, 1).meshes(["A"], frames)
+        self.plan: Plan = Project(root, 1).meshes(["A"], FrameRange.parse(frames))
         (job,) = self.plan.jobs
         log = EventLog(root / EVENTS / f"{self.plan.name}.jsonl", job.name)
         self.context = Context(root, self.plan, job, log)

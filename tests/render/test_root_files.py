@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from flowsculpt.pipeline.production.store.event_log import EventLog
-from flowsculpt.pipeline.production.store.locks import writing
+from flowsculpt.pipeline.production.store.locks import Locks
 from flowsculpt.pipeline.production.store.paths import SUFFIXES
 from flowsculpt.pipeline.production.store.store import Store
 from flowsculpt.render.base import root_files
@@ -46,7 +46,7 @@ def contents(folder: Path) -> list[tuple[str, int, bytes]]:
 CHANGES: dict[str, Callable[[Path], object]] = {
     "remove": lambda folder: root_files.remove(folder / "a.txt"),
     "remove_tree": lambda folder: root_files.remove_tree(folder / "2010"),
-    "remove_folder": lambda folder: root_files.remove_folder(folder / "2010"),
+    "remove_and_prune": lambda folder: root_files.remove(folder / "2010" / "a.txt", prune=True),
     "set_time": lambda folder: root_files.set_time(folder / "a.txt", 5.0),
     "touch": lambda folder: root_files.touch(folder / "b.txt"),
     "make_folder": lambda folder: root_files.make_folder(folder / "2011"),
@@ -137,15 +137,18 @@ def test_the_store_of_another_show_is_not_ours(folders: Folders) -> None:
     other = elsewhere / "show"
     for show in (root, other):
         root_files.guard(show)
-        with writing(show):
+        with Locks(show).hold_with_writers():
             pass
     (root / ".flowsculpt/store").rename(elsewhere / "moved")
     (root / ".flowsculpt/store").symlink_to(elsewhere / "moved")
-    with writing(root):
+    with Locks(root).hold_with_writers():
         written(root / ".flowsculpt/store/mesh/00/a.npz")
     (root / ".flowsculpt/store").unlink()
     (root / ".flowsculpt/store").symlink_to(other / ".flowsculpt/store")
-    with pytest.raises(MachineError, match=r"if it is this show's store, run: cp "), writing(root):
+    with (
+        pytest.raises(MachineError, match=r"if it is this show's store, run: cp "),
+        Locks(root).hold_with_writers(),
+    ):
         pass
 
 

@@ -17,7 +17,7 @@ from flowsculpt.api import ShotExtras
 from flowsculpt.api.commands import print_result, require_one_of, table
 from flowsculpt.api.files import atomic_write
 from flowsculpt.api.frames import SHOTS
-from flowsculpt.api.options import Common, output_option
+from flowsculpt.api.options import Common, shared_option
 from flowsculpt.api.shots import DEFAULTS, DOCUMENTS, YamlSource
 from flowsculpt.pipeline.plugins.authoring.shot_schemas import (
     default_text,
@@ -49,7 +49,7 @@ ALL_KINDS = (*KINDS, *MODELS)
 def schema(
     common: Common,
     kind: Annotated[str, typer.Argument(metavar="|".join(ALL_KINDS), help="The kind of file.")] = KINDS[0],
-    output: Annotated[Path | None, output_option("Write it to this file.")] = None,
+    output: Annotated[Path | None, shared_option("output", "Write it to this file.")] = None,
 ) -> None:
     """Print the JSON Schema by which editors complete and check shot files.
 

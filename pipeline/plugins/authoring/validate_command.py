@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
+import typer
+
 from flowsculpt import FlowsculptError, FrameError, UsageError
 from flowsculpt.api import Progress, ShotError, reporting_to
 from flowsculpt.api.commands import (
@@ -33,7 +35,7 @@ from flowsculpt.api.frames import (
     shown_picture,
     white,
 )
-from flowsculpt.api.options import Common, Settings, shots_argument
+from flowsculpt.api.options import Common, Settings
 from flowsculpt.api.shots import (
     Clock,
     Motion,
@@ -53,7 +55,9 @@ from flowsculpt.pipeline.plugins.authoring.scene_rules import Finding, findings,
 
 def validate(
     common: Common,
-    shots: Annotated[list[str] | None, shots_argument("Shots and edits. Default: all.")] = None,
+    shots: Annotated[
+        list[str] | None, typer.Argument(metavar="SHOT", help="Shots and edits. Default: all.")
+    ] = None,
     settings: Settings = None,
 ) -> None:
     """Check shot files and the scenes they describe; report every mistake by file, line and column.

@@ -21,7 +21,7 @@ from flowsculpt import MachineError, MeshError, Streamlines, TriangleMesh, Usage
 from flowsculpt.api import report_progress
 from flowsculpt.api.files import atomic_write, cache_path, usable, writable_cache
 from flowsculpt.api.flows import Sampled, Samples, StepPlan, Vector
-from flowsculpt.api.frames import CorruptFileError, of_key, read_npz
+from flowsculpt.api.frames import CorruptFileError, Locks, read_npz
 from flowsculpt.api.meshes import AnyArray, Floats, Points, components, require
 from flowsculpt.api.shots import Model, PluginSurface, Solid, as_data
 from flowsculpt.pipeline.plugins.become.fitting import THIN, Detail, Leg, Residual, State, fitted
@@ -192,7 +192,7 @@ def fit_between(start: PlacedShape, target: PlacedShape, detail: Detail) -> Fit:
         FittedSurface((shape.mesh.vertices - low) / side, shape.mesh.faces.astype(np.int64)) for shape in ends
     )
     path = path_of(start, target, detail)
-    with of_key(writable_cache(), path.stem, lambda: None):  # so that one of several processes computes it
+    with Locks(writable_cache()).hold_key(path.stem, lambda: None):  # one of several processes computes it
         stored = _loaded(path, _Solution.of)
         if stored is None:
             activity = f"fitting {target.name} once, {DURATIONS[detail]} of a core"

@@ -11,8 +11,8 @@ import typer
 from flowsculpt import UsageError
 from flowsculpt.api import plural
 from flowsculpt.api.commands import print_result, progress_bars
-from flowsculpt.api.frames import find_shot, names_edit, writing
-from flowsculpt.api.options import AllowCode, Common, output_option
+from flowsculpt.api.frames import Locks, find_shot, names_edit
+from flowsculpt.api.options import AllowCode, Common, shared_option
 from flowsculpt.api.shots import Shot, is_edit, name_fault, read_shot
 from flowsculpt.pipeline.plugins.breed.breeding import Litter
 from flowsculpt.pipeline.plugins.breed.generation import (
@@ -60,7 +60,8 @@ def breed(
     ] = None,
     allow_code: AllowCode = False,
     output: Annotated[
-        Path | None, output_option("Write this folder. Default: bred/SHOT_1, and so on.", "FOLDER")
+        Path | None,
+        shared_option("output", "Write this folder. Default: bred/SHOT_1, and so on.", metavar="FOLDER"),
     ] = None,
 ) -> None:
     """Make twelve children of a shot, or of two that are crossed, and a page to choose from.
@@ -113,7 +114,7 @@ def breed(
 def _breed(
     common: Common, litter: Litter, shots: tuple[Shot, ...], candidates: int, favourites: tuple[str, ...]
 ) -> None:
-    with writing(common.root):  # `clean` would delete its trials
+    with Locks(common.root).hold_with_writers():  # `clean` would delete its trials
         forget_interrupted(common.root, litter.folder.parent)
         breeding = Breeding(litter, shots, common.root, candidates, common.cores, favourites)
         bred = breeding.write(partial(progress_bars, common.progress))

@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 
 from flowsculpt import FlowsculptError, UsageError
 from flowsculpt.api.files import atomic_write, disk_errors, held, remove_tree
-from flowsculpt.api.frames import STATE, CorruptFileError
+from flowsculpt.api.frames import CorruptFileError, RootFolders
 from flowsculpt.api.pictures import ContactSheet, Font, write_still
 from flowsculpt.api.shots import Shot
 from flowsculpt.pipeline.plugins.breed.breeding import Child, Litter, child_of
@@ -58,7 +58,7 @@ CHILDREN = 12
 COLUMNS, TEXT = 3, 30
 """Children in a row of the sheet, and the size of its letters in pixels."""
 
-TRIALS = STATE / "breeding"
+TRIALS = RootFolders.of(Path()).state / "breeding"
 """Folder of the trials of runs that have not ended."""
 
 KEPT_SECONDS = 7 * 86400.0

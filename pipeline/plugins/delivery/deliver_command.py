@@ -27,7 +27,14 @@ from flowsculpt.api.commands import (
     words_of,
 )
 from flowsculpt.api.frames import FrameSelection, Plan, RenderRequest, crop_of, edit_names, find_edit
-from flowsculpt.api.options import DEFAULT_QUALITY, Common, Frames, PictureOptions, Quality, output_option
+from flowsculpt.api.options import (
+    DEFAULT_QUALITY,
+    Common,
+    Frames,
+    PictureOptions,
+    Quality,
+    shared_option,
+)
 from flowsculpt.api.pictures import HDR_DISPLAYS, AudioClip, BurnIn, Encode
 from flowsculpt.api.shots import is_edit
 from flowsculpt.pipeline.plugins.delivery.deliverables import (
@@ -78,7 +85,7 @@ def deliver(
         ),
     ] = None,
     output: Annotated[
-        Path | None, output_option("Default: the folder deliver beside the frames.", metavar="DIR")
+        Path | None, shared_option("output", "Default: the folder deliver beside the frames.", metavar="DIR")
     ] = None,
 ) -> None:
     """Encode shots and films for review, editing, archive or web, rendering what is missing.

@@ -28,6 +28,7 @@ from flowsculpt.api.frames import (
     FrameRange,
     FrameRate,
     Key,
+    Locks,
     PictureKeys,
     PictureSequence,
     PipelineStage,
@@ -40,17 +41,14 @@ from flowsculpt.api.frames import (
     options_of,
     picture_keys,
     store_reader,
-    writing,
 )
 from flowsculpt.api.options import (
     DEFAULT_QUALITY,
     AllowCode,
     Common,
-    Crop,
     Frames,
     PictureOptions,
     Quality,
-    Scale,
     Shot,
     Variant,
 )
@@ -441,8 +439,15 @@ def relight(
     name: Annotated[
         str | None, typer.Option(metavar="VERSION", help="The folder of the frames. Default: the factors.")
     ] = None,
-    crop: Crop = None,
-    scale: Scale = None,
+    crop: Annotated[
+        str | None,
+        typer.Option(
+            metavar="X0,Y0,X1,Y1", help="Relight this part: its edges, in fractions of the picture or pixels."
+        ),
+    ] = None,
+    scale: Annotated[
+        str | None, typer.Option(metavar="PERCENT", help="Relight pictures of this size: 50%, or 0.5.")
+    ] = None,
     variant: Variant = None,
     allow_code: AllowCode = False,
 ) -> None:
@@ -479,7 +484,7 @@ def relight(
         print_result(f"{relit.movie_path}: {count} would be relit.", facts, common.json)
         return
     started = time.monotonic()
-    with writing(common.root, common.wait), progress_bars(common.progress) as bar:
+    with Locks(common.root).hold_with_writers(common.wait), progress_bars(common.progress) as bar:
         made, faults = relit.make(common.cores, bar)
     seconds = time.monotonic() - started
     for fault in faults:

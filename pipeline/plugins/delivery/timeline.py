@@ -25,7 +25,7 @@ from flowsculpt import UsageError
 from flowsculpt.api import plural
 from flowsculpt.api.commands import print_result, require_one_of
 from flowsculpt.api.frames import FILM, Edit, FrameRange, RenderRequest, Store, find_edit
-from flowsculpt.api.options import DEFAULT_QUALITY, Common, Quality, ShotOptions, output_option
+from flowsculpt.api.options import DEFAULT_QUALITY, Common, Quality, ShotOptions, shared_option
 from flowsculpt.api.pictures import ENCODES, AudioClip, Encode
 from flowsculpt.pipeline.plugins.delivery.encodes import FILM_START, NAME_ENDS
 from flowsculpt.pipeline.plugins.delivery.imported_sound import LEVELS
@@ -289,7 +289,7 @@ def otio(
     edit: Annotated[
         str, typer.Argument(metavar="EDIT", help="An edit: its name in shots/, or the path of its file.")
     ] = FILM.stem,
-    output: Annotated[Path | None, output_option("Write this file. Default: EDIT.otio.")] = None,
+    output: Annotated[Path | None, shared_option("output", "Write this file. Default: EDIT.otio.")] = None,
     media: Annotated[
         str, typer.Option(metavar="NAME", help=f"What clips refer to: {', '.join(MEDIA)}.")
     ] = "frames",

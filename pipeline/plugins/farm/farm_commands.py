@@ -22,7 +22,7 @@ from flowsculpt.api.options import (
     FrameNumbers,
     PictureOptions,
     Quality,
-    output_option,
+    shared_option,
 )
 from flowsculpt.pipeline.plugins.farm.flamenco import JOB_TYPE, submitted_job
 from flowsculpt.pipeline.plugins.farm.openjd import template
@@ -34,7 +34,7 @@ Names = Annotated[
 
 
 def _file(default: str) -> Any:
-    return output_option(f"Write this file. Default: {default}.")
+    return shared_option("output", f"Write this file. Default: {default}.")
 
 
 def plan(

@@ -9,7 +9,7 @@ import typer
 
 from flowsculpt.api import plural
 from flowsculpt.api.commands import execute, exit_with, print_result, progress_bars, report_plan, size
-from flowsculpt.api.frames import writing
+from flowsculpt.api.frames import Locks
 from flowsculpt.api.options import DEFAULT_QUALITY, Common, Shot
 from flowsculpt.pipeline.plugins.interchange.alembic_export import require_alembic
 from flowsculpt.pipeline.plugins.interchange.animation_export import (
@@ -117,7 +117,7 @@ def _export(common: Common, exports: list[AnimationExport]) -> None:
         _report_unifying(common, stale, str(exports[0].folder))
         return
     words, facts = list[str](), list[dict[str, Any]]()
-    with writing(common.root, common.wait), progress_bars(common.progress) as bar:
+    with Locks(common.root).hold_with_writers(common.wait), progress_bars(common.progress) as bar:
         for export in exports:
             started = time.monotonic()
             done = export.write(bar)

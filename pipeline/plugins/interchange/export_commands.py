@@ -21,7 +21,7 @@ from flowsculpt.api.commands import (
     progress_bars,
     report_plan,
 )
-from flowsculpt.api.frames import RenderRequest, mesh_states, writing
+from flowsculpt.api.frames import FrameStates, Locks, RenderRequest
 from flowsculpt.api.options import (
     DEFAULT_QUALITY,
     Common,
@@ -30,7 +30,7 @@ from flowsculpt.api.options import (
     Shot,
     ShotOptions,
     Subject,
-    output_option,
+    shared_option,
 )
 from flowsculpt.pipeline.plugins.interchange.model_export import LONGEST_SIDE, ModelExport, require_still
 from flowsculpt.pipeline.plugins.interchange.usd_files import require_usd
@@ -39,7 +39,8 @@ if TYPE_CHECKING:
     from flowsculpt.pipeline.plugins.interchange.usd_export import UsdExport
 
 Folder = Annotated[
-    Path | None, output_option("Write to this folder. Default: a folder in renders/SHOT.", "DIR")
+    Path | None,
+    shared_option("output", "Write to this folder. Default: a folder in renders/SHOT.", metavar="DIR"),
 ]
 
 
@@ -137,7 +138,7 @@ def _one_mesh_stage(
         return
     started = time.monotonic()
     outcome = execute(common, lambda: project.geometry(asked))
-    with writing(common.root, common.wait), progress_bars(common.progress) as bar:
+    with Locks(common.root).hold_with_writers(common.wait), progress_bars(common.progress) as bar:
         stage = kind(asked, project.store, folder, parts, bar)
         stage.write(bar("exporting", len(stage.stale())))
     print_result(*_report(stage, [], time.monotonic() - started), common.json)
@@ -198,7 +199,7 @@ def asked_for(
 ) -> tuple[Project, RenderRequest, Path]:
     """Return the project, the frames to export, and their folder, which has a name by default."""
     project = options.project(common)
-    asked = project.find_request(shot, quality, options.frames, mesh_states, variant="none")
+    asked = project.find_request(shot, quality, options.frames, FrameStates.of_meshes, variant="none")
     asked = asked.of_subject(options.subject)
     folder = options.output.absolute() if options.output else common.root / asked.folders.home / name
     return project, asked, folder
@@ -219,7 +220,7 @@ def _export(
     started = time.monotonic()
     outcome = execute(common, lambda: plan_of(asked))
     faults: list[str] = []
-    with writing(common.root, common.wait), progress_bars(common.progress) as bar:
+    with Locks(common.root).hold_with_writers(common.wait), progress_bars(common.progress) as bar:
         for export in exports:
             faults += export.write(bar("exporting", len(export.stale())))
     for fault in faults:

@@ -19,6 +19,7 @@ from flowsculpt.api.files import mapping, read_state, sweep_hidden_drafts, to_pl
 from flowsculpt.api.frames import (
     STEP,
     Key,
+    Locks,
     MeshFrame,
     PipelineStage,
     RenderRequest,
@@ -29,7 +30,6 @@ from flowsculpt.api.frames import (
     is_cloud,
     key_of,
     material_of,
-    of_key,
     radii,
     store_reader,
     thresholds_at,
@@ -108,7 +108,7 @@ class KeyedFiles:
         MachineError where the disk refuses.
         """
         path, before = self.folder / self.name, len(self.written)
-        with of_key(self.store.root, key_of("export", str(path.absolute())), self._wait_and_tell()):
+        with Locks(self.store.root).hold_key(key_of("export", str(path.absolute())), self._wait_and_tell()):
             self.__dict__.pop("_noted", None)  # another export may have written them meanwhile
             self._found.clear()
             sweep_hidden_drafts(self.folder)

@@ -17,22 +17,18 @@ from flowsculpt.api import plural
 from flowsculpt.api.commands import Project, execute, exit_with, print_result, report_plan
 from flowsculpt.api.files import remove_tree
 from flowsculpt.api.frames import (
-    STATE,
     FrameKeys,
     FrameRange,
+    Locks,
     Plan,
     RenderRequest,
+    RootFolders,
     Store,
-    lock_name,
-    making,
     picture_keys,
     use_store,
 )
 from flowsculpt.api.options import DEFAULT_QUALITY, Common, Frames, PictureOptions, Quality, Shot
 from flowsculpt.api.pictures import RenderError, read_exr
-
-AUDITS = STATE / "audit"
-"""The folder of the roots in which frames are made again."""
 
 
 def audit(
@@ -64,7 +60,7 @@ def audit(
     if common.dry_run:
         report_plan(inside, audited.plan(chosen))
         return
-    with making(project.root, audited.lock, common.wait):
+    with Locks(project.root).hold(audited.lock, common.wait):
         remove_tree(audited.home)
         outcome = execute(inside, lambda: audited.plan(chosen))
         compared = audited.compared(chosen)
@@ -118,13 +114,17 @@ class Audit:
     @property
     def home(self) -> Path:
         """The root in which frames are made again."""
-        return self.project.root / AUDITS / f"{self.request.name}.{self.request.quality_name}"
+        return (
+            RootFolders.of(self.project.root).state
+            / "audit"
+            / f"{self.request.name}.{self.request.quality_name}"
+        )
 
     @property
     def lock(self) -> dict[str, str]:
         """The name of the lock of its root, and in words what it is for."""
         name, quality = self.request.name, self.request.quality_name
-        return {lock_name(f"audit/{name}", quality): f"the audit of {name} at {quality}"}
+        return {Locks.name(f"audit/{name}", quality): f"the audit of {name} at {quality}"}
 
     def chosen(self, share: float, seed: int) -> list[int]:
         """Return the numbers of a share of the frames, at least one: those of the least hashes."""

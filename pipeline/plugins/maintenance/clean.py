@@ -10,15 +10,10 @@ from pathlib import Path
 
 from flowsculpt import FlowsculptError, MachineError
 from flowsculpt.api import ShotExtras
-from flowsculpt.api.files import remove, remove_tree, sweep_hidden_drafts
-from flowsculpt.api.frames import EVENTS, Key, RenderRequest, Store, picture_keys
-from flowsculpt.pipeline.plugins.maintenance.store_repair import by_digest, last_requests
+from flowsculpt.api.files import remove, sweep_hidden_drafts
+from flowsculpt.api.frames import Key, RenderRequest, RootFolders, Runs, Store, picture_keys
+from flowsculpt.pipeline.plugins.maintenance.store_repair import FORMS, by_digest, last_requests
 from flowsculpt.pipeline.plugins.maintenance.verify import inode, shown_files
-from flowsculpt.pipeline.production.request.render_request import FORMS
-from flowsculpt.pipeline.production.store.event_log import RUNS
-from flowsculpt.pipeline.production.store.paths import DONE, LOGS, PLANS, RENDERS
-from flowsculpt.pipeline.production.store.store import COPIED
-from flowsculpt.render.base.root_files import remove_folder
 
 
 @dataclass(frozen=True)
@@ -50,7 +45,8 @@ def collect_garbage(store: Store, requests: Iterable[RenderRequest], keep: int, 
     copies = _shown_copies(store)
     needed = {name for request in requests for name in _needs(request, store)} | set(copies.values())
     linked, freed = (0, 0) if dry_run else _link_copies(store, copies)
-    shown = set(_inodes(store.root / RENDERS))
+    renders = RootFolders.of(store.root).renders
+    shown = set(_inodes(renders))
     removed: list[Path] = []
     kept = 0
     for kind, key, path in store.entries():
@@ -63,13 +59,9 @@ def collect_garbage(store: Store, requests: Iterable[RenderRequest], keep: int, 
         if not dry_run:
             store.discard(kind, key)
     if not dry_run:
-        sweep_hidden_drafts(store.root / RENDERS, "**/")
-        _forget_runs(store.root, max(keep, RUNS))
+        sweep_hidden_drafts(renders, "**/")
+        Runs(store.root).forget(keep)
         store.digests.prune()
-        for folder in (DONE, LOGS / "jobs"):  # Snakemake finds out anew what is done
-            for path in (store.root / folder).glob("*"):
-                if path.name != "renders":  # by which keys Snakemake knows movies
-                    remove_tree(path)
     return Collected(tuple(removed), kept, freed, linked, _others(store.root, requests, dry_run))
 
 
@@ -83,10 +75,7 @@ def _others(root: Path, requests: Iterable[RenderRequest], dry_run: bool) -> dic
             with contextlib.suppress(FileNotFoundError):  # another root's `clean` was faster
                 sizes.append(path.stat().st_size)
             if not dry_run:
-                remove(path)
-                with contextlib.suppress(OSError):  # others are in it
-                    for folder in path.parents:
-                        remove_folder(folder)
+                remove(path, prune=True)
         if sizes:
             others[what] = (len(sizes), sum(sizes))
     return others
@@ -131,7 +120,7 @@ def _link_copies(store: Store, copies: Mapping[Path, tuple[str, Key]]) -> tuple[
     """Replace copies by links, unless the disk has none; return how many, and the bytes freed."""
     freed = []
     for place, name in copies.items():
-        if name[0] in COPIED:
+        if name[0] in store.COPIED:
             continue
         size = (store.root / place).stat().st_size
         with contextlib.suppress(MachineError):  # a full disk; the rest of `clean` frees it
@@ -147,10 +136,3 @@ def _inodes(folder: Path) -> Iterator[tuple[int, int]]:
         with contextlib.suppress(OSError):
             facts = path.stat()
             yield facts.st_dev, facts.st_ino
-
-
-def _forget_runs(root: Path, keep: int) -> None:
-    """Remove the plans, event logs and messages of all but the last runs."""
-    for folder in (PLANS, EVENTS, LOGS):
-        for path in sorted((root / folder).glob("2*"))[:-keep]:
-            remove_tree(path)

@@ -14,14 +14,14 @@ from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from flowsculpt import MissingInputError
 from flowsculpt.api import RunObserver
-from flowsculpt.api.frames import EVENTS, STAGES, EventReader, read_statistics
+from flowsculpt.api.frames import STAGES, Runs, read_statistics
 from flowsculpt.api.options import Common
-from flowsculpt.pipeline.production.store.event_log import Event, logs_of
-from flowsculpt.render.base.work_clock import Timing
+
+Event = Mapping[str, Any]
 
 STARTING, PLANNING, UNENDED = "starting", "planning", "unended"
 """CPU seconds that no frame accounts for. UNENDED takes the place of PLANNING where jobs were killed or
@@ -50,6 +50,13 @@ LABELS = {
 }
 
 
+class Timing(NamedTuple):
+    """Wall time and CPU seconds."""
+
+    seconds: float
+    cpu: float
+
+
 @dataclass(frozen=True)
 class RunReport:
     """The time of one run, by what it went into (see LABELS).
@@ -76,7 +83,7 @@ class RunReport:
     @classmethod
     def of(cls, root: Path, run: str, cores: int) -> RunReport:
         """Return the report of a run; `cores` is used if its log does not name them."""
-        events = list(EventReader(root / EVENTS / f"{run}.jsonl").new())
+        events = list(Runs(root).reader(run).new())
         about = next((event for event in events if event["event"] == "run"), {})
         cores, on_farm = int(about.get("cores", cores)), bool(about.get("farm"))
         times = [float(event["time"]) for event in events]
@@ -235,16 +242,15 @@ def _parts(root: Path, job: _Job) -> Iterator[tuple[str, Timing]]:
 
 def named_run(root: Path, name: str | None) -> str:
     """Return a run by its name, or the last. Raises MissingInputError where there is none."""
-    known = [log.stem for log in logs_of(root)]
+    runs = Runs(root)
+    known = runs.logged()
     if name is None and known:
         return known[-1]
     if name in known:
         return str(name)
     if not known:
-        raise MissingInputError(f"{root / EVENTS}: no runs logged yet; flowsculpt render writes a log")
-    raise MissingInputError(
-        f"{root / EVENTS}: run {name!r} not found; the latest are {', '.join(known[-3:])}"
-    )
+        raise MissingInputError(f"{runs.folder}: no runs logged yet; flowsculpt render writes a log")
+    raise MissingInputError(f"{runs.folder}: run {name!r} not found; the latest are {', '.join(known[-3:])}")
 
 
 class RunSummary(RunObserver):

@@ -26,25 +26,15 @@ from flowsculpt.api.commands import (
 )
 from flowsculpt.api.frames import (
     FrameRange,
+    FrameStates,
     History,
     RenderRequest,
     find_shot,
-    mesh_states,
     misnamed_shots,
-    picture_states,
     shot_names,
 )
-from flowsculpt.api.options import (
-    DEFAULT_QUALITY,
-    QUALITIES,
-    Common,
-    Quality,
-    Settings,
-    Shot,
-    shots_argument,
-)
+from flowsculpt.api.options import DEFAULT_QUALITY, QUALITIES, Common, Quality, Settings, Shot
 from flowsculpt.pipeline.plugins.maintenance.run_report import LABELS, RunReport, named_run
-from flowsculpt.pipeline.production.planning.frame_states import FrameStates
 
 if TYPE_CHECKING:
     from flowsculpt.pipeline.plugins.maintenance.why import Explanation
@@ -52,7 +42,9 @@ if TYPE_CHECKING:
 
 def status(
     common: Common,
-    shots: Annotated[list[str] | None, shots_argument("Names or paths of shots. Default: all.")] = None,
+    shots: Annotated[
+        list[str] | None, typer.Argument(metavar="SHOT", help="Names or paths of shots. Default: all.")
+    ] = None,
     settings: Settings = None,
 ) -> None:
     """List which frames of shots are done, stale and missing, at each quality begun so far.
@@ -87,11 +79,13 @@ def states(project: Project, shot: RenderRequest, history: History) -> list[Fram
     Stale frames are compared with every convention of layers.
     """
     store = project.store
-    found = [mesh_states(shot, store, history)]
+    found = [FrameStates.of_meshes(shot, store, history)]
     for request in (replace(shot, quality_name=name) for name in QUALITIES):
         if (store.root / request.folders.home / request.quality_name).exists():
-            row = picture_states(request, store, history)
-            found.append(picture_states(project.as_finished(request), store, history) if row.stale else row)
+            row = FrameStates.of_pictures(request, store, history)
+            found.append(
+                FrameStates.of_pictures(project.as_finished(request), store, history) if row.stale else row
+            )
     return found
 
 

@@ -23,7 +23,7 @@ from flowsculpt.api.commands import (
     project_of,
     size,
 )
-from flowsculpt.api.frames import Store
+from flowsculpt.api.frames import Locks, Runs, Store
 from flowsculpt.api.options import Common, Settings
 from flowsculpt.pipeline.plugins.maintenance.clean import collect_garbage
 from flowsculpt.pipeline.plugins.maintenance.store_repair import (
@@ -50,8 +50,6 @@ from flowsculpt.pipeline.plugins.maintenance.verify import (
     verify_shown,
 )
 from flowsculpt.pipeline.plugins.maintenance.verify import verify as verify_store
-from flowsculpt.pipeline.production.store.event_log import RUNS
-from flowsculpt.pipeline.production.store.locks import exclusive
 
 
 def clean(
@@ -71,7 +69,7 @@ def clean(
     """
     project = project_of(common, settings)
     requests = list(begun_requests(project, print_warning))
-    with nullcontext() if common.dry_run else exclusive(common.root):
+    with nullcontext() if common.dry_run else Locks(common.root).hold_alone():
         done = collect_garbage(project.store, requests, keep, common.dry_run)
     verb = "Would free" if common.dry_run else "Freed"
     freed = f"{size(done.freed)} in {plural(len(done.removed), 'file')}"
@@ -196,11 +194,11 @@ def _repair(common: Common, settings: Settings, checks: Sequence[_Check]) -> tup
     project, code = project_of(common, settings), 0
     evicted = []
     for check in checks:
-        with exclusive(check.store.root):
+        with Locks(check.store.root).hold_alone():
             evicted.append(evict(check.store, check.damaged, check.altered))
     requests, films, lost = [], [], evicted[0].lost
     if lost:
-        requests = [*begun_requests(project, print_warning), *last_requests(common.root, RUNS)]
+        requests = [*begun_requests(project, print_warning), *last_requests(common.root, Runs.MOST)]
         films = list(begun_films(project))
     while lost:  # pictures are known by their cameras, so these are made again first
         todo = replace(evicted[0], lost=lost)

@@ -17,31 +17,33 @@ from typing import Any
 
 from flowsculpt import FlowsculptError
 from flowsculpt.api.commands import Project
-from flowsculpt.api.files import from_plain, read_state, remove
+from flowsculpt.api.files import remove
 from flowsculpt.api.frames import (
     FILM,
+    STAGES,
     Edit,
     FrameRange,
     Key,
     PictureKeys,
     Plan,
     RenderRequest,
+    RootFolders,
+    Runs,
     Store,
     begun,
     edit_names,
     find_edit,
     find_shot,
+    is_quality,
     options_of,
     picture_keys,
     shot_names,
 )
 from flowsculpt.api.options import DEFAULT_QUALITY
 from flowsculpt.pipeline.plugins.maintenance.verify import ShownFile, StoredFile, inode, shown_files
-from flowsculpt.pipeline.production.planning.planner import Planner
-from flowsculpt.pipeline.production.request.lookup import is_quality
-from flowsculpt.pipeline.production.request.render_request import FORMS
-from flowsculpt.pipeline.production.store.paths import PLANS, RENDERS
-from flowsculpt.render.base.state_files import UNUSABLE
+
+FORMS = tuple(name for name, stage in STAGES.items() if stage.makes == name)
+"""Forms of stills, whose stages are named like the kinds of files that they write."""
 
 Film = tuple[Edit, list[RenderRequest]]
 """An edit at one quality, and the requests of its clips."""
@@ -65,7 +67,7 @@ def begun_requests(project: Project, warn: Callable[[str], object]) -> Iterator[
 def begun_films(project: Project) -> Iterator[Film]:
     """Yield today's edits at every quality begun so far."""
     for name in edit_names():
-        for quality in _qualities(project.root / RENDERS / "film"):
+        for quality in _qualities(RootFolders.of(project.root).renders / "film"):
             with suppress(FlowsculptError):
                 yield project.edit(quality, FILM if name == FILM.stem else find_edit(name))
 
@@ -73,18 +75,15 @@ def begun_films(project: Project) -> Iterator[Film]:
 def last_requests(root: Path, count: int) -> Iterator[RenderRequest]:
     """Yield the requests of the last `count` runs of each shot at each quality, from their plans."""
     seen: Counter[tuple[Any, ...]] = Counter()
-    for path in sorted((root / PLANS).glob("*.json"), reverse=True):
-        for data in read_state(path, lambda plan: list(plan["requests"])) or ():
-            with suppress(*UNUSABLE, FlowsculptError):  # of an earlier version, or damaged
-                if not is_quality(data["quality_name"]):
-                    continue  # a quality of an earlier version
-                if data["source"].get("subject"):
-                    continue  # one of several subjects, whose shot is in the plan too
-                request = from_plain(RenderRequest, data)
-                about = request.source.path, request.quality_name, request.frame_source, request.home
-                seen[about] += 1
-                if seen[about] <= count:
-                    yield request
+    runs = Runs(root)
+    for run in reversed(runs.planned()):
+        for request in runs.requests(run):
+            if request.source.subject:
+                continue  # one of several subjects, whose shot is in the plan too
+            about = request.source.path, request.quality_name, request.frame_source, request.home
+            seen[about] += 1
+            if seen[about] <= count:
+                yield request
 
 
 def _qualities(folder: Path) -> list[str]:
@@ -164,7 +163,7 @@ def repairs(
 
     requests, films  those that the root holds output of; the first that asks for a file makes it
     """
-    repairs = _Repairs(project.planner(), evicted.names, set(evicted.lost))
+    repairs = _Repairs(project, evicted.names, set(evicted.lost))
     for request in requests:
         with suppress(FlowsculptError):  # a shot that is elsewhere now, or may not run its Python files
             if repairs.left:
@@ -176,14 +175,11 @@ def repairs(
     return repairs.planner.plan()
 
 
-@dataclass
 class _Repairs:
     """Repairs that are planned; `left` are the paths that nothing makes again yet."""
 
-    planner: Planner
-    names: Names
-    left: set[Path]
-    _film: bool = False
+    def __init__(self, project: Project, names: Names, left: set[Path]) -> None:
+        self.planner, self.names, self.left, self._film = project.planner(), names, left, False
 
     def add(self, request: RenderRequest) -> None:
         """Plan what a request makes again."""

@@ -17,23 +17,15 @@ from flowsculpt import MissingInputError
 from flowsculpt.api import ShotExtras
 from flowsculpt.api.files import digest_of_file, machine_error
 from flowsculpt.api.frames import (
-    NOTES,
-    PUBLISHED,
-    STATE,
     CorruptFileError,
     FrameRange,
     Key,
     PublishedVersion,
+    RootFolders,
     Store,
-    repeated,
     store_reader,
 )
 from flowsculpt.api.shots import is_there
-from flowsculpt.pipeline.production.store.digests import ALTERED
-from flowsculpt.pipeline.production.store.paths import DIGESTS, RENDERS, REPEATED
-
-APART = (PUBLISHED, REPEATED)
-"""Folders of published versions, which nothing repairs, and of the roots that these are made again in."""
 
 
 @dataclass(frozen=True)
@@ -77,8 +69,9 @@ def _refusal(path: Path, error: Exception) -> str | None:
 def refused_folders(root: Path) -> Iterator[str]:
     """Yield a message for each folder of the store, of digests and of renders/ that cannot be listed."""
     errors: list[OSError] = []
-    for place in (STATE / "store", DIGESTS, RENDERS):
-        for _ in os.walk(root / place, onerror=errors.append):
+    folders = RootFolders.of(root)
+    for folder in (folders.state / "store", folders.digests, folders.renders):
+        for _ in os.walk(folder, onerror=errors.append):
             pass
     for error in errors:
         if message := _refusal(Path(error.filename), error):
@@ -106,7 +99,7 @@ def verify_stored(store: Store, kind: str, key: Key, path: Path) -> StoredFile:
 
 def shown_with_digest(store: Store) -> list[Path]:
     """Return the files that have digests, wherever output was written to, but the store and versions."""
-    apart = [store.root / place for place in (STATE, *APART)]
+    apart = [RootFolders.of(store.root).state, *_of_versions(store.root)]
     folders = (f for f in store.digests.folders() if not any(map(f.is_relative_to, apart)))
     paths = (folder / name for folder in folders for name in sorted(store.digests.in_folder(folder)))
     return [path for path in paths if is_there(path)]
@@ -152,16 +145,23 @@ def files_without_digest(store: Store, stored: Iterable[StoredFile]) -> list[Pat
 
 
 def shown_files(root: Path) -> Iterator[Path]:
-    """Yield the files in renders/, but those in APART."""
-    apart = [root / place for place in APART]
-    for path in sorted((root / RENDERS).rglob("*")):
+    """Yield the files in renders/, but those of versions."""
+    apart = _of_versions(root)
+    for path in sorted(RootFolders.of(root).renders.rglob("*")):
         if is_there(path) and not any(map(path.is_relative_to, apart)):
             yield path
 
 
 def roots(root: Path) -> list[Path]:
     """Return a root and those below it in which published versions were made again."""
-    return [root, *sorted(path for path in (root / REPEATED).glob("*") if (path / STATE).is_dir())]
+    repeated = RootFolders.of(root).repeated.glob("*")
+    return [root, *sorted(path for path in repeated if RootFolders.of(path).state.is_dir())]
+
+
+def _of_versions(root: Path) -> list[Path]:
+    """Return the folders of versions, which nothing repairs, and of roots that these are made again in."""
+    folders = RootFolders.of(root)
+    return [folders.published, folders.repeated]
 
 
 def inode(path: Path) -> tuple[int, int]:
@@ -211,8 +211,8 @@ def published_files(store: Store) -> Iterator[PublishedFile]:
 def _fault_of_record(store: Store, path: Path) -> str | None:
     try:
         store.digests.check(path)
-    except CorruptFileError:
-        return ALTERED
+    except CorruptFileError as error:
+        return str(error).removeprefix(f"{path}: ")
     except OSError as error:
         return str(machine_error(path, error, "read")).removeprefix(f"{path}: ")
     return None
@@ -230,7 +230,8 @@ def remedies(faulty: Iterable[PublishedFile], root: Path) -> Iterator[str]:
         record, folder = version.record, version.record.parent
         damaged = [file for file in files if file.path != version.notes]
         if not damaged:
-            yield f"{folder}: restore its notes from a backup; the current notes are in {root / NOTES}"
+            notes = RootFolders.of(root).notes
+            yield f"{folder}: restore its notes from a backup; the current notes are in {notes}"
         elif damaged[0].path == record:
             yield (
                 f"{folder}: only its {record.name} records what it was made from; restore that file from a "
@@ -239,9 +240,10 @@ def remedies(faulty: Iterable[PublishedFile], root: Path) -> Iterator[str]:
         else:
             numbers = [file.number for file in damaged if file.number is not None]
             only_frames = f" -f {FrameRange.of(numbers)}" if len(numbers) == len(damaged) else ""
+            again = RootFolders.of(root).repeated / f"{version.shot}.{version.name}"
             yield (
                 f"{folder}: flowsculpt reproduce {shlex.quote(str(record))}{only_frames} makes it again, in "
-                f"{root / repeated(version.shot, version.name)}; published files are never written to"
+                f"{again}; published files are never written to"
             )
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import zip_longest
@@ -16,25 +16,22 @@ from pathlib import Path
 from typing import Any
 
 from flowsculpt import FlowsculptError
-from flowsculpt.api.files import from_plain, read_state
 from flowsculpt.api.frames import (
     STAGES,
     CorruptFileError,
     FrameRange,
     History,
+    KnownPictures,
     PictureKeys,
     RenderRequest,
+    Runs,
     ShotSource,
     Store,
     camera_file,
+    key_in,
 )
 from flowsculpt.api.pictures import RenderError, read_header
 from flowsculpt.api.shots import OPTION, Where, YamlSource, in_yaml, inherited
-from flowsculpt.pipeline.production.planning.frame_states import KnownPictures
-from flowsculpt.pipeline.production.request.keys import picture_header, raw_header
-from flowsculpt.pipeline.production.store import readers
-from flowsculpt.pipeline.production.store.paths import PLANS
-from flowsculpt.render.post.image import CONVENTION
 
 MISSING = object()
 """Stands for a value that one of two data does not have."""
@@ -267,7 +264,7 @@ class _Frame:
         """Yield what differs, from the mesh to the picture; what follows from another reason is left out."""
         request = self.request
         yield from self._stage_reasons(header)
-        inputs = picture_header(request, self.number)["inputs"]
+        inputs = request.keys.header(self.number)["inputs"]
         for name, digest in header.get("inputs", {}).items():
             if inputs.get(name, digest) != digest:
                 yield f"file {name} changed since it was made"
@@ -319,8 +316,8 @@ class _Frame:
         elif entries != settings:
             changed = [name for name in {**settings, **entries} if entries.get(name) != settings.get(name)]
             yield f"settings of {', '.join(changed)} differ"
-        elif header.get(CONVENTION) != self.request.manifest.layers:
-            now, then = self.request.manifest.layers or "none", header.get(CONVENTION) or "none"
+        elif header.get("layers") != self.request.manifest.layers:
+            now, then = self.request.manifest.layers or "none", header.get("layers") or "none"
             yield f"its layers for compositing differ: {then} before, {now} now"
         elif before != others:
             yield f"it was averaged with frames {before}, and would be with frames {others} now"
@@ -334,7 +331,7 @@ class _Frame:
         for number in sorted(self.request.source.surface_keys.meshes):
             for part in self.request.parts:
                 with contextlib.suppress(CorruptFileError, OSError):
-                    if readers.key_in(self.store.root / part.place("mesh", number)) != part.keys.mesh(number):
+                    if key_in(self.store.root / part.place("mesh", number)) != part.keys.mesh(number):
                         return number
         return None
 
@@ -348,10 +345,10 @@ class _Frame:
 
     def _parts(self, header: Mapping[str, Any]) -> tuple[Difference, ...]:
         """Return the differences between a header and that of now, as far as the shot is framed."""
-        now = picture_header(self.request, self.number)
+        now = self.request.keys.header(self.number)
         framings = camera_file(self.request, self.store)
         if framings is not None and self._keys is not None:
-            now = raw_header(self.request, self.number, framings[self.number], self._keys[self.number])
+            now = self.request.keys.header(self.number, framings[self.number], self._keys[self.number])
         now = json.loads(json.dumps(now))
         compared = {name: part for name, part in now.items() if name not in _NOT_COMPARED}
         before = {name: header[name] for name in compared if name in header}
@@ -362,15 +359,14 @@ class _Frame:
         request = self.request
         history = History.of(self.store.root)
         made = history.stage("finish", request.folders.name, request.quality_name).made.get(self.number)
-        return None if made is None else _source_in(self.store.root / PLANS / f"{made.run}.json", request)
+        return None if made is None else _source_in(Runs(self.store.root).requests(made.run), request)
 
 
 def _version(value: Any) -> str:
     return "none" if value is MISSING else str(value)
 
 
-def _source_in(plan: Path, request: RenderRequest) -> ShotSource | None:
-    """Return the source of a request's shot at its quality in a frozen plan."""
-    planned = read_state(plan, lambda data: [from_plain(RenderRequest, each) for each in data["requests"]])
-    same = (each for each in planned or () if (each.label, each.home) == (request.label, request.home))
+def _source_in(planned: Iterable[RenderRequest], request: RenderRequest) -> ShotSource | None:
+    """Return the source of a request's shot at its quality among the requests of a plan."""
+    same = (each for each in planned if (each.label, each.home) == (request.label, request.home))
     return next((each.source for each in same), None)

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 
 from flowsculpt import FlowsculptError
 from flowsculpt.api import plural
-from flowsculpt.api.frames import EVENTS, EventReader, Plan, RenderRequest, Store
+from flowsculpt.api.frames import Plan, RenderRequest, Runs, Store
 from flowsculpt.pipeline.production.request.shot_source import PlanningCache
 from flowsculpt.pipeline.production.store.event_log import EventLog
 from flowsculpt.pipeline.production.tasks.job import Context, cpu_of_job
@@ -73,7 +73,7 @@ class FirstPictures:
 
     def __init__(self, root: Path, plan: Plan) -> None:
         self._root, self._plan, self._store = root, plan, Store(root)
-        self._log = EventLog(root / EVENTS / plan.log_name, NAME)
+        self._log = EventLog(Runs(root).folder / plan.log_name, NAME)
 
     def say(self, what: str, make: Callable[[], Iterator[str]]) -> None:
         """Print the lines that `make` yields, or why it could not."""
@@ -128,7 +128,7 @@ class FirstPictures:
 
     def _first_finished(self) -> tuple[str, int]:
         """Wait for a frame of the run that is finished; return its job and its number."""
-        reader = EventReader(self._root / EVENTS / f"{self._plan.name}.jsonl")
+        reader = Runs(self._root).reader(self._plan.name)
         while True:
             for event in reader.new("finish"):
                 if event["event"] == "frame" and event["stage"] == "finish":

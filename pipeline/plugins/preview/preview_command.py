@@ -22,14 +22,7 @@ from flowsculpt.api.commands import (
 )
 from flowsculpt.api.flows import estimated_vertices, growth_warning
 from flowsculpt.api.frames import Edit, FrameRange, RenderRequest, Store, find_edit, find_shot, names_edit
-from flowsculpt.api.options import (
-    DEFAULT_QUALITY,
-    Common,
-    ShotOptions,
-    at_option,
-    frames_option,
-    output_option,
-)
+from flowsculpt.api.options import DEFAULT_QUALITY, Common, ShotOptions, shared_option
 from flowsculpt.api.pictures import BurnIn
 from flowsculpt.pipeline.animation import FrameProgress
 from flowsculpt.pipeline.flow.flow import require_permission
@@ -59,9 +52,10 @@ def preview(
         str, typer.Argument(metavar="SHOT", help="A shot or an edit: a name in shots/, or a path.")
     ],
     options: ShotOptions,
-    at: Annotated[int | None, at_option("Draw a still of this frame. Default: a movie.")] = None,
+    at: Annotated[int | None, shared_option("at", "Draw a still of this frame. Default: a movie.")] = None,
     frames: Annotated[
-        FrameRange | None, frames_option("Draw a movie of these frames: 1-48, 1-48x2, 1-24,30. Default: all.")
+        FrameRange | None,
+        shared_option("frames", "Draw a movie of these frames: 1-48, 1-48x2, 1-24,30. Default: all."),
     ] = None,
     flow: Annotated[
         bool, typer.Option("--flow", help="Draw the flow: its streamlines at each frame, coloured by speed.")
@@ -89,7 +83,7 @@ def preview(
     no_browser: Annotated[
         bool, typer.Option("--no-browser", help="Print the address of the live page, and open no browser.")
     ] = False,
-    output: Annotated[Path | None, output_option("Write this PNG or MP4.")] = None,
+    output: Annotated[Path | None, shared_option("output", "Write this PNG or MP4.")] = None,
 ) -> None:
     """Draw a shot in seconds, without a path tracer: with its camera, lights and look, but no reflections.
 

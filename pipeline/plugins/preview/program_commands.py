@@ -20,15 +20,15 @@ from flowsculpt.api.commands import Project, exit_with, print_error, print_warni
 from flowsculpt.api.frames import (
     STAGES,
     EventReader,
+    FrameStates,
     History,
     Plan,
     RenderRequest,
     Store,
     camera_file,
     find_shot,
-    picture_states,
 )
-from flowsculpt.api.options import DEFAULT_QUALITY, Common, Frames, Shot, ShotOptions, quality_option
+from flowsculpt.api.options import DEFAULT_QUALITY, Common, Frames, Shot, ShotOptions, shared_option
 from flowsculpt.api.shots import text_of
 from flowsculpt.pipeline.plugins.preview.shot_editor import (
     MOST_REQUEST_BYTES,
@@ -79,7 +79,7 @@ def frames(
     options: ShotOptions,
     frames: Frames = None,
     quality: Annotated[
-        str | None, quality_option("List pictures of this quality too; with --make, render them.")
+        str | None, shared_option("quality", "List pictures of this quality too; with --make, render them.")
     ] = None,
     make: Annotated[
         bool, typer.Option("--make", help="Make what is missing first: meshes and cameras, or pictures.")
@@ -160,7 +160,7 @@ def _listing(project: Project, request: RenderRequest, with_pictures: bool) -> d
         "cameras": _cameras(request, store),
     }
     if with_pictures:
-        states = picture_states(request, store, History.of(project.root))
+        states = FrameStates.of_pictures(request, store, History.of(project.root))
         done = set(states.done)
         files = [(project.root / place).as_posix() for place in request.places("frame", numbers)]
         listing["pictures"] = [

@@ -7,7 +7,7 @@ from functools import cache
 from flowsculpt import MachineError, UsageError
 from flowsculpt.api import plural
 from flowsculpt.api.commands import exit_with, print_result
-from flowsculpt.api.frames import Key, Store, upload_missed, writing
+from flowsculpt.api.frames import Key, Locks, Store, upload_missed
 from flowsculpt.api.options import Common
 
 
@@ -30,7 +30,7 @@ def push(common: Common) -> None:
     if common.dry_run:
         sent, unsent = len(lacking_names(store)), 0
     else:
-        with writing(common.root, common.wait):
+        with Locks(common.root).hold_with_writers(common.wait):
             sent, unsent = upload_missed(store, lacking_names(store))
     verb = "Would upload" if common.dry_run else "Uploaded"
     words = f"{verb} {plural(sent, 'file')} to {store.url}."

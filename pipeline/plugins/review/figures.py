@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -12,19 +12,10 @@ from flowsculpt import MissingInputError, UsageError
 from flowsculpt.api.commands import Project, print_result
 from flowsculpt.api.frames import STAGES, LatestTimings, RenderRequest, find_shot
 from flowsculpt.api.meshes import Floats
-from flowsculpt.api.options import (
-    DEFAULT_QUALITY,
-    Common,
-    Crossings,
-    Plot,
-    Quality,
-    Shot,
-    ShotOptions,
-    Subject,
-)
+from flowsculpt.api.options import DEFAULT_QUALITY, Common, Quality, Shot, ShotOptions, Subject, shared_option
 from flowsculpt.api.pictures import Curves, plot_panels
 from flowsculpt.pipeline.plugins.review.figure_panels import HeatMap, StackedBars
-from flowsculpt.pipeline.plugins.review.measures import TIMED_STAGES, limits_of, measured
+from flowsculpt.pipeline.plugins.review.measures import TIMED_STAGES, Crossings, limits_of, measured
 
 Panel = Curves | HeatMap | StackedBars
 
@@ -37,7 +28,10 @@ def figures(
     shot: Shot,
     options: ShotOptions,
     quality: Quality = DEFAULT_QUALITY,
-    output: Plot = None,
+    output: Annotated[
+        Path | None,
+        shared_option("output", "Write this SVG, PNG or PDF. Default: an SVG in renders/SHOT."),
+    ] = None,
     crossings: Crossings = False,
     subject: Subject = None,
 ) -> None:

@@ -6,9 +6,10 @@ import json
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+import typer
 from numpy.typing import NDArray
 
 from flowsculpt import TriangleMesh
@@ -27,6 +28,15 @@ from flowsculpt.api.frames import (
 from flowsculpt.api.meshes import Floats, self_intersections
 
 MEASURE = PipelineStage("measure", version=2, doing="measuring", makes="measures", per_quality=False)
+
+Crossings = Annotated[
+    bool,
+    typer.Option(
+        "--crossings",
+        help="Count pairs of faces that pass through each other in every frame. Default: in the first frame, "
+        "every eighth after it and the last.",
+    ),
+]
 
 BINS = 48
 """Bins of a histogram."""

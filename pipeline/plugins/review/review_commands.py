@@ -11,10 +11,11 @@ import typer
 from flowsculpt import UsageError
 from flowsculpt.api import plural
 from flowsculpt.api.commands import print_result, print_warning, progress_bars, require_one_of, size, table
-from flowsculpt.api.frames import History, find_shot, writing
-from flowsculpt.api.options import QUALITIES, Common, Crossings, Shot, ShotOptions, Shots, quality_option
+from flowsculpt.api.frames import History, Locks, find_shot
+from flowsculpt.api.options import QUALITIES, Common, Shot, ShotOptions, shared_option
 from flowsculpt.api.pictures import three_js
 from flowsculpt.api.shots import NAME
+from flowsculpt.pipeline.plugins.review.measures import Crossings
 from flowsculpt.pipeline.plugins.review.review_notes import STATUSES, NotesFolder, ReviewNote, as_data, merged
 from flowsculpt.pipeline.plugins.review.review_page import HINT, ReviewPage, Search
 
@@ -28,11 +29,15 @@ NotesFiles = Annotated[
 
 def review(
     common: Common,
-    shots: Shots,
+    shots: Annotated[
+        list[str], typer.Argument(metavar="SHOT", help="Names in shots/, or paths of shot files.")
+    ],
     options: ShotOptions,
     qualities: Annotated[
         list[str] | None,
-        quality_option(f"Show only this quality, of {', '.join(QUALITIES)}. Repeatable. Default: all."),
+        shared_option(
+            "quality", f"Show only this quality, of {', '.join(QUALITIES)}. Repeatable. Default: all."
+        ),
     ] = None,
     name: Annotated[
         str | None,
@@ -82,7 +87,7 @@ def review(
     if common.dry_run:
         counts = {"sequences": len(page.sequences), "pictures": sum(len(s.pictures) for s in page.sequences)}
     else:
-        with writing(common.root, common.wait), progress_bars(common.progress) as bar:
+        with Locks(common.root).hold_with_writers(common.wait), progress_bars(common.progress) as bar:
             counts = page.write(bar("making the page", page.steps), bar)
     if three_js() is None:
         print_warning(HINT)

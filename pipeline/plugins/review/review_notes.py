@@ -20,7 +20,7 @@ from pydantic import BaseModel, ConfigDict, Field, StringConstraints, Validation
 from flowsculpt import MissingInputError, UsageError
 from flowsculpt.api import brief
 from flowsculpt.api.files import ChangedFileError, atomic_write, machine_error
-from flowsculpt.api.frames import NOTES, making, writing
+from flowsculpt.api.frames import Locks, RootFolders
 from flowsculpt.api.shots import NAME, is_there
 
 FORMAT = "flowsculpt notes"
@@ -224,7 +224,7 @@ class NotesFolder:
     root: Path
 
     def path(self, shot: str) -> Path:
-        return self.root / NOTES / f"{shot}.json"
+        return RootFolders.of(self.root).notes / f"{shot}.json"
 
     def notes(self, shot: str) -> list[ReviewNote]:
         """Return the notes of a shot. Raises what `read_notes` raises."""
@@ -253,7 +253,7 @@ class NotesFolder:
         def is_same(path: Path) -> bool:
             return _notes_in(path) == before
 
-        with writing(self.root), making(self.root, lock, wait=True):
+        with Locks(self.root).hold_with_writers(), Locks(self.root).hold(lock, wait=True):
             while True:
                 before = self.notes(shot)
                 count = _count(notes, before)

@@ -36,13 +36,10 @@ from flowsculpt.api.options import (
     DEFAULT_QUALITY,
     Common,
     PictureOptions,
-    Plot,
     Quality,
     Settings,
     Shot,
-    at_option,
-    frames_option,
-    output_option,
+    shared_option,
 )
 from flowsculpt.api.pictures import ContactSheet, Curves, plot_panels, write_still
 from flowsculpt.api.shots import inherited, read_shot
@@ -95,7 +92,15 @@ class ShotSheet:
         return light_notes({n: white(picture) for n, picture in shown if picture is not None})
 
 
-def curves(common: Common, shot: Shot, output: Plot = None, settings: Settings = None) -> None:
+def curves(
+    common: Common,
+    shot: Shot,
+    output: Annotated[
+        Path | None,
+        shared_option("output", "Write this SVG, PNG or PDF. Default: an SVG in renders/SHOT."),
+    ] = None,
+    settings: Settings = None,
+) -> None:
     """Draw everything in a shot that changes over time: values over frames, with their keys as dots.
 
     `flowsculpt curves A010_cube` writes renders/A010_cube/A010_cube.curves.svg.
@@ -123,15 +128,15 @@ def sheet(
     shot: Shot,
     options: PictureOptions,
     frames: Annotated[
-        FrameRange | None, frames_option("Default: up to twelve, evenly over the shot.")
+        FrameRange | None, shared_option("frames", "Default: up to twelve, evenly over the shot.")
     ] = None,
     looks: Annotated[
         str | None, typer.Option(metavar="NAMES", help="One frame in each of these looks, as in clay,glaze.")
     ] = None,
-    at: Annotated[int | None, at_option("The frame of --looks. Default: the middle one.")] = None,
+    at: Annotated[int | None, shared_option("at", "The frame of --looks. Default: the middle one.")] = None,
     quality: Quality = DEFAULT_QUALITY,
     columns: Annotated[int | None, typer.Option(min=1, metavar="N", help="Columns of the sheet.")] = None,
-    output: Annotated[Path | None, output_option("Write this PNG.")] = None,
+    output: Annotated[Path | None, shared_option("output", "Write this PNG.")] = None,
 ) -> None:
     """Draw a contact sheet of a shot's frames, rendering what is missing.
 
@@ -184,8 +189,10 @@ def wedge(
             "combinations.",
         ),
     ] = None,
-    frames: Annotated[FrameRange | None, frames_option("Frames of every cell. Default: the sheet's.")] = None,
-    at: Annotated[int | None, at_option("The frame of the sheet. Default: the middle one.")] = None,
+    frames: Annotated[
+        FrameRange | None, shared_option("frames", "Frames of every cell. Default: the sheet's.")
+    ] = None,
+    at: Annotated[int | None, shared_option("at", "The frame of the sheet. Default: the middle one.")] = None,
     quality: Quality = DEFAULT_QUALITY,
     columns: Annotated[
         int | None,

@@ -40,11 +40,10 @@ from flowsculpt.api.options import (
     DEFAULT_QUALITY,
     Common,
     Quality,
-    Scale,
     ShotOptions,
     Subject,
     Variant,
-    at_option,
+    shared_option,
 )
 from flowsculpt.api.pictures import ContactSheet, movie_encode, prefetch, write_movie, write_still
 from flowsculpt.api.shots import DEFAULTS, LOOKS, NAME, YamlSource, inherited, is_there
@@ -343,7 +342,7 @@ def turntable(
         ),
     ],
     options: ShotOptions,
-    at: Annotated[int | None, at_option("The frame of the shot. Default: its first.")] = None,
+    at: Annotated[int | None, shared_option("at", "The frame of the shot. Default: its first.")] = None,
     frames: Annotated[int, typer.Option(metavar="N", help="Pictures in a full turn.")] = 72,
     turn: Annotated[
         str, typer.Option(metavar="WHAT", help="object, lights, or both: the object first, then the lights.")
@@ -368,7 +367,9 @@ def turntable(
     ] = None,
     part: Subject = None,
     quality: Quality = DEFAULT_QUALITY,
-    scale: Scale = None,
+    scale: Annotated[
+        str | None, typer.Option(metavar="PERCENT", help="Render smaller or larger pictures: 50%, or 0.5.")
+    ] = None,
     variant: Variant = None,
 ) -> None:
     """Render one frame of a shot, or a mesh file, turning; then the lights turning around it.

@@ -29,7 +29,7 @@ from flowsculpt import FlowsculptError, MachineError, MissingInputError, UsageEr
 from flowsculpt.api import RunObserver, suggestion
 from flowsculpt.api.commands import print_warning
 from flowsculpt.api.files import user_environment
-from flowsculpt.api.frames import EVENTS, EventReader
+from flowsculpt.api.frames import Runs
 from flowsculpt.api.options import Common
 from flowsculpt.pipeline.plugins.versions.provenance import FILE
 from flowsculpt.pipeline.plugins.versions.publishing import Published
@@ -132,7 +132,7 @@ def hooks_of(profile: Path, event: str) -> Iterator[Hook]:
 
 def tell_of_run(common: Common, run: str) -> str:
     """Tell the hooks of the profile that a run is done or has failed; those that fail are warnings."""
-    events = list(EventReader(common.root / EVENTS / f"{run}.jsonl").new())
+    events = list(Runs(common.root).reader(run).new())
     failures = [event for event in events if event["event"] == "fail"]
     name = "run_failed" if failures else "run_done"
     shots = dict.fromkeys((e["shot"], e.get("quality")) for e in events if e["event"] == "frame")

@@ -16,7 +16,7 @@ import psutil
 
 from flowsculpt import MissingInputError, UsageError
 from flowsculpt.api.files import from_plain, to_plain, usable
-from flowsculpt.api.frames import PUBLISHED, STAGES, PublishedVersion, ShotSource, is_quality
+from flowsculpt.api.frames import STAGES, PublishedVersion, RootFolders, ShotSource, is_quality
 from flowsculpt.api.shots import NAME, is_there
 
 FILE = "provenance.json"
@@ -192,7 +192,7 @@ def _within(path: Path) -> str:
 
 def published_folder(root: Path, shot: str) -> Path:
     """Return the folder of a shot's versions."""
-    return root / PUBLISHED / shot
+    return RootFolders.of(root).published / shot
 
 
 def records(root: Path, shot: str) -> Iterator[tuple[Path, Provenance | UsageError | MissingInputError]]:
@@ -208,7 +208,9 @@ def records(root: Path, shot: str) -> Iterator[tuple[Path, Provenance | UsageErr
 
 def published_versions(root: Path, shot: str | None) -> Iterator[PublishedVersion]:
     """Yield the versions of a shot, or of all shots."""
-    for name in sorted(folder.name for folder in (root / PUBLISHED).glob("*")) if shot is None else [shot]:
+    for name in (
+        sorted(folder.name for folder in RootFolders.of(root).published.glob("*")) if shot is None else [shot]
+    ):
         for folder, record in records(root, name):
             if not isinstance(record, Provenance):
                 fault = str(record).removeprefix(f"{folder / FILE}: ")

@@ -38,17 +38,15 @@ from flowsculpt.api.frames import (
     FrameRange,
     Key,
     LatestTimings,
+    Locks,
     PictureKeys,
     PictureSequence,
     RenderRequest,
     SequenceQuery,
     Store,
-    lock_name,
-    making,
     picture_keys,
     read_statistics,
     samples_of,
-    writing,
 )
 from flowsculpt.api.pictures import (
     Frame,
@@ -176,9 +174,9 @@ class Release:
         request, root = self.request, self.store.root
         names = {
             f"published.{request.name}": f"a version of {request.name}",
-            lock_name(request.name, request.quality_name): f"{request.name} at {request.quality_name}",
+            Locks.name(request.name, request.quality_name): f"{request.name} at {request.quality_name}",
         }
-        with writing(root), making(root, names):
+        with Locks(root).hold_with_writers(), Locks(root).hold(names):
             sweep(self._home)
             return self._published(dry=False)
 

@@ -21,10 +21,10 @@ from flowsculpt.api.frames import (
     PictureKeys,
     Plan,
     RenderRequest,
+    RootFolders,
     ShotSource,
     Store,
     picture_keys,
-    repeated,
 )
 from flowsculpt.api.pictures import RenderError, read_exr
 from flowsculpt.api.shots import is_there
@@ -97,7 +97,7 @@ class Reproduction:
     @property
     def home(self) -> Path:
         """The root that it is made under."""
-        return self.project.root / repeated(self.record.shot, self.record.version)
+        return RootFolders.of(self.project.root).repeated / f"{self.record.shot}.{self.record.version}"
 
     @property
     def store(self) -> Store:

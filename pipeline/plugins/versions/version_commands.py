@@ -22,12 +22,11 @@ from flowsculpt.api.commands import (
     report_plan,
     table,
 )
-from flowsculpt.api.frames import PUBLISHED, FrameRange, find_shot, use_store
+from flowsculpt.api.frames import FrameRange, RootFolders, find_shot, use_store
 from flowsculpt.api.options import (
     DEFAULT_QUALITY,
     AllowCode,
     Common,
-    Force,
     FrameNumbers,
     PictureOptions,
     Quality,
@@ -121,7 +120,7 @@ def versions(
 
     `flowsculpt versions A010_cube` lists the versions that `flowsculpt publish A010_cube` made.
     """
-    home = common.root / PUBLISHED
+    home = RootFolders.of(common.root).published
     known = sorted(folder.name for folder in home.glob("*") if folder.is_dir())
     name = None if shot is None else Path(shot).stem if shot.endswith((".yaml", ".yml")) else shot
     if name is not None and name not in known:
@@ -167,7 +166,9 @@ def reproduce(
     frames: FrameNumbers = None,
     variant: Variant = None,
     allow_code: AllowCode = False,
-    force: Force = False,
+    force: Annotated[
+        bool, typer.Option("--force", help="Render and finish the frames again, and replace what is stored.")
+    ] = False,
 ) -> None:
     """Render a published version again, and compare it to the last bit.
 

@@ -9,12 +9,7 @@ from pathlib import Path
 
 from flowsculpt.pipeline.errors import UsageError, suggestion
 from flowsculpt.pipeline.frames import FrameRange, FrameSelection, FrameWords
-from flowsculpt.pipeline.production.planning.frame_states import (
-    FrameStates,
-    mesh_states,
-    picture_states,
-    select_frames,
-)
+from flowsculpt.pipeline.production.planning.frame_states import FrameStates, select_frames
 from flowsculpt.pipeline.production.planning.plan import Plan
 from flowsculpt.pipeline.production.planning.planner import Planner
 from flowsculpt.pipeline.production.planning.profile import Profile, variant_for
@@ -102,7 +97,9 @@ class Project:
         """Return the plan of the mesh frames of shots."""
         planner = self.planner()
         for shot in shots:
-            planner.simulate(self.find_request(shot, DEFAULT_QUALITY, frames, mesh_states, variant="none"))
+            planner.simulate(
+                self.find_request(shot, DEFAULT_QUALITY, frames, FrameStates.of_meshes, variant="none")
+            )
         return planner.plan()
 
     def pictures(self, shots: Sequence[str], quality: str, frames: FrameSelection | None = None) -> Plan:
@@ -239,7 +236,7 @@ class Project:
         shot: str,
         quality: str,
         frames: FrameSelection | None = None,
-        states: States = picture_states,
+        states: States = FrameStates.of_pictures,
         variant: str | None = None,
     ) -> RenderRequest:
         """Return the request of a shot by its name; arguments as of `request`."""
@@ -251,12 +248,14 @@ class Project:
         quality: str,
         frames: FrameSelection | None = None,
         variant: str | None = None,
-        states: States = picture_states,
+        states: States = FrameStates.of_pictures,
     ) -> RenderRequest:
         """Return the request of a shot file at one quality, of all frames or those selected.
 
         states  the states that words such as `missing` select by; which frames they mean is settled once
         """
+        if not isinstance(frames, FrameSelection | None):
+            raise TypeError(f"frames are {frames!r}; FrameSelection.of_text reads text")
         require_quality(quality)
         source = self._source(path)
         whole = FrameRange(source.manifest.frames)

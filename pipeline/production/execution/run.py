@@ -25,7 +25,7 @@ from flowsculpt.pipeline.production.planning.profile import Profile
 from flowsculpt.pipeline.production.request.shot_source import PlanningCache
 from flowsculpt.pipeline.production.store.event_log import Event, EventLog, EventReader, poll
 from flowsculpt.pipeline.production.store.history import summarise
-from flowsculpt.pipeline.production.store.locks import making, writing
+from flowsculpt.pipeline.production.store.locks import Locks
 from flowsculpt.pipeline.production.store.paths import EVENTS
 from flowsculpt.pipeline.production.store.store import Store, remove_checkpoints, sweep, upload_missed
 from flowsculpt.render.base.atomic_write import disk_errors
@@ -234,7 +234,8 @@ def run(
     """
     clock = _RunClock()
     store, plan = Store(root), make_plan()
-    with writing(root, wait), making(root, plan.lock_names if plan.jobs else {}, wait) as waited:
+    locks, names = Locks(root), plan.lock_names if plan.jobs else {}
+    with locks.hold_with_writers(wait), locks.hold(names, wait) as waited:
         sweep(store)
         upload_missed(store)
         PlanningCache(root).prune()

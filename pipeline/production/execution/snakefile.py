@@ -32,7 +32,7 @@ from flowsculpt.pipeline.production.planning.profile import Share
 from flowsculpt.pipeline.production.request.lookup import FILM, find_edit, find_shot, today_name
 from flowsculpt.pipeline.production.stages import PLUGIN_STAGES, STAGES, forced_with
 from flowsculpt.pipeline.production.store.history import summarise
-from flowsculpt.pipeline.production.store.locks import making, writing
+from flowsculpt.pipeline.production.store.locks import Locks
 from flowsculpt.pipeline.production.store.store import Store, upload_missed
 from flowsculpt.pipeline.production.tasks.job import MOST_FAULTS, faults_of_hosts
 from flowsculpt.render.base.atomic_write import atomic_write
@@ -214,10 +214,10 @@ class PlannedWorkflow:
         for note in plan.notes:
             print(note, file=sys.stderr)
         if workflow.executor_plugin is not None and not workflow.dryrun:
-            _HELD.enter_context(writing(self._root))
+            _HELD.enter_context(Locks(self._root).hold_with_writers())
             upload_missed(project.store)
             plan, _ = with_inputs_here(plan, make_plan, project.store)
-            _HELD.enter_context(making(self._root, plan.lock_names))
+            _HELD.enter_context(Locks(self._root).hold(plan.lock_names))
             plan.restore_links(project.store)
             summarise(self._root)
             for target in filter(_FRAME.fullmatch, settings.targets):

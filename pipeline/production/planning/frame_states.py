@@ -50,44 +50,44 @@ class FrameStates:
     running: FrameRange
     seconds_left: float | None
 
+    @classmethod
+    def of_meshes(cls, request: RenderRequest, store: Store, history: History) -> FrameStates:
+        """Return the states of the meshes of a request."""
+
+        numbers = request.requested
+
+        def states_of(part: RenderRequest) -> Iterator[str]:
+            places = part.places("mesh", numbers)
+            shown = _names_in(f"{store.root}/{places[0].rpartition('/')[0]}")
+            for number, place in zip(numbers, places, strict=True):
+                if store.url is None and place.rpartition("/")[2] not in shown:
+                    yield "missing"  # whatever its key is, which takes the flow of all frames before
+                    continue
+                key = part.keys.mesh(number)
+                if store.shows("mesh", key, place):
+                    yield "done"
+                else:
+                    yield "remote" if store.is_remote("mesh", key) else _undone(store, place)
+
+        def of_all(*found: str) -> str:
+            return next(state for state in ("stale", "missing", "remote", "done") if state in found)
+
+        names = [request.name if part is request else part.folders.title for part in request.parts]
+        found = map(of_all, *map(states_of, request.parts))
+        return _states(request, "meshes", found, history, [(name, MESH_STAGES, SHARED) for name in names])
+
+    @classmethod
+    def of_pictures(cls, request: RenderRequest, store: Store, history: History) -> FrameStates:
+        """Return the states of the finished pictures of a request."""
+        quality = request.quality_name
+        found = map(KnownPictures(request, store).state, request.requested)
+        return _states(request, quality, found, history, [(request.folders.name, PICTURE_STAGES, quality)])
+
     def as_data(self) -> dict[str, Any]:
         names = ("done", "remote", "stale", "unframed", "rendered", "missing", "failed", "running")
         left = None if self.seconds_left is None else round(self.seconds_left, 1)
         lists = {n: list(getattr(self, n)) for n in names}
         return {"shot": self.shot, "what": self.what, **lists, "seconds_left": left}
-
-
-def mesh_states(request: RenderRequest, store: Store, history: History) -> FrameStates:
-    """Return the states of the meshes of a request."""
-
-    numbers = request.requested
-
-    def states_of(part: RenderRequest) -> Iterator[str]:
-        places = part.places("mesh", numbers)
-        shown = _names_in(f"{store.root}/{places[0].rpartition('/')[0]}")
-        for number, place in zip(numbers, places, strict=True):
-            if store.url is None and place.rpartition("/")[2] not in shown:
-                yield "missing"  # whatever its key is, which takes the flow of all frames before
-                continue
-            key = part.keys.mesh(number)
-            if store.shows("mesh", key, place):
-                yield "done"
-            else:
-                yield "remote" if store.is_remote("mesh", key) else _undone(store, place)
-
-    def of_all(*found: str) -> str:
-        return next(state for state in ("stale", "missing", "remote", "done") if state in found)
-
-    names = [request.name if part is request else part.folders.title for part in request.parts]
-    found = map(of_all, *map(states_of, request.parts))
-    return _states(request, "meshes", found, history, [(name, MESH_STAGES, SHARED) for name in names])
-
-
-def picture_states(request: RenderRequest, store: Store, history: History) -> FrameStates:
-    """Return the states of the finished pictures of a request."""
-    quality = request.quality_name
-    found = map(KnownPictures(request, store).state, request.requested)
-    return _states(request, quality, found, history, [(request.folders.name, PICTURE_STAGES, quality)])
 
 
 class KnownPictures:

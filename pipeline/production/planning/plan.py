@@ -32,7 +32,7 @@ from flowsculpt.pipeline.production.request.edit import Edit
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.stages import STAGES
 from flowsculpt.pipeline.production.store.event_log import logs_of
-from flowsculpt.pipeline.production.store.locks import lock_name
+from flowsculpt.pipeline.production.store.locks import Locks
 from flowsculpt.pipeline.production.store.paths import DONE, PLANS, RENDERS
 from flowsculpt.pipeline.production.store.remote_store import remote_stores, store_url
 from flowsculpt.pipeline.production.store.shared_kernels import send_kernels
@@ -246,7 +246,7 @@ class Plan:
             home = request.home or request.folders.home.relative_to(RENDERS).as_posix()
             quality = request.quality_name if per_quality else "meshes"
             words = f"{shot} at {quality}" if per_quality else f"the meshes of {shot}"
-            names[lock_name(home, quality)] = words
+            names[Locks.name(home, quality)] = words
         return names
 
     @property

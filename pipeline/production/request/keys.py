@@ -171,6 +171,20 @@ class RequestKeys:
         data = [flow_cache_data(part.motion, mesh, offsets) for part in shot.parts]
         return data if shot.subjects else data[0]
 
+    def header(
+        self, number: int, framing: Framing | None = None, keys: FrameKeys | None = None
+    ) -> dict[str, Any]:
+        """Return what the EXR of a raw picture says of itself, plain data: enough to make it again.
+
+        It stands in the file as `flowsculpt:` entries. Without framing and keys, return what is known before
+        the shot is framed.
+        """
+        known = _known_header(self.request, number)
+        if framing is None or keys is None:
+            return known
+        placement = to_plain(framing.placement)  # resampling has a setting of the shorter name
+        return {"key": keys.raw, **to_plain(framing), "stage_placement": placement, **known}
+
     def still(self, form: str, frame: Key) -> Key:
         """Return the key of a still by that of its frame."""
         return key_of(STAGES[form].recipe, frame, self.request.manifest.shown_as)
@@ -317,21 +331,8 @@ class PictureKeys(Mapping[int, FrameKeys]):
         return self._raws[number]
 
 
-def raw_header(request: RenderRequest, number: int, framing: Framing, keys: FrameKeys) -> dict[str, Any]:
-    """Return what the EXR of a raw picture says of itself, plain data: enough to make it again.
-
-    It stands in the file as `flowsculpt:` entries.
-    """
-    return {
-        "key": keys.raw,
-        **to_plain(framing),
-        "stage_placement": to_plain(framing.placement),  # resampling has a setting of the shorter name
-        **picture_header(request, number),
-    }
-
-
-def picture_header(request: RenderRequest, number: int) -> dict[str, Any]:
-    """Return the part of `raw_header` that is known before the shot is framed.
+def _known_header(request: RenderRequest, number: int) -> dict[str, Any]:
+    """Return the part of a header that is known before the shot is framed.
 
     inputs  digests of the files that the shot reads, by their names without folders
     """

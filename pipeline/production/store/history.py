@@ -25,7 +25,7 @@ from typing import Any, NamedTuple
 from flowsculpt.pipeline.errors import MachineError
 from flowsculpt.pipeline.production.stages import STAGES
 from flowsculpt.pipeline.production.store.event_log import RUNS, Event, EventReader, event_in, logs_of
-from flowsculpt.pipeline.production.store.locks import lock_name, of_key
+from flowsculpt.pipeline.production.store.locks import Locks
 from flowsculpt.pipeline.production.store.paths import LOGS, STATE
 from flowsculpt.pipeline.production.store.remote_store import LOG
 from flowsculpt.render.base.atomic_write import atomic_write, machine_error
@@ -280,7 +280,7 @@ def _warn(message: str) -> None:
 
 
 def _summary(root: Path, place: Place) -> Path:
-    return root / HISTORY / f"{lock_name(*place)}.json"
+    return root / HISTORY / f"{Locks.name(*place)}.json"
 
 
 def size_of(log: Path) -> int:
@@ -309,7 +309,7 @@ def summarise(root: Path) -> None:
     logs = logs_of(root)
     if not logs:
         return
-    with contextlib.suppress(OSError, MachineError), of_key(root, "history", lambda: None):
+    with contextlib.suppress(OSError, MachineError), Locks(root).hold_key("history", lambda: None):
         added = before = logs_added(root)
         for log in logs:
             if added.get(log.stem) != size_of(log) and _has_ended(log):

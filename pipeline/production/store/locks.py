@@ -17,6 +17,7 @@ import re
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 
 from flowsculpt.pipeline.errors import MachineError
@@ -37,11 +38,6 @@ UNSUPPORTED = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS)
 """Error numbers of network file systems without locks."""
 
 
-def lock_name(home: str, quality: str) -> str:
-    """Return the name of the lock of a shot, or of another folder of pictures, at a quality."""
-    return re.sub(r"[^\w.=,-]", "+", f"{home}.{quality}")
-
-
 class TakenError(Exception):
     """Another process holds a lock.
 
@@ -53,63 +49,72 @@ class TakenError(Exception):
         self.holder = holder
 
 
-@contextmanager
-def writing(root: Path, wait: bool = False) -> Iterator[None]:
-    """Hold the lock of `root` with all other writers.
+@dataclass(frozen=True)
+class Locks:
+    """The locks of a root."""
 
-    Raises MachineError where `clean` or `verify` holds it alone, unless this is to `wait` for them.
-    """
-    require_own_folders(root)
-    try:
-        with _held(root / ROOT, shared=True, wait=(lambda: None) if wait else None):
+    root: Path
+
+    @staticmethod
+    def name(home: str, quality: str) -> str:
+        """Return the name of the lock of a shot, or of another folder of pictures, at a quality."""
+        return re.sub(r"[^\w.=,-]", "+", f"{home}.{quality}")
+
+    @contextmanager
+    def hold_with_writers(self, wait: bool = False) -> Iterator[None]:
+        """Hold the lock of the root with all others that write to it.
+
+        Raises MachineError where `clean` or `verify` holds it alone, unless this is to `wait` for them.
+        """
+        require_own_folders(self.root)
+        try:
+            with _held(self.root / ROOT, shared=True, wait=(lambda: None) if wait else None):
+                yield
+        except TakenError as taken:
+            raise MachineError(
+                f"{self.root}: another flowsculpt run removes files from the store: {taken.holder}. "
+                "Wait for it."
+            ) from None
+
+    @contextmanager
+    def hold_alone(self) -> Iterator[None]:
+        """Hold the lock of the root alone. Raises MachineError where anybody writes to it."""
+        require_own_folders(self.root)
+        try:
+            with _held(self.root / ROOT):
+                yield
+        except TakenError:
+            holders = ", ".join(_holders(self.root)) or "its processes are ending"
+            raise MachineError(
+                f"{self.root}: another flowsculpt run is writing here: {holders}. Wait for it, or stop it."
+            ) from None
+
+    @contextmanager
+    def hold(self, names: Mapping[str, str], wait: bool = False) -> Iterator[bool]:
+        """Hold the locks of what a run writes, by their names; yield whether it had to wait for one.
+
+        names  in words what each lock is for, such as `A010_cube at draft`
+
+        Raises MachineError, with the holder, where another run holds one, unless this is to `wait` for it.
+        """
+        waited: list[None] = []
+        with ExitStack() as locks:
+            for name, words in sorted(names.items()):
+                try:
+                    waits = (lambda: waited.append(None)) if wait else None
+                    locks.enter_context(_held(self.root / LOCKS / f"{name}.lock", words, wait=waits))
+                except TakenError as taken:
+                    raise MachineError(
+                        f"{words}: another flowsculpt run is making it: {taken.holder}. Wait for it, or stop "
+                        "it; --wait waits."
+                    ) from None
+            yield bool(waited)
+
+    @contextmanager
+    def hold_key(self, key: str, waits: Callable[[], object]) -> Iterator[None]:
+        """Hold the lock of files that qualities share; call `waits` now and then while another has it."""
+        with _held(self.root / LOCKS / f"{key}.key", wait=waits):
             yield
-    except TakenError as taken:
-        raise MachineError(
-            f"{root}: another flowsculpt run removes files from the store: {taken.holder}. Wait for it."
-        ) from None
-
-
-@contextmanager
-def exclusive(root: Path) -> Iterator[None]:
-    """Hold the lock of `root` alone. Raises MachineError where anybody writes to it."""
-    require_own_folders(root)
-    try:
-        with _held(root / ROOT):
-            yield
-    except TakenError:
-        holders = ", ".join(_holders(root)) or "its processes are ending"
-        raise MachineError(
-            f"{root}: another flowsculpt run is writing here: {holders}. Wait for it, or stop it."
-        ) from None
-
-
-@contextmanager
-def making(root: Path, names: Mapping[str, str], wait: bool = False) -> Iterator[bool]:
-    """Hold the locks of what a run writes, by their names; yield whether it had to wait for one.
-
-    names  in words what each lock is for, such as `A010_cube at draft`
-
-    Raises MachineError, with the holder, where another run holds one, unless this is to `wait` for it.
-    """
-    waited: list[None] = []
-    with ExitStack() as locks:
-        for name, words in sorted(names.items()):
-            try:
-                waits = (lambda: waited.append(None)) if wait else None
-                locks.enter_context(_held(root / LOCKS / f"{name}.lock", words, wait=waits))
-            except TakenError as taken:
-                raise MachineError(
-                    f"{words}: another flowsculpt run is making it: {taken.holder}. Wait for it, or stop it; "
-                    "--wait waits."
-                ) from None
-        yield bool(waited)
-
-
-@contextmanager
-def of_key(root: Path, key: str, waits: Callable[[], object]) -> Iterator[None]:
-    """Hold the lock of files that qualities share; call `waits` from time to time while another has it."""
-    with _held(root / LOCKS / f"{key}.key", wait=waits):
-        yield
 
 
 @contextmanager

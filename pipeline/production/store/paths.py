@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from flowsculpt.pipeline.errors import MachineError
 from flowsculpt.render.base.root_files import guard
@@ -58,6 +59,30 @@ _NUMBERED = {
     "statistics": "{}/statistics",
 }
 """Folders of numbered files by kind; pictures lie in the folder of their quality."""
+
+
+class RootFolders(NamedTuple):
+    """The folders of a root.
+
+    state      what runs keep for themselves: store, plans, logs, digests
+    digests    records of what was written
+    renders    what people look at
+    published  versions of shots, which nothing overwrites
+    repeated   roots in which versions are made again, each SHOT.VERSION
+    notes      notes of reviewers
+    """
+
+    state: Path
+    digests: Path
+    renders: Path
+    published: Path
+    repeated: Path
+    notes: Path
+
+    @classmethod
+    def of(cls, root: Path) -> RootFolders:
+        """Return the folders below a root, whether they are there or not."""
+        return cls(*(root / place for place in (STATE, DIGESTS, RENDERS, PUBLISHED, REPEATED, NOTES)))
 
 
 @dataclass(frozen=True)
@@ -129,8 +154,3 @@ def require_store(root: Path) -> None:
 def of_edit(shot: str, edit: str) -> Path:
     """The folder of a shot in an edit that has a picture of its own."""
     return RENDERS / "edit" / shot / edit
-
-
-def repeated(name: str, version: str) -> Path:
-    """The root in which a published version is made again."""
-    return REPEATED / f"{name}.{version}"

@@ -33,7 +33,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
 
 from flowsculpt.pipeline.errors import FrameError, MachineError
 from flowsculpt.pipeline.production.store.digests import CorruptFileError, Digests, digest_of
@@ -82,9 +82,6 @@ DAMAGED = (CorruptFileError, CorruptImageError, MissingImageError, FileNotFoundE
 """Errors that readers raise for a file that must be made again."""
 
 
-COPIED = ("movie", "mov", "mkv", "webp", "avif", "gif")
-"""Kinds that are shown as copies, for people to edit and hand on; others are links, which are read-only."""
-
 ENDS = 65536
 """Bytes at each end of a file that are compared with those of another of its size: pictures have their keys
 near the beginning, npz ends with a checksum of every array."""
@@ -99,6 +96,9 @@ class Store:
 
     root: Path
     url: str | None = field(default_factory=store_url)
+
+    COPIED: ClassVar[tuple[str, ...]] = ("movie", "mov", "mkv", "webp", "avif", "gif")
+    """Kinds that are shown as copies, for people to edit and hand on; others are read-only links."""
 
     def __post_init__(self) -> None:
         guard(self.root)
@@ -169,7 +169,7 @@ class Store:
             return False
         final = self.path(kind, key)
         with disk_errors(final), held(self.inner_scratch, make=True) as folder:
-            draft = folder / self._stored_draft(kind).name
+            draft = folder / self.draft(SUFFIXES[kind]).name
             try:
                 with _named(draft, final):
                     digest = self.remote.fetch(kind, key, draft)
@@ -215,9 +215,6 @@ class Store:
         """Return a new path for an unfinished file next to a shown one; see `sweep_hidden_drafts`."""
         return path.with_name(f".{self.draft(path.suffix).name}")
 
-    def _stored_draft(self, kind: str) -> Path:
-        return self.inner_scratch / self.draft(SUFFIXES[kind]).name
-
     def put(self, kind: str, key: Key, write: Callable[[Path], object], replace: bool = False) -> Path:
         """Make the file of `key` by `write(path)`, unless it is there; return its path.
 
@@ -228,9 +225,9 @@ class Store:
         Raises MachineError where the disk refuses; nothing half-written is left.
         """
         final = self.path(kind, key)
-        if not replace and (self.holds_whole if kind in COPIED else self.bring)(kind, key):
+        if not replace and (self.holds_whole if kind in self.COPIED else self.bring)(kind, key):
             return final
-        with atomic_write(final, self._stored_draft(kind)) as draft:
+        with atomic_write(final, self.inner_scratch / self.draft(SUFFIXES[kind]).name) as draft:
             with _named(draft, final):
                 write(draft)
             draft.chmod(STORED)
@@ -268,7 +265,7 @@ class Store:
             raise FrameError(f"{target} could not be fetched from {self.url}; run again to make it again")
         source, place = self.path(kind, key), self.root / target
         self.digests.add_copy(place, source)
-        if kind in COPIED:
+        if kind in self.COPIED:
             with atomic_write(place, self._draft_beside(place), flush=False) as draft:
                 _copy(source, draft)
             return
@@ -291,7 +288,7 @@ class Store:
         try:
             one, other = os.stat(ours), os.stat(theirs)  # noqa: PTH116  # a Path is slow to make
             if os.path.samestat(one, other):
-                return kind not in COPIED
+                return kind not in self.COPIED
             return one.st_size == other.st_size and _ends(ours, one.st_size) == _ends(theirs, one.st_size)
         except OSError:
             return False

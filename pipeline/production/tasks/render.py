@@ -16,7 +16,7 @@ from flowsculpt.pipeline.arrays import AnyArray
 from flowsculpt.pipeline.mesh.placed_copies import all_copies
 from flowsculpt.pipeline.production.request.cameras import camera_file
 from flowsculpt.pipeline.production.request.framing import Framing, rotate_y
-from flowsculpt.pipeline.production.request.keys import FrameKeys, raw_header
+from flowsculpt.pipeline.production.request.keys import FrameKeys
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.request.shading import dice, pieces_without_facets
 from flowsculpt.pipeline.production.store import readers
@@ -316,7 +316,7 @@ class _Renderer:
         )
         if checkpoint.resumed:
             context.write("resumed", number, passes=checkpoint.resumed)
-        header = raw_header(request, number, self.framings[number], self.keys[number])
+        header = request.keys.header(number, self.framings[number], self.keys[number])
         header |= flow_facts(request, number)
         attributes = raw_attributes(request, self.framings[number])
         write_exr(path, layers, header, dict(aovs.precision), attributes=attributes, compression="rle")

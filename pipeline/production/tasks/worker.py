@@ -28,7 +28,7 @@ from flowsculpt.pipeline.plugin import fault_of_plugin
 from flowsculpt.pipeline.production.planning.plan import Plan, write_manifest
 from flowsculpt.pipeline.production.planning.profile import VariantError, require_variant
 from flowsculpt.pipeline.production.stages import STAGES
-from flowsculpt.pipeline.production.store.locks import of_key, writing
+from flowsculpt.pipeline.production.store.locks import Locks
 from flowsculpt.pipeline.production.store.shared_kernels import fetch_kernels
 from flowsculpt.pipeline.production.tasks.job import (
     ENVIRONMENT,
@@ -126,9 +126,9 @@ def _do(context: Context, insist: bool, after: int) -> int:
     if is_first and (reason := context.failures.reason_to_leave()):
         context.refuse(MachineError(reason))
         return ENVIRONMENT
-    with writing(root, wait=True), ExitStack() as stack:
+    with Locks(root).hold_with_writers(wait=True), ExitStack() as stack:
         if not STAGES[job.stage].per_quality:
-            stack.enter_context(of_key(root, job.key, context.waits))
+            stack.enter_context(Locks(root).hold_key(job.key, context.waits))
         bring_inputs_to_now(context)
         return _render(context, after) if job.stage == "render" else _finished(context, context)
 

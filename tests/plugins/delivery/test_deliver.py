@@ -15,6 +15,7 @@ import pytest
 from PIL import Image
 
 from flowsculpt.pipeline.errors import FrameError
+from flowsculpt.pipeline.frames import FrameSelection
 from flowsculpt.pipeline.plugins.delivery.deliverables import (
     Delivery,
     DeliveryOptions,
@@ -46,7 +47,8 @@ def there(finished, monkeypatch):
 
 def taken(there, frames: str | None = None) -> tuple[Project, RenderRequest]:
     project = Project(there.path, cores=1)
-    return project, project.find_request(NAME, QUALITY, frames)
+    asked = None if frames is None else FrameSelection.of_text(frames)
+    return project, project.find_request(NAME, QUALITY, asked)
 
 
 def silent(name: str, count: int):

@@ -12,7 +12,7 @@ from flowsculpt.pipeline.errors import UsageError
 from flowsculpt.pipeline.plugins.maintenance import audit_command
 from flowsculpt.pipeline.plugins.maintenance.audit_command import Audit, difference
 from flowsculpt.pipeline.production.request.keys import FrameKeys
-from flowsculpt.pipeline.production.store.locks import lock_name, making
+from flowsculpt.pipeline.production.store.locks import Locks
 from flowsculpt.render.post.image import read_exr, write_exr
 from flowsculpt.render.scene.aovs import RenderedFrame
 from tests.conftest import QUALITY, ProjectFolder
@@ -36,7 +36,7 @@ def test_frames_made_again_have_the_same_bits_but_the_one_of_which_a_bit_was_cha
     shown = finished.path / f"renders/{NAME}/{QUALITY}/frames/{NAME}.0002.exr"
     key = read_exr(shown)[1]["key"]
     one_bit_apart(next((finished.path / ".flowsculpt/store/frame").glob(f"*/{key}.exr")))
-    with making(finished.path, {lock_name(f"audit/{NAME}", QUALITY): "the audit"}):
+    with Locks(finished.path).hold({Locks.name(f"audit/{NAME}", QUALITY): "the audit"}):
         refused = finished.call("audit", NAME, "-q", QUALITY)
     assert refused.code == 4 and "another flowsculpt run is making it" in refused.err
     done = finished.run("--json", "audit", NAME, "-q", QUALITY, "--share", "100%", "-f", "1-2")

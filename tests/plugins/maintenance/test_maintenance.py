@@ -16,7 +16,7 @@ from flowsculpt.pipeline.plugins.maintenance.clean import collect_garbage
 from flowsculpt.pipeline.plugins.maintenance.verify import verify
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.request.lookup import find_shot
-from flowsculpt.pipeline.production.store.locks import writing
+from flowsculpt.pipeline.production.store.locks import Locks
 from flowsculpt.pipeline.production.store.store import Store
 from flowsculpt.render.post.image import read_header
 from tests.conftest import QUALITY
@@ -141,6 +141,6 @@ def test_cleaning_deletes_trials_of_breed_and_fits_that_were_not_used_for_long(
     trial.write_bytes(bytes(100))
     told = project.call("--dry-run", "clean")
     assert told.code == 0 and "Would free 100 bytes in 1 file: trials of breed." in told.out, told.err
-    with writing(project.path):  # as breed does
+    with Locks(project.path).hold_with_writers():  # as breed does
         assert project.call("clean").code == 4 and trial.exists()
     assert project.call("clean").code == 0 and not trial.exists()

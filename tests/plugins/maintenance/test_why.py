@@ -16,7 +16,6 @@ from flowsculpt.pipeline.mesh import box
 from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
 from flowsculpt.pipeline.plugins.maintenance.why import Explanation, differences, explain, option_differences
 from flowsculpt.pipeline.production.execution.project import Project
-from flowsculpt.pipeline.production.request.keys import picture_header
 from flowsculpt.pipeline.production.request.lookup import find_shot
 from flowsculpt.pipeline.production.stages import FINISH, FRAME_CAMERA, RENDER
 from flowsculpt.render.post.image import read_exr, write_exr
@@ -302,7 +301,7 @@ def test_why_names_a_file_whose_contents_changed(tmp_path: Any, monkeypatch: pyt
     file = tmp_path / request.place("frame", 2)
     file.parent.mkdir(parents=True)
     pixels = RenderedFrame({"beauty": np.zeros((2, 2, 3), np.float32)}, {})
-    write_exr(file, pixels, json.loads(json.dumps(picture_header(request, 2))))
+    write_exr(file, pixels, json.loads(json.dumps(request.keys.header(2))))
     write_mesh(box((2.0, 2.0, 2.2)), model)
     there = Project(tmp_path, 1)
     explanation = explain(there.request(find_shot(NAME), QUALITY, "2"), 2, there.store)

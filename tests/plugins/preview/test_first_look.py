@@ -16,6 +16,7 @@ import psutil
 import pytest
 
 from flowsculpt.pipeline.cli.options import CommonOptions
+from flowsculpt.pipeline.frames import FrameRange
 from flowsculpt.pipeline.plugins.preview.first_look import arguments_for
 from flowsculpt.pipeline.plugins.preview.first_pictures import WITHOUT
 from flowsculpt.pipeline.production.execution.project import Project
@@ -114,7 +115,8 @@ def at_terminal(monkeypatch: pytest.MonkeyPatch, ci: str = "") -> Iterator[None]
 
 def planned(project: ProjectFolder, monkeypatch: pytest.MonkeyPatch, frames: str | None = None) -> Plan:
     monkeypatch.chdir(project.path)
-    return Project(project.path, 2, variant="scalar_rgb").pictures([NAME], "draft", frames)
+    asked = None if frames is None else FrameRange.parse(frames)
+    return Project(project.path, 2, variant="scalar_rgb").pictures([NAME], "draft", asked)
 
 
 def words(

@@ -32,7 +32,7 @@ def patch(desk: Desk, frames: str = "2-3", base: str = "v001", quality: str = QU
 def rendered(desk: Desk, frames: str = "2-3") -> None:
     """Render frames of the shot with another look."""
     desk.shot.write_text(desk.shot.read_text() + LOOK)
-    done(desk.root, Project(desk.root, 1).pictures([NAME], QUALITY, frames))
+    done(desk.root, Project(desk.root, 1).pictures([NAME], QUALITY, FrameRange.parse(frames)))
 
 
 def test_a_patch_has_the_new_frames_of_its_range_and_the_files_of_the_version_before(desk: Desk) -> None:

@@ -18,7 +18,7 @@ from flowsculpt.pipeline.plugins.versions import publishing
 from flowsculpt.pipeline.plugins.versions.provenance import FILE, Provenance
 from flowsculpt.pipeline.plugins.versions.reproduction import pixels_of
 from flowsculpt.pipeline.production.request.keys import picture_keys
-from flowsculpt.pipeline.production.store.locks import exclusive
+from flowsculpt.pipeline.production.store.locks import Locks
 from flowsculpt.render.base.input_files import digest_of_file
 from tests.plugins.review.note_cases import TIMES, document, note
 from tests.plugins.versions.desk import NAME, QUALITY, RENDER, SHOT, Desk, rewritten
@@ -108,7 +108,7 @@ def test_a_version_is_there_whole_or_not_at_all(desk: Desk, monkeypatch: pytest.
         with pytest.raises(MachineError, match="the disk is full"):
             desk.release().publish()
     assert list(desk.home.iterdir()) == []
-    with exclusive(desk.root), pytest.raises(MachineError, match="another flowsculpt run"):
+    with Locks(desk.root).hold_alone(), pytest.raises(MachineError, match="another flowsculpt run"):
         desk.release().publish()
     monkeypatch.setattr(publishing.os, "link", full)  # a file system without links
     assert desk.release().publish().folder.is_dir()

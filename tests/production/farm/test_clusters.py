@@ -46,7 +46,8 @@ CLUSTERS = {
 def write_profile(folder: Path, name: str, **config: str) -> None:
     """Write the example of docs/farm.md to profiles/NAME of a folder, for a cluster that answers fast."""
     page = (Path(__file__).parents[3] / "docs" / "farm.md").read_text(encoding="utf-8")
-    blocks = dict(re.findall(r"^```yaml\n# (\w+): [^\n]*\n(.*?)^```", page, re.MULTILINE | re.DOTALL))
+    example = r"^```yaml\n# profiles/(\w+)/profile[^\n]*, for [^\n]*\n(.*?)^```"
+    blocks = dict(re.findall(example, page, re.MULTILINE | re.DOTALL))
     yaml = YAML(typ="safe")
     profile = {**yaml.load(blocks["pbs"]), **yaml.load(blocks[name])}
     profile |= {"config": {**profile["config"], "threads": 1, **config}, "latency-wait": 5}
