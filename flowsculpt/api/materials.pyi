@@ -1,7 +1,6 @@
 """Looks as values: materials, their textures, and the lights and stage around them."""
 
 from flowsculpt.render.post.embedded_textures import EmbeddedPicture as EmbeddedPicture
-from flowsculpt.render.scene.materials import LOOKS as LOOKS
 from flowsculpt.render.scene.materials import BrushedMetal as BrushedMetal
 from flowsculpt.render.scene.materials import Diffuse as Diffuse
 from flowsculpt.render.scene.materials import Glass as Glass

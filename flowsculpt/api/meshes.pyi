@@ -20,7 +20,6 @@ from flowsculpt.pipeline.mesh.mesh_formats import file_surface as file_surface
 from flowsculpt.pipeline.mesh.mesh_formats import reader_of as reader_of
 from flowsculpt.pipeline.mesh.meshes import edge_keys as edge_keys
 from flowsculpt.pipeline.mesh.meshes import morton_order as morton_order
-from flowsculpt.pipeline.mesh.meshes import triangulate as triangulate
 from flowsculpt.pipeline.mesh.normals import carried_normals as carried_normals
 from flowsculpt.pipeline.mesh.normals import corner_normals as corner_normals
 from flowsculpt.pipeline.mesh.normals import split_at_creases as split_at_creases
@@ -36,7 +35,6 @@ from flowsculpt.pipeline.mesh.read import usual_up as usual_up
 from flowsculpt.pipeline.mesh.validation import require as require
 from flowsculpt.pipeline.mesh.validation import twin_corners as twin_corners
 from flowsculpt.pipeline.resample.polygon_resamplers import polygon_methods as polygon_methods
-from flowsculpt.pipeline.resample.refinement import Births as Births
 from flowsculpt.pipeline.resample.refinement import RefinableSurface as RefinableSurface
 from flowsculpt.pipeline.resample.resample_pass import not_finite as not_finite
 from flowsculpt.pipeline.resample.thresholds import edges_by_angle as edges_by_angle

@@ -1,7 +1,6 @@
 """Shot files as values, their entries, and messages about them by line and column."""
 
 from flowsculpt.pipeline.shot import Motion as Motion
-from flowsculpt.pipeline.shot import Picture as Picture
 from flowsculpt.pipeline.shot import Shot as Shot
 from flowsculpt.pipeline.shot import read_film as read_film
 from flowsculpt.pipeline.shot.documents.curves import Ease as Ease
@@ -9,19 +8,13 @@ from flowsculpt.pipeline.shot.documents.curves import WeightField as WeightField
 from flowsculpt.pipeline.shot.documents.curves import curve_of as curve_of
 from flowsculpt.pipeline.shot.documents.curves import is_changing as is_changing
 from flowsculpt.pipeline.shot.documents.curves import number as number
-from flowsculpt.pipeline.shot.documents.field_types import DEGREE as DEGREE
-from flowsculpt.pipeline.shot.documents.field_types import LARGEST as LARGEST
-from flowsculpt.pipeline.shot.documents.field_types import ORIGIN as ORIGIN
 from flowsculpt.pipeline.shot.documents.field_types import Degrees as Degrees
 from flowsculpt.pipeline.shot.documents.field_types import Document as Document
 from flowsculpt.pipeline.shot.documents.field_types import OneOfSeveral as OneOfSeveral
 from flowsculpt.pipeline.shot.documents.field_types import Positive as Positive
 from flowsculpt.pipeline.shot.documents.field_types import Triple as Triple
-from flowsculpt.pipeline.shot.documents.field_types import exactly_one as exactly_one
 from flowsculpt.pipeline.shot.documents.field_types import linear_of as linear_of
 from flowsculpt.pipeline.shot.documents.field_types import one_of as one_of
-from flowsculpt.pipeline.shot.documents.field_types import optional as optional
-from flowsculpt.pipeline.shot.documents.field_types import vector as vector
 from flowsculpt.pipeline.shot.documents.flow_documents import DOCUMENTS as DOCUMENTS
 from flowsculpt.pipeline.shot.documents.flow_documents import FlowParameters as FlowParameters
 from flowsculpt.pipeline.shot.documents.look_documents import LOOKS as LOOKS
@@ -32,7 +25,6 @@ from flowsculpt.pipeline.shot.documents.subject_documents import SolidDocument a
 from flowsculpt.pipeline.shot.motion import Clock as Clock
 from flowsculpt.pipeline.shot.motion import as_data as as_data
 from flowsculpt.pipeline.shot.motion_checks import outside_note as outside_note
-from flowsculpt.pipeline.shot.point_subjects import Cloud as Cloud
 from flowsculpt.pipeline.shot.point_subjects import CloudInSolid as CloudInSolid
 from flowsculpt.pipeline.shot.shot_reader import read_shot as read_shot
 from flowsculpt.pipeline.shot.subject_checks import subject_views as subject_views
@@ -43,7 +35,6 @@ from flowsculpt.pipeline.shot.subjects import Solid as Solid
 from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext as ParseContext
 from flowsculpt.pipeline.shot.yaml.document_validation import as_finding as as_finding
 from flowsculpt.pipeline.shot.yaml.document_validation import bad_value as bad_value
-from flowsculpt.pipeline.shot.yaml.inheritance import OPTION as OPTION
 from flowsculpt.pipeline.shot.yaml.inheritance import inherited as inherited
 from flowsculpt.pipeline.shot.yaml.inheritance import inherited_files as inherited_files
 from flowsculpt.pipeline.shot.yaml.named_files import DEFAULTS as DEFAULTS

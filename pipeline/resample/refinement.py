@@ -80,17 +80,20 @@ class RefinableSurface:
 
     def split(
         self,
-        thresholds: Thresholds,
+        thresholds: Thresholds | None,
         carry: Callable[[Points], Points],
         project: Callable[[Points], Points] | None,
     ) -> Births:
         """Split the present edges that are too long, longest first, and return the births.
 
+        thresholds      None where no edge is
         carry, project  as in `Exact`: the flow from rest to the present, and onto the analytic surface
 
         Raises FrameError where the flow fails, or tears the surface so that no splits end it, and
         VertexBudgetError where it needs too many vertices for another reason.
         """
+        if thresholds is None:
+            return Births(np.empty((0, 2), np.int32), np.empty((0, 6)))
         first = int(self._mesh.sizes[0])
         placement = _OnSurface(carry, project, tags_creases=False)
         splits = _Splits(self._mesh, thresholds, placement, TriangleShape())

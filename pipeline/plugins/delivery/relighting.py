@@ -64,7 +64,7 @@ from flowsculpt.api.pictures import (
     write_finished,
     write_movie,
 )
-from flowsculpt.api.shots import NAME, OPTION, in_yaml, inherited, linear_of, shown
+from flowsculpt.api.shots import NAME, in_yaml, inherited, linear_of, shown
 
 RELIGHT = PipelineStage("relight", version=1, packages=("OpenImageIO",), doing="relighting", makes="frame")
 
@@ -305,7 +305,7 @@ class LightSettings:
         for setting in settings:
             if match := _INTENSITY.fullmatch(setting):
                 raise UsageError(
-                    f"{OPTION} {setting}: an intensity belongs to the shot; changing it renders frames "
+                    f"--set {setting}: an intensity belongs to the shot; changing it renders frames "
                     "again. Scale "
                     f"the rendered light by a factor instead: lights.{match[1] or 'key'}={match[2]}"
                 )
@@ -325,14 +325,14 @@ class LightSettings:
         names = [group.name for group in lights.groups]
         if not self.factors:
             raise UsageError(
-                f"no light is set. Write, for example, {OPTION} lights.{names[0]}=1.4; the light groups of "
+                f"no light is set. Write, for example, --set lights.{names[0]}=1.4; the light groups of "
                 f"{shot} are {', '.join(names)}"
             )
         for name in self.factors:
             if name not in names:
                 owner = next((group.name for group in lights.groups if name in group.lights), None)
                 remedy = f"It is in group {owner}: set lights.{owner}." if owner else suggestion(name, names)
-                raise UsageError(f"{OPTION} lights.{name}: {shot} has no light group {name}. {remedy}")
+                raise UsageError(f"--set lights.{name}: {shot} has no light group {name}. {remedy}")
         return {name: _parsed(name, self.factors[name]) for name in names if name in self.factors}
 
 
@@ -348,7 +348,7 @@ def _parsed(name: str, text: str) -> Factor:
         numbers = []
     if len(numbers) not in (1, 3) or not all(math.isfinite(n) and 0.0 <= n <= MAX_FACTOR for n in numbers):
         raise UsageError(
-            f"{OPTION} lights.{name}: {shortened(text)} is not a factor from 0 to 1e6. Write a number, "
+            f"--set lights.{name}: {shortened(text)} is not a factor from 0 to 1e6. Write a number, "
             f"lights.{name}=1.4, or a colour, lights.{name}=1,0.8,0.6 or 'lights.{name}=#ffd0a0'"
         )
     red, green, blue = numbers * (3 // len(numbers))

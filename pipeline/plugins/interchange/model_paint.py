@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from flowsculpt import PolygonMesh
 from flowsculpt.api.meshes import (
     AnyArray,
     Faces,
@@ -29,7 +30,6 @@ from flowsculpt.api.meshes import (
     components,
     edge_keys,
     find_coincident,
-    triangulate,
 )
 from flowsculpt.api.pictures import PaintedFaces
 
@@ -86,7 +86,7 @@ class ModelPaint:
         """
         offsets = np.concatenate([[0], np.cumsum(sides)]).astype(np.int32)
         apart = np.arange(len(corners), dtype=np.int32)
-        triangles, _ = triangulate(np.ascontiguousarray(points[corners]), offsets, apart)
+        triangles = PolygonMesh.from_arrays(points[corners], offsets, apart).triangulated().faces
         materials = np.repeat(materials, sides - 2).astype(np.int64)
         rows = coordinates if colours is None else np.column_stack([coordinates, colours])
         _, alike = np.unique(np.round(rows / _STEPS), axis=0, return_inverse=True)

@@ -42,16 +42,7 @@ from flowsculpt.api.frames import (
     store_reader,
     thresholds_at,
 )
-from flowsculpt.api.meshes import (
-    AnyArray,
-    Births,
-    Floats,
-    Indices,
-    Points,
-    RefinableSurface,
-    Vectors,
-    edges_by_angle,
-)
+from flowsculpt.api.meshes import AnyArray, Floats, Indices, Points, RefinableSurface, Vectors, edges_by_angle
 from flowsculpt.api.shots import Motion
 from flowsculpt.pipeline.plugins.interchange.birth_values import mix_births
 
@@ -293,18 +284,16 @@ class Refiner:
         self, surface: RefinableSurface, number: int, history: FlowMap, held: int, limits: Thresholds | None
     ) -> dict[str, AnyArray]:
         """Split the edges that are too long in a frame; return the arrays of its file."""
-        births = Births(np.empty((0, 2), np.int32), np.empty((0, 6)))
-        if limits is not None:
-            try:
-                births = surface.split(limits, history.carry, self._motion.analytic_surface())
-            except VertexBudgetError as error:
-                raise FrameError(
-                    f"{error.fact}, of one mesh for all frames up to here; raise max_vertices or "
-                    "max_edge_length, or choose frames before",
-                    number,
-                ) from None
-            except FrameError as error:
-                raise error.of(number) from None
+        try:
+            births = surface.split(limits, history.carry, self._motion.analytic_surface())
+        except VertexBudgetError as error:
+            raise FrameError(
+                f"{error.fact}, of one mesh for all frames up to here; raise max_vertices or "
+                "max_edge_length, or choose frames before",
+                number,
+            ) from None
+        except FrameError as error:
+            raise error.of(number) from None
         points = surface.points[held:].copy()
         arrays: dict[str, AnyArray] = {"births": births.parents, "born": births.rest, "points": points}
         return arrays if births.longest is None or held else {**arrays, "longest": births.longest}

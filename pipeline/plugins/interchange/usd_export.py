@@ -30,7 +30,7 @@ from flowsculpt.api.frames import Framing, Key, RenderRequest, Store, camera_fil
 from flowsculpt.api.materials import Diffuse, Opacity, Satin, Stage
 from flowsculpt.api.meshes import AnyArray
 from flowsculpt.api.pictures import Material, PaintedFaces
-from flowsculpt.api.shots import Picture, Shot
+from flowsculpt.api.shots import Shot
 from flowsculpt.pipeline.plugins.interchange.exported_frame import (
     EXPORT,
     ExportedFrame,
@@ -256,9 +256,8 @@ class SculptureFiles:
 
     @cached_property
     def is_cloud(self) -> bool:
-        from flowsculpt.api.shots import Cloud
-
-        return isinstance(self.request.shot.motion.subject, Cloud)
+        subject = self.request.shot.motion.subject
+        return not subject.is_surface and subject.lattice is None
 
     @property
     def schema(self) -> Any:
@@ -432,7 +431,7 @@ def write_root(
         place = f"{home}/materials/{sculpture.material}"
         _add_sculpture(stage, sculpture, sculpture.add_materials(stage, place, sizes))
     if shot.picture.look.is_lit:
-        _add_set(stage, home, shot.picture, framings, sky)
+        _add_set(stage, home, shot, framings, sky)
     if not camera.projection.is_wide:  # UsdGeomCamera has no such projection
         cameras = {number: framing.camera for number, framing in framings.items()}
         shutters = {number: request.pictures.open_at(number) for number in numbers}
@@ -460,15 +459,14 @@ def _add_sculpture(stage: Usd.Stage, content: SculptureFiles, material: UsdShade
     bind(sculpture.GetPrim(), material)
 
 
-def _add_set(
-    stage: Usd.Stage, home: str, picture: Picture, framings: Mapping[int, Framing], sky: str
-) -> None:
+def _add_set(stage: Usd.Stage, home: str, shot: Shot, framings: Mapping[int, Framing], sky: str) -> None:
     """Add floor and lights. The set has a size of its own and follows the sculpture, as in our pictures."""
     placed = UsdGeom.Xform.Define(stage, f"{home}/set").AddTransformOp()
     matrices = {n: Gf.Matrix4d(f.placement.matrix().T.tolist()) for n, f in framings.items()}
     sample(placed.GetAttr(), matrices)
     UsdGeom.Scope.Define(stage, f"{home}/set/lights")
     sizes = {number: framing.placement.size for number, framing in framings.items()}
+    picture = shot.picture
     add_lights(stage, home, f"{home}/set/lights", picture.lights, sizes, sky)
     if picture.stage.kind != "none" and not picture.stage.shadow_catcher:
         add_floor(stage, home, picture.stage)

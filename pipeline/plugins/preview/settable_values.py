@@ -15,7 +15,6 @@ from pydantic import BaseModel
 from flowsculpt.api.meshes import Floats
 from flowsculpt.api.pictures import LIGHTS
 from flowsculpt.api.shots import (
-    LARGEST,
     LOOKS,
     Clock,
     ParseContext,
@@ -322,4 +321,4 @@ def _limits(rules: list[Any], names: tuple[str, str]) -> list[float]:
     """Return the numbers that rules such as `Field(ge=0)` have under some names."""
     limits = [getattr(rule, name, None) for rule in rules for name in names]
     numbers = [float(limit) for limit in limits if limit is not None and is_number(limit)]
-    return [number for number in numbers if abs(number) < LARGEST]
+    return [number for number in numbers if abs(number) < 1e12]

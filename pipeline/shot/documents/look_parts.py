@@ -110,8 +110,6 @@ class PigmentDocument(OneOfSeveral):
     example = "{layers: {colours: [[1, 1, 1], [0, 0, 0]]}}"
     noun, several = "a pigment", tuple(PATTERNS)
 
-    model_config = exactly_one(*several)
-
     layers: PatternDocument | None = optional("bands along an axis")
     gradient: PatternDocument | None = optional("from colour to colour along an axis")
     rings: PatternDocument | None = optional("bands about an axis")
