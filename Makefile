@@ -52,7 +52,7 @@ docs: .venv/ready-dev
 
 # The pages of the docs that come from the code: settings of shot files, commands and their options.
 reference: .venv/ready-dev
-	$(BIN)/python docs/settings.py
+	test ! -d pipeline/plugins/authoring || $(BIN)/python docs/settings.py # by the schemas of that plug-in
 	$(BIN)/python docs/commands.py
 
 # The figures of the docs, by the scripts in examples/.

@@ -107,7 +107,7 @@ def main(folder: Path, detail: Detail, names: list[str]) -> None:
         began = time.process_time()
         mean, most, back, far, patch, least = fit_between(start, target, detail).residual
         seconds = time.process_time() - began
-        stored_fits.cache_path("fits", []).unlink()
+        stored_fits.CachedAnswer.of("fits", []).path.unlink()
         numbers = (
             f"{mean:.2%} / {most:.2%} | {back:.2%} / {far:.2%} | {patch:.2%} | {least:.2g} | {seconds:.0f}"
         )
@@ -171,5 +171,5 @@ if __name__ == "__main__":
     detail: Any = given.pop(0) if given and given[0] in get_args(Detail) else "medium"
     with TemporaryDirectory() as made:
         fresh = Path(made) / "fit.npz"  # fits that are stored already would take no time
-        with patch.object(stored_fits, "cache_path", lambda *_: fresh):
+        with patch.object(stored_fits.CachedAnswer, "of", lambda *_: stored_fits.CachedAnswer(fresh)):
             main(Path(made), detail, given)

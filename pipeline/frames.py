@@ -147,6 +147,12 @@ class FrameRate:
         numerator, denominator = frames.as_integer_ratio()
         return numerator * self.fps.denominator / (denominator * self.fps.numerator)
 
+    def timecode(self, frame: int) -> str:
+        """Return the timecode of a frame, such as 00:00:01:18; empty where the rate has none."""
+        from flowsculpt.render.movie.codecs import timecode
+
+        return timecode(frame, self.fps)
+
     def __str__(self) -> str:
         return str(self.fps)
 

@@ -39,7 +39,7 @@ import numba
 numba.__version__ = "0.69.0"
 from numba.core.types.functions import BaseFunction
 before = BaseFunction.get_call_type
-from flowsculpt.pipeline.plugins.maintenance.numba_shortcuts import take_shortcuts
+from flowsculpt.render.base.numba_shortcuts import take_shortcuts
 take_shortcuts()
 assert BaseFunction.get_call_type is before
 """

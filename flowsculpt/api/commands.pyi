@@ -4,15 +4,10 @@ from flowsculpt.pipeline.cli.execution import execute as execute
 from flowsculpt.pipeline.cli.execution import execute_and_report as execute_and_report
 from flowsculpt.pipeline.cli.execution import report_notes as report_notes
 from flowsculpt.pipeline.cli.execution import report_plan as report_plan
-from flowsculpt.pipeline.cli.options import project_of as project_of
 from flowsculpt.pipeline.cli.options import require_one_of as require_one_of
-from flowsculpt.pipeline.cli.options import words_of as words_of
 from flowsculpt.pipeline.cli.output import duration as duration
-from flowsculpt.pipeline.cli.output import err as err
 from flowsculpt.pipeline.cli.output import exit_with as exit_with
 from flowsculpt.pipeline.cli.output import frame_progress as frame_progress
-from flowsculpt.pipeline.cli.output import make_folder_of as make_folder_of
-from flowsculpt.pipeline.cli.output import out as out
 from flowsculpt.pipeline.cli.output import print_error as print_error
 from flowsculpt.pipeline.cli.output import print_result as print_result
 from flowsculpt.pipeline.cli.output import print_warning as print_warning

@@ -7,13 +7,11 @@ from flowsculpt.pipeline.animation.loop import step_into as step_into
 from flowsculpt.pipeline.frames import FrameRange as FrameRange
 from flowsculpt.pipeline.frames import FrameRate as FrameRate
 from flowsculpt.pipeline.frames import FrameSelection as FrameSelection
+from flowsculpt.pipeline.production.picture_sequences import FinishedPictures as FinishedPictures
 from flowsculpt.pipeline.production.picture_sequences import PictureSequence as PictureSequence
 from flowsculpt.pipeline.production.picture_sequences import SequenceGrid as SequenceGrid
 from flowsculpt.pipeline.production.picture_sequences import SequenceQuery as SequenceQuery
-from flowsculpt.pipeline.production.picture_sequences import begun as begun
 from flowsculpt.pipeline.production.picture_sequences import light_notes as light_notes
-from flowsculpt.pipeline.production.picture_sequences import shown_picture as shown_picture
-from flowsculpt.pipeline.production.picture_sequences import white as white
 from flowsculpt.pipeline.production.planning.frame_states import FrameStates as FrameStates
 from flowsculpt.pipeline.production.planning.frame_states import KnownPictures as KnownPictures
 from flowsculpt.pipeline.production.planning.plan import Job as Job

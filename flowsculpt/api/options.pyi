@@ -2,14 +2,12 @@
 
 from flowsculpt.pipeline.cli.options import AllowCode as AllowCode
 from flowsculpt.pipeline.cli.options import Common as Common
-from flowsculpt.pipeline.cli.options import FrameNumbers as FrameNumbers
 from flowsculpt.pipeline.cli.options import Frames as Frames
 from flowsculpt.pipeline.cli.options import PictureOptions as PictureOptions
 from flowsculpt.pipeline.cli.options import Quality as Quality
 from flowsculpt.pipeline.cli.options import Settings as Settings
 from flowsculpt.pipeline.cli.options import Shot as Shot
 from flowsculpt.pipeline.cli.options import ShotOptions as ShotOptions
-from flowsculpt.pipeline.cli.options import Subject as Subject
 from flowsculpt.pipeline.cli.options import Variant as Variant
 from flowsculpt.pipeline.cli.options import shared_option as shared_option
 from flowsculpt.render.scene.render_quality import DEFAULT_QUALITY as DEFAULT_QUALITY

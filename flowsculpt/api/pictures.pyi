@@ -1,29 +1,21 @@
 """Pictures and movies: looks, lights, cameras, previews, files, colour, type."""
 
 from flowsculpt.pipeline.production.request.audio import AudioClip as AudioClip
-from flowsculpt.pipeline.production.tasks.encoding import movie_encode as movie_encode
 from flowsculpt.pipeline.production.tasks.finish import write_finished as write_finished
-from flowsculpt.render.base.render_errors import BadInputError as BadInputError
 from flowsculpt.render.base.render_errors import RenderError as RenderError
-from flowsculpt.render.graphics.cards import Screen as Screen
 from flowsculpt.render.graphics.contact_sheet import ContactSheet as ContactSheet
 from flowsculpt.render.graphics.plot import Curves as Curves
 from flowsculpt.render.graphics.plot import plot_panels as plot_panels
-from flowsculpt.render.graphics.three_js import FETCH as FETCH
 from flowsculpt.render.graphics.three_js import three_js as three_js
 from flowsculpt.render.graphics.typesetting import BurnIn as BurnIn
 from flowsculpt.render.graphics.typesetting import Font as Font
 from flowsculpt.render.movie.codecs import ENCODES as ENCODES
 from flowsculpt.render.movie.codecs import Encode as Encode
-from flowsculpt.render.movie.codecs import timecode as timecode
 from flowsculpt.render.movie.encode import write_movie as write_movie
-from flowsculpt.render.movie.movie_frames import Frame as Frame
 from flowsculpt.render.movie.movie_frames import loop_frames as loop_frames
 from flowsculpt.render.movie.movie_frames import mix_frames as mix_frames
 from flowsculpt.render.movie.movie_frames import prefetch as prefetch
 from flowsculpt.render.movie.movie_frames import to_pixel_format as to_pixel_format
-from flowsculpt.render.movie.probe import probe_movie as probe_movie
-from flowsculpt.render.post.colour import quantise as quantise
 from flowsculpt.render.post.hdr import HDR_DISPLAYS as HDR_DISPLAYS
 from flowsculpt.render.post.image import jpeg_bytes as jpeg_bytes
 from flowsculpt.render.post.image import read_exr as read_exr
@@ -31,11 +23,8 @@ from flowsculpt.render.post.image import read_header as read_header
 from flowsculpt.render.post.image import read_png as read_png
 from flowsculpt.render.post.image import write_exr as write_exr
 from flowsculpt.render.post.image import write_still as write_still
-from flowsculpt.render.post.picture_display import PictureDisplay as PictureDisplay
 from flowsculpt.render.raster import Shape as Shape
-from flowsculpt.render.raster import StageSetup as StageSetup
-from flowsculpt.render.raster import preview as preview
-from flowsculpt.render.raster import wide_picture as wide_picture
+from flowsculpt.render.raster import draw_preview as draw_preview
 from flowsculpt.render.scene.aovs import RenderedFrame as RenderedFrame
 from flowsculpt.render.scene.materials import Material as Material
 from flowsculpt.render.scene.materials import Painted as Painted
@@ -43,13 +32,8 @@ from flowsculpt.render.scene.painted_faces import PaintedFaces as PaintedFaces
 from flowsculpt.render.scene.patterns import SPEED as SPEED
 from flowsculpt.render.scene.patterns import Pigment as Pigment
 from flowsculpt.render.scene.render_camera import Camera as Camera
-from flowsculpt.render.scene.render_camera import WideCamera as WideCamera
-from flowsculpt.render.scene.rgb_spaces import WorkingSpace as WorkingSpace
 from flowsculpt.render.scene.rgb_spaces import linear_of_srgb as linear_of_srgb
-from flowsculpt.render.scene.scene import stage_fades as stage_fades
-from flowsculpt.render.scene.scene_lights import LIGHTS as LIGHTS
 from flowsculpt.render.scene.scene_lights import LightRig as LightRig
-from flowsculpt.render.scene.scene_stage import STAGES as STAGES
 from flowsculpt.render.scene.surface import Surface as Surface
 from flowsculpt.render.scene.textures import REPEATED as REPEATED
 from flowsculpt.render.scene.vertex_colours import vertex_colours as vertex_colours

@@ -109,10 +109,6 @@ _SHARED: dict[str, tuple[tuple[str, ...], dict[str, Any]]] = {
 """Words and settings of options by name."""
 
 Shot = Annotated[str, typer.Argument(metavar="SHOT", help="A name in shots/, or the path of a shot file.")]
-Subject = Annotated[
-    str | None,
-    typer.Option("--subject", metavar="NAME", help="One of the shot's subjects, if it has several."),
-]
 Shots = Annotated[list[str], typer.Argument(metavar="SHOT", help="Names in shots/, or paths of shot files.")]
 Frames = Annotated[
     FrameSelection | None,
@@ -123,12 +119,6 @@ Frames = Annotated[
         parser=FrameSelection.of_text,
     ),
 ]
-
-FrameNumbers = Annotated[
-    FrameRange | None,
-    shared_option("frames", "Frames: 12, 1-48, 1-48x2, 1-24,30; 1-100:10 is coarse first. Default: all."),
-]
-
 
 Quality = Annotated[str, shared_option("quality", f"One of {', '.join(QUALITIES)}.")]
 Variant = Annotated[
@@ -214,7 +204,10 @@ class ShotOptions:
 
     def project(self, common: Common, variant: str | None = None) -> Project:
         """Return the project that a command works in."""
-        return project_of(common, self.settings, self.allow_code, variant)
+        from flowsculpt.pipeline.production.execution.project import Project
+
+        settings = tuple(self.settings or ())
+        return Project(common.root, common.cores, variant, settings, self.allow_code, common.profile)
 
 
 @dataclass(frozen=True)
@@ -229,7 +222,7 @@ class PictureOptions:
 
     def project(self, common: Common) -> Project:
         """Return the project that a command works in."""
-        return project_of(common, self.settings, self.allow_code, self.variant)
+        return ShotOptions(self.settings, self.allow_code).project(common, self.variant)
 
     def quality(self, name: str, project: Project, shots: Sequence[str]) -> str:
         """Return the name of a quality with crop and scale, as its folder has it.
@@ -248,27 +241,10 @@ class PictureOptions:
         return cropped_name(name, self.crop, self.scale, qualities_of_size(*sizes.pop()))
 
 
-def project_of(
-    common: Common, settings: Sequence[str] | None, allow_code: bool = False, variant: str | None = None
-) -> Project:
-    """Return the project at the root that the options name."""
-    from flowsculpt.pipeline.production.execution.project import Project
-
-    return Project(common.root, common.cores, variant, tuple(settings or ()), allow_code, common.profile)
-
-
 def require_one_of(word: str, known: Collection[str], fact: str) -> None:
     """Raise UsageError for an unknown word: a fact, and a suggestion or the plug-in that it needs."""
     if word not in known:
         raise UsageError(f"{fact} {plugins().lacking(word) or suggestion(word, known)}")
-
-
-def words_of(text: str, fault: str) -> tuple[str, ...]:
-    """Return the words between commas, each once. Raises UsageError where there are none."""
-    words = tuple(dict.fromkeys(word.strip() for word in text.split(",") if word.strip()))
-    if not words:
-        raise UsageError(fault)
-    return words
 
 
 INTERRUPTED = 130

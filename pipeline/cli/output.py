@@ -13,7 +13,6 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from datetime import timedelta
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import typer
@@ -31,10 +30,8 @@ from rich.progress import (
 from rich.table import Table
 
 from flowsculpt.pipeline.production.store.event_log import poll
-from flowsculpt.render.base.atomic_write import disk_errors
 from flowsculpt.render.base.plural import plural
 from flowsculpt.render.base.render_errors import readable
-from flowsculpt.render.base.root_files import make_folder
 
 LINE_SECONDS = 10.0
 """Time between two lines, and before the first: what is done sooner says nothing."""
@@ -98,10 +95,12 @@ def print_result(words: str | RenderableType, facts: Any, as_json: bool) -> None
 
 
 def print_error(words: str) -> None:
+    """Print an error to standard error, in red on terminals."""
     err.print(words, style="red")
 
 
 def print_warning(words: str) -> None:
+    """Print a warning to standard error, in yellow on terminals."""
     err.print(words, style="yellow")
 
 
@@ -141,12 +140,6 @@ def exit_with(code: int) -> None:
     """End the command with an exit code; 0 lets it go on."""
     if code:
         raise typer.Exit(code)
-
-
-def make_folder_of(path: Path) -> None:
-    """Create the folder of an output file before the work starts. Raises MachineError."""
-    with disk_errors(path.parent):
-        make_folder(path.parent)
 
 
 def duration(seconds: float) -> str:

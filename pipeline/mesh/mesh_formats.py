@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeVar
 import numpy as np
 
 from flowsculpt.pipeline.arrays import AnyArray, Faces, Indices, Points
-from flowsculpt.render.base.input_files import read_input
+from flowsculpt.render.base.input_files import joint_digest, read_input
 from flowsculpt.render.base.plural import plural
 from flowsculpt.render.scene.painted_faces import PaintedFaces
 
@@ -150,6 +150,16 @@ class ModelFiles(NamedTuple):
     digest: str
     files: tuple[tuple[Path, str], ...]
     up: str | None = None
+
+    @classmethod
+    def of(
+        cls, files: Sequence[tuple[Path, str]], up: str | None = None, readers: Sequence[str] = ()
+    ) -> ModelFiles:
+        """Return files with the digest of all.
+
+        readers  words for readers that earlier versions did not have, for files that they read otherwise
+        """
+        return cls(joint_digest([*readers, *(digest for _, digest in files)]), tuple(files), up)
 
 
 @dataclass(frozen=True)

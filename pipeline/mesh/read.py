@@ -42,7 +42,6 @@ from flowsculpt.pipeline.mesh.winding import Winding, detached_corners, find_win
 from flowsculpt.pipeline.plugin import named, plugins
 from flowsculpt.render.base.input_files import (
     digest_of_file,
-    joint_digest,
     open_input,
     other_content,
     require_input,
@@ -225,7 +224,7 @@ def _own_file(path: Path, misread: re.Pattern[bytes] | None) -> ModelFiles:
     if misread is not None:
         with open_input(path) as (file, size):
             reader = ["text reader 2"] * bool(misread.search(file.read(min(size, 1 << 14))))
-    return ModelFiles(joint_digest([*reader, digest]), ((path, digest),))
+    return ModelFiles.of([(path, digest)], readers=reader)
 
 
 def read_by_suffix(

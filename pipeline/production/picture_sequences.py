@@ -12,19 +12,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flowsculpt.pipeline.errors import UsageError
 from flowsculpt.pipeline.frames import FrameRange
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.planning.frame_states import PICTURE_STAGES, FrameStates
 from flowsculpt.pipeline.production.planning.timings import LatestTimings
-from flowsculpt.pipeline.production.request.keys import PictureKeys, projection_of
-from flowsculpt.pipeline.production.request.lookup import is_quality, options_of, require_quality
+from flowsculpt.pipeline.production.request.keys import PictureKeys, picture_keys, projection_of
+from flowsculpt.pipeline.production.request.lookup import require_quality
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.request.shot_source import ShotSource
 from flowsculpt.pipeline.production.stages import STAGES
 from flowsculpt.pipeline.production.store import readers
 from flowsculpt.pipeline.production.store.history import History
-from flowsculpt.pipeline.production.store.paths import Folders
 from flowsculpt.pipeline.production.store.store import Key, Store, key_of
 from flowsculpt.render.base.render_errors import RenderError
 from flowsculpt.render.graphics.contact_sheet import reduced
@@ -132,22 +130,6 @@ class SequenceGrid:
     sequences: tuple[PictureSequence, ...]
 
 
-def begun(project: Project, path: Path) -> Iterator[RenderRequest]:
-    """Yield the request of each quality, crop and scale with a folder; note crops that are left out."""
-    home = project.root / Folders.of_shot(path.stem).home
-    for name in sorted(place.name for place in home.glob("*/") if is_quality(place.name)):
-        request = project.request(path, name)
-        try:
-            _ = request.pictures.quality
-        except UsageError:
-            project.notes.append(
-                f"{path.stem}: pictures of {options_of(name)} are left out; the shot's pictures have no "
-                "such part today. Repeat the --set that they were rendered with to include them."
-            )
-        else:
-            yield project.as_finished(request)
-
-
 @dataclass(frozen=True)
 class SequenceQuery:
     """A shot whose sequences are wanted, at these qualities; at all qualities if there are none.
@@ -169,7 +151,9 @@ class SequenceQuery:
 
     def requests(self) -> Iterator[RenderRequest]:
         """Yield the request of each quality that was begun, with the layers of its finished frames."""
-        return (each for each in begun(self.project, self.path) if self.includes(each.quality_name))
+        return (
+            each for each in self.project.rendered_requests(self.path) if self.includes(each.quality_name)
+        )
 
     def rendered(self, request: RenderRequest, kind: str, label: str) -> PictureSequence:
         """Return the frames of a request that are rendered, and the faults of the others."""
@@ -195,34 +179,49 @@ class SequenceQuery:
         )
 
 
-def shown_picture(
-    request: RenderRequest,
-    keys: PictureKeys | None,
-    store: Store,
-    number: int,
-    factor: int,
-    bits: int,
-    display: str,
-) -> NDArray[Any] | None:
-    """Return a frame as a display shows it, `factor` times smaller; None where it is not there.
+@dataclass(frozen=True, eq=False)
+class FinishedPictures:
+    """The finished frames of a request as displays show them, with the view and the exposure of the shot."""
 
-    Raises FrameError where it is damaged.
-    """
-    key = None if keys is None else keys[number].frame
-    if key is None or not store.holds("frame", key):
-        return None
-    reader = readers.picture(key, request.pictures.quality.rendered_size)
-    light = store.read("frame", key, request.place("frame", number), reader)[0]["beauty"]
-    return request.shot.picture.display.pixels(reduced(light, factor), display, bits)
+    request: RenderRequest
+    store: Store
+
+    @cached_property
+    def _keys(self) -> PictureKeys | None:
+        return picture_keys(self.request, self.store)
+
+    def key(self, number: int) -> Key | None:
+        """Return the key of a frame; None where it is not there."""
+        key = None if self._keys is None else self._keys[number].frame
+        return key if self.store.holds("frame", key) else None
+
+    def pixels(
+        self, number: int, factor: int = 1, bits: int = 8, display: str = "srgb"
+    ) -> NDArray[Any] | None:
+        """Return a frame, uint8 or for more `bits` uint16 (H, W, 3); None where it is not there.
+
+        factor  a whole number by which it is smaller
+
+        Raises FrameError where it is damaged.
+        """
+        if (key := self.key(number)) is None:
+            return None
+        reader = readers.picture(key, self.request.pictures.quality.rendered_size)
+        light = self.store.read("frame", key, self.request.place("frame", number), reader)[0]["beauty"]
+        return self.request.shot.picture.display.pixels(reduced(light, factor), display, bits)
 
 
 DULL, NEARLY_BLACK = 180, 40
 """99th percentiles of luminance, of 255, below which a picture lacks a highlight, and is nearly black."""
 
 
-def light_notes(whites: Mapping[int, int]) -> list[str]:
-    """Return lines about frames without highlights, by their `white`."""
-    black = [number for number, white in sorted(whites.items()) if white < NEARLY_BLACK]
+def light_notes(pictures: Mapping[int, NDArray[Any] | None]) -> list[str]:
+    """Return lines about frames without highlights; None stands for frames that are not there.
+
+    pictures  uint8 (H, W, 3) by frame number
+    """
+    whites = {n: _white(picture) for n, picture in sorted(pictures.items()) if picture is not None}
+    black = [number for number, white in whites.items() if white < NEARLY_BLACK]
     notes = []
     if black:
         frames = f"frames {FrameRange.of(black)} are" if len(black) > 1 else f"frame {black[0]} is"
@@ -235,6 +234,6 @@ def light_notes(whites: Mapping[int, int]) -> list[str]:
     return notes
 
 
-def white(picture: NDArray[Any]) -> int:
+def _white(picture: NDArray[Any]) -> int:
     """Return the 99th percentile of luminance of a picture (H, W, 3) in 8 bits."""
     return int(np.percentile(picture @ LUMA, 99.0))

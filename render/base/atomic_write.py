@@ -14,6 +14,8 @@ import ctypes
 import errno
 import os
 import secrets
+import shutil
+import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -159,6 +161,30 @@ def disk_errors(path: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise machine_error(path, error) from error
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder, and those above it, where they are missing. Raises MachineError."""
+    with disk_errors(folder), held(folder, make=True):
+        pass
+
+
+@contextmanager
+def atomic_folder(place: Path, prefix: str) -> Iterator[Path]:
+    """Yield a new folder beside a place, which is renamed to it when the block ends; if it raises, it goes.
+
+    prefix  of the name of the new folder, which a process that is killed leaves behind
+
+    Raises MachineError where the disk refuses.
+    """
+    with disk_errors(place), held(place.parent, make=True) as home:
+        draft = Path(tempfile.mkdtemp(prefix=prefix, dir=home))
+        draft.chmod(0o755)
+        try:
+            yield draft
+            draft.rename(home / place.name)
+        finally:
+            shutil.rmtree(draft, ignore_errors=True)
 
 
 def machine_error(path: Path, error: OSError, verb: str = "written") -> MachineError:

@@ -19,20 +19,18 @@ import time
 import warnings
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, ClassVar
 
 from flowsculpt.render.base import python_process
 from flowsculpt.render.base.input_files import require_input
 from flowsculpt.render.base.render_errors import MachineError, reason_of
-from flowsculpt.render.base.user_cache import cache_path, load_answer, store_answer
+from flowsculpt.render.base.user_cache import CachedAnswer
 
 SECONDS = 60.0
 """Time that a parser may take for any file; a MiB of it adds a second."""
-
-MEMORY = 1 << 30
-"""Memory that a parser may take beside what its process has at the start, bytes; see `allow_memory`."""
 
 _PARSED, _REFUSED = b"parsed\n", b"refused\n"
 
@@ -41,27 +39,112 @@ class ParserError(Exception):
     """The reason why a file cannot be parsed, in one line."""
 
 
-def answer_of(module: str, path: Path, *options: str) -> bytes:
-    """Return what a module answers about the path of a file, and options; it calls `serve` where it is run.
+@dataclass(frozen=True)
+class Parser:
+    """A module that reads files of others in a process of its own; run as a program it calls `Parser.serve`.
 
-    Raises ParserError where it refuses, crashes, or takes too long or too much memory; MachineError where
-    no process can be started.
+    module  its dotted name
+    MEMORY  bytes that it may take beside what its process has at the start; see `allow_memory`
     """
-    seconds = SECONDS + require_input(path) / 2**20
-    try:
-        done = subprocess.run(
-            python_process.command(module),
-            input=json.dumps([seconds, str(path.absolute()), *options]).encode(),
-            env=python_process.environment(),
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            timeout=seconds,
-        )
-    except subprocess.TimeoutExpired:
-        raise ParserError(f"its reader took over {seconds:.0f} seconds") from None
-    except OSError as error:
-        raise MachineError(f"no process can be started to read a file ({error.strerror})") from None
-    return _parsed(done.stdout, done.returncode)
+
+    module: str
+
+    MEMORY: ClassVar[int] = 1 << 30
+
+    def answer(self, path: Path, *options: str) -> bytes:
+        """Return what the module answers about the path of a file, and options.
+
+        Raises ParserError where it refuses, crashes, or takes too long or too much memory; MachineError where
+        no process can be started.
+        """
+        seconds = SECONDS + require_input(path) / 2**20
+        try:
+            done = subprocess.run(
+                python_process.command(self.module),
+                input=json.dumps([seconds, str(path.absolute()), *options]).encode(),
+                env=python_process.environment(),
+                stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL,
+                timeout=seconds,
+            )
+        except subprocess.TimeoutExpired:
+            raise ParserError(f"its reader took over {seconds:.0f} seconds") from None
+        except OSError as error:
+            raise MachineError(f"no process can be started to read a file ({error.strerror})") from None
+        return _parsed(done.stdout, done.returncode)
+
+    def answer_about_content(self, path: Path, digest: str, library: str, *options: str) -> str:
+        """Return what the module answers about the path of a file; the disk cache stores it by content.
+
+        digest   of the file's content
+        library  the package that reads it; another version is asked again
+        options  further arguments of the module
+
+        Raises as `answer`.
+        """
+        known = CachedAnswer.of("parsed", [self.module, library, version(library), digest, *options])
+        stored = known.load(lambda it: it["answer"])
+        if isinstance(stored, str):
+            return stored
+        answer = self.answer(path, *options).decode()
+        known.store({"answer": answer})
+        return answer
+
+    @staticmethod
+    def answer_of_fork(answer: Callable[..., bytes], path: Path, *options: str) -> bytes:
+        """Return what a function answers in a fork of this process, which has loaded what it needs.
+
+        The function takes no locks that another thread of this process may hold: it only computes, and does
+        not print or import. Where there are no forks, its module is asked. Raises what `answer` raises.
+        """
+        seconds = SECONDS + require_input(path) / 2**20
+        if sys.platform != "linux" or multiprocessing.current_process().daemon:
+            return Parser(answer.__module__).answer(path, *options)
+        reading, writing = os.pipe()
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+
+        def work() -> None:
+            _write_answer(answer, os.fdopen(writing, "wb"), seconds, str(path), *options)
+
+        with warnings.catch_warnings(action="ignore", category=DeprecationWarning):  # of forks with threads
+            process = python_process.ForkedProcess(work, nowhere)
+        os.close(writing)
+        os.close(nowhere)
+        try:
+            content = _content(reading, seconds)
+        except BaseException:
+            process.send_signal(signal.SIGKILL)
+            process.wait()
+            raise
+        finally:
+            os.close(reading)
+        return _parsed(content, process.wait())
+
+    @staticmethod
+    def serve(answer: Callable[..., bytes]) -> None:
+        """Answer about the path, and options, on stdin within limits. What libraries print goes to stderr."""
+        output = os.fdopen(os.dup(1), "wb")
+        os.dup2(2, 1)
+        _write_answer(answer, output, *json.loads(sys.stdin.buffer.read()))
+
+    @staticmethod
+    def allow_memory(count: int) -> None:
+        """Set the bytes that this process may take in addition to what it has now."""
+        with suppress(ImportError, OSError, ValueError):  # systems differ in what they can limit
+            import resource
+
+            page = resource.getpagesize()
+            used = int(Path("/proc/self/statm").read_text(encoding="utf-8").split()[0]) * page
+            resource.setrlimit(resource.RLIMIT_AS, (used + count, resource.RLIM_INFINITY))
+
+    @staticmethod
+    def allow_seconds(count: float) -> None:
+        """Set the seconds of a core that this process may take in addition to what it has taken."""
+        with suppress(ImportError, OSError, ValueError):
+            import resource
+
+            _, most = resource.getrlimit(resource.RLIMIT_CPU)
+            resource.setrlimit(resource.RLIMIT_CPU, (math.ceil(time.process_time() + count), most))
 
 
 def _parsed(output: bytes, code: int) -> bytes:
@@ -74,36 +157,6 @@ def _parsed(output: bytes, code: int) -> bytes:
     raise ParserError("its reader took too long" if is_late else "its reader crashed or ran out of memory")
 
 
-def answer_of_fork(answer: Callable[..., bytes], path: Path, *options: str) -> bytes:
-    """Return what a function answers in a fork of this process, which has loaded what the function needs.
-
-    The function takes no locks that another thread of this process may hold: it only computes, and does not
-    print or import. Where there are no forks, `answer_of` asks its module. Raises what `answer_of` raises.
-    """
-    seconds = SECONDS + require_input(path) / 2**20
-    if sys.platform != "linux" or multiprocessing.current_process().daemon:
-        return answer_of(answer.__module__, path, *options)
-    reading, writing = os.pipe()
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-
-    def work() -> None:
-        _write_answer(answer, os.fdopen(writing, "wb"), seconds, str(path), *options)
-
-    with warnings.catch_warnings(action="ignore", category=DeprecationWarning):  # of forks with threads
-        process = python_process.ForkedProcess(work, nowhere)
-    os.close(writing)
-    os.close(nowhere)
-    try:
-        content = _content(reading, seconds)
-    except BaseException:
-        process.send_signal(signal.SIGKILL)
-        process.wait()
-        raise
-    finally:
-        os.close(reading)
-    return _parsed(content, process.wait())
-
-
 def _content(pipe: int, seconds: float) -> bytes:
     """Return what comes out of a pipe until its end. Raises ParserError where that takes longer."""
     end, parts, waiting = time.monotonic() + seconds, [], select.poll()
@@ -113,31 +166,6 @@ def _content(pipe: int, seconds: float) -> bytes:
         if not parts[-1]:
             return b"".join(parts)
     raise ParserError(f"its reader took over {seconds:.0f} seconds")
-
-
-def answer_about_content(module: str, path: Path, digest: str, library: str, *options: str) -> str:
-    """Return what a module answers about the path of a file; the disk cache stores it by content.
-
-    digest   of the file's content
-    library  the package that reads it; another version is asked again
-    options  further arguments of the module
-
-    Raises as `answer_of`.
-    """
-    known = cache_path("parsed", [module, library, version(library), digest, *options])
-    stored = load_answer(known, lambda it: it["answer"])
-    if isinstance(stored, str):
-        return stored
-    answer = answer_of(module, path, *options).decode()
-    store_answer(known, {"answer": answer})
-    return answer
-
-
-def serve(answer: Callable[..., bytes]) -> None:
-    """Answer about the path, and options, on stdin within limits. What libraries print goes to stderr."""
-    output = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)
-    _write_answer(answer, output, *json.loads(sys.stdin.buffer.read()))
 
 
 def _write_answer(
@@ -155,27 +183,9 @@ def _write_answer(
     os._exit(0)  # destructors of a library that met a damaged file may crash
 
 
-def allow_memory(count: int) -> None:
-    """Set the bytes that this process may take in addition to what it has now."""
-    with suppress(ImportError, OSError, ValueError):  # systems differ in what they can limit
-        import resource
-
-        used = int(Path("/proc/self/statm").read_text(encoding="utf-8").split()[0]) * resource.getpagesize()
-        resource.setrlimit(resource.RLIMIT_AS, (used + count, resource.RLIM_INFINITY))
-
-
-def allow_seconds(count: float) -> None:
-    """Set the seconds of a core that this process may take in addition to what it has taken."""
-    with suppress(ImportError, OSError, ValueError):
-        import resource
-
-        _, most = resource.getrlimit(resource.RLIMIT_CPU)
-        resource.setrlimit(resource.RLIMIT_CPU, (math.ceil(time.process_time() + count), most))
-
-
 def _limit(seconds: float) -> None:
     """Limit memory and time of this process, and let it write no file."""
-    allow_memory(MEMORY)
+    Parser.allow_memory(Parser.MEMORY)
     with suppress(ImportError, OSError, ValueError):
         import resource
 

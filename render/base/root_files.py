@@ -76,12 +76,6 @@ def held(folder: Path, make: bool = False) -> Iterator[Path]:
             os.close(descriptor)
 
 
-def make_folder(folder: Path) -> None:
-    """Make a folder, and those above it, where they are missing. Raises as `held` does."""
-    with held(folder, make=True):
-        pass
-
-
 def open_file(path: Path, flags: int) -> int:
     """Open a file as `os.open` does, and return its descriptor. Missing folders are made for a new one.
 

@@ -15,6 +15,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
@@ -128,18 +129,23 @@ def _warn(message: str) -> None:
         print(message, file=sys.stderr)
 
 
-def cache_path(kind: str, depends_on: Sequence[str], suffix: str = ".json") -> Path:
-    """Return the file of an answer. Its name is a hash of all that the answer depends on."""
-    name = hashlib.blake2b("\n".join(depends_on).encode(), digest_size=12).hexdigest()
-    return readable_cache() / kind / f"{name}{suffix}"
+@dataclass(frozen=True)
+class CachedAnswer:
+    """A file of the user's cache, for what takes long to find out again."""
 
+    path: Path
 
-def load_answer(path: Path, reader: Callable[[dict[str, Any]], T]) -> T | None:
-    """Return what `reader`, as `read_state` takes it, makes of a stored answer; None where there is none."""
-    return read_state(path, lambda answer: reader(mapping(answer)))
+    @classmethod
+    def of(cls, kind: str, depends_on: Sequence[str], suffix: str = ".json") -> CachedAnswer:
+        """Return the file of an answer. Its name is a hash of all that the answer depends on."""
+        name = hashlib.blake2b("\n".join(depends_on).encode(), digest_size=12).hexdigest()
+        return cls(readable_cache() / kind / f"{name}{suffix}")
 
+    def load(self, reader: Callable[[dict[str, Any]], T]) -> T | None:
+        """Return what `reader`, as `read_state` takes it, makes of JSON; None where there is none."""
+        return read_state(self.path, lambda answer: reader(mapping(answer)))
 
-def store_answer(path: Path, answer: dict[str, Any]) -> None:
-    """Store an answer. A folder that cannot be written only means that the next process asks again."""
-    with suppress(MachineError), atomic_write(path, flush=False) as draft:
-        draft.write_text(json.dumps(answer), encoding="utf-8")
+    def store(self, answer: dict[str, Any]) -> None:
+        """Store JSON. A folder that cannot be written only means that the next process asks again."""
+        with suppress(MachineError), atomic_write(self.path, flush=False) as draft:
+            draft.write_text(json.dumps(answer), encoding="utf-8")

@@ -65,7 +65,7 @@ def title_frames(card: TitleCard, size: tuple[int, int], count: int, fade: int) 
 def card_frames(title: str, subtitle: str, screen: Screen, count: int) -> Iterator[NDArray[np.uint16]]:
     """Yield the frames of a card of a film; its words take a quarter of the time to come, another to go."""
     for drawn in title_frames(TitleCard(title, subtitle), screen.size, count, fade=count // 4):
-        yield quantise(screen.show(drawn), bits=16)
+        yield screen.frame(drawn)
 
 
 def _title_ground(size: tuple[int, int], swell: float) -> Floats:
@@ -178,6 +178,10 @@ class Screen:
             return self.picture
         width = max(2, math.ceil(self.picture[0] * ANGLE / self.projection.picture_angle))
         return width, max(2, round(width / ASPECT))
+
+    def frame(self, drawn: Floats) -> NDArray[np.uint16]:
+        """Return the same as `show` as a frame of a movie, uint16 (H, W, 3)."""
+        return quantise(self.show(drawn), bits=16)
 
     def show(self, drawn: Floats) -> Floats:
         """Return the picture (H, W, 3) with the screen that shows what was drawn, (h, w, 3) of `size`."""

@@ -18,7 +18,7 @@ from pathlib import Path
 
 from flowsculpt.render.base import python_process
 from flowsculpt.render.base.atomic_write import atomic_write
-from flowsculpt.render.base.render_errors import MachineError
+from flowsculpt.render.base.render_errors import MachineError, MissingInputError
 
 REQUIREMENTS = Path(__file__).with_name("three_js.txt")
 
@@ -27,21 +27,23 @@ PACKED = Path("nicegui", "elements", "scene", "dist", "index.js")  # the path of
 FETCH = python_process.command_line("flowsculpt.render.graphics.three_js")
 
 
-def three_js() -> str | None:
-    """Return the text of three.js; None if it is not installed.
+def three_js(otherwise: str) -> str:
+    """Return the text of three.js, from which a page makes the module: browsers load none from local folders.
 
-    Browsers load no modules from local folders: the page makes the module from this text.
+    otherwise  what follows where it is not installed, as `the page has no 3-D view`
+
+    Raises MissingInputError with these words, and how to install it.
     """
     try:
-        text = _installed().read_text(encoding="utf-8")
+        text = installed_file().read_text(encoding="utf-8")
     except OSError:
-        return None
+        raise MissingInputError(f"three.js is not installed, so {otherwise}; {FETCH} fetches it") from None
     return re.sub(r"\n//# sourceMappingURL=\S+\s*$", "\n", text)
 
 
 def fetch() -> None:
     """Fetch three.js unless it is installed. Raises MachineError."""
-    if _installed().exists():
+    if installed_file().exists():
         return
     with tempfile.TemporaryDirectory() as work:
         pip = python_process.command("pip") if find_spec("pip") else ["uv", "pip"]  # uv makes venvs without
@@ -58,11 +60,11 @@ def fetch() -> None:
             raise MachineError(
                 f"three.js cannot be fetched (see {pip[-1]}'s message); pages have no 3-D view"
             )
-        with atomic_write(_installed()) as draft:
+        with atomic_write(installed_file()) as draft:
             shutil.copyfile(Path(work) / PACKED, draft)
 
 
-def _installed() -> Path:
+def installed_file() -> Path:
     """Return the path of three.js in the environment, named by its release."""
     release = re.search(r"^nicegui==(\S+)", REQUIREMENTS.read_text(encoding="utf-8"), re.MULTILINE)
     assert release, "the requirement names one release"

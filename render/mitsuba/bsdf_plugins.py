@@ -18,7 +18,7 @@ import numpy as np
 
 from flowsculpt.render.base import python_process
 from flowsculpt.render.base.render_errors import BadInputError
-from flowsculpt.render.base.user_cache import cache_path, load_answer, store_answer
+from flowsculpt.render.base.user_cache import CachedAnswer
 from flowsculpt.render.mitsuba.engine import Engine
 from flowsculpt.render.mitsuba.texture_coordinates import ScaledCoordinates, bitmap, to_uv
 from flowsculpt.render.scene.materials.mitsuba_bsdf import Bsdf, Plain
@@ -58,14 +58,15 @@ def refusal(bsdf: Bsdf) -> Refusal | None:
 
     None also where the machine is too busy to ask: rendering will then report it.
     """
-    path = cache_path("materials", [version("mitsuba"), bsdf.text, *(file.digest for file in bsdf.files)])
-    stored = load_answer(path, lambda known: _refusals(known["refused"]))
+    parts = [version("mitsuba"), bsdf.text, *(file.digest for file in bsdf.files)]
+    cached = CachedAnswer.of("materials", parts)
+    stored = cached.load(lambda known: _refusals(known["refused"]))
     if stored is not None:
         return next(iter(stored), None)
     answer = _ask_process(bsdf)
     if answer is None:
         return None
-    store_answer(path, {"refused": answer})
+    cached.store({"refused": answer})
     return next(iter(_refusals(answer)), None)
 
 

@@ -21,7 +21,7 @@ from typing import Any
 
 from flowsculpt.render.base import python_process
 from flowsculpt.render.base.render_errors import BadInputError, MachineError
-from flowsculpt.render.base.user_cache import cache_path, intruder, load_answer, store_answer, writable_cache
+from flowsculpt.render.base.user_cache import CachedAnswer, intruder, writable_cache
 from flowsculpt.render.mitsuba import llvm
 from flowsculpt.render.mitsuba.llvm import LibLlvm
 
@@ -169,12 +169,12 @@ def is_compiled() -> bool:
 def works(variant: str, library: LibLlvm | None = None) -> bool:
     """Tell whether one sample renders, in a process of its own. Cached by machine, version and library."""
     cached = _cache_file(variant, library)
-    known = load_answer(cached, lambda stored: stored["works"])
+    known = cached.load(lambda stored: stored["works"])
     if isinstance(known, bool):
         return known
     answer = _probe(variant, library)
     if answer is not None and (answer or variant not in GPU_VARIANTS):  # a driver may be installed later
-        store_answer(cached, {"works": answer, "variant": variant, "library": str(library and library.path)})
+        cached.store({"works": answer, "variant": variant, "library": str(library and library.path)})
     return bool(answer)
 
 
@@ -228,7 +228,7 @@ def _probe(variant: str, library: LibLlvm | None) -> bool | None:
     return done.returncode == 0
 
 
-def _cache_file(variant: str, library: LibLlvm | None) -> Path:
+def _cache_file(variant: str, library: LibLlvm | None) -> CachedAnswer:
     """Return the cache file of the answer."""
     parts = [variant, version("mitsuba"), version("drjit"), sys.version, sys.prefix]
     parts += [platform.node(), platform.machine()]
@@ -238,7 +238,7 @@ def _cache_file(variant: str, library: LibLlvm | None) -> Path:
             parts += [str(library.path), str(facts.st_size), str(facts.st_mtime_ns)]
         except OSError:
             parts.append(f"{library.path} missing")
-    return cache_path("engine", parts)
+    return CachedAnswer.of("engine", parts)
 
 
 def probe(arguments: Sequence[str]) -> int:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flowsculpt.render.base.input_files import require_input
-from flowsculpt.render.base.limited_process import ParserError, answer_about_content, serve
+from flowsculpt.render.base.limited_process import Parser, ParserError
 from flowsculpt.render.base.render_errors import BadInputError
 from flowsculpt.render.movie.movie_sound import (
     MOST_BYTES,
@@ -63,8 +63,8 @@ def band_level(file: Path, digest: str, low: float, high: float) -> BandLevel:
     """
     require_input(file, MOST_BYTES)
     try:
-        text = answer_about_content(
-            "flowsculpt.render.movie.band_level", file, digest, "av", repr(low), repr(high), TIMED
+        text = Parser("flowsculpt.render.movie.band_level").answer_about_content(
+            file, digest, "av", repr(low), repr(high), TIMED
         )
     except ParserError as error:
         raise unreadable(file, error) from None
@@ -154,4 +154,4 @@ def _windows(
 
 
 if __name__ == "__main__":
-    serve(_analysed)
+    Parser.serve(_analysed)

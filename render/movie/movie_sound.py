@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flowsculpt.render.base.input_files import digest_of_file, require_input
-from flowsculpt.render.base.limited_process import ParserError, answer_about_content, serve
+from flowsculpt.render.base.limited_process import Parser, ParserError
 from flowsculpt.render.base.render_errors import BadInputError, reason_of
 from flowsculpt.render.movie.announced_sizes import WithCorrectedSizes, corrected_sizes
 
@@ -240,8 +240,8 @@ def unreadable(file: Path, reason: object) -> BadInputError:
 def _measured(file: Path, _modified: int, _size: int) -> tuple[int, float]:
     """Return what `_counted` answers, asked once for each content."""
     try:
-        answer = answer_about_content(
-            "flowsculpt.render.movie.movie_sound", file, digest_of_file(file), "av", TIMED
+        answer = Parser("flowsculpt.render.movie.movie_sound").answer_about_content(
+            file, digest_of_file(file), "av", TIMED
         )
     except ParserError as error:
         raise unreadable(file, error) from None
@@ -356,4 +356,4 @@ class _Player:
 
 
 if __name__ == "__main__":
-    serve(_counted)
+    Parser.serve(_counted)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from flowsculpt.render.base.atomic_write import atomic_write
 from flowsculpt.render.base.kernel_cache import compiled
 from flowsculpt.render.base.render_errors import BadInputError, MachineError
-from flowsculpt.render.base.user_cache import cache_path
+from flowsculpt.render.base.user_cache import CachedAnswer
 from flowsculpt.render.post.hdr import HDR_DISPLAYS, hlg_of_nits, nits_of_pq
 from flowsculpt.render.post.view import ACES, ColourView
 from flowsculpt.render.scene.rgb_spaces import WORKING_SPACES
@@ -133,7 +133,7 @@ def _ocio_display(light: Floats, view: ColourView, display: str) -> Floats:
 def _lut(view: ColourView, display: str) -> Floats:
     """Return the table (65, 65, 65, 3) of a view, by red, green, blue; from the user's cache, or baked."""
     recipe = f"{oiio.__version__} {sorted(view.recipe.items())} {display} {_SIDE} {_TOE} {_WHITE}"
-    file = cache_path("views", [recipe], ".npz")
+    file = CachedAnswer.of("views", [recipe], ".npz").path
     with suppress(Exception):  # numpy and zipfile raise a dozen kinds for what is damaged
         with file.open("rb") as content, np.load(content) as stored:  # which has a checksum
             lut = stored["table"]

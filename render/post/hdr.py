@@ -12,6 +12,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from flowsculpt.render.scene.rgb_spaces import WorkingSpace
+
+BT2020 = WorkingSpace(
+    "rec2020", "lin_rec2020_scene", (0.708, 0.292, 0.170, 0.797, 0.131, 0.046, 0.3127, 0.3290)
+)
+
 PEAK = 1000.0
 """Nits of the display that views are made for, and that frames are mastered on."""
 
@@ -61,11 +67,13 @@ class HdrDisplay(NamedTuple):
     values  turns nits (…, 3) of BT.2020 into display values 0 … 1
     nits    turns display values back into nits
     peak    its brightest white, nits
+    space   its primaries
     """
 
     values: Callable[[Values], Values]
     nits: Callable[[Values], Values]
     peak: float = PEAK
+    space: WorkingSpace = BT2020
 
 
 HDR_DISPLAYS = {"pq": HdrDisplay(pq_of_nits, nits_of_pq), "hlg": HdrDisplay(hlg_of_nits, nits_of_hlg)}

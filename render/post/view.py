@@ -7,7 +7,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from flowsculpt.render.base.limited_process import ParserError, answer_about_content, serve
+from flowsculpt.render.base.limited_process import Parser, ParserError
 from flowsculpt.render.base.render_errors import BadInputError, suggestion
 from flowsculpt.render.scene.picture_file import DEFAULT_CONFIG
 from flowsculpt.render.scene.rgb_spaces import REC709
@@ -123,7 +123,7 @@ def _read(config: str, digest: str) -> Any:
 
     if digest:
         try:
-            answer_about_content("flowsculpt.render.post.view", Path(config), digest, "OpenImageIO")
+            Parser("flowsculpt.render.post.view").answer_about_content(Path(config), digest, "OpenImageIO")
         except ParserError as error:
             raise BadInputError(
                 f"{config}: it cannot be read as an OpenColorIO config ({error}); correct it, or name another"
@@ -163,4 +163,4 @@ def _try_views(config: str) -> bytes:
 
 
 if __name__ == "__main__":
-    serve(_try_views)
+    Parser.serve(_try_views)

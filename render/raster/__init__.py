@@ -7,6 +7,17 @@ floor is dark below it. The stage is seen through clear subjects.
 """
 
 from flowsculpt.render.raster.preview import Edges, Preview, prepare, preview, wide_picture, with_lines
+from flowsculpt.render.raster.preview_pixels import draw_preview
 from flowsculpt.render.raster.raster_shapes import Shape, StageSetup
 
-__all__ = ["Edges", "Preview", "Shape", "StageSetup", "prepare", "preview", "wide_picture", "with_lines"]
+__all__ = [
+    "Edges",
+    "Preview",
+    "Shape",
+    "StageSetup",
+    "draw_preview",
+    "prepare",
+    "preview",
+    "wide_picture",
+    "with_lines",
+]

@@ -29,6 +29,8 @@ from flowsculpt.render.scene.patterns import Pigment
 from flowsculpt.render.scene.render_camera import Camera
 from flowsculpt.render.scene.scene_lights import LightRig
 from flowsculpt.render.scene.scene_stage import Stage, StagePlacement
+from flowsculpt.render.scene.surface import Surface
+from flowsculpt.render.scene.vertex_colours import vertex_colours
 
 Array = NDArray[Any]
 
@@ -159,6 +161,14 @@ class Shape(NamedTuple):
     colours: Floats | None = None
     closed: bool = False
     rest: NDArray[np.floating] | None = None
+
+    @classmethod
+    def of(cls, surface: Surface, material: Material) -> Shape:
+        """Return the shape of a surface in a material: with its pigment, or colours of its vertices."""
+        mesh = surface.vertices, surface.normals, surface.faces
+        if isinstance(material.pattern, Pigment):
+            return cls(*mesh, material, rest=material.pattern.places(surface))
+        return cls(*mesh, material, vertex_colours(surface, material))
 
     @property
     def pigment(self) -> Pigment | None:

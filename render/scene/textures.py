@@ -18,13 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flowsculpt.render.base.input_files import require_input
-from flowsculpt.render.base.limited_process import (
-    MEMORY,
-    ParserError,
-    allow_memory,
-    answer_about_content,
-    serve,
-)
+from flowsculpt.render.base.limited_process import Parser, ParserError
 from flowsculpt.render.base.render_errors import BadInputError
 from flowsculpt.render.base.serialise import NOT_PLAIN, OMIT_DEFAULT, Triple
 from flowsculpt.render.scene.picture_file import (
@@ -304,7 +298,7 @@ def require_decodable(path: str, digest: str) -> None:
     """
     require_input(Path(path), MOST_BYTES)
     try:
-        answer_about_content("flowsculpt.render.scene.textures", Path(path), digest, "OpenImageIO")
+        Parser("flowsculpt.render.scene.textures").answer_about_content(Path(path), digest, "OpenImageIO")
     except ParserError as error:
         raise BadInputError(
             f"{path}: it cannot be read as a picture ({error}); write it again, as EXR, PNG, JPEG or TIFF"
@@ -320,7 +314,7 @@ def _decode(path: str) -> bytes:
         with suppress(BadInputError):
             picture = OpenedPicture(file, path)
             pixels = _require_size(picture, Path(path).stat().st_size)
-            allow_memory(MEMORY + 16 * pixels * len(picture.channels))
+            Parser.allow_memory(Parser.MEMORY + 16 * pixels * len(picture.channels))
             picture.pixels()
     return b""
 
@@ -342,4 +336,4 @@ def _require_size(picture: OpenedPicture, size: int) -> int:
 
 
 if __name__ == "__main__":
-    serve(_decode)
+    Parser.serve(_decode)

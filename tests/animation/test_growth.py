@@ -7,16 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ruamel.yaml import YAML
 
 from flowsculpt.pipeline.animation import animate
 from flowsculpt.pipeline.animation.flow_cost import forecast_growth, growth_warning
 from flowsculpt.pipeline.errors import FrameError
 from flowsculpt.pipeline.frames import FrameRange
-from flowsculpt.pipeline.plugins.authoring.shot_templates import usual_strength
 from flowsculpt.pipeline.production.request.manifest import mesh_keys
 from flowsculpt.pipeline.shot import Motion, Shot, read_shot
-from tests.animation.flow_strengths import GROWTHS, RECORD, growth_at, strength_of
 from tests.animation.motions import resampled, same
 
 SHOT = """\
@@ -106,20 +103,3 @@ def test_a_limit_of_growth_changes_neither_keys_nor_bits(motion: Motion, tmp_pat
     short = replace(motion, frames=FrameRange.parse("5-8"))
     for one, other in zip(animate(short), animate(resampled(short, max_growth=50.0)), strict=True):
         assert same(one, other)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("flow", ["twist", "strain", "vortex"])
-def test_recorded_strengths_of_flows_grow_a_ball_as_they_say(flow: str) -> None:
-    recorded = usual_strength(flow)
-    assert recorded is not None
-    parameter, values = recorded
-    for value, growth in zip(values, GROWTHS, strict=False):
-        assert growth_at(flow, parameter, value) == pytest.approx(growth, rel=0.2)
-
-
-@pytest.mark.soak
-def test_strengths_of_all_flows_are_recorded() -> None:
-    recorded = YAML(typ="safe").load(RECORD)
-    for flow in recorded:
-        assert strength_of(flow) == (next(iter(recorded[flow])), next(iter(recorded[flow].values())))

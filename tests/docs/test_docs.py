@@ -5,8 +5,6 @@ from pathlib import Path
 
 import pytest
 
-from flowsculpt.pipeline.plugins.maintenance.store_repair import OUTPUTS, output_folder
-
 ROOT = Path(__file__).parents[2]
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
 NAMED = re.compile(r"`((?:pipeline|render|tests|examples|benchmarks|shots|profiles)/[\w/.-]*)`")
@@ -61,15 +59,6 @@ def test_claims_are_cited_by_numbers_that_the_page_explains():
             cited |= set(re.findall(r"\bP(\d{1,2})\b", file.read_text()))
     assert {int(number) for number in cited} <= set(range(1, 41))
     assert len(cited) > 25
-
-
-def test_every_folder_of_output_is_in_the_list_of_files():
-    """The table by which `verify` and `clean` know them, and the page, say the same."""
-    listed = re.findall(r"^(renders/\S+)", (ROOT / "docs" / "architecture.md").read_text(), re.MULTILINE)
-    paths = [re.sub(r"<(\w+)>|\{(\w+),[^}]*\}", r"\1\2", path).replace("…", "file.exr") for path in listed]
-    known = {path: output_folder(Path(path)) for path in paths}
-    assert [path for path, row in known.items() if row is None] == []
-    assert {row[0] for row in known.values()} == {*OUTPUTS}
 
 
 def test_the_readme_is_short_and_leads_to_the_index_and_the_benchmarks():

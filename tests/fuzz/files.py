@@ -142,15 +142,13 @@ def _decodable(path: Path, answer: Callable[[str], bytes], module: str, library:
     from importlib.metadata import version
 
     from flowsculpt.render.base.input_files import digest_of_file, parsing
-    from flowsculpt.render.base.user_cache import cache_path, store_answer
+    from flowsculpt.render.base.user_cache import CachedAnswer
 
     digest = digest_of_file(path)
     with parsing(path, "a file of its kind", ""):
         answered = answer(str(path))
-    store_answer(
-        cache_path("parsed", [module, library, version(library), digest, *options]),
-        {"answer": answered.decode()},
-    )
+    cached = CachedAnswer.of("parsed", [module, library, version(library), digest, *options])
+    cached.store({"answer": answered.decode()})
     return digest
 
 

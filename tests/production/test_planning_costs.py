@@ -15,8 +15,8 @@ from typing import Any
 import pytest
 
 from benchmarks.orchestration import CORES, fill, write_shots
-from flowsculpt.pipeline.plugins.maintenance.status_commands import states
 from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.planning.frame_states import FrameStates
 from flowsculpt.pipeline.production.planning.plan import Plan
 from flowsculpt.pipeline.production.store.history import History
 
@@ -87,7 +87,8 @@ def test_status_looks_at_each_file_and_at_what_shows_it(film: list[str], calls: 
     project, history = Project(Path.cwd(), CORES), History.of(Path.cwd())
     for name in film:
         request = project.request(Path(f"shots/{name}.yaml"), "draft")
-        rows = states(project, request, history)
+        found = (FrameStates.of_meshes, FrameStates.of_pictures)
+        rows = [states(request, project.store, history) for states in found]
         assert [(row.what, len(row.done)) for row in rows] == [("meshes", FRAMES), ("draft", FRAMES)]
     assert calls["looks"] <= 5 * SHOTS * FRAMES + A_SHOT * SHOTS
     assert calls["digests"] <= A_SHOT * SHOTS
@@ -103,7 +104,7 @@ def test_status_of_a_shot_of_which_nothing_was_made_finds_no_keys(
     )
     project = Project(tmp_path, CORES)
     request = project.request(Path(f"shots/{name}.yaml"), "draft")
-    (row,) = states(project, request, History.of(tmp_path))
+    row = FrameStates.of_meshes(request, project.store, History.of(tmp_path))
     assert (row.what, len(row.missing)) == ("meshes", FRAMES)
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from flowsculpt.render.base import limited_process
-from flowsculpt.render.base.limited_process import ParserError, answer_of
+from flowsculpt.render.base.limited_process import Parser, ParserError
 
 PARSERS = {
     "crashes": ("os.abort()", "its reader crashed or ran out of memory"),
@@ -23,9 +23,9 @@ def parser(folder: Path, name: str, statement: str) -> Path:
     """Write a module that runs a statement for a file; return the file."""
     (folder / f"{name}.py").write_text(
         "import os, time\nfrom pathlib import Path\n"
-        "from flowsculpt.render.base.limited_process import serve\n"
+        "from flowsculpt.render.base.limited_process import Parser\n"
         f"def parse(path):\n    print('noise')\n    {statement}\n    return Path(path).read_bytes()\n"
-        "serve(parse)\n"
+        "Parser.serve(parse)\n"
     )
     (folder / "file").write_bytes(b"content")
     return folder / "file"
@@ -43,7 +43,7 @@ def test_what_a_parser_does_to_its_process_is_told_as_an_error(
     if name == "hangs":
         monkeypatch.setattr(limited_process, "SECONDS", 2.0)
     with pytest.raises(ParserError, match=fact):
-        answer_of(name, parser(tmp_path, name, statement))
+        Parser(name).answer(parser(tmp_path, name, statement))
     assert not (tmp_path / "b").exists() or (tmp_path / "b").stat().st_size == 0
 
 
@@ -51,4 +51,4 @@ def test_a_parser_answers_whatever_its_library_prints(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.syspath_prepend(tmp_path)
-    assert answer_of("answers", parser(tmp_path, "answers", "pass")) == b"content"
+    assert Parser("answers").answer(parser(tmp_path, "answers", "pass")) == b"content"

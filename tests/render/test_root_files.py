@@ -16,7 +16,7 @@ from flowsculpt.pipeline.production.store.locks import Locks
 from flowsculpt.pipeline.production.store.paths import SUFFIXES
 from flowsculpt.pipeline.production.store.store import Store
 from flowsculpt.render.base import root_files
-from flowsculpt.render.base.atomic_write import atomic_write
+from flowsculpt.render.base.atomic_write import atomic_write, make_folder
 from flowsculpt.render.base.python_process import PACKAGE_ROOT, environment
 from flowsculpt.render.base.render_errors import MachineError
 
@@ -49,7 +49,7 @@ CHANGES: dict[str, Callable[[Path], object]] = {
     "remove_and_prune": lambda folder: root_files.remove(folder / "2010" / "a.txt", prune=True),
     "set_time": lambda folder: root_files.set_time(folder / "a.txt", 5.0),
     "touch": lambda folder: root_files.touch(folder / "b.txt"),
-    "make_folder": lambda folder: root_files.make_folder(folder / "2011"),
+    "make_folder": lambda folder: make_folder(folder / "2011"),
     "append": lambda folder: root_files.appended(folder / "a.txt").close(),
     "truncate": lambda folder: root_files.open_file(folder / "a.txt", os.O_WRONLY | os.O_TRUNC),
     "log": lambda folder: EventLog(folder / "a.txt").write("run"),

@@ -8,15 +8,15 @@ from pathlib import Path
 import pytest
 
 from flowsculpt.render.base.state_files import mapping, read_state
-from flowsculpt.render.base.user_cache import load_answer, store_answer
+from flowsculpt.render.base.user_cache import CachedAnswer
 
 pytestmark = pytest.mark.quick
 
 
 def test_what_was_written_is_read(tmp_path: Path) -> None:
     path = tmp_path / "answer.json"
-    store_answer(path, {"works": True, "é": [1, 2.5, None]})
-    assert load_answer(path, lambda answer: answer["é"]) == [1, 2.5, None]
+    CachedAnswer(path).store({"works": True, "é": [1, 2.5, None]})
+    assert CachedAnswer(path).load(lambda answer: answer["é"]) == [1, 2.5, None]
     path.write_text(json.dumps({"a": 1}))
     assert read_state(path, numbers) == {"a": 1}
 

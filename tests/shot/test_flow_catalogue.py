@@ -3,29 +3,25 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import math
-import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from flowsculpt.pipeline.errors import ShotError, UsageError
+from flowsculpt.pipeline.errors import ShotError
 from flowsculpt.pipeline.flow import Flow, VelocityField
 from flowsculpt.pipeline.flow.catalogue.deformations import Bend
 from flowsculpt.pipeline.flow.catalogue.vortices import Vortex, VortexRing
 from flowsculpt.pipeline.flow.parameters import parameters_of, shot_name, summary
 from flowsculpt.pipeline.frames import FrameRange, FrameRate
-from flowsculpt.pipeline.plugins.authoring.shot_schemas import BEGIN, END, default_text, facts, markdown
 from flowsculpt.pipeline.shot import read_shot
 from flowsculpt.pipeline.shot.documents.flow_documents import DOCUMENTS
 from flowsculpt.pipeline.shot.motion import Clock
 from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext
 
 CLOCK = Clock(FrameRange.parse("1-24"), FrameRate.of(24))
-DOCS = Path(__file__).parents[2] / "docs"
 each = pytest.mark.parametrize("name", DOCUMENTS)
 
 SHOT = """\
@@ -150,33 +146,6 @@ def test_a_flow_that_is_not_known_is_told_with_the_nearest() -> None:
 )
 def test_mistakes_are_told_with_line_and_column(flow: str, message: str) -> None:
     assert told(flow) == message
-
-
-def test_a_flow_can_be_asked_for_by_name() -> None:
-    fact = facts("vortex")
-    assert json.loads(json.dumps(fact)) == fact
-    assert fact["kind"] == "velocity" and facts("twist")["kind"] == "map"
-    strength = next(p for p in fact["parameters"] if p["name"] == "strength")
-    assert (strength["unit"], strength["default"], strength["keyed"]) == ("units²/s", 1.0, True)
-    with pytest.raises(UsageError, match=r"'vortx' is not a flow\. Did you mean 'vortex'"):
-        facts("vortx")
-
-
-def test_the_table_of_the_docs_is_that_of_the_code() -> None:
-    page = (DOCS / "flows.md").read_text("utf-8")
-    assert page[page.index(BEGIN) : page.index(END) + len(END)] == markdown()
-    for picture in re.findall(r"\((pictures/\S+)\)", markdown()):
-        assert (DOCS / picture).is_file()
-
-
-def test_flows_of_a_shots_own_making_are_listed_too() -> None:
-    through, speed, *_ = facts("wind")["parameters"]
-    assert (through["name"], through["unit"], through["required"]) == ("through", "units", True)
-    assert (speed["name"], speed["keyed"], speed["default"]) == ("speed", True, 1.0)
-    kinds = [facts(name)["kind"] for name in ("formula", "curl_noise", "python")]
-    assert kinds == ["velocity", "velocity", "function"]
-    array = next(p for p in facts("sampled")["parameters"] if p["name"] == "array")
-    assert not array["required"] and array["default"] is None and default_text(array) == "none"
 
 
 def test_a_document_refuses_what_the_flow_does_not_take() -> None:

@@ -8,10 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flowsculpt.pipeline.animation import animate
 from flowsculpt.pipeline.errors import MeshError, ShotError
-from flowsculpt.pipeline.mesh import TriangleMesh, icosphere, rod
-from flowsculpt.pipeline.plugins.authoring.shot_templates import model_template, shot_of_flow
+from flowsculpt.pipeline.mesh import TriangleMesh, rod
 from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
 from flowsculpt.pipeline.shot import Model, Shot, read_shot
 from flowsculpt.pipeline.shot.motion import as_data
@@ -126,21 +124,3 @@ def test_coordinates_that_a_file_holds_too_coarsely_are_told_even_if_it_is_fitte
     subject = shot_of(tmp_path, ", fit: 2", LONG.with_vertices(rounded)).motion.subject
     subject.build()
     assert "coordinates of its file are 0.062 apart" in subject.notes[-1]
-
-
-@pytest.mark.parametrize(
-    ("count", "size", "length"), [(2, 1e-3, 0.08), (12, 1.0, 0.08), (12, 1e4, 0.08), (60, 1.0, 0.039)]
-)
-def test_new_shots_of_models_have_edges_for_their_detail(
-    tmp_path: Path, count: int, size: float, length: float
-) -> None:
-    """Coarse models are refined, others keep their edges, and very fine ones are simplified for a preview."""
-    ball = icosphere(count)
-    write_mesh(ball.with_vertices(size * ball.vertices + 1e5 * (size == 1)), tmp_path / "a.ply")
-    template = model_template(tmp_path / "a.ply", "a.ply")
-    assert template.max_edge_length == pytest.approx(length, rel=0.2)
-    assert ("keeps all their detail" in template.edges) == (count == 60)
-    (tmp_path / "n.yaml").write_text(shot_of_flow("twist", "n", template))
-    first = next(animate(read_shot(tmp_path / "n.yaml")))
-    assert 300 < len(first.mesh.vertices) < 40_000
-    assert np.ptp(first.mesh.vertices, axis=0) == pytest.approx([2, 2, 2], rel=0.02)

@@ -29,7 +29,6 @@ from flowsculpt.api.flows import (
 )
 from flowsculpt.api.frames import frame_all, step_into
 from flowsculpt.api.meshes import Points
-from flowsculpt.api.pictures import WideCamera
 from flowsculpt.api.shots import Model, Motion, PluginSurface, Shot
 from flowsculpt.pipeline.plugins.authoring.first_frame import FirstFrame, small_parts
 
@@ -335,7 +334,7 @@ def _sharpness(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
     (framing,) = frame_all([camera.at(shot.motion.clock.time(number))], lambda _: first.points, aspect)
     lens, depths = framing.camera, framing.camera.project(first.points, aspect)[:, 2]
     facing = depths[(depths > lens.near) & (depths <= np.median(depths))]
-    if isinstance(lens, WideCamera) or not len(facing):
+    if not len(facing):
         return
     blur = np.abs(1.0 / facing - 1.0 / lens.focus_distance) * lens.lens_radius
     pixels = blur / math.tan(lens.field_of_view / 2.0) * PICTURE_WIDTH

@@ -19,8 +19,7 @@ from pydantic_core import core_schema
 
 from flowsculpt.api.commands import require_one_of
 from flowsculpt.api.flows import Parameter
-from flowsculpt.api.pictures import LIGHTS
-from flowsculpt.api.shots import DOCUMENTS, LOOKS, FilmDocument, FlowParameters, ShotDocument
+from flowsculpt.api.shots import DOCUMENTS, PRESETS, FilmDocument, FlowParameters, ShotDocument
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
@@ -37,7 +36,7 @@ def shot_schema(defaults: Mapping[str, Any] = MappingProxyType({})) -> Schema:
     the looks and light rigs that `defaults` names.
     """
     schema = schema_of(ShotDocument, "A shot of flowsculpt")
-    for registry, name in ((LOOKS, "looks"), (LIGHTS, "rigs")):
+    for registry, name in ((PRESETS["look"], "looks"), (PRESETS["lights"], "rigs")):
         named = defaults.get(name)
         _let_shows_name(schema, list(registry), list(named) if isinstance(named, Mapping) else [])
     needs = {name: _extracted_needs(value, schema["$defs"]) for name, value in schema["properties"].items()}

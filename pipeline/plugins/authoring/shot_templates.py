@@ -19,8 +19,7 @@ import numpy as np
 
 from flowsculpt import FlowsculptError, PolygonMesh
 from flowsculpt.api.meshes import read_paint, surface_reader, usual_up
-from flowsculpt.api.pictures import LIGHTS, STAGES
-from flowsculpt.api.shots import LOOKS, SOLIDS, Model
+from flowsculpt.api.shots import PRESETS, SOLIDS, Model
 from flowsculpt.pipeline.plugins.authoring.first_frame import small_parts
 from flowsculpt.pipeline.plugins.authoring.shot_schemas import default_text, facts
 
@@ -342,11 +341,11 @@ def shot_of_flow(flow: str, name: str, model: ModelTemplate | None = None) -> st
         flows="\n".join(_entry(flow, preset)).replace("NAME", name),
         look=preset.look,
         coloured="clay" if preset.look == "model" else preset.look,
-        looks=", ".join(LOOKS),
+        looks=", ".join(PRESETS["look"]),
         left=preset.azimuth[0],
         right=preset.azimuth[1],
-        lights=choice(LIGHTS, preset.lights),
-        stage=choice(STAGES),
+        lights=choice(PRESETS["lights"], preset.lights),
+        stage=choice(PRESETS["stage"]),
     )
     return re.sub(
         r"^(.*\S)  # (.*)$", lambda line: f"{line[1]:<{COLUMN}}  # {line[2]}", text, flags=re.MULTILINE
@@ -446,7 +445,7 @@ def show_files(name: str, shots: Sequence[str]) -> Mapping[str, str]:
     """
     return {
         "shots/defaults.yaml": SCHEMA.format(".schema/defaults.json")
-        + DEFAULTS.format(lights=choice(LIGHTS), stage=choice(STAGES)),
+        + DEFAULTS.format(lights=choice(PRESETS["lights"]), stage=choice(PRESETS["stage"])),
         "shots/film.yaml": SCHEMA.format(".schema/film.json")
         + FILM.format(title=title_of(name[:1].upper() + name[1:]), shots=", ".join(shots)),
         "shots/models/README.txt": MODELS,

@@ -7,13 +7,14 @@ from dataclasses import dataclass, field
 from typing import Annotated, Any
 
 import typer
+from rich.console import Group
+from rich.table import Table
 
 from flowsculpt import FlowsculptError, FrameError, UsageError
 from flowsculpt.api import Progress, ShotError, reporting_to
 from flowsculpt.api.commands import (
     Project,
     exit_with,
-    out,
     print_error,
     print_result,
     print_warning,
@@ -23,17 +24,14 @@ from flowsculpt.api.commands import (
 )
 from flowsculpt.api.flows import flows_of
 from flowsculpt.api.frames import (
-    begun,
+    FinishedPictures,
     crop_of,
     edit_names,
     find_edit,
     find_shot,
     light_notes,
     misnamed_shots,
-    picture_keys,
     shot_names,
-    shown_picture,
-    white,
 )
 from flowsculpt.api.options import Common, Settings
 from flowsculpt.api.shots import (
@@ -195,15 +193,16 @@ def _light(common: Common, name: str, settings: tuple[str, ...]) -> list[str]:
     They are whole pictures, those of its draft if there are any.
     """
     project = Project(common.root, common.cores, settings=settings, profile=common.profile)
-    whole = [each for each in begun(project, find_shot(name)) if crop_of(each.quality_name) is None]
+    whole = [
+        each for each in project.rendered_requests(find_shot(name)) if crop_of(each.quality_name) is None
+    ]
     if not whole:
         return []
     request = min(whole, key=lambda each: each.quality_name != "draft")
-    keys = picture_keys(request, project.store)
+    finished = FinishedPictures(request, project.store)
     there = [n for n in sorted(request.angles) if (common.root / request.place("frame", n)).exists()]
     looked_at = there[:: -(-len(there) // LOOKED_AT) or 1]
-    shown = {n: shown_picture(request, keys, project.store, n, 2, 8, "srgb") for n in looked_at}
-    return light_notes({n: white(picture) for n, picture in shown.items() if picture is not None})
+    return light_notes({number: finished.pixels(number, 2) for number in looked_at})
 
 
 def _check_scene(
@@ -263,16 +262,15 @@ def _report(common: Common, checks: list[_Check]) -> None:
     lines += [f"With warnings: {', '.join(doubtful)}"] if doubtful else []
     notes = [f"Note: {note}" for check in checks for note in check.notes]
     words = "\n".join([*(lines or ["No shot is good."]), *notes])
-    print_result(words, [check.as_data() for check in checks], common.json)
-    if not common.json:
-        _print_first_frames(checks)
+    print_result(Group(words, *_first_frames(checks)), [check.as_data() for check in checks], common.json)
 
 
-def _print_first_frames(checks: list[_Check]) -> None:
+def _first_frames(checks: list[_Check]) -> Iterator[Table]:
+    """Yield a table of first frames where there are any."""
     rows = table("shot", "subject", "units", "vertices", "memory")
     for check in checks:
         for name, first in check.firsts.items():
             facts = f"{first.extent:.3g}", f"{first.vertices:,}", size(first.memory)
             rows.add_row(check.name, f"{name}: {first.subject}" if name else first.subject, *facts)
     if rows.row_count:
-        out.print(rows)
+        yield rows

@@ -19,7 +19,7 @@ import numpy as np
 
 from flowsculpt import MachineError, MeshError, Streamlines, TriangleMesh, UsageError
 from flowsculpt.api import report_progress
-from flowsculpt.api.files import atomic_write, cache_path, usable, writable_cache
+from flowsculpt.api.files import CachedAnswer, atomic_write, usable, writable_cache
 from flowsculpt.api.flows import Sampled, Samples, StepPlan, Vector
 from flowsculpt.api.frames import CorruptFileError, Locks, read_npz
 from flowsculpt.api.meshes import AnyArray, Floats, Points, components, require
@@ -214,7 +214,7 @@ def fit_between(start: PlacedShape, target: PlacedShape, detail: Detail) -> Fit:
 def path_of(start: PlacedShape, target: PlacedShape, detail: Detail) -> Path:
     """Return the file of the fit between two shapes."""
     shapes = [shape.data() for shape in _ends(start, target)]
-    return cache_path("fits", [json.dumps([VERSION, shapes, detail], sort_keys=True)], ".npz")
+    return CachedAnswer.of("fits", [json.dumps([VERSION, shapes, detail], sort_keys=True)], ".npz").path
 
 
 def _ends(start: PlacedShape, target: PlacedShape) -> tuple[PlacedShape, PlacedShape]:

@@ -13,13 +13,11 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 import signal
-import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager, suppress
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -30,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flowsculpt import FlowsculptError, UsageError
-from flowsculpt.api.files import atomic_write, disk_errors, held, remove_tree
+from flowsculpt.api.files import atomic_folder, atomic_write, remove_tree
 from flowsculpt.api.frames import CorruptFileError, RootFolders
 from flowsculpt.api.pictures import ContactSheet, Font, write_still
 from flowsculpt.api.shots import Shot
@@ -123,7 +121,7 @@ class Breeding:
         Raises UsageError where no candidate is left, MachineError where the disk refuses.
         """
         place = self.litter.folder
-        with _draft_folder(place) as draft:
+        with atomic_folder(place, DRAFT) as draft:
             litter = replace(self.litter, folder=place.with_name(draft.name))
             numbers = range(1, self.candidates + 1)
             made = {number: child_of(litter, number, f"{place.name}_{number:02}") for number in numbers}
@@ -306,19 +304,6 @@ def _half(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
     height, width = (side // 2 for side in picture.shape[:2])
     blocks = picture[: 2 * height, : 2 * width].reshape(height, 2, width, 2, 3)
     return np.asarray(blocks.mean(axis=(1, 3)).round(), np.uint8)
-
-
-@contextmanager
-def _draft_folder(place: Path) -> Iterator[Path]:
-    """Yield a folder beside a place, which is renamed to it when the block ends; if it raises, it goes."""
-    with disk_errors(place), held(place.parent, make=True) as home:
-        draft = Path(tempfile.mkdtemp(prefix=DRAFT, dir=home))
-        draft.chmod(0o755)
-        try:
-            yield draft
-            draft.rename(home / place.name)
-        finally:
-            shutil.rmtree(draft, ignore_errors=True)
 
 
 def unneeded_trials(root: Path, requests: object) -> tuple[str, list[Path]]:

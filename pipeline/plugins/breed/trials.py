@@ -30,22 +30,8 @@ from flowsculpt.api.frames import (
     with_stage_in_view,
 )
 from flowsculpt.api.meshes import AnyArray, Floats, Points
-from flowsculpt.api.pictures import (
-    SPEED,
-    Camera,
-    Pigment,
-    Shape,
-    StageSetup,
-    Surface,
-    WideCamera,
-    preview,
-    quantise,
-    stage_fades,
-    vertex_colours,
-    wide_picture,
-)
+from flowsculpt.api.pictures import SPEED, Shape, Surface, draw_preview
 from flowsculpt.api.shots import Motion, Shot
-from flowsculpt.render.scene.patterns import Measure
 
 SHOWN = 9
 """Pictures of a trial, at equal distances up to the last frame."""
@@ -218,20 +204,10 @@ def _picture(
     size: tuple[int, int],
 ) -> NDArray[np.uint8]:
     """Draw a frame, uint8 (H, W, 3)."""
-    picture = shot.picture
     shapes = [
         _shape(part, motion, frame) for part, motion, frame in zip(shot.parts, motions, frames, strict=True)
     ]
-    fades = stage_fades(framing.camera, picture.lights)
-    setup = StageSetup(picture.lights, picture.stage, framing.placement, picture.view.for_previews(), fades)
-
-    def draw(camera: Camera, size: tuple[int, int]) -> NDArray[np.float32]:
-        return preview(shapes[0], setup, camera, size, "srgb", None, shapes[1:]).picture
-
-    camera = framing.camera
-    values = wide_picture(camera, size, draw) if isinstance(camera, WideCamera) else draw(camera, size)
-    pixels: NDArray[np.uint8] = quantise(values)
-    return pixels
+    return draw_preview(shapes, shot.picture, framing, size)
 
 
 def _shape(part: Shot, motion: Motion, frame: MeshFrame) -> Shape:
@@ -240,7 +216,7 @@ def _shape(part: Shot, motion: Motion, frame: MeshFrame) -> Shape:
     arrays: dict[str, AnyArray] = shading.arrays()
     pattern = look.pattern
     attributes = motion.copy_places(pattern, arrays["material"].astype(np.float64))
-    if isinstance(pattern, Measure) and pattern.of == SPEED:
+    if look.measures_speed:
         attributes[SPEED] = speeds(motion, shading)
     vertices = arrays["vertices"]
     if "radii" in arrays:
@@ -248,9 +224,7 @@ def _shape(part: Shot, motion: Motion, frame: MeshFrame) -> Shape:
     faces, material = arrays["faces"], arrays["material"]
     paint = motion.painted(material.astype(np.float64), faces) if look.shows_paint else None
     surface = Surface(vertices, arrays["normals"], faces, attributes, material, paint=paint)
-    if isinstance(pattern, Pigment):
-        return Shape(vertices, arrays["normals"], faces, look, rest=pattern.places(surface))
-    return Shape(vertices, arrays["normals"], faces, look, vertex_colours(surface, look))
+    return Shape.of(surface, look)
 
 
 def _balls(

@@ -17,14 +17,12 @@ from flowsculpt.api.commands import (
     duration,
     execute,
     exit_with,
-    out,
     print_error,
     print_result,
     print_warning,
     progress_bars,
     report_plan,
     require_one_of,
-    words_of,
 )
 from flowsculpt.api.frames import FrameSelection, Plan, RenderRequest, crop_of, edit_names, find_edit
 from flowsculpt.api.options import (
@@ -107,7 +105,9 @@ def deliver(
     """
     if slate is not None:
         require_one_of(slate, SLATES, f"--slate {slate}: a slate goes at the head or apart.")
-    words = words_of(forms, f"--as {forms!r} is not a deliverable. There are: {', '.join(DELIVERABLES)}.")
+    words = tuple(dict.fromkeys(word.strip() for word in forms.split(",") if word.strip()))
+    if not words:
+        raise UsageError(f"--as {forms!r} is not a deliverable. There are: {', '.join(DELIVERABLES)}.")
     for word in words:
         if word not in DELIVERABLES and (needed := plugins().lacking(word)):
             raise UsageError(f"{word!r} is not a deliverable. {needed}")
@@ -130,7 +130,8 @@ def deliver(
     if common.dry_run:
         report_plan(common, wanted.plan())
         if not common.json:
-            out.print(f"Then: encoding {', '.join(names)} as {', '.join(e.name for e in order.encodes)}.")
+            encodes = ", ".join(encode.name for encode in order.encodes)
+            print_result(f"Then: encoding {', '.join(names)} as {encodes}.", None, as_json=False)
         return
     started = time.monotonic()
     outcome = execute(common, wanted.plan)

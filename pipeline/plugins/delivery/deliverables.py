@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from flowsculpt import FrameError, MachineError
 from flowsculpt.api import ShotExtras, plugins, plural
-from flowsculpt.api.files import disk_errors, make_folder, to_plain
+from flowsculpt.api.files import make_folder, to_plain
 from flowsculpt.api.frames import (
     Edit,
     FrameRange,
@@ -41,19 +41,15 @@ from flowsculpt.api.pictures import (
     AudioClip,
     BurnIn,
     Encode,
-    Frame,
-    Screen,
     loop_frames,
     mix_frames,
     prefetch,
-    quantise,
-    timecode,
     write_movie,
 )
 from flowsculpt.pipeline.plugins.delivery.encodes import FILM_START, KINDS, NAME_ENDS
 from flowsculpt.pipeline.plugins.delivery.gain_map import is_gain_map, write_gain_map
 from flowsculpt.pipeline.plugins.delivery.gif import GIF, write_gif
-from flowsculpt.pipeline.plugins.delivery.hdr_frames import content_light, hdr_graphics
+from flowsculpt.pipeline.plugins.delivery.hdr_frames import Frame, content_light, hdr_graphics
 from flowsculpt.pipeline.plugins.delivery.relighting import relit_version
 from flowsculpt.pipeline.plugins.delivery.slate import Slate, failure_card
 
@@ -126,9 +122,9 @@ class FrameReader:
         """
         if not self.is_finished(number):
             heading = f"{self.request.name}  frame {number} failed"
-            screen = Screen(self.request.pictures.projection, self.request.pictures.quality.rendered_size)
-            card = screen.show(failure_card(screen.size, heading, self.reason(number)))
-            return opaque(quantise(card, bits=16), form), self._labels(number, "")
+            screen = self.request.pictures.screen
+            card = screen.frame(failure_card(screen.size, heading, self.reason(number)))
+            return opaque(card, form), self._labels(number, "")
         return self._picture(number, form), self._labels(number, self._key(number))
 
     def _picture(self, number: int, form: FrameFormat) -> Frame:
@@ -184,7 +180,7 @@ class DeliverySource:
     """Frames in order, and facts about them.
 
     folder        of the files, relative to the root
-    screen        the projection and the size of the frames
+    request       of the frames, or of the first shot, which has the projection and size of all
     start         the frame number that gives the first timecode
     facts         names and values for the slate
     content       plain data of everything that decides the frames
@@ -200,7 +196,7 @@ class DeliverySource:
     subtitle: str
     folder: Path
     rate: FrameRate
-    screen: Screen
+    request: RenderRequest
     start: int
     count: int
     facts: tuple[tuple[str, str], ...]
@@ -232,7 +228,7 @@ def shot_source(
         subtitle=request.shot.title,
         folder=request.folders.home / request.quality_name / "deliver",
         rate=rate,
-        screen=Screen(request.pictures.projection, request.pictures.quality.rendered_size),
+        request=request,
         start=numbers[request.loop_dissolve],
         count=len(numbers) - request.loop_dissolve,
         facts=(("version", reader.version), *_facts(request, str(frames), len(numbers), rate), ("key", key)),
@@ -260,7 +256,7 @@ def film_source(
     lost = _lost(numbered)
     finished = [(reader, n) for reader, n in numbered if reader.is_finished(n)]
     quality_name, rate = requests[0].quality_name, edit.frame_rate
-    screen = Screen(requests[0].pictures.projection, requests[0].pictures.quality.rendered_size)
+    screen = requests[0].pictures.screen
     opening = edit.items[0]
 
     def frames(form: FrameFormat) -> Iterator[LabelledFrame]:
@@ -280,7 +276,7 @@ def film_source(
         subtitle=opening.subtitle,
         folder=edit.path(quality_name).parent / "deliver",
         rate=rate,
-        screen=screen,
+        request=requests[0],
         start=FILM_START * ceil(rate.fps),
         count=edit.length,
         facts=(("shots", ", ".join(shots)), *_facts(requests[0], f"{edit.length}", edit.length, rate)),
@@ -385,8 +381,7 @@ class Delivery:
         """
         made = []
         place = self.store.root / self._folder
-        with disk_errors(place):
-            make_folder(place)
+        make_folder(place)
         if not os.access(place, os.W_OK):
             raise MachineError(f"{place}: permission denied; choose another folder with -o")
         for encode, path, part in self._files():
@@ -437,7 +432,7 @@ class Delivery:
             asdict(encode),
             *([plugins().loaded[encode.name.partition(".")[0]].version] if "." in encode.name else []),
             [clip.content for clip in self._sounds] or None if encode.container.audio_codec else None,
-            [str(source.rate), list(source.screen.picture), source.start, source.count],
+            [str(source.rate), list(source.request.pictures.screen.picture), source.start, source.count],
             [source.has_coverage, source.name],
             [source.title, source.subtitle, facts] if options.slate else None,
             source.content,
@@ -463,16 +458,18 @@ class Delivery:
         if part == "frames" and encode.container.audio_codec:  # also under the slate before them
             clips = [clip.later(self._leader) for clip in self._sounds]
             sound = samples_of(clips, source.count + self._leader, source.rate)
-        code = timecode(first, rate)
+        code = source.rate.timecode(first)
         loops = source.loops and part == "frames" and not self._leader
-        write_movie(path, frames(), rate, encode, code, sound, source.screen.projection, loops, light)
+        write_movie(
+            path, frames(), rate, encode, code, sound, source.request.pictures.projection, loops, light
+        )
 
     def _frames(self, encode: Encode, form: FrameFormat) -> Iterator[Frame]:
         if self._leader:
             yield from self._slates(encode, form)
         for number, (frame, labels) in enumerate(self.source.frames(form), self.source.start):
             if self.options.burn_in is not None:
-                facts = {**labels, "timecode": timecode(number, self.source.rate.fps)}
+                facts = {**labels, "timecode": self.source.rate.timecode(number)}
                 labelled = _labelled(self.options.burn_in, frame[..., :3], facts, form.display)
                 frame = np.concatenate([labelled, frame[..., 3:]], axis=2)
             yield frame
@@ -484,8 +481,8 @@ class Delivery:
         poster = source.poster(FrameFormat(display, False))[0].astype(np.float32) / np.float32(65535)
         facts = (*source.facts, ("made as", encode.name))
         slate = Slate(source.title, source.subtitle, facts, poster)
-        drawn = source.screen.show(slate.draw(source.screen.size))
-        frame = opaque(quantise(drawn, bits=16), form)
+        screen = source.request.pictures.screen
+        frame = opaque(screen.frame(slate.draw(screen.size)), form)
         for _ in range(self._slate_frames):
             yield frame
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterator
 from dataclasses import replace
 from importlib.util import find_spec
@@ -13,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flowsculpt import MachineError, UsageError
-from flowsculpt.api.files import atomic_write, command_line
-from flowsculpt.api.pictures import ENCODES, HDR_DISPLAYS, Encode, Frame, WorkingSpace
-from flowsculpt.pipeline.plugins.delivery.hdr_frames import BT2020, GRAPHICS_WHITE
+from flowsculpt.api.files import atomic_write, command
+from flowsculpt.api.pictures import ENCODES, HDR_DISPLAYS, Encode
+from flowsculpt.pipeline.plugins.delivery.hdr_frames import GRAPHICS_WHITE, Frame
 
 _AVIF, _PQ = ENCODES["avif"], HDR_DISPLAYS["pq"]
 
@@ -27,7 +28,12 @@ GAIN_MAP = replace(
 )
 """JPEG with a gain map, made of frames in PQ; it holds one frame."""
 
-_P3 = WorkingSpace("p3", "lin_p3d65_scene", (0.680, 0.320, 0.265, 0.690, 0.150, 0.060, 0.3127, 0.3290))
+_P3 = replace(
+    _PQ.space,
+    name="p3",
+    interop_id="lin_p3d65_scene",
+    chromaticities=(0.680, 0.320, 0.265, 0.690, 0.150, 0.060, 0.3127, 0.3290),
+)
 """P3 with the white D65 (SMPTE EG 432-1)."""
 
 _QUALITY = 95  # of JPEG, for the picture and its map
@@ -48,7 +54,7 @@ def require_gain_maps(frames: int) -> None:
         raise MachineError(
             "gain-map needs the package imagecodecs (79 MB), which is not installed; install the extra "
             "[gain-maps], or only the package, for the Python of flowsculpt: "
-            f"{command_line('pip', 'install', 'imagecodecs')}"
+            f"{shlex.join(command('pip', 'install', 'imagecodecs'))}"
         )
 
 
@@ -76,7 +82,7 @@ def write_gain_map(path: Path, frames: Iterator[Frame]) -> None:
 def _encoded(frame: NDArray[Any]) -> bytes:
     import imagecodecs  # takes a second, and is an extra
 
-    light = _P3.from_rec709(BT2020.to_rec709(_PQ.nits(frame / 65535.0)))
+    light = _P3.from_rec709(_PQ.space.to_rec709(_PQ.nits(frame / 65535.0)))
     pixels = np.ones((*frame.shape[:2], 4), np.float16)
     pixels[..., :3] = np.clip(light, 0.0, _PQ.peak) / GRAPHICS_WHITE
     kinds = imagecodecs.ULTRAHDR

@@ -18,7 +18,8 @@ import numpy as np
 from av.filter import Graph
 
 from flowsculpt.api.files import atomic_write
-from flowsculpt.api.pictures import ENCODES, Encode, Frame, to_pixel_format
+from flowsculpt.api.pictures import ENCODES, Encode, to_pixel_format
+from flowsculpt.pipeline.plugins.delivery.hdr_frames import Frame
 
 _DITHER = {"dither": "sierra2_4a", "diff_mode": "rectangle"}
 

@@ -9,20 +9,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flowsculpt.api.pictures import HDR_DISPLAYS, WorkingSpace
+from flowsculpt.api.pictures import HDR_DISPLAYS
+
+Frame = NDArray[np.uint8] | NDArray[np.uint16]
+"""A display frame (H, W, 3), or (H, W, 4) with coverage; uint8 counts 0 … 255, uint16 0 … 65535."""
 
 GRAPHICS_WHITE = 203.0
 """Nits of the white of graphics (ITU-R BT.2408-7, table 1)."""
 
-BT2020 = WorkingSpace(
-    "rec2020", "lin_rec2020_scene", (0.708, 0.292, 0.170, 0.797, 0.131, 0.046, 0.3127, 0.3290)
-)
-
 
 def hdr_graphics(picture: NDArray[np.uint16], display: str) -> NDArray[np.uint16]:
     """Return a picture (H, W, 3) for a Rec.709 movie as it looks next to HDR: its white at GRAPHICS_WHITE."""
-    light = BT2020.from_rec709((picture / 65535.0) ** 2.4)
-    shown = HDR_DISPLAYS[display].values(GRAPHICS_WHITE * np.maximum(light, 0.0))
+    screen = HDR_DISPLAYS[display]
+    light = screen.space.from_rec709((picture / 65535.0) ** 2.4)
+    shown = screen.values(GRAPHICS_WHITE * np.maximum(light, 0.0))
     return np.asarray(np.rint(shown * 65535.0), dtype=np.uint16)
 
 

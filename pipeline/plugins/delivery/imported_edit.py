@@ -23,7 +23,7 @@ from ruamel.yaml.comments import CommentedMap
 
 from flowsculpt import FlowsculptError, UsageError
 from flowsculpt.api import ShotError, reason_of, suggestion
-from flowsculpt.api.files import as_utf8, read_input, serve
+from flowsculpt.api.files import Parser, as_utf8, read_input
 from flowsculpt.api.frames import FrameRange, FrameRate
 from flowsculpt.api.shots import shown
 from flowsculpt.pipeline.plugins.delivery.imported_sound import ImportedSound
@@ -265,4 +265,4 @@ def _answer(_path: str, file: str, folder: str, frames: str, *shots: str) -> byt
 
 
 if __name__ == "__main__":
-    serve(_answer)
+    Parser.serve(_answer)

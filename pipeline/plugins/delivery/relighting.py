@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from flowsculpt import FrameError, MissingInputError, UsageError
 from flowsculpt.api import plural, shortened, suggestion
-from flowsculpt.api.commands import exit_with, print_error, print_result, progress_bars, project_of
+from flowsculpt.api.commands import exit_with, print_error, print_result, progress_bars
 from flowsculpt.api.frames import (
     FrameRange,
     FrameRate,
@@ -50,21 +50,21 @@ from flowsculpt.api.options import (
     PictureOptions,
     Quality,
     Shot,
+    ShotOptions,
     Variant,
 )
 from flowsculpt.api.pictures import (
-    Frame,
     LightRig,
     RenderedFrame,
     RenderError,
     loop_frames,
-    movie_encode,
     prefetch,
     read_header,
     write_finished,
     write_movie,
 )
 from flowsculpt.api.shots import NAME, in_yaml, inherited, linear_of, shown
+from flowsculpt.pipeline.plugins.delivery.hdr_frames import Frame
 
 RELIGHT = PipelineStage("relight", version=1, packages=("OpenImageIO",), doing="relighting", makes="frame")
 
@@ -162,7 +162,7 @@ class RelitFrames:
         key = key_of(RELIGHT.recipe, request.keys.movie([self.key(n) for n in self.numbers]))
         if not self.store.holds_whole("movie", key):
             shown = loop_frames(self.numbers, request.loop_dissolve, partial(self._shown, passed))
-            frames, encode = prefetch(shown), movie_encode(request.quality_name)
+            frames, encode = prefetch(shown), request.pictures.movie_encode
             options: Any = {"projection": request.pictures.projection, "loops": request.loop is not None}
             self.store.put("movie", key, lambda path: write_movie(path, frames, rate.fps, encode, **options))
         self.store.link("movie", key, self.movie_path)
@@ -459,7 +459,7 @@ def relight(
     the same view. At the end it prints what to write in the shot file to render with these lights.
     """
     given = LightSettings.of(settings or ())
-    project = project_of(common, given.of_shot, allow_code, variant)
+    project = ShotOptions(list(given.of_shot), allow_code).project(common, variant)
     quality_name = PictureOptions(crop, scale).quality(quality, project, [shot])
     request = project.find_request(shot, quality_name, frames)
     lights, path = request.shot.picture.lights, find_shot(shot)

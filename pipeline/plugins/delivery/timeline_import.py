@@ -12,7 +12,7 @@ from pathlib import Path
 
 from flowsculpt import FlowsculptError, MissingInputError, UsageError
 from flowsculpt.api import ShotError
-from flowsculpt.api.files import ParserError, answer_of, as_utf8, read_input
+from flowsculpt.api.files import Parser, ParserError, as_utf8, read_input
 from flowsculpt.api.shots import shown
 
 _ERRORS: tuple[type[FlowsculptError], ...] = (ShotError, MissingInputError, UsageError)
@@ -23,7 +23,7 @@ def edit_of(timeline: Path, shots: Collection[str], folder: Path) -> tuple[Path,
     frames = _frames_of_movies(timeline, shots, folder)
     words = [str(timeline), str(folder), json.dumps(frames), *shots]
     try:
-        answer = answer_of("flowsculpt.pipeline.plugins.delivery.imported_edit", timeline, *words)
+        answer = Parser("flowsculpt.pipeline.plugins.delivery.imported_edit").answer(timeline, *words)
     except ParserError as error:
         fault = f"it cannot be read as OpenTimelineIO ({error}); export it again"
         raise ShotError(f"{shown(timeline)}: {fault}") from None

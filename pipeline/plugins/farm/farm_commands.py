@@ -16,17 +16,15 @@ from flowsculpt.api import plural
 from flowsculpt.api.commands import exit_with, print_result, report_notes
 from flowsculpt.api.files import atomic_write, disk_errors
 from flowsculpt.api.frames import FrameRange, Plan, Store
-from flowsculpt.api.options import (
-    DEFAULT_QUALITY,
-    Common,
-    FrameNumbers,
-    PictureOptions,
-    Quality,
-    shared_option,
-)
+from flowsculpt.api.options import DEFAULT_QUALITY, Common, PictureOptions, Quality, shared_option
 from flowsculpt.pipeline.plugins.farm.flamenco import JOB_TYPE, submitted_job
 from flowsculpt.pipeline.plugins.farm.openjd import template
 from flowsculpt.pipeline.plugins.farm.task_runner import Part, do
+
+FrameNumbers = Annotated[
+    FrameRange | None,
+    shared_option("frames", "Frames: 12, 1-48, 1-48x2, 1-24,30; 1-100:10 is coarse first. Default: all."),
+]
 
 Names = Annotated[
     list[str], typer.Argument(metavar="SHOT|EDIT...", help="Shots, by name or path, or an edit.")

@@ -22,16 +22,7 @@ from flowsculpt.api.commands import (
     report_plan,
 )
 from flowsculpt.api.frames import FrameStates, Locks, RenderRequest
-from flowsculpt.api.options import (
-    DEFAULT_QUALITY,
-    Common,
-    Frames,
-    Quality,
-    Shot,
-    ShotOptions,
-    Subject,
-    shared_option,
-)
+from flowsculpt.api.options import DEFAULT_QUALITY, Common, Frames, Quality, Shot, ShotOptions, shared_option
 from flowsculpt.pipeline.plugins.interchange.model_export import LONGEST_SIDE, ModelExport, require_still
 from flowsculpt.pipeline.plugins.interchange.usd_files import require_usd
 
@@ -50,7 +41,10 @@ class ModelOptions(ShotOptions):
 
     output: Folder = None
     frames: Frames = None
-    subject: Subject = None
+    subject: Annotated[
+        str | None,
+        typer.Option("--subject", metavar="NAME", help="One of the shot's subjects, if it has several."),
+    ] = None
 
 
 @dataclass(frozen=True)

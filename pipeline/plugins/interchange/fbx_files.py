@@ -19,15 +19,7 @@ import numpy as np
 
 from flowsculpt import MeshError
 from flowsculpt.api import plural, shortened
-from flowsculpt.api.files import (
-    MEMORY,
-    allow_memory,
-    answer_about_content,
-    read_input,
-    require_input,
-    serve,
-    text_content,
-)
+from flowsculpt.api.files import Parser, read_input, require_input, text_content
 from flowsculpt.api.meshes import AnyArray, FileSurface, Floats, Points, SurfaceReader
 from flowsculpt.pipeline.plugins.interchange.scene_readers import (
     PlacedMeshes,
@@ -62,7 +54,7 @@ def read_fbx(path: Path) -> FileSurface:
 def _up_of(path: Path, digest: str) -> str:
     """Return the axis that points up in the coordinates of `read_fbx`; the disk cache stores it by digest."""
     require_ufbx()
-    return answer_about_content(_MODULE, path, digest, "ufbx", "up")
+    return Parser(_MODULE).answer_about_content(path, digest, "ufbx", "up")
 
 
 def require_ufbx() -> None:
@@ -100,7 +92,7 @@ def uncollected() -> Iterator[None]:
 
 def answer(path: str, question: str) -> bytes:
     """Return the answer to `up` or `surface` about the file at a path."""
-    allow_memory(MEMORY + 40 * require_input(Path(path), MOST_BYTES))
+    Parser.allow_memory(Parser.MEMORY + 40 * require_input(Path(path), MOST_BYTES))
     content = read_input(Path(path), MOST_BYTES)
     if question == "up":
         return up_axis(content).encode()
@@ -316,4 +308,4 @@ def numbers_of(values: Any, kind: Any, columns: int = 1) -> AnyArray:
 
 
 if __name__ == "__main__":
-    serve(answer)
+    Parser.serve(answer)

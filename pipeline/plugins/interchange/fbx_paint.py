@@ -17,15 +17,7 @@ import numpy as np
 
 from flowsculpt import MeshError
 from flowsculpt.api import brief, shortened
-from flowsculpt.api.files import (
-    MEMORY,
-    allow_memory,
-    answer_about_content,
-    digest_of_file,
-    read_input,
-    require_input,
-    serve,
-)
+from flowsculpt.api.files import Parser, digest_of_file, read_input, require_input
 from flowsculpt.api.materials import Opacity, PatternedMaterial, Texture
 from flowsculpt.api.meshes import AnyArray, Floats, ModelMaterials, PaintReader
 from flowsculpt.api.pictures import linear_of_srgb
@@ -93,7 +85,7 @@ def _materials(path: Path) -> ModelMaterials:
     Raises MissingInputError where one is not there, MeshError for what is not read.
     """
     require_ufbx()
-    answer = answer_about_content(_MODULE, path, digest_of_file(path), "ufbx", MATERIALS)
+    answer = Parser(_MODULE).answer_about_content(path, digest_of_file(path), "ufbx", MATERIALS)
     files: dict[Path, str] = {}
     found = json.loads(content_of(answer.encode(), path))
     notes = (f"material {brief(facts['name'])}: its glow is not shown" for facts in found if facts["glows"])
@@ -161,7 +153,7 @@ FBX_PAINT = PaintReader(_materials, _read)
 
 def answer(path: str, question: str) -> bytes:
     """Return the answer to `paint`, to the question for materials, or the picture with a SHA-256."""
-    allow_memory(MEMORY + 40 * require_input(Path(path), MOST_BYTES))
+    Parser.allow_memory(Parser.MEMORY + 40 * require_input(Path(path), MOST_BYTES))
     content = read_input(Path(path), MOST_BYTES)
     if question == "paint":
         return answered(lambda: _packed_paint(content))
@@ -400,4 +392,4 @@ def _content_of(texture: ufbx.Texture) -> bytes:
 
 
 if __name__ == "__main__":
-    serve(answer)
+    Parser.serve(answer)

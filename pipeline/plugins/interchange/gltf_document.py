@@ -18,7 +18,7 @@ from urllib.parse import unquote, unquote_to_bytes
 
 from flowsculpt import MeshError
 from flowsculpt.api import brief
-from flowsculpt.api.files import open_input, read_input, size_of
+from flowsculpt.api.files import open_input, read_input
 from flowsculpt.pipeline.plugins.interchange.scene_readers import early_end
 
 _LARGEST = float_info.max
@@ -243,7 +243,7 @@ class GltfDocument:
 
         text = _DATA.sub(cut, text)
         if len(text) > MOST_JSON:
-            raise ValueError(f"its JSON has {size_of(len(text))}; up to {size_of(MOST_JSON)} are read")
+            raise ValueError(f"its JSON has {len(text) >> 20} MiB; up to {MOST_JSON >> 20} MiB are read")
         root = JsonObject(_parsed_json(text), "the file")
         asset = root.entry("asset").values
         version, least = str(asset.get("version", "2.0")), str(asset.get("minVersion", "2.0"))

@@ -13,15 +13,7 @@ import numpy as np
 
 from flowsculpt import MissingInputError
 from flowsculpt.api import brief, plural, reason_of
-from flowsculpt.api.files import (
-    MEMORY,
-    allow_memory,
-    answer_of,
-    digest_of_file,
-    joint_digest,
-    require_input,
-    serve,
-)
+from flowsculpt.api.files import Parser, digest_of_file, require_input
 from flowsculpt.api.meshes import (
     AnyArray,
     FileSurface,
@@ -363,7 +355,7 @@ def read_gltf(path: Path) -> FileSurface:
     if any(scene.draco_of(part) is not None for part in scene.distinct):
         require_package("glTF files with Draco data", "DracoPy", "DracoPy", "models")
     files_of_buffers(scene)
-    surface = unpacked_surface(answer_of("flowsculpt.pipeline.plugins.interchange.gltf_files", path))
+    surface = unpacked_surface(Parser("flowsculpt.pipeline.plugins.interchange.gltf_files").answer(path))
     return surface._replace(notes=tuple(_notes(scene)))
 
 
@@ -372,7 +364,7 @@ def _files(path: Path) -> ModelFiles:
     scene = DefaultScene.of(GltfDocument.read(path))
     files = [(file, digest_of_file(file)) for file in (path, *files_of_buffers(scene))]
     reader = ["glTF reader 2"] if scene.was_misread else []  # an earlier one read this file otherwise
-    return ModelFiles(joint_digest([*reader, *(digest for _, digest in files)]), tuple(files))
+    return ModelFiles.of(files, readers=reader)
 
 
 def files_of_buffers(scene: DefaultScene) -> tuple[Path, ...]:
@@ -409,10 +401,10 @@ def _answer(path: str) -> bytes:
     """Return the surface of a file, packed."""
     scene = DefaultScene.of(GltfDocument.read(Path(path)))
     files = (Path(path), *files_of_buffers(scene))
-    allow_memory(MEMORY + 40 * sum(require_input(file, MOST_BYTES) for file in files))
+    Parser.allow_memory(Parser.MEMORY + 40 * sum(require_input(file, MOST_BYTES) for file in files))
     points, faces = SceneArrays(scene).surface()
     return packed_surface(file_surface(points, faces, base=None))
 
 
 if __name__ == "__main__":
-    serve(_answer)
+    Parser.serve(_answer)

@@ -19,7 +19,7 @@ import numpy as np
 
 from flowsculpt import MeshError
 from flowsculpt.api import brief
-from flowsculpt.api.files import MEMORY, allow_memory, answer_of, digest_of_file, require_input, serve
+from flowsculpt.api.files import Parser, digest_of_file, require_input
 from flowsculpt.api.materials import PatternedMaterial, Texture
 from flowsculpt.api.meshes import AnyArray, Floats, ModelMaterials, PaintReader
 from flowsculpt.pipeline.plugins.interchange.gltf_document import MOST_BYTES, GltfDocument, JsonObject
@@ -336,7 +336,7 @@ def _content_of_view(document: GltfDocument, image: JsonObject, files: dict[Path
 
 def _read(path: Path) -> ModelPaint:
     PaintedScene.read(path)  # raises in this process what users can mend
-    return ModelPaint.unpacked(answer_of("flowsculpt.pipeline.plugins.interchange.gltf_paint", path))
+    return ModelPaint.unpacked(Parser("flowsculpt.pipeline.plugins.interchange.gltf_paint").answer(path))
 
 
 GLTF_PAINT = PaintReader(_materials, _read, _files)
@@ -346,9 +346,9 @@ def _answer(path: str) -> bytes:
     """Return the arrays of a file's paint."""
     scene = PaintedScene.read(Path(path))
     files = (Path(path), *files_of_buffers(scene))
-    allow_memory(MEMORY + 40 * sum(require_input(file, MOST_BYTES) for file in files))
+    Parser.allow_memory(Parser.MEMORY + 40 * sum(require_input(file, MOST_BYTES) for file in files))
     return packed(PaintArrays(scene).paint())
 
 
 if __name__ == "__main__":
-    serve(_answer)
+    Parser.serve(_answer)

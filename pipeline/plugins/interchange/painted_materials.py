@@ -11,7 +11,7 @@ from flowsculpt import MissingInputError
 from flowsculpt.api import brief
 from flowsculpt.api.files import atomic_write, digest_of_file, usable, writable_cache
 from flowsculpt.api.materials import Diffuse, Opacity, PatternedMaterial, Satin, Texture, TextureProjection
-from flowsculpt.api.pictures import BadInputError, PaintedFaces
+from flowsculpt.api.pictures import PaintedFaces, RenderError
 from flowsculpt.pipeline.plugins.interchange.exported_frame import Colour
 
 GREY = (0.604, 0.604, 0.604)
@@ -109,5 +109,6 @@ def picture_within(
             draft.write_bytes(content())
     try:
         return Texture.of(str(cached), digest, space)
-    except BadInputError as error:
-        raise BadInputError(str(error).replace(str(cached), f"{model}: its picture {brief(name)}")) from None
+    except RenderError as error:
+        message = str(error).replace(str(cached), f"{model}: its picture {brief(name)}")
+        raise type(error)(message) from None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import math
+import shlex
 from collections import Counter
 from collections.abc import Callable, Sequence
 from importlib.util import find_spec
@@ -15,7 +16,7 @@ import numpy as np
 
 from flowsculpt import FlowsculptError, MachineError, MeshError, MissingInputError
 from flowsculpt.api import brief, plural
-from flowsculpt.api.files import answer_of, command_line, digest_of_file, joint_digest
+from flowsculpt.api.files import Parser, command, digest_of_file
 from flowsculpt.api.meshes import AnyArray, FileSurface, Floats, ModelFiles, Points
 
 MOST_MESHES, MOST_CORNERS = 20_000, 20_000_000
@@ -155,7 +156,7 @@ def one_file(up_of: Callable[[Path, str], str]) -> Callable[[Path], ModelFiles]:
 
     def files(path: Path) -> ModelFiles:
         digest = digest_of_file(path)
-        return ModelFiles(joint_digest([digest]), ((path, digest),), up_of(path, digest))
+        return ModelFiles.of([(path, digest)], up_of(path, digest))
 
     return files
 
@@ -166,7 +167,7 @@ def require_package(files: str, module: str, package: str, extra: str) -> None:
         name = package.partition(" ")[0]
         raise MachineError(
             f"{files} need the package {package}, which is not installed; install the extra [{extra}], or "
-            f"only the package, for the Python of flowsculpt: {command_line('pip', 'install', name)}"
+            f"only the package, for the Python of flowsculpt: {shlex.join(command('pip', 'install', name))}"
         )
 
 
@@ -182,9 +183,9 @@ def answered(read: Callable[[], bytes]) -> bytes:
 def asked(module: str, path: Path, *options: str) -> bytes:
     """Return what the process of a module answers by `answered`.
 
-    Raises MissingInputError or MeshError as it did, and what `answer_of` raises.
+    Raises MissingInputError or MeshError as it did, and what `Parser.answer` raises.
     """
-    return content_of(answer_of(module, path, *options), path)
+    return content_of(Parser(module).answer(path, *options), path)
 
 
 def content_of(answer: bytes, path: Path) -> bytes:

@@ -20,7 +20,6 @@ import numpy as np
 
 from flowsculpt import MeshError
 from flowsculpt.api import brief, shortened
-from flowsculpt.api.files import joint_digest, size_of
 from flowsculpt.api.meshes import FileSurface, Floats, ModelFiles, SurfaceReader, reader_of
 from flowsculpt.pipeline.plugins.interchange.scene_readers import (
     PlacedMeshes,
@@ -138,7 +137,7 @@ def _files(path: Path) -> ModelFiles:
     found = one_file(lambda path, digest: "z")(path)
     with suppress(OSError, ValueError, zipfile.BadZipFile), zipfile.ZipFile(path) as archive:
         if any(name in (_BAMBU, _PRUSA) or name.startswith("Cura/") for name in archive.namelist()):
-            return found._replace(digest=joint_digest(["parts of slicers", found.digest]))
+            return ModelFiles.of(found.files, found.up, ["parts of slicers"])
     return found
 
 
@@ -205,8 +204,8 @@ class _Package:
             raise MeshError(f"it has no part {shortened(name)}. Export the model again.")
         if info.file_size > min(MOST_BYTES, max(_SMALL, _MOST_PACKED * info.compress_size)):
             raise MeshError(
-                f"its part {shortened(name)} unpacks from {size_of(info.compress_size)} to "
-                f"{size_of(info.file_size)}, which no model file does"
+                f"its part {shortened(name)} unpacks from {info.compress_size:,} bytes to "
+                f"{info.file_size:,}, which no model file does"
             )
         with self.archive.open(info) as file:
             return file.read(info.file_size)

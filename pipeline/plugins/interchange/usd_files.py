@@ -9,24 +9,14 @@ from __future__ import annotations
 
 import json
 import os
-from contextlib import suppress
 from dataclasses import astuple, replace
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from flowsculpt import MachineError, MissingInputError
-from flowsculpt.api.files import (
-    allow_memory,
-    atomic_write,
-    cache_path,
-    digest_of_file,
-    joint_digest,
-    mapping,
-    read_state,
-    serve,
-)
+from flowsculpt import MissingInputError
+from flowsculpt.api.files import CachedAnswer, Parser, digest_of_file
 from flowsculpt.api.materials import PatternedMaterial, Texture
 from flowsculpt.api.meshes import (
     FileSurface,
@@ -72,26 +62,20 @@ def stage_files(path: Path) -> ModelFiles:
     """
     require_usd()
     own, name = digest_of_file(path), str(path.absolute())
-    cached = cache_path("parsed", ["usd", str(_VERSION), version("usd-core"), name, own])
-    known = read_state(cached, _known_files)
+    cached = CachedAnswer.of("parsed", ["usd", str(_VERSION), version("usd-core"), name, own])
+    known = cached.load(_known_files)
     if known is None:
         facts = json.loads(_asked("facts", path, _WHOLE))
         known = facts["up"], {name: own, **{file: digest_of_file(Path(file)) for file in facts["files"]}}
-        _store(cached, dict(zip(("up", "digests"), known, strict=True)))
+        cached.store(dict(zip(("up", "digests"), known, strict=True)))
     up, digests = known
     others = [(Path(file), digest) for file, digest in digests.items() if file != name]
-    return ModelFiles(joint_digest(list(digests.values())), ((path, own), *others), up)
-
-
-def _store(path: Path, answer: dict[str, Any]) -> None:
-    """Store an answer. A folder that cannot be written only means that it is asked for again."""
-    with suppress(MachineError), atomic_write(path, flush=False) as draft:
-        draft.write_text(json.dumps(answer), encoding="utf-8")
+    return ModelFiles.of(((path, own), *others), up)
 
 
 def _known_files(answer: dict[str, Any]) -> tuple[Any, dict[str, str]]:
     """Return the axis that is up, and the digests of files, if no file has changed. Raises ValueError."""
-    digests = mapping(answer["digests"])
+    digests = dict(answer["digests"])
     if not digests or any(_digest(Path(file)) != digest for file, digest in digests.items()):
         raise ValueError("a file has changed")
     return answer["up"], digests
@@ -121,7 +105,7 @@ def _materials(path: Path, part: ScenePart = _WHOLE) -> ModelMaterials:
         stage_files(path).digest,
         *map(str, astuple(part)),
     ]
-    cached = cache_path("parsed", ["usd paint", str(_PAINT_VERSION), *depends_on])
+    cached = CachedAnswer.of("parsed", ["usd paint", str(_PAINT_VERSION), *depends_on])
 
     def made(answer: dict[str, Any]) -> ModelMaterials:
         files: dict[Path, str] = {}
@@ -129,10 +113,10 @@ def _materials(path: Path, part: ScenePart = _WHOLE) -> ModelMaterials:
         notes = (note for facts in answer["materials"] for note in facts["notes"])
         return ModelMaterials(parts, files, tuple(notes))
 
-    if (known := read_state(cached, made)) is not None:
+    if (known := cached.load(made)) is not None:
         return known
     answer = {"materials": json.loads(_asked("materials", path, part))}
-    _store(cached, answer)
+    cached.store(answer)
     return made(answer)
 
 
@@ -246,7 +230,7 @@ def _load_usd() -> None:
     USD reserves over a gigabyte of addresses when it makes its first paths, and crashes where it cannot.
     """
     os.environ["PXR_WORK_THREAD_LIMIT"] = "1"  # each thread reserves more
-    allow_memory(_ADDRESSES)
+    Parser.allow_memory(_ADDRESSES)
     from pxr import Usd, UsdGeom
 
     stage = Usd.Stage.CreateInMemory()
@@ -256,4 +240,4 @@ def _load_usd() -> None:
 
 
 if __name__ == "__main__":
-    serve(answer)
+    Parser.serve(answer)

@@ -17,7 +17,7 @@ from pxr import Ar, Sdf, Usd, UsdGeom
 
 from flowsculpt import FlowsculptError, MeshError, MissingInputError
 from flowsculpt.api import brief, plural, suggestion
-from flowsculpt.api.files import MEMORY, allow_memory, require_input
+from flowsculpt.api.files import Parser, require_input
 from flowsculpt.api.meshes import AnyArray, Floats
 from flowsculpt.pipeline.plugins.interchange.scene_readers import (
     PlacedMeshes,
@@ -212,10 +212,10 @@ def numbers_at(attribute: Any, time: Usd.TimeCode, path: str, kinds: str, column
 
 def open_stage(path: str) -> tuple[Usd.Stage, list[str]]:
     """Return a stage and the files of its layers. Raises MissingInputError or MeshError."""
-    allow_memory(MEMORY // 4 + 40 * require_input(Path(path), MOST_BYTES))
+    Parser.allow_memory(Parser.MEMORY // 4 + 40 * require_input(Path(path), MOST_BYTES))
     layers = StageLayers(path)
     layers.open_all()
-    allow_memory(MEMORY + 40 * layers.size)
+    Parser.allow_memory(Parser.MEMORY + 40 * layers.size)
     return _opened(path), list(layers.files)
 
 

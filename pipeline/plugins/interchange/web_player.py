@@ -21,12 +21,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flowsculpt import MissingInputError
 from flowsculpt.api.files import disk_errors
 from flowsculpt.api.frames import Framing
 from flowsculpt.api.materials import EmbeddedPicture, Glass, Smoke, Softbox, Stage
 from flowsculpt.api.meshes import AnyArray, Floats
-from flowsculpt.api.pictures import FETCH, Camera, LightRig, Material, three_js
+from flowsculpt.api.pictures import Camera, LightRig, Material, three_js
 from flowsculpt.api.shots import Shot
 from flowsculpt.pipeline.plugins.interchange.animated_gltf import Moving, closes
 from flowsculpt.pipeline.plugins.interchange.exported_materials import (
@@ -48,10 +47,7 @@ _SHADOWS = 6  # the most lights that cast shadows: each is drawn into a texture 
 
 def require_three_js() -> str:
     """Return the text of three.js. Raises MissingInputError where set-up has not fetched it."""
-    text = three_js()
-    if text is None:
-        raise MissingInputError(f"three.js is not installed, so no page was written; {FETCH} fetches it")
-    return text
+    return three_js("no page was written")
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,15 +19,7 @@ import shapely
 
 from flowsculpt import TriangleMesh, UsageError
 from flowsculpt.api import plural
-from flowsculpt.api.files import (
-    MEMORY,
-    ParserError,
-    allow_memory,
-    allow_seconds,
-    answer_of_fork,
-    digest_of_file,
-    serve,
-)
+from flowsculpt.api.files import Parser, ParserError, digest_of_file
 from flowsculpt.pipeline.plugins.lettering.extrusion import Section, extruded, solids
 from flowsculpt.pipeline.plugins.lettering.outlines import OutlineShape
 from flowsculpt.pipeline.plugins.lettering.starts import starts
@@ -88,7 +80,7 @@ class Outlines(NamedTuple):
         if wanted:
             _load_kernels()
         try:
-            head, _, arrays = answer_of_fork(_answer, self.path, *options).partition(b"\n")
+            head, _, arrays = Parser.answer_of_fork(_answer, self.path, *options).partition(b"\n")
         except ParserError as error:
             raise UsageError(f"{self.path.name} cannot be read: {error}. Simplify it.") from None
         facts = json.loads(head)
@@ -119,14 +111,14 @@ def _load_kernels() -> None:
 
 def _answer(path: str, digest: str, settings: str, noun: str, number: str, wanted: str) -> bytes:
     """Return a line of JSON with the outlines where they are not known yet, and a mesh as npz."""
-    allow_memory(MEMORY)
-    allow_seconds(READING)
+    Parser.allow_memory(Parser.MEMORY)
+    Parser.allow_seconds(READING)
     outlines = Outlines(Path(path), json.loads(settings), noun, json.loads(number))
     key = outlines.path, digest, settings
     try:
         is_known = key in _known
         shapes = _known[key] if is_known else read_outlines(outlines)
-        allow_seconds(EXTRUDING)
+        Parser.allow_seconds(EXTRUDING)
         mesh = mesh_bytes(outlines._chosen(shapes), **json.loads(wanted))
     except UsageError as error:
         return json.dumps({"fault": str(error)}).encode()
@@ -168,4 +160,4 @@ def _remember(key: Key, shapes: tuple[OutlineShape, ...]) -> None:
 
 
 if __name__ == "__main__":
-    serve(_answer)
+    Parser.serve(_answer)

@@ -28,7 +28,7 @@ from shapely import affinity
 
 from flowsculpt import UsageError
 from flowsculpt.api import shortened
-from flowsculpt.api.files import read_input, size_of
+from flowsculpt.api.files import read_input
 from flowsculpt.api.meshes import AnyArray
 from flowsculpt.pipeline.plugins.lettering.outlines import OutlineShape, PolylinePen, filled
 from flowsculpt.pipeline.plugins.lettering.strokes import Stroke, stroked
@@ -404,7 +404,7 @@ def _root(path: Path) -> Element:
             with gzip.GzipFile(fileobj=io.BytesIO(content)) as file:
                 content = file.read(MOST_BYTES + 1)
             if len(content) > MOST_BYTES:
-                raise ValueError(f"compressed by gzip, it has over {size_of(MOST_BYTES)}")
+                raise ValueError(f"compressed by gzip, it has over {MOST_BYTES >> 20} MiB")
         root = _parsed(content)
     except (ParseError, ValueError, LookupError, OSError, EOFError, zlib.error) as error:
         raise UsageError(f"{path.name} is not SVG: {error}. Export it again.") from None

@@ -21,7 +21,6 @@ from flowsculpt.api.commands import (
     print_error,
     print_result,
     print_warning,
-    project_of,
     table,
 )
 from flowsculpt.api.frames import (
@@ -33,7 +32,7 @@ from flowsculpt.api.frames import (
     misnamed_shots,
     shot_names,
 )
-from flowsculpt.api.options import DEFAULT_QUALITY, QUALITIES, Common, Quality, Settings, Shot
+from flowsculpt.api.options import DEFAULT_QUALITY, QUALITIES, Common, Quality, Settings, Shot, ShotOptions
 from flowsculpt.pipeline.plugins.maintenance.run_report import LABELS, RunReport, named_run
 
 if TYPE_CHECKING:
@@ -55,7 +54,7 @@ def status(
     Failed frames failed at the last attempt; running frames are being rendered. The time left assumes that
     frames take as long as the last ones did.
     """
-    project = project_of(common, settings)
+    project = ShotOptions(settings).project(common)
     history = History.of(common.root)
     rows: list[FrameStates] = []
     errors: list[FlowsculptError] = []
@@ -167,7 +166,7 @@ def why(
         first_undone,
     )
 
-    project, path = project_of(common, settings), find_shot(shot)
+    project, path = ShotOptions(settings).project(common), find_shot(shot)
     asked = None if frame is None else FrameRange([frame])
     request = project.as_finished(project.request(path, quality, asked))
     number = first_undone(request, project.store) if frame is None else frame

@@ -14,17 +14,9 @@ import typer
 
 from flowsculpt import MachineError
 from flowsculpt.api import plural
-from flowsculpt.api.commands import (
-    execute,
-    print_error,
-    print_result,
-    print_warning,
-    progress_bars,
-    project_of,
-    size,
-)
+from flowsculpt.api.commands import execute, print_error, print_result, print_warning, progress_bars, size
 from flowsculpt.api.frames import Locks, Runs, Store
-from flowsculpt.api.options import Common, Settings
+from flowsculpt.api.options import Common, Settings, ShotOptions
 from flowsculpt.pipeline.plugins.maintenance.clean import collect_garbage
 from flowsculpt.pipeline.plugins.maintenance.store_repair import (
     begun_films,
@@ -67,7 +59,7 @@ def clean(
     `flowsculpt clean --dry-run` says how much would be freed; `flowsculpt clean --keep 0` frees the most.
     Nothing is ever deleted from the remote store (--store).
     """
-    project = project_of(common, settings)
+    project = ShotOptions(settings).project(common)
     requests = list(begun_requests(project, print_warning))
     with nullcontext() if common.dry_run else Locks(common.root).hold_alone():
         done = collect_garbage(project.store, requests, keep, common.dry_run)
@@ -191,7 +183,7 @@ def _checked(common: Common, store: Store) -> _Check:
 
 def _repair(common: Common, settings: Settings, checks: Sequence[_Check]) -> tuple[int, int]:
     """Repair what is damaged; return the exit code of the run, and how many files it did not make again."""
-    project, code = project_of(common, settings), 0
+    project, code = ShotOptions(settings).project(common), 0
     evicted = []
     for check in checks:
         with Locks(check.store.root).hold_alone():

@@ -30,7 +30,6 @@ from flowsculpt.api.frames import (
     RootFolders,
     Runs,
     Store,
-    begun,
     edit_names,
     find_edit,
     find_shot,
@@ -57,7 +56,7 @@ def begun_requests(project: Project, warn: Callable[[str], object]) -> Iterator[
     for name in shot_names():
         try:
             path = find_shot(name)
-            requests = list(begun(project, path)) or [project.request(path, DEFAULT_QUALITY)]
+            requests = list(project.rendered_requests(path)) or [project.request(path, DEFAULT_QUALITY)]
         except FlowsculptError as error:
             warn(str(error))
             continue

@@ -34,15 +34,7 @@ from flowsculpt.api.frames import (
     with_stage_in_view,
 )
 from flowsculpt.api.meshes import AnyArray, Indices
-from flowsculpt.api.pictures import (
-    ENCODES,
-    Screen,
-    loop_frames,
-    mix_frames,
-    timecode,
-    write_movie,
-    write_still,
-)
+from flowsculpt.api.pictures import ENCODES, loop_frames, write_movie, write_still
 from flowsculpt.api.shots import Motion
 from flowsculpt.pipeline.plugins.preview.sketch import Sketch, is_closed
 from flowsculpt.pipeline.plugins.preview.surface_stream import SurfaceStream, in_order
@@ -186,7 +178,7 @@ def write_playblast(
     first = list(itertools.islice(told, lead))  # they come first, and are shown last
     parts = iter([told, iter(first)])
     looped = loop_frames(numbers, lead, lambda _: next(parts))
-    start, count = timecode(numbers[lead], rate), len(numbers) - lead
+    start, count = request.shot.rate.timecode(numbers[lead]), len(numbers) - lead
     sound = samples_of(request.sounds, count, request.shot.rate)
     options = start, sound, request.pictures.projection, request.loop is not None
     store.write(path, lambda draft: write_movie(draft, looped, rate, PLAYBLAST, *options))
@@ -321,8 +313,8 @@ def write_film_animatic(
         ready(clip)
         yield from _in_order(clip.sketch.request.requested, clip.pictures(tell))
 
-    screen, rate = Screen(request.pictures.projection, first.movie_size), edit.frame_rate
-    frames = edit.frames(screen, shown, lambda card: (card // 257).astype(np.uint8), mix_frames)
+    screen, rate = replace(request.pictures.screen, picture=first.movie_size), edit.frame_rate
+    frames = edit.frames(screen, shown, lambda card: (card // 257).astype(np.uint8))
     told = told_frames(range(1, edit.length + 1), frames, tell)
     sound = samples_of(edit.sounds, edit.length, rate)
     write = partial(write_movie, sound=sound, projection=request.pictures.projection)

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import IO
 
 from flowsculpt.api import RunObserver
-from flowsculpt.api.commands import err
+from flowsculpt.api.commands import print_warning
 from flowsculpt.api.frames import Plan, RenderRequest
 from flowsculpt.api.options import Common
 from flowsculpt.render.base import python_process
@@ -72,9 +72,9 @@ def _process(root: Path, *words: str) -> Iterator[None]:
 
     def print_lines(lines: IO[str]) -> None:
         for line in lines:
-            err.print(line.rstrip())
+            print(line.rstrip(), file=sys.stderr)
         if (code := process.wait()) and not is_ending.is_set():
-            err.print(f"first pictures are left out: the process that draws them exited with {code}")
+            print_warning(f"first pictures are left out: the process that draws them exited with {code}")
 
     reading = threading.Thread(target=print_lines, args=(process.stdout,), daemon=True)
     reading.start()

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flowsculpt.api.meshes import AnyArray, Floats
-from flowsculpt.api.pictures import REPEATED, Painted, PaintedFaces, Surface
-from flowsculpt.render.scene.textures import texels_at
+from flowsculpt.api.pictures import Painted, PaintedFaces, Surface
 
 
 def _pieces(across: int) -> Floats:
@@ -35,10 +34,8 @@ def without_holes(surface: Surface, look: Painted, paint: PaintedFaces) -> Surfa
     for number, part in enumerate(look.parts):
         which = paint.materials == number
         if part.opacity is not None and which.any():
-            texture, (across, up) = part.opacity.texture, np.moveaxis(middles[which], 2, 0)
-            wrap = REPEATED if texture is None else texture.wrap
-            fractions = texels_at(part.opacity.fractions(), across, 1.0 - up, wrap)
-            is_there[which] = fractions[..., 0] > _THRESHOLDS
+            across, up = np.moveaxis(middles[which], 2, 0)
+            is_there[which] = part.opacity.fractions_at(across, up) > _THRESHOLDS
     whole = is_there.all(axis=1)
     face, piece = np.nonzero(is_there & ~np.asarray(whole)[:, None])
     weights = PIECES[piece]

@@ -12,14 +12,8 @@ import typer
 
 from flowsculpt import FlowsculptError, UsageError
 from flowsculpt.api import Progress, plural, reporting_to
-from flowsculpt.api.commands import (
-    err,
-    frame_progress,
-    make_folder_of,
-    print_error,
-    print_result,
-    print_warning,
-)
+from flowsculpt.api.commands import frame_progress, print_error, print_result, print_warning
+from flowsculpt.api.files import make_folder
 from flowsculpt.api.flows import estimated_vertices, growth_warning
 from flowsculpt.api.frames import Edit, FrameRange, RenderRequest, Store, find_edit, find_shot, names_edit
 from flowsculpt.api.options import DEFAULT_QUALITY, Common, ShotOptions, shared_option
@@ -131,7 +125,7 @@ def preview(
     if common.dry_run or not (live or watch):
         _draw_once(common, sketch, store, at, target)
         return
-    make_folder_of(target)
+    make_folder(target.parent)
     with SurfaceStream(store) as stream:
         if live:
             editor = ShotEditor(path, tuple(options.settings or ()), options.allow_code)
@@ -145,7 +139,7 @@ def _draw_once(common: Common, sketch: Sketch, store: Store, at: int | None, pat
     numbers = {at} if at is not None else set(sketch.request.requested)
     if not common.dry_run:
         with SurfaceStream(store, once=True) as stream:
-            make_folder_of(path)
+            make_folder(path.parent)
             animatic = Animatic(sketch, stream)
             played = animatic.played(numbers) if at is None else animatic.played_for_still(at)
             with _bars(common, [animatic], {"simulating": len(played), "drawing": len(numbers)}) as report:
@@ -165,7 +159,7 @@ def _draw_film(common: Common, edit: Edit, sketches: Sequence[Sketch], output: P
     for sketch in sketches:
         _require_permissions(sketch.request)
     if not common.dry_run:
-        make_folder_of(path)
+        make_folder(path.parent)
         with ExitStack() as stack:
             streams = [stack.enter_context(SurfaceStream(store, once=True)) for _ in sketches]
             clips = [Animatic(*each) for each in zip(sketches, streams, strict=True)]
@@ -244,7 +238,7 @@ def _serve(
 
     session = LiveSession(read, feed, stream, write_movie, {editor.path})
     with serving(feed, port, actions_of(editor, session)) as address:
-        err.print(f"Live at {address} – Ctrl-C ends it.", soft_wrap=True)
+        typer.echo(f"Live at {address} – Ctrl-C ends it.", err=True)
         if browser:
             webbrowser.open(address)
         session.follow()

@@ -13,9 +13,8 @@ import numpy as np
 from pydantic import BaseModel
 
 from flowsculpt.api.meshes import Floats
-from flowsculpt.api.pictures import LIGHTS
 from flowsculpt.api.shots import (
-    LOOKS,
+    PRESETS,
     Clock,
     ParseContext,
     ShotDocument,
@@ -243,7 +242,7 @@ class _Walk:
     def _names(self, kind: Any) -> tuple[str, ...]:
         """Return the names that a value can have, with those that the show gives to looks and light rigs."""
         names = choices(kind)
-        for registry, own in ((LOOKS, "looks"), (LIGHTS, "rigs")):
+        for registry, own in ((PRESETS["look"], "looks"), (PRESETS["lights"], "rigs")):
             if names == tuple(registry):
                 return *names, *(name for name in map(str, self.source.mapping(own)) if name not in names)
         return names

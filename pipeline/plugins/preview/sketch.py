@@ -17,28 +17,19 @@ from flowsculpt.api.meshes import AnyArray, Floats, Points, Vectors
 from flowsculpt.api.pictures import (
     SPEED,
     BurnIn,
-    Camera,
     Material,
     Painted,
     PaintedFaces,
-    Pigment,
     Shape,
-    StageSetup,
     Surface,
-    WideCamera,
-    preview,
-    quantise,
-    stage_fades,
-    timecode,
+    draw_preview,
     vertex_colours,
-    wide_picture,
 )
 from flowsculpt.api.shots import Motion
 from flowsculpt.pipeline.flow import checked_displacement
 from flowsculpt.pipeline.kernels import readable
 from flowsculpt.pipeline.mesh.kernels.halfedge import SOUND, match_twins
 from flowsculpt.pipeline.plugins.preview.holes import without_holes
-from flowsculpt.render.raster import Edges, with_lines
 from flowsculpt.render.scene.patterns import COPY_PLACE
 
 MOST_BALLS = 20_000
@@ -85,10 +76,7 @@ class Sketch:
     ) -> NDArray[Any]:
         """Draw a frame from the arrays of each subject, uint8 (H, W, 3). Raises FrameError."""
         picture, parts = self.request.pictures.of(number), self.request.parts
-        camera, view = framing.camera, picture.view.for_previews()
-        fades = stage_fades(camera, picture.lights)
-        setup = StageSetup(picture.lights, picture.stage, framing.placement, view, fades)
-        first, *others = (
+        shapes = [
             shape_of(
                 {**arrays, **_copy_places(part, number, arrays)},
                 look := part.pictures.of(number).look,
@@ -96,19 +84,21 @@ class Sketch:
                 _paint(part, number, arrays),
             )._replace(closed=self.closed and not look.has_opacity)
             for arrays, part in zip(surfaces, parts, strict=True)
+        ]
+        lines = None
+        if self.flow:
+            streams = self._streamlines(number, surfaces)
+            lines = streams.points, *line_colours(streams)
+        pixels = draw_preview(
+            shapes,
+            picture,
+            framing,
+            size,
+            display,
+            has_edges=self.edges,
+            lines=lines,
+            line_width=LINE,
         )
-        edges = Edges() if self.edges else None
-        lines = self._streamlines(number, surfaces) if self.flow else None
-
-        def draw(camera: Camera, size: tuple[int, int]) -> NDArray[np.float32]:
-            raster = preview(first, setup, camera, size, display, edges, others)
-            if lines is None:
-                return raster.picture
-            width = max(1.0, LINE * size[0])
-            return with_lines(raster, lines.points, *line_colours(lines), camera, width)
-
-        values = wide_picture(camera, size, draw) if isinstance(camera, WideCamera) else draw(camera, size)
-        pixels: NDArray[Any] = quantise(values)
         return pixels if self.burn_in is None else self.burn_in.over(pixels, self._facts(number))
 
     def path(self, at: int | None = None) -> Path:
@@ -129,7 +119,7 @@ class Sketch:
         return StreamlineSet(np.concatenate(points), np.concatenate(speeds))
 
     def _facts(self, number: int) -> dict[str, str | int]:
-        code, key = timecode(number, self.request.shot.rate.fps), self.request.keys.mesh(number)[:8]
+        code, key = self.request.shot.rate.timecode(number), self.request.keys.mesh(number)[:8]
         facts: dict[str, str | int] = {"shot": self.request.name, "frame": number, "timecode": code}
         return {**facts, "quality": "preview", "key": key}
 
@@ -158,11 +148,9 @@ def shape_of(
     if isinstance(look, Painted) and look.has_opacity and paint is not None:
         surface = without_holes(surface, look, paint)
         vertices, normals, faces = surface.vertices, surface.normals, surface.faces
-    if isinstance(look.pattern, Pigment) and "radii" not in arrays:
-        return Shape(vertices, normals, faces, look, rest=look.pattern.places(surface))
-    colours = vertex_colours(surface, look)
     if "radii" not in arrays:
-        return Shape(vertices, normals, faces, look, colours)
+        return Shape.of(surface, look)
+    colours = vertex_colours(surface, look)
     step = -(-len(vertices) // MOST_BALLS)
     points, radii = vertices[::step], arrays["radii"][::step] * step ** (1 / 3)
     ball = _quick_ball(len(points)) if quick else icosphere(2)

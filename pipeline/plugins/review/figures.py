@@ -7,12 +7,13 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
+import typer
 
 from flowsculpt import MissingInputError, UsageError
 from flowsculpt.api.commands import Project, print_result
 from flowsculpt.api.frames import STAGES, LatestTimings, RenderRequest, find_shot
 from flowsculpt.api.meshes import Floats
-from flowsculpt.api.options import DEFAULT_QUALITY, Common, Quality, Shot, ShotOptions, Subject, shared_option
+from flowsculpt.api.options import DEFAULT_QUALITY, Common, Quality, Shot, ShotOptions, shared_option
 from flowsculpt.api.pictures import Curves, plot_panels
 from flowsculpt.pipeline.plugins.review.figure_panels import HeatMap, StackedBars
 from flowsculpt.pipeline.plugins.review.measures import TIMED_STAGES, Crossings, limits_of, measured
@@ -33,7 +34,10 @@ def figures(
         shared_option("output", "Write this SVG, PNG or PDF. Default: an SVG in renders/SHOT."),
     ] = None,
     crossings: Crossings = False,
-    subject: Subject = None,
+    subject: Annotated[
+        str | None,
+        typer.Option("--subject", metavar="NAME", help="One of the shot's subjects, if it has several."),
+    ] = None,
 ) -> None:
     """Plot the measures and times of a shot's meshes over its frames.
 

@@ -20,16 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flowsculpt.api.frames import DAMAGED, SUFFIXES, CorruptFileError, PictureSequence, Store, key_of
-from flowsculpt.api.pictures import (
-    HDR_DISPLAYS,
-    BadInputError,
-    PictureDisplay,
-    RenderError,
-    read_exr,
-    read_header,
-    read_png,
-    write_still,
-)
+from flowsculpt.api.pictures import HDR_DISPLAYS, RenderError, read_exr, read_header, read_png, write_still
 
 THUMB = 160  # width of thumbnails, about, in pixels
 
@@ -231,7 +222,7 @@ class LayerWriter:
         except (*DAMAGED, RenderError, ValueError):
             return {}
         files = {}
-        view = self._write_view(display)
+        view = self._write_view(sequence)
         for name, values in {DISPLAY: shown, **arrays}.items():
             file = f"{key_of('layer', FORMAT, sequence.still_key('png', number), name)}.js"
             if not self.store.is_whole(self.folder / file):
@@ -240,11 +231,11 @@ class LayerWriter:
             files[name] = file
         return {**files, VIEW: view}
 
-    def _write_view(self, display: PictureDisplay) -> str:
-        """Write the table of a view unless it is there, and return its file's name."""
-        file = f"{key_of('view', FORMAT, display.view.recipe)}.js"
+    def _write_view(self, sequence: PictureSequence) -> str:
+        """Write the table of a sequence's view unless it is there, and return its file's name."""
+        file = f"{key_of('view', FORMAT, sequence.display.view.recipe)}.js"
         if not self.store.is_whole(self.folder / file):
-            table = display.table()
+            table = sequence.display.table()
             side = table.values.shape[0]
             steps = np.rint(255.0 * np.clip(table.values, 0.0, 1.0)).astype(np.uint8)
             about = {"toe": table.toe, "white": table.white, "side": side}
@@ -259,7 +250,7 @@ def _hdr_layer(sequence: PictureSequence, finished: Mapping[str, NDArray[Any]]) 
     """Return the nits of a frame on an HDR screen; nothing for views of a shot's own, which have no HDR."""
     try:
         return {HDR: HDR_DISPLAYS["pq"].nits(sequence.display.values(finished["beauty"], "pq"))}
-    except BadInputError:
+    except RenderError:
         return {}
 
 

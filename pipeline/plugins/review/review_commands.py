@@ -13,11 +13,10 @@ from flowsculpt.api import plural
 from flowsculpt.api.commands import print_result, print_warning, progress_bars, require_one_of, size, table
 from flowsculpt.api.frames import History, Locks, find_shot
 from flowsculpt.api.options import QUALITIES, Common, Shot, ShotOptions, shared_option
-from flowsculpt.api.pictures import three_js
 from flowsculpt.api.shots import NAME
 from flowsculpt.pipeline.plugins.review.measures import Crossings
 from flowsculpt.pipeline.plugins.review.review_notes import STATUSES, NotesFolder, ReviewNote, as_data, merged
-from flowsculpt.pipeline.plugins.review.review_page import HINT, ReviewPage, Search
+from flowsculpt.pipeline.plugins.review.review_page import ReviewPage, Search
 
 FORMS = ("jpeg", "png")
 
@@ -89,8 +88,8 @@ def review(
     else:
         with Locks(common.root).hold_with_writers(common.wait), progress_bars(common.progress) as bar:
             counts = page.write(bar("making the page", page.steps), bar)
-    if three_js() is None:
-        print_warning(HINT)
+    if hint := page.three_js[1]:
+        print_warning(hint)
     verb = " would show" if common.dry_run else ""
     shown = f"{plural(counts['sequences'], 'sequence')}, {plural(counts['pictures'], 'picture')}"
     live = sum(not note.deleted for note in written)

@@ -35,13 +35,11 @@ from flowsculpt.api.frames import (
     key_of,
 )
 from flowsculpt.api.options import DEFAULT_QUALITY
-from flowsculpt.api.pictures import FETCH, three_js
+from flowsculpt.api.pictures import three_js
 from flowsculpt.pipeline.plugins.review import view_3d
 from flowsculpt.pipeline.plugins.review.measures import TIMED_STAGES, limits_of, measured
 from flowsculpt.pipeline.plugins.review.page_pictures import LayerWriter, Proxies, ProxyWriter
 from flowsculpt.pipeline.plugins.review.review_notes import ReviewNote, as_data
-
-HINT = f"three.js is not installed, so the page has no 3-D view; {FETCH} fetches it"
 
 KINDS = ("render", "relit", "version", "wedge")
 """Kinds of sequences in their order on the page; others follow."""
@@ -114,6 +112,14 @@ class ReviewPage:
     notes: Sequence[ReviewNote] = ()
     layers: int = 0
 
+    @cached_property
+    def three_js(self) -> tuple[str, str]:
+        """The text of three.js, which draws the 3-D view, and why the page has none; one of them is empty."""
+        try:
+            return three_js("the page has no 3-D view"), ""
+        except MissingInputError as error:
+            return "", str(error)
+
     @property
     def folder(self) -> Path:
         return self.store.root / "renders" / "review" / self.name
@@ -147,7 +153,7 @@ class ReviewPage:
                 make_folder(self.folder / name)
         shots = {material.request.name: self._shot(material, tell, began) for material in self.shots}
         sequences = [self._sequence(sequence, tell) for sequence in self.sequences]
-        script = three_js()
+        script, hint = self.three_js
         data = {
             "title": self.name,
             "page": key_of("review page", str(self.folder.absolute())),
@@ -157,7 +163,7 @@ class ReviewPage:
             "sources": self._sources,
             "wedges": self._wedges(),
             "three": "three.js" if script else None,
-            "hint": "" if script else HINT,
+            "hint": hint,
         }
         for source in SOURCES.iterdir():
             path = self.index if source.name == self.index.name else self.folder / "page" / source.name

@@ -10,17 +10,11 @@ import typer
 
 from flowsculpt import UsageError
 from flowsculpt.api import plural
-from flowsculpt.api.commands import (
-    execute,
-    exit_with,
-    make_folder_of,
-    print_result,
-    print_warning,
-    report_notes,
-    report_plan,
-)
+from flowsculpt.api.commands import execute, exit_with, print_result, print_warning, report_notes, report_plan
+from flowsculpt.api.files import make_folder
 from flowsculpt.api.frames import (
     STAGES,
+    FinishedPictures,
     Folders,
     FrameRange,
     Plan,
@@ -28,9 +22,6 @@ from flowsculpt.api.frames import (
     Store,
     find_shot,
     light_notes,
-    picture_keys,
-    shown_picture,
-    white,
 )
 from flowsculpt.api.options import (
     DEFAULT_QUALITY,
@@ -83,13 +74,12 @@ class ShotSheet:
         seconds = [rate.seconds(number - request.shot.frames.first) for number in numbers]
         captions = [(("frame", f"{n}   {s:.2f} s"),) for n, s in zip(numbers, seconds, strict=True)]
         sheet, factor = ContactSheet.fitted(request.shot.heading, captions, size, columns)
-        keys = picture_keys(request, self.store)
-        pictures = [shown_picture(request, keys, self.store, n, factor, 8, "srgb") for n in numbers]
+        finished = FinishedPictures(request, self.store)
+        pictures = {number: finished.pixels(number, factor) for number in numbers}
         header = {"shot": request.name, "frames": str(FrameRange.of(numbers))}
-        page = sheet.picture(pictures, request.quality_name)
+        page = sheet.picture([*pictures.values()], request.quality_name)
         self.store.write(path, lambda draft: write_still(draft, page, header))
-        shown = zip(numbers, pictures, strict=True)
-        return light_notes({n: white(picture) for n, picture in shown if picture is not None})
+        return light_notes(pictures)
 
 
 def curves(
@@ -115,7 +105,7 @@ def curves(
     clock = read_shot(path, settings=settings or ()).motion.clock
     page = output or common.root / Folders.of_shot(path.stem).home / f"{path.stem}.curves.svg"
     if not common.dry_run:
-        make_folder_of(page)
+        make_folder(page.parent)
         tracks = [Curves(c.name, c.unit, c.frames, c.values, c.keys) for c in keyed]
         store, rate = Store(common.root), float(clock.rate.fps)
         store.write(page, lambda draft: plot_panels(path.stem, tracks, rate, draft))

@@ -21,14 +21,13 @@ from flowsculpt import FlowsculptError, UsageError
 from flowsculpt.api import ShotError
 from flowsculpt.api.commands import Project
 from flowsculpt.api.frames import (
+    FinishedPictures,
     FrameRange,
     Plan,
     RenderRequest,
     SequenceGrid,
     SequenceQuery,
     key_of,
-    picture_keys,
-    shown_picture,
 )
 from flowsculpt.api.pictures import ENCODES, ContactSheet, read_header, write_movie, write_still
 from flowsculpt.api.shots import shown
@@ -289,9 +288,9 @@ class Wedge:
         columns = self.columns or self.grid.columns or ContactSheet.columns_for(len(self.grid), size)
         captions = [cell.caption for cell, _ in self._read]
         sheet, factor = ContactSheet.fitted(first.shot.heading, captions, size, columns, bits)
-        cells = [(request, picture_keys(request, store)) for _, request in self.requests]
+        cells = [FinishedPictures(request, store) for _, request in self.requests]
         for number in numbers:
-            pictures = [shown_picture(*cell, store, number, factor, bits, display) for cell in cells]
+            pictures = [cell.pixels(number, factor, bits, display) for cell in cells]
             yield sheet.picture(pictures, f"frame {number} · {self.quality}")
 
     @property

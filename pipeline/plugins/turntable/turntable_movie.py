@@ -19,21 +19,19 @@ from numpy.typing import NDArray
 
 from flowsculpt import MissingInputError, UsageError
 from flowsculpt.api import plural, suggestion
-from flowsculpt.api.commands import Project, execute_and_report, progress_bars, require_one_of, words_of
+from flowsculpt.api.commands import Project, execute_and_report, progress_bars, require_one_of
 from flowsculpt.api.files import require_input
 from flowsculpt.api.frames import (
     SHOTS,
+    FinishedPictures,
     Folders,
     FrameRange,
-    PictureKeys,
     PipelineStage,
     Plan,
     RenderRequest,
     Store,
     find_shot,
     key_of,
-    picture_keys,
-    shown_picture,
 )
 from flowsculpt.api.meshes import usual_up
 from flowsculpt.api.options import (
@@ -41,11 +39,10 @@ from flowsculpt.api.options import (
     Common,
     Quality,
     ShotOptions,
-    Subject,
     Variant,
     shared_option,
 )
-from flowsculpt.api.pictures import ContactSheet, movie_encode, prefetch, write_movie, write_still
+from flowsculpt.api.pictures import ContactSheet, prefetch, write_movie, write_still
 from flowsculpt.api.shots import DEFAULTS, LOOKS, NAME, YamlSource, inherited, is_there
 from flowsculpt.pipeline.mesh.read import surface_reader
 from flowsculpt.pipeline.plugins.turntable.turntable_frames import TURNS, Turntable
@@ -217,7 +214,7 @@ class TurntableSheets:
         the disk refuses.
         """
         first, looks = self._first, range(len(self._requests))
-        if not any(self._stored_key(look, number) for look in looks for number in first.requested):
+        if not any(self._finished[look].key(number) for look in looks for number in first.requested):
             return []
         sheets = [self._key_angles([look], self._requests[look].movie_path) for look in looks]
         if len(looks) == 1:
@@ -233,8 +230,8 @@ class TurntableSheets:
         return self.turntable.requests
 
     @cached_property
-    def _keys(self) -> list[PictureKeys | None]:
-        return [picture_keys(request, self._store) for request in self._requests]
+    def _finished(self) -> list[FinishedPictures]:
+        return [FinishedPictures(request, self._store) for request in self._requests]
 
     @property
     def _store(self) -> Store:
@@ -293,7 +290,7 @@ class TurntableSheets:
                     yield sheet.picture(pictures, " ".join(turn_and_angle(self._table, number)))
                     advance()
 
-            encode = movie_encode(first.quality_name)
+            encode = first.pictures.movie_encode
             write_movie(path, prefetch(pages()), first.shot.rate.fps, encode)
 
         cells = [(look, number) for look in looks for number in first.requested]
@@ -312,23 +309,14 @@ class TurntableSheets:
         name = self._first.name
         return name if self._table.of_file else self._first.shot.heading
 
-    def _stored_key(self, look: int, number: int) -> str | None:
-        """Return the key of a finished picture, if it is stored."""
-        keys = self._keys[look]
-        key = keys[number].frame if keys is not None else None
-        return key if self._store.holds("frame", key) else None
-
     def _pictures(
         self, cells: Sequence[tuple[int, int]], factor: int, bits: int, display: str
     ) -> list[NDArray[Any] | None]:
         """Read the pictures of cells. Raises FrameError for a damaged one."""
-        return [
-            shown_picture(self._requests[look], self._keys[look], self._store, number, factor, bits, display)
-            for look, number in cells
-        ]
+        return [self._finished[look].pixels(number, factor, bits, display) for look, number in cells]
 
     def _key(self, kind: str, cells: Sequence[tuple[int, int]], *content: Any) -> str:
-        frames = [self._stored_key(look, number) for look, number in cells]
+        frames = [self._finished[look].key(number) for look, number in cells]
         displays = [dict(request.manifest.shown_as) for request in self._requests]
         return key_of(TURNTABLE_SHEET.recipe, kind, self._heading, frames, displays, *content)
 
@@ -365,7 +353,10 @@ def turntable(
             help="The axis of the mesh file that points up. Default: what it states, or z of an STL, else y.",
         ),
     ] = None,
-    part: Subject = None,
+    part: Annotated[
+        str | None,
+        typer.Option("--subject", metavar="NAME", help="One of the shot's subjects, if it has several."),
+    ] = None,
     quality: Quality = DEFAULT_QUALITY,
     scale: Annotated[
         str | None, typer.Option(metavar="PERCENT", help="Render smaller or larger pictures: 50%, or 0.5.")
@@ -382,8 +373,9 @@ def turntable(
     """
     project = options.project(common, variant)
     named = cropped_name(quality, None, scale)
-    fault = "--look names no look; write one, or several as in clay,glaze,chrome"
-    looks = () if look is None else words_of(look, fault)
+    looks = tuple(dict.fromkeys(word.strip() for word in (look or "").split(",") if word.strip()))
+    if look is not None and not looks:
+        raise UsageError("--look names no look; write one, or several as in clay,glaze,chrome")
     request = TurntableRequest(project, subject, named, at, frames, turn, looks, bare, up, part)
 
     def draw() -> list[Path]:

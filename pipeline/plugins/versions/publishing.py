@@ -21,16 +21,17 @@ import os
 import re
 import shutil
 import time
-import uuid
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from numpy.typing import NDArray
+
 from flowsculpt import FlowsculptError, FrameError, MissingInputError, UsageError
 from flowsculpt.api import ShotExtras
-from flowsculpt.api.files import digest_of_file, disk_errors, held, remove_tree
+from flowsculpt.api.files import atomic_folder, digest_of_file, remove_tree
 from flowsculpt.api.frames import (
     DAMAGED,
     STAGES,
@@ -47,16 +48,9 @@ from flowsculpt.api.frames import (
     picture_keys,
     read_statistics,
     samples_of,
+    store_reader,
 )
-from flowsculpt.api.pictures import (
-    Frame,
-    RenderError,
-    loop_frames,
-    movie_encode,
-    probe_movie,
-    read_exr,
-    write_movie,
-)
+from flowsculpt.api.pictures import RenderError, loop_frames, read_exr, write_movie
 from flowsculpt.pipeline.plugins.versions.provenance import (
     FILE,
     VERSION,
@@ -91,23 +85,18 @@ def freeze(
     the disk refuses; then nothing is left of it.
     """
     freeze_frame = _copy if copy else _link
-    with disk_errors(final), held(final.parent, make=True) as home:
-        draft = home / f"{_DRAFT}{final.name}.{uuid.uuid4().hex[:8]}"
-        try:
-            for number, frame in record.frames.items():
-                source = (files or {}).get(number) or store.path("frame", frame.frame)
-                freeze_frame(source, draft / frame.file)
-                store.digests.add_copy(final / frame.file, source)
-            _copy(store.path("movie", record.movie["key"]), draft / record.movie["file"])
-            text = json.dumps(record.as_data(), indent=1, ensure_ascii=False) + "\n"
-            for name, content in ((NOTES, notes), (FILE, text.encode())):
-                if content:
-                    (draft / name).write_bytes(content)
-                    _settle(draft / name)
-            store.digests.add(final / FILE, draft / FILE)
-            draft.rename(home / final.name)
-        finally:
-            shutil.rmtree(draft, ignore_errors=True)
+    with atomic_folder(final, f"{_DRAFT}{final.name}.") as draft:
+        for number, frame in record.frames.items():
+            source = (files or {}).get(number) or store.path("frame", frame.frame)
+            freeze_frame(source, draft / frame.file)
+            store.digests.add_copy(final / frame.file, source)
+        _copy(store.path("movie", record.movie["key"]), draft / record.movie["file"])
+        text = json.dumps(record.as_data(), indent=1, ensure_ascii=False) + "\n"
+        for name, content in ((NOTES, notes), (FILE, text.encode())):
+            if content:
+                (draft / name).write_bytes(content)
+                _settle(draft / name)
+        store.digests.add(final / FILE, draft / FILE)
 
 
 def sweep(home: Path) -> None:
@@ -307,7 +296,7 @@ class Release:
         try:
             self.store.bring("movie", key)
             self.store.digests.check(file)
-            whole = probe_movie(file).frames == len(self.request.angles)
+            whole = store_reader("movie", key)(file).frames == len(self.request.angles)
         except DAMAGED:
             whole = False
         if not whole:
@@ -452,7 +441,7 @@ class Patch(Release):
     def _whole_movie(self, key: Key) -> str:
         """Encode the movie unless the store has it, and return its digest."""
         request, numbers = self.request.whole(), sorted(self.request.angles)
-        rate, encode = request.shot.rate, movie_encode(request.quality_name)
+        rate, encode = request.shot.rate, request.pictures.movie_encode
 
         def write(path: Path) -> None:
             frames = loop_frames(numbers, request.loop_dissolve, self._shown)
@@ -463,7 +452,7 @@ class Patch(Release):
         self.store.put("movie", key, write)
         return super()._whole_movie(key)
 
-    def _shown(self, numbers: list[int]) -> Iterator[Frame]:
+    def _shown(self, numbers: list[int]) -> Iterator[NDArray[Any]]:
         """Yield frames as the display of today shows them."""
         keys, files, display = self._keys(), self._files(), self.request.shot.picture.display
         for number in numbers:

@@ -18,7 +18,6 @@ from flowsculpt.api.commands import (
     print_error,
     print_result,
     print_warning,
-    project_of,
     report_plan,
     table,
 )
@@ -27,16 +26,22 @@ from flowsculpt.api.options import (
     DEFAULT_QUALITY,
     AllowCode,
     Common,
-    FrameNumbers,
     PictureOptions,
     Quality,
     Shot,
+    ShotOptions,
     Variant,
+    shared_option,
 )
 from flowsculpt.pipeline.plugins.versions.hooks import Hook, hooks_of, tell_published
 from flowsculpt.pipeline.plugins.versions.provenance import FILE, Provenance, records
 from flowsculpt.pipeline.plugins.versions.publishing import Patch, Release
 from flowsculpt.pipeline.plugins.versions.reproduction import Comparison, Reproduction
+
+FrameNumbers = Annotated[
+    FrameRange | None,
+    shared_option("frames", "Frames: 12, 1-48, 1-48x2, 1-24,30; 1-100:10 is coarse first. Default: all."),
+]
 
 
 def publish(
@@ -176,7 +181,7 @@ def reproduce(
     renders/repeated from its recorded shot file, and lists which frames are the same.
     """
     use_store(None)  # what the remote store has would prove nothing
-    record, project = Provenance.read(provenance), project_of(common, None, allow_code, variant)
+    record, project = Provenance.read(provenance), ShotOptions(None, allow_code).project(common, variant)
     again = Reproduction(record, provenance, project.force_from("render") if force else project, frames)
     inside = replace(common, root=again.home)
     plan = again.plan()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -20,7 +20,9 @@ from flowsculpt.pipeline.production.request.lookup import (
     FILM,
     find_edit,
     find_shot,
+    is_quality,
     names_edit,
+    options_of,
     require_quality,
 )
 from flowsculpt.pipeline.production.request.render_request import FORMS, RenderRequest
@@ -28,7 +30,7 @@ from flowsculpt.pipeline.production.request.shot_source import PlanningCache, Sh
 from flowsculpt.pipeline.production.stages import forced_with
 from flowsculpt.pipeline.production.store import paths
 from flowsculpt.pipeline.production.store.history import History
-from flowsculpt.pipeline.production.store.paths import STATE
+from flowsculpt.pipeline.production.store.paths import STATE, Folders
 from flowsculpt.pipeline.production.store.store import Store
 from flowsculpt.render.scene.render_quality import CONVENTIONS, DEFAULT_QUALITY
 
@@ -318,6 +320,24 @@ class Project:
             for each in CONVENTIONS
         ]
         return max(request, *others, key=finished)
+
+    def rendered_requests(self, path: Path) -> Iterator[RenderRequest]:
+        """Yield the request of each quality, crop and scale of a shot that has a folder in renders/.
+
+        They have the layers of their finished frames. `notes` say which crops are left out.
+        """
+        home = self.root / Folders.of_shot(path.stem).home
+        for name in sorted(place.name for place in home.glob("*/") if is_quality(place.name)):
+            request = self.request(path, name)
+            try:
+                _ = request.pictures.quality
+            except UsageError:
+                self.notes.append(
+                    f"{path.stem}: pictures of {options_of(name)} are left out; the shot's pictures have no "
+                    "such part today. Repeat the --set that they were rendered with to include them."
+                )
+            else:
+                yield self.as_finished(request)
 
     def use_text(self, path: Path, text: str) -> None:
         """Use `text` as the content of the shot file at `path`, without writing it."""

@@ -117,24 +117,25 @@ class Edit:
         screen: Screen,
         shown: Callable[[int], Iterator[T]],
         card: Callable[[Frame], T],
-        mix: Callable[[T, T, float], T],
+        mix: Callable[[T, T, float], T] | None = None,
     ) -> Iterator[T]:
         """Yield the frames of the film: clips and cards one after another, mixed where they dissolve.
 
         screen  where cards stand in the pictures
         shown   yields the frames of the clip in a place
         card    turns a card's frame, uint16 (H, W, 3), into one of these
-        mix     mixes two of them by the weight of the second, as `mix_frames` does
+        mix     mixes two of them by the weight of the second; by default `mix_frames`
         """
         from flowsculpt.render.graphics.cards import card_frames  # numba, which planning does without
-        from flowsculpt.render.movie.movie_frames import dissolve
+        from flowsculpt.render.movie.movie_frames import dissolve, mix_frames
 
         def frames(item: EditItem) -> Iterator[T]:
             if item.clip is not None:
                 return shown(item.clip)
             return map(card, card_frames(item.title, item.subtitle, screen, item.frames))
 
-        return dissolve([(item.frames, item.dissolve, frames(item)) for item in self.items], mix)
+        mixing: Any = mix or mix_frames
+        return dissolve([(item.frames, item.dissolve, frames(item)) for item in self.items], mixing)
 
     def path(self, quality_name: str) -> Path:
         return paths.film(quality_name, self.name)

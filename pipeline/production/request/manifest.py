@@ -209,10 +209,7 @@ def thresholds_at(motion: Motion, number: int) -> Thresholds:
 
 def measures_speed(shot: Shot) -> bool:
     """Tell whether the colours of a shot, or of one of its subjects, are the speed of the flow."""
-    from flowsculpt.render.scene.patterns import SPEED, Measure
-
-    patterns = [part.picture.look.pattern for part in shot.parts]
-    return any(isinstance(pattern, Measure) and pattern.of == SPEED for pattern in patterns)
+    return any(part.picture.look.measures_speed for part in shot.parts)
 
 
 def _stages(entries: Mapping[str, Any]) -> dict[str, str]:

@@ -16,7 +16,7 @@ from flowsculpt.pipeline.frames import FrameRange
 from flowsculpt.pipeline.plugin import named, plugins
 from flowsculpt.pipeline.production.request.audio import AudioClip, sound_of_frames
 from flowsculpt.pipeline.production.request.keys import RequestKeys
-from flowsculpt.pipeline.production.request.lookup import crop_of, quality_named
+from flowsculpt.pipeline.production.request.lookup import crop_of, movie_bits, quality_named
 from flowsculpt.pipeline.production.request.manifest import ShotManifest, measures_speed
 from flowsculpt.pipeline.production.request.shot_source import PlanningCache, ShotSource
 from flowsculpt.pipeline.production.stages import STILLS
@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from flowsculpt.pipeline.shot import Shot
     from flowsculpt.pipeline.shot.camera_path import View
     from flowsculpt.pipeline.shot.shot import AovSelection, Picture
+    from flowsculpt.render.graphics.cards import Screen
+    from flowsculpt.render.movie.codecs import Encode
     from flowsculpt.render.scene.render_camera import Projection
 
 FORMS = tuple(stage.name for stage in STILLS)
@@ -301,6 +303,20 @@ class RequestPictures:
         from flowsculpt.render.scene.render_camera import Projection  # numpy, which planning does without
 
         return Projection(*self.request.manifest.projection)
+
+    @property
+    def screen(self) -> Screen:
+        """Where cards stand in the pictures."""
+        from flowsculpt.render.graphics.cards import Screen
+
+        return Screen(self.projection, self.quality.rendered_size)
+
+    @property
+    def movie_encode(self) -> Encode:
+        """The encode of movies and films: 10 bits keep gradients smooth, 8 play everywhere."""
+        from flowsculpt.render.movie.codecs import H264, H264_8_BITS
+
+        return H264 if movie_bits(self.request.quality_name) == 10 else H264_8_BITS
 
     @property
     def is_round(self) -> bool:

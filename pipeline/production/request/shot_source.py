@@ -37,9 +37,9 @@ from flowsculpt.pipeline.production.request.manifest import (
 from flowsculpt.pipeline.production.store.paths import STATE
 from flowsculpt.pipeline.production.store.store import Store, key_of
 from flowsculpt.pipeline.shot.yaml.named_files import DEFAULTS, is_there, text_of
-from flowsculpt.render.base.atomic_write import atomic_write
+from flowsculpt.render.base.atomic_write import atomic_write, make_folder
 from flowsculpt.render.base.render_errors import BadInputError
-from flowsculpt.render.base.root_files import make_folder, remove, set_time
+from flowsculpt.render.base.root_files import remove, set_time
 from flowsculpt.render.base.serialise import NOT_PLAIN, from_plain, to_plain
 from flowsculpt.render.base.user_cache import writable_cache
 
@@ -270,7 +270,7 @@ class ShotSource:
         if not notes or self.cache.get(bool, *told_of):
             return ()
         if self.cache.root is not None:
-            with contextlib.suppress(OSError, MachineError):
+            with contextlib.suppress(MachineError):
                 make_folder(self.cache.root / STATE)
         self.cache.put(True, *told_of)
         return notes

@@ -11,15 +11,12 @@ from flowsculpt.pipeline.errors import FlowsculptError, FrameError
 from flowsculpt.pipeline.frames import FrameRate
 from flowsculpt.pipeline.production.request.audio import AudioClip, samples_of
 from flowsculpt.pipeline.production.request.keys import PictureKeys, projection_of
-from flowsculpt.pipeline.production.request.lookup import movie_bits
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.store.store import Key
 from flowsculpt.pipeline.production.tasks.job import Context
 from flowsculpt.render.base.work_clock import WorkClock
-from flowsculpt.render.graphics.cards import Screen
-from flowsculpt.render.movie.codecs import H264, H264_8_BITS, Encode
 from flowsculpt.render.movie.encode import write_movie
-from flowsculpt.render.movie.movie_frames import Frame, loop_frames, mix_frames, prefetch
+from flowsculpt.render.movie.movie_frames import Frame, loop_frames, prefetch
 from flowsculpt.render.post.image import write_still
 
 T = TypeVar("T")
@@ -36,11 +33,6 @@ def assemble(context: Context) -> bool:
     return _movie(context, key, request.movie_path, frames, rate, (request.sounds, length), request.loop)
 
 
-def movie_encode(quality_name: str) -> Encode:
-    """Return the encode of movies and films at a quality, or at a crop or scale of one."""
-    return H264 if movie_bits(quality_name) == 10 else H264_8_BITS
-
-
 def film(context: Context) -> bool:
     """Encode the film: title, shots in the order of the edit, credits."""
     requests = context.requests
@@ -52,8 +44,8 @@ def film(context: Context) -> bool:
     def shown(clip: int) -> Iterator[Frame]:
         return _shown(context, requests[clip], keys[clip], list(requests[clip].requested))
 
-    screen = Screen(first.pictures.projection, (first.pictures.quality.width, first.pictures.quality.height))
-    frames = edit.frames(screen, shown, lambda frame: frame, mix_frames)
+    screen = first.pictures.screen
+    frames = edit.frames(screen, shown, lambda frame: frame)
     target = edit.path(first.quality_name)
     return _movie(context, edit.key(requests, keys), target, frames, rate, (edit.sounds, edit.length))
 
@@ -70,7 +62,7 @@ def _movie(
     """Write a movie with its sounds, which come with the number of its frames."""
     clock = WorkClock()
     reported = _reported(context, prefetch(frames), clock)
-    encode = movie_encode(context.request.quality_name)
+    encode = context.request.pictures.movie_encode
     projection = context.request.pictures.projection
 
     def write(path: Path) -> None:

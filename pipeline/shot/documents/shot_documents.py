@@ -3,6 +3,7 @@
 import inspect
 import math
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
@@ -38,7 +39,7 @@ from flowsculpt.pipeline.shot.documents.field_types import (
 from flowsculpt.pipeline.shot.documents.flow_documents import BARE
 from flowsculpt.pipeline.shot.documents.flow_entries import DASHES, FlowDocument
 from flowsculpt.pipeline.shot.documents.light_documents import LightGroupsField, StageDocument
-from flowsculpt.pipeline.shot.documents.look_documents import LookField
+from flowsculpt.pipeline.shot.documents.look_documents import LOOKS, LookField
 from flowsculpt.pipeline.shot.documents.picture_documents import (
     LightsField,
     OverrideDocument,
@@ -57,7 +58,11 @@ from flowsculpt.render.base.input_files import digest_of_file
 from flowsculpt.render.scene.aovs import AOVS
 from flowsculpt.render.scene.render_quality import CONVENTIONS
 from flowsculpt.render.scene.rgb_spaces import REC709, WORKING_SPACES
+from flowsculpt.render.scene.scene_lights import LIGHTS
 from flowsculpt.render.scene.scene_stage import STAGES
+
+PRESETS: Mapping[str, Mapping[str, Any]] = {"look": LOOKS, "lights": LIGHTS, "stage": STAGES}
+"""What shot files can name by a word, by the entry: looks, light rigs and stages."""
 
 StageField = Annotated[
     Annotated[str, one_of(STAGES, "stage")] | StageDocument,

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from flowsculpt.render.base.render_errors import BadInputError
 from flowsculpt.render.base.serialise import OMIT_DEFAULT, Colour, Triple
-from flowsculpt.render.scene.patterns import Measure, Pigment
+from flowsculpt.render.scene.patterns import SPEED, Measure, Pigment
 from flowsculpt.render.scene.picture_file import Pixels
 from flowsculpt.render.scene.surface import Wireframe
 from flowsculpt.render.scene.texture_projection import MODEL, TextureProjection
-from flowsculpt.render.scene.textures import Texture, continued
+from flowsculpt.render.scene.textures import REPEATED, Texture, continued, texels_at
 
 M = TypeVar("M", bound="Material")
 
@@ -80,6 +80,11 @@ class Material:
     def pattern(self) -> Pigment | Measure | None:
         """The pattern that gives colours by a phase per vertex, or None."""
         return None
+
+    @property
+    def measures_speed(self) -> bool:
+        """True if its colours are the speed of the surface."""
+        return isinstance(self.pattern, Measure) and self.pattern.of == SPEED
 
     @property
     def texture_projection(self) -> TextureProjection | None:
@@ -214,6 +219,11 @@ class Opacity:
         values = np.ones((1, 1, 1), np.float32) if texture is None else np.clip(texture.numbers(), 0.0, 1.0)
         values = values * np.float32(self.factor)
         return values if self.cutoff is None else 1.0 + (values - np.float32(self.cutoff)) * _STEEP
+
+    def fractions_at(self, across: NDArray[Any], up: NDArray[Any]) -> NDArray[Any]:
+        """Return the fractions (…) at places in the texture, from its lower left corner, sides of 1."""
+        wrap = REPEATED if self.texture is None else self.texture.wrap
+        return texels_at(self.fractions(), across, 1.0 - up, wrap)[..., 0]
 
 
 _STEEP = np.float32(1e6)

@@ -73,7 +73,9 @@ def quick(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     monkeypatch.setattr(fitting, "START", PathSpace(12, 0.12))
     monkeypatch.setattr(stored_fits, "EDGES", 16)
     monkeypatch.setattr(
-        stored_fits, "cache_path", lambda kind, key, suffix: tmp_path / f"{hash(*key)}{suffix}"
+        stored_fits.CachedAnswer,
+        "of",
+        lambda kind, key, suffix: stored_fits.CachedAnswer(tmp_path / f"{hash(*key)}{suffix}"),
     )
     fit_between.cache_clear()
     return tmp_path

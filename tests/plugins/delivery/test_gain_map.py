@@ -12,8 +12,7 @@ from PIL import Image
 
 from flowsculpt.pipeline.errors import MachineError, UsageError
 from flowsculpt.pipeline.plugins.delivery.gain_map import require_gain_maps, write_gain_map
-from flowsculpt.pipeline.plugins.delivery.hdr_frames import BT2020
-from flowsculpt.render.post.hdr import pq_of_nits
+from flowsculpt.render.post.hdr import BT2020, pq_of_nits
 from tests.conftest import QUALITY
 
 NAME = "T010_tiny"

@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from flowsculpt.pipeline.plugins.interchange import gltf_content, vertex_textures, web_player
+from flowsculpt.pipeline.plugins.interchange import gltf_content, vertex_textures
 from flowsculpt.pipeline.plugins.interchange.gltf_document import GltfDocument
-from flowsculpt.pipeline.plugins.interchange.web_player import three_js
+from flowsculpt.render.graphics import three_js
 from tests.conftest import commanded
 from tests.full_disk import disk_of
 from tests.plugins.review.studio import simulated
@@ -65,7 +65,7 @@ def refused(root: Path, *words: str) -> str:
 
 @pytest.mark.parametrize("form", FILES)
 def test_files_are_written_once_and_again_where_they_are_damaged(root: Path, form: str) -> None:
-    if form == "web" and three_js() is None:
+    if form == "web" and not three_js.installed_file().exists():
         pytest.skip("three.js is not set up here")
     folder, names = FILES[form]
     report = export(root, form, NAME)
@@ -130,7 +130,7 @@ def test_what_a_format_cannot_hold_is_refused_in_a_line(root: Path, monkeypatch:
     monkeypatch.setattr(vertex_textures, "LARGEST", 16)
     assert "rows of 16, and engines read" in refused(root, "vat", NAME, *there)
     assert "frames 1-2,4 are not evenly spaced" in refused(root, "vat", NAME, "-f", "1-2,4", *there)
-    monkeypatch.setattr(web_player, "three_js", lambda: None)
+    monkeypatch.setattr(three_js, "installed_file", lambda: root / "three.js")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(root)
         code, said = commanded(root, "export", "web", NAME, *there)

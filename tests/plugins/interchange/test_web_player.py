@@ -28,7 +28,7 @@ from flowsculpt.pipeline.plugins.interchange.web_player import (
 from flowsculpt.pipeline.production.request.framing import Framing
 from flowsculpt.pipeline.shot import read_shot
 from flowsculpt.render.base.input_files import digest_of_file
-from flowsculpt.render.graphics.three_js import three_js
+from flowsculpt.render.graphics.three_js import installed_file
 from flowsculpt.render.post.image import read_png, write_png
 from flowsculpt.render.scene.materials import Diffuse, Painted
 from flowsculpt.render.scene.painted_faces import PaintedFaces
@@ -72,7 +72,7 @@ def test_light_on_the_floor_is_that_of_the_softboxes_and_the_sky() -> None:
 
 @pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    if three_js() is None:
+    if not installed_file().exists():
         pytest.skip("three.js is not set up here")
     place = tmp_path_factory.mktemp("web")
     shot = read_shot(place / "a.yaml", SHOT)
@@ -169,7 +169,7 @@ def test_folded_normals_along_axes_are_exact() -> None:
     ],
 )
 def test_a_loop_meets_its_first_frame(browser: Browser, tmp_path: Path, loop: tuple[str, int]) -> None:
-    if three_js() is None:
+    if not installed_file().exists():
         pytest.skip("three.js is not set up here")
     shot = read_shot(tmp_path / "a.yaml", SHOT)
     back = loop[0] == "back"
@@ -217,7 +217,7 @@ def test_keys_and_the_bar_move_through_time_and_dragging_leaves_the_shots_camera
 
 @pytest.mark.soak
 def test_a_hazy_horizon_has_no_line_on_the_page(browser: Browser, tmp_path: Path) -> None:
-    if three_js() is None:
+    if not installed_file().exists():
         pytest.skip("three.js is not set up here")
     steps = []
     for fade in ("", ", horizon_fade: 8"):
@@ -234,7 +234,7 @@ def test_a_hazy_horizon_has_no_line_on_the_page(browser: Browser, tmp_path: Path
 
 
 def test_each_material_of_a_model_shows_its_picture_or_colour(browser: Browser, tmp_path: Path) -> None:
-    if three_js() is None:
+    if not installed_file().exists():
         pytest.skip("three.js is not set up here")
     pixels = np.zeros((16, 16, 3), np.uint8)
     pixels[:8], pixels[8:] = (0, 200, 0), (0, 0, 200)  # green above blue

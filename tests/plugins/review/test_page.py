@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from flowsculpt.pipeline.plugins.review.review_page import HINT
-from flowsculpt.render.graphics.three_js import three_js
+from flowsculpt.render.graphics.three_js import FETCH, installed_file
 from flowsculpt.render.post.image import read_png
 from tests.plugins.review.looker import Opened
 from tests.plugins.review.studio import FAILED, LAST, MISSING, Desk, number_in
@@ -217,7 +216,7 @@ def test_a_click_in_the_grid_makes_a_cell_a_and_with_shift_b(opened: Opened) -> 
     assert look.number == 3 and look.picture()[-8].min() > 235
 
 
-@pytest.mark.skipif(three_js() is None, reason="three.js is not set up here")
+@pytest.mark.skipif(not installed_file().exists(), reason="three.js is not set up here")
 def test_the_mesh_nearest_to_the_playhead_is_drawn(opened: Opened) -> None:
     look = opened(frame=LAST)
     look.press("m", "Shift+M")
@@ -235,7 +234,7 @@ def test_a_page_without_three_works_and_says_how_to_get_it(
 ) -> None:
     folder = Path(shutil.copytree(desk.page().parent, tmp_path / "page"))
     data = json.loads((folder / "data.js").read_text().removeprefix("window.reviewData = ").rstrip(";\n"))
-    told = {**data, "three": None, "hint": HINT}
+    told = {**data, "three": None, "hint": f"three.js is not installed; {FETCH} fetches it"}
     (folder / "data.js").write_text(f"window.reviewData = {json.dumps(told)};")
     look = opened(folder / "index.html", frame=2)
     look.press("m", "ArrowRight")

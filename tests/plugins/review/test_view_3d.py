@@ -17,7 +17,7 @@ from flowsculpt.pipeline.mesh import icosphere
 from flowsculpt.pipeline.plugins.review import view_3d
 from flowsculpt.pipeline.plugins.review.view_3d import PageMeshes
 from flowsculpt.pipeline.production.shot_extras import Animation, ShotExtras
-from flowsculpt.render.graphics.three_js import three_js
+from flowsculpt.render.graphics.three_js import installed_file
 from tests.plugins.review.looker import Opened
 from tests.plugins.review.studio import LAST, NAME, SHOT, Desk, simulated
 
@@ -60,7 +60,7 @@ def page_of(desk: Desk, tmp_path: Path) -> Callable[..., Path]:
     return written
 
 
-@pytest.mark.skipif(three_js() is None, reason="three.js is not set up here")
+@pytest.mark.skipif(not installed_file().exists(), reason="three.js is not set up here")
 def test_a_point_is_drawn_beside_a_surface_and_as_large_as_one(
     opened: Opened, page_of: Callable[..., Path]
 ) -> None:
@@ -78,7 +78,7 @@ def test_a_point_is_drawn_beside_a_surface_and_as_large_as_one(
     assert 0.03 * lit[0].size < surface and 0.93 < points / surface < 1.07
 
 
-needs_three_js = pytest.mark.skipif(three_js() is None, reason="three.js is not set up here")
+needs_three_js = pytest.mark.skipif(not installed_file().exists(), reason="three.js is not set up here")
 
 
 @needs_three_js

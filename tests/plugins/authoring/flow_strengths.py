@@ -1,6 +1,6 @@
 """Records the strengths of flows at which a ball grows twofold and tenfold, for `flowsculpt flows NAME`.
 
-`python -m tests.animation.flow_strengths` records them again.
+`python -m tests.plugins.authoring.flow_strengths` records them again.
 """
 
 from __future__ import annotations
@@ -86,7 +86,8 @@ def main() -> None:
         "# By flow: the parameter that sets its strength, and values with which a ball of radius 1 at the"
     ]
     lines += [
-        "# origin takes 2 and 10 times the vertices within 3 s; `python -m tests.animation.flow_strengths`."
+        "# origin takes 2 and 10 times the vertices within 3 s; "
+        "`python -m tests.plugins.authoring.flow_strengths`."
     ]
     for flow in sorted(DOCUMENTS):
         found = strength_of(flow)
