@@ -14,12 +14,10 @@ from flowsculpt.pipeline.flow.kernels.external_kernels import DEEPEST as DEEPEST
 from flowsculpt.pipeline.flow.kernels.external_kernels import nearest as nearest
 from flowsculpt.pipeline.flow.kernels.instructions import doubles_at as doubles_at
 from flowsculpt.pipeline.flow.keyframes import Keyframes as Keyframes
-from flowsculpt.pipeline.flow.parameters import Curve as Curve
 from flowsculpt.pipeline.flow.parameters import Number as Number
 from flowsculpt.pipeline.flow.parameters import Parameter as Parameter
 from flowsculpt.pipeline.flow.parameters import ParameterDoc as ParameterDoc
 from flowsculpt.pipeline.flow.parameters import Positive as Positive
-from flowsculpt.pipeline.flow.parameters import Vector as Vector
 from flowsculpt.pipeline.flow.parameters import number_at as number_at
 from flowsculpt.pipeline.flow.parameters import vector_at as vector_at
 from flowsculpt.pipeline.flow.regions import TriangleTree as TriangleTree

@@ -20,7 +20,7 @@ import numpy as np
 from flowsculpt import MachineError, MeshError, Streamlines, TriangleMesh, UsageError
 from flowsculpt.api import report_progress
 from flowsculpt.api.files import CachedAnswer, atomic_write, usable, writable_cache
-from flowsculpt.api.flows import Sampled, Samples, StepPlan, Vector
+from flowsculpt.api.flows import Sampled, Samples, StepPlan
 from flowsculpt.api.frames import CorruptFileError, Locks, read_npz
 from flowsculpt.api.meshes import AnyArray, Floats, Points, components, require
 from flowsculpt.api.shots import Model, PluginSurface, Solid, as_data
@@ -62,7 +62,7 @@ class PlacedShape:
     """A solid or a model where it stands in a shot."""
 
     subject: Solid | Model
-    place: Vector
+    place: tuple[float, float, float]
 
     @property
     def name(self) -> str:

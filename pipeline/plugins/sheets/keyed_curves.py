@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel
 
-from flowsculpt.api.flows import Curve, Keyframes
+from flowsculpt.api.flows import Keyframes
 from flowsculpt.api.meshes import Floats
 from flowsculpt.api.shots import (
     Clock,
@@ -91,12 +91,18 @@ def _curve(names: tuple[str, ...], unit: str, value: Any, clock: Clock) -> Keyed
     time_of = clock.flow_time if is_of_flow else clock.time
     times = np.array([time_of(float(frame)) for frame in frames])
     values = np.array([curve.at(float(time)) for time in times])
-    return KeyedCurve(".".join(names), unit, frames, values, _keys(curve, frames, times))
+    return KeyedCurve(
+        ".".join(names),
+        unit,
+        frames,
+        values,
+        _keys(curve if isinstance(curve, Keyframes) else None, frames, times),
+    )
 
 
-def _keys(curve: Curve, frames: Floats, times: Floats) -> Floats:
+def _keys(curve: Keyframes | None, frames: Floats, times: Floats) -> Floats:
     """Return the frames at which keys are reached: one, several where the flow's time turns back, or none."""
-    if not isinstance(curve, Keyframes):
+    if curve is None:
         return np.empty((0, 2))
     rows = []
     for time, value in zip(curve.times, curve.values, strict=True):
