@@ -38,7 +38,7 @@ def lazy_names(module: str, file: str) -> tuple[list[str], Callable[[str], Any]]
             return getattr(import_module(home), name)
         except ModuleNotFoundError as error:
             plugin = home.removeprefix(_PLUGINS).partition(".")[0]
-            if error.name != _PLUGINS + plugin:
+            if error.name not in (_PLUGINS + plugin, home):
                 raise
             raise ImportError(
                 f"{module}.{name} needs the plug-in {plugin}, which is not installed", name=module

@@ -14,7 +14,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flowsculpt.render.post.image import jpeg_bytes
 from flowsculpt.render.scene.rgb_spaces import srgb_of_linear
 from flowsculpt.render.scene.textures import BLACK, REPEATED, Texture, read_picture
 
@@ -51,6 +50,10 @@ class EmbeddedPicture(NamedTuple):
                 return cls(kind, content, texture.wrap)
         shown = _bordered(_levels(encode(_at_most(pixels, widest))), texture.wrap)
         if kind == "image/jpeg" and is_colour:
+            from flowsculpt.render.post.image import (
+                jpeg_bytes,
+            )  # needs OpenEXR, and GLBs without pictures do not
+
             return cls(kind, jpeg_bytes(shown), texture.wrap)
         return cls("image/png", _png(shown), texture.wrap)
 

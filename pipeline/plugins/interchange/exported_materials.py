@@ -19,7 +19,7 @@ from flowsculpt.api.materials import (
 )
 from flowsculpt.api.meshes import AnyArray
 from flowsculpt.api.pictures import Material, Painted, PaintedFaces
-from flowsculpt.pipeline.plugins.interchange.exported_frame import PreviewSurface, preview_surface
+from flowsculpt.pipeline.plugins.interchange.preview_surfaces import PreviewSurface, preview_surface
 
 COMPACT = 2048
 """The most pixels along a side of pictures in compressed files; finer ones are averaged."""

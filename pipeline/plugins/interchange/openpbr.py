@@ -11,7 +11,7 @@ from typing import Any
 
 from flowsculpt.api.materials import Diffuse, Glass, Gouraud, Plastic, Satin, Smoke
 from flowsculpt.api.pictures import Material, Painted
-from flowsculpt.pipeline.plugins.interchange.exported_frame import Colour, preview_surface
+from flowsculpt.pipeline.plugins.interchange.preview_surfaces import Colour, preview_surface
 
 Inputs = dict[str, float | Colour]
 

@@ -12,7 +12,7 @@ from flowsculpt.api import brief
 from flowsculpt.api.files import atomic_write, digest_of_file, usable, writable_cache
 from flowsculpt.api.materials import Diffuse, Opacity, PatternedMaterial, Satin, Texture, TextureProjection
 from flowsculpt.api.pictures import PaintedFaces, RenderError
-from flowsculpt.pipeline.plugins.interchange.exported_frame import Colour
+from flowsculpt.pipeline.plugins.interchange.preview_surfaces import Colour
 
 GREY = (0.604, 0.604, 0.604)
 """The colour of what a file leaves white: linear Rec.709 of sRGB 0.8, as Blender's."""

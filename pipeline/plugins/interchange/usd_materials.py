@@ -14,9 +14,9 @@ from pxr import Gf, Sdf, Usd, UsdShade
 
 from flowsculpt.api.materials import PatternedMaterial, Texture
 from flowsculpt.api.pictures import Material
-from flowsculpt.pipeline.plugins.interchange.exported_frame import preview_surface
 from flowsculpt.pipeline.plugins.interchange.exported_materials import parts_of
 from flowsculpt.pipeline.plugins.interchange.openpbr import LENGTHS, openpbr_inputs
+from flowsculpt.pipeline.plugins.interchange.preview_surfaces import preview_surface
 from flowsculpt.pipeline.plugins.interchange.usd_prims import sample
 
 _ADDRESSES = {"repeat": "periodic", "clamp": "clamp", "mirror": "mirror", "black": "constant"}

@@ -21,7 +21,7 @@ from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdLux
 from flowsculpt.api.materials import Softbox, Sun
 from flowsculpt.api.meshes import AnyArray, Floats
 from flowsculpt.api.pictures import Camera, LightRig, RenderedFrame, write_exr
-from flowsculpt.pipeline.plugins.interchange.exported_frame import Colour
+from flowsculpt.pipeline.plugins.interchange.preview_surfaces import Colour
 
 
 class CameraSettings(NamedTuple):
