@@ -11,7 +11,6 @@ would depend on its place in a block: commands and jobs keep numba from it (see 
 from __future__ import annotations
 
 import ctypes
-import importlib
 import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -24,8 +23,14 @@ from numba.core import sigutils
 from numba.core.ccallback import CFunc
 from numpy.typing import NDArray
 
-from flowsculpt.pipeline.errors import MachineError
-from flowsculpt.render.base.kernel_cache import KernelCache, cached_kernel, one_at_a_time, use_kernel_cache
+from flowsculpt.render.base.kernel_cache import (
+    BLOCK_KERNELS,
+    DECLARED,
+    KernelCache,
+    cached_kernel,
+    one_at_a_time,
+    use_kernel_cache,
+)
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -86,9 +91,6 @@ def higher_kernel(function: F) -> F:
     return numba.njit(inline="always")(function)
 
 
-DECLARED: list[tuple[Any, Any]] = []
-"""Every kernel imported so far, and the types it is compiled for."""
-
 _FLOATS = "CPointer(f8)"
 
 BLOCK_SIGNATURE = f"void({_FLOATS}, i8, {', '.join([_FLOATS] * 3)}, f8, {', '.join([_FLOATS] * 3)})"
@@ -134,33 +136,8 @@ class BlockKernel:
         self._compiled.ctypes(p, points.shape[1], *rows[:3], time, *rows[3:])
 
 
-BLOCK_KERNELS: list[BlockKernel] = []
-"""Every block kernel imported so far, without the formulas of shots."""
-
-
 def block_kernel(function: Callable[..., None]) -> BlockKernel:
     """A block of points at once: `f(numbers, count, x, y, z, t, u, v, w)` adds its velocity at each."""
     found = BlockKernel(function)
     BLOCK_KERNELS.append(found)
     return found
-
-
-def compile_module(name: str) -> None:
-    """Compile every kernel of a module for its declared types, and the kernels that it calls.
-
-    Those that only kernels call are compiled where a kernel that calls them is, and is not in the cache.
-    Raises MachineError where one could not be stored.
-    """
-    importlib.import_module(name)
-    for dispatcher, arguments in DECLARED:
-        function = dispatcher.py_func
-        if function.__module__ == name and (name, function.__name__) not in KernelCache.inner:
-            dispatcher.compile(arguments)  # a call finds in the cache what was filed under arguments alone
-            if not dispatcher._cache.is_stored(arguments, dispatcher.targetctx):
-                raise MachineError(
-                    f"{dispatcher._cache.cache_path}: compiled kernels cannot be stored there; "
-                    "free space on that disk, or set XDG_CACHE_HOME to a folder on another"
-                )
-    for block in BLOCK_KERNELS:
-        if block.module == name:
-            _ = block.address  # asking for it compiles it

@@ -10,21 +10,21 @@ import tempfile
 
 import pytest
 
-from flowsculpt.pipeline.kernel_build import build_kernels, kernel_calls
 from flowsculpt.render.base import kernel_cache, user_cache
+from flowsculpt.render.base.kernel_build import build_kernels, kernel_calls
 from flowsculpt.render.base.render_errors import MachineError
 
 SCENE = """
 from pathlib import Path
-from flowsculpt.pipeline import kernels
 from flowsculpt.pipeline.animation import animate
 from flowsculpt.pipeline.mesh import split_at_creases
 from flowsculpt.pipeline.shot import read_shot
+from flowsculpt.render.base.kernel_cache import DECLARED
 
 shot = read_shot(Path({path!r}))
 for frame in animate(shot):
     split_at_creases(frame.mesh)
-for dispatcher, types in kernels.DECLARED:
+for dispatcher, types in DECLARED:
     if dispatcher.signatures not in ([], [types]):
         print(dispatcher.__name__, dispatcher.signatures)
     if dispatcher.stats.cache_misses:
@@ -41,8 +41,8 @@ def test_a_whole_shot_runs_on_what_set_up_has_compiled(project):
 
 
 PREPARE = """
-from flowsculpt.pipeline import kernels
-kernels.compile_module({module!r})
+from flowsculpt.render.base.kernel_build import compile_module
+compile_module({module!r})
 """
 
 CALL = """
@@ -86,7 +86,7 @@ def test_a_kernel_is_compiled_after_all_that_it_calls_and_once_for_all_its_calle
 
 
 BUILD = """
-from flowsculpt.pipeline.kernel_build import build_kernels
+from flowsculpt.render.base.kernel_build import build_kernels
 if __name__ == "__main__":
     build_kernels({calls!r}, 2, lambda: None)
 """

@@ -8,7 +8,7 @@ from pathlib import Path
 import numba
 import pytest
 
-from flowsculpt.pipeline.kernel_build import kernels_called_by_kernels
+from flowsculpt.render.base.kernel_build import kernels_called_by_kernels
 from flowsculpt.render.base.numba_shortcuts import VERSIONS
 
 ROOT = Path(__file__).parents[1]

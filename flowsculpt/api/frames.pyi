@@ -16,7 +16,6 @@ from flowsculpt.pipeline.production.planning.frame_states import FrameStates as 
 from flowsculpt.pipeline.production.planning.frame_states import KnownPictures as KnownPictures
 from flowsculpt.pipeline.production.planning.plan import Job as Job
 from flowsculpt.pipeline.production.planning.plan import Plan as Plan
-from flowsculpt.pipeline.production.planning.plan import versions_here as versions_here
 from flowsculpt.pipeline.production.planning.runs import Runs as Runs
 from flowsculpt.pipeline.production.planning.timings import LatestTimings as LatestTimings
 from flowsculpt.pipeline.production.planning.timings import read_statistics as read_statistics

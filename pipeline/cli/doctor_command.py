@@ -10,9 +10,9 @@ import typer
 
 from flowsculpt.pipeline.cli.options import Common
 from flowsculpt.pipeline.cli.output import exit_with, print_result, print_warning, progress_bars
-from flowsculpt.pipeline.kernel_build import build_kernels, kernel_calls
 from flowsculpt.pipeline.production.store.shared_kernels import fetch_kernels, note_all_compiled, send_kernels
 from flowsculpt.pipeline.production.store.store import Store
+from flowsculpt.render.base.kernel_build import build_kernels, kernel_calls
 from flowsculpt.render.base.kernel_cache import cache_folder
 from flowsculpt.render.base.plural import plural
 from flowsculpt.render.base.render_errors import MachineError

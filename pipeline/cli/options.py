@@ -109,6 +109,8 @@ _SHARED: dict[str, tuple[tuple[str, ...], dict[str, Any]]] = {
 """Words and settings of options by name."""
 
 Shot = Annotated[str, typer.Argument(metavar="SHOT", help="A name in shots/, or the path of a shot file.")]
+"""The parameter of a command that takes one shot."""
+
 Shots = Annotated[list[str], typer.Argument(metavar="SHOT", help="Names in shots/, or paths of shot files.")]
 Frames = Annotated[
     FrameSelection | None,
@@ -119,14 +121,19 @@ Frames = Annotated[
         parser=FrameSelection.of_text,
     ),
 ]
+"""The option `-f`: a range of frames, or words for their states."""
 
 Quality = Annotated[str, shared_option("quality", f"One of {', '.join(QUALITIES)}.")]
+"""The option `-q`; its default is DEFAULT_QUALITY."""
+
 Variant = Annotated[
     str | None,
     typer.Option(
         metavar="VARIANT", help=f"Mitsuba variant: {', '.join(VARIANTS)}. Default: the first that works."
     ),
 ]
+"""The option `--variant`: the renderer."""
+
 Scale = Annotated[
     str | None, typer.Option(metavar="PERCENT", help="Render smaller or larger pictures: 50%, or 0.5.")
 ]
@@ -169,9 +176,12 @@ Settings = Annotated[
         help="Replace a value of the shot, such as flows.0.vortex.strength=2. Repeatable.",
     ),
 ]
+"""The option `--set`: values in place of those of the shot file."""
+
 AllowCode = Annotated[
     bool, typer.Option("--allow-code", help="Let shots run the Python files that they name as flows.")
 ]
+"""The option `--allow-code`, for shots with Python files."""
 
 
 @dataclass(frozen=True)

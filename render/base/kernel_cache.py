@@ -93,6 +93,12 @@ def cached_kernel(function: F, **options: Any) -> F:
     return dispatcher
 
 
+DECLARED: list[tuple[Any, Any]] = []
+"""Every kernel of the pipeline that is imported so far, and the types it is compiled for."""
+
+BLOCK_KERNELS: list[Any] = []
+"""Every `BlockKernel` that is imported so far, without the formulas of shots."""
+
 _starting = threading.Lock()
 
 

@@ -11,8 +11,6 @@ import pytest
 
 from flowsculpt.pipeline.animation import MeshFrame
 from flowsculpt.pipeline.errors import UsageError
-from flowsculpt.pipeline.plugins.maintenance.clean import collect_garbage
-from flowsculpt.pipeline.plugins.maintenance.store_repair import Evicted, repairs
 from flowsculpt.pipeline.plugins.review.measures import measured
 from flowsculpt.pipeline.plugins.turntable.turntable_movie import TurntableRequest
 from flowsculpt.pipeline.production.execution.project import Project
@@ -255,19 +253,3 @@ def test_the_turntable_of_several_subjects_turns_them_about_one_axis(
         positions.append((crane.sum(axis=0) @ np.arange(crane.shape[1])) / crane.sum() / crane.shape[1])
     assert positions[0] < 0.45 < 0.55 < positions[1], "half a turn exchanges their sides"
     assert json.dumps(read_header(made / request.place("raw", 1))["subjects"])
-
-
-def test_meshes_of_each_subject_are_kept_by_cleaning_and_made_again_after_damage(made: Path) -> None:
-    request, store = request_of(made), Project(made, 2).store
-    heron = request.parts[1]
-    shown = made / heron.place("mesh", 2)
-    shown.unlink()
-    removed = collect_garbage(store, [request], keep=1, dry_run=True).removed
-    assert store.path("mesh", heron.keys.mesh(2)) not in removed
-    key = heron.keys.mesh(2)
-    store.discard("mesh", key)
-    lost = Evicted(frozenset({("mesh", key)}), (heron.place("mesh", 2),), ())
-    plan = repairs(Project(made, 2), [request], (), lost)
-    assert [(job.stage, job.frames) for job in plan.jobs] == [("simulate", (2,))]
-    done(made, plan)
-    assert shown.exists()

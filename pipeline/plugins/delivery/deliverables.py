@@ -46,7 +46,8 @@ from flowsculpt.api.pictures import (
     prefetch,
     write_movie,
 )
-from flowsculpt.pipeline.plugins.delivery.encodes import FILM_START, KINDS, NAME_ENDS
+from flowsculpt.pipeline.plugins.delivery.delivered_names import FILM_START, NAME_ENDS
+from flowsculpt.pipeline.plugins.delivery.encodes import KINDS
 from flowsculpt.pipeline.plugins.delivery.gain_map import is_gain_map, write_gain_map
 from flowsculpt.pipeline.plugins.delivery.gif import GIF, write_gif
 from flowsculpt.pipeline.plugins.delivery.hdr_frames import Frame, content_light, hdr_graphics

@@ -27,7 +27,7 @@ from flowsculpt.api.commands import print_result, require_one_of
 from flowsculpt.api.frames import FILM, Edit, FrameRange, RenderRequest, Store, find_edit
 from flowsculpt.api.options import DEFAULT_QUALITY, Common, Quality, ShotOptions, shared_option
 from flowsculpt.api.pictures import ENCODES, AudioClip, Encode
-from flowsculpt.pipeline.plugins.delivery.encodes import FILM_START, NAME_ENDS
+from flowsculpt.pipeline.plugins.delivery.delivered_names import FILM_START, NAME_ENDS
 from flowsculpt.pipeline.plugins.delivery.imported_sound import LEVELS
 
 RATE = 48_000  # samples of sound in a second, as movies have them

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from flowsculpt import MachineError, MissingInputError, UsageError
 from flowsculpt.api import plural, suggestion
-from flowsculpt.api.frames import FrameRange, Job, Plan, Store, upload_missed, versions_here
+from flowsculpt.api.frames import FrameRange, Job, Plan, Store, upload_missed
 
 BY_FRAMES = ("render", "finish")  # the stages whose frames several workers may share out
 
@@ -71,7 +71,7 @@ def do(
 
 def _require_versions(plan: Plan) -> None:
     """Raise MachineError where this worker would give its files other keys than the machine that planned."""
-    here, sources = versions_here(), [request.source for request in plan.requests]
+    here, sources = Plan.versions_here(), [request.source for request in plan.requests]
     shots = "".join(text for source in sources for _, text in (("", source.text), *source.beside))
     others = [
         f"{name} {here[name]} (planned with {version})"

@@ -50,7 +50,7 @@ LABELS = {
 }
 
 
-class Timing(NamedTuple):
+class Spent(NamedTuple):
     """Wall time and CPU seconds."""
 
     seconds: float
@@ -166,14 +166,14 @@ class _Job:
     began: float | None = None
     held: float = 0.0
     used: float = 0.0
-    frames: list[tuple[Event, Timing]] = field(default_factory=list)
+    frames: list[tuple[Event, Spent]] = field(default_factory=list)
     work: float = 0.0
 
     @property
-    def accounted(self) -> Timing:
+    def accounted(self) -> Spent:
         """The time of its frames, with the CPU seconds of the rest of its stage."""
         taken = [each for _, each in self.frames]
-        return Timing(sum(each.seconds for each in taken), self.work + sum(each.cpu for each in taken))
+        return Spent(sum(each.seconds for each in taken), self.work + sum(each.cpu for each in taken))
 
     @property
     def cpu(self) -> float:
@@ -181,11 +181,11 @@ class _Job:
         return max(self.used, self.accounted.cpu)
 
     @property
-    def rest(self) -> Timing:
+    def rest(self) -> Spent:
         """CPU seconds that its frames do not account for; None if its total is unknown."""
         if not self.used:
-            return Timing(0.0, 0.0)
-        return Timing(self.held - self.accounted.seconds, self.cpu - self.accounted.cpu)
+            return Spent(0.0, 0.0)
+        return Spent(self.held - self.accounted.seconds, self.cpu - self.accounted.cpu)
 
 
 def _jobs(events: Iterable[Event], last: float, is_counted: bool) -> dict[str, _Job]:
@@ -204,7 +204,7 @@ def _jobs(events: Iterable[Event], last: float, is_counted: bool) -> dict[str, _
             job.began = float(event["time"]) if job.began is None else job.began
         elif what == "frame":
             seconds = float(event.get("seconds", 0.0))
-            job.frames.append((event, Timing(seconds, float(event.get("cpu", seconds * job.threads)))))
+            job.frames.append((event, Spent(seconds, float(event.get("cpu", seconds * job.threads)))))
         elif what == "work":
             job.work += float(event.get("cpu", 0.0))
         else:
@@ -222,9 +222,9 @@ def _cpu_of_run(events: Iterable[Event]) -> float | None:
     return next((float(event["cpu"]) for event in events if event["event"] == "ran" and "cpu" in event), None)
 
 
-def _parts(root: Path, job: _Job) -> Iterator[tuple[str, Timing]]:
+def _parts(root: Path, job: _Job) -> Iterator[tuple[str, Spent]]:
     """Yield what the time of a job's frames, and of the rest of its stage, went into."""
-    yield job.stage, Timing(0.0, job.work)
+    yield job.stage, Spent(0.0, job.work)
     for event, taken in job.frames:
         stage = job.stage
         statistics = None
@@ -237,7 +237,7 @@ def _parts(root: Path, job: _Job) -> Iterator[tuple[str, Timing]]:
         for part in seconds:
             shares = (each.get(part, 0.0) / max(sum(each.values()), 1e-9) for each in (seconds, cost))
             parts = (whole * share for whole, share in zip(taken, shares, strict=True))
-            yield part if part in LABELS else "rendering", Timing(*parts)
+            yield part if part in LABELS else "rendering", Spent(*parts)
 
 
 def named_run(root: Path, name: str | None) -> str:

@@ -18,7 +18,7 @@ from flowsculpt.api.pictures import Curves, plot_panels
 from flowsculpt.pipeline.plugins.review.figure_panels import HeatMap, StackedBars
 from flowsculpt.pipeline.plugins.review.measures import TIMED_STAGES, Crossings, limits_of, measured
 
-Panel = Curves | HeatMap | StackedBars
+FigurePanel = Curves | HeatMap | StackedBars
 
 LONGEST_BAR = 1.6
 """The axis of seconds ends at this multiple of the 90th percentile, for first frames compile kernels."""
@@ -94,7 +94,7 @@ def panels(
     measures: Mapping[int, Row],
     limits: tuple[float | None, float | None],
     seconds: Mapping[str, Mapping[int, float]],
-) -> list[Panel]:
+) -> list[FigurePanel]:
     """Return the panels of a shot from measures by frame, and seconds by stage and frame.
 
     limits  minimum and maximum edge length, if they are numbers
@@ -106,7 +106,7 @@ def panels(
 
 def _mesh_panels(
     frames: Floats, rows: Sequence[Row], limits: tuple[float | None, float | None]
-) -> Iterator[Panel]:
+) -> Iterator[FigurePanel]:
     def values(*names: str) -> Floats:
         found = [[row.get(name) for name in names] for row in rows]
         return np.array([[v if isinstance(v, (int, float)) else np.nan for v in row] for row in found], float)
@@ -138,7 +138,7 @@ def _mesh_panels(
 
 def _seconds_panel(
     frames: Floats, numbers: Sequence[int], seconds: Mapping[str, Mapping[int, float]]
-) -> Iterator[Panel]:
+) -> Iterator[FigurePanel]:
     timed = [stage for stage in STAGES if stage in seconds]
     bars = {stage: np.array([seconds[stage].get(n, 0.0) for n in numbers]) for stage in timed}
     if not bars:

@@ -165,7 +165,7 @@ class Plan:
     farm: bool = False
     name: str = field(default_factory=lambda: f"{time.strftime(TIME_FORMAT)}-{os.getpid()}")
     host: str = field(default_factory=platform.node)
-    versions: Mapping[str, str] = field(default_factory=lambda: versions_here())
+    versions: Mapping[str, str] = field(default_factory=lambda: Plan.versions_here())
     kernels: str = ""
 
     def named_last(self, root: Path) -> Plan:
@@ -268,6 +268,17 @@ class Plan:
             if home:
                 yield Path(home, "raw", name)
 
+    @staticmethod
+    def versions_here() -> dict[str, str]:
+        """Return the versions that keys hold: of stages (`render's results`), plug-ins and packages."""
+        of_plugins = {f"plug-in {plugin.name}": plugin.version for plugin in plugins() if plugin.sources}
+        return of_plugins | {
+            f"{stage.name}'s results" if part == "version" else part: str(value)
+            for stage in STAGES.values()
+            for part, value in stage.recipe.items()
+            if part != "stage"
+        }
+
     def freeze(self, root: Path) -> Path:
         """Write the plan under `root`; return the file, relative to `root`."""
         self.write(root / self.file)
@@ -334,17 +345,6 @@ class Plan:
     def frame_counts(self) -> Counter[str]:
         """Return how many frames the jobs of each stage make."""
         return Counter(job.stage for job in self.jobs for _ in job.frames)
-
-
-def versions_here() -> dict[str, str]:
-    """Return the versions that keys hold: of stages, as `render's results`, of plug-ins and of packages."""
-    of_plugins = {f"plug-in {plugin.name}": plugin.version for plugin in plugins() if plugin.sources}
-    return of_plugins | {
-        f"{stage.name}'s results" if part == "version" else part: str(value)
-        for stage in STAGES.values()
-        for part, value in stage.recipe.items()
-        if part != "stage"
-    }
 
 
 def with_threads(jobs: Sequence[Job], cores: int, share: Share | None = None) -> list[Job]:

@@ -211,10 +211,6 @@ class Store:
         """Return a new path for an unfinished file, named after the host and the process."""
         return self.scratch / draft_name(suffix)
 
-    def _draft_beside(self, path: Path) -> Path:
-        """Return a new path for an unfinished file next to a shown one; see `sweep_hidden_drafts`."""
-        return path.with_name(f".{self.draft(path.suffix).name}")
-
     def put(self, kind: str, key: Key, write: Callable[[Path], object], replace: bool = False) -> Path:
         """Make the file of `key` by `write(path)`, unless it is there; return its path.
 
@@ -244,7 +240,7 @@ class Store:
 
         Raises MachineError where the disk refuses.
         """
-        with atomic_write(path, self._draft_beside(path), flush=flush) as draft:
+        with atomic_write(path, _draft_beside(self, path), flush=flush) as draft:
             with _named(draft, path):
                 write(draft)
             return self.digests.add(path, draft)
@@ -266,7 +262,7 @@ class Store:
         source, place = self.path(kind, key), self.root / target
         self.digests.add_copy(place, source)
         if kind in self.COPIED:
-            with atomic_write(place, self._draft_beside(place), flush=False) as draft:
+            with atomic_write(place, _draft_beside(self, place), flush=False) as draft:
                 _copy(source, draft)
             return
         try:
@@ -349,6 +345,11 @@ class Store:
         """Evict a damaged file; the next run that needs it makes it again."""
         with disk_errors(self.path(kind, key)):
             remove(self.path(kind, key))
+
+
+def _draft_beside(store: Store, path: Path) -> Path:
+    """Return a new path for an unfinished file next to a shown one; see `sweep_hidden_drafts`."""
+    return path.with_name(f".{store.draft(path.suffix).name}")
 
 
 @contextlib.contextmanager

@@ -10,8 +10,7 @@ signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the process that sta
 gc.disable()  # a compiler needs what it holds to its end
 
 # Both settings must hold while these are imported:
-from flowsculpt.pipeline.kernel_build import kernels_called_by_kernels  # noqa: E402
-from flowsculpt.pipeline.kernels import compile_module  # noqa: E402
+from flowsculpt.render.base.kernel_build import compile_module, kernels_called_by_kernels  # noqa: E402
 from flowsculpt.render.base.numba_shortcuts import take_shortcuts  # noqa: E402
 
 take_shortcuts(kernels_called_by_kernels())

@@ -15,16 +15,18 @@ from graphlib import TopologicalSorter
 from multiprocessing import forkserver, get_context
 from typing import TypeGuard
 
-from flowsculpt.pipeline.errors import MachineError
-from flowsculpt.pipeline.kernels import compile_module
 from flowsculpt.render.base.kernel_cache import (
+    BLOCK_KERNELS,
+    DECLARED,
     DECORATORS,
     SOURCES,
+    KernelCache,
     imported_modules,
     kernel_modules,
     module_of,
     source_of,
 )
+from flowsculpt.render.base.render_errors import MachineError
 
 PREPARED = (
     "flowsculpt.render.frame.feature_edges",
@@ -47,7 +49,7 @@ def build_kernels(calls: Mapping[str, set[str]], processes: int, advance: Callab
     Raises MachineError where a process is killed, as it is when memory runs out.
     """
     context = get_context("forkserver")
-    context.set_forkserver_preload(["flowsculpt.pipeline.kernel_compiler"])
+    context.set_forkserver_preload(["flowsculpt.render.base.kernel_compiler"])
     try:
         with ProcessPoolExecutor(processes, context) as pool:
             _build_all(calls, processes, pool, advance)
@@ -127,6 +129,27 @@ def _build(unit: str) -> None:
         importlib.import_module(unit).prepare()
     else:
         compile_module(unit)
+
+
+def compile_module(name: str) -> None:
+    """Compile every kernel of a module for its declared types, and the kernels that it calls.
+
+    Those that only kernels call are compiled where a kernel that calls them is, and is not in the cache.
+    Raises MachineError where one could not be stored.
+    """
+    importlib.import_module(name)
+    for dispatcher, arguments in DECLARED:
+        function = dispatcher.py_func
+        if function.__module__ == name and (name, function.__name__) not in KernelCache.inner:
+            dispatcher.compile(arguments)  # a call finds in the cache what was filed under arguments alone
+            if not dispatcher._cache.is_stored(arguments, dispatcher.targetctx):
+                raise MachineError(
+                    f"{dispatcher._cache.cache_path}: compiled kernels cannot be stored there; "
+                    "free space on that disk, or set XDG_CACHE_HOME to a folder on another"
+                )
+    for block in BLOCK_KERNELS:
+        if block.module == name:
+            _ = block.address  # asking for it compiles it
 
 
 def _longest_chains(calls: Mapping[str, Iterable[str]]) -> dict[str, int]:
