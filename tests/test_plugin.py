@@ -248,7 +248,8 @@ def test_a_flow_that_lacks_a_method_is_left_out_with_the_name_of_the_method(marb
 STONE = """
 import numpy as np
 from pydantic import Field
-from flowsculpt.api import SubjectKind, TriangleMesh, UsageError, icosphere
+from flowsculpt import TriangleMesh, UsageError, icosphere
+from flowsculpt.api import SubjectKind
 
 
 class Stone(SubjectKind):
@@ -355,7 +356,9 @@ def plugin(name: str = "greeter", rest: str = "") -> str:
         ("placed", "one = 1\nraise ValueError('one')", "placed.py:2)"),
         (
             "eager",
-            "from flowsculpt.api import Plugin, read_shot\nPLUGIN = Plugin('eager', '1')",
+            "from flowsculpt.api import Plugin\n"
+            "from flowsculpt.api.shots import read_shot\n"
+            "PLUGIN = Plugin('eager', '1')",
             "eager imports what itself needs the plug-ins, such as read_shot; import that in the functions",
         ),
         ("wider", plugin("wider", ", lenses={}"), "Plugin has no field lenses; correct it, or update flowsc"),

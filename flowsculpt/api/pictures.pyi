@@ -26,6 +26,7 @@ from flowsculpt.render.post.image import write_still as write_still
 from flowsculpt.render.raster import Shape as Shape
 from flowsculpt.render.raster import draw_preview as draw_preview
 from flowsculpt.render.scene.aovs import RenderedFrame as RenderedFrame
+from flowsculpt.render.scene.materials import LOOKS as LOOKS
 from flowsculpt.render.scene.materials import Material as Material
 from flowsculpt.render.scene.materials import Painted as Painted
 from flowsculpt.render.scene.painted_faces import PaintedFaces as PaintedFaces

@@ -17,7 +17,7 @@ from flowsculpt.pipeline.shot.documents.field_types import linear_of as linear_o
 from flowsculpt.pipeline.shot.documents.field_types import one_of as one_of
 from flowsculpt.pipeline.shot.documents.flow_documents import DOCUMENTS as DOCUMENTS
 from flowsculpt.pipeline.shot.documents.flow_documents import FlowParameters as FlowParameters
-from flowsculpt.pipeline.shot.documents.look_documents import LOOKS as LOOKS
+from flowsculpt.pipeline.shot.documents.look_documents import ALL_LOOKS as ALL_LOOKS
 from flowsculpt.pipeline.shot.documents.shot_documents import PRESETS as PRESETS
 from flowsculpt.pipeline.shot.documents.shot_documents import FilmDocument as FilmDocument
 from flowsculpt.pipeline.shot.documents.shot_documents import ShotDocument as ShotDocument

@@ -106,7 +106,7 @@ Form = Literal[
 
 POSITIVE, DIRECTION = "positive", "direction"
 
-Positive = Annotated[Number, POSITIVE]
+PositiveNumber = Annotated[Number, POSITIVE]
 """A number above 0, constant or keyed."""
 
 PositiveConstant = Annotated[float, POSITIVE]

@@ -12,7 +12,7 @@ from flowsculpt.pipeline.mesh.mesh_formats import suffix_of
 from flowsculpt.pipeline.plugin import plugins
 from flowsculpt.pipeline.shot.documents.field_types import is_number
 from flowsculpt.pipeline.shot.documents.light_documents import ENVIRONMENTS, softbox_name
-from flowsculpt.pipeline.shot.documents.look_documents import LOOKS, check_bsdf
+from flowsculpt.pipeline.shot.documents.look_documents import ALL_LOOKS, check_bsdf
 from flowsculpt.pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource, dotted, listed
 from flowsculpt.render.scene.materials import Material, Painted
 from flowsculpt.render.scene.patterns import Measure
@@ -36,7 +36,7 @@ _IS_OPEN = (
 def check_named_settings(source: YamlSource) -> Iterator[Problem]:
     """Check that looks and rigs with names of the show's own are there; documents know only the others."""
     for names, entry, base_name, known in (
-        ("looks", "look", "material", LOOKS),
+        ("looks", "look", "material", ALL_LOOKS),
         ("rigs", "lights", "rig", LIGHTS),
     ):
         named, value = source.mapping(names), source.get(entry)
@@ -63,7 +63,7 @@ def _look_at(source: YamlSource, *where: Any) -> tuple[Any, Material | None]:
     """Return the name of the look at a path, and the look if there is one of that name."""
     look = source.get(*where)
     name = look.get("material") if isinstance(look, dict) else look
-    return name, LOOKS.get(name) if isinstance(name, str) else None
+    return name, ALL_LOOKS.get(name) if isinstance(name, str) else None
 
 
 def _clear_bsdfs(bsdf: Any, where: Where) -> Iterator[tuple[Where, str]]:

@@ -151,7 +151,7 @@ def test_an_interrupt_ends_a_frame_that_would_take_half_an_hour(tmp_path: Path) 
     shot = tmp_path / "turbulence.yaml"
     shot.write_text(shot.read_text().replace("max_edge_length: 0.6", "max_edge_length: 0.1"))
     code = (
-        "import sys; from flowsculpt.api import animate, read_shot\n"
+        "import sys; from flowsculpt.api.frames import animate; from flowsculpt.api.shots import read_shot\n"
         "print('begins', flush=True)\n"
         "for frame in animate(read_shot(sys.argv[1])): print(frame.number, flush=True)\n"
     )

@@ -12,7 +12,6 @@ import pytest
 from flowsculpt.pipeline.errors import ShotError, UsageError
 from flowsculpt.pipeline.plugins.sheets.wedge import Grid, Wedge
 from flowsculpt.pipeline.production.execution.project import Project
-from flowsculpt.pipeline.production.picture_sequences import begun
 from flowsculpt.pipeline.production.planning.estimate import estimate
 from flowsculpt.pipeline.production.request.lookup import find_edit, find_shot
 from flowsculpt.render.movie.probe import probe_movie
@@ -73,7 +72,7 @@ def test_a_crop_of_pictures_that_had_another_shape_hides_nothing_else_of_its_sho
         folder.mkdir(parents=True)
         statistics = {"key": "", "seconds": {"rendering": 1.0}, "threads": 1, "peak_memory_mib": 1.0}
         (folder / f"{NAME}.0001.json").write_text(json.dumps(statistics))
-    assert [each.quality_name for each in begun(there, find_shot(NAME))] == ["draft"]
+    assert [each.quality_name for each in there.rendered_requests(find_shot(NAME))] == ["draft"]
     assert estimate(there.pictures([NAME], "daily"), there.root, cores=1).seconds > 0.0
     with pytest.raises(UsageError, match="0,240,270,480 goes beyond the picture, which has 480 × 270 pixels"):
         there.pictures([NAME], upright)

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from flowsculpt.api import ExternalField, Number, ParameterDoc, Positive, block_kernel, number_at
+from flowsculpt.api.flows import ExternalField, Number, ParameterDoc, PositiveNumber, block_kernel, number_at
 
 
 @block_kernel
@@ -25,8 +25,8 @@ class Comb(ExternalField):
     """
 
     strength: Annotated[Number, ParameterDoc("speed of the tines", "units/s")] = 1.0
-    spacing: Annotated[Positive, ParameterDoc("from tine to tine", "units")] = 0.5
-    sharpness: Annotated[Positive, ParameterDoc("2 is a wave, 20 a fine tine")] = 6.0
+    spacing: Annotated[PositiveNumber, ParameterDoc("from tine to tine", "units")] = 0.5
+    sharpness: Annotated[PositiveNumber, ParameterDoc("2 is a wave, 20 a fine tine")] = 6.0
 
     block = comb
 

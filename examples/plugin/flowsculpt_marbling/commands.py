@@ -4,7 +4,10 @@ from pathlib import Path
 
 import numpy as np
 
-from flowsculpt.api import Common, Shot, animate, print_result, read_shot
+from flowsculpt.api.commands import print_result
+from flowsculpt.api.frames import animate
+from flowsculpt.api.options import Common, Shot
+from flowsculpt.api.shots import read_shot
 
 
 def inks(common: Common) -> None:

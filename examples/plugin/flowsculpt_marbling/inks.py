@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from flowsculpt.api import ENCODES, LOOKS, Pigment
+from flowsculpt.api.pictures import ENCODES, LOOKS, Pigment
 
 MILK, INDIGO, OCHRE, MADDER = (
     (0.84, 0.80, 0.71),

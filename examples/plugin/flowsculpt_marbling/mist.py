@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 from pydantic import Field
 
-from flowsculpt.api import Document, RenderedFrame
+from flowsculpt.api.pictures import RenderedFrame
+from flowsculpt.api.shots import Document
 
 
 class Mist(Document):

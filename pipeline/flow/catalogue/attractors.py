@@ -13,7 +13,7 @@ from flowsculpt.pipeline.flow.parameters import (
     ORIGIN,
     Number,
     ParameterDoc,
-    Positive,
+    PositiveNumber,
     Vector,
     VectorParameter,
     number_at,
@@ -39,7 +39,7 @@ class Attractor(BasicField):
     reach: ClassVar[float] = math.inf
 
     centre: Annotated[VectorParameter, ParameterDoc("of the attractor", "units")] = ORIGIN
-    scale: Annotated[Positive, _SCALE] = 1.0
+    scale: Annotated[PositiveNumber, _SCALE] = 1.0
     time_scale: Annotated[Number, _TIME_SCALE] = 0.1
 
     @abstractmethod
@@ -94,7 +94,7 @@ class Lorenz(Attractor):
     sigma: Annotated[Number, ParameterDoc("σ")] = 10.0
     rho: Annotated[Number, ParameterDoc("ρ")] = 28.0
     beta: Annotated[Number, ParameterDoc("β")] = 8.0 / 3.0
-    scale: Annotated[Positive, _SCALE] = 20.0
+    scale: Annotated[PositiveNumber, _SCALE] = 20.0
     time_scale: Annotated[Number, _TIME_SCALE] = 0.1
 
     def _middle(self, parameters: tuple[float, ...]) -> Vector:
@@ -125,7 +125,7 @@ class Rossler(Attractor):
     a: Annotated[Number, ParameterDoc("a")] = 0.2
     b: Annotated[Number, ParameterDoc("b")] = 0.2
     c: Annotated[Number, ParameterDoc("c: how far it spirals before it folds")] = 5.7
-    scale: Annotated[Positive, _SCALE] = 10.0
+    scale: Annotated[PositiveNumber, _SCALE] = 10.0
     time_scale: Annotated[Number, _TIME_SCALE] = 1.0
 
     def _gradient(self, parameters: tuple[float, ...]) -> float:
@@ -155,7 +155,7 @@ class Aizawa(Attractor):
     d: Annotated[Number, ParameterDoc("d: turns it")] = 3.5
     e: Annotated[Number, ParameterDoc("e")] = 0.25
     f: Annotated[Number, ParameterDoc("f")] = 0.1
-    scale: Annotated[Positive, _SCALE] = 1.5
+    scale: Annotated[PositiveNumber, _SCALE] = 1.5
     time_scale: Annotated[Number, _TIME_SCALE] = 0.4
 
     def _middle(self, parameters: tuple[float, ...]) -> Vector:
@@ -188,7 +188,7 @@ class Thomas(Attractor):
     opcode: ClassVar[int] = kernels.THOMAS
 
     b: Annotated[Number, ParameterDoc("b: damping")] = 0.208186
-    scale: Annotated[Positive, _SCALE] = 4.0
+    scale: Annotated[PositiveNumber, _SCALE] = 4.0
     time_scale: Annotated[Number, _TIME_SCALE] = 1.5
 
     def _gradient(self, parameters: tuple[float, ...]) -> float:
@@ -217,7 +217,7 @@ class Chua(Attractor):
     alpha: Annotated[Number, ParameterDoc("α")] = 10.0
     beta: Annotated[Number, ParameterDoc("β")] = 16.0
     c: Annotated[Number, ParameterDoc("c of the cubic")] = -0.143
-    scale: Annotated[Positive, _SCALE] = 0.7
+    scale: Annotated[PositiveNumber, _SCALE] = 0.7
     time_scale: Annotated[Number, _TIME_SCALE] = 0.5
 
     def _gradient(self, parameters: tuple[float, ...]) -> float:
@@ -243,7 +243,7 @@ class Halvorsen(Attractor):
     reach: ClassVar[float] = 11.0
 
     a: Annotated[Number, ParameterDoc("a: damping")] = 1.4
-    scale: Annotated[Positive, _SCALE] = 10.0
+    scale: Annotated[PositiveNumber, _SCALE] = 10.0
     time_scale: Annotated[Number, _TIME_SCALE] = 0.1
 
     def _middle(self, parameters: tuple[float, ...]) -> Vector:
@@ -273,7 +273,7 @@ class Chen(Attractor):
     a: Annotated[Number, ParameterDoc("a")] = 35.0
     b: Annotated[Number, ParameterDoc("b")] = 3.0
     c: Annotated[Number, ParameterDoc("c")] = 28.0
-    scale: Annotated[Positive, _SCALE] = 25.0
+    scale: Annotated[PositiveNumber, _SCALE] = 25.0
     time_scale: Annotated[Number, _TIME_SCALE] = 0.04
 
     def _middle(self, parameters: tuple[float, ...]) -> Vector:

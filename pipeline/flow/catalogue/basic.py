@@ -15,8 +15,8 @@ from flowsculpt.pipeline.flow.parameters import (
     Direction,
     Number,
     ParameterDoc,
-    Positive,
     PositiveConstant,
+    PositiveNumber,
     VectorParameter,
     Y,
     Z,
@@ -129,7 +129,7 @@ class Source(BasicField):
     sign: ClassVar[float] = 1.0
 
     centre: Annotated[VectorParameter, ParameterDoc("the point", "units")] = ORIGIN
-    radius: Annotated[Positive, ParameterDoc("of the core", "units")] = 0.3
+    radius: Annotated[PositiveNumber, ParameterDoc("of the core", "units")] = 0.3
     flux: Annotated[Number, ParameterDoc("volume that comes out", "units³/s")] = 1.0
 
     def row(self, time: float) -> tuple[float, ...]:
@@ -167,7 +167,7 @@ class Expansion(BasicField):
     shape: Annotated[Literal["disc", "ball"], ParameterDoc("away from an axis, or from a centre")] = "ball"
     axis: Annotated[Direction, ParameterDoc("of a disc")] = Z
     centre: Annotated[VectorParameter, ParameterDoc("the fixed point", "units")] = ORIGIN
-    radius: Annotated[Positive, ParameterDoc("of the region", "units")] = 1.0
+    radius: Annotated[PositiveNumber, ParameterDoc("of the region", "units")] = 1.0
     rate: Annotated[Number, ParameterDoc("at the centre; negative shrinks", "1/s", required=True)] = 1.0
 
     @property
@@ -204,8 +204,8 @@ class Squeeze(BasicField):
 
     axis: Annotated[Direction, ParameterDoc("along which it gives way")] = Y
     centre: Annotated[VectorParameter, ParameterDoc("of the grip", "units")] = ORIGIN
-    radius: Annotated[Positive, ParameterDoc("of the grip, across the axis", "units")] = 2.0
-    length: Annotated[Positive, ParameterDoc("of the grip, along the axis", "units")] = 0.7
+    radius: Annotated[PositiveNumber, ParameterDoc("of the grip, across the axis", "units")] = 2.0
+    length: Annotated[PositiveNumber, ParameterDoc("of the grip, along the axis", "units")] = 0.7
     rate: Annotated[
         Number, ParameterDoc("of lengthening at the centre; negative bulges", "1/s", required=True)
     ] = 1.0
@@ -255,7 +255,7 @@ class ABC(_Waves):
     opcode: ClassVar[int] = kernels.ABC
 
     centre: Annotated[VectorParameter, ParameterDoc("where kx, ky and kz are 0", "units")] = ORIGIN
-    scale: Annotated[Positive, ParameterDoc("the period along each axis", "units")] = 3.0
+    scale: Annotated[PositiveNumber, ParameterDoc("the period along each axis", "units")] = 3.0
     a: Annotated[Number, ParameterDoc("wave along z", "units/s")] = 1.0
     b: Annotated[Number, ParameterDoc("wave along x", "units/s")] = (2.0 / 3.0) ** 0.5
     c: Annotated[Number, ParameterDoc("wave along y", "units/s")] = (1.0 / 3.0) ** 0.5
@@ -286,7 +286,7 @@ class TaylorGreen(_Waves):
     turn: ClassVar[float] = math.pi
 
     centre: Annotated[VectorParameter, ParameterDoc("a corner where cells meet", "units")] = ORIGIN
-    scale: Annotated[Positive, ParameterDoc("side of a cell", "units")] = 1.0
+    scale: Annotated[PositiveNumber, ParameterDoc("side of a cell", "units")] = 1.0
     speed: Annotated[Number, ParameterDoc("the largest speed", "units/s")] = 1.0
 
     def row(self, time: float) -> tuple[float, ...]:
@@ -315,7 +315,7 @@ class DoubleGyre(BasicField):
     opcode: ClassVar[int] = kernels.DOUBLE_GYRE
 
     centre: Annotated[VectorParameter, ParameterDoc("the middle of both", "units")] = ORIGIN
-    scale: Annotated[Positive, ParameterDoc("height of a gyre, and about its width", "units")] = 1.0
+    scale: Annotated[PositiveNumber, ParameterDoc("height of a gyre, and about its width", "units")] = 1.0
     speed: Annotated[Number, ParameterDoc("1/π of the largest speed", "units/s")] = 0.3
     swing: Annotated[Number, ParameterDoc("ε, how far the border swings")] = 0.25
     period: Annotated[PositiveConstant, ParameterDoc("of the swinging", "s")] = 3.0
@@ -359,7 +359,7 @@ class Enright(BasicField):
     opcode: ClassVar[int] = kernels.ENRIGHT
 
     centre: Annotated[VectorParameter, ParameterDoc("of the cube", "units")] = ORIGIN
-    scale: Annotated[Positive, ParameterDoc("side of the cube", "units")] = 2.0
+    scale: Annotated[PositiveNumber, ParameterDoc("side of the cube", "units")] = 2.0
     period: Annotated[PositiveConstant, ParameterDoc("there and back", "s")] = 3.0
 
     def row(self, time: float) -> tuple[float, ...]:
@@ -397,7 +397,7 @@ class Kneading(_Waves):
     centre: Annotated[VectorParameter, ParameterDoc("a crossing of the waves, a fixed point", "units")] = (
         ORIGIN
     )
-    scale: Annotated[Positive, ParameterDoc("length of a wave", "units")] = 4.0
+    scale: Annotated[PositiveNumber, ParameterDoc("length of a wave", "units")] = 4.0
     amount: Annotated[Number, ParameterDoc("how far a stroke moves the crests", "units")] = 1.0
     period: Annotated[PositiveConstant, ParameterDoc("of three strokes", "s")] = 3.0
 

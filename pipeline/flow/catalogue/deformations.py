@@ -24,8 +24,8 @@ from flowsculpt.pipeline.flow.parameters import (
     Direction,
     Number,
     ParameterDoc,
-    Positive,
     PositiveConstant,
+    PositiveNumber,
     Vector,
     X,
     Y,
@@ -91,7 +91,7 @@ class Taper(Deformation):
 class Stretch(Deformation):
     """Scales along the axis by amount, and across it by 1/√amount so that the volume stays."""
 
-    amount: Annotated[Positive, ParameterDoc("factor of length: 1 is unchanged", required=True)] = 1.0
+    amount: Annotated[PositiveNumber, ParameterDoc("factor of length: 1 is unchanged", required=True)] = 1.0
     keep_volume: Annotated[bool, ParameterDoc("false keeps the width instead")] = True
 
     def _row(self, before: float, after: float) -> tuple[int, tuple[float, ...]]:

@@ -19,8 +19,8 @@ from flowsculpt.pipeline.flow.parameters import (
     ORIGIN,
     Number,
     ParameterDoc,
-    Positive,
     PositiveConstant,
+    PositiveNumber,
     Vector,
     VectorParameter,
     number_at,
@@ -128,7 +128,7 @@ class Attraction(ExternalField):
 
     target: Target
     rate: Annotated[Number, ParameterDoc("of drawing near; negative repels", "1/s")] = 1.0
-    radius: Annotated[Positive, ParameterDoc("R, beyond which nothing moves", "units")] = 1.0
+    radius: Annotated[PositiveNumber, ParameterDoc("R, beyond which nothing moves", "units")] = 1.0
 
     def numbers(self, time: float) -> tuple[float, ...]:
         tree = self.target.tree
@@ -162,7 +162,7 @@ class Wind(ExternalField):
 
     through: tuple[Vector, ...]
     speed: Annotated[Number, ParameterDoc("on the curve; negative blows backwards", "units/s")] = 1.0
-    radius: Annotated[Positive, ParameterDoc("R, beyond which no wind blows", "units")] = 1.0
+    radius: Annotated[PositiveNumber, ParameterDoc("R, beyond which no wind blows", "units")] = 1.0
     closed: Annotated[bool, ParameterDoc("from the last point the curve goes on to the first")] = False
 
     @StableProperty
@@ -355,7 +355,7 @@ class Sampled(ExternalField):
     between: Annotated[Literal["linear", "cubic"], ParameterDoc("interpolation between samples")] = "linear"
     outside: Annotated[Outside, ParameterDoc("velocity outside of the grid")] = "clamp"
     centre: Annotated[VectorParameter, ParameterDoc("position of the grid's origin", "units")] = ORIGIN
-    scale: Annotated[Positive, ParameterDoc("units of the scene per unit of the grid")] = 1.0
+    scale: Annotated[PositiveNumber, ParameterDoc("units of the scene per unit of the grid")] = 1.0
     strength: Annotated[Number, ParameterDoc("factor on the velocities")] = 1.0
     time_scale: Annotated[float, ParameterDoc("seconds of the samples per second of the shot")] = 1.0
     start: Annotated[float, ParameterDoc("of the samples when the shot starts", "s")] = 0.0

@@ -16,7 +16,7 @@ from flowsculpt.pipeline.flow.parameters import (
     Direction,
     Number,
     ParameterDoc,
-    Positive,
+    PositiveNumber,
     ValueRange,
     Vector,
     VectorParameter,
@@ -56,7 +56,7 @@ class Vortex(BasicField):
 
     axis: Annotated[Direction, ParameterDoc("of the line")] = Z
     centre: Annotated[VectorParameter, ParameterDoc("a point on the line", "units")] = ORIGIN
-    radius: Annotated[Positive, ParameterDoc("of the core", "units")] = 1.0
+    radius: Annotated[PositiveNumber, ParameterDoc("of the core", "units")] = 1.0
     strength: Annotated[Number, _CIRCULATION] = 1.0
     profile: Annotated[Profile, ParameterDoc("how the turning falls with the distance")] = "lamb_oseen"
 
@@ -108,8 +108,8 @@ class VortexPair(_Composite):
     axis: Annotated[Direction, ParameterDoc("of both lines")] = Z
     centre: Annotated[VectorParameter, ParameterDoc("half way between them", "units")] = ORIGIN
     direction: Annotated[Direction, ParameterDoc("from the second to the first, across the axis")] = X
-    distance: Annotated[Positive, ParameterDoc("between the lines", "units")] = 1.8
-    radius: Annotated[Positive, ParameterDoc("of each core", "units")] = 0.8
+    distance: Annotated[PositiveNumber, ParameterDoc("between the lines", "units")] = 1.8
+    radius: Annotated[PositiveNumber, ParameterDoc("of each core", "units")] = 0.8
     strength: Annotated[Number, ParameterDoc("circulation of the first", "units²/s")] = 1.0
     turning: Annotated[Literal["against", "together"], ParameterDoc("how the second turns")] = "against"
 
@@ -142,8 +142,8 @@ class VortexRing(BasicField):
 
     axis: Annotated[Direction, ParameterDoc("along which its middle flows")] = Y
     centre: Annotated[VectorParameter, ParameterDoc("of the circle", "units")] = ORIGIN
-    radius: Annotated[Positive, ParameterDoc("of the circle", "units")] = 1.0
-    core: Annotated[Positive, ParameterDoc("radius of the core", "units")] = 0.3
+    radius: Annotated[PositiveNumber, ParameterDoc("of the circle", "units")] = 1.0
+    core: Annotated[PositiveNumber, ParameterDoc("radius of the core", "units")] = 0.3
     strength: Annotated[Number, ParameterDoc("circulation", "units²/s")] = 1.0
 
     def row(self, time: float) -> tuple[float, ...]:
@@ -174,7 +174,7 @@ class SpiralVortex(_Composite):
 
     axis: Annotated[Direction, ParameterDoc("of the line")] = Y
     centre: Annotated[VectorParameter, ParameterDoc("the fixed point", "units")] = ORIGIN
-    radius: Annotated[Positive, ParameterDoc("of the core", "units")] = 0.5
+    radius: Annotated[PositiveNumber, ParameterDoc("of the core", "units")] = 0.5
     strength: Annotated[Number, _CIRCULATION] = 1.0
     inflow: Annotated[Number, ParameterDoc("lengthening along the axis; negative flows out", "1/s")] = 0.5
 
@@ -212,7 +212,7 @@ class CurlNoise(ExternalField):
 
     block: ClassVar[BlockKernel] = external_kernels.curl_noise
 
-    size: Annotated[Positive, ParameterDoc("of the largest eddies", "units")] = 1.0
+    size: Annotated[PositiveNumber, ParameterDoc("of the largest eddies", "units")] = 1.0
     strength: Annotated[Number, ParameterDoc("root mean square speed", "units/s")] = 1.0
     octaves: Annotated[int, ValueRange(1, 12), ParameterDoc("how many sizes of eddies")] = 3
     roughness: Annotated[

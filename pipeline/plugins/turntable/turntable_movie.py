@@ -43,7 +43,7 @@ from flowsculpt.api.options import (
     shared_option,
 )
 from flowsculpt.api.pictures import ContactSheet, prefetch, write_movie, write_still
-from flowsculpt.api.shots import DEFAULTS, LOOKS, NAME, YamlSource, inherited, is_there
+from flowsculpt.api.shots import ALL_LOOKS, DEFAULTS, NAME, YamlSource, inherited, is_there
 from flowsculpt.pipeline.mesh.read import surface_reader
 from flowsculpt.pipeline.plugins.turntable.turntable_frames import TURNS, Turntable
 from flowsculpt.pipeline.production.request.lookup import cropped_name
@@ -102,7 +102,7 @@ class TurntableRequest:
                 "shot file of a model, write up under subject."
             )
         for look in self.looks:
-            require_one_of(look, [*self._named_looks, *LOOKS], f"--look {look}: {look!r} is not a look.")
+            require_one_of(look, [*self._named_looks, *ALL_LOOKS], f"--look {look}: {look!r} is not a look.")
             if not re.fullmatch(NAME, look):
                 raise UsageError(
                     f"--look {look}: {look!r} cannot name a folder of pictures; where the show names it, use "

@@ -49,8 +49,7 @@ from flowsculpt.pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource
 from flowsculpt.render.base.input_files import digest_of_file
 from flowsculpt.render.base.render_errors import RenderError
 from flowsculpt.render.mitsuba.bsdf_plugins import refusal
-from flowsculpt.render.scene.materials import LOOKS as OWN_LOOKS
-from flowsculpt.render.scene.materials import Material, MitsubaMaterial, PatternedMaterial
+from flowsculpt.render.scene.materials import LOOKS, Material, MitsubaMaterial, PatternedMaterial
 from flowsculpt.render.scene.materials.mitsuba_bsdf import BSDFS, PLUGINS, TEXTURES, Bsdf, MitsubaPlugin
 from flowsculpt.render.scene.textures import Texture, read_picture, reading_of
 
@@ -62,7 +61,7 @@ def _look_of_plugin(plugin: Plugin, name: str, look: Any) -> Material:
     return look
 
 
-LOOKS: Mapping[str, Material] = {**OWN_LOOKS, **plugins().parts("looks", _look_of_plugin)}
+ALL_LOOKS: Mapping[str, Material] = {**LOOKS, **plugins().parts("looks", _look_of_plugin)}
 """The looks that a shot can name, those of plug-ins last."""
 
 _KINDS = {
@@ -220,7 +219,7 @@ class LookDocument(Document):
 
     model_config = exactly_one("material", "bsdf")
 
-    material: Annotated[str, one_of(LOOKS, "look")] | None = optional("the look to start from")
+    material: Annotated[str, one_of(ALL_LOOKS, "look")] | None = optional("the look to start from")
     bsdf: BsdfMapping | None = optional("in its place a material of Mitsuba, by the names of its manual")
     colour: ColourOrPicture | None = optional(
         "red, green, blue from 0 to 1, linear Rec.709; '#c04020', sRGB; or a picture beside the shot file"
@@ -272,11 +271,11 @@ class LookDocument(Document):
 
     def _is_consistent(self) -> Self:
         assert self.material is not None
-        look = LOOKS[self.material]
+        look = ALL_LOOKS[self.material]
         pattern = next((name for name in ("pigment", "measure", "picture") if self._has(name)), None)
         if pattern and not isinstance(look, PatternedMaterial):
             reason = "light goes through" if look.is_clear else "scratches make the pattern of"
-            looks = ", ".join(n for n, item in LOOKS.items() if isinstance(item, PatternedMaterial))
+            looks = ", ".join(n for n, item in ALL_LOOKS.items() if isinstance(item, PatternedMaterial))
             raise finding(
                 f"look has a {pattern}, and {reason} {self.material}, which has one colour. "
                 f"Take one of {looks}, or write colour."
@@ -289,7 +288,7 @@ class LookDocument(Document):
             )
         for name, model_with in _MODEL_WITH.items():
             if getattr(self, name) is not None and look.model != model_with:
-                fitting = listed((n for n, item in LOOKS.items() if item.model == model_with), "or")
+                fitting = listed((n for n, item in ALL_LOOKS.items() if item.model == model_with), "or")
                 raise finding(
                     f"look has {name}, which {self.material} does not use. Remove it, or take {fitting}."
                 )
@@ -316,7 +315,7 @@ class LookDocument(Document):
             assert self._bsdf is not None, "an invalid one has been reported"
             base: Material = MitsubaMaterial.of(self._bsdf)
         else:
-            base = LOOKS[self.material]
+            base = ALL_LOOKS[self.material]
         named = {"material", "bsdf", "colour", "roughness", "grain", "wireframe", *_PARTS}
         given: dict[str, Any] = self.model_dump(exclude_none=True, exclude=named)
         if self.colour or self.pigment or self.measure:
@@ -340,7 +339,7 @@ class LookDocument(Document):
 
 
 LookField = Annotated[
-    Annotated[str, one_of(LOOKS, "look")] | LookDocument,
+    Annotated[str, one_of(ALL_LOOKS, "look")] | LookDocument,
     MAPPING_IS_SECOND,
     no_bare_colour("look", "material: clay"),
 ]
@@ -348,4 +347,4 @@ LookField = Annotated[
 
 def look_of(document: str | LookDocument) -> Material:
     """Return the look of the entry `look`."""
-    return LOOKS[document] if isinstance(document, str) else document.build()
+    return ALL_LOOKS[document] if isinstance(document, str) else document.build()

@@ -39,7 +39,7 @@ from flowsculpt.pipeline.shot.documents.field_types import (
 from flowsculpt.pipeline.shot.documents.flow_documents import BARE
 from flowsculpt.pipeline.shot.documents.flow_entries import DASHES, FlowDocument
 from flowsculpt.pipeline.shot.documents.light_documents import LightGroupsField, StageDocument
-from flowsculpt.pipeline.shot.documents.look_documents import LOOKS, LookField
+from flowsculpt.pipeline.shot.documents.look_documents import ALL_LOOKS, LookField
 from flowsculpt.pipeline.shot.documents.picture_documents import (
     LightsField,
     OverrideDocument,
@@ -61,7 +61,7 @@ from flowsculpt.render.scene.rgb_spaces import REC709, WORKING_SPACES
 from flowsculpt.render.scene.scene_lights import LIGHTS
 from flowsculpt.render.scene.scene_stage import STAGES
 
-PRESETS: Mapping[str, Mapping[str, Any]] = {"look": LOOKS, "lights": LIGHTS, "stage": STAGES}
+PRESETS: Mapping[str, Mapping[str, Any]] = {"look": ALL_LOOKS, "lights": LIGHTS, "stage": STAGES}
 """What shot files can name by a word, by the entry: looks, light rigs and stages."""
 
 StageField = Annotated[
