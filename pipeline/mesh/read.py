@@ -210,7 +210,7 @@ def read_paint(
     readers = plugins().readers("paint")
     reader = _reader_at(readers.get(suffix_of(path)), PaintReader)
     if reader is None:
-        known = ", ".join(readers)
+        known = ", ".join(readers) or "files by plug-ins alone"
         raise MeshError(f"{path}: paint is read from {known}, not from {path.suffix}. Write paint: off.")
     if part is not None and reader.of_part is not None:
         reader = reader.of_part(part)

@@ -84,7 +84,7 @@ def check_paint(source: YamlSource) -> Iterator[Problem]:
         and isinstance(model := subject.get("model"), str)
         and suffix_of(model) not in (painted := plugins().readers("paint"))
     ):
-        known = listed(painted, "or")
+        known = listed(painted, "or") if painted else "files by plug-ins alone, and none does"
         yield ("subject", "paint"), f"paint is read from {known}; this is {shortened(model)}. Leave it out."
     if isinstance(look, Painted) and not is_painted:
         paint = "Write subject: {model: FILE.obj, paint: on}."
