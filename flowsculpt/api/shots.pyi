@@ -7,7 +7,6 @@ from flowsculpt.pipeline.shot.documents.curves import Ease as Ease
 from flowsculpt.pipeline.shot.documents.curves import WeightField as WeightField
 from flowsculpt.pipeline.shot.documents.curves import curve_of as curve_of
 from flowsculpt.pipeline.shot.documents.curves import is_changing as is_changing
-from flowsculpt.pipeline.shot.documents.curves import number as number
 from flowsculpt.pipeline.shot.documents.field_types import Degrees as Degrees
 from flowsculpt.pipeline.shot.documents.field_types import Document as Document
 from flowsculpt.pipeline.shot.documents.field_types import OneOfSeveral as OneOfSeveral

@@ -4,7 +4,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 
-from flowsculpt.api.flows import Keyframes, ParameterDoc
+from flowsculpt.api.flows import Keyframes, Number, ParameterDoc
 from flowsculpt.api.shots import (
     SOLIDS,
     Clock,
@@ -18,7 +18,7 @@ from flowsculpt.api.shots import (
     WeightField,
     as_finding,
     bad_value,
-    number,
+    curve_of,
 )
 from flowsculpt.pipeline.plugins.become.become_flow import Become
 from flowsculpt.pipeline.plugins.become.stored_fits import PlacedShape
@@ -120,7 +120,8 @@ class BecomeDocument(OneOfSeveral, FlowParameters):
 
     def own_values(self, clock: Clock) -> dict[str, Any]:
         if self.progress is not None:
-            progress = number(self.progress, clock)
+            given = self.progress
+            progress: Number = float(given) if isinstance(given, int | float) else curve_of(given, clock)
         else:
             progress = Keyframes(self._times(clock), ((0.0,), (1.0,)), (self.ease, self.ease))
         return {"target": self._target, "progress": progress, "detail": self.detail}
