@@ -63,7 +63,7 @@ from flowsculpt.api.pictures import (
     write_finished,
     write_movie,
 )
-from flowsculpt.api.shots import NAME, in_yaml, inherited, linear_of, shown
+from flowsculpt.api.shots import NAME, in_yaml, inherited_source, linear_of, quote_name
 from flowsculpt.pipeline.plugins.delivery.hdr_frames import Frame
 
 RELIGHT = PipelineStage("relight", version=1, packages=("OpenImageIO",), doing="relighting", makes="frame")
@@ -375,7 +375,7 @@ def permanent(path: Path, of_shot: Sequence[str], lights: LightRig, factors: Map
     written_factors = {name: factor for name, factor in factors.items() if name not in refused}
     words = []
     if any(members[name] for name in written_factors):
-        data: Any = inherited(path, None, tuple(of_shot), None).data
+        data: Any = inherited_source(path, None, tuple(of_shot), None).data
         written = data.get("lights")
         before = written.get("intensity", 1.0) if isinstance(written, dict) else 1.0
         if not isinstance(before, dict):
@@ -387,10 +387,10 @@ def permanent(path: Path, of_shot: Sequence[str], lights: LightRig, factors: Map
         }
         intensity = {**before, **after}
         if isinstance(written, dict):
-            words.append(f"write intensity: {in_yaml(intensity)} under lights in {shown(path)}")
+            words.append(f"write intensity: {in_yaml(intensity)} under lights in {quote_name(path)}")
         else:
             rig = {"rig": written or "studio", "intensity": intensity}
-            words.append(f"write lights: {in_yaml(rig)} in {shown(path)}")
+            words.append(f"write lights: {in_yaml(rig)} in {quote_name(path)}")
     if refused:
         words.append(
             f"{', '.join(refused)}: the colour of daylight and of an hdri cannot be set; write softboxes or "
@@ -465,7 +465,7 @@ def relight(
     lights, path = request.shot.picture.lights, find_shot(shot)
     if not lights.groups:
         raise UsageError(
-            f"{shown(path)}: {request.name} has no light groups, so its frames cannot be relit. Write "
+            f"{quote_name(path)}: {request.name} has no light groups, so its frames cannot be relit. Write "
             f"light_groups: each in the file, and render it: {_command('render', request)}"
         )
     factors = given.by_group(request.name, lights)

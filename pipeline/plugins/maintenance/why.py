@@ -31,7 +31,7 @@ from flowsculpt.api.frames import (
     key_in,
 )
 from flowsculpt.api.pictures import RenderError, read_header
-from flowsculpt.api.shots import Where, YamlSource, in_yaml, inherited
+from flowsculpt.api.shots import Where, YamlSource, in_yaml, inherited_source
 
 MISSING = object()
 """Stands for a value that one of two data does not have."""
@@ -138,7 +138,7 @@ def _rounded(value: Any, digits: int | None) -> Any:
 
 def _read(source: ShotSource) -> YamlSource:
     """Return the shot files of a source, without the settings of the command line."""
-    return inherited(source.path, source.text, (), dict(source.beside))
+    return inherited_source(source.path, source.text, (), dict(source.beside))
 
 
 _NOT_COMPARED = ("key", "mesh_key", "normals_key", "inputs", "stages", "temporal_neighbours")

@@ -21,7 +21,7 @@ from flowsculpt.api.shots import (
     Where,
     YamlSource,
     curve_of,
-    inherited,
+    inherited_source,
 )
 from flowsculpt.pipeline.shot.documents.curves import KeyDocument, Keyed, OverTime, OverTimeTriple
 from flowsculpt.pipeline.shot.documents.field_types import is_number
@@ -148,7 +148,7 @@ def settable_values(
 
     Arguments are those of `read_shot`, which reports mistakes; raises pydantic's errors where there are any.
     """
-    source = inherited(path, text, settings, beside)
+    source = inherited_source(path, text, settings, beside)
     clock, _ = read_clock(source)
     assert clock is not None, "read_shot has accepted the file"
     clock, _ = with_speed(clock, source)

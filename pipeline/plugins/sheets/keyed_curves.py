@@ -18,7 +18,7 @@ from flowsculpt.api.shots import (
     ParseContext,
     ShotDocument,
     curve_of,
-    inherited,
+    inherited_source,
     is_changing,
     read_shot,
 )
@@ -50,7 +50,7 @@ def curves_of(path: str | Path, settings: Iterable[str] = ()) -> list[KeyedCurve
     path, settings = Path(path), tuple(settings)
     shot = read_shot(path, settings=settings)
     clock = shot.motion.clock
-    source = inherited(path, None, settings, None)
+    source = inherited_source(path, None, settings, None)
     context = {"clock": clock, "parse_context": ParseContext(path.parent)}
     document = ShotDocument.model_validate(source.data, context=context)
     order = list(source.data)
