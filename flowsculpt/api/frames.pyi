@@ -52,6 +52,7 @@ from flowsculpt.pipeline.production.request.shading import flow_cache_data as fl
 from flowsculpt.pipeline.production.request.shading import is_cloud as is_cloud
 from flowsculpt.pipeline.production.request.shading import radii as radii
 from flowsculpt.pipeline.production.request.shading import speeds as speeds
+from flowsculpt.pipeline.production.request.shading import vertex_motion as vertex_motion
 from flowsculpt.pipeline.production.request.shot_source import ShotSource as ShotSource
 from flowsculpt.pipeline.production.shot_extras import PublishedVersion as PublishedVersion
 from flowsculpt.pipeline.production.stages import STAGES as STAGES
@@ -64,8 +65,11 @@ from flowsculpt.pipeline.production.store.locks import Locks as Locks
 from flowsculpt.pipeline.production.store.paths import SUFFIXES as SUFFIXES
 from flowsculpt.pipeline.production.store.paths import Folders as Folders
 from flowsculpt.pipeline.production.store.paths import RootFolders as RootFolders
+from flowsculpt.pipeline.production.store.readers import arrays_writer as arrays_writer
 from flowsculpt.pipeline.production.store.readers import key_in as key_in
+from flowsculpt.pipeline.production.store.readers import read_npz as read_npz
 from flowsculpt.pipeline.production.store.readers import store_reader as store_reader
+from flowsculpt.pipeline.production.store.readers import write_npz as write_npz
 from flowsculpt.pipeline.production.store.remote_store import use_store as use_store
 from flowsculpt.pipeline.production.store.store import DAMAGED as DAMAGED
 from flowsculpt.pipeline.production.store.store import Key as Key

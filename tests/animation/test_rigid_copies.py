@@ -10,7 +10,7 @@ from flowsculpt.pipeline.animation.loop import step_into
 from flowsculpt.pipeline.errors import FrameError, ShotError
 from flowsculpt.pipeline.mesh.placed_copies import Placements, nearest_rotations
 from flowsculpt.pipeline.production.request.manifest import thresholds_at
-from flowsculpt.pipeline.production.request.shading import Shading, flow_motion, vertex_motion
+from flowsculpt.pipeline.production.request.shading import Shading, vertex_motion
 from flowsculpt.pipeline.shot import Motion, read_shot
 from flowsculpt.pipeline.statistics import mesh_statistics
 
@@ -119,7 +119,7 @@ def test_copies_within_the_shutter_are_rigid_and_meet_the_next_frame() -> None:
     now, after = frames[2], frames[3]
     assert np.array_equal(moved_to_subframe(motion, now, 4).mesh.vertices, after.mesh.vertices)
     shading = Shading.of(now, thresholds_at(motion, 3), 2)
-    shown, arrays = flow_motion(motion, shading), shading.arrays()
+    shown, arrays = shading.moved_by(motion), shading.arrays()
     points, normals = shown.at(0.0)
     assert np.allclose(points, arrays["vertices"], atol=1e-6)
     assert np.allclose(normals, arrays["normals"], atol=1e-6)

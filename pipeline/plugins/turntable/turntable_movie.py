@@ -43,7 +43,7 @@ from flowsculpt.api.options import (
     shared_option,
 )
 from flowsculpt.api.pictures import ContactSheet, prefetch, write_movie, write_still
-from flowsculpt.api.shots import ALL_LOOKS, DEFAULTS, NAME, YamlSource, inherited, is_there
+from flowsculpt.api.shots import ALL_LOOKS, DEFAULTS, NAME, YamlSource, inherited_source, is_there
 from flowsculpt.pipeline.mesh.read import surface_reader
 from flowsculpt.pipeline.plugins.turntable.turntable_frames import TURNS, Turntable
 from flowsculpt.pipeline.production.request.lookup import cropped_name
@@ -132,7 +132,9 @@ class TurntableRequest:
         if not self.looks:
             return {}
         if not self._is_of_file:
-            return inherited(find_shot(self.subject), None, self.project.settings, None).mapping("looks")
+            return inherited_source(find_shot(self.subject), None, self.project.settings, None).mapping(
+                "looks"
+            )
         defaults = SHOTS / DEFAULTS
         looks = YamlSource.read(defaults).mapping("looks") if is_there(defaults) else {}
         return cast(Mapping[str, Any], _with_absolute_files(looks, SHOTS))

@@ -193,6 +193,13 @@ class Shading:
         shaded = self._cut(points, None if self.split is None else self._turned(points, self.split))
         return shaded.vertices, shaded.normals
 
+    def moved_by(self, motion: Motion) -> SurfaceMotion:
+        """Return the movement of what is rendered: the mesh of a shot's frame, moved by its flow."""
+        if self.frame.copies is None:
+            return _moved_by_flow(motion, self.frame, self.at)
+        one = self.at(self.frame.own.vertices)
+        return _moved_by_flow(motion, self.frame, lambda matrices: _copies_of(one, matrices))
+
     def _cut(self, points: Points, split: ShadedMesh | None) -> ShadedMesh:
         if split is not None:
             return tessellate(split, self.pieces, self.twin)
@@ -302,14 +309,6 @@ class SurfaceMotion:
         return np.asarray((self.at(STEP)[0] - self.at(-STEP)[0]) * (0.5 * self.fps / STEP))
 
 
-def flow_motion(motion: Motion, shading: Shading) -> SurfaceMotion:
-    """Return the movement of a shot's frame: its mesh, moved by the flow."""
-    if shading.frame.copies is None:
-        return _moved_by_flow(motion, shading.frame, shading.at)
-    one = shading.at(shading.frame.own.vertices)
-    return _moved_by_flow(motion, shading.frame, lambda matrices: _copies_of(one, matrices))
-
-
 def vertex_motion(motion: Motion, frame: MeshFrame) -> SurfaceMotion:
     """Return the movement of the vertices of a shot's mesh frame, without normals."""
     if frame.copies is None:
@@ -344,7 +343,7 @@ def _movable(frame: MeshFrame) -> Floats:
 
 def speeds(motion: Motion, shading: Shading) -> AnyArray:
     """Return the speed of the vertices, (V, 1) float32, scene units per second."""
-    velocity = flow_motion(motion, shading).velocity()
+    velocity = shading.moved_by(motion).velocity()
     return np.asarray(np.linalg.norm(velocity, axis=1, keepdims=True), dtype=np.float32)
 
 

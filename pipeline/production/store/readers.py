@@ -7,6 +7,7 @@ import zipfile
 import zlib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -130,6 +131,11 @@ def store_reader(kind: str, key: Key, *, number: int = 0, size: Size | None = No
 def with_key(key: Key, named: Mapping[str, AnyArray]) -> dict[str, AnyArray]:
     """Return the arrays and their key."""
     return {**named, "key": np.array(key)}
+
+
+def arrays_writer(key: Key, named: Mapping[str, AnyArray]) -> Callable[[Path], None]:
+    """Return what writes arrays with their key to a file, as `Store.put` takes it; see `store_reader`."""
+    return partial(write_npz, named=with_key(key, named))
 
 
 def _plain_content(path: Path) -> Any:

@@ -31,7 +31,6 @@ from flowsculpt.pipeline.production.request.manifest import thresholds_at
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.request.shading import Shading, radii
 from flowsculpt.pipeline.production.store import readers
-from flowsculpt.pipeline.production.store.readers import write_npz
 from flowsculpt.pipeline.production.tasks.job import Context
 from flowsculpt.render.base.serialise import to_plain
 from flowsculpt.render.base.work_clock import Timing, WorkClock
@@ -120,7 +119,7 @@ class _FrameWriter:
         context, key = self._context, self._context.request.keys.mesh(number)
         started = time.perf_counter()
         if arrays is not None:
-            write = partial(write_npz, named=readers.with_key(key, arrays))
+            write = readers.arrays_writer(key, arrays)
             context.store.put("mesh", key, write, replace=context.is_forced)
         if number in self._missing:
             place = context.request.place("mesh", number)
@@ -195,7 +194,7 @@ def smooth_normals(context: Context) -> bool:
         key = request.keys.normals(number)
 
         def write(path: Path) -> None:
-            write_npz(path, readers.with_key(key, shading_of(context, request, number).stored()))
+            readers.arrays_writer(key, shading_of(context, request, number).stored())(path)
 
         return context.make("normals", key, request.place("normals", number), write)
 
