@@ -46,7 +46,6 @@ from flowsculpt.render.mitsuba.emitters import (
     daylight_exposure,
     daylight_irradiances,
     daylight_map,
-    gradient_map,
 )
 from flowsculpt.render.mitsuba.engine import Engine, choose
 from flowsculpt.render.mitsuba.mitsuba_scene import build_scene
@@ -153,7 +152,7 @@ def cycles(room: Path, size: tuple[int, int], cell: Cell) -> Iterator[Cycles]:
     daylight, look = cell.lights.daylight, cell.look
     np.save(
         room / "sky.npy",
-        daylight_map(replace(daylight, sun=0.0)) if daylight else gradient_map(cell.lights.sky),
+        daylight_map(replace(daylight, sun=0.0)) if daylight else cell.lights.sky.pixels(),
     )
     told = {
         "size": size,

@@ -52,6 +52,17 @@ def test_a_name_that_is_not_there_is_an_attribute_error() -> None:
         _ = flowsculpt.Resample  # type: ignore[attr-defined]
 
 
+def test_a_name_of_a_plug_in_that_is_missing_is_refused_by_one_sentence(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    plugin = "flowsculpt.pipeline.plugins.interchange"
+    monkeypatch.setitem(sys.modules, plugin, None)
+    monkeypatch.delitem(sys.modules, f"{plugin}.mesh_writers", raising=False)
+    with pytest.raises(ImportError) as refused:
+        exec("from flowsculpt import write_mesh")
+    assert str(refused.value) == "flowsculpt.write_mesh needs the plug-in interchange, which is not installed"
+
+
 BALL = flowsculpt.icosphere(4).with_attributes(heat=np.arange(162.0)).with_creases([[0, 1]])
 
 

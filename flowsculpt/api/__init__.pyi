@@ -11,11 +11,6 @@ from flowsculpt.pipeline.flow.parameters import VectorParameter as VectorParamet
 from flowsculpt.pipeline.long_computations import Progress as Progress
 from flowsculpt.pipeline.long_computations import report_progress as report_progress
 from flowsculpt.pipeline.long_computations import reporting_to as reporting_to
-from flowsculpt.pipeline.mesh.mesh_formats import FileSurface as FileSurface
-from flowsculpt.pipeline.mesh.mesh_formats import PaintReader as PaintReader
-from flowsculpt.pipeline.mesh.mesh_formats import SurfaceReader as SurfaceReader
-from flowsculpt.pipeline.mesh.mesh_formats import file_surface as file_surface
-from flowsculpt.pipeline.mesh.mesh_formats import reader_of as reader_of
 from flowsculpt.pipeline.plugin import Command as Command
 from flowsculpt.pipeline.plugin import FileFormat as FileFormat
 from flowsculpt.pipeline.plugin import PictureStage as PictureStage

@@ -1,14 +1,18 @@
 """Files: read within limits, written whole or not at all, kept between runs, parsed in own processes."""
 
 from flowsculpt.pipeline.file_contents import as_utf8 as as_utf8
+from flowsculpt.pipeline.file_contents import number_fault as number_fault
+from flowsculpt.pipeline.file_contents import text_content as text_content
 from flowsculpt.render.base.atomic_write import ChangedFileError as ChangedFileError
 from flowsculpt.render.base.atomic_write import atomic_folder as atomic_folder
 from flowsculpt.render.base.atomic_write import atomic_write as atomic_write
+from flowsculpt.render.base.atomic_write import cannot_write as cannot_write
 from flowsculpt.render.base.atomic_write import disk_errors as disk_errors
 from flowsculpt.render.base.atomic_write import machine_error as machine_error
 from flowsculpt.render.base.atomic_write import make_folder as make_folder
 from flowsculpt.render.base.drafts import sweep_hidden_drafts as sweep_hidden_drafts
 from flowsculpt.render.base.input_files import digest_of_file as digest_of_file
+from flowsculpt.render.base.input_files import open_input as open_input
 from flowsculpt.render.base.input_files import read_input as read_input
 from flowsculpt.render.base.input_files import require_input as require_input
 from flowsculpt.render.base.limited_process import Parser as Parser

@@ -33,7 +33,6 @@ from flowsculpt.pipeline.production.shot_extras import PublishedVersion as Publi
 from flowsculpt.pipeline.production.stages import STAGES as STAGES
 from flowsculpt.pipeline.production.stages import PipelineStage as PipelineStage
 from flowsculpt.pipeline.production.store.digests import CorruptFileError as CorruptFileError
-from flowsculpt.pipeline.production.store.event_log import EventReader as EventReader
 from flowsculpt.pipeline.production.store.history import History as History
 from flowsculpt.pipeline.production.store.locks import Locks as Locks
 from flowsculpt.pipeline.production.store.paths import Folders as Folders

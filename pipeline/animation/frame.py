@@ -87,7 +87,7 @@ class MeshFrame:
 
     number: int
     own: TriangleMesh
-    report: FrameReport
+    report: FrameReport = FrameReport(None, None)
     polygons: PolygonMesh | None = None
     births: AnyArray | None = None
     identities: int = 0

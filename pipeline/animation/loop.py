@@ -14,11 +14,11 @@ from typing import Generic, NamedTuple, TypeVar
 import numpy as np
 
 from flowsculpt.pipeline.animation.flow_cost import FlowCost, SubjectSize
-from flowsculpt.pipeline.animation.frame import MATERIAL, FrameReport, Mesh, MeshFrame, with_material
+from flowsculpt.pipeline.animation.frame import MATERIAL, FrameReport, MeshFrame, with_material
 from flowsculpt.pipeline.arrays import AnyArray, Floats, Points, Vectors
 from flowsculpt.pipeline.errors import FlowsculptError, FrameError, UsageError, VertexBudgetError
 from flowsculpt.pipeline.flow import Displacement, Flow, Streamlines, as_flow
-from flowsculpt.pipeline.flow.flow_map import CARRYING, FlowMap, FrameStep
+from flowsculpt.pipeline.flow.flow_map import CARRYING, FlowMap, FrameStep, blocks_of
 from flowsculpt.pipeline.long_computations import Progress, reporting_to
 from flowsculpt.pipeline.mesh import PolygonMesh, TriangleMesh
 from flowsculpt.pipeline.mesh.control_net import Lattice
@@ -31,11 +31,9 @@ from flowsculpt.pipeline.resample import (
     Report,
     Resampler,
     Thresholds,
-    edges_by_angle,
 )
 from flowsculpt.pipeline.resample.placement import REST, REST_NORMAL
 from flowsculpt.pipeline.resample.resampler import STATELESS
-from flowsculpt.pipeline.resample.thresholds import edges_in_region
 from flowsculpt.pipeline.shot import Motion, Resampling, Shot
 from flowsculpt.pipeline.statistics import COUNTED_FRAMES, MeshStatistics, mesh_statistics
 
@@ -65,16 +63,6 @@ class RestInterval:
 
 R = TypeVar("R", Resampler, PolygonResampler)
 
-MOVED_TOGETHER = 1 << 17
-"""Vertices that the flow moves together: more take memory for copies, and fewer take more calls."""
-
-
-def blocks_of(count: int) -> Iterator[slice]:
-    """Yield slices of MOVED_TOGETHER that cover so many vertices; the last one is shorter."""
-    for first in range(0, count, MOVED_TOGETHER):
-        yield slice(first, min(first + MOVED_TOGETHER, count))
-
-
 MOST_SHOWN = 20_000_000
 """Vertices of all rigid copies of a subject: renders and exports take about 0.4 kB for each."""
 
@@ -88,8 +76,7 @@ class MovingSurface:
     def move(self, step: FrameStep) -> None:
         """Move the vertices by one step of the flow."""
         points = np.array(self._mesh.vertices)
-        for block in blocks_of(len(points)):
-            points[block] = step.apply(points[block], block.start)
+        step.move(points)
         points.flags.writeable = False  # so that the mesh takes the array itself
         self._mesh = self._mesh.with_vertices(points)
 
@@ -167,9 +154,7 @@ class _ResampledSurface(MovingSurface, Generic[R]):
         self._resampler: R = resampler
 
     def move(self, step: FrameStep) -> None:
-        points = self._resampler.vertices
-        for block in blocks_of(len(points)):
-            points[block] = step.apply(points[block], block.start)
+        step.move(self._resampler.vertices)
 
     def _resample(self, number: int) -> Report:
         """Resample once; errors name the frame."""
@@ -343,13 +328,13 @@ def at_rest(motion: Motion, flow: Flow) -> MovingSurface:
     thresholds = resampling.thresholds
     if not resampling.cuts_triangles:
         polygons = with_material(motion.polygons_at_rest())
-        polygons = creased(polygons, resampling, _hard_angles(polygons, thresholds))
         from flowsculpt.pipeline.resample import polygon_method  # pydantic, which meshes alone do without
 
+        polygons = resampling.tag_creases(polygons, _hard_angles(polygons, thresholds))
         method = polygon_method(resampling.method, resampling.options)
         return PolygonSurface(motion, resampling, method.begin(polygons, thresholds))
     mesh = with_identities(motion.mesh_at_rest())
-    mesh = creased(mesh, resampling, thresholds.hard_angles(mesh))
+    mesh = resampling.tag_creases(mesh, thresholds.hard_angles(mesh))
     if resampling.placement != "exact":
         mesh = with_material(mesh)
     elif resampling.normals == "carried":
@@ -373,17 +358,6 @@ def _triangle_surface(
     interval = RestInterval(motion, resampling, flow, frame)
     placed = resampler(interval.placement, *options)
     return ExactSurface(motion, resampling, placed, interval, start_vertices)
-
-
-def creased(mesh: Mesh, resampling: Resampling, hard_angles: float | Floats) -> Mesh:
-    """Return the mesh at rest with the edges tagged that are to stay hard (P31)."""
-    if resampling.creases == "model":
-        return mesh
-    if resampling.creases == "none":
-        return mesh.with_creases([])
-    if resampling.creases == "rest":
-        return mesh.with_creases(edges_by_angle(mesh, hard_angles))
-    return mesh.with_creases(edges_in_region(mesh, resampling.creases))
 
 
 def _hard_angles(polygons: PolygonMesh, thresholds: Thresholds) -> float | Floats:

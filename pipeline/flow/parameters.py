@@ -75,12 +75,14 @@ VectorParameter = Vector | Curve
 
 
 def number_at(parameter: Number, time: float) -> float:
+    """Return the value of a parameter at a time, seconds of the shot."""
     if isinstance(parameter, float):  # planning asks millions of times, and a look for an ABC is slow
         return parameter
     return parameter.at(time)[0] if isinstance(parameter, Curve) else parameter
 
 
 def vector_at(parameter: VectorParameter, time: float) -> Vector:
+    """Return the value of a parameter with three components at a time, seconds of the shot."""
     if isinstance(parameter, tuple):
         return parameter
     if isinstance(parameter, Curve):

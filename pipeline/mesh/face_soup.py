@@ -116,7 +116,7 @@ def merge_coincident(surface: FileSurface) -> MergedSurface:
     named = np.zeros(len(points), bool)
     named[surface.corners] = True
     _require_numbers(surface, named)
-    joined = first_alike(points, named)
+    joined = find_coincident(points, named)
     corners, face = joined[surface.corners], np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
     following = np.arange(1, len(corners) + 1)
     some = offsets[1:] > offsets[:-1]
@@ -151,7 +151,7 @@ def _require_numbers(surface: FileSurface, named: AnyArray) -> None:
     )
 
 
-def first_alike(points: Points, named: AnyArray) -> AnyArray:
+def find_coincident(points: Points, named: AnyArray) -> AnyArray:
     """Return for each point (V,) the first one at the same position; those not `named` set no tolerance."""
     if not named.any():
         return np.arange(len(points))

@@ -63,17 +63,24 @@ def file_surface(
     groups: Sequence[int] | None = None,
     tagged: Sequence[tuple[int, int]] = (),
     base: int | None = 0,
+    notes: tuple[str, ...] = (),
+    sides: Sequence[int] | AnyArray | None = None,
 ) -> FileSurface:
-    """Return the surface of one corner sequence a face, or (F, n) where all faces have n corners.
+    """Return the surface of faces, as `FileSurface` describes the rest.
+
+    faces  one corner sequence a face; (F, n) where all faces have n corners; or, with their numbers of
+           `sides` (F,), the corners of all, int64 (C,), one face after another
 
     Raises ValueError where a face names a missing vertex.
     """
-    if isinstance(faces, np.ndarray):
+    if sides is not None:
+        offsets, corners = offsets_of(sides), np.asarray(faces, np.int64)
+    elif isinstance(faces, np.ndarray):
         offsets, corners = faces.shape[1] * np.arange(len(faces) + 1), faces.reshape(-1).astype(np.int64)
     else:
         offsets = offsets_of([len(face) for face in faces])
         corners = np.fromiter(chain.from_iterable(faces), np.int64)
-    return polygon_surface(points, offsets, corners, groups, tagged, base)
+    return polygon_surface(points, offsets, corners, groups, tagged, base, notes)
 
 
 def offsets_of(sides: Sequence[int] | AnyArray) -> AnyArray:
@@ -195,20 +202,16 @@ class Paint(Protocol):
         """Return the paint of faces (F, 3) of vertices whose rest positions are (V, 3)."""
 
 
-Files = Mapping[Path, str]
-"""SHA-256 of files, by their paths."""
-
-
 class ModelMaterials(NamedTuple):
     """The materials of a model.
 
     parts  by number
-    files  all files that they are read from
+    files  SHA-256 of all files that they are read from, by their paths
     notes  lines to tell the user about what is not shown as the file has it
     """
 
     parts: tuple[PatternedMaterial, ...]
-    files: Files
+    files: Mapping[Path, str]
     notes: tuple[str, ...] = ()
 
 
@@ -218,7 +221,7 @@ class PaintReader:
 
     materials  returns the materials of a model
     paint      returns the paint
-    files      returns the files that paint is read from besides those of the surface
+    files      returns the files that paint is read from besides those of the surface, and their SHA-256
     of_part    returns the reader of a `ScenePart` of scenes; None where parts have no names
 
     They raise MissingInputError where a file is not there, and any error where it cannot read.
@@ -226,7 +229,7 @@ class PaintReader:
 
     materials: Callable[[Path], ModelMaterials]
     paint: Callable[[Path], Paint]
-    files: Callable[[Path], Files] = lambda path: {}
+    files: Callable[[Path], Mapping[Path, str]] = lambda path: {}
     of_part: Callable[[ScenePart], PaintReader] | None = None
 
 

@@ -141,17 +141,25 @@ def trusted_normals(mesh: TriangleMesh) -> AnyArray:
 
 def vertex_normals(mesh: TriangleMesh) -> Vectors:
     """Return unit normals (V, 3), one a vertex, smooth everywhere; angle-weighted."""
-    return fan_normals(mesh, mesh.faces, len(mesh.vertices))
+    return _smooth(mesh, mesh.faces, face_normals(mesh), None, len(mesh.vertices))
 
 
-def fan_normals(mesh: TriangleMesh, fans: Faces, count: int) -> Vectors:
-    """Return unit normals (count, 3) of the corners (F, 3) of a `ShadedMesh`, angle-weighted."""
-    return _smooth(mesh, fans, face_normals(mesh), np.zeros(len(mesh.vertices), np.uint8), count)
+def corner_normals(mesh: TriangleMesh, corners: Faces, count: int) -> Vectors:
+    """Return unit normals (count, 3) of a moved mesh whose corners (F, 3) `split_at_creases` has numbered.
+
+    The attribute `normal` gives those of the vertices (V,) where it is trusted (`trusted_normals`).
+    """
+    normals = _smooth(mesh, corners, face_normals(mesh), None, count)
+    if NORMAL in mesh.attributes:
+        trusted = np.flatnonzero(trusted_normals(mesh))
+        normals[trusted] = mesh.attributes[NORMAL][trusted]
+    return normals
 
 
-def _smooth(mesh: TriangleMesh, fans: Faces, face: Vectors, known: AnyArray, count: int) -> Vectors:
-    """Return unit normals (count, 3) of fans (F, 3), except at vertices whose normal is `known`."""
+def _smooth(mesh: TriangleMesh, fans: Faces, face: Vectors, known: AnyArray | None, count: int) -> Vectors:
+    """Return unit normals (count, 3) of fans (F, 3), except at vertices (V,) whose normal is `known`."""
     smooth = np.empty((count, 3))
+    known = np.zeros(len(mesh.vertices), np.uint8) if known is None else known
     sum_normals(mesh.vertices, mesh.faces, readable(fans, np.int32), face, known, smooth)
     return smooth
 

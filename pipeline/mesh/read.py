@@ -42,7 +42,7 @@ from flowsculpt.pipeline.mesh.winding import Winding, detached_corners, find_win
 from flowsculpt.pipeline.plugin import named, plugins
 from flowsculpt.render.base.input_files import (
     digest_of_file,
-    opened_input,
+    open_input,
     other_content,
     require_input,
 )
@@ -210,7 +210,7 @@ def read_paint(
     readers = plugins().readers("paint")
     reader = _reader_at(readers.get(suffix_of(path)), PaintReader)
     if reader is None:
-        known = ", ".join(readers)
+        known = ", ".join(readers) or "files by plug-ins alone"
         raise MeshError(f"{path}: paint is read from {known}, not from {path.suffix}. Write paint: off.")
     if part is not None and reader.of_part is not None:
         reader = reader.of_part(part)
@@ -222,7 +222,7 @@ def _own_file(path: Path, misread: re.Pattern[bytes] | None) -> ModelFiles:
     digest = digest_of_file(path)
     reader = []
     if misread is not None:
-        with opened_input(path) as (file, size):
+        with open_input(path) as (file, size):
             reader = ["text reader 2"] * bool(misread.search(file.read(min(size, 1 << 14))))
     return ModelFiles.of([(path, digest)], readers=reader)
 

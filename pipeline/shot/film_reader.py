@@ -19,7 +19,13 @@ from flowsculpt.pipeline.shot.shot import Card, Clip, Film, Shot
 from flowsculpt.pipeline.shot.shot_reader import read_rate, read_shot
 from flowsculpt.pipeline.shot.yaml.document_validation import Checks, unforeseen, validated
 from flowsculpt.pipeline.shot.yaml.inheritance import OPTION
-from flowsculpt.pipeline.shot.yaml.named_files import is_edit, is_there, name_fault, shot_files, shown
+from flowsculpt.pipeline.shot.yaml.named_files import (
+    is_edit,
+    is_there,
+    name_fault,
+    quote_name,
+    shot_files,
+)
 from flowsculpt.pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource
 from flowsculpt.render.base.plural import plural
 from flowsculpt.render.scene.render_camera import Projection
@@ -32,7 +38,7 @@ def read_film(path: str | Path, settings: Iterable[str] = (), text: str | None =
     """
     path = Path(path)
     if fault := name_fault(path.stem, "edit"):
-        raise ShotError(f"{shown(path)}:1:1: {fault}")
+        raise ShotError(f"{quote_name(path)}:1:1: {fault}")
     with unforeseen(path):
         return _read(YamlSource.read(path, text), tuple(settings))
 
@@ -121,7 +127,7 @@ def _shot(folder: Path, name: str, place: str, settings: tuple[str, ...]) -> Sho
     bare = name.rpartition("/")[2].removesuffix(".yaml")
     if bare in known:
         hint = f"Write {bare}, its name without folder and suffix."
-    raise MissingInputError(f"{place}: shot not found: {shown(file)}. {hint}")
+    raise MissingInputError(f"{place}: shot not found: {quote_name(file)}. {hint}")
 
 
 def _clip(shot: Shot, entry: Any) -> Clip:
@@ -228,7 +234,7 @@ def _missing_sound(source: YamlSource, folder: Path) -> Iterator[Problem]:
         remedy = "and no other beside the edit. Put it there, or remove sound."
         if known:
             remedy = f"which is looked for beside the edit. {suggestion(name, known)}"
-        yield ("sound", "file"), f"sound not found: {shown(folder / name)}, {remedy}"
+        yield ("sound", "file"), f"sound not found: {quote_name(folder / name)}, {remedy}"
 
 
 def _unreadable_sound(source: YamlSource, folder: Path) -> Iterator[Problem]:

@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from flowsculpt.pipeline.arrays import AnyArray, Faces, Points
+from flowsculpt.pipeline.arrays import AnyArray, Faces, Floats, Points
 from flowsculpt.pipeline.errors import FrameError, UsageError
 from flowsculpt.pipeline.flow import Flow
 from flowsculpt.pipeline.flow.flow_map import FrameStep, cache_data_or_failure, checked_cache_data
@@ -22,7 +22,7 @@ from flowsculpt.pipeline.mesh.analytic_surfaces import AnalyticSurface, Repeated
 from flowsculpt.pipeline.mesh.meshes import PolygonMesh, TriangleMesh
 from flowsculpt.pipeline.mesh.placed_copies import Mesh, Placements
 from flowsculpt.pipeline.resample import Curvature, DistanceToCamera, Thresholds
-from flowsculpt.pipeline.resample.thresholds import DEFAULT_ROUNDNESS, Region
+from flowsculpt.pipeline.resample.thresholds import DEFAULT_ROUNDNESS, Region, edges_by_angle, edges_in_region
 from flowsculpt.pipeline.shot.copies import Copies, bounding_sphere
 from flowsculpt.pipeline.shot.subjects import PluginSurface, Solid, Subject
 from flowsculpt.render.base.serialise import NOT_PLAIN, OMIT_DEFAULT
@@ -224,6 +224,16 @@ class Resampling:
     def cuts_triangles(self) -> bool:
         """True of triangles; False of polygons, which a plug-in's method resamples."""
         return self.method == "triangles"
+
+    def tag_creases(self, mesh: Mesh, hard_angles: float | Floats) -> Mesh:
+        """Return the mesh at rest with the edges tagged that are to stay hard (P31)."""
+        if self.creases == "model":
+            return mesh
+        if self.creases == "none":
+            return mesh.with_creases([])
+        if self.creases == "rest":
+            return mesh.with_creases(edges_by_angle(mesh, hard_angles))
+        return mesh.with_creases(edges_in_region(mesh, self.creases))
 
     def settings(self) -> dict[str, Any]:
         """Return the settings in effect by their names in the shot file, as JSON-able data."""

@@ -14,7 +14,7 @@ from flowsculpt.pipeline.resample.thresholds import DEFAULT_RATIO, HIGHEST_RATIO
 from flowsculpt.pipeline.shot.documents.field_types import is_number, is_triple
 from flowsculpt.pipeline.shot.documents.flow_documents import DOCUMENTS
 from flowsculpt.pipeline.shot.motion import FURTHEST, Clock
-from flowsculpt.pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource, dotted
+from flowsculpt.pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource, dotted_path
 from flowsculpt.render.base.plural import plural
 
 AXIAL = {
@@ -180,8 +180,8 @@ def check_sounds(source: YamlSource) -> Iterator[Problem]:
         if where[:1] == ("flows",) and "audio" in mapping:
             yield (
                 where,
-                f"{dotted(where)} follows a sound, and speed re-times the flow, so that it would not move "
-                "when the sound is heard. Remove speed, or let speed follow the sound.",
+                f"{dotted_path(where)} follows a sound, and speed re-times the flow, so that it would not "
+                "move when the sound is heard. Remove speed, or let speed follow the sound.",
             )
 
 

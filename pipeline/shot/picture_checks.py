@@ -13,7 +13,7 @@ from flowsculpt.pipeline.plugin import plugins
 from flowsculpt.pipeline.shot.documents.field_types import is_number
 from flowsculpt.pipeline.shot.documents.light_documents import ENVIRONMENTS, softbox_name
 from flowsculpt.pipeline.shot.documents.look_documents import ALL_LOOKS, check_bsdf
-from flowsculpt.pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource, dotted, listed
+from flowsculpt.pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource, dotted_path, listed
 from flowsculpt.render.scene.materials import Material, Painted
 from flowsculpt.render.scene.patterns import Measure
 from flowsculpt.render.scene.render_camera import KINDS
@@ -45,7 +45,7 @@ def check_named_settings(source: YamlSource) -> Iterator[Problem]:
             continue
         where: Where = (entry, base_name) if isinstance(value, dict) else (entry,)
         if (hint := suggestion(name, map(str, named), listing="")).startswith("Did"):
-            yield where, f"{dotted(where)}: {shortened(name)} is not among `{names}`. {hint}"
+            yield where, f"{dotted_path(where)}: {shortened(name)} is not among `{names}`. {hint}"
 
 
 def check_clear_look(source: YamlSource) -> Iterator[Problem]:
@@ -84,7 +84,7 @@ def check_paint(source: YamlSource) -> Iterator[Problem]:
         and isinstance(model := subject.get("model"), str)
         and suffix_of(model) not in (painted := plugins().readers("paint"))
     ):
-        known = listed(painted, "or")
+        known = listed(painted, "or") if painted else "files by plug-ins alone, and none does"
         yield ("subject", "paint"), f"paint is read from {known}; this is {shortened(model)}. Leave it out."
     if isinstance(look, Painted) and not is_painted:
         paint = "Write subject: {model: FILE.obj, paint: on}."

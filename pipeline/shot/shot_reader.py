@@ -39,8 +39,8 @@ from flowsculpt.pipeline.shot.shot import AovSelection, Picture, Shot, SoundTrac
 from flowsculpt.pipeline.shot.subject_checks import subject_views
 from flowsculpt.pipeline.shot.subjects import Model, PluginSurface, SeveralSubjects, Solid
 from flowsculpt.pipeline.shot.yaml.document_validation import Checks, ParseContext, unforeseen, validated
-from flowsculpt.pipeline.shot.yaml.inheritance import inherited
-from flowsculpt.pipeline.shot.yaml.named_files import name_fault, shown
+from flowsculpt.pipeline.shot.yaml.inheritance import inherited_source
+from flowsculpt.pipeline.shot.yaml.named_files import name_fault, quote_name
 from flowsculpt.pipeline.shot.yaml.yaml_source import Problem, YamlSource
 from flowsculpt.render.base.render_errors import BadInputError
 from flowsculpt.render.scene.materials import Material, Painted
@@ -107,9 +107,9 @@ def read_shot(
     """
     path = Path(path)
     if text is None and (fault := name_fault(path.stem)):  # a text may be of wedge.obj
-        raise ShotError(f"{shown(path)}:1:1: {fault}")
+        raise ShotError(f"{quote_name(path)}:1:1: {fault}")
     with unforeseen(path):
-        return _read(inherited(path, text, tuple(settings), beside), allow_code)
+        return _read(inherited_source(path, text, tuple(settings), beside), allow_code)
 
 
 def _read(source: YamlSource, allow_code: bool) -> Shot:

@@ -93,7 +93,7 @@ def require_input(path: Path, most: int = MOST_BYTES) -> int:
 
 
 @contextmanager
-def opened_input(path: Path, most: int = MOST_BYTES) -> Iterator[tuple[BinaryIO, int]]:
+def open_input(path: Path, most: int = MOST_BYTES) -> Iterator[tuple[BinaryIO, int]]:
     """Open a regular file; yield it with the number of bytes to read of it. Raises as `require_input`.
 
     An OSError of the block is a MissingInputError too: it reads the file.
@@ -119,7 +119,7 @@ def _without_waiting(path: str, flags: int) -> int:
 
 def read_input(path: Path, most: int = MOST_BYTES) -> bytes:
     """Return the content of a regular file. Raises as `require_input`."""
-    with opened_input(path, most) as (file, size):
+    with open_input(path, most) as (file, size):
         return file.read(size)
 
 
@@ -142,7 +142,7 @@ def copied_to_memory(path: Path) -> Iterator[Path]:
 def digest_of_file(path: Path) -> str:
     """Return the SHA-256 of the content of a regular file. Raises as `require_input`."""
     digest = hashlib.sha256()
-    with opened_input(path, _MOST_HASHED) as (file, size):
+    with open_input(path, _MOST_HASHED) as (file, size):
         while size > 0 and (block := file.read(min(size, 1 << 20))):
             digest.update(block)
             size -= len(block)
@@ -152,7 +152,7 @@ def digest_of_file(path: Path) -> str:
 def other_content(path: Path) -> str:
     """Return what the content of a file is where its suffix says otherwise: `an HTML page`; else nothing."""
     try:
-        with opened_input(path) as (file, _):
+        with open_input(path) as (file, _):
             head = file.read(_BEGINNING)
     except FlowsculptError:
         return ""

@@ -164,15 +164,7 @@ def _sky(sky: Sky) -> dict[str, Any]:
 
     if sky.is_uniform:
         return {"type": "constant", "radiance": {"type": "rgb", "value": list(sky.zenith)}}
-    return {"type": "envmap", "bitmap": mi.Bitmap(gradient_map(sky))}
-
-
-def gradient_map(sky: Sky) -> NDArray[np.float32]:
-    """Return the radiance (64, 8, 3) of a sky as an environment map."""
-    height = np.cos((np.arange(64) + 0.5) / 64 * math.pi)[:, None]
-    end = np.where(height > 0.0, np.array(sky.zenith), np.array(sky.nadir))
-    rows = np.array(sky.horizon) + np.abs(height) ** 0.6 * (end - np.array(sky.horizon))
-    return np.ascontiguousarray(np.broadcast_to(rows[:, None, :], (64, 8, 3)), dtype=np.float32)
+    return {"type": "envmap", "bitmap": mi.Bitmap(sky.pixels())}
 
 
 def _environment(environment: Environment) -> dict[str, Any]:

@@ -14,7 +14,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flowsculpt.render.post.image import jpeg_bytes
 from flowsculpt.render.scene.rgb_spaces import srgb_of_linear
 from flowsculpt.render.scene.textures import BLACK, REPEATED, Texture, read_picture
 
@@ -26,48 +25,68 @@ _KINDS = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg"}
 
 
 class EmbeddedPicture(NamedTuple):
-    """A PNG or a JPEG: its media type, its bytes, and what is shown beyond its sides, as of `Texture`."""
+    """A PNG or a JPEG: its media type, its bytes, and what is shown beyond its sides, as of `Texture`.
+
+    widest  the most pixels along a side; finer ones are averaged
+    """
 
     kind: str
     content: bytes
     wrap: tuple[str, str] = REPEATED
 
+    @classmethod
+    def of_texture(cls, texture: Texture, widest: int, is_colour: bool) -> EmbeddedPicture:
+        """Return the picture of a texture, without its factor. Raises as `read_picture`.
 
-def embedded(texture: Texture, widest: int, is_colour: bool) -> EmbeddedPicture:
-    """Return the picture of a texture, without its factor. Raises as `read_picture`.
+        is_colour  True for colours, linear Rec.709 to sRGB; False for numbers as stored
+        """
+        encode: Callable[[Any], Any] = srgb_of_linear if is_colour else np.asarray
+        pixels = read_picture(texture.path, texture.digest, texture.space if is_colour else "data")
+        content = Path(texture.path).read_bytes()
+        kind = next((kind for start, kind in _KINDS.items() if content.startswith(start)), None)
+        if kind is not None and max(pixels.shape[:2]) <= widest and BLACK not in texture.wrap:
+            is_same = hashlib.sha256(content).hexdigest() == texture.digest
+            if is_same and _shows(texture.path, _levels(encode(pixels))):
+                return cls(kind, content, texture.wrap)
+        shown = _bordered(_levels(encode(_at_most(pixels, widest))), texture.wrap)
+        if kind == "image/jpeg" and is_colour:
+            from flowsculpt.render.post.image import (
+                jpeg_bytes,
+            )  # needs OpenEXR, and GLBs without pictures do not
 
-    widest     the most pixels along a side; finer ones are averaged
-    is_colour  True for colours, linear Rec.709 to sRGB; False for numbers as stored
-    """
-    encode: Callable[[Any], Any] = srgb_of_linear if is_colour else np.asarray
-    pixels = read_picture(texture.path, texture.digest, texture.space if is_colour else "data")
-    content = Path(texture.path).read_bytes()
-    kind = next((kind for start, kind in _KINDS.items() if content.startswith(start)), None)
-    if kind is not None and max(pixels.shape[:2]) <= widest and BLACK not in texture.wrap:
-        is_same = hashlib.sha256(content).hexdigest() == texture.digest
-        if is_same and _shows(texture.path, _levels(encode(pixels))):
-            return EmbeddedPicture(kind, content, texture.wrap)
-    shown = bordered(_levels(encode(at_most(pixels, widest))), texture.wrap)
-    if kind == "image/jpeg" and is_colour:
-        return EmbeddedPicture(kind, jpeg_bytes(shown), texture.wrap)
-    return png(shown)._replace(wrap=texture.wrap)
+            return cls(kind, jpeg_bytes(shown), texture.wrap)
+        return cls("image/png", _png(shown), texture.wrap)
+
+    @classmethod
+    def of_numbers(
+        cls, planes: Sequence[NDArray[np.float32] | None], widest: int, wrap: tuple[str, str] = REPEATED
+    ) -> EmbeddedPicture:
+        """Return a picture of up to three planes (H, W, 1) of numbers from 0 to 1; one that is None is white.
+
+        The planes may differ in size: smaller ones are repeated.
+        """
+        reduced = [None if plane is None else _at_most(plane, widest) for plane in planes]
+        height, width = np.max([plane.shape[:2] for plane in reduced if plane is not None], axis=0)
+        pixels = np.ones((height, width, 3), np.float32)
+        for channel, plane in enumerate(reduced):
+            if plane is not None:
+                pixels[..., channel] = _resized(plane, height, width)[..., 0]
+        return cls("image/png", _png(_levels(pixels)), wrap)
+
+    @classmethod
+    def with_alpha(
+        cls, colours: NDArray[np.float32], alpha: NDArray[np.float32], widest: int, wrap: tuple[str, str]
+    ) -> EmbeddedPicture:
+        """Return a picture of colours (H, W, 3), linear Rec.709, and an alpha (H, W, 1), maybe of another
+        size."""
+        parts = [_at_most(np.clip(alpha, 0.0, 1.0), widest), _at_most(colours, widest)]
+        height, width = np.maximum(*(part.shape[:2] for part in parts))
+        alpha, colours = (_resized(part, height, width) for part in parts)
+        levels = _levels(np.concatenate([srgb_of_linear(colours), alpha], axis=2))
+        return cls("image/png", _png(_bordered(levels, wrap)), wrap)
 
 
-def embedded_numbers(planes: Sequence[NDArray[np.float32] | None], widest: int) -> EmbeddedPicture:
-    """Return a picture of up to three planes (H, W, 1) of numbers from 0 to 1; one that is None is white.
-
-    The planes may differ in size: smaller ones are repeated.
-    """
-    reduced = [None if plane is None else at_most(plane, widest) for plane in planes]
-    height, width = np.max([plane.shape[:2] for plane in reduced if plane is not None], axis=0)
-    pixels = np.ones((height, width, 3), np.float32)
-    for channel, plane in enumerate(reduced):
-        if plane is not None:
-            pixels[..., channel] = resized(plane, height, width)[..., 0]
-    return png(_levels(pixels))
-
-
-def bordered(levels: Levels, wrap: tuple[str, str]) -> Levels:
+def _bordered(levels: Levels, wrap: tuple[str, str]) -> Levels:
     """Return levels (H, W, C) with a black border at sides beyond which black is shown.
 
     Programs without that show the border there. Small pictures are enlarged, so that it stays thin.
@@ -76,7 +95,7 @@ def bordered(levels: Levels, wrap: tuple[str, str]) -> Levels:
         return levels
     height, width = levels.shape[:2]
     factor = -(-_LEAST_BORDERED // min(height, width))
-    levels = resized(levels, factor * height, factor * width)
+    levels = _resized(levels, factor * height, factor * width)
     for axis in (axis for axis, mode in ((1, wrap[0]), (0, wrap[1])) if mode == BLACK):
         np.moveaxis(levels, axis, 0)[[0, -1]] = 0
     return levels
@@ -100,7 +119,7 @@ def _shows(path: str, shown: Levels) -> bool:
     return bool((np.abs(colours.astype(np.int16) - shown) <= 1).all())
 
 
-def at_most(pixels: NDArray[np.float32], widest: int) -> NDArray[np.float32]:
+def _at_most(pixels: NDArray[np.float32], widest: int) -> NDArray[np.float32]:
     """Return pixels (H, W, C), averaged down to at most so many a side."""
     while max(pixels.shape[:2]) > widest:
         down, across = (2 if side > 1 else 1 for side in pixels.shape[:2])
@@ -110,7 +129,7 @@ def at_most(pixels: NDArray[np.float32], widest: int) -> NDArray[np.float32]:
     return pixels
 
 
-def resized(pixels: NDArray[Any], height: int, width: int) -> NDArray[Any]:
+def _resized(pixels: NDArray[Any], height: int, width: int) -> NDArray[Any]:
     """Return pixels (H, W, C) repeated to another size."""
     rows = np.arange(height) * pixels.shape[0] // height
     columns = np.arange(width) * pixels.shape[1] // width
@@ -121,9 +140,9 @@ def _levels(pixels: NDArray[np.floating]) -> Levels:
     return np.rint(255.0 * np.clip(pixels, 0.0, 1.0)).astype(np.uint8)
 
 
-def png(levels: Levels) -> EmbeddedPicture:
+def _png(levels: Levels) -> bytes:
     """Return levels (H, W, C) as a PNG."""
     import imageio.v3 as iio  # takes a moment
 
     content: bytes = iio.imwrite("<bytes>", levels, extension=".png", plugin="pillow")
-    return EmbeddedPicture("image/png", content)
+    return content

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from io import BytesIO
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 import OpenEXR
@@ -47,8 +47,13 @@ _STARTS = (b"v/1\x01\2\0\0\0", b"v/1\x01\2\4\0\0")
 CONVENTION, CHANNELS = "layers", "channels"
 """Header entries of a file with the channel names of another program: that program; the names by layer."""
 
-PIZ = {"compression": OpenEXR.PIZ_COMPRESSION}
-"""An entry of the header for arrays that are not pictures: smaller by an eighth than by ZIP, as exact."""
+Compression = Literal["zip", "rle", "piz"]
+
+COMPRESSIONS: Mapping[Compression, Any] = {
+    "zip": OpenEXR.ZIP_COMPRESSION,
+    "rle": OpenEXR.RLE_COMPRESSION,
+    "piz": OpenEXR.PIZ_COMPRESSION,
+}
 
 
 def write_exr(
@@ -60,7 +65,7 @@ def write_exr(
     attributes: ExrAttributes | None = None,
     standard: Mapping[str, str] | None = None,
     convention: str | None = None,
-    is_raw: bool = False,
+    compression: Compression = "zip",
 ) -> None:
     """Write a frame's AOVs to one EXR; `header` becomes `flowsculpt:` entries besides the frame's own facts.
 
@@ -68,7 +73,8 @@ def write_exr(
     attributes  attributes of the OpenEXR standard; those of its colours are written always
     standard    more entries of the header by their whole names
     convention  channel names, one of `quality.CONVENTIONS`, or None for our own
-    is_raw      for the next stage: compress by RLE, a fifth larger than by ZIP, in a third of the time
+    compression  zip; rle for the next stage, a fifth larger in a third of the time; piz for arrays that are
+                 not pictures, smaller by an eighth
 
     Header values are JSON: strings, numbers, lists (matrices), dicts. Our own channel names are R, G, B for
     the beauty, A for `alpha`, and otherwise like albedo.R or position.X. Half floats end at 65504: a
@@ -78,7 +84,7 @@ def write_exr(
     size = layers.size
     space = WORKING_SPACES[{**layers.facts, **header}.get("working_space", REC709.name)]
     written: dict[str, Any] = {
-        "compression": OpenEXR.RLE_COMPRESSION if is_raw else OpenEXR.ZIP_COMPRESSION,
+        "compression": COMPRESSIONS[compression],
         "chromaticities": space.chromaticities,
         "colorInteropID": space.interop_id,
         **(attributes or ExrAttributes()).entries(size),

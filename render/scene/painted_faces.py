@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-
-VERTEX_COLOURS = "vertex_colours"
-"""Name of the vertex attribute (V, 3) with the vertex colours of a model."""
 
 
 def material_weight(number: int) -> str:
@@ -20,12 +18,16 @@ def material_weight(number: int) -> str:
 class PaintedFaces:
     """The paint of F faces.
 
+    COLOURS      name of the vertex attribute (V, 3) with the vertex colours of a model
+
     coordinates  float64 (F, 3, 2) of their corners: 0 to 1 to the right and upwards in a texture, which
                  repeats beyond
     charts       int64 (F,): corners of one vertex in faces of the same chart are painted alike
     materials    int64 (F,): numbers of the materials of the model
     colours      linear Rec.709 reflectances (F, 3, 3) of their corners, or None where the model has none
     """
+
+    COLOURS: ClassVar[str] = "vertex_colours"
 
     coordinates: NDArray[np.float64]
     charts: NDArray[np.int64]
@@ -44,7 +46,7 @@ class PaintedFaces:
         weights = {material_weight(n): (materials == n).astype(np.float32)[:, None] for n in numbers}
         if self.colours is None:
             return weights
-        return {**weights, VERTEX_COLOURS: self.colours.reshape(-1, 3)[corners]}
+        return {**weights, self.COLOURS: self.colours.reshape(-1, 3)[corners]}
 
     def near_origin(self) -> NDArray[np.float64]:
         """Return the coordinates, each chart moved by whole textures to begin in the first one.

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ from flowsculpt.render.base.render_errors import BadInputError
 from flowsculpt.render.base.serialise import OMIT_DEFAULT, Colour, Triple
 from flowsculpt.render.scene.render_camera import unit
 from flowsculpt.render.scene.rgb_spaces import LUMA
-from flowsculpt.render.scene.sky import Daylight, Environment
+from flowsculpt.render.scene.sky import SUN_WIDTH, Daylight, Environment
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,12 @@ class Softbox:
 
 @dataclass(frozen=True)
 class Sun:
-    """Directional light with hard shadows: the direction it shines to, and its linear Rec.709 irradiance."""
+    """Directional light with hard shadows: the direction it shines to, and its linear Rec.709 irradiance.
+
+    WIDTH  angular diameter of the sun in nature, radians
+    """
+
+    WIDTH: ClassVar[float] = SUN_WIDTH
 
     direction: Triple
     irradiance: Colour
@@ -69,6 +74,13 @@ class Sky:
     def is_black(self) -> bool:
         """True if it gives no light."""
         return not any((*self.zenith, *self.horizon, *self.nadir))
+
+    def pixels(self) -> NDArray[np.float32]:
+        """Return its radiance (64, 8, 3) as an environment map."""
+        height = np.cos((np.arange(64) + 0.5) / 64 * math.pi)[:, None]
+        end = np.where(height > 0.0, np.array(self.zenith), np.array(self.nadir))
+        rows = np.array(self.horizon) + np.abs(height) ** 0.6 * (end - np.array(self.horizon))
+        return np.ascontiguousarray(np.broadcast_to(rows[:, None, :], (64, 8, 3)), dtype=np.float32)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from difflib import get_close_matches
 from functools import cache, lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,9 +30,6 @@ from flowsculpt.render.scene.picture_file import (
 )
 from flowsculpt.render.scene.rgb_spaces import REC709, converted_pixels, linear_of_srgb
 
-WIDEST = 4096
-"""Pixels along a side that are kept of a texture; finer ones are averaged."""
-
 SPACES = ("srgb", "linear", "data")
 """Short names of colour spaces: display values, linear Rec.709, and numbers that are not colours."""
 
@@ -42,9 +39,6 @@ _LINEAR = "lin_rec709_scene"
 
 WHOLE = (1.0, 1.0, 1.0)
 """The factor of textures that are shown as they are."""
-
-ALPHA = 3
-"""The channel of a picture's alpha."""
 
 
 REPEAT, CLAMP, MIRROR, BLACK = "repeat", "clamp", "mirror", "black"
@@ -57,6 +51,9 @@ REPEATED = (REPEAT, REPEAT)
 class Texture:
     """A picture that covers a surface.
 
+    ALPHA    the channel of a picture's alpha
+    WIDEST   pixels along a side that are kept; finer ones are averaged
+
     digest   SHA-256 of the file's content
     space    one of SPACES, or a colour space of OpenColorIO's config. None means the one that the file
              states, else "linear" for floats (EXR, HDR, TIFF) and "srgb" for integers
@@ -64,10 +61,14 @@ class Texture:
     reading  what `reading_of` returns
     factor   on red, green and blue, linear Rec.709, or on numbers, or on right, up and out of normals
     channel  0, 1 or 2: the one that holds numbers; ALPHA; None for the mean of all
-    wrap     what is shown beyond its left and right sides, and beyond its lower and upper ones
+    wrap     what is shown beyond its left and right sides, and beyond its lower and upper ones: repeat, it
+             again; clamp, its border; mirror, it mirrored in turn; black
 
     working_space  the space that colours are converted to
     """
+
+    ALPHA: ClassVar[int] = 3
+    WIDEST: ClassVar[int] = 4096
 
     digest: str
     space: str | None = None
@@ -77,6 +78,17 @@ class Texture:
     factor: Triple = field(default=WHOLE, metadata=OMIT_DEFAULT)
     channel: int | None = field(default=None, metadata=OMIT_DEFAULT)
     wrap: tuple[str, str] = field(default=REPEATED, metadata=OMIT_DEFAULT)
+
+    @classmethod
+    def of(cls, path: str, digest: str, space: str | None) -> Texture:
+        """Return the texture of a file, checked: all of it that keys hold. Raises as `read_picture`."""
+        read_picture(path, digest, space)
+        return cls(digest, space, path, reading=reading_of(path, digest, space))
+
+    @property
+    def repeats(self) -> bool:
+        """True if it is shown again beyond all its sides."""
+        return self.wrap == REPEATED
 
     def pixels(self) -> Pixels:
         """Return pixels (H, W, 3) of the working space from 0 to 1, or data as stored. Raises as
@@ -88,7 +100,7 @@ class Texture:
 
     def numbers(self) -> Pixels:
         """Return the mean of the channels as stored, or one of them, (H, W, 1). Raises as `read_picture`."""
-        if self.channel == ALPHA:
+        if self.channel == self.ALPHA:
             return read_alpha(self.path, self.digest)
         stored = read_picture(self.path, self.digest, "data")
         if self.channel is None:
@@ -119,7 +131,7 @@ def texels_at(
 
 @lru_cache(maxsize=6)
 def read_picture(path: str, digest: str, space: str | None) -> Pixels:
-    """Read a file's colours, (H, W, 3), averaged down to at most WIDEST pixels a side.
+    """Read a file's colours, (H, W, 3), averaged down to at most Texture.WIDEST pixels a side.
 
     A single channel becomes grey; alpha is left out. Colours are clipped to reflectances, 0 to 1; data are
     kept as stored.
@@ -154,8 +166,8 @@ def read_alpha(path: str, digest: str) -> Pixels:
 
 
 def _averaged(pixels: NDArray[np.floating]) -> Pixels:
-    """Return pixels (H, W, C), averaged down to at most WIDEST a side, which cannot be written to."""
-    while max(pixels.shape[:2]) > WIDEST:
+    """Return pixels (H, W, C), averaged down to at most Texture.WIDEST a side, which cannot be written to."""
+    while max(pixels.shape[:2]) > Texture.WIDEST:
         height, width = pixels.shape[0] // 2, pixels.shape[1] // 2
         pixels = pixels[: 2 * height, : 2 * width].reshape(height, 2, width, 2, -1).mean(axis=(1, 3))
     pixels = np.ascontiguousarray(pixels, dtype=np.float32)
@@ -169,12 +181,6 @@ def continued(pixels: Pixels, known: NDArray[np.bool_]) -> Pixels:
     count = sum(np.roll(known, step, (0, 1)) for step in steps)
     total = sum(np.roll(np.where(known, pixels, 0.0), step, (0, 1)) for step in steps)
     return np.where(known | (count == 0), pixels, total / np.maximum(count, 1)).astype(np.float32)
-
-
-def texture_of(path: str, digest: str, space: str | None) -> Texture:
-    """Return the texture of a file, checked: everything of it that keys hold. Raises as `read_picture`."""
-    read_picture(path, digest, space)
-    return Texture(digest, space, path, reading=reading_of(path, digest, space))
 
 
 @lru_cache(maxsize=64)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flowsculpt.render.scene.materials import Material, Painted, PatternedMaterial
-from flowsculpt.render.scene.painted_faces import VERTEX_COLOURS
+from flowsculpt.render.scene.painted_faces import PaintedFaces
 from flowsculpt.render.scene.patterns import Measure, looked_up
 from flowsculpt.render.scene.render_camera import Camera
 from flowsculpt.render.scene.scene_stage import StagePlacement
@@ -68,7 +68,7 @@ def _painted_colours(surface: Surface, painted: Painted) -> Floats | None:
         if part.colour_texture is not None:
             colours[faces] = _texture_colours(replace(surface, faces=faces, paint=own), part)[faces]
         else:
-            dyed = own.colours is not None and part.colour_from == VERTEX_COLOURS
+            dyed = own.colours is not None and part.colour_from == PaintedFaces.COLOURS
             colours[faces] = own.colours if dyed else part.colour
     return colours
 

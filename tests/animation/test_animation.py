@@ -89,7 +89,7 @@ def test_an_error_in_a_later_block_names_the_vertex_of_the_surface(
         points[(points == first.mesh.vertices[100]).all(axis=1)] = np.nan
         return points
 
-    monkeypatch.setattr("flowsculpt.pipeline.animation.loop.MOVED_TOGETHER", 32)
+    monkeypatch.setattr("flowsculpt.pipeline.flow.flow_map.MOVED_TOGETHER", 32)
     with pytest.raises(FrameError, match="moved vertex 100 from"):
         list(animate(resampled(motion, placement="chord"), flow=broken))
 

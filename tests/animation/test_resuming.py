@@ -115,7 +115,7 @@ def test_many_vertices_are_moved_by_blocks_to_the_same_bits(
 ) -> None:
     motion = resampled(motion, placement=placement)
     *_, whole = itertools.islice(animate(motion), 6)
-    monkeypatch.setattr("flowsculpt.pipeline.animation.loop.MOVED_TOGETHER", 37)
+    monkeypatch.setattr("flowsculpt.pipeline.flow.flow_map.MOVED_TOGETHER", 37)
     *_, parted = itertools.islice(animate(motion), 6)
     assert same(whole, parted)
 

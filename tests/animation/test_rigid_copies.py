@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from flowsculpt.pipeline.animation import MeshFrame, animate, descent, moved_to_subframe
 from flowsculpt.pipeline.errors import FrameError, ShotError
 from flowsculpt.pipeline.mesh.placed_copies import Placements, nearest_rotations
-from flowsculpt.pipeline.production.request.shading import Shading, flow_motion, vertex_motion
+from flowsculpt.pipeline.production.request.shading import Shading
 from flowsculpt.pipeline.shot import Motion, read_shot
 from flowsculpt.pipeline.statistics import mesh_statistics
 
@@ -117,14 +117,14 @@ def test_copies_within_the_shutter_are_rigid_and_meet_the_next_frame() -> None:
     now, after = frames[2], frames[3]
     assert np.array_equal(moved_to_subframe(motion, now, 4).mesh.vertices, after.mesh.vertices)
     shading = Shading.of(now, motion.thresholds_at(3), 2)
-    shown, arrays = flow_motion(motion, shading), shading.arrays()
+    shown, arrays = shading.moved_by(motion), shading.arrays()
     points, normals = shown.at(0.0)
     assert np.allclose(points, arrays["vertices"], atol=1e-6)
     assert np.allclose(normals, arrays["normals"], atol=1e-6)
     half, turned = (values.reshape(5, -1, 3) for values in shown.at(0.5))
     assert np.abs(lengths(half) - lengths(points.reshape(5, -1, 3))).max() < 1e-12
     assert np.abs(np.linalg.norm(turned, axis=2) - 1.0).max() < 1e-12
-    speeds = vertex_motion(motion, now).velocity().reshape(5, -1, 3)
+    speeds = Shading.vertex_motion(motion, now).velocity().reshape(5, -1, 3)
     away = now.mesh.vertices.reshape(5, -1, 3) - now.copies.origins[:, None]
     stretch = np.einsum("nvi,nvi->nv", away, speeds - speeds.mean(axis=1, keepdims=True))
     assert np.abs(stretch).max() < 1e-3 * np.abs(speeds).max(), "a rigid body does not stretch"

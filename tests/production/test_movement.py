@@ -16,7 +16,6 @@ from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.request.shading import (
     Shading,
     SurfaceMotion,
-    flow_motion,
     framing_at,
     turning_motion,
 )
@@ -46,7 +45,7 @@ def movement(text: str, number: int) -> tuple[Shot, MeshFrame, SurfaceMotion]:
     frame = next(frame for frame in animate(shot) if frame.number == number)
     resampling = shot.motion.resampling_at(number)
     thresholds = resampling.thresholds if resampling else Thresholds(1.0)
-    return shot, frame, flow_motion(shot.motion, Shading.of(frame, thresholds, shot.picture.tessellate))
+    return shot, frame, Shading.of(frame, thresholds, shot.picture.tessellate).moved_by(shot.motion)
 
 
 @pytest.mark.parametrize("subject", [BALL, BALL + "smooth: {tessellate: 2}\n", CLOUD, NET])

@@ -20,7 +20,7 @@ from flowsculpt.render.scene.scene import Scene
 from flowsculpt.render.scene.scene_lights import LIGHTS
 from flowsculpt.render.scene.scene_stage import STAGES, StagePlacement
 from flowsculpt.render.scene.surface import Surface
-from flowsculpt.render.scene.textures import ALPHA, Texture, read_alpha
+from flowsculpt.render.scene.textures import Texture, read_alpha
 from tests.render.test_painted import PLACED, square
 from tests.render.test_textures import GREEN, WHITE, write
 
@@ -97,7 +97,7 @@ def test_colours_go_on_into_the_holes_beside_them(tmp_path: Path) -> None:
     pixels[:, 2:] = (0.2, 0.4, 0.6, 1.0)
     texture = replace(write(tmp_path / "a.exr", pixels), space="linear")
     assert read_alpha(texture.path, texture.digest)[0, :, 0].tolist() == [0.0, 0.0, 1.0, 1.0]
-    holes = Opacity(texture=replace(texture, space="data", channel=ALPHA), cutoff=0.5)
+    holes = Opacity(texture=replace(texture, space="data", channel=Texture.ALPHA), cutoff=0.5)
     shown = Diffuse(WHITE, colour_texture=texture, opacity=holes).colour_pixels()
     assert shown == pytest.approx(np.broadcast_to((0.2, 0.4, 0.6), (4, 4, 3)))
     assert not Diffuse(WHITE, colour_texture=texture).colour_pixels()[:, :2].any()

@@ -19,7 +19,15 @@ from flowsculpt.render.base.render_errors import (
     MissingImageError,
 )
 from flowsculpt.render.graphics.typesetting import lettering
-from flowsculpt.render.post.image import read_exr, read_header, read_png, write_exr, write_png
+from flowsculpt.render.post.image import (
+    COMPRESSIONS,
+    Compression,
+    read_exr,
+    read_header,
+    read_png,
+    write_exr,
+    write_png,
+)
 from flowsculpt.render.scene.aovs import RenderedFrame
 from tests.full_disk import disk_of
 
@@ -111,13 +119,17 @@ def test_the_same_picture_is_the_same_file_whenever_it_is_written(
     assert (tmp_path / "a.exr").read_bytes() == (tmp_path / "b.exr").read_bytes()
 
 
-@pytest.mark.parametrize("is_raw", [False, True])
+@pytest.mark.parametrize("compression", COMPRESSIONS)
 @pytest.mark.parametrize("share", [0.99, 0.5, 0.01])
 def test_a_truncated_picture_is_reported_in_one_line(
-    share: float, is_raw: bool, layers: RenderedFrame, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    share: float,
+    compression: Compression,
+    layers: RenderedFrame,
+    tmp_path: Path,
+    capfd: pytest.CaptureFixture[str],
 ) -> None:
     path = tmp_path / "a.0007.exr"
-    write_exr(path, layers, {}, is_raw=is_raw)
+    write_exr(path, layers, {}, compression=compression)
     whole = path.read_bytes()
     path.write_bytes(whole[: int(len(whole) * share)])
     with pytest.raises(CorruptImageError, match=r"a\.0007\.exr") as raised:
@@ -137,14 +149,15 @@ def test_a_picture_with_a_changed_byte_is_reported(layers: RenderedFrame, tmp_pa
         read_exr(path)
 
 
-def test_a_raw_picture_holds_what_a_finished_one_does(layers: RenderedFrame, tmp_path: Path) -> None:
+def test_a_picture_holds_the_same_by_any_compression(layers: RenderedFrame, tmp_path: Path) -> None:
     read = []
-    for is_raw in (False, True):
-        write_exr(path := tmp_path / f"{is_raw}.exr", layers, {"frame": 3}, is_raw=is_raw)
+    for compression in COMPRESSIONS:
+        write_exr(path := tmp_path / f"{compression}.exr", layers, {"frame": 3}, compression=compression)
         read.append(read_exr(path))
-    (finished, header), (raw, raw_header) = read
-    assert raw_header == header and raw.arrays.keys() == finished.arrays.keys()
-    assert all(np.array_equal(raw[name], finished[name]) for name in finished.arrays)
+    finished, header = read[0]
+    for raw, raw_header in read[1:]:
+        assert raw_header == header and raw.arrays.keys() == finished.arrays.keys()
+        assert all(np.array_equal(raw[name], finished[name]) for name in finished.arrays)
 
 
 def test_pictures_of_other_programs_are_read(tmp_path: Path) -> None:

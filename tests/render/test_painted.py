@@ -13,7 +13,7 @@ from flowsculpt.render.base.render_errors import BadInputError
 from flowsculpt.render.mitsuba.texture_coordinates import MIRRORED, TEXTURE_TANGENT, texture_coordinates
 from flowsculpt.render.scene.aovs import RenderedFrame
 from flowsculpt.render.scene.materials import Diffuse, Painted, Satin
-from flowsculpt.render.scene.painted_faces import VERTEX_COLOURS, PaintedFaces
+from flowsculpt.render.scene.painted_faces import PaintedFaces
 from flowsculpt.render.scene.render_camera import Camera
 from flowsculpt.render.scene.render_quality import Quality
 from flowsculpt.render.scene.scene_lights import LightRig, Softbox
@@ -64,7 +64,7 @@ def test_a_texture_lies_by_the_coordinates_of_the_model(tmp_path: Path, rendered
 
 def test_each_material_is_on_its_own_faces(tmp_path: Path, rendered: Rendered) -> None:
     textured = Diffuse(WHITE, colour_texture=quarters(tmp_path / "a.exr"), projection=PLACED)
-    dyed = Satin(WHITE, roughness=0.5, coat=0.0, colour_from=VERTEX_COLOURS)
+    dyed = Satin(WHITE, roughness=0.5, coat=0.0, colour_from=PaintedFaces.COLOURS)
     look = Painted(WHITE, parts=(textured, Diffuse(BLUE), dyed))
     surface = square((2, 0), coloured=True)
     layers = rendered(surface=surface, look=look, camera=FRONT, quality=Quality(96, 54, 4, depth=2))

@@ -19,7 +19,7 @@ from flowsculpt.render.base.serialise import from_plain, to_plain
 from flowsculpt.render.scene import sky, textures
 from flowsculpt.render.scene.rgb_spaces import encoding_of, encoding_of_icc, linear_of_srgb
 from flowsculpt.render.scene.sky import Environment, environment_of
-from flowsculpt.render.scene.textures import Texture, require_decodable, texture_of
+from flowsculpt.render.scene.textures import Texture, require_decodable
 
 Floats = np.ndarray[Any, np.dtype[np.floating]]
 
@@ -68,7 +68,7 @@ def write(path: Path, *parts: tuple[oiio.ImageSpec, Floats]) -> Path:
 
 
 def texture(path: Path, space: str | None = None) -> Texture:
-    return texture_of(str(path), sha256(path.read_bytes()).hexdigest(), space)
+    return Texture.of(str(path), sha256(path.read_bytes()).hexdigest(), space)
 
 
 def environment(path: Path) -> Environment:

@@ -16,7 +16,7 @@ from flowsculpt.api.commands import print_result, print_warning, require_one_of
 from flowsculpt.api.files import disk_errors
 from flowsculpt.api.frames import Show
 from flowsculpt.api.options import Common
-from flowsculpt.api.shots import DEFAULTS, DOCUMENTS, inherited, name_fault, read_shot, text_of
+from flowsculpt.api.shots import DEFAULTS, DOCUMENTS, inherited_source, name_fault, read_shot, text_of
 from flowsculpt.pipeline.plugins.authoring.gallery_shots import GALLERY, gallery_files, gallery_names
 from flowsculpt.pipeline.plugins.authoring.new_files import Content, same_contents, write_new
 from flowsculpt.pipeline.plugins.authoring.schema_command import SCHEMAS, defaults_of, write_schemas
@@ -188,7 +188,7 @@ def _of_source(source: str, name: str) -> _NewShot:
 
 def _about_defaults(target: Path, text: str, source: str) -> list[str]:
     """Return a remark about a copy that is not as the shot in another folder, by the defaults of this one."""
-    alone, here = inherited(target, text, (), {}).data, inherited(target, text, (), None).data
+    alone, here = inherited_source(target, text, (), {}).data, inherited_source(target, text, (), None).data
     names = ", ".join(name for name, value in here.items() if value != alone.get(name))
     if not names or read_shot(target, text) == read_shot(target, text, beside={}):
         return []

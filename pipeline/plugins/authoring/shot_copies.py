@@ -14,7 +14,7 @@ from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 from flowsculpt import UsageError
 from flowsculpt.api.frames import Show
-from flowsculpt.api.shots import YamlSource, composed, flow_style, inherited, inherited_files, text_of
+from flowsculpt.api.shots import YamlSource, flow_style, inherited_files, inherited_source, text_of, yaml_tree
 
 _WORDS = ("title", "intent")
 """Entries that name no file."""
@@ -53,7 +53,7 @@ def copied_shot(path: Path, text: str, files: list[Path], keeps_files: bool) -> 
     there = {file.resolve() for file in files}
     copies: dict[Path, Path] = {}
     final = today = text
-    for node in reversed([*_names(composed(text))]):
+    for node in reversed([*_names(yaml_tree(text))]):
         place = (folder / node.value).resolve()
         if place not in there and not any(fnmatch(file.as_posix(), place.as_posix()) for file in there):
             continue
@@ -82,8 +82,8 @@ def whole_text(path: Path) -> str:
     text = text_of(path)
     if not (beside := inherited_files(path, text)):
         return text
-    own, whole = YamlSource.read(path, text).data, inherited(path, text, (), beside).data
-    node = composed(text)
+    own, whole = YamlSource.read(path, text).data, inherited_source(path, text, (), beside).data
+    node = yaml_tree(text)
     if not isinstance(node, MappingNode):
         return text  # the reader reports it
     begins = [name.start_mark.index for name, _ in node.value]

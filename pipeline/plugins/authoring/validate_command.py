@@ -31,8 +31,8 @@ from flowsculpt.api.shots import (
     Shot,
     Where,
     YamlSource,
-    dotted,
-    inherited,
+    dotted_path,
+    inherited_source,
     outside_note,
     read_film,
     read_shot,
@@ -141,7 +141,7 @@ def _check(name: str, settings: tuple[str, ...], first_frames: FirstFrames) -> _
     check = _Check(name)
     try:
         path = Show().find_shot(name)
-        shot, source = read_shot(path, settings=settings), inherited(path, None, settings, None)
+        shot, source = read_shot(path, settings=settings), inherited_source(path, None, settings, None)
     except FlowsculptError as error:
         check.add_error(error)
         return check
@@ -167,7 +167,7 @@ def _of_outer_keys(source: YamlSource, clock: Clock) -> Iterator[str]:
         inside = any(clock.holds(time) or (of_flow and clock.flow_holds(time)) for time in times)
         is_one_side = min(times) > 0.0 or max(times) < 0.0
         held = mapping.get("before" if min(times) > 0.0 else "after") in (None, "hold")
-        still += [dotted(where)] if len(keys) > 1 and not inside and is_one_side and held else []
+        still += [dotted_path(where)] if len(keys) > 1 and not inside and is_one_side and held else []
         is_early |= of_flow and min(times) < 0.0
     if still:
         yield f"Nothing moves in {', '.join(still)}, whose keys are all outside. Move them into the shot."

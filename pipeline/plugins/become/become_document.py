@@ -4,7 +4,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 
-from flowsculpt.api.flows import Keyframes, ParameterDoc
+from flowsculpt.api.flows import Keyframes, Number, ParameterDoc
 from flowsculpt.api.shots import (
     SOLIDS,
     Clock,
@@ -18,9 +18,7 @@ from flowsculpt.api.shots import (
     WeightField,
     as_finding,
     bad_value,
-    exactly_one,
-    number,
-    vector,
+    curve_of,
 )
 from flowsculpt.pipeline.plugins.become.become_flow import Become
 from flowsculpt.pipeline.plugins.become.stored_fits import PlacedShape
@@ -35,8 +33,6 @@ class BecomeDocument(OneOfSeveral, FlowParameters):
     flow = Become
     noun, several = "what the subject becomes", ("model", "solid")
     example = "{model: bunny.obj, fit: 2, from: 1, to: 48}"
-
-    model_config = exactly_one(*several)
 
     model: Annotated[str | None, ParameterDoc("a closed model in this file")] = None
     fit: Annotated[Positive | None, ParameterDoc("of the model: its largest extent, centred", "units")] = None
@@ -91,7 +87,7 @@ class BecomeDocument(OneOfSeveral, FlowParameters):
                 raise bad_value(f"{self.solid} is not a solid. Write one of {', '.join(SOLIDS)}.")
             _require_known(named, SOLIDS[self.solid].measures, f"the {self.solid}")
             subject = SolidDocument.model_validate({"solid": self.solid, **named}).build()
-        x, y, z = vector(self.place or [0.0, 0.0, 0.0])
+        x, y, z = map(float, self.place or [0.0, 0.0, 0.0])
         self._target = PlacedShape(subject, (x, y, z))
         as_finding(lambda: self._target.mesh)
         return self
@@ -124,7 +120,8 @@ class BecomeDocument(OneOfSeveral, FlowParameters):
 
     def own_values(self, clock: Clock) -> dict[str, Any]:
         if self.progress is not None:
-            progress = number(self.progress, clock)
+            given = self.progress
+            progress: Number = float(given) if isinstance(given, int | float) else curve_of(given, clock)
         else:
             progress = Keyframes(self._times(clock), ((0.0,), (1.0,)), (self.ease, self.ease))
         return {"target": self._target, "progress": progress, "detail": self.detail}

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from flowsculpt import Flow, FrameError, UsageError
-from flowsculpt.api.flows import Keyframes, Number, Vector, number_at
+from flowsculpt.api.flows import Keyframes, Number, number_at
 from flowsculpt.api.meshes import Points
 from flowsculpt.api.shots import CloudInSolid, Model, Solid
 from flowsculpt.pipeline.plugins.become.fitting import Detail
@@ -84,7 +84,7 @@ class Become(Flow):
             )
         return self.start
 
-    def of_subject(self, subject: Any, place: Vector, before: Sequence[Flow]) -> Become:
+    def of_subject(self, subject: Any, place: tuple[float, float, float], before: Sequence[Flow]) -> Become:
         """Return the flow that begins where the one before it arrives, or with the subject at rest."""
         if isinstance(subject, CloudInSolid):
             subject = subject.solid  # the fit is one of space, in which the points lie

@@ -17,18 +17,16 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from flowsculpt import MeshError, Streamlines, TriangleMesh, UsageError
+from flowsculpt import MachineError, MeshError, Streamlines, TriangleMesh, UsageError
 from flowsculpt.api import report_progress
 from flowsculpt.api.files import CachedAnswer, atomic_write, usable, writable_cache
-from flowsculpt.api.flows import Sampled, Samples, StepPlan, Vector
-from flowsculpt.api.frames import CorruptFileError, Locks
+from flowsculpt.api.flows import Sampled, Samples, StepPlan
+from flowsculpt.api.frames import CorruptFileError, Locks, StoredFiles
 from flowsculpt.api.meshes import AnyArray, Floats, Points, components, require
 from flowsculpt.api.shots import Model, PluginSurface, Solid, as_data
 from flowsculpt.pipeline.plugins.become.fitting import THIN, Detail, Leg, Residual, State, fitted
 from flowsculpt.pipeline.plugins.become.target import PATCH, FittedSurface, face_vectors, lengths
 from flowsculpt.pipeline.plugins.become.velocity_path import KNOTS, STEPS, PathSpace
-from flowsculpt.pipeline.production.store import readers
-from flowsculpt.render.base.render_errors import MachineError
 
 T = TypeVar("T")
 
@@ -64,7 +62,7 @@ class PlacedShape:
     """A solid or a model where it stands in a shot."""
 
     subject: Solid | Model
-    place: Vector
+    place: tuple[float, float, float]
 
     @property
     def name(self) -> str:
@@ -367,7 +365,7 @@ def residual_of(
 def _loaded(path: Path, reader: Callable[[Mapping[str, AnyArray]], T]) -> T | None:
     """Return what a reader makes of the arrays of a file; None where there are none that it can use."""
     with suppress(CorruptFileError):
-        return usable(lambda: reader(readers.read_npz(path)))
+        return usable(lambda: reader(StoredFiles.read_arrays(path)))
     return None
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from flowsculpt.api.shots import DOCUMENTS, FlowParameters, Shot, flow_style, inherited
+from flowsculpt.api.shots import DOCUMENTS, FlowParameters, Shot, flow_style, inherited_source
 
 INHERITED = ("extends", "looks", "rigs")
 """Entries whose effect is spelt out in a genome."""
@@ -52,7 +52,7 @@ class Genome:
     def of(cls, shot: Shot) -> Genome:
         """Return the genome of a shot that was read from a file. Raises the errors of its subject."""
         assert shot.path is not None, "it was read from a file"
-        data = inherited(shot.path, None, (), None).data
+        data = inherited_source(shot.path, None, (), None).data
         data = {name: value for name, value in data.items() if name not in INHERITED}
         points = np.concatenate([part.motion.mesh_at_rest().vertices for part in shot.parts])
         low, high = points.min(axis=0), points.max(axis=0)

@@ -61,7 +61,7 @@ from flowsculpt.api.pictures import (
     write_finished,
     write_movie,
 )
-from flowsculpt.api.shots import NAME, OPTION, in_yaml, inherited, linear_of, shown
+from flowsculpt.api.shots import NAME, in_yaml, inherited_source, linear_of, quote_name
 from flowsculpt.pipeline.plugins.delivery.hdr_frames import Frame
 
 RELIGHT = PipelineStage("relight", version=1, packages=("OpenImageIO",), doing="relighting", makes="frame")
@@ -303,7 +303,7 @@ class LightSettings:
         for setting in settings:
             if match := _INTENSITY.fullmatch(setting):
                 raise UsageError(
-                    f"{OPTION} {setting}: an intensity belongs to the shot; changing it renders frames "
+                    f"--set {setting}: an intensity belongs to the shot; changing it renders frames "
                     "again. Scale "
                     f"the rendered light by a factor instead: lights.{match[1] or 'key'}={match[2]}"
                 )
@@ -323,14 +323,14 @@ class LightSettings:
         names = [group.name for group in lights.groups]
         if not self.factors:
             raise UsageError(
-                f"no light is set. Write, for example, {OPTION} lights.{names[0]}=1.4; the light groups of "
+                f"no light is set. Write, for example, --set lights.{names[0]}=1.4; the light groups of "
                 f"{shot} are {', '.join(names)}"
             )
         for name in self.factors:
             if name not in names:
                 owner = next((group.name for group in lights.groups if name in group.lights), None)
                 remedy = f"It is in group {owner}: set lights.{owner}." if owner else suggestion(name, names)
-                raise UsageError(f"{OPTION} lights.{name}: {shot} has no light group {name}. {remedy}")
+                raise UsageError(f"--set lights.{name}: {shot} has no light group {name}. {remedy}")
         return {name: _parsed(name, self.factors[name]) for name in names if name in self.factors}
 
 
@@ -346,7 +346,7 @@ def _parsed(name: str, text: str) -> Factor:
         numbers = []
     if len(numbers) not in (1, 3) or not all(math.isfinite(n) and 0.0 <= n <= MAX_FACTOR for n in numbers):
         raise UsageError(
-            f"{OPTION} lights.{name}: {shortened(text)} is not a factor from 0 to 1e6. Write a number, "
+            f"--set lights.{name}: {shortened(text)} is not a factor from 0 to 1e6. Write a number, "
             f"lights.{name}=1.4, or a colour, lights.{name}=1,0.8,0.6 or 'lights.{name}=#ffd0a0'"
         )
     red, green, blue = numbers * (3 // len(numbers))
@@ -373,7 +373,7 @@ def permanent(path: Path, of_shot: Sequence[str], lights: LightRig, factors: Map
     written_factors = {name: factor for name, factor in factors.items() if name not in refused}
     words = []
     if any(members[name] for name in written_factors):
-        data: Any = inherited(path, None, tuple(of_shot), None).data
+        data: Any = inherited_source(path, None, tuple(of_shot), None).data
         written = data.get("lights")
         before = written.get("intensity", 1.0) if isinstance(written, dict) else 1.0
         if not isinstance(before, dict):
@@ -385,10 +385,10 @@ def permanent(path: Path, of_shot: Sequence[str], lights: LightRig, factors: Map
         }
         intensity = {**before, **after}
         if isinstance(written, dict):
-            words.append(f"write intensity: {in_yaml(intensity)} under lights in {shown(path)}")
+            words.append(f"write intensity: {in_yaml(intensity)} under lights in {quote_name(path)}")
         else:
             rig = {"rig": written or "studio", "intensity": intensity}
-            words.append(f"write lights: {in_yaml(rig)} in {shown(path)}")
+            words.append(f"write lights: {in_yaml(rig)} in {quote_name(path)}")
     if refused:
         words.append(
             f"{', '.join(refused)}: the colour of daylight and of an hdri cannot be set; write softboxes or "
@@ -463,7 +463,7 @@ def relight(
     lights, path = request.shot.picture.lights, Show().find_shot(shot)
     if not lights.groups:
         raise UsageError(
-            f"{shown(path)}: {request.name} has no light groups, so its frames cannot be relit. Write "
+            f"{quote_name(path)}: {request.name} has no light groups, so its frames cannot be relit. Write "
             f"light_groups: each in the file, and render it: {_command('render', request)}"
         )
     factors = given.by_group(request.name, lights)

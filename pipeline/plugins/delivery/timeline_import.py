@@ -13,7 +13,7 @@ from pathlib import Path
 from flowsculpt import FlowsculptError, MissingInputError, UsageError
 from flowsculpt.api import ShotError
 from flowsculpt.api.files import Parser, ParserError, as_utf8, read_input
-from flowsculpt.api.shots import shown
+from flowsculpt.api.shots import quote_name
 
 _ERRORS: tuple[type[FlowsculptError], ...] = (ShotError, MissingInputError, UsageError)
 
@@ -26,7 +26,7 @@ def edit_of(timeline: Path, shots: Collection[str], folder: Path) -> tuple[Path,
         answer = Parser("flowsculpt.pipeline.plugins.delivery.imported_edit").answer(timeline, *words)
     except ParserError as error:
         fault = f"it cannot be read as OpenTimelineIO ({error}); export it again"
-        raise ShotError(f"{shown(timeline)}: {fault}") from None
+        raise ShotError(f"{quote_name(timeline)}: {fault}") from None
     text, kind, *messages = json.loads(answer)
     for error_type in _ERRORS:
         if kind == error_type.__name__:
@@ -41,10 +41,12 @@ def _frames_of_movies(timeline: Path, shots: Collection[str], folder: Path) -> d
         content = as_utf8(read_input(timeline))
         if b'"ExternalReference.' not in content:
             return {}
-        from flowsculpt.api.shots import inherited  # takes time
+        from flowsculpt.api.shots import inherited_source  # takes time
 
         for shot in shots:
             with suppress(FlowsculptError):  # the reader of the edit reports its faults
                 if shot.encode() in content:
-                    frames[shot] = str(inherited(folder / f"{shot}.yaml", None, (), None).get("frames"))
+                    frames[shot] = str(
+                        inherited_source(folder / f"{shot}.yaml", None, (), None).get("frames")
+                    )
     return frames

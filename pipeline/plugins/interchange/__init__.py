@@ -1,7 +1,6 @@
 """Interchange: models of other 3-D programs, and shots and resampled models as files for them."""
 
-from flowsculpt.api import Command, Plugin
-from flowsculpt.pipeline.plugin import FileFormat
+from flowsculpt.api import Command, FileFormat, Plugin
 
 _HERE = "flowsculpt.pipeline.plugins.interchange"
 _COMMANDS = f"{_HERE}.export_commands"

@@ -12,11 +12,10 @@ from typing import IO
 import numpy as np
 
 from flowsculpt import MachineError
-from flowsculpt.api.files import command
+from flowsculpt.api.files import command, environment
 from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh, even_step
 from flowsculpt.pipeline.plugins.interchange.refining import Began
 from flowsculpt.pipeline.plugins.interchange.scene_readers import require_package
-from flowsculpt.render.base.python_process import environment
 
 
 def require_alembic() -> None:

@@ -15,6 +15,7 @@ from flowsculpt import FrameError
 from flowsculpt.api import Animation, plural
 from flowsculpt.api.files import to_plain
 from flowsculpt.api.frames import Framing, Key, RenderRequest, Store, key_of
+from flowsculpt.api.materials import Diffuse
 from flowsculpt.pipeline.plugins.interchange.alembic_export import write_alembic
 from flowsculpt.pipeline.plugins.interchange.animated_gltf import (
     Moving,
@@ -29,10 +30,10 @@ from flowsculpt.pipeline.plugins.interchange.refining import Began
 from flowsculpt.pipeline.plugins.interchange.unifying import Unification
 from flowsculpt.pipeline.plugins.interchange.vertex_textures import VertexTextures
 from flowsculpt.pipeline.plugins.interchange.web_player import PARTS, WebPage, require_three_js
-from flowsculpt.render.scene.materials import LOOKS
 
 _VERSION = 2  # of the formats as they are written here
 
+_CLAY = Diffuse((0.73, 0.595, 0.46))  # of shapes without the look of their shot
 _UNSEEN = 0.05  # error of vertices that players can do without, maximum edge lengths
 
 _SMOOTH = 1 / 400  # distance of vertices from their true positions in players, of the sculpture's extent
@@ -135,7 +136,7 @@ def animation(request: RenderRequest, store: Store, vertices: int) -> Animation:
 
     def glb(began: Began) -> bytes:
         meshes = _meshes(parts, began)
-        moving = [Moving(mesh.name, _keyframes(mesh, began, _SMOOTH), LOOKS["clay"]) for mesh in meshes]
+        moving = [Moving(mesh.name, _keyframes(mesh, began, _SMOOTH), _CLAY) for mesh in meshes]
         return quantized_animation(request.name, moving)
 
     return Animation(key_of(EXPORT.recipe, "animation", _VERSION, [part.key for part in parts]), glb)

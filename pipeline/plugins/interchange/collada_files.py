@@ -13,9 +13,8 @@ import numpy as np
 
 from flowsculpt import MeshError
 from flowsculpt.api import brief, shortened
-from flowsculpt.api.meshes import AnyArray, Floats, Points
-from flowsculpt.pipeline.file_contents import number_fault
-from flowsculpt.pipeline.mesh.mesh_formats import FileSurface, SurfaceReader, reader_of
+from flowsculpt.api.files import number_fault
+from flowsculpt.api.meshes import AnyArray, FileSurface, Floats, Points, SurfaceReader, reader_of
 from flowsculpt.pipeline.plugins.interchange.scene_readers import (
     PlacedMeshes,
     Polygons,

@@ -9,12 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from flowsculpt import UsageError
-from flowsculpt.api.frames import MeshFrame
-from flowsculpt.api.meshes import AnyArray, Floats, Points, Vectors
-from flowsculpt.pipeline.mesh.placed_copies import Placements
+from flowsculpt.api.frames import MeshFrame, Shading
+from flowsculpt.api.meshes import AnyArray, Floats, Placements, Points, Vectors
 from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh
 from flowsculpt.pipeline.plugins.interchange.unifying import Unification
-from flowsculpt.pipeline.production.request.shading import vertex_motion
 
 REMEDY = "Leave out --instances"
 
@@ -93,7 +91,7 @@ class Instances:
         frame = self.frames[number]
         placements = placed(frame)
         points = self.mesh.points_at(number).reshape(len(placements), -1, 3)
-        moved = vertex_motion(self.unification.request.shot.motion, frame).velocity()
+        moved = Shading.vertex_motion(self.unification.request.shot.motion, frame).velocity()
         return PlacedCopies(
             placements, *rigid_velocities(points, moved.reshape(points.shape), placements.origins)
         )

@@ -14,8 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
-from flowsculpt.api.meshes import AnyArray, Faces, Floats, Indices, Points, Vectors, edge_keys
-from flowsculpt.pipeline.mesh.meshes import morton_order
+from flowsculpt.api.meshes import AnyArray, Faces, Floats, Indices, Points, Vectors, edge_keys, morton_order
 from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh
 
 MOST_ERROR = 0.25

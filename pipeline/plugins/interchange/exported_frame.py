@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import json
 import logging
-import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -27,26 +26,13 @@ from flowsculpt.api.frames import (
     StoredFiles,
     key_of,
 )
+from flowsculpt.api.materials import (
+    PatternedMaterial,
+    Texture,
+)
 from flowsculpt.api.meshes import AnyArray, Faces, Floats, Indices, Points, Vectors
 from flowsculpt.api.pictures import SPEED, Material, Painted, PaintedFaces, Surface, vertex_colours
 from flowsculpt.api.shots import Model, Shot, Solid
-from flowsculpt.pipeline.mesh.halfedge_mesh import IDENTITY
-from flowsculpt.pipeline.mesh.normals import ShadedMesh
-from flowsculpt.pipeline.production.request.shading import flow_motion, vertex_motion
-from flowsculpt.pipeline.production.store import readers
-from flowsculpt.render.base.serialise import Colour
-from flowsculpt.render.scene.materials import (
-    BrushedMetal,
-    Diffuse,
-    Glass,
-    Glossy,
-    Metal,
-    MitsubaMaterial,
-    PatternedMaterial,
-    Satin,
-    Smoke,
-)
-from flowsculpt.render.scene.textures import Texture
 
 EXPORT = PipelineStage("export", version=3, doing="exporting", makes="geometry", per_quality=False)
 
@@ -182,12 +168,13 @@ def exported_frame(shot: Shot, frame: MeshFrame) -> ExportedFrame:
     shading = Shading.of(whole, shot.motion.thresholds_at(frame.number), shot.picture.tessellate)
     if shading.split is None:
         return _exported_net(shot, shading)
-    return _exported_mesh(shot, frame, shading.split)
+    return _exported_mesh(shot, frame, shading)
 
 
-def _exported_mesh(shot: Shot, frame: MeshFrame, split: ShadedMesh) -> ExportedFrame:
-    mesh, rest = frame.mesh, frame.material
-    velocities, source = vertex_motion(shot.motion, frame).velocity(), split.source_vertex
+def _exported_mesh(shot: Shot, frame: MeshFrame, shading: Shading) -> ExportedFrame:
+    mesh, rest, split = frame.mesh, frame.material, shading.split
+    assert split is not None, "a mesh is split at its creases"
+    velocities, source = Shading.vertex_motion(shot.motion, frame).velocity(), split.source_vertex
     look = shot.picture.look
     paint = shot.motion.painted(rest, mesh.faces)
     surface = rendered_surface(split.vertices, split.normals, split.faces, rest[source], velocities[source])
@@ -204,7 +191,7 @@ def _exported_mesh(shot: Shot, frame: MeshFrame, split: ShadedMesh) -> ExportedF
 
 
 def _exported_net(shot: Shot, shading: Shading) -> ExportedFrame:
-    motion, arrays = flow_motion(shot.motion, shading), shading.arrays()
+    motion, arrays = shading.moved_by(shot.motion), shading.arrays()
     (points, normals), velocities = motion.at(0.0), motion.velocity()
     assert normals is not None, "a net has a surface"
     faces, rest = arrays["faces"], arrays["material"].astype(np.float64)
@@ -218,8 +205,8 @@ def _exported_net(shot: Shot, shading: Shading) -> ExportedFrame:
 
 def _exported_cloud(shot: Shot, frame: MeshFrame) -> ExportedFrame:
     points, rest = frame.mesh.vertices, frame.material
-    velocities, nothing = vertex_motion(shot.motion, frame).velocity(), np.empty((0, 3))
-    faces, numbers = nothing.astype(np.int32), frame.mesh.attributes.get(IDENTITY)
+    velocities, nothing = Shading.vertex_motion(shot.motion, frame).velocity(), np.empty((0, 3))
+    faces, numbers = nothing.astype(np.int32), frame.mesh.attributes.get("identity")
     surface = rendered_surface(points, np.zeros_like(points), faces, rest, velocities)
     places = shot.motion.copy_places(shot.picture.look.pattern, rest)
     surface = replace(surface, attributes={**surface.attributes, **places})
@@ -314,54 +301,7 @@ def stored_frame(request: RenderRequest, store: Store, number: int) -> ExportedF
     key = request.keys.mesh(number)
     if not store.holds("mesh", key):
         raise FrameError("it was not simulated, so it is not exported", number)
-    frame = store.read("mesh", key, request.place("mesh", number), readers.mesh_frame(key, number))
+    frame = store.read(
+        "mesh", key, request.place("mesh", number), StoredFiles("mesh").reader(key, number=number)
+    )
     return exported_frame(request.shot, frame)
-
-
-CLEAR_OPACITY = 0.3
-"""Opacity of clear bodies. Readers do not refract at a preview surface; at 0 some would show nothing."""
-
-
-class PreviewSurface(NamedTuple):
-    """Inputs of a UsdPreviewSurface. `colour` is linear Rec.709; the others lie between 0 and 1.
-
-    Roughness is the root of the width of GGX lobes, as UsdPreviewSurface and glTF have it.
-    """
-
-    colour: Colour
-    roughness: float
-    metallic: float = 0.0
-    clearcoat: float = 0.0
-    opacity: float = 1.0
-    refraction: float = 1.5
-    is_matt: bool = False
-
-
-def preview_surface(look: Material) -> PreviewSurface:
-    """Return the preview surface that is nearest to a look."""
-    if isinstance(look, Painted) and len(look.parts) == 1:
-        (look,) = look.parts
-    surface = _preview_surface(look)
-    opacity = look.opacity if isinstance(look, PatternedMaterial) else None
-    return surface if opacity is None else surface._replace(opacity=opacity.factor)
-
-
-def _preview_surface(look: Material) -> PreviewSurface:
-    if isinstance(look, Metal | BrushedMetal):
-        return PreviewSurface(look.colour, math.sqrt(look.roughness), metallic=1.0)
-    if isinstance(look, Satin):
-        return PreviewSurface(look.colour, look.roughness, look.metallic, look.coat)
-    if isinstance(look, Glass):
-        return PreviewSurface(
-            look.auxiliary_colour,
-            math.sqrt(look.roughness),
-            opacity=CLEAR_OPACITY,
-            refraction=look.refraction,
-        )
-    if isinstance(look, Smoke):
-        return PreviewSurface(look.colour, 1.0, opacity=CLEAR_OPACITY, is_matt=True)
-    if isinstance(look, MitsubaMaterial):
-        return PreviewSurface(look.colour, look.roughness)
-    if isinstance(look, Glossy):
-        return PreviewSurface(look.colour, math.sqrt(look.roughness))
-    return PreviewSurface(look.colour, 1.0, is_matt=isinstance(look, Diffuse))

@@ -10,22 +10,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flowsculpt.api.meshes import AnyArray
-from flowsculpt.api.pictures import Material, Painted
-from flowsculpt.pipeline.plugins.interchange.exported_frame import PreviewSurface, preview_surface
-from flowsculpt.render.post.embedded_textures import (
+from flowsculpt.api.materials import (
     EmbeddedPicture,
-    at_most,
-    bordered,
-    embedded,
-    embedded_numbers,
-    png,
-    resized,
+    Opacity,
+    PatternedMaterial,
+    Satin,
+    Texture,
 )
-from flowsculpt.render.scene.materials import Opacity, PatternedMaterial, Satin
-from flowsculpt.render.scene.painted_faces import VERTEX_COLOURS
-from flowsculpt.render.scene.rgb_spaces import srgb_of_linear
-from flowsculpt.render.scene.textures import WHOLE, WIDEST, Texture
+from flowsculpt.api.meshes import AnyArray
+from flowsculpt.api.pictures import Material, Painted, PaintedFaces
+from flowsculpt.pipeline.plugins.interchange.preview_surfaces import PreviewSurface, preview_surface
 
 COMPACT = 2048
 """The most pixels along a side of pictures in compressed files; finer ones are averaged."""
@@ -59,7 +53,7 @@ class ExportedMaterial(NamedTuple):
         return any((self.colour, self.numbers, self.normals))
 
 
-def exported_materials(look: Material, widest: int = WIDEST) -> tuple[ExportedMaterial, ...]:
+def exported_materials(look: Material, widest: int = Texture.WIDEST) -> tuple[ExportedMaterial, ...]:
     """Return the materials of a look: those of a model by their numbers, of other looks one.
 
     widest  the most pixels along a side of a picture
@@ -100,12 +94,12 @@ def _exported(part: Material, is_of_model: bool, widest: int) -> ExportedMateria
     texture: Texture | None = getattr(part, "colour_texture", None)
     bumps: Texture | None = getattr(part, "normal_texture", None)
     picture = normals = None
-    is_coloured = not is_of_model or getattr(part, "colour_from", None) == VERTEX_COLOURS
+    is_coloured = not is_of_model or getattr(part, "colour_from", None) == PaintedFaces.COLOURS
     if texture is not None:
-        picture, is_coloured = embedded(texture, widest, is_colour=True), False
+        picture, is_coloured = EmbeddedPicture.of_texture(texture, widest, is_colour=True), False
         surface = surface._replace(colour=texture.factor)
     if bumps is not None:
-        normals = embedded(bumps, widest, is_colour=False)
+        normals = EmbeddedPicture.of_texture(bumps, widest, is_colour=False)
     bump = 1.0 if bumps is None else bumps.factor[0]
     opacity: Opacity | None = getattr(part, "opacity", None)
     if opacity is None:
@@ -119,16 +113,12 @@ def _exported(part: Material, is_of_model: bool, widest: int) -> ExportedMateria
 
 def _with_alpha(part: Material, mask: Texture, widest: int) -> EmbeddedPicture:
     """Return the colours of a material, white without a picture, with an alpha."""
-    alpha = at_most(np.clip(mask.numbers(), 0.0, 1.0), widest)
     colours = np.ones((1, 1, 3), np.float32)
     if isinstance(part, PatternedMaterial) and part.colour_texture is not None:
-        plain = replace(part.colour_texture, factor=WHOLE)
-        colours = at_most(replace(part, colour_texture=plain).colour_pixels(), widest)
-    height, width = np.maximum(alpha.shape[:2], colours.shape[:2])
-    planes = [resized(plane, height, width) for plane in (srgb_of_linear(colours), alpha)]
+        plain = replace(part.colour_texture, factor=(1.0, 1.0, 1.0))
+        colours = replace(part, colour_texture=plain).colour_pixels()
     wrap = (getattr(part, "colour_texture", None) or mask).wrap
-    levels = np.rint(255.0 * np.concatenate(planes, axis=2)).astype(np.uint8)
-    return png(bordered(levels, wrap))._replace(wrap=wrap)
+    return EmbeddedPicture.with_alpha(colours, mask.numbers(), widest, wrap)
 
 
 def _numbers(
@@ -142,14 +132,13 @@ def _numbers(
         return None, surface
     if rough and metal and (rough.digest, rough.channel, metal.channel) == (metal.digest, 1, 2):
         factors = surface._replace(roughness=rough.factor[1], metallic=metal.factor[2])
-        return embedded(rough, widest, is_colour=False), factors
+        return EmbeddedPicture.of_texture(rough, widest, is_colour=False), factors
     held = [None, planes.get("roughness"), planes.get("metallic")]
     roughness = 1.0 if "roughness" in planes else surface.roughness
     metallic = 1.0 if "metallic" in planes else surface.metallic
     wrap = next(texture.wrap for texture in (rough, metal) if texture is not None)
-    return embedded_numbers(held, widest)._replace(wrap=wrap), surface._replace(
-        roughness=roughness, metallic=metallic
-    )
+    factors = surface._replace(roughness=roughness, metallic=metallic)
+    return EmbeddedPicture.of_numbers(held, widest, wrap), factors
 
 
 def _fits(part: Material) -> bool:

@@ -19,11 +19,8 @@ import numpy as np
 
 from flowsculpt import MeshError
 from flowsculpt.api import plural, shortened
-from flowsculpt.api.files import Parser, read_input, require_input
-from flowsculpt.api.meshes import AnyArray, Floats, Points
-from flowsculpt.pipeline.file_contents import text_content
-from flowsculpt.pipeline.mesh.face_soup import FaceSoup
-from flowsculpt.pipeline.mesh.mesh_formats import FileSurface, SurfaceReader
+from flowsculpt.api.files import Parser, read_input, require_input, text_content
+from flowsculpt.api.meshes import AnyArray, FileSurface, Floats, Points, SurfaceReader
 from flowsculpt.pipeline.plugins.interchange.scene_readers import (
     PlacedMeshes,
     Polygons,
@@ -273,18 +270,21 @@ def _parted_edges(mesh: ufbx.Mesh, points: Points, corners: AnyArray, sides: Any
         return none
     normals = _unit_vectors(values[index])
     offsets = np.concatenate([[0], np.cumsum(sides)])
-    soup = FaceSoup(points, offsets, corners, np.arange(len(sides)), np.arange(len(points)))
-    ends = np.sort(np.column_stack([corners, soup.heads]))
+    next_side, owners = np.arange(1, len(corners) + 1), np.repeat(np.arange(len(sides)), sides)
+    next_side[offsets[1:] - 1] = offsets[:-1]
+    ends = np.sort(np.column_stack([corners, corners[next_side]]))
     order = np.lexsort(ends.T)
     starts = np.flatnonzero(np.append(True, (np.diff(ends[order], axis=0) != 0).any(axis=1)))
     twice = starts[np.diff(np.append(starts, len(order))) == 2]
     a, b = order[twice], order[twice + 1]
     flips = corners[a] != corners[b]  # sides of neighbours run in opposite directions
-    tails, heads = np.where(flips, soup.next_side[b], b), np.where(flips, b, soup.next_side[b])
-    planes = _unit_vectors(soup.area_vectors)[soup.owners]
+    tails, heads = np.where(flips, next_side[b], b), np.where(flips, b, next_side[b])
+    centred = points[corners] - points.mean(axis=0)
+    areas = np.add.reduceat(np.cross(centred, centred[next_side]), offsets[:-1])  # Newell's
+    planes = _unit_vectors(areas)[owners]
     is_bent = _dot(planes[a], planes[b]) < _SAME_NORMAL
     is_parted = (_dot(normals[a], normals[tails]) < _SAME_NORMAL) | (
-        _dot(normals[soup.next_side[a]], normals[heads]) < _SAME_NORMAL
+        _dot(normals[next_side[a]], normals[heads]) < _SAME_NORMAL
     )
     if is_parted[is_bent].all():
         return none

@@ -18,9 +18,9 @@ import numpy as np
 from flowsculpt import MeshError
 from flowsculpt.api import brief, shortened
 from flowsculpt.api.files import Parser, digest_of_file, read_input, require_input
-from flowsculpt.api.meshes import AnyArray, Floats
+from flowsculpt.api.materials import Opacity, PatternedMaterial, Texture
+from flowsculpt.api.meshes import AnyArray, Floats, ModelMaterials, PaintReader
 from flowsculpt.api.pictures import linear_of_srgb
-from flowsculpt.pipeline.mesh.mesh_formats import ModelMaterials, PaintReader
 from flowsculpt.pipeline.plugins.interchange.fbx_files import (
     MOST_BYTES,
     counted,
@@ -47,8 +47,6 @@ from flowsculpt.pipeline.plugins.interchange.scene_readers import (
     asked,
     content_of,
 )
-from flowsculpt.render.scene.materials import Opacity, PatternedMaterial
-from flowsculpt.render.scene.textures import CLAMP, REPEAT, Texture
 
 if TYPE_CHECKING:
     import ufbx
@@ -73,7 +71,7 @@ _MAX_COLOUR = "3dsMax|main|basecolor"
 """The colour of a PBR material of 3ds Max, whose name ufbx does not have."""
 
 _FILE = 0  # by ufbx's TextureType
-_WRAPS = (REPEAT, CLAMP)
+_WRAPS = ("repeat", "clamp")
 """What is shown beyond the sides of a picture, by ufbx's WrapMode."""
 
 _NO_INDEX = 0xFFFFFFFF

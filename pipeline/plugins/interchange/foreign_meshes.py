@@ -10,13 +10,17 @@ from numpy.typing import ArrayLike
 
 from flowsculpt import MeshError, PolygonMesh, TriangleMesh, UsageError
 from flowsculpt.api import plural
-from flowsculpt.api.meshes import AnyArray, Points, read_paint
-from flowsculpt.pipeline.mesh.face_soup import first_alike
-from flowsculpt.pipeline.mesh.mesh_formats import Paint, polygon_surface
-from flowsculpt.pipeline.mesh.read import repair_surface
+from flowsculpt.api.meshes import (
+    AnyArray,
+    Paint,
+    Points,
+    file_surface,
+    find_coincident,
+    read_paint,
+    repair_surface,
+)
 from flowsculpt.pipeline.plugins.interchange.mesh_writers import UV
 from flowsculpt.pipeline.plugins.interchange.model_paint import ModelPaint
-from flowsculpt.pipeline.resample.placement import REST
 
 
 def repair_mesh(mesh: TriangleMesh | PolygonMesh) -> tuple[TriangleMesh, tuple[str, ...]]:
@@ -33,10 +37,8 @@ def repair_mesh(mesh: TriangleMesh | PolygonMesh) -> tuple[TriangleMesh, tuple[s
     with its count and the coordinates of the first. Raises MeshError where nothing sound can be made of it.
     """
     faces = mesh if isinstance(mesh, PolygonMesh) else PolygonMesh.from_triangles(mesh)
-    offsets, corners = faces.offsets.astype(np.int64), faces.corners.astype(np.int64)
-    surface = polygon_surface(faces.vertices, offsets, corners)._replace(
-        tagged=faces.creases.astype(np.int64)
-    )
+    surface = file_surface(faces.vertices, faces.corners.astype(np.int64), sides=np.diff(faces.offsets))
+    surface = surface._replace(tagged=faces.creases.astype(np.int64))
     repaired, changes = repair_surface(surface)
     first, source = _first_vertices(mesh.vertices, repaired.vertices)
     attributes = {name: values[source] for name, values in mesh.attributes.items()}
@@ -59,8 +61,12 @@ def _first_vertices(vertices: Points, places: Points) -> tuple[AnyArray, AnyArra
     The tolerance is a share of the extent of the places.
     """
     both = np.concatenate([vertices, places])
-    first = first_alike(both, np.arange(len(both)) >= len(vertices))
+    first = find_coincident(both, np.arange(len(both)) >= len(vertices))
     return first[: len(vertices)], first[len(vertices) :]
+
+
+REST = "rest"
+"""Name of the vertex attribute (V, 3) with positions at rest, which exact placement keeps."""
 
 
 class TextureCoordinates:

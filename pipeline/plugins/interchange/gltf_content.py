@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from flowsculpt import UsageError
 from flowsculpt.api.files import disk_errors
+from flowsculpt.api.materials import EmbeddedPicture, Texture
 from flowsculpt.api.meshes import AnyArray, Faces
 from flowsculpt.api.pictures import Material
 from flowsculpt.pipeline.plugins.interchange.exported_materials import (
@@ -27,8 +28,6 @@ from flowsculpt.pipeline.plugins.interchange.exported_materials import (
 )
 from flowsculpt.pipeline.plugins.interchange.meshopt_encoder import encode_attributes, encode_indices
 from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh
-from flowsculpt.render.post.embedded_textures import EmbeddedPicture
-from flowsculpt.render.scene.textures import BLACK, CLAMP, MIRROR, REPEAT, WIDEST
 
 FLOAT, SHORT, WIDE, UNSIGNED = 5126, 5122, 5125, 5123  # component types
 _VERTICES, _INDICES = 34962, 34963  # targets of buffer views
@@ -38,7 +37,7 @@ _MESHOPT = "EXT_meshopt_compression"
 _FILTERS = {"magFilter": 9729, "minFilter": 9987}
 """Of samplers: linear, with mipmaps."""
 
-_WRAPS = {REPEAT: 10497, CLAMP: 33071, MIRROR: 33648, BLACK: 33071}
+_WRAPS = {"repeat": 10497, "clamp": 33071, "mirror": 33648, "black": 33071}
 """What is shown beyond the sides of a picture; black is the border (`bordered`)."""
 
 _LARGEST_FILE = 2**32 - 1  # bytes that the header of a GLB can state
@@ -101,7 +100,7 @@ class GltfContent:
         materials  (F,): the material of each face, ascending; None where all have the first
         is_closed  tells whether nobody sees the inside; None where it is not known
         """
-        parts = exported_materials(look, WIDEST if self.plain else COMPACT)
+        parts = exported_materials(look, Texture.WIDEST if self.plain else COMPACT)
         numbers = np.zeros(len(faces), np.int64) if materials is None else materials
         found = []
         for number in np.unique(numbers).tolist():

@@ -18,9 +18,8 @@ from urllib.parse import unquote, unquote_to_bytes
 
 from flowsculpt import MeshError
 from flowsculpt.api import brief
-from flowsculpt.api.files import read_input
-from flowsculpt.pipeline.mesh.mesh_formats import early_end
-from flowsculpt.render.base.input_files import opened_input
+from flowsculpt.api.files import open_input, read_input
+from flowsculpt.pipeline.plugins.interchange.scene_readers import early_end
 
 _LARGEST = float_info.max
 
@@ -221,7 +220,7 @@ class GltfDocument:
     @classmethod
     def read(cls, path: Path) -> GltfDocument:
         """Read a .gltf or .glb, by its content. Raises ValueError where it is neither, or ends early."""
-        with opened_input(path, MOST_BYTES) as (file, size):
+        with open_input(path, MOST_BYTES) as (file, size):
             head = file.read(min(size, 12))
             if head[:4] == b"glTF":
                 promised = max(int.from_bytes(head[8:12], "little"), 12)
@@ -292,7 +291,7 @@ class GltfDocument:
         if index > 0 or self.binary is None:
             raise ValueError(f"{buffer.place} has no address, and is not the binary chunk of a GLB")
         offset, size = self.binary
-        with opened_input(self.path, MOST_BYTES) as (opened, _):
+        with open_input(self.path, MOST_BYTES) as (opened, _):
             opened.seek(offset)
             return opened.read(size)
 

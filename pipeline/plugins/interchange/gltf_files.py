@@ -14,8 +14,15 @@ import numpy as np
 from flowsculpt import MissingInputError
 from flowsculpt.api import brief, plural, reason_of
 from flowsculpt.api.files import Parser, digest_of_file, require_input
-from flowsculpt.api.meshes import AnyArray, Floats, Points
-from flowsculpt.pipeline.mesh.mesh_formats import FileSurface, ModelFiles, SurfaceReader, file_surface
+from flowsculpt.api.meshes import (
+    AnyArray,
+    FileSurface,
+    Floats,
+    ModelFiles,
+    Points,
+    SurfaceReader,
+    file_surface,
+)
 from flowsculpt.pipeline.plugins.interchange.gltf_document import (
     MESHOPT,
     MOST_BYTES,

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -20,9 +20,8 @@ import numpy as np
 from flowsculpt import MeshError
 from flowsculpt.api import brief
 from flowsculpt.api.files import Parser, digest_of_file, require_input
-from flowsculpt.api.meshes import AnyArray, Floats
-from flowsculpt.api.pictures import REPEATED
-from flowsculpt.pipeline.mesh.mesh_formats import Files, ModelMaterials, PaintReader
+from flowsculpt.api.materials import PatternedMaterial, Texture
+from flowsculpt.api.meshes import AnyArray, Floats, ModelMaterials, PaintReader
 from flowsculpt.pipeline.plugins.interchange.gltf_document import MOST_BYTES, GltfDocument, JsonObject
 from flowsculpt.pipeline.plugins.interchange.gltf_files import (
     SceneArrays,
@@ -40,8 +39,6 @@ from flowsculpt.pipeline.plugins.interchange.painted_materials import (
     picture,
     picture_within,
 )
-from flowsculpt.render.scene.materials import PatternedMaterial
-from flowsculpt.render.scene.textures import CLAMP, MIRROR, REPEAT, Texture
 
 _TRANSFORM = "KHR_texture_transform"
 _GLOSSINESS = "KHR_materials_pbrSpecularGlossiness"
@@ -50,7 +47,7 @@ _UNLIT = "KHR_materials_unlit"
 _PICTURES = ("EXT_texture_webp", "MSFT_texture_dds")
 """Extensions that name pictures of textures in other formats which are read."""
 
-_WRAPS = {10497: REPEAT, 33071: CLAMP, 33648: MIRROR}
+_WRAPS = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
 """What is shown beyond the sides of a picture, by the numbers of glTF."""
 
 _SHOWN = ("_ior", "_specular", "_volume", "_dispersion", "_emissive_strength")
@@ -230,7 +227,7 @@ def _numbers_of(material: JsonObject, name: str, otherwise: list[float]) -> list
     return surface.numbers(name, len(otherwise)) if name in surface else otherwise
 
 
-def _files(path: Path) -> Files:
+def _files(path: Path) -> Mapping[Path, str]:
     return {file: digest_of_file(file) for file in files_of_buffers(PaintedScene.read(path))}
 
 
@@ -321,9 +318,9 @@ def _source_of(texture: JsonObject) -> object:
 
 def _wrap_of(document: GltfDocument, texture: JsonObject) -> tuple[str, str]:
     if "sampler" not in texture:
-        return REPEATED
+        return ("repeat", "repeat")
     sampler = document.item("samplers", texture.values["sampler"], texture.place)
-    across, up = (_WRAPS.get(sampler.whole(name, 10497), REPEAT) for name in ("wrapS", "wrapT"))
+    across, up = (_WRAPS.get(sampler.whole(name, 10497), "repeat") for name in ("wrapS", "wrapT"))
     return across, up
 
 

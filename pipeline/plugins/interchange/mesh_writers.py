@@ -13,11 +13,13 @@ import numpy as np
 
 from flowsculpt import MeshError, PolygonMesh, TriangleMesh, vertex_normals
 from flowsculpt.api.files import atomic_write
-from flowsculpt.api.meshes import AnyArray, Floats, Indices
-from flowsculpt.pipeline.mesh.normals import NORMAL, face_normals
+from flowsculpt.api.meshes import AnyArray, Floats, Indices, face_normals
 from flowsculpt.pipeline.plugins.interchange.stl_files import TRIANGLE
 
 _PLY_TYPES = {"f8": "double", "f4": "float", "i4": "int", "i2": "short", "i1": "char", "u1": "uchar"}
+
+NORMAL = "normal"
+"""Name of the vertex attribute (V, 3) with normals."""
 
 UV = "uv"
 """Name of the vertex attribute (V, 2) with texture coordinates, 0 to 1 to the right and upwards."""

@@ -22,10 +22,10 @@ from flowsculpt import FrameError, MeshError, TriangleMesh, UsageError, validate
 from flowsculpt.api.files import disk_errors, to_plain
 from flowsculpt.api.flows import TriangleTree
 from flowsculpt.api.frames import Key, RenderRequest, Store, key_of
+from flowsculpt.api.materials import srgb_of_linear
 from flowsculpt.api.meshes import AnyArray, Floats, Points, Vectors, face_normals, self_intersections, unit
 from flowsculpt.api.options import Frames
 from flowsculpt.api.pictures import Material
-from flowsculpt.pipeline.mesh.normals import NORMAL
 from flowsculpt.pipeline.plugins.interchange.drawn_mesh import split_corners
 from flowsculpt.pipeline.plugins.interchange.exported_frame import (
     ExportedFrame,
@@ -35,8 +35,7 @@ from flowsculpt.pipeline.plugins.interchange.exported_frame import (
 )
 from flowsculpt.pipeline.plugins.interchange.exported_materials import pictures_recipe
 from flowsculpt.pipeline.plugins.interchange.gltf_content import GltfContent
-from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
-from flowsculpt.render.scene.rgb_spaces import srgb_of_linear
+from flowsculpt.pipeline.plugins.interchange.mesh_writers import NORMAL, write_mesh
 
 RAYS = 4000  # the most faces that rays start from, chosen evenly
 

@@ -20,10 +20,18 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from flowsculpt.api.meshes import AnyArray, Faces, Floats, Indices, Points, components, edge_keys
+from flowsculpt import PolygonMesh
+from flowsculpt.api.meshes import (
+    AnyArray,
+    Faces,
+    Floats,
+    Indices,
+    Points,
+    components,
+    edge_keys,
+    find_coincident,
+)
 from flowsculpt.api.pictures import PaintedFaces
-from flowsculpt.pipeline.mesh.face_soup import first_alike
-from flowsculpt.pipeline.mesh.meshes import triangulate
 
 if TYPE_CHECKING:
     from flowsculpt.api.flows import TriangleTree
@@ -78,11 +86,11 @@ class ModelPaint:
         """
         offsets = np.concatenate([[0], np.cumsum(sides)]).astype(np.int32)
         apart = np.arange(len(corners), dtype=np.int32)
-        triangles, _ = triangulate(np.ascontiguousarray(points[corners]), offsets, apart)
+        triangles = PolygonMesh.from_arrays(points[corners], offsets, apart).triangulated().faces
         materials = np.repeat(materials, sides - 2).astype(np.int64)
         rows = coordinates if colours is None else np.column_stack([coordinates, colours])
         _, alike = np.unique(np.round(rows / _STEPS), axis=0, return_inverse=True)
-        joined = first_alike(points, np.ones(len(points), bool))[corners]
+        joined = find_coincident(points, np.ones(len(points), bool))[corners]
         charts = _charts(joined[triangles], alike.reshape(-1)[triangles], coordinates[triangles], materials)
         of_corners = None if colours is None else colours[triangles].astype(np.float32)
         return cls(points, corners[triangles], coordinates[triangles], materials, of_corners, charts, points)
@@ -100,7 +108,7 @@ class ModelPaint:
     def seams(self, vertices: Points, edges: Indices) -> Indices:
         """Return those edges (of E, 2) between charts of a surface whose vertices are points of the file."""
         both = np.concatenate([self.points, vertices])
-        joined = first_alike(both, np.ones(len(both), bool))
+        joined = find_coincident(both, np.ones(len(both), bool))
         keys, chart = _sides(joined[self.corners], self.charts)
         order = np.lexsort([chart, keys])
         differs = (np.diff(keys[order]) == 0) & (np.diff(chart[order]) != 0)

@@ -16,14 +16,8 @@ import numpy as np
 
 from flowsculpt import MeshError
 from flowsculpt.api import plural
-from flowsculpt.pipeline.file_contents import number_fault, text_content
-from flowsculpt.pipeline.mesh.mesh_formats import (
-    FileSurface,
-    SurfaceReader,
-    offsets_of,
-    polygon_surface,
-    reader_of,
-)
+from flowsculpt.api.files import number_fault, text_content
+from flowsculpt.api.meshes import FileSurface, SurfaceReader, file_surface, reader_of
 
 _PARTING = (b"o", b"g", b"s", b"usemtl")
 """Statements that begin another object, group, smoothing group or material."""
@@ -221,7 +215,7 @@ class _Wavefront:
         notes = (f"{' and '.join(counts)} left out: only faces (f) make a surface",) if counts else ()
         points = np.array(self.coordinates, np.float64).reshape(-1, 3)
         corners = np.array(self.corners, np.int64) - 1
-        return polygon_surface(points, offsets_of(self.sides), corners, self.groups, self.tagged, 1, notes)
+        return file_surface(points, corners, self.groups, self.tagged, 1, notes, self.sides)
 
 
 def _creases(words: list[bytes]) -> list[tuple[int, int]]:

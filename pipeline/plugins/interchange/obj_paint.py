@@ -18,10 +18,10 @@ import numpy as np
 
 from flowsculpt import MeshError
 from flowsculpt.api import brief
-from flowsculpt.api.files import digest_of_file, read_input
+from flowsculpt.api.files import digest_of_file, number_fault, read_input, text_content
+from flowsculpt.api.materials import Opacity, PatternedMaterial, Texture
+from flowsculpt.api.meshes import ModelMaterials, PaintReader
 from flowsculpt.api.pictures import linear_of_srgb
-from flowsculpt.pipeline.file_contents import number_fault, text_content
-from flowsculpt.pipeline.mesh.mesh_formats import MOST_BYTES, ModelMaterials, PaintReader
 from flowsculpt.pipeline.plugins.interchange.model_paint import ModelPaint
 from flowsculpt.pipeline.plugins.interchange.obj_files import statements
 from flowsculpt.pipeline.plugins.interchange.painted_materials import (
@@ -33,10 +33,10 @@ from flowsculpt.pipeline.plugins.interchange.painted_materials import (
     painted,
     picture,
 )
-from flowsculpt.render.scene.materials import Opacity, PatternedMaterial
-from flowsculpt.render.scene.textures import ALPHA, CLAMP, Texture
 
 _NAMES = re.compile(rb"^[ \t]*(usemtl|mtllib)[ \t]+([^\r\n]*)", re.MULTILINE)
+
+_MOST_BYTES = 1 << 30  # size of the largest file
 
 _PLACES = {b"-o": "0", b"-s": "1", b"-t": "0"}
 """Options of up to three numbers that move a texture, and the numbers that move nothing."""
@@ -45,7 +45,7 @@ _PLACES = {b"-o": "0", b"-s": "1", b"-t": "0"}
 def _read_paint(path: Path) -> ModelPaint:
     """Read the paint of an OBJ file. Raises ValueError, with its line, for unreadable input."""
     reader = _Paint()
-    for line, words in statements(text_content(read_input(path, MOST_BYTES)), 1):
+    for line, words in statements(text_content(read_input(path, _MOST_BYTES)), 1):
         try:
             reader.add(words)
         except (ValueError, IndexError) as error:
@@ -112,7 +112,7 @@ def _materials(path: Path) -> ModelMaterials:
 
     Raises MissingInputError where none of the files that it names is there, MeshError for damaged numbers.
     """
-    content = text_content(read_input(path, MOST_BYTES))
+    content = text_content(read_input(path, _MOST_BYTES))
     used: dict[bytes, None] = {}
     libraries: dict[bytes, None] = {}
     current, at = b"", 0
@@ -184,7 +184,7 @@ def _entries(library: Path) -> Iterator[tuple[bytes, dict[bytes, list[bytes]]]]:
     """Yield the materials of an MTL file: names, and the words of each statement by its first, in small
     letters, as programs write them in both ways."""
     entries: dict[bytes, list[bytes]] = {}
-    for _, words in statements(text_content(read_input(library, MOST_BYTES)), 1):
+    for _, words in statements(text_content(read_input(library, _MOST_BYTES)), 1):
         if words[0] == b"newmtl":
             entries = {}
             yield b" ".join(words[1:]), entries
@@ -254,7 +254,7 @@ def _opacity(library: Path, entries: dict[bytes, list[bytes]], files: dict[Path,
     if words is not None:
         texture = _picture(library, words, files, "data")
         option = words[words.index(b"-imfchan") + 1 :] if b"-imfchan" in words else []
-        channel = {b"r": 0, b"g": 1, b"b": 2, b"m": ALPHA}.get(option[0] if option else b"")
+        channel = {b"r": 0, b"g": 1, b"b": 2, b"m": Texture.ALPHA}.get(option[0] if option else b"")
         texture = mask_of(texture) if channel is None else replace(texture, channel=channel)
     return opacity_of(factor, texture)
 
@@ -263,7 +263,7 @@ def _picture(library: Path, words: list[bytes], files: dict[Path, str], space: s
     """Return the picture that a statement names; with `-clamp on` it does not repeat."""
     texture = picture(library, _picture_name(words), files, space)
     option = words[words.index(b"-clamp") + 1 :][:1] if b"-clamp" in words else []
-    return replace(texture, wrap=(CLAMP, CLAMP)) if option == [b"on"] else texture
+    return replace(texture, wrap=("clamp", "clamp")) if option == [b"on"] else texture
 
 
 def _picture_name(words: list[bytes]) -> str:

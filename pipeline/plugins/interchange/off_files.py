@@ -11,16 +11,17 @@ from typing import NamedTuple
 import numpy as np
 
 from flowsculpt import MeshError
-from flowsculpt.api.meshes import AnyArray, Floats, Points
-from flowsculpt.pipeline.file_contents import number_fault, text_content
-from flowsculpt.pipeline.mesh.mesh_formats import (
+from flowsculpt.api.files import number_fault, text_content
+from flowsculpt.api.meshes import (
+    AnyArray,
     FileSurface,
+    Floats,
+    Points,
     SurfaceReader,
-    early_end,
-    offsets_of,
-    polygon_surface,
+    file_surface,
     reader_of,
 )
+from flowsculpt.pipeline.plugins.interchange.scene_readers import early_end
 
 _KEYWORD = re.compile(rb"((?:ST|C|N|4|n)*)OFF(\d*)")
 """The first word, perhaps with the number of vertices behind it, as ModelNet has it."""
@@ -155,7 +156,7 @@ def _read_rows(rows: Iterator[Row], layout: _Layout, vertices: int, faces: int) 
         sides.append(count)
     _require_faces(faces, len(sides), sum(1 for _ in rows), "row")
     points = layout.points(np.array(positions, np.float64).reshape(-1, width))
-    return polygon_surface(points, offsets_of(sides), np.array(corners, np.int64))
+    return file_surface(points, np.array(corners, np.int64), sides=sides)
 
 
 def _require_faces(promised: int, present: int, more: int, item: str) -> None:
@@ -189,7 +190,7 @@ def _read_words(rows: list[Row], layout: _Layout, vertices: int, faces: int) -> 
             at += 1
     _require_faces(faces, len(sides), len(words) - at, "number")
     points = layout.points(table[:, : layout.numbers])
-    return polygon_surface(points, offsets_of(sides), np.array(corners, np.int64))
+    return file_surface(points, np.array(corners, np.int64), sides=sides)
 
 
 def _read_binary(body: bytes, prefixes: bytes) -> FileSurface:
@@ -222,7 +223,7 @@ def _read_binary(body: bytes, prefixes: bytes) -> FileSurface:
         raise early_end(faces, "face", len(sides) - 1)
     _require_faces(faces, len(sides), 4 * (len(words) - at), "byte")
     points = layout.points(table[:, : layout.numbers])
-    return polygon_surface(points, offsets_of(sides), np.array(corners, np.int64))
+    return file_surface(points, np.array(corners, np.int64), sides=sides)
 
 
 OFF = SurfaceReader(

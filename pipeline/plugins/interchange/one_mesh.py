@@ -14,9 +14,8 @@ import numpy as np
 
 from flowsculpt import TriangleMesh, UsageError
 from flowsculpt.api.frames import FrameRange, FrameRate, Key
-from flowsculpt.api.meshes import Faces, Floats, Indices, Points, Vectors
+from flowsculpt.api.meshes import Faces, Floats, Indices, Points, Vectors, corner_normals, split_at_creases
 from flowsculpt.api.pictures import PaintedFaces
-from flowsculpt.pipeline.mesh.normals import NORMAL, fan_normals, split_at_creases, trusted_normals
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,11 +116,9 @@ class OneMesh:
         """
         points, rows = self.points_at(number), int(self.corner_normals.max()) + 1
         mesh = TriangleMesh(points, self.faces, creases=self.creases)
-        normals = fan_normals(mesh, self.corner_normals, rows)
         if self.normals_at is not None:
-            known = self.normals_at(number)
-            trusted = np.flatnonzero(trusted_normals(mesh.with_attributes(**{NORMAL: known})))
-            normals[trusted] = known[trusted]
+            mesh = mesh.with_attributes(normal=self.normals_at(number))
+        normals = corner_normals(mesh, self.corner_normals, rows)
         return OneMeshFrame(points, normals, lambda: self.velocities_at(number))
 
 

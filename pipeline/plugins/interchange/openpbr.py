@@ -9,12 +9,11 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from flowsculpt.api.materials import Diffuse, Glass, Gouraud, Plastic, Satin, Smoke
 from flowsculpt.api.pictures import Material, Painted
-from flowsculpt.pipeline.plugins.interchange.exported_frame import preview_surface
-from flowsculpt.render.base.serialise import Triple
-from flowsculpt.render.scene.materials import Diffuse, Glass, Gouraud, Plastic, Satin, Smoke
+from flowsculpt.pipeline.plugins.interchange.preview_surfaces import Colour, preview_surface
 
-Inputs = dict[str, float | Triple]
+Inputs = dict[str, float | Colour]
 
 LENGTHS = ("transmission_depth", "subsurface_radius")
 """Inputs in halves of the subject's size, which a stage needs in scene units."""
@@ -49,7 +48,7 @@ def openpbr_inputs(look: Material) -> Inputs:
     return inputs
 
 
-def _body(colour: Triple, radius: Triple) -> Inputs:
+def _body(colour: Colour, radius: Colour) -> Inputs:
     """Return the inputs of an opaque body that scatters light below its surface."""
     longest = max(radius)
     return {
@@ -104,12 +103,12 @@ def _smoke(smoke: Smoke) -> Inputs:
     }
 
 
-def _mixed(colour: Triple, share: float) -> Triple:
+def _mixed(colour: Colour, share: float) -> Colour:
     """Return white with a share of a hue."""
     brightest = max(*colour, 1e-9)
     return _each(colour, lambda part: 1.0 - share + share * part / brightest)
 
 
-def _each(values: Triple, of: Any) -> Triple:
+def _each(values: Colour, of: Any) -> Colour:
     red, green, blue = (of(value) for value in values)
     return red, green, blue

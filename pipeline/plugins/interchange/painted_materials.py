@@ -10,12 +10,9 @@ from typing import Any
 from flowsculpt import MissingInputError
 from flowsculpt.api import brief
 from flowsculpt.api.files import atomic_write, digest_of_file, usable, writable_cache
-from flowsculpt.api.pictures import REPEATED, RenderError
-from flowsculpt.render.base.serialise import Colour
-from flowsculpt.render.scene.materials import Diffuse, Opacity, PatternedMaterial, Satin
-from flowsculpt.render.scene.painted_faces import VERTEX_COLOURS
-from flowsculpt.render.scene.texture_projection import MODEL, TextureProjection
-from flowsculpt.render.scene.textures import ALPHA, WHOLE, Texture, texture_of
+from flowsculpt.api.materials import Diffuse, Opacity, PatternedMaterial, Satin, Texture, TextureProjection
+from flowsculpt.api.pictures import PaintedFaces, RenderError
+from flowsculpt.pipeline.plugins.interchange.preview_surfaces import Colour
 
 GREY = (0.604, 0.604, 0.604)
 """The colour of what a file leaves white: linear Rec.709 of sRGB 0.8, as Blender's."""
@@ -38,10 +35,10 @@ def painted(
     textures     of normals, roughness and metalness, by the names of `Satin`
     """
     held = (texture, opacity and opacity.texture, *textures.values())
-    placed = TextureProjection(MODEL, keeps_place=any(each.wrap != REPEATED for each in held if each))
+    placed = TextureProjection("model", keeps_place=not all(each.repeats for each in held if each))
     source: dict[str, Any] = {"colour_texture": texture, "projection": placed, "opacity": opacity}
     if texture is None and has_colours:
-        source["colour_from"] = VERTEX_COLOURS
+        source["colour_from"] = PaintedFaces.COLOURS
     if roughness is None:
         return Diffuse(colour, **source, **textures)
     return Satin(colour, roughness=roughness, metallic=metallic, coat=0.0, **source, **textures)
@@ -64,7 +61,7 @@ def mask_of(texture: Texture) -> Texture:
 
 def alpha_of(texture: Texture) -> Texture:
     """Return the alpha of a picture as a texture of numbers."""
-    return replace(texture, space="data", factor=WHOLE, channel=ALPHA)
+    return replace(texture, space="data", factor=(1.0, 1.0, 1.0), channel=Texture.ALPHA)
 
 
 def found_beside(model: Path, name: str) -> Path | None:
@@ -91,7 +88,7 @@ def picture(model: Path, name: str, files: dict[Path, str], space: str | None = 
     """Return the picture that a model names, and note it. Raises MissingInputError, and as `read_picture`."""
     path = file_beside(model, name, "texture")
     files[path] = digest_of_file(path)
-    return texture_of(str(path), files[path], space)
+    return Texture.of(str(path), files[path], space)
 
 
 def picture_within(
@@ -111,7 +108,7 @@ def picture_within(
         with atomic_write(cached, flush=False) as draft:
             draft.write_bytes(content())
     try:
-        return texture_of(str(cached), digest, space)
+        return Texture.of(str(cached), digest, space)
     except RenderError as error:
         message = str(error).replace(str(cached), f"{model}: its picture {brief(name)}")
         raise type(error)(message) from None

@@ -22,36 +22,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from flowsculpt import Exact, FrameError, Thresholds, TriangleMesh, UsageError, vertex_normals
+from flowsculpt import FrameError, Thresholds, TriangleMesh, UsageError, vertex_normals
 from flowsculpt.api import VertexBudgetError
+from flowsculpt.api.flows import FlowMap
 from flowsculpt.api.frames import (
     Key,
     PipelineStage,
     RenderRequest,
     Store,
+    StoredFiles,
     key_of,
 )
-from flowsculpt.api.meshes import AnyArray, Floats, Indices, Points, Vectors
-from flowsculpt.pipeline.animation.loop import blocks_of, creased
-from flowsculpt.pipeline.flow.flow_map import FlowMap
-from flowsculpt.pipeline.mesh.analytic_surfaces import AnalyticSurface
-from flowsculpt.pipeline.mesh.halfedge_mesh import CREASE, SEAM, HalfedgeMesh
-from flowsculpt.pipeline.mesh.normals import NORMAL
-from flowsculpt.pipeline.plugins.interchange.birth_replay import mix_births, replay_births
-from flowsculpt.pipeline.production.store import readers
-from flowsculpt.pipeline.resample import edges_by_angle
-from flowsculpt.pipeline.resample.kernels.pass_state import Limits
-from flowsculpt.pipeline.resample.kernels.split import BIRTH_HALFEDGE
-from flowsculpt.pipeline.resample.placement import REST, REST_NORMAL, column_of
-from flowsculpt.pipeline.resample.resample_pass import ResamplePass
-from flowsculpt.pipeline.resample.thresholds import TriangleShape
-from flowsculpt.pipeline.shot.motion import Resampling
+from flowsculpt.api.meshes import AnyArray, Floats, Indices, Points, RefinableSurface, Vectors, edges_by_angle
+from flowsculpt.api.shots import Motion
+from flowsculpt.pipeline.plugins.interchange.birth_values import mix_births
 
 KIND = "refined"
 """The kind of its files in the store."""
@@ -69,22 +59,6 @@ UNIFY = PipelineStage(
 MOST_SWEEPS = 20
 """Sweeps after which a surface counts as one that cannot be refined; most take two or three."""
 
-_TESTED = 8  # rounds of splits in one frame after which the longest edge is tested for a tear, and again
-_SHORTEST = 1e-12  # of the largest coordinate: an edge as short at rest that is still too long shows a tear
-
-
-class _Refining(ResamplePass):
-    """A pass that only splits, and places all new vertices: a frame may stretch an edge by any factor."""
-
-    most_placed: ClassVar[int] = 1 << 30
-
-    def run_splits(self) -> Floats | None:
-        """Split; return the maximum edge lengths (V,) where they vary, and None where they do not."""
-        self.find_edges()
-        self.split_long_edges()
-        column, mesh = self.limits.field_column, self.mesh
-        return None if column < 0 else mesh.arrays.attributes[: mesh.sizes[0], column].copy()
-
 
 class _KnownLengths(Thresholds):
     """Maximum edge lengths (V,) that are known already."""
@@ -100,54 +74,6 @@ class _KnownLengths(Thresholds):
 
     def fields(self, mesh: TriangleMesh) -> Floats:
         return np.column_stack([self.known, np.zeros_like(self.known), np.ones_like(self.known)])
-
-
-@dataclass(frozen=True)
-class _OnSurface(Exact):
-    """New vertices on the surface at rest and where the flow carries it, whether faces fold there or not.
-
-    born  the parents (N, 2) of those of each round
-    """
-
-    born: list[Indices] = field(default_factory=list)
-
-    def place(self, mesh: HalfedgeMesh, births: Indices, limits: Limits) -> int:
-        last = int(mesh.sizes[0])
-        middles, _, _ = self._midpoints_at_rest(mesh, births)
-        column, born = column_of(mesh, REST), slice(last - len(births), last)
-        goals = self._project(middles)
-        mesh.arrays.attributes[born, column : column + 3] = goals
-        mesh.arrays.points[born] = self._carry(goals)
-        self.born.append(births[:, :BIRTH_HALFEDGE].copy())
-        if len(self.born) % _TESTED == 0:
-            self.require_whole(mesh, limits)
-        return 0
-
-    def require_whole(self, mesh: HalfedgeMesh, limits: Limits) -> None:
-        """Raise FrameError where the flow tears the longest edge: no part of it at rest is short enough."""
-        a, b = _longest_edge(mesh)
-        column = column_of(mesh, REST)
-        rest = mesh.arrays.attributes[: mesh.sizes[0], column : column + 3]
-        ends, shortest = rest[[a, b]], _SHORTEST * float(np.abs(rest).max())
-        while np.linalg.norm(ends[1] - ends[0]) > shortest:
-            three = np.stack([ends[0], 0.5 * (ends[0] + ends[1]), ends[1]])
-            lengths = np.linalg.norm(np.diff(self._carry(three), axis=0), axis=1)
-            if lengths.max() <= 0.5 * limits.max_edge_length:
-                return
-            ends = three[:2] if lengths[0] > lengths[1] else three[1:]
-        x, y, z = ends[0]
-        raise FrameError(
-            f"the flow tears the surface at ({x:.4g}, {y:.4g}, {z:.4g}) at rest, so no mesh follows it; "
-            "choose frames before, or export each frame's own mesh"
-        )
-
-
-def _longest_edge(mesh: HalfedgeMesh) -> tuple[int, int]:
-    """Return the vertices of the longest edge."""
-    corners = mesh.vertices[mesh.faces]
-    side = int(np.argmax(np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)))
-    face, corner = divmod(side, 3)
-    return int(mesh.faces[face, corner]), int(mesh.faces[face, (corner + 1) % 3])
 
 
 Began = Callable[[str, int], Callable[[], None]]
@@ -181,37 +107,24 @@ class Refined:
     points_at: Callable[[int], Points]
     lengths_at: Callable[[int], Floats]
 
-    def normals_at_rest(self, analytic: AnalyticSurface | None) -> Vectors:
+    def normals_at_rest(self, motion: Motion) -> Vectors:
         """Return normals (V, 3) at rest: those of the analytic surface, if it is known."""
-        if analytic is not None:
+        if (analytic := motion.analytic_surface()) is not None:
             return analytic.normals(np.concatenate([self.start.vertices, self.born[:, :3]]))
-        return np.concatenate([self.start.attributes[REST_NORMAL], self.born[:, 3:]])
+        return np.concatenate([vertex_normals(self.start), self.born[:, 3:]])
 
     def surface(self, kept: AnyArray | None = None) -> tuple[TriangleMesh, Indices]:
         """Return the refined surface at rest, and the corners (N, 2) opposite the births' edges.
 
         kept  flags (N,) of births: those that all kept ones need must be among them
         """
-        births, rest = self.births, self.born[:, :3]
+        births, rest = self.births, self.born
         if kept is not None:
             numbers = np.cumsum(np.concatenate([np.ones(len(self.start.vertices), bool), kept])) - 1
             births, rest = numbers[births[kept]].astype(np.int32), rest[kept]
-        mesh = HalfedgeMesh(replace(self.start, attributes={}))
-        opposite = replayed(mesh, births)
-        points = np.concatenate([self.start.vertices, rest])
-        tagged = (mesh.tagged_edges(tag) for tag in (CREASE, SEAM))
-        return TriangleMesh(points, mesh.faces, {}, *tagged), opposite
-
-
-def replayed(mesh: HalfedgeMesh, births: Indices) -> Indices:
-    """Split the edges of births (N, 2) of a mesh; return the corners (N, 2) opposite each."""
-    opposite = np.empty((len(births), 2), np.int32)
-    mesh.reserve(len(births), 2 * len(births))
-    done = replay_births(mesh.arrays, mesh.sizes, np.ascontiguousarray(births, np.int32), opposite)
-    if done < len(births):
-        a, b = births[done]
-        raise FrameError(f"birth {done} splits {a}-{b}, but the refined surface has no such edge")
-    return opposite
+        surface = RefinableSurface(self.start)
+        opposite = surface.replay(births, rest)
+        return surface.mesh(), opposite
 
 
 class Refiner:
@@ -291,7 +204,7 @@ class Refiner:
         passed: Callable[[], None],
     ) -> None:
         """Carry, split and store frame after frame; add births to the lists, and counts to the sweep."""
-        surface: HalfedgeMesh | None = None
+        surface: RefinableSurface | None = None
         known, points = 0, self._rest(born)  # of the vertices from the number `known` on
         for number in self.frames:
             held, key = before[-1].counts[number] if before else 0, sweep.keys[number]
@@ -299,13 +212,13 @@ class Refiner:
                 entry = self._read(key)
             else:
                 if surface is None:
-                    surface, history = self._built(births, born), self._history(number - 1)
+                    surface, history = RefinableSurface(self._start), self._history(number - 1)
+                    surface.replay(np.concatenate(births), np.concatenate(born))
                 points = self._stepped(points[held - known :], number, held, history)
-                surface.vertices[:] = np.concatenate([self._points(before, number), points])
+                surface.points[:] = np.concatenate([self._points(before, number), points])
                 limits = self._limits(surface, before, number, births)
                 entry = self._split(surface, number, history, held, limits)
-                write = partial(readers.write_npz, named=readers.with_key(key, entry))
-                self._store.put(KIND, key, write)
+                self._store.put(KIND, key, StoredFiles.writer(key, entry))
             known, points = held, entry["points"]
             births.append(entry["births"])
             born.append(entry["born"])
@@ -328,9 +241,8 @@ class Refiner:
             return points
         step = self._motion.step_into(self._motion.flow, number)
         history.add(step)
-        moved = np.empty_like(points)
-        for block in blocks_of(len(points)):
-            moved[block] = step.apply(points[block], first + block.start)
+        moved = points.copy()
+        step.move(moved, first)
         for one in {0, len(points) // 2, len(points) - 1} if len(points) > 1 else ():
             if not np.array_equal(step.apply(points[one : one + 1], first + one)[0], moved[one]):
                 raise FrameError(
@@ -341,7 +253,7 @@ class Refiner:
         return moved
 
     def _limits(
-        self, surface: HalfedgeMesh, sweeps: Sequence[_Sweep], number: int, births: Sequence[Indices]
+        self, surface: RefinableSurface, sweeps: Sequence[_Sweep], number: int, births: Sequence[Indices]
     ) -> Thresholds | None:
         """Return the thresholds of a frame; lengths that vary are known, from the first sweep on."""
         resampling = self._motion.resampling_at(number)
@@ -350,7 +262,7 @@ class Refiner:
         if sweeps:
             known = self._known(sweeps[0], number, births)
         else:
-            known = resampling.thresholds.fields(_shown(surface, resampling))[:, 0]
+            known = resampling.thresholds.fields(_shown(surface.mesh(), self._motion))[:, 0]
         return _KnownLengths(known, resampling.thresholds.max_vertices)
 
     def _known(self, first: _Sweep, number: int, births: Sequence[Indices]) -> Floats:
@@ -366,84 +278,59 @@ class Refiner:
         return mixed
 
     def _split(
-        self, surface: HalfedgeMesh, number: int, history: FlowMap, held: int, limits: Thresholds | None
+        self, surface: RefinableSurface, number: int, history: FlowMap, held: int, limits: Thresholds | None
     ) -> dict[str, AnyArray]:
         """Split the edges that are too long in a frame; return the arrays of its file."""
-        first, longest = int(surface.sizes[0]), None
-        placement = _OnSurface(history.carry, self._motion.analytic_surface(), tags_creases=False)
-        if limits is not None:
-            refining = _Refining(surface, limits, placement, TriangleShape())
-            try:
-                longest = refining.run_splits()
-            except VertexBudgetError as error:
-                torn = partial(placement.require_whole, surface, refining.limits)
-                raise self._too_many(error, number, torn) from None
-            except FrameError as error:
-                raise error.of(number) from None
-        columns = [column_of(surface, name) for name in (REST, REST_NORMAL)]
-        born = [surface.arrays.attributes[first : surface.sizes[0], c : c + 3] for c in columns]
-        return {
-            "births": np.concatenate([np.empty((0, 2), np.int32), *placement.born]),
-            "born": np.hstack(born),
-            "points": surface.vertices[held:].copy(),
-            **({} if longest is None or held else {"longest": longest}),
-        }
-
-    @staticmethod
-    def _too_many(error: VertexBudgetError, number: int, require_whole: Callable[[], None]) -> FrameError:
-        """Return the error of a frame that needs too many vertices: a torn one needs any number."""
         try:
-            require_whole()
-        except FrameError as torn:
-            return torn.of(number)
-        return FrameError(
-            f"{error.fact}, of one mesh for all frames up to here; raise max_vertices or max_edge_length, or "
-            "choose frames before",
-            number,
-        )
+            births = surface.split(limits, history.carry, self._motion.analytic_surface())
+        except VertexBudgetError as error:
+            raise FrameError(
+                f"{error.fact}, of one mesh for all frames up to here; raise max_vertices or "
+                "max_edge_length, or choose frames before",
+                number,
+            ) from None
+        except FrameError as error:
+            raise error.of(number) from None
+        points = surface.points[held:].copy()
+        arrays: dict[str, AnyArray] = {"births": births.parents, "born": births.rest, "points": points}
+        return arrays if births.longest is None or held else {**arrays, "longest": births.longest}
 
     @cached_property
     def _start(self) -> TriangleMesh:
-        """The subject at rest, with its creases, position and normal at rest."""
+        """The subject at rest, with its creases."""
         motion, first = self._motion, self.frames[0]
         mesh, resampling = motion.mesh_at_rest(), motion.resampling_at(first)
         angles = motion.thresholds_at(first).hard_angles(mesh)
-        mesh = with_hard_edges(mesh, angles) if resampling is None else creased(mesh, resampling, angles)
-        named = {REST: mesh.vertices, REST_NORMAL: vertex_normals(mesh)}
-        return replace(mesh, attributes=named)
+        if resampling is None:
+            return with_hard_edges(mesh, angles)
+        return resampling.tag_creases(mesh, angles)
 
     def _rest(self, born: Sequence[Floats]) -> Points:
         """Return the positions (V, 3) at rest of the vertices born so far."""
         return np.concatenate([self._start.vertices, *(rows[:, :3] for rows in born)])
 
-    def _built(self, births: Sequence[Indices], born: Sequence[Floats]) -> HalfedgeMesh:
-        """Return the surface with the births so far, at rest."""
-        surface = HalfedgeMesh(self._start)
-        replayed(surface, np.concatenate(births))
-        first, rows = len(self._start.vertices), np.concatenate(born)
-        attributes = surface.arrays.attributes[first : surface.sizes[0]]
-        for name, values in zip((REST, REST_NORMAL), (rows[:, :3], rows[:, 3:]), strict=True):
-            start = column_of(surface, name)
-            attributes[:, start : start + 3] = values
-        return surface
-
     def _read(self, key: Key) -> dict[str, AnyArray]:
         place = self._store.path(KIND, key).relative_to(self._store.root)
-        return self._store.read(KIND, key, place, readers.arrays(key))
+        return self._store.read(KIND, key, place, StoredFiles(KIND).reader(key))
 
     def _points(self, sweeps: Sequence[_Sweep], number: int) -> Points:
         """Return the points that sweeps have stored of a frame."""
         return np.concatenate([np.empty((0, 3)), *(self._read(s.keys[number])["points"] for s in sweeps)])
 
 
-def _shown(surface: HalfedgeMesh, resampling: Resampling) -> TriangleMesh:
+def _shown(mesh: TriangleMesh, motion: Motion) -> TriangleMesh:
     """Return the present surface as functions of edge length take it, with smooth normals as frames have."""
-    mesh = TriangleMesh(surface.vertices, surface.faces, {}, surface.tagged_edges(CREASE))
-    if resampling.placement != "exact" or resampling.normals != "carried":
+    if not carries_normals(motion):
         return mesh
     normals = vertex_normals(mesh)
     normals[mesh.creases.ravel()] = 0.0
-    return mesh.with_attributes(**{NORMAL: normals})
+    return mesh.with_attributes(normal=normals)
+
+
+def carries_normals(motion: Motion) -> bool:
+    """Tell whether normals of frames are carried through the flow."""
+    resampling = motion.resampling
+    return resampling is not None and (resampling.placement, resampling.normals) == ("exact", "carried")
 
 
 def with_hard_edges(mesh: TriangleMesh, angles: float | Floats) -> TriangleMesh:

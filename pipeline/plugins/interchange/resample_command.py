@@ -12,6 +12,8 @@ from rich.console import Group
 from rich.table import Table
 
 from flowsculpt import (
+    Chord,
+    Curved,
     MeshError,
     PolygonMesh,
     Report,
@@ -25,13 +27,12 @@ from flowsculpt import (
 )
 from flowsculpt.api import plural
 from flowsculpt.api.commands import print_result, print_warning, require_one_of, table
+from flowsculpt.api.meshes import polygon_methods, read_surface
 from flowsculpt.api.options import Common
-from flowsculpt.pipeline.mesh.read import read_surface
 from flowsculpt.pipeline.plugins.interchange.mesh_writers import WRITERS, write_mesh
-from flowsculpt.pipeline.resample import polygon_method, polygon_methods
-from flowsculpt.pipeline.resample.resampler import STATELESS, Splits
 
 METHODS = ("triangles", *polygon_methods())
+PLACEMENTS = {"chord": Chord(), "curved": Curved()}
 SPLITS = ("edges", "faces")
 
 REFUSALS = {
@@ -122,13 +123,14 @@ def resample(
     after: TriangleMesh | PolygonMesh
     report: Report
     if method != "triangles":
-        slicer = polygon_method(method).begin(before, thresholds)
+        slicer = polygon_methods()[method]().begin(before, thresholds)
         report = slicer.resample()
         after = slicer.mesh
     else:
-        split: Splits = "faces" if splits == "faces" else "edges"
-        triangles, placed = before.triangulated(), STATELESS[placement or "chord"]
-        after, report = resample_triangles(triangles, thresholds, placed, splits=split)
+        after, report = resample_triangles(
+            *(before.triangulated(), thresholds, PLACEMENTS[placement or "chord"]),
+            splits="faces" if splits == "faces" else "edges",
+        )
     write_mesh(after, target)
     facts = {"in": str(source), "out": str(target), **_facts(before, after, report)} if common.json else {}
     print_result(Group(_listing(before, report), f"{target}: written."), facts, common.json)
@@ -137,7 +139,7 @@ def resample(
 def _check_options(method: str, placement: str | None, splits: str | None) -> None:
     """Raise UsageError for unknown words and for options that exclude each other."""
     require_one_of(method, METHODS, f"--method {method!r} is not known.")
-    require_one_of(placement or "chord", STATELESS, f"--placement {placement!r} is not known.")
+    require_one_of(placement or "chord", PLACEMENTS, f"--placement {placement!r} is not known.")
     require_one_of(splits or "edges", SPLITS, f"--splits {splits!r} is not known.")
     for option, word in (("placement", placement), ("splits", splits)):
         if method != "triangles" and word:

@@ -17,8 +17,7 @@ import numpy as np
 from flowsculpt import FlowsculptError, MachineError, MeshError, MissingInputError
 from flowsculpt.api import brief, plural
 from flowsculpt.api.files import Parser, command, digest_of_file
-from flowsculpt.api.meshes import AnyArray, Floats, Points
-from flowsculpt.pipeline.mesh.mesh_formats import FileSurface, ModelFiles
+from flowsculpt.api.meshes import AnyArray, FileSurface, Floats, ModelFiles, Points
 
 MOST_MESHES, MOST_CORNERS = 20_000, 20_000_000
 """Meshes that are placed, and corners of faces of all; instances count each time."""
@@ -72,6 +71,13 @@ def require_vertices(corners: AnyArray, sides: AnyArray, count: int, place: str)
     if len(wrong):
         face = int(np.searchsorted(np.cumsum(sides), wrong[0], side="right"))
         raise MeshError(f"{place}: face {face} names vertex {corners[wrong[0]]}; there are {count} vertices")
+
+
+def early_end(promised: int, item: str, present: int) -> ValueError:
+    """Return the error of a file whose header promises more items than there are."""
+    there = f"{present} {'is' if present == 1 else 'are'} there"
+    count = plural(promised, item, "vertices" if item == "vertex" else "")
+    return ValueError(f"it ends early: its header promises {count}, and {there}")
 
 
 _PLURALS = {

@@ -9,16 +9,9 @@ from itertools import islice
 import numpy as np
 
 from flowsculpt.api import plural
-from flowsculpt.api.files import as_utf8
-from flowsculpt.api.meshes import Points
-from flowsculpt.pipeline.file_contents import number_fault, text_content
-from flowsculpt.pipeline.mesh.mesh_formats import (
-    FileSurface,
-    SurfaceReader,
-    early_end,
-    file_surface,
-    reader_of,
-)
+from flowsculpt.api.files import as_utf8, number_fault, text_content
+from flowsculpt.api.meshes import FileSurface, Points, SurfaceReader, file_surface, reader_of
+from flowsculpt.pipeline.plugins.interchange.scene_readers import early_end
 
 _HEADER = 84  # bytes before the triangles of a binary file; the last four are their number
 

@@ -20,8 +20,7 @@ import numpy as np
 
 from flowsculpt import MeshError
 from flowsculpt.api import brief, shortened
-from flowsculpt.api.meshes import Floats
-from flowsculpt.pipeline.mesh.mesh_formats import FileSurface, ModelFiles, SurfaceReader, reader_of
+from flowsculpt.api.meshes import FileSurface, Floats, ModelFiles, SurfaceReader, reader_of
 from flowsculpt.pipeline.plugins.interchange.scene_readers import (
     PlacedMeshes,
     Polygons,

@@ -9,21 +9,27 @@ the births with the largest errors, replayed in order, find each edge that they 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from itertools import takewhile
 from typing import NamedTuple
 
 import numpy as np
 
 from flowsculpt import TriangleMesh, UsageError
-from flowsculpt.api.frames import Key, RenderRequest, Store, key_of
-from flowsculpt.api.meshes import AnyArray, Floats, Indices, Points, Vectors
+from flowsculpt.api.frames import (
+    Key,
+    MeshFrame,
+    RenderRequest,
+    Shading,
+    Store,
+    StoredFiles,
+    animate,
+    key_of,
+)
+from flowsculpt.api.meshes import AnyArray, Floats, Indices, Points, Vectors, carried_normals
 from flowsculpt.api.pictures import Painted, vertex_colours
 from flowsculpt.api.shots import Motion
-from flowsculpt.pipeline.animation.frame import FrameReport, MeshFrame
-from flowsculpt.pipeline.animation.loop import animate
-from flowsculpt.pipeline.mesh.normals import carried_normals
-from flowsculpt.pipeline.plugins.interchange.birth_replay import raise_to_dependents
+from flowsculpt.pipeline.plugins.interchange.birth_values import raise_to_dependents
 from flowsculpt.pipeline.plugins.interchange.exported_frame import (
     has_colours,
     rendered_surface,
@@ -37,10 +43,9 @@ from flowsculpt.pipeline.plugins.interchange.refining import (
     Began,
     Refined,
     Refiner,
+    carries_normals,
     with_hard_edges,
 )
-from flowsculpt.pipeline.production.request.shading import vertex_motion
-from flowsculpt.pipeline.production.store import readers
 
 
 class _Errors(NamedTuple):
@@ -125,8 +130,7 @@ class Unification:
             self.request.source.subject or self.request.name,
             *(self.request.requested, motion.rate, surface, self.key, points_at, velocities_at),
         )
-        resampling = motion.resampling
-        if resampling and (resampling.placement, resampling.normals) == ("exact", "carried"):
+        if carries_normals(motion):
             whole = surface if reduction is None else refined.surface()[0]
             mesh = replace(mesh, normals_at=lambda number: self._normals(refined, whole, number)[rows])
         mesh = replace(mesh, longest_at=lambda number: float(np.median(refined.lengths_at(number))))
@@ -174,7 +178,7 @@ class Unification:
                 self.key,
             ),
             points_at=points_at,
-            velocities_at=lambda number: vertex_motion(motion, frames[number]).velocity(),
+            velocities_at=lambda number: Shading.vertex_motion(motion, frames[number]).velocity(),
         )
 
     @cached_property
@@ -190,7 +194,7 @@ class Unification:
         keys = {n: key_of(self._refiner.key, "normals", n - first) for n in range(first, number + 1)}
         held = next((n for n in reversed(keys) if self.store.holds(KIND, keys[n])), None)
         if held is None:
-            held, normals = first, refined.normals_at_rest(motion.analytic_surface())
+            held, normals = first, refined.normals_at_rest(motion)
             normals[whole.creases.ravel()] = 0.0
         else:
             normals = self._read(keys[held])["normals"].astype(np.float64)
@@ -198,14 +202,13 @@ class Unification:
             step = motion.step_into(motion.flow, n)
             before, after = refined.points_at(n - 1), refined.points_at(n)
             carried = carried_normals(step.apply, before, after, normals).astype(np.float32)
-            named = readers.with_key(keys[n], {"normals": carried})
-            self.store.put(KIND, keys[n], partial(readers.write_npz, named=named))
+            self.store.put(KIND, keys[n], StoredFiles.writer(keys[n], {"normals": carried}))
             normals = carried.astype(np.float64)
         return normals
 
     def _read(self, key: Key) -> dict[str, AnyArray]:
         place = self.store.path(KIND, key).relative_to(self.store.root)
-        return self.store.read(KIND, key, place, readers.arrays(key))
+        return self.store.read(KIND, key, place, StoredFiles(KIND).reader(key))
 
     def _coloured(self, mesh: OneMesh) -> OneMesh:
         """Return the mesh with colours, those of the first frame, and texture coordinates."""
@@ -266,15 +269,14 @@ class Unification:
             errors[first:][larger], frames[first:][larger] = away[larger], number
             passed()
         found = _Errors(errors, frames)
-        write = partial(readers.write_npz, named=readers.with_key(key, found._asdict()))
-        self.store.put(KIND, key, write)
+        self.store.put(KIND, key, StoredFiles.writer(key, found._asdict()))
         return found
 
 
 def _velocities(motion: Motion, number: int, points: Points, surface: TriangleMesh) -> Vectors:
     """Return the velocities (V, 3) of points at a frame, scene units per second."""
-    frame = MeshFrame(number, TriangleMesh(points, surface.faces), FrameReport(None, None))
-    return vertex_motion(motion, frame).velocity()
+    frame = MeshFrame(number, TriangleMesh(points, surface.faces))
+    return Shading.vertex_motion(motion, frame).velocity()
 
 
 def one_mesh(

@@ -25,10 +25,11 @@ import numpy as np
 from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdShade, Vt
 
 from flowsculpt import FrameError
-from flowsculpt.api.files import to_plain
+from flowsculpt.api.files import cannot_write, to_plain
 from flowsculpt.api.frames import Framing, Key, RenderRequest, Store, key_of
+from flowsculpt.api.materials import Diffuse, Opacity, Satin, Stage
 from flowsculpt.api.meshes import AnyArray
-from flowsculpt.api.pictures import Material
+from flowsculpt.api.pictures import Material, PaintedFaces
 from flowsculpt.api.shots import Shot
 from flowsculpt.pipeline.plugins.interchange.exported_frame import (
     EXPORT,
@@ -55,11 +56,6 @@ from flowsculpt.pipeline.plugins.interchange.usd_prims import (
     sky_map,
     write_picture,
 )
-from flowsculpt.pipeline.shot import Picture
-from flowsculpt.render.base.atomic_write import cannot_write
-from flowsculpt.render.scene.materials import Diffuse, Opacity, Satin
-from flowsculpt.render.scene.painted_faces import VERTEX_COLOURS
-from flowsculpt.render.scene.scene_stage import Stage
 
 if TYPE_CHECKING:
     from flowsculpt.api.frames import Framing
@@ -260,9 +256,8 @@ class SculptureFiles:
 
     @cached_property
     def is_cloud(self) -> bool:
-        from flowsculpt.pipeline.shot.point_subjects import Cloud
-
-        return isinstance(self.request.shot.motion.subject, Cloud)
+        subject = self.request.shot.motion.subject
+        return not subject.is_surface and subject.lattice is None
 
     @property
     def schema(self) -> Any:
@@ -327,7 +322,7 @@ class SculptureFiles:
         if len(self.parts) == 1:
             return add_material(stage, place, self.look, self.pictures(0), has_colours(self.look), sizes)
         for number, part in enumerate(self.parts):
-            is_dyed = getattr(part, "colour_from", None) == VERTEX_COLOURS
+            is_dyed = getattr(part, "colour_from", None) == PaintedFaces.COLOURS
             own = add_material(stage, f"{place}_{number}", part, self.pictures(number), is_dyed)
             bind(stage.OverridePrim(f"{self.prim}/{subset_name(number)}"), own)
         return add_material(stage, place, self.look, is_coloured=True, sizes=sizes)
@@ -436,7 +431,7 @@ def write_root(
         place = f"{home}/materials/{sculpture.material}"
         _add_sculpture(stage, sculpture, sculpture.add_materials(stage, place, sizes))
     if shot.picture.look.is_lit:
-        _add_set(stage, home, shot.picture, framings, sky)
+        _add_set(stage, home, shot, framings, sky)
     if not camera.projection.is_wide:  # UsdGeomCamera has no such projection
         cameras = {number: framing.camera for number, framing in framings.items()}
         shutters = {number: request.pictures.open_at(number) for number in numbers}
@@ -464,15 +459,14 @@ def _add_sculpture(stage: Usd.Stage, content: SculptureFiles, material: UsdShade
     bind(sculpture.GetPrim(), material)
 
 
-def _add_set(
-    stage: Usd.Stage, home: str, picture: Picture, framings: Mapping[int, Framing], sky: str
-) -> None:
+def _add_set(stage: Usd.Stage, home: str, shot: Shot, framings: Mapping[int, Framing], sky: str) -> None:
     """Add floor and lights. The set has a size of its own and follows the sculpture, as in our pictures."""
     placed = UsdGeom.Xform.Define(stage, f"{home}/set").AddTransformOp()
     matrices = {n: Gf.Matrix4d(f.placement.matrix().T.tolist()) for n, f in framings.items()}
     sample(placed.GetAttr(), matrices)
     UsdGeom.Scope.Define(stage, f"{home}/set/lights")
     sizes = {number: framing.placement.size for number, framing in framings.items()}
+    picture = shot.picture
     add_lights(stage, home, f"{home}/set/lights", picture.lights, sizes, sky)
     if picture.stage.kind != "none" and not picture.stage.shadow_catcher:
         add_floor(stage, home, picture.stage)

@@ -17,7 +17,8 @@ from typing import Any
 
 from flowsculpt import MissingInputError
 from flowsculpt.api.files import CachedAnswer, Parser, digest_of_file
-from flowsculpt.pipeline.mesh.mesh_formats import (
+from flowsculpt.api.materials import PatternedMaterial, Texture
+from flowsculpt.api.meshes import (
     FileSurface,
     ModelFiles,
     ModelMaterials,
@@ -38,8 +39,6 @@ from flowsculpt.pipeline.plugins.interchange.scene_readers import (
     require_package,
     unpacked_surface,
 )
-from flowsculpt.render.scene.materials import PatternedMaterial
-from flowsculpt.render.scene.textures import BLACK, CLAMP, REPEAT, Texture
 
 _MODULE = "flowsculpt.pipeline.plugins.interchange.usd_files"
 
@@ -143,9 +142,9 @@ def _wrap(stated: list[str], name: str, is_beyond: bool) -> tuple[str, str]:
 
     is_beyond  tells whether any of it shows; otherwise the picture is read as one that repeats
     """
-    across, up = (mode or (BLACK if is_beyond else REPEAT) for mode in stated)
+    across, up = (mode or ("black" if is_beyond else "repeat") for mode in stated)
     if name == "normal":  # black is not a direction
-        across, up = (CLAMP if mode == BLACK else mode for mode in (across, up))
+        across, up = ("clamp" if mode == "black" else mode for mode in (across, up))
     return across, up
 
 

@@ -12,15 +12,14 @@ from typing import Any
 
 from pxr import Gf, Sdf, Usd, UsdShade
 
-from flowsculpt.api.pictures import REPEATED, Material
-from flowsculpt.pipeline.plugins.interchange.exported_frame import preview_surface
+from flowsculpt.api.materials import PatternedMaterial, Texture
+from flowsculpt.api.pictures import Material
 from flowsculpt.pipeline.plugins.interchange.exported_materials import parts_of
 from flowsculpt.pipeline.plugins.interchange.openpbr import LENGTHS, openpbr_inputs
+from flowsculpt.pipeline.plugins.interchange.preview_surfaces import preview_surface
 from flowsculpt.pipeline.plugins.interchange.usd_prims import sample
-from flowsculpt.render.scene.materials import PatternedMaterial
-from flowsculpt.render.scene.textures import BLACK, CLAMP, MIRROR, REPEAT, Texture
 
-_ADDRESSES = {REPEAT: "periodic", CLAMP: "clamp", MIRROR: "mirror", BLACK: "constant"}
+_ADDRESSES = {"repeat": "periodic", "clamp": "clamp", "mirror": "mirror", "black": "constant"}
 """What is shown beyond the sides of a picture, as MaterialX names it."""
 
 MATERIALX = "1.39"
@@ -63,7 +62,7 @@ def _wrap_of(look: Material, name: str) -> tuple[str, str]:
         texture: Texture | None = getattr(getattr(part, "opacity", None), "texture", None)
     else:
         texture = getattr(part, f"{'colour' if name == 'diffuseColor' else name}_texture", None)
-    return REPEATED if texture is None else texture.wrap
+    return ("repeat", "repeat") if texture is None else texture.wrap
 
 
 def _add_preview_surface(

@@ -16,6 +16,7 @@ from pxr import Ar, Usd, UsdGeom, UsdShade
 
 from flowsculpt import MeshError
 from flowsculpt.api import brief
+from flowsculpt.api.materials import Texture
 from flowsculpt.api.meshes import AnyArray, Floats
 from flowsculpt.pipeline.plugins.interchange.model_paint import PaintParts, packed
 from flowsculpt.pipeline.plugins.interchange.painted_materials import GREY
@@ -28,14 +29,13 @@ from flowsculpt.pipeline.plugins.interchange.usd_reader import (
     start_of,
     time_of,
 )
-from flowsculpt.render.scene.textures import ALPHA
 
 _DISPLAY_COLOR = "displayColor"
 
 _COORDINATES = ("st", "UVMap", "uv")
 """Texture coordinates of faces whose material has no textures: the first of these that there are."""
 
-_CHANNELS = {"rgb": None, "r": 0, "g": 1, "b": 2, "a": ALPHA}
+_CHANNELS = {"rgb": None, "r": 0, "g": 1, "b": 2, "a": Texture.ALPHA}
 
 _OPACITY = (("opacity", 1.0), ("opacityThreshold", 0.0))
 """Inputs of opacity, and what they are where nothing is said."""

@@ -18,12 +18,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdLux
 
+from flowsculpt.api.materials import Softbox, Sun
 from flowsculpt.api.meshes import AnyArray, Floats
 from flowsculpt.api.pictures import Camera, LightRig, RenderedFrame, write_exr
-from flowsculpt.render.base.serialise import Colour, Triple
-from flowsculpt.render.mitsuba.emitters import gradient_map
-from flowsculpt.render.scene.scene_lights import Softbox, Sun
-from flowsculpt.render.scene.sky import SUN_WIDTH
+from flowsculpt.pipeline.plugins.interchange.preview_surfaces import Colour
 
 
 class CameraSettings(NamedTuple):
@@ -106,7 +104,7 @@ def sky_map(lights: LightRig) -> AnyArray | None:
     if lights.environment is not None:
         return lights.environment.pixels()
     sky = lights.without_maps().sky
-    return None if sky.is_uniform else gradient_map(sky)
+    return None if sky.is_uniform else sky.pixels()
 
 
 def write_picture(path: Path, pixels: AnyArray) -> None:
@@ -147,7 +145,7 @@ def _add_softbox(stage: Usd.Stage, path: str, box: Softbox, sizes: Mapping[int, 
     UsdGeom.Xformable(light).AddTransformOp().Set(Gf.Matrix4d(matrix.tolist()))
 
 
-def _add_sun(stage: Usd.Stage, path: str, sun: Sun, width: float = SUN_WIDTH) -> None:
+def _add_sun(stage: Usd.Stage, path: str, sun: Sun, width: float = Sun.WIDTH) -> None:
     """Add a distant light. `width` is its angular diameter, radians."""
     light = UsdLux.DistantLight.Define(stage, path)
     light.CreateAngleAttr(math.degrees(width))
@@ -182,7 +180,7 @@ def _set_colour(light: Any, radiance: Colour) -> float:
     return brightest
 
 
-def facing(position: Triple, direction: Sequence[float] | Floats) -> Floats:
+def facing(position: Sequence[float], direction: Sequence[float] | Floats) -> Floats:
     """Return the matrix (4, 4), for row vectors, of what stands at a position and faces along -z."""
     back = -np.asarray(direction, dtype=np.float64) / np.linalg.norm(direction)
     up = (0.0, 1.0, 0.0) if math.hypot(back[0], back[2]) > 1e-3 else (0.0, 0.0, -1.0)

@@ -29,7 +29,6 @@ from flowsculpt.api.pictures import Material, RenderedFrame, write_exr, write_st
 from flowsculpt.pipeline.plugins.interchange.animated_gltf import Moving, write_animated_gltf
 from flowsculpt.pipeline.plugins.interchange.drawn_mesh import DrawnMesh, KeyPoses
 from flowsculpt.pipeline.plugins.interchange.one_mesh import even_step
-from flowsculpt.render.post.image import PIZ
 
 LARGEST = 8192  # columns and rows of a texture that all three engines read
 
@@ -157,7 +156,7 @@ class VertexTextures:
     def write_positions(self, path: Path) -> None:
         """Write the positions as an EXR. Raises MachineError where the disk refuses."""
         frame = RenderedFrame({"beauty": self.positions})
-        write_exr(path, frame, {}, {"beauty": self.precision}, standard=PIZ)
+        write_exr(path, frame, {}, {"beauty": self.precision}, compression="piz")
 
     def write_normals(self, path: Path) -> None:
         """Write the normals as a PNG. Raises MachineError where the disk refuses."""

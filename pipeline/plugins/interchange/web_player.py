@@ -23,6 +23,7 @@ import numpy as np
 
 from flowsculpt.api.files import disk_errors
 from flowsculpt.api.frames import Framing
+from flowsculpt.api.materials import EmbeddedPicture, Glass, Smoke, Softbox, Stage
 from flowsculpt.api.meshes import AnyArray, Floats
 from flowsculpt.api.pictures import Camera, LightRig, Material, three_js
 from flowsculpt.api.shots import Shot
@@ -33,11 +34,6 @@ from flowsculpt.pipeline.plugins.interchange.exported_materials import (
     exported_materials,
 )
 from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh
-from flowsculpt.pipeline.shot import Picture
-from flowsculpt.render.post.embedded_textures import EmbeddedPicture
-from flowsculpt.render.scene.materials import Glass, Smoke
-from flowsculpt.render.scene.scene_lights import Softbox
-from flowsculpt.render.scene.scene_stage import Stage
 
 PARTS = files("flowsculpt.pipeline.plugins.interchange")
 
@@ -107,7 +103,7 @@ class WebPage:
             "cameras": [_camera(framing) for framing in framed],
             "placements": [[*f.placement.origin, f.placement.size, f.placement.turn] for f in framed],
             "lights": _lights(picture.lights, picture.stage),
-            "stage": _stage(picture, blobs),
+            "stage": _stage(self.shot, blobs),
             "view": {
                 "table": blobs.add(np.rint(255.0 * np.clip(table, 0.0, 1.0)).astype(np.uint8)),
                 "side": _TABLE,
@@ -251,9 +247,9 @@ def _material(part: ExportedMaterial, look: Material, has_colours: bool, blobs: 
     }
 
 
-def _stage(picture: Picture, blobs: _Blobs) -> dict[str, Any] | None:
+def _stage(shot: Shot, blobs: _Blobs) -> dict[str, Any] | None:
     """Return floor, wall and plinth in stage units, with the light that they send; None without a floor."""
-    stage = picture.stage
+    picture, stage = shot.picture, shot.picture.stage
     if stage.kind == "none" or not picture.look.is_lit:
         return None
     parts = [(stage.backdrop(), stage.reflectances(fades=True))]

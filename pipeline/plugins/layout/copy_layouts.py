@@ -23,12 +23,10 @@ from flowsculpt.api.shots import (
     Triple,
     as_finding,
     bad_value,
-    exactly_one,
     one_of,
-    optional,
 )
 
-UP = [0.0, 1.0, 0.0]
+ORIGIN, UP = [0.0, 0.0, 0.0], [0.0, 1.0, 0.0]
 
 GOLDEN = math.pi * (3.0 - math.sqrt(5.0))
 """The golden angle: places that it separates fill a disc evenly (Vogel, *A better way to construct the
@@ -43,8 +41,6 @@ FACES = 4
 _SOLIDS = [name for name in SOLIDS if name != "lattice"]
 
 Places = tuple[Points, Floats]
-
-ORIGIN = [0.0, 0.0, 0.0]
 
 
 class Arrangement(Document):
@@ -141,14 +137,18 @@ class SpiralDocument(Around):
 class SurfaceDocument(Arrangement):
     """Copies on the surface of a solid or a model, evenly by area, upright on it."""
 
-    solid: Annotated[str, one_of(_SOLIDS, "solid that copies stand on")] | None = optional(
-        "its name; or model"
+    solid: Annotated[str, one_of(_SOLIDS, "solid that copies stand on")] | None = Field(
+        None, description="its name; or model"
     )
-    size: list[Positive] | None = optional("sides of the solid (units)", min_length=2, max_length=3)
-    radius: Positive | None = optional("of the solid (units)")
-    length: Positive | None = optional("of a rod (units)")
-    tube_radius: Positive | None = optional("of the tube of a torus (units)")
-    model: str | None = optional("an OBJ, PLY, STL, OFF, GLB, FBX, DAE, 3MF or USD beside the shot file")
+    size: list[Positive] | None = Field(
+        None, description="sides of the solid (units)", min_length=2, max_length=3
+    )
+    radius: Positive | None = Field(None, description="of the solid (units)")
+    length: Positive | None = Field(None, description="of a rod (units)")
+    tube_radius: Positive | None = Field(None, description="of the tube of a torus (units)")
+    model: str | None = Field(
+        None, description="an OBJ, PLY, STL, OFF, GLB, FBX, DAE, 3MF or USD beside the shot file"
+    )
     scale: Positive = Field(1.0, description="factor on all coordinates")
     centre: Triple = Field(ORIGIN, description="position of its origin (units)")
     offset: float = Field(0.0, description="of the middles of copies outwards from the surface (units)")
@@ -191,13 +191,11 @@ class OneLayout(CopyLayout, OneOfSeveral):
 
     example = "{ring: {radius: 1}}"
     noun, several = "a layout", ("grid", "ring", "disc", "spiral", "surface")
-    model_config = exactly_one(*several)
-
-    grid: GridDocument | None = optional("rows along x, y and z")
-    ring: RingDocument | None = optional("a circle around an axis")
-    disc: DiscDocument | None = optional("as seeds in a sunflower")
-    spiral: SpiralDocument | None = optional("around an axis")
-    surface: SurfaceDocument | None = optional("on a solid or a model")
+    grid: GridDocument | None = Field(None, description="rows along x, y and z")
+    ring: RingDocument | None = Field(None, description="a circle around an axis")
+    disc: DiscDocument | None = Field(None, description="as seeds in a sunflower")
+    spiral: SpiralDocument | None = Field(None, description="around an axis")
+    surface: SurfaceDocument | None = Field(None, description="on a solid or a model")
     lean: Degrees = Field(0.0, description="of copies, outwards, or along x (degrees)")
     jitter: Triple = Field(
         ORIGIN, description="by how much places are moved by chance, at most, along x, y and z (units)"
@@ -210,7 +208,8 @@ class OneLayout(CopyLayout, OneOfSeveral):
         arrangement: Any = getattr(self, self.named[0])
         places, turns = arrangement.arranged(count, seed)
         moves = np.array(self.jitter) * np.random.default_rng([seed, 3]).uniform(-1.0, 1.0, (count, 3))
-        c, s = math.cos(math.radians(self.lean)), math.sin(math.radians(self.lean))
+        lean = math.radians(1.0) * self.lean
+        c, s = math.cos(lean), math.sin(lean)
         return places + moves, turns @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
 
 

@@ -12,7 +12,7 @@ from pydantic_core import CoreSchema
 from flowsculpt import TriangleMesh, UsageError
 from flowsculpt.api import SubjectKind
 from flowsculpt.api.files import digest_of_file
-from flowsculpt.api.shots import LARGEST, Positive, bad_value, optional
+from flowsculpt.api.shots import Positive, bad_value
 
 if TYPE_CHECKING:  # the libraries of outlines take time to import, and most shots have none
     from flowsculpt.pipeline.plugins.lettering.outline_process import Outlines
@@ -27,7 +27,7 @@ class OutlineKind(SubjectKind):
     """The setting that is meant where the file has a text alone."""
 
     depth: Positive = Field(0.25, description="from front to back, with its middle at the origin (units)")
-    bevel: Annotated[float, Field(ge=0, le=LARGEST)] = Field(
+    bevel: Annotated[float, Field(ge=0, le=1e12)] = Field(
         0.02, description="width of the bevels in front and behind; 0 for none (units)"
     )
     profile: Literal["round", "flat"] = Field("round", description="a quarter of a circle, or a chamfer")
@@ -69,8 +69,8 @@ class TextKind(OutlineKind):
     text: Annotated[str, Field(min_length=1, max_length=1000)] = Field(
         description="the characters; \\n begins a line"
     )
-    letter: Index | None = optional(
-        "the letter to keep, from 1, where it is in the text; spaces do not count"
+    letter: Index | None = Field(
+        None, description="the letter to keep, from 1, where it is in the text; spaces do not count"
     )
     font: str = Field(
         "", description="a TTF or OTF beside the shot file, or a family, as Inter:bold; else DejaVu Sans Bold"
@@ -141,7 +141,7 @@ class SvgKind(OutlineKind):
     bare = "file"
 
     file: str = Field(description="an SVG or SVGZ beside the shot file")
-    path: Index | None = optional("the path to keep, from 1, where it is in the drawing")
+    path: Index | None = Field(None, description="the path to keep, from 1, where it is in the drawing")
     size: Positive = Field(
         2.0, description="the largest extent of the drawing, with its middle at the origin (units)"
     )

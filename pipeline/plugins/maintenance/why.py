@@ -30,7 +30,7 @@ from flowsculpt.api.frames import (
     StoredFiles,
 )
 from flowsculpt.api.pictures import RenderError, read_header
-from flowsculpt.api.shots import OPTION, Where, YamlSource, in_yaml, inherited
+from flowsculpt.api.shots import Where, YamlSource, in_yaml, inherited_source
 
 MISSING = object()
 """Stands for a value that one of two data does not have."""
@@ -103,10 +103,10 @@ def option_differences(before: ShotSource, now: ShotSource) -> Iterator[str]:
     """Yield the differences between the options `--set` of two sources, in words."""
     for setting in before.settings:
         if setting not in now.settings:
-            yield f"it was made with {OPTION} {setting}, which is not given now"
+            yield f"it was made with --set {setting}, which is not given now"
     for setting in now.settings:
         if setting not in before.settings:
-            yield f"{OPTION} {setting} is given now, and was not when it was made"
+            yield f"--set {setting} is given now, and was not when it was made"
 
 
 def _items(before: list[Any], now: list[Any], path: Where) -> Iterator[Difference]:
@@ -137,7 +137,7 @@ def _rounded(value: Any, digits: int | None) -> Any:
 
 def _read(source: ShotSource) -> YamlSource:
     """Return the shot files of a source, without the settings of the command line."""
-    return inherited(source.path, source.text, (), dict(source.beside))
+    return inherited_source(source.path, source.text, (), dict(source.beside))
 
 
 _NOT_COMPARED = ("key", "mesh_key", "normals_key", "inputs", "stages", "temporal_neighbours")

@@ -14,7 +14,6 @@ from pydantic import BaseModel
 
 from flowsculpt.api.meshes import Floats
 from flowsculpt.api.shots import (
-    LARGEST,
     PRESETS,
     Clock,
     FieldType,
@@ -23,7 +22,7 @@ from flowsculpt.api.shots import (
     Where,
     YamlSource,
     curve_of,
-    inherited,
+    inherited_source,
     is_changing,
     shot_clock,
 )
@@ -150,7 +149,7 @@ def settable_values(
 
     Arguments are those of `read_shot`, which reports mistakes; raises pydantic's errors where there are any.
     """
-    source = inherited(path, text, settings, beside)
+    source = inherited_source(path, text, settings, beside)
     clock = shot_clock(source)
     assert clock is not None, "read_shot has accepted the file"
     context = {"clock": clock, "parse_context": ParseContext(path.parent)}
@@ -343,4 +342,4 @@ def _limits(rules: list[Any], names: tuple[str, str]) -> list[float]:
     """Return the numbers that rules such as `Field(ge=0)` have under some names."""
     limits = [getattr(rule, name, None) for rule in rules for name in names]
     numbers = [float(limit) for limit in limits if limit is not None and is_number(limit)]
-    return [number for number in numbers if abs(number) < LARGEST]
+    return [number for number in numbers if abs(number) < 1e12]

@@ -20,7 +20,15 @@ from typing import Any
 from flowsculpt import FlowsculptError, MissingInputError, UsageError
 from flowsculpt.api import ShotError
 from flowsculpt.api.files import ChangedFileError, atomic_write, read_input
-from flowsculpt.api.shots import Where, YamlSource, dotted, inherited_files, read_shot, shot_clock, text_of
+from flowsculpt.api.shots import (
+    Where,
+    YamlSource,
+    dotted_path,
+    inherited_files,
+    read_shot,
+    shot_clock,
+    text_of,
+)
 from flowsculpt.pipeline.plugins.preview.settable_values import settable_values
 from flowsculpt.pipeline.plugins.preview.text_edits import ValueEdit, edited, parsed
 
@@ -122,7 +130,7 @@ class ShotEditor:
 
     def _require_own(self, source: YamlSource, edit: ValueEdit) -> None:
         """Refuse an edit of a value that a setting replaces, or that another file gives in part."""
-        name = dotted(edit.where)
+        name = dotted_path(edit.where)
         for setting in self.settings:
             given = setting.partition("=")[0].strip()
             if name == given or name.startswith(f"{given}.") or given.startswith(f"{name}."):
@@ -132,7 +140,7 @@ class ShotEditor:
             if is_within and source.get(*edit.where[:depth]) is None:
                 place = source.place(edit.where[:depth])
                 raise ShotError(
-                    f"{place}: {dotted(edit.where[:depth])} comes from a file that this shot extends. "
+                    f"{place}: {dotted_path(edit.where[:depth])} comes from a file that this shot extends. "
                     "Edit it there, or write it here."
                 )
 

@@ -15,7 +15,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
 from threading import Lock
 from types import TracebackType
@@ -121,8 +120,7 @@ class MeshSource:
         key = self.request.keys.mesh(frame.number)
         self.cache.remember(key, frame)
         if seconds > SLOW:
-            write = partial(StoredFiles.write_arrays, key=key, named=frame.to_arrays())
-            self.store.put("mesh", key, write)
+            self.store.put("mesh", key, StoredFiles.writer(key, frame.to_arrays()))
 
 
 def _size(frame: MeshFrame) -> int:

@@ -19,7 +19,7 @@ from typing import Any, Literal
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 from flowsculpt.api import ShotError
-from flowsculpt.api.shots import Where, YamlSource, composed, dotted, flow_style
+from flowsculpt.api.shots import Where, YamlSource, dotted_path, flow_style, yaml_tree
 
 
 def replaced(text: str, start: int, end: int, words: str) -> str:
@@ -168,7 +168,7 @@ def edited(path: Path, text: str, edits: Iterable[ValueEdit], time_of: TimeOf, v
 
 
 def _refused(source: YamlSource, where: Where, fact: str) -> ShotError:
-    return ShotError(f"{source.place(where)}: {dotted(where)} {fact}. Edit it in the file.")
+    return ShotError(f"{source.place(where)}: {dotted_path(where)} {fact}. Edit it in the file.")
 
 
 def _edited_data(source: YamlSource, edit: ValueEdit) -> Any:
@@ -200,7 +200,7 @@ def _edited_data(source: YamlSource, edit: ValueEdit) -> Any:
 
 
 def _missing(source: YamlSource, where: Where, depth: int) -> ShotError:
-    place, name = source.place(where[:depth]), dotted(where[:depth]) or "the file"
+    place, name = source.place(where[:depth]), dotted_path(where[:depth]) or "the file"
     return ShotError(f"{place}: {name} has no {where[depth]} that could be edited. Write it in the file.")
 
 
@@ -306,7 +306,7 @@ class _Editor:
 
     def _nodes(self, where: Where) -> list[Node]:
         """Return the nodes along a path from the top, as far as they are there."""
-        root = composed(self.text)
+        root = yaml_tree(self.text)
         assert root is not None, "a file that was read is not empty"
         nodes, node = [root], root
         for step in where:

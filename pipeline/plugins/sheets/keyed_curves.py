@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel
 
-from flowsculpt.api.flows import Curve, Keyframes
+from flowsculpt.api.flows import Keyframes
 from flowsculpt.api.meshes import Floats
 from flowsculpt.api.shots import (
     Clock,
     ParseContext,
     ShotDocument,
     curve_of,
-    inherited,
+    inherited_source,
     is_changing,
     read_shot,
 )
@@ -50,7 +50,7 @@ def curves_of(path: str | Path, settings: Iterable[str] = ()) -> list[KeyedCurve
     path, settings = Path(path), tuple(settings)
     shot = read_shot(path, settings=settings)
     clock = shot.motion.clock
-    source = inherited(path, None, settings, None)
+    source = inherited_source(path, None, settings, None)
     context = {"clock": clock, "parse_context": ParseContext(path.parent)}
     document = ShotDocument.model_validate(source.data, context=context)
     order = list(source.data)
@@ -91,12 +91,18 @@ def _curve(names: tuple[str, ...], unit: str, value: Any, clock: Clock) -> Keyed
     time_of = clock.flow_time if is_of_flow else clock.time
     times = np.array([time_of(float(frame)) for frame in frames])
     values = np.array([curve.at(float(time)) for time in times])
-    return KeyedCurve(".".join(names), unit, frames, values, _keys(curve, frames, times))
+    return KeyedCurve(
+        ".".join(names),
+        unit,
+        frames,
+        values,
+        _keys(curve if isinstance(curve, Keyframes) else None, frames, times),
+    )
 
 
-def _keys(curve: Curve, frames: Floats, times: Floats) -> Floats:
+def _keys(curve: Keyframes | None, frames: Floats, times: Floats) -> Floats:
     """Return the frames at which keys are reached: one, several where the flow's time turns back, or none."""
-    if not isinstance(curve, Keyframes):
+    if curve is None:
         return np.empty((0, 2))
     rows = []
     for time, value in zip(curve.times, curve.values, strict=True):

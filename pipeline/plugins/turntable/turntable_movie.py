@@ -43,7 +43,7 @@ from flowsculpt.api.options import (
     shared_option,
 )
 from flowsculpt.api.pictures import ContactSheet, prefetch, write_movie, write_still
-from flowsculpt.api.shots import ALL_LOOKS, DEFAULTS, NAME, YamlSource, inherited, is_there
+from flowsculpt.api.shots import ALL_LOOKS, DEFAULTS, NAME, YamlSource, inherited_source, is_there
 from flowsculpt.pipeline.plugins.turntable.turntable_frames import REFERENCES, TURNS, Turntable
 
 TURNTABLE_SHEET = PipelineStage(
@@ -128,9 +128,9 @@ class TurntableRequest:
         if not self.looks:
             return {}
         if not self._is_of_file:
-            return inherited(Show().find_shot(self.subject), None, self.project.settings, None).mapping(
-                "looks"
-            )
+            return inherited_source(
+                Show().find_shot(self.subject), None, self.project.settings, None
+            ).mapping("looks")
         defaults = Show().folder / DEFAULTS
         looks = YamlSource.read(defaults).mapping("looks") if is_there(defaults) else {}
         return cast(Mapping[str, Any], _with_absolute_files(looks, Show().folder))

@@ -17,7 +17,13 @@ from typing import NamedTuple
 
 from flowsculpt.pipeline.errors import MissingInputError, UsageError, suggestion
 from flowsculpt.pipeline.plugin import plugins
-from flowsculpt.pipeline.shot.yaml.named_files import is_edit, is_there, name_fault, shot_files, shown
+from flowsculpt.pipeline.shot.yaml.named_files import (
+    is_edit,
+    is_there,
+    name_fault,
+    quote_name,
+    shot_files,
+)
 from flowsculpt.pipeline.shot.yaml.synonyms import value_meant
 from flowsculpt.render.base.input_files import kind_of_path
 from flowsculpt.render.scene.render_quality import FORMER_NAMES, QUALITIES, Crop, Quality
@@ -191,7 +197,7 @@ def _is_model(name: str) -> bool:
 def _require_name(path: Path, kind: str) -> None:
     """Raise UsageError for a name that no shot or edit can have."""
     if fault := name_fault(path.stem, kind):
-        raise UsageError(f"{shown(path)}: {fault}")
+        raise UsageError(f"{quote_name(path)}: {fault}")
 
 
 def _near(name: str, known: list[str], otherwise: str) -> str:
@@ -218,33 +224,33 @@ class Show:
         if _is_model(name) and not is_there(self.folder / f"{name}.yaml"):
             own = re.sub(r"[^A-Za-z0-9_-]", "_", Path(name).stem)
             raise UsageError(
-                f"{shown(name)} is a model, not a shot; flowsculpt new A010_{own} --model "
-                f"{shlex.quote(shown(name))} makes a shot of it"
+                f"{quote_name(name)} is a model, not a shot; flowsculpt new A010_{own} --model "
+                f"{shlex.quote(quote_name(name))} makes a shot of it"
             )
         if Path(name).suffix.lower().lstrip(".") in OTHER_MODELS:
             raise UsageError(
-                f"{shown(name)} is in a format that is not supported; export the model as FBX, GLB, OBJ "
+                f"{quote_name(name)} is in a format that is not supported; export the model as FBX, GLB, OBJ "
                 "or USD"
             )
         path = self._path(name)
         if is_edit(path):
-            own = "" if path == self.film else f" {shown(name)}"
-            raise UsageError(f"{shown(path)} is an edit, not a shot; flowsculpt film{own} renders it")
+            own = "" if path == self.film else f" {quote_name(name)}"
+            raise UsageError(f"{quote_name(path)} is an edit, not a shot; flowsculpt film{own} renders it")
         _require_name(path, "shot")
         if is_there(path):
             return path
         if kind := kind_of_path(path):
             raise MissingInputError(
-                f"{shown(path)}: it is {kind}; a shot is a regular file. Remove or rename it."
+                f"{quote_name(path)}: it is {kind}; a shot is a regular file. Remove or rename it."
             )
         if path == Path(name):
             hint = f"did you mean {path.stem}?" if path.stem in self.shots() else "flowsculpt new makes one"
-            raise MissingInputError(f"{shown(name)}: no such shot file; {hint}")
+            raise MissingInputError(f"{quote_name(name)}: no such shot file; {hint}")
         if name in (known := self.misnamed()):
-            raise MissingInputError(f"{shown(path)}: no such shot; {known[name]}")
+            raise MissingInputError(f"{quote_name(path)}: no such shot; {known[name]}")
         self._require_shots()
         raise MissingInputError(
-            f"{shown(path)}: no such shot; {_near(name, self.shots(), 'flowsculpt new makes one')}"
+            f"{quote_name(path)}: no such shot; {_near(name, self.shots(), 'flowsculpt new makes one')}"
         )
 
     def find_edit(self, name: str) -> Path:
@@ -258,10 +264,10 @@ class Show:
         hint = _near(path.stem, self.edits(), "flowsculpt new --show writes shots/film.yaml")
         if not is_there(path):
             self._require_shots()
-            raise MissingInputError(f"{shown(path)}: no such edit; {hint}")
+            raise MissingInputError(f"{quote_name(path)}: no such edit; {hint}")
         if path.stem in self.shots() and path.absolute() == (self.folder / path.name).absolute():
             raise UsageError(
-                f"{shown(path)} is a shot, not an edit; flowsculpt render {path.stem} renders it, "
+                f"{quote_name(path)} is a shot, not an edit; flowsculpt render {path.stem} renders it, "
                 f"and as for edits, {hint}"
             )
         return path
@@ -283,7 +289,8 @@ class Show:
     def misnamed(self) -> dict[str, str]:
         """Return files that only their suffix keeps from being shots, with the remedy."""
         return {
-            path.stem: f"{shown(path)} is passed over: shots end in .yaml. Rename it to {path.stem}.yaml."
+            path.stem: f"{quote_name(path)} is passed over: shots end in .yaml. "
+            f"Rename it to {path.stem}.yaml."
             for path in sorted(self.folder.glob("[!.]*"))
             if path.suffix != ".yaml" and path.suffix.lower() in (".yaml", ".yml")
         }

@@ -199,8 +199,24 @@ class Shading:
 
     def speeds(self, motion: Motion) -> AnyArray:
         """Return the speed of the vertices, (V, 1) float32, scene units per second."""
-        velocity = flow_motion(motion, self).velocity()
+        velocity = self.moved_by(motion).velocity()
         return np.asarray(np.linalg.norm(velocity, axis=1, keepdims=True), dtype=np.float32)
+
+    def moved_by(self, motion: Motion) -> SurfaceMotion:
+        """Return the movement of what is rendered: the mesh of a shot's frame, moved by its flow."""
+        if self.frame.copies is None:
+            return _moved_by_flow(motion, self.frame, self.at)
+        one = self.at(self.frame.own.vertices)
+        return _moved_by_flow(motion, self.frame, lambda matrices: _copies_of(one, matrices))
+
+    @staticmethod
+    def vertex_motion(motion: Motion, frame: MeshFrame) -> SurfaceMotion:
+        """Return the movement of the vertices of a shot's mesh frame, without normals."""
+        if frame.copies is None:
+            return _moved_by_flow(motion, frame, lambda points: (points, None))
+        return _moved_by_flow(
+            motion, frame, lambda matrices: _copies_of((frame.own.vertices, None), matrices)
+        )
 
     def _cut(self, points: Points, split: ShadedMesh | None) -> ShadedMesh:
         if split is not None:
@@ -298,21 +314,6 @@ class SurfaceMotion:
         return np.asarray(
             (self.at(VELOCITY_STEP)[0] - self.at(-VELOCITY_STEP)[0]) * (0.5 * self.fps / VELOCITY_STEP)
         )
-
-
-def flow_motion(motion: Motion, shading: Shading) -> SurfaceMotion:
-    """Return the movement of a shot's frame: its mesh, moved by the flow."""
-    if shading.frame.copies is None:
-        return _moved_by_flow(motion, shading.frame, shading.at)
-    one = shading.at(shading.frame.own.vertices)
-    return _moved_by_flow(motion, shading.frame, lambda matrices: _copies_of(one, matrices))
-
-
-def vertex_motion(motion: Motion, frame: MeshFrame) -> SurfaceMotion:
-    """Return the movement of the vertices of a shot's mesh frame, without normals."""
-    if frame.copies is None:
-        return _moved_by_flow(motion, frame, lambda points: (points, None))
-    return _moved_by_flow(motion, frame, lambda matrices: _copies_of((frame.own.vertices, None), matrices))
 
 
 def _copies_of(one: Shown, matrices: Floats) -> Shown:

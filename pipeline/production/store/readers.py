@@ -8,6 +8,7 @@ import zlib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -164,9 +165,19 @@ class StoredFiles:
         return digest_of(path)
 
     @staticmethod
-    def write_arrays(path: Path, key: Key, named: Mapping[str, AnyArray]) -> None:
-        """Write arrays as the file of a key."""
-        write_npz(path, with_key(key, named))
+    def writer(key: Key, named: Mapping[str, AnyArray]) -> Callable[[Path], None]:
+        """Return what writes arrays with their key to a file, as `Store.put` takes it."""
+        return partial(write_npz, named=with_key(key, named))
+
+    @staticmethod
+    def write_arrays(path: Path, named: Mapping[str, AnyArray]) -> None:
+        """Write arrays without a key, in a form that needs little room."""
+        write_npz(path, named)
+
+    @staticmethod
+    def read_arrays(path: Path) -> dict[str, AnyArray]:
+        """Return all arrays of a file. Raises CorruptFileError where it cannot be read to its end."""
+        return read_npz(path)
 
 
 def _plain_content(path: Path) -> Any:

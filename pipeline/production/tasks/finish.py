@@ -76,7 +76,7 @@ def plugin_stage(context: Context) -> bool:
             header |= {"stages": {**header.get("stages", {}), stage.name: stage.recipe}}
             header |= {"entries": {**header.get("entries", {}), stage.name: entry}}
             attributes = raw_attributes(request, framings[number])
-            write_exr(path, made, header, precision, attributes=attributes, is_raw=True)
+            write_exr(path, made, header, precision, attributes=attributes, compression="rle")
 
         return context.make("raw", keys[number].staged[stage.name], request.place(stage.name, number), write)
 

@@ -185,13 +185,13 @@ class _ShownSubject:
 
     @cached_property
     def _motion(self) -> SurfaceMotion:
-        from flowsculpt.pipeline.production.request.shading import flow_motion, turning_motion
+        from flowsculpt.pipeline.production.request.shading import turning_motion
 
         request = self.request
         motion = request.shot.motion
         turn = request.frame_source.turn(self.number)
         if turn is None:
-            return flow_motion(motion, self._shading)
+            return self._shading.moved_by(motion)
         vertices, normals = self._arrays["vertices"], self._arrays.get("normals")
         return turning_motion(vertices, normals, self._spin, turn, float(motion.rate.fps), self.around)
 
@@ -317,7 +317,7 @@ class _Renderer:
         header = request.keys.header(number, self.framings[number], self.keys[number])
         header |= flow_facts(request, number)
         attributes = raw_attributes(request, self.framings[number])
-        write_exr(path, layers, header, dict(aovs.precision), attributes=attributes, is_raw=True)
+        write_exr(path, layers, header, dict(aovs.precision), attributes=attributes, compression="rle")
         _write_statistics(context, number, self.keys[number].raw, layers, clock.lap(), checkpoint.resumed)
 
     def _passed(self, number: int, done: int, most: int) -> None:

@@ -23,7 +23,6 @@ from flowsculpt.pipeline.production.request.framing import BoundingSpheres, Exte
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.request.shading import Shading
 from flowsculpt.pipeline.production.store import readers
-from flowsculpt.pipeline.production.store.readers import write_npz
 from flowsculpt.pipeline.production.tasks.job import Context
 from flowsculpt.render.base.serialise import to_plain
 from flowsculpt.render.base.work_clock import Timing, WorkClock
@@ -112,7 +111,7 @@ class _FrameWriter:
         context, key = self._context, self._context.request.keys.mesh(number)
         started = time.perf_counter()
         if arrays is not None:
-            write = partial(write_npz, named=readers.with_key(key, arrays))
+            write = readers.StoredFiles.writer(key, arrays)
             context.store.put("mesh", key, write, replace=context.is_forced)
         if number in self._missing:
             place = context.request.place("mesh", number)
@@ -187,7 +186,7 @@ def smooth_normals(context: Context) -> bool:
         key = request.keys.normals(number)
 
         def write(path: Path) -> None:
-            write_npz(path, readers.with_key(key, shading_of(context, request, number).stored()))
+            readers.StoredFiles.writer(key, shading_of(context, request, number).stored())(path)
 
         return context.make("normals", key, request.place("normals", number), write)
 

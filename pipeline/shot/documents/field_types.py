@@ -137,6 +137,12 @@ class OneOfSeveral(Document):
         """The alternatives that are given: exactly one after validation."""
         return [name for name in self.several if getattr(self, name) is not None]
 
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        schema = handler.resolve_ref_schema(handler(core))
+        schema |= {"oneOf": [{"required": [name]} for name in cls.several]} if cls.several else {}
+        return schema
+
     @model_validator(mode="after")
     def _names_one(self) -> Self:
         if len(self.named) != 1:

@@ -62,7 +62,6 @@ from flowsculpt.pipeline.shot.documents.field_types import (
     Real,
     Triple,
     axis,
-    exactly_one,
     parsed_formula,
     vector,
 )
@@ -239,8 +238,6 @@ class AttractionDocument(OneOfSeveral, FlowParameters):
     """Attraction to points, a curve or a mesh."""
 
     noun, several = "the target of attraction", ("points", "curve", "mesh")
-
-    model_config = exactly_one(*several)
 
     flow = Attraction
 

@@ -37,7 +37,7 @@ from flowsculpt.render.scene.materials import Absorption, Relief, Subsurface
 from flowsculpt.render.scene.patterns import COLOUR_MAPS, KINDS, PATTERNS, Measure, Pigment
 from flowsculpt.render.scene.surface import Wireframe
 from flowsculpt.render.scene.texture_projection import PROJECTIONS, TextureProjection
-from flowsculpt.render.scene.textures import Texture, texture_of
+from flowsculpt.render.scene.textures import Texture
 
 _PROJECTIONS_WITH = {
     "axis": ("planar", "cylindrical", "spherical"),
@@ -110,8 +110,6 @@ class PigmentDocument(OneOfSeveral):
     example = "{layers: {colours: [[1, 1, 1], [0, 0, 0]]}}"
     noun, several = "a pigment", tuple(PATTERNS)
 
-    model_config = exactly_one(*several)
-
     layers: PatternDocument | None = optional("bands along an axis")
     gradient: PatternDocument | None = optional("from colour to colour along an axis")
     rings: PatternDocument | None = optional("bands about an axis")
@@ -177,7 +175,7 @@ def _read_texture(name: str, space: str | None, info: ValidationInfo) -> Texture
     context = ParseContext.of(info)
     path = context.file(name)
     digest = context.digests[path]
-    return as_finding(lambda: texture_of(str(path), digest, space))
+    return as_finding(lambda: Texture.of(str(path), digest, space))
 
 
 def _texture(space: str | None) -> AfterValidator:

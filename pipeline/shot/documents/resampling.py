@@ -43,7 +43,6 @@ from flowsculpt.pipeline.shot.documents.field_types import (
     OneOfSeveral,
     Positive,
     ZeroToOne,
-    exactly_one,
     formula_over,
     one_of,
     optional,
@@ -140,8 +139,6 @@ class ActiveLengthDocument(OneOfSeveral):
     """A length that is a function: one of these."""
 
     noun, several = "a length without keys", ("formula", "curvature", "camera")
-
-    model_config = exactly_one(*several)
 
     formula: ThresholdText | None = optional("over x, y, z, frame and t, seconds (units)")
     curvature: CurvatureDocument | None = optional("longer where the surface is flatter")

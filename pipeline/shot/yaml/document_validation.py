@@ -20,7 +20,7 @@ from flowsculpt.pipeline.errors import FlowsculptError, MissingInputError, ShotE
 from flowsculpt.pipeline.mesh.read import model_files
 from flowsculpt.pipeline.plugin import fault_of_plugin
 from flowsculpt.pipeline.shot.yaml.messages import problems_of
-from flowsculpt.pipeline.shot.yaml.named_files import is_folder, is_there, shown
+from flowsculpt.pipeline.shot.yaml.named_files import is_folder, is_there, quote_name
 from flowsculpt.pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource
 from flowsculpt.render.base.input_files import digest_of_file, kind_of_path
 from flowsculpt.render.base.number_order import in_order
@@ -95,22 +95,23 @@ class ParseContext:
             paths = [path for path in found if is_there(path) and not path.name.startswith(".")]
         except (OSError, ValueError):
             raise finding(
-                f"file {shown(name)} is not a name of a sequence; each * stands for any letters. "
+                f"file {quote_name(name)} is not a name of a sequence; each * stands for any letters. "
                 "Write one where names differ, as in wind_*.npz."
             ) from None
         if not paths:
-            raise finding(f"no file matches {shown(name)} in {shown(folder)}. Correct the name.")
+            raise finding(f"no file matches {quote_name(name)} in {quote_name(folder)}. Correct the name.")
         return in_order(paths, self.notes.append)
 
 
 def missing_file(name: str, path: Path, kind: str = "file") -> str:
     """Return the message about a file that a shot file names and that is not there."""
     if is_folder(path):
-        return f"{kind} {shown(name)} is a folder; it must be a file. Write the name of a file in it."
+        return f"{kind} {quote_name(name)} is a folder; it must be a file. Write the name of a file in it."
     if special := kind_of_path(path):
-        return f"{kind} {shown(name)} is {special}; it must be a regular file. Name another."
+        return f"{kind} {quote_name(name)} is {special}; it must be a regular file. Name another."
     return (
-        f"{kind} {shown(name)} is not there; it is looked for beside the shot file, as {shown(path)}. "
+        f"{kind} {quote_name(name)} is not there; it is looked for beside the shot file, as "
+        f"{quote_name(path)}. "
         f"{_similar_file(name, path) or _not_replaced(name) or 'Put it there or correct the name.'}"
     )
 

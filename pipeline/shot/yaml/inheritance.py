@@ -18,13 +18,13 @@ from typing import Any
 
 from flowsculpt.pipeline.errors import MissingInputError, ShotError, UsageError, brief, shortened, suggestion
 from flowsculpt.pipeline.shot.motion import Clock, parse_frames, parse_rate
-from flowsculpt.pipeline.shot.yaml.named_files import DEFAULTS, is_there, shot_files, shown, text_of
+from flowsculpt.pipeline.shot.yaml.named_files import DEFAULTS, is_there, quote_name, shot_files, text_of
 from flowsculpt.pipeline.shot.yaml.yaml_source import (
     HEX_COLOUR,
     Spot,
     Where,
     YamlSource,
-    dotted,
+    dotted_path,
     in_yaml,
     quoted,
 )
@@ -106,7 +106,7 @@ def _put(data: Any, steps: list[str], value: Any, place: str) -> Where:
             if steps and holder[key] is None:
                 holder[key] = {}
         else:
-            inner = dotted((*where[:-1], step)) if len(where) > 1 and isinstance(holder, str) else ""
+            inner = dotted_path((*where[:-1], step)) if len(where) > 1 and isinstance(holder, str) else ""
             raise ShotError(
                 f"{place}: {name} is {in_yaml(holder)}, not a mapping with {step}. Set {name}={{{step}: …}} "
                 f"in its place{inner and f', or {inner} next to it'}."
@@ -189,7 +189,7 @@ ReadText = Callable[[str], str | None]
 """Returns the text of a file beside the shot by its name; None if there is none."""
 
 
-def inherited(
+def inherited_source(
     path: Path, text: str | None, settings: tuple[str, ...], beside: Mapping[str, str] | None
 ) -> YamlSource:
     """Return a shot file with everything it inherits, and settings of the command line on top.
@@ -268,7 +268,7 @@ def _spelt_out(source: YamlSource, where: Where, named: Where, base_name: str) -
 def inherited_files(path: Path, text: str) -> dict[str, str]:
     """Return the texts of all other files that a shot inherits from, by name.
 
-    The search ends at files that are missing or not YAML, which `inherited` reports.
+    The search ends at files that are missing or not YAML, which `inherited_source` reports.
     """
     texts: dict[str, str] = {}
 
@@ -298,7 +298,7 @@ def _extended(source: YamlSource, read_text: ReadText, chain: tuple[str, ...]) -
         hint = suggestion(parent, known) if known else "No other shot is there; remove extends."
         if Path(parent).name.removesuffix(".yaml") in known:
             hint = f"Write {Path(parent).name.removesuffix('.yaml')}, its name without folder and suffix."
-        raise MissingInputError(f"{place}: extends: {shown(parent)} is not next to this file. {hint}")
+        raise MissingInputError(f"{place}: extends: {quote_name(parent)} is not next to this file. {hint}")
     base = _require_mapping(YamlSource.read(source.path.with_name(name), text))
     return over(source, _extended(base, read_text, (*chain, name)))
 

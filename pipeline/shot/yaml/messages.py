@@ -17,7 +17,7 @@ from pydantic_core import ErrorDetails
 from flowsculpt.pipeline.errors import suggestion
 from flowsculpt.pipeline.plugin import plugins
 from flowsculpt.pipeline.shot.yaml.synonyms import synonym, value_meant
-from flowsculpt.pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource, dotted, shown
+from flowsculpt.pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource, dotted_path, shown
 from flowsculpt.render.base.plural import plural
 
 Models = list[type[BaseModel]]
@@ -183,7 +183,7 @@ def unknown_names(document: type[BaseModel], source: YamlSource, locs: Iterable[
             continue
         mapping = _Mapping(document, source, where, models_in(types_at(document, loc[:-1])))
         found.problems.append(
-            ((*where, name), f"{dotted((*where, name))}: unknown name. {_hint(mapping, name, found)}")
+            ((*where, name), f"{dotted_path((*where, name))}: unknown name. {_hint(mapping, name, found)}")
         )
     return found
 
@@ -219,7 +219,7 @@ def _hint(mapping: _Mapping, name: Any, found: UnknownNames) -> str:
         return sentence
     fields = field_names(mapping.models)
     if owners := [own for m in mapping.models if (own := getattr(m, "names_within", {}).get(name))]:
-        return f"Did you mean {dotted((*mapping.where, owners[0], name))!r}?"
+        return f"Did you mean {dotted_path((*mapping.where, owners[0], name))!r}?"
     spelt = re.split(r"[:={]|\s+(?=[-\d{])", str(name).lstrip("- "))[0]
     if (meant := synonym(spelt, fields)) is not None:
         found.supplied.add((*mapping.where, meant))
@@ -244,7 +244,7 @@ def _hint(mapping: _Mapping, name: Any, found: UnknownNames) -> str:
         if path[:-1] != mapping.where:
             found.covered.add(path[:-1])
         top = " at the top of the file" if len(path) == 1 else ""
-        return f"Did you mean {dotted(path)!r}{top}?"
+        return f"Did you mean {dotted_path(path)!r}{top}?"
     return _closest(mapping, name, found)
 
 
@@ -395,11 +395,11 @@ def _in_file(source: YamlSource, loc: Where) -> Where:
 def _message(details: ErrorDetails, where: Where, document: type[BaseModel], written: str) -> str:
     kind, value, context = details["type"], details["input"], details.get("ctx", {})
     value = value[:_MOST_READ] if isinstance(value, str) else value
-    name = dotted(where) or "the file"
+    name = dotted_path(where) or "the file"
     if kind == "finding":
         return str(context["text"])
     if kind == "missing":
-        return f"{dotted((*where, details['loc'][-1]))}: missing; it has no default"
+        return f"{dotted_path((*where, details['loc'][-1]))}: missing; it has no default"
     if kind in _BOUNDS:
         return f"{name}: {value} is out of range; it must be {_BOUNDS[kind]} {next(iter(context.values())):g}"
     if kind in ("too_short", "too_long"):

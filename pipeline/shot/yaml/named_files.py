@@ -108,7 +108,7 @@ def is_edit(path: Path) -> bool:
     return bool(_EDIT.search(text)) and not _SHOT.search(text)
 
 
-def shown(name: str | Path) -> str:
+def quote_name(name: str | Path) -> str:
     """Return a name for a message: at most 200 characters, and printable."""
     text = str(name) if str(name).isprintable() else repr(str(name))
     return text if len(text) <= 200 else f"{text[:100]}…{text[-40:]}"

@@ -202,7 +202,7 @@ class YamlSource:
         """
         text = text_of(path) if text is None else text
         try:
-            return cls._from_node(path, composed(text), text.splitlines())
+            return cls._from_node(path, yaml_tree(text), text.splitlines())
         except YAMLError as error:
             raise ShotError(f"{path}:{syntax_fault(error, text)}") from None
         except RecursionError:
@@ -311,7 +311,7 @@ class _Reader:
             return None
         self._note_text(node, where)
         if colour := self._lost_colour(before or node.start_mark, node):
-            fact = f"{dotted(where)}: empty, since # begins a comment in YAML"
+            fact = f"{dotted_path(where)}: empty, since # begins a comment in YAML"
             self.problems.append((where, f"{fact}. Put the colour in quotes: '{colour}'."))
         return colour or scalar(node)
 
@@ -353,7 +353,7 @@ class _Reader:
             if not key_node.style and (unseen := _UNSEEN.search(key_node.value)):
                 mark = key_node.start_mark
                 spot = f"{self.file}:{mark.line + 1}:{mark.column + 1}"
-                raise ShotError(f"{spot}: {dotted((*where, key))}: {unseen_fault(unseen[0])}")
+                raise ShotError(f"{spot}: {dotted_path((*where, key))}: {unseen_fault(unseen[0])}")
             if key in values:
                 line = self.places[(*where, key)].line
                 problem = (
@@ -386,7 +386,7 @@ class _Scanner(RoundTripScanner):
 
 
 @lru_cache(maxsize=32)
-def composed(text: str) -> Node | None:
+def yaml_tree(text: str) -> Node | None:
     """Return the tree of nodes of a text, which is only read: a film's plan reads shots for its edit, too.
 
     Raises YAMLError, and RecursionError for one too deep.
@@ -421,7 +421,7 @@ _PLAIN = re.compile(r"[A-Za-z_][A-Za-z0-9_./-]*( [A-Za-z0-9_./+*-]+)*|\d+(\.\d+)
 _WORDS = ("true", "false", "null", "True", "False", "Null", "TRUE", "FALSE", "NULL")
 
 
-def dotted(where: Where) -> str:
+def dotted_path(where: Where) -> str:
     """Return a path as `--set` has it: flows.0.vortex."""
     return ".".join(brief(step) for step in where)
 

@@ -26,9 +26,9 @@ from flowsculpt.pipeline.production.request.shot_source import ShotSource
 from flowsculpt.pipeline.production.store.store import Store
 from flowsculpt.pipeline.shot import Shot
 from flowsculpt.render.base.input_files import digest_of_file
-from flowsculpt.render.post.embedded_textures import embedded
+from flowsculpt.render.post.embedded_textures import EmbeddedPicture
 from flowsculpt.render.scene.materials import LOOKS, Painted, Plastic
-from flowsculpt.render.scene.textures import Texture, texture_of
+from flowsculpt.render.scene.textures import Texture
 from tests.plugins.interchange.node_programs import gltf_messages
 from tests.plugins.interchange.test_animated_gltf import Player
 from tests.plugins.interchange.test_model_paint import gltf_box, painted_box, shot_of
@@ -52,13 +52,13 @@ def noise(height: int = 12, width: int = 20, channels: int = 3) -> AnyArray:
 
 
 def texture(path: Path, space: str | None = None) -> Texture:
-    return texture_of(str(path), digest_of_file(path), space)
+    return Texture.of(str(path), digest_of_file(path), space)
 
 
 @pytest.mark.parametrize(("name", "channels"), [("a.png", 3), ("a.png", 1), ("a.png", 4), ("a.jpg", 3)])
 def test_a_png_or_jpeg_is_embedded_as_the_file_is(tmp_path: Path, name: str, channels: int) -> None:
     path = stored(tmp_path / name, noise(channels=channels))
-    assert embedded(texture(path), 2048, is_colour=True).content == path.read_bytes()
+    assert EmbeddedPicture.of_texture(texture(path), 2048, is_colour=True).content == path.read_bytes()
 
 
 def test_what_readers_would_see_otherwise_is_encoded_again(tmp_path: Path) -> None:
@@ -66,7 +66,7 @@ def test_what_readers_would_see_otherwise_is_encoded_again(tmp_path: Path) -> No
     linear = texture(stored(tmp_path / "linear.png", noise()), "linear")
     floats = texture(stored(tmp_path / "a.exr", np.full((2, 3, 3), 0.25, np.float32)))
     for each in (turned, linear, floats):
-        kind, content, _ = embedded(each, 2048, is_colour=True)
+        kind, content, _ = EmbeddedPicture.of_texture(each, 2048, is_colour=True)
         assert content != Path(each.path).read_bytes()
         shown, pixels = iio.imread(io.BytesIO(content)) / 255.0, each.pixels()
         assert kind == ("image/jpeg" if each is turned else "image/png")
@@ -78,7 +78,9 @@ def test_what_readers_would_see_otherwise_is_encoded_again(tmp_path: Path) -> No
 def test_large_pictures_are_averaged_in_light(tmp_path: Path) -> None:
     stripes = np.zeros((2, 64, 3), np.uint8)
     stripes[:, ::2] = 255
-    kind, content, _ = embedded(texture(stored(tmp_path / "a.png", stripes)), 32, is_colour=True)
+    kind, content, _ = EmbeddedPicture.of_texture(
+        texture(stored(tmp_path / "a.png", stripes)), 32, is_colour=True
+    )
     shown = iio.imread(io.BytesIO(content))
     assert (kind, shown.shape) == ("image/png", (1, 32, 3)) and (shown == 188).all()
 

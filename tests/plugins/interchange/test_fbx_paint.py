@@ -18,7 +18,7 @@ from flowsculpt.pipeline.plugins.interchange.fbx_paint import FBX_PAINT, MATERIA
 from flowsculpt.pipeline.plugins.interchange.scene_readers import asked
 from flowsculpt.render.base.render_errors import BadInputError
 from flowsculpt.render.scene.materials import Diffuse, Painted, Satin
-from flowsculpt.render.scene.painted_faces import VERTEX_COLOURS
+from flowsculpt.render.scene.painted_faces import PaintedFaces
 from tests.plugins.interchange.fbx_writer import (
     SIDES,
     N,
@@ -189,7 +189,7 @@ def test_vertex_colours_of_an_fbx_are_srgb_and_for_materials_without_a_picture(t
     objects = painted_box(*plain, layers=[colours])
     path = write(tmp_path / "box.fbx", objects, [*LINKS, (8, 0), (7, 8), (4, 8)])
     (atlas, red), _, _ = FBX_PAINT.materials(path)
-    assert atlas.colour_from is None and red.colour_from == VERTEX_COLOURS
+    assert atlas.colour_from is None and red.colour_from == PaintedFaces.COLOURS
     paint = FBX_PAINT.paint(path)
     found = paint.colours  # type: ignore[attr-defined]
     assert found[:12] == pytest.approx(np.broadcast_to([0.21404, 0.21404, 1.0], (12, 3, 3)), abs=1e-4)

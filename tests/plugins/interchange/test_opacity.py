@@ -20,7 +20,7 @@ from flowsculpt.pipeline.plugins.interchange.model_export import write_glb
 from flowsculpt.pipeline.plugins.interchange.usd_files import USD_PAINT
 from flowsculpt.pipeline.plugins.interchange.usd_materials import add_material
 from flowsculpt.render.scene.materials import Diffuse, Opacity, PatternedMaterial
-from flowsculpt.render.scene.textures import ALPHA
+from flowsculpt.render.scene.textures import Texture
 from tests.plugins.interchange import test_fbx_paint as fbx
 from tests.plugins.interchange import test_usd_paint as usd
 from tests.plugins.interchange.gltf_scenes import GltfScene
@@ -112,7 +112,7 @@ def test_usd_has_a_channel_and_a_threshold(tmp_path: Path) -> None:
     leaf(tmp_path / "atlas.png")
     opacity = first_of(path).opacity
     assert opacity is not None and opacity.texture is not None
-    assert (opacity.cutoff, opacity.texture.channel) == (0.25, ALPHA)
+    assert (opacity.cutoff, opacity.texture.channel) == (0.25, Texture.ALPHA)
     thin = usd.painted_box(tmp_path, "float inputs:opacity = 0.5")
     assert USD_PAINT.materials(thin)[0][0].opacity == Opacity(0.5)
 

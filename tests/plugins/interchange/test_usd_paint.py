@@ -17,7 +17,7 @@ from flowsculpt.pipeline.plugins.authoring.shot_templates import model_template
 from flowsculpt.pipeline.plugins.interchange.usd_files import USD_PAINT
 from flowsculpt.render.base.render_errors import BadInputError
 from flowsculpt.render.scene.materials import Diffuse, Painted, Satin
-from flowsculpt.render.scene.painted_faces import VERTEX_COLOURS
+from flowsculpt.render.scene.painted_faces import PaintedFaces
 from tests.plugins.interchange.test_model_paint import SIDES, on_box, paint_of, picture, shot_of
 
 POINTS = ", ".join(f"({x}, {y}, {z})" for x in (-1, 1) for y in (-1, 1) for z in (-1, 1))
@@ -166,7 +166,7 @@ def test_display_colours_are_vertex_colours(
 ) -> None:
     path = write(tmp_path, box(f"color3f[] primvars:displayColor = {values}"))
     (bare,), files, _ = USD_PAINT.materials(path)
-    assert isinstance(bare, Diffuse) and bare.colour_from == VERTEX_COLOURS and not files
+    assert isinstance(bare, Diffuse) and bare.colour_from == PaintedFaces.COLOURS and not files
     colours = USD_PAINT.paint(path).colours  # type: ignore[attr-defined]
     assert {tuple(row) for row in colours.reshape(-1, 3).tolist()} == shown
 
@@ -180,7 +180,7 @@ def test_a_material_that_reads_a_primvar_is_coloured_by_it_and_others_are_not(tm
     second = box("rel material:binding = </world/red>").replace('"box"', '"second"')
     path = write(tmp_path, box(tint, BIND), second, material("one", dyed, nodes=dye), red)
     first, other = USD_PAINT.materials(path)[0]
-    assert (first.colour_from, other.colour_from) == (VERTEX_COLOURS, None)
+    assert (first.colour_from, other.colour_from) == (PaintedFaces.COLOURS, None)
     paint = USD_PAINT.paint(path)
     for number, colour in enumerate(((0.0, 0.0, 1.0), (1.0, 0.0, 0.0))):
         shown = paint.colours[paint.materials == number]  # type: ignore[attr-defined]

@@ -36,7 +36,7 @@ from flowsculpt.render.scene.render_camera import Camera
 from flowsculpt.render.scene.scene_lights import LightRig, Sky, Softbox
 from flowsculpt.render.scene.scene_stage import StagePlacement
 from flowsculpt.render.scene.texture_projection import TextureProjection
-from flowsculpt.render.scene.textures import texture_of
+from flowsculpt.render.scene.textures import Texture
 from tests.plugins.interchange.moving_meshes import moving, painted
 from tests.plugins.review.chromium import LIMIT, wait_for
 from tests.plugins.review.conftest import browser
@@ -241,7 +241,7 @@ def test_each_material_of_a_model_shows_its_picture_or_colour(browser: Browser, 
     write_png(tmp_path / "a.png", pixels)
     write_png(tmp_path / "flat.png", np.full((4, 4, 3), (128, 128, 255), np.uint8))
     texture, flat = (
-        texture_of(str(path), digest_of_file(path), space)
+        Texture.of(str(path), digest_of_file(path), space)
         for path, space in ((tmp_path / "a.png", None), (tmp_path / "flat.png", "data"))
     )
     more = {"normal_texture": flat, "projection": TextureProjection("model")}

@@ -5,12 +5,11 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from flowsculpt.api.flows import kernel
-from flowsculpt.api.meshes import AnyArray, Floats, Indices
+from flowsculpt.pipeline.arrays import AnyArray, Indices
+from flowsculpt.pipeline.kernels import kernel
 from flowsculpt.pipeline.mesh.kernels.halfedge import (
     LEAN,
     MESH_ARRAYS,
-    VECTOR,
     MeshArrays,
     following,
     preceding,
@@ -74,23 +73,3 @@ def replay_births(mesh: MeshArrays, sizes: AnyArray, births: Indices, opposite: 
         for k in range(3 * first, 3 * sizes[1]):
             leaving[vert[k]] = k
     return len(births)
-
-
-@kernel((_TABLE, _TABLE, numba.int64, VECTOR))
-def raise_to_dependents(births: Indices, opposite: Indices, first: int, errors: Floats) -> None:
-    """Raise the errors (V,) of vertices to those of the births that need them, from the last birth on.
-
-    A birth needs its parents and the corners opposite its edge; `first` is the vertex of the first birth.
-    """
-    for i in range(len(births) - 1, -1, -1):
-        for pair in (births, opposite):
-            for k in range(2):
-                if pair[i, k] >= 0:
-                    errors[pair[i, k]] = max(errors[pair[i, k]], errors[first + i])
-
-
-@kernel((_TABLE, numba.int64, VECTOR))
-def mix_births(births: Indices, first: int, values: Floats) -> None:
-    """Set the values (V,) of births, from vertex `first` on, to the means of their parents, in order."""
-    for i in range(len(births)):
-        values[first + i] = 0.5 * (values[births[i, 0]] + values[births[i, 1]])
