@@ -363,6 +363,8 @@ def plugin(name: str = "greeter", rest: str = "") -> str:
         ),
         ("wider", plugin("wider", ", lenses={}"), "Plugin has no field lenses; correct it, or update flowsc"),
         ("newer", "from flowsculpt.api import Lens", "; a later flowsculpt may have it"),
+        ("moved", "from flowsculpt.api import read_shot", "; it is in flowsculpt.api.shots ("),
+        ("common", "from flowsculpt.api.meshes import icosphere", "; it is in flowsculpt ("),
         ("older", "from pipeline.api import Plugin", "since flowsculpt 0.2.0 it is flowsculpt.pipeline"),
         ("number", plugin("number", ", api='1'"), "its field api is not a whole number"),
         (

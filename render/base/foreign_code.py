@@ -10,6 +10,7 @@ import traceback
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stdout
+from importlib import import_module
 from pathlib import Path
 
 
@@ -63,6 +64,16 @@ _REGISTRY = Path(__file__).resolve().parents[2] / "pipeline" / "plugin.py"
 _NUMBA_LINES = ("Failed in nopython mode", "During: ")  # around what is wrong
 
 
+def _home_of(name: str) -> str:
+    """Return where plug-ins find a name that they look for elsewhere in the public API, in words."""
+    library = Path(import_module("flowsculpt").__file__ or "").parent
+    for stub in (library / "__init__.pyi", *sorted((library / "api").glob("*.pyi"))):
+        if f" as {name}\n" in stub.read_text("utf-8"):
+            module = ".".join(stub.relative_to(library.parent).with_suffix("").parts)
+            return f"it is in {module.removesuffix('.__init__')}"
+    return "a later flowsculpt may have it"
+
+
 def reason_of_foreign(error: BaseException) -> str:
     """Return what code of others raised, in one line."""
     try:
@@ -74,6 +85,7 @@ def reason_of_foreign(error: BaseException) -> str:
     absent = error.name if isinstance(error, ImportError) else None
     if absent in ("pipeline", "render"):
         return f"{line}; since flowsculpt 0.2.0 it is flowsculpt.{absent}, and for plug-ins flowsculpt.api"
-    if absent == "flowsculpt.api":
-        return f"{line}; a later flowsculpt may have it"
+    if absent and absent.startswith("flowsculpt.api"):
+        name = line.partition("name '")[2].partition("'")[0]
+        return f"{line}; {_home_of(name)}"
     return line
