@@ -115,7 +115,7 @@ def test_a_frame_is_written_while_the_next_one_is_computed(
         write(path, named)
 
     monkeypatch.setattr(surfaces, "animate", frames)
-    monkeypatch.setattr(surfaces, "write_npz", writes)
+    monkeypatch.setattr(readers, "write_npz", writes)
     job = Job(root, "1-3")
     assert job.run() and job.stored() == [1, 2, 3]
 
