@@ -131,7 +131,7 @@ def test_where_writing_fails_the_job_says_so_once_and_leaves_nothing_half_writte
             raise MachineError(f"{path}: cannot be written: the disk is full")
         write(path, named)
 
-    monkeypatch.setattr(surfaces, "write_npz", fails)
+    monkeypatch.setattr(readers, "write_npz", fails)
     job = Job(root, "1-5")
     assert not job.run()
     (failure,) = job.events("fail")
