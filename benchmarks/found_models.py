@@ -31,6 +31,7 @@ import numpy as np
 from benchmarks.report import OUT, Row, Target, keep, show
 from benchmarks.sample_models import MODELS, UNUSABLE, UNUSUAL
 from flowsculpt.pipeline.errors import FlowsculptError
+from flowsculpt.pipeline.frames import FrameRange
 from flowsculpt.pipeline.mesh.read import read_polygons, surface_reader
 from flowsculpt.pipeline.plugins.authoring.first_frame import FirstFrames
 from flowsculpt.pipeline.plugins.authoring.scene_rules import findings
@@ -124,7 +125,7 @@ def verdict(path: Path, first_frames: FirstFrames) -> tuple[str, list[str]]:
 def preview(root: Path, path: Path, picture: Path) -> dict[str, Any]:
     """Draw frame 12 of a shot; return seconds, vertices and the gap to the floor. Raises FlowsculptError."""
     started = time.process_time()
-    request = Project(root, 2).request(path, "draft", str(FRAME), variant="none")
+    request = Project(root, 2).request(path, "draft", FrameRange([FRAME]), variant="none")
     with SurfaceStream(Project(root, 2).store) as stream:
         stream.callback = lambda progress: print(progress.slow, flush=True) if progress.slow else None
         animatic = Animatic(Sketch(request), stream)

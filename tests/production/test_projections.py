@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import struct
-from dataclasses import replace
 from pathlib import Path
 
 import av
@@ -18,6 +17,7 @@ from flowsculpt.pipeline.plugins.delivery.timeline import _delivered
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.request.keys import projection_of
 from flowsculpt.pipeline.production.request.lookup import Show
+from flowsculpt.pipeline.production.request.render_request import RequestPictures
 from flowsculpt.pipeline.shot import read_film
 from flowsculpt.render.movie.codecs import ENCODES
 from flowsculpt.render.post.image import read_exr, read_header
@@ -78,8 +78,8 @@ def test_movies_films_and_stills_of_a_spherical_shot_are_told_to_players(there):
 def test_a_deliverable_is_told_and_named_for_players(finished, monkeypatch):
     monkeypatch.chdir(finished.path)
     project = Project(finished.path, cores=1)
-    request = project.find_request(NAME, QUALITY, FrameRange.parse("2-3"))
-    source = replace(shot_source(request, project.store, {}), projection=Projection("vr180"))
+    monkeypatch.setattr(RequestPictures, "projection", Projection("vr180"))
+    source = shot_source(project.find_request(NAME, QUALITY, FrameRange.parse("2-3")), project.store, {})
     options = DeliveryOptions((ENCODES["h264"], ENCODES["webp"]), slate="head")
     movie, page = Delivery(source, options, project.store).make(lambda name, count: lambda: None)
     quarter = 1 << 30

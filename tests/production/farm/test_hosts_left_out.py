@@ -74,7 +74,7 @@ def test_a_host_that_failed_at_three_frames_of_a_stage_is_left_out_of_it_and_nam
     fail(context, 101, 102, 102)  # of other jobs, one of them twice
     assert context.failures.reason_to_leave() is None
     assert not context.for_each([103], refuse)
-    warnings = [event["message"] for event in context._events("warn") if event["event"] == "warn"]
+    warnings = [event["message"] for event in context.failures._events("warn") if event["event"] == "warn"]
     assert len(warnings) == 1 and "node7 has failed at 3 frames of render and is left out" in warnings[0]
     assert "left out" in str(context.failures.reason_to_leave())
     finish = next(job.name for job in context.plan.jobs if job.stage == "finish")
