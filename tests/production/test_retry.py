@@ -49,7 +49,7 @@ def test_a_job_that_is_silent_is_ended_and_the_log_says_which_frame_it_was_at(
 ) -> None:
     log = EventLog(tmp_path / "a.jsonl", "job")
     with stuck() as process:
-        log.rendered_requests(process.pid)
+        begun(log, process.pid)
         log.write("start", stage="render", shot="A010", frame=12)
         if stopped:
             psutil.Process(process.pid).suspend()
@@ -68,10 +68,10 @@ def test_a_job_that_tells_of_itself_or_has_ended_or_is_elsewhere_is_left_alone(
     monkeypatch.setattr(time, "monotonic", lambda: now)
     monkeypatch.setattr(run, "end_family", ended.append)
     watchdog = Watchdog(log.path, 1.0)
-    other.rendered_requests(os.getpid())
+    begun(other, os.getpid())
     other.write("end")
-    EventLog(log.path, "far").rendered_requests(os.getpid(), "another host")
-    log.rendered_requests(os.getpid())
+    begun(EventLog(log.path, "far"), os.getpid(), "another host")
+    begun(log, os.getpid())
     for done in range(12):
         log.write("pass", frame=1, done=done, most=12)
         watchdog.check()
@@ -100,7 +100,7 @@ def test_a_log_that_cannot_be_read_for_a_while_keeps_nobody_from_ending_what_han
         log.path.mkdir()
         time.sleep(0.5)
         log.path.rmdir()
-        log.rendered_requests(process.pid)
+        begun(log, process.pid)
         process.wait(120)
     assert events(log, "hung")
 

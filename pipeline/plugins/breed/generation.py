@@ -171,7 +171,7 @@ class Breeding:
         """Return a trial, from the run before if that was interrupted; None for one that explodes."""
         file = self._file(name)
         with suppress(OSError, EOFError, ValueError, TypeError, KeyError, zipfile.BadZipFile, zlib.error):
-            with np.load(file, allow_pickle=False) as stored:
+            with file.open("rb") as content, np.load(content, allow_pickle=False) as stored:
                 arrays = dict(stored)
             return None if arrays.keys() == {"explodes"} else Trial.of(arrays)
         try:

@@ -161,7 +161,7 @@ class SpillCache:
     def get(self, key: Key) -> Arrays:
         if key in self._held:
             return self._held[key]
-        with np.load(self._file(key), allow_pickle=False) as stored:
+        with self._file(key).open("rb") as file, np.load(file, allow_pickle=False) as stored:
             return dict(stored)
 
     def drop(self, key: Key) -> None:

@@ -43,7 +43,7 @@ def begun(flow: str, folder: Path, coarser: float = 1.0) -> tuple[str, Path]:
 )
 def test_a_shot_of_each_flow_moves_what_it_shows(flow: str, tmp_path: Path) -> None:
     """Some frames on from where it is strongest, with a coarse surface."""
-    _, path = flow.rendered_requests(tmp_path, coarser=4.0)
+    _, path = begun(flow, tmp_path, coarser=4.0)
     shot = read_shot(path, allow_code=True)
     assert shot.title == "N1" and len(shot.frames) == FRAMES
     frames = animate(shot)
@@ -70,7 +70,7 @@ def test_a_new_shot_says_what_may_be_changed(flow: str) -> None:
 @pytest.mark.soak
 @each
 def test_a_shot_of_each_flow_comes_to_its_end(flow: str, tmp_path: Path) -> None:
-    _, path = flow.rendered_requests(tmp_path, coarser=2.5)
+    _, path = begun(flow, tmp_path, coarser=2.5)
     last = list(animate(read_shot(path, allow_code=True)))[-1].mesh
     assert np.ptp(last.vertices, axis=0).max() < 8.0
 

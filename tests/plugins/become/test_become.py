@@ -75,7 +75,9 @@ def quick(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     monkeypatch.setattr(
         stored_fits.CachedAnswer,
         "of",
-        lambda kind, key, suffix="": stored_fits.CachedAnswer(tmp_path / f"{hash(*key)}{suffix}"),
+        lambda kind, key, suffix="": stored_fits.CachedAnswer(
+            tmp_path / f"{hash(tuple(map(str, key)))}{suffix}"
+        ),
     )
     fit_between.cache_clear()
     return tmp_path
