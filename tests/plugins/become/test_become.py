@@ -72,13 +72,13 @@ def quick(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     monkeypatch.setattr(target, "NODES", 40)
     monkeypatch.setattr(fitting, "START", PathSpace(12, 0.12))
     monkeypatch.setattr(stored_fits, "EDGES", 16)
-    monkeypatch.setattr(
-        stored_fits.CachedAnswer,
-        "of",
-        lambda kind, key, suffix="": stored_fits.CachedAnswer(
-            tmp_path / f"{hash(tuple(map(str, key)))}{suffix}"
-        ),
-    )
+    elsewhere = stored_fits.CachedAnswer.of
+
+    def fits_here(kind: str, key: list[str], suffix: str = ".json") -> stored_fits.CachedAnswer:
+        file = tmp_path / f"{hash(str(key))}{suffix}"
+        return stored_fits.CachedAnswer(file) if kind == "fits" else elsewhere(kind, key, suffix)
+
+    monkeypatch.setattr(stored_fits.CachedAnswer, "of", fits_here)
     fit_between.cache_clear()
     return tmp_path
 
