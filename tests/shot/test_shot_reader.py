@@ -81,12 +81,12 @@ def test_the_budget_of_vertices_is_no_part_of_any_mesh(tmp_path: Path) -> None:
 
 def test_every_setting_of_the_resampling_stands_in_the_shot(tmp_path: Path) -> None:
     spelt = (
-        "max_edge_length: 0.25, method: triangles, placement: curved, splits: faces, min_roundness: 1, "
+        "max_edge_length: 0.25, method: triangles, placement: curved, splits: edges, min_roundness: 1, "
         "normals: geometric, rest_interval: 12, creases: none"
     )
     resampling = read_shot(written(tmp_path, GOOD.replace("max_edge_length: 0.25", spelt))).motion.resampling
     assert resampling == Resampling(
-        Thresholds(0.25), "triangles", "curved", "faces", 1.0, "geometric", 12, "none"
+        Thresholds(0.25), "triangles", "curved", "edges", 1.0, "geometric", 12, "none"
     )
     assert read_shot(written(tmp_path, GOOD)).motion.resampling == Resampling(Thresholds(0.25))
 
