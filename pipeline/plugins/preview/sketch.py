@@ -42,7 +42,7 @@ OCTAHEDRON = TriangleMesh(
 LINE = 1 / 600  # width of a streamline, over that of the picture
 
 OF_SURFACE = {"vertices", "normals", "faces", "source_vertex", "material", "radii"}
-"""Arrays of a frame that are no attributes of its vertices."""
+"""Arrays of a frame besides the attributes of its vertices."""
 
 SLOW, MIDDLE, FAST = (0.10, 0.36, 0.56), (0.86, 0.63, 0.16), (0.80, 0.24, 0.14)
 """Display colours of streamlines, from still to the fastest."""
