@@ -47,7 +47,7 @@ class Command:
     summary   its line in the help
     panel     the part of the help that lists it
     folder    the folder in renders/ with what it makes, by whose name no shot may be called; empty for none
-    also      words by which other programs call it: who types one of them is told the command's name
+    also      words by which other programs call it: whoever types one gets the command's name
     opening   a sentence for the head of the help: what beginners call first, with an example
     """
 
