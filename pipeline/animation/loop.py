@@ -290,11 +290,11 @@ def animate(
     before it have been yielded. MeshError and MissingInputError for an unusable subject.
     """
     motion = shot.motion if isinstance(shot, Shot) else shot
-    frames = _animated(motion, resume, motion.flow if flow is None else as_flow(flow), ready)
-    return frames if progress is None else _reported(motion, resume, frames, progress)
+    frames = _simulate_frames(motion, resume, motion.flow if flow is None else as_flow(flow), ready)
+    return frames if progress is None else _report_frames(motion, resume, frames, progress)
 
 
-def _animated(
+def _simulate_frames(
     motion: Motion, resume: MeshFrame | None, acting: Flow, ready: Callable[[], None]
 ) -> Iterator[MeshFrame]:
     """Yield the frames as `animate` does."""
@@ -479,7 +479,7 @@ class _VertexSample(NamedTuple):
         return cls(points if stride < 2 else points[::stride].copy(), len(points))
 
 
-def _reported(
+def _report_frames(
     motion: Motion, resume: MeshFrame | None, frames: Iterator[MeshFrame], callback: FrameProgressCallback
 ) -> Iterator[MeshFrame]:
     """Yield frames; report the progress within each that takes long."""
@@ -507,7 +507,7 @@ class _FrameWatch:
         told: set[str],
     ) -> None:
         self._motion, self._frame, self._before, self._callback = motion, frame, before, callback
-        self._began = self._reported = time.monotonic()
+        self._began = self._report_frames = time.monotonic()
         self._last = Progress("", 0, 0)
         self._moved = 0
         self._vertices = 0 if before is None else before.vertices
@@ -526,9 +526,9 @@ class _FrameWatch:
         else:
             self._vertices = progress.done
         self._last, now = progress, time.monotonic()
-        if now - self._reported < REPORT_SECONDS:
+        if now - self._report_frames < REPORT_SECONDS:
             return
-        self._reported = now
+        self._report_frames = now
         share = self._share()
         slow = self._slow(now - self._began, share)
         self._callback(FrameProgress(self._frame, share, progress.activity, self._vertices, slow))

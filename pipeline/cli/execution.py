@@ -163,7 +163,7 @@ def _named(now: Mapping[object, _FrameInWork]) -> str:
 
 
 @contextmanager
-def _events_told(reader: EventReader, tell: Callable[[Event], None]) -> Iterator[None]:
+def _forward_events(reader: EventReader, tell: Callable[[Event], None]) -> Iterator[None]:
     """Call a function with each event of a run."""
 
     def read() -> None:
@@ -273,7 +273,7 @@ def execute(
     @contextmanager
     def watch(plan: Plan, reader: EventReader) -> Iterator[None]:
         if teller is not None or not common.progress:
-            with _events_told(reader, teller(plan) if teller else _tell_of_slow_frame):
+            with _forward_events(reader, teller(plan) if teller else _tell_of_slow_frame):
                 yield
             return
         with StageBars(plan, common.root, reader).drawn(), ExitStack() as watching:

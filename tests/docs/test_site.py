@@ -130,7 +130,7 @@ def page_from_the_code(name: str) -> tuple[str, str]:
 
 def test_the_page_of_commands_says_what_the_code_says() -> None:
     new, old = page_from_the_code("commands")
-    assert new == old, "`make reference` writes the page anew"
+    assert new == old, "`make reference` rewrites the page"
 
 
 def test_every_message_that_troubleshooting_quotes_is_told_by_the_code() -> None:

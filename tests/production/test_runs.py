@@ -260,7 +260,7 @@ def test_the_jobs_of_a_killed_command_do_not_outlive_it(project):
     project.wait_until(lambda: not processes_of(process.pid))
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere there is no pool")
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems have no pool of workers")
 @pytest.mark.parametrize("depth", [2, *(pytest.param(depth, marks=pytest.mark.soak) for depth in (1, 3))])
 def test_a_run_goes_on_when_snakemake_the_pool_or_a_renderer_is_killed(project, depth):
     process = project.start("render", NAME, "-q", QUALITY)

@@ -91,14 +91,14 @@ def frames(
             return project.geometry(project.request(path, name, frames, variant))
 
         making = make and not common.dry_run
-        outcome = execute(common, planned, teller=_progress_answered) if making else None
+        outcome = execute(common, planned, teller=_answer_progress) if making else None
         request = project.request(path, name, frames, variant)
         failed = [_failure(event) for event in outcome.failures] if outcome else []
         _answer({**_listing(project, request, quality is not None), "failed": failed})
     exit_with(outcome.exit_code if outcome else 0)
 
 
-def _progress_answered(plan: Plan) -> Callable[[dict[str, Any]], None]:
+def _answer_progress(plan: Plan) -> Callable[[dict[str, Any]], None]:
     """Return what answers with a line whenever a frame of a stage is done."""
     totals, done = plan.frame_counts(), dict.fromkeys(STAGES, 0)
 

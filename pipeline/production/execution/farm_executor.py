@@ -1,4 +1,4 @@
-"""Executors of farms, with what flowsculpt knows better: the Python of jobs, and hosts that fail at them."""
+"""Changes to Snakemake's executors for farms: which Python their jobs run, and which hosts these avoid."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ UnfitHosts = Callable[[Any], set[str]]
 
 
 def extend_farm_executors(unfit_hosts: UnfitHosts) -> None:
-    """Have executor plug-ins for farms start our Python, and SLURM's keep jobs from unfit hosts."""
+    """Have the executors of all farms run jobs by our Python, and that of SLURM avoid unfit hosts."""
     for name, plugin in ExecutorPluginRegistry().plugins.items():
         if plugin.common_settings.non_local_exec:
             plugin.executor = _with_our_python(plugin.executor)
             if name == "slurm":
-                plugin.executor = sparing_hosts(plugin.executor, unfit_hosts)
+                plugin.executor = avoid_unfit_hosts(plugin.executor, unfit_hosts)
 
 
 def _with_our_python(executor: Any) -> Any:
@@ -35,10 +35,10 @@ def _with_our_python(executor: Any) -> Any:
     return FarmExecutor
 
 
-def sparing_hosts(executor: Any, unfit_hosts: UnfitHosts) -> Any:
-    """Return a class of SLURM's executor that keeps jobs from hosts that refuse them."""
+def avoid_unfit_hosts(executor: Any, unfit_hosts: UnfitHosts) -> Any:
+    """Return an executor class of SLURM that gives no job to the hosts that are unfit for it."""
 
-    class SparingExecutor(executor):  # type: ignore[misc]
+    class SlurmExecutor(executor):  # type: ignore[misc]
         def run_jobs(self, jobs: Sequence[Any]) -> None:
             for job in jobs:
                 hosts = set() if job.is_group() else unfit_hosts(job)
@@ -49,7 +49,7 @@ def sparing_hosts(executor: Any, unfit_hosts: UnfitHosts) -> Any:
                     job.resources.slurm_extra = extra.strip()
             super().run_jobs(jobs)
 
-    return SparingExecutor
+    return SlurmExecutor
 
 
 def _nodes_of_slurm() -> set[str]:

@@ -1,7 +1,6 @@
 """The executor plug-in by which Snakemake hands jobs to the pool of workers, instead of starting shells.
 
-It does what Snakemake's executor for this machine
-does, and so do all jobs that are none of flowsculpt's, such as a target rule without a command.
+All other jobs, such as a target rule without a command, run as with Snakemake's local executor.
 """
 
 from __future__ import annotations
@@ -39,7 +38,7 @@ class Executor(local.Executor):  # type: ignore[misc]  # Snakemake has no types
         self.worker_pool.start()
 
     def run_single_job(self, job: Any) -> Future[None]:
-        """Give a job to the pool; return what will hold its end, an error where it was not done."""
+        """Give a job to the pool; return a future with no result, or with an error where the job failed."""
         if "job" not in job.params.keys():  # noqa: SIM118  # they are Snakemake's, and no dict
             return super().run_single_job(job)
         self.workflow.async_run(job.prepare())

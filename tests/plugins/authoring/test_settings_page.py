@@ -7,4 +7,4 @@ from tests.docs.test_site import page_from_the_code
 
 def test_the_page_of_settings_says_what_the_code_says() -> None:
     new, old = page_from_the_code("settings")
-    assert new == old, "`make reference` writes the page anew"
+    assert new == old, "`make reference` rewrites the page"

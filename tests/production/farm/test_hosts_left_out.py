@@ -15,7 +15,7 @@ import pytest
 from snakemake.iocontainers import ResourceList
 
 from flowsculpt.pipeline.errors import FrameError, MachineError
-from flowsculpt.pipeline.production.execution.farm_executor import sparing_hosts
+from flowsculpt.pipeline.production.execution.farm_executor import avoid_unfit_hosts
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.execution.snakefile import PlannedWorkflow
 from flowsculpt.pipeline.production.planning.profile import Profile
@@ -130,7 +130,7 @@ def submitted(context: Context, monkeypatch: pytest.MonkeyPatch, tmp_path: Path)
         settings = SimpleNamespace(executor_settings=SimpleNamespace(exclude_failed_nodes=named))
         resources = ResourceList(fromdict={"slurm_extra": extra} if extra else {})
         job = SimpleNamespace(rule=rule, wildcards=wildcards, resources=resources, is_group=lambda: False)
-        sparing_hosts(_Executor, workflow.unfit_hosts)(settings).run_jobs([job])
+        avoid_unfit_hosts(_Executor, workflow.unfit_hosts)(settings).run_jobs([job])
         return job.resources.get("slurm_extra")
 
     return submit
