@@ -95,7 +95,8 @@ class Parser:
         """Return what a function answers in a fork of this process, which has loaded what it needs.
 
         The function takes no locks that another thread of this process may hold: it only computes, and does
-        not print or import. Where there are no forks, a new process of its module answers. Raises what `answer` raises.
+        not print or import. Where there are no forks, a new process of its module answers. Raises what
+        `answer` raises.
         """
         seconds = SECONDS + require_input(path) / 2**20
         if sys.platform != "linux" or multiprocessing.current_process().daemon:
