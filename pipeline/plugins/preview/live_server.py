@@ -44,13 +44,12 @@ SCRIPTS = (
 
 SCRIPT, STYLE = "text/javascript; charset=utf-8", "text/css; charset=utf-8"
 
-OWN, SHARED = files("flowsculpt.pipeline.plugins.preview") / "page", files("flowsculpt.pipeline") / "web"
-"""Folders of files of the page: colours, type and icons are those of all pages."""
+OWN = files("flowsculpt.pipeline.plugins.preview") / "page"
 
 PAGE = {
     "": (OWN, "page.html", "text/html; charset=utf-8"),
-    "style.css": (SHARED, "style.css", STYLE),
-    "icons.js": (SHARED, "icons.js", SCRIPT),
+    "style.css": (OWN, "style.css", STYLE),
+    "icons.js": (OWN, "icons.js", SCRIPT),
     "page.css": (OWN, "page.css", STYLE),
     **{name: (OWN, name, SCRIPT) for name in SCRIPTS},
 }

@@ -86,7 +86,7 @@ def _order(sequence: PictureSequence) -> int:
     return KINDS.index(sequence.kind) if sequence.kind in KINDS else len(KINDS)
 
 
-SOURCES = (files("flowsculpt.pipeline.plugins.review") / "page", files("flowsculpt.pipeline") / "web")
+SOURCES = (files("flowsculpt.pipeline.plugins.review") / "page",)
 
 Tell = Callable[[], None]
 
