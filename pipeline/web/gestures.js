@@ -27,13 +27,14 @@ function gestures(element, acts) {
     event.preventDefault();
     event.stopPropagation();
     element.setPointerCapture(event.pointerId);
-    element.focus?.({ preventScroll: true, focusVisible: false });
     down.set(event.pointerId, event);
     if (drag) return finish("cancel", event);
-    if (event.button !== 0 || down.size > 1 || (event.shiftKey && acts.pan)) return;
-    drag = { begun: event, isMoved: false };
-    gestures.active = { element, giveUp: (by) => finish("cancel", by) };
-    acts.start?.(event);
+    if (event.button === 0 && down.size === 1 && !(event.shiftKey && acts.pan)) {
+      drag = { begun: event, isMoved: false };
+      gestures.active = { element, giveUp: (by) => finish("cancel", by) };
+      acts.start?.(event);
+    }
+    element.focus?.({ preventScroll: true, focusVisible: false });
   });
 
   element.addEventListener("pointermove", (event) => {

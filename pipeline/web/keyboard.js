@@ -56,11 +56,11 @@ function isUsedBy(element, key) {
   return element.matches("a, button, summary, input[type=checkbox], [role=tab]") && [" ", "Enter"].includes(key);
 }
 
-/** Move an element by arrow keys while the keyboard has its focus: `act(right, down, many)`, with Shift many. */
-function arrowKeys(element, act, many = 10) {
+/** Move an element that has the focus by arrow keys: `act(right, down, many)`, with Shift as many at once. */
+function arrowKeys(element, act, { many = 10, isOn = () => true } = {}) {
   element.addEventListener("keydown", (event) => {
     const right = { ArrowLeft: -1, ArrowRight: 1 }[event.key] ?? 0, down = { ArrowUp: -1, ArrowDown: 1 }[event.key] ?? 0;
-    if ((!right && !down) || !element.matches(":focus-visible")) return;
+    if ((!right && !down) || !isOn()) return;
     event.preventDefault();
     event.stopPropagation();
     act(right, down, event.shiftKey ? many : 1);

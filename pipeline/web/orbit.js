@@ -33,7 +33,8 @@ class Orbit {
       pan: (dx, dy) => act(() => this.pan(dx, dy)),
       zoom: (factor) => act(() => this.zoom(factor)),
     });
-    arrowKeys(element, (right, down, many) => act(() => this.turn(10 * many * right, 10 * many * down)), 3);
+    const turn = (right, down, many) => act(() => this.turn(10 * many * right, 10 * many * down));
+    arrowKeys(element, turn, { many: 3, isOn: () => element.matches(":focus-visible") }); // a click leaves them to time
   }
 
   turn(dx, dy) { this.#set(turnedView(this.view, dx, dy, this.isFree)); }

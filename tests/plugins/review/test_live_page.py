@@ -110,7 +110,7 @@ def test_keys_are_moved_added_removed_and_eased_in_the_timeline(follower: Follow
     follower.drag(f"{curve} .grip", 20, -15)
     follower.wait_for_text(r"ease: bezier, right: \[[\d.]+, [-\d.]+\]\}")
     follower.at(5)
-    tab.keyboard.press("k")
+    tab.keyboard.press("s")
     follower.wait_for_text(r"5: [\d.]+, 6: 60\}")
     follower.wait("page.timeline.rows[0].keys.length === 4")
     tab.focus(f'{curve} [data-focus="flows.1.twist.amount 2 0"]')

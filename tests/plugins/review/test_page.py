@@ -166,9 +166,10 @@ def test_side_by_side_shows_a_left_and_b_right(opened: Opened) -> None:
 
 def test_a_click_on_a_chart_goes_to_its_frame(opened: Opened) -> None:
     look = opened()
-    chart = look.tab.locator("#panel-measures canvas").first
-    width = look.ask("review.panels.measures.charts[0].plotWidth")
-    chart.click(position={"x": width * (12 - 0.5) / LAST, "y": 20})
+    chart = look.tab.locator("#panel-measures .plot").first
+    box = chart.bounding_box()
+    assert box is not None
+    chart.click(position={"x": box["width"] * (12 - 0.5) / LAST, "y": 20})
     assert (look.frame, look.number) == (12, 12)
     assert "588 triangles" in look.tab.inner_text("#panel-measures")
 
