@@ -40,6 +40,7 @@ from flowsculpt.render.scene.textures import Texture
 from tests.plugins.interchange.moving_meshes import moving, painted
 from tests.plugins.review.chromium import LIMIT, wait_for
 from tests.plugins.review.conftest import browser
+from tests.plugins.review.looker import flaws
 
 __all__ = ["browser"]
 
@@ -213,6 +214,22 @@ def test_keys_and_the_bar_move_through_time_and_dragging_leaves_the_shots_camera
     tab.keyboard.press("c")
     wait_for(tab, "flowsculpt.player.follows")
     assert np.allclose(tab.evaluate("flowsculpt.player.camera.position.toArray()"), before, atol=1e-6)
+
+
+def test_the_page_is_used_in_light_and_dark_on_a_phone_and_by_keys_alone(tab: Tab) -> None:
+    assert flaws(tab, 8) == []
+    tab.evaluate("document.activeElement.blur()")
+    tab.keyboard.press("Tab")
+    before = tab.evaluate("flowsculpt.player.orbit.view")
+    tab.keyboard.press("ArrowRight")
+    tab.keyboard.press("t")
+    tab.keyboard.press("ArrowUp")
+    after = tab.evaluate("flowsculpt.player.orbit.view")
+    assert not np.allclose(before["position"], after["position"]) and not np.allclose(
+        before["up"], after["up"]
+    )
+    away = [np.linalg.norm(np.subtract(view["position"], view["target"])) for view in (before, after)]
+    assert math.isclose(*away, rel_tol=1e-9) and tab.input_value("#frame") == "1"
 
 
 @pytest.mark.soak

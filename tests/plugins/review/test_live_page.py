@@ -11,6 +11,7 @@ from playwright.sync_api import Browser
 
 from tests.conftest import TINY
 from tests.plugins.review.live_page import CURRENT, SHOWN, Follower, live_page
+from tests.plugins.review.looker import flaws
 
 VORTEX = "  - vortex: {axis: z, centre: [0.5, 0.25, 0], radius: 0.6, strength: 1} # stirred\n"
 SHOT = TINY.replace("flows:\n", f"flows: # two\n{VORTEX}")
@@ -44,6 +45,31 @@ def test_a_save_is_seen_and_a_mistake_told_until_it_is_mended(follower: Follower
     follower.save(SHOT.replace("elevation: 14", "elevation: 40"))
     follower.wait(f"document.getElementById('trouble').hidden && page.film.take.take > 1 && {CURRENT}")
     follower.wait("page.shot.get(['camera', 'elevation']).value === 40")
+
+
+def test_the_page_is_used_in_light_and_dark_on_a_phone_and_by_keys_alone(follower: Follower) -> None:
+    assert flaws(follower.tab, 90) == []
+
+
+def test_the_film_plays_backwards_and_in_a_loop_and_the_camera_turns_by_keys(follower: Follower) -> None:
+    tab = follower.tab
+    for key in ("Home", "ArrowRight", "i", "ArrowRight", "o"):
+        tab.keyboard.press(key)
+    assert tab.inner_text("#range") == "Loop 2–3"
+    tab.evaluate(
+        "(() => { window.went = []; const { transport } = page.film, go = transport.go.bind(transport);"
+        "transport.go = (frame) => { went.push(frame); go(frame); }; })()"
+    )
+    tab.keyboard.press("j")
+    follower.wait("went.length > 5")
+    tab.keyboard.press("k")
+    assert tab.evaluate("went.slice(0, 4)") == [2, 3, 2, 3]
+    tab.focus("#help-button")
+    tab.keyboard.press("Tab")
+    assert tab.evaluate("document.activeElement.id") == "picture"
+    tab.keyboard.press("ArrowRight")
+    follower.wait_for_text(r"azimuth: -33\.5, elevation: 14\b")
+    follower.wait(CURRENT)
 
 
 def test_axe_finds_nothing_serious(follower: Follower) -> None:

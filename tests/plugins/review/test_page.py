@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from flowsculpt.render.graphics.three_js import FETCH, installed_file
 from flowsculpt.render.post.image import read_png
-from tests.plugins.review.looker import Opened
+from tests.plugins.review.looker import Opened, flaws
 from tests.plugins.review.studio import FAILED, LAST, MISSING, Desk, number_in
 
 
@@ -282,6 +282,11 @@ def test_bars_and_panel_leave_the_picture_free_in_wide_and_narrow_windows(opened
         assert panel["x"] + panel["width"] <= width and look.picture().shape[1] > 0.5 * width
     look.press("Shift+E")
     look.tab.set_viewport_size({"width": 1200, "height": 720})
+
+
+def test_the_page_is_used_in_light_and_dark_on_a_phone_and_by_keys_alone(opened: Opened) -> None:
+    look = opened()
+    assert flaws(look.tab) == []
 
 
 def test_axe_finds_nothing_serious(opened: Opened) -> None:
