@@ -86,7 +86,8 @@ CUT = """[...document.querySelectorAll('button, input, select, .strip, a')].filt
 """The controls of a page that its window cuts off."""
 
 RING = """(() => {
-  const focused = document.activeElement, { outlineStyle, outlineColor, boxShadow } = getComputedStyle(focused);
+  const focused = document.activeElement;
+  const { outlineStyle, outlineColor, boxShadow } = getComputedStyle(focused);
   const ring = [outlineStyle, outlineColor, boxShadow.slice(0, 12)].join();
   if (focused.matches('body, g') || ring === 'solid,rgb(255, 255, 255),rgb(0, 0, 0)') return '';
   return focused.outerHTML.slice(0, 90);
