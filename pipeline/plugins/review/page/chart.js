@@ -81,7 +81,7 @@ function lineOf(values, [low, high], name) {
 /** Bars from their feet upwards, or downwards where they are negative: [[foot, height]] of the frames. */
 function barsOf(bars, ink) {
   const each = ([foot, height], i) => `M${i} ${WHOLE - foot}h0.9v${-height}h-0.9z`;
-  return svg("path", { d: bars.map(each).join(""), fill: ink });
+  return svg("path", { d: bars.map(each).join(""), fill: ink, stroke: "none" });
 }
 
 /** A thin level across the plot, with a word. */

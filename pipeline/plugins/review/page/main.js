@@ -223,7 +223,6 @@ class Review {
 
   #resized() {
     this.redraw();
-    this.grid.resize();
     this.panels[this.tab].resize?.();
   }
 }
