@@ -22,6 +22,7 @@ from hypothesis import HealthCheck, settings
 
 from flowsculpt.render.base import python_process
 from tests.command_server import CommandServer
+from tests.needed_plugins import watch_imports
 from tests.processes import wait_until
 
 if TYPE_CHECKING:
@@ -41,6 +42,8 @@ settings.register_profile("new", deadline=None, suppress_health_check=[HealthChe
 # The same examples in every run, so that what fails was broken by a change; `make soak` looks for others.
 settings.register_profile("repeatable", settings.get_profile("new"), derandomize=True)
 settings.load_profile("repeatable")
+
+watch_imports()  # those of plug-ins that are not installed skip tests
 
 COMMANDS = CommandServer()
 
@@ -153,6 +156,11 @@ class Run:
     code: int
     out: str
     err: str
+
+
+def lines(text: str) -> list[str]:
+    """Return the lines of a text that are not blank."""
+    return [line for line in text.splitlines() if line.strip()]
 
 
 def commanded(root: Path, *words: str) -> tuple[int, str]:

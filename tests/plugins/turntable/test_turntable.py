@@ -37,7 +37,8 @@ from flowsculpt.render.scene.reference_objects import ball, chart, positions
 from flowsculpt.render.scene.render_camera import PERSPECTIVE, Camera
 from flowsculpt.render.scene.scene_stage import STAGES, StagePlacement
 from flowsculpt.render.scene.surface import Surface
-from tests.conftest import commanded
+from tests.conftest import commanded, lines
+from tests.needed_plugins import needs_plugins
 
 NAME = "T010_tiny"
 SCALE = "20%"
@@ -342,6 +343,7 @@ def test_through_the_whole_turn_the_object_touches_neither_balls_nor_chart(
         (("T010_tinny",), 3, "did you mean T010_tiny"),
         ((NAME, "--at", "9"), 2, "frame 9 is not in T010_tiny, which has frames 1-3"),
         ((NAME, "--frames", "0"), 2, "a turntable of 0 frames does not turn"),
+        ((NAME, "--frames", "1"), 2, "72"),
         ((NAME, "--look", "clay,glace"), 2, "'glace' is not a look. Did you mean 'glaze'?"),
         (("wedge.obj", "--look", "inck"), 2, "'inck' is not a look. Did you mean 'ink'?"),
         (("wedge.obj", "--look", "wet/ink"), 2, "'wet/ink' cannot name a folder of pictures"),
@@ -357,3 +359,20 @@ def test_what_cannot_be_turned_is_told_in_one_line(
     assert found == code
     assert says in said
     assert len(said.strip().splitlines()) == 1
+
+
+@needs_plugins("interchange")
+@pytest.mark.parametrize(
+    ("name", "text", "says"),
+    [
+        ("empty.obj", "v 0 0 0\n", "no faces"),
+        ("nan.obj", "v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "finite"),
+    ],
+)
+def test_a_mesh_that_is_no_surface_is_refused_in_one_line(project, name, text, says):
+    (project.path / name).write_text(text)
+    done = project.call("turntable", name, "--frames", "2")
+    assert done.code == 2
+    assert says in done.err
+    assert name in done.err
+    assert len(lines(done.err)) == 1
