@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from flowsculpt.pipeline.mesh import TriangleMesh, icosphere
-from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
 from tests.conftest import lines
 from tests.needed_plugins import needs_plugins
 
@@ -46,6 +45,8 @@ def test_a_new_shot_begins_from_a_flow_or_a_shot(project, source):
 
 @needs_plugins("interchange", "preview")
 def test_a_new_shot_of_a_model_is_good_at_once_and_tells_what_was_repaired(project, tmp_path_factory):
+    from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
+
     outside = tmp_path_factory.mktemp("outside")
     ball = icosphere(6)
     faces = np.where(np.arange(len(ball.faces))[:, None] % 2, ball.faces, ball.faces[:, ::-1])

@@ -19,7 +19,6 @@ from flowsculpt.pipeline.plugins.become.become_flow import Become
 from flowsculpt.pipeline.plugins.become.stored_fits import PlacedShape, fit_between
 from flowsculpt.pipeline.plugins.become.target import FittedSurface, SolidGrowth, lengths
 from flowsculpt.pipeline.plugins.become.velocity_path import PathSpace, energy
-from flowsculpt.pipeline.plugins.review.review_page import tabled
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.request.lookup import Show
 from flowsculpt.pipeline.production.tasks.render import flow_facts
@@ -346,6 +345,8 @@ def test_headers_of_frames_have_the_residual_and_the_review_page_shows_it(
         RenderedFrame({"beauty": np.zeros((2, 2, 3), np.float32)}, {}),
         {"frame": 7} | flow_facts(request, 7),
     )
+    from flowsculpt.pipeline.plugins.review.review_page import tabled
+
     shown = tabled([read_header(Path("a.exr"))])["same"]
     assert shown["flows.0.becomes"] == "the box" and shown["flows.0.detail"] == "coarse"
     assert 0.0 < fit.residual.mean == pytest.approx(shown["flows.0.residual.mean"], rel=1e-5)

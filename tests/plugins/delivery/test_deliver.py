@@ -31,6 +31,7 @@ from flowsculpt.render.movie.codecs import ENCODES
 from flowsculpt.render.movie.probe import probe_movie
 from flowsculpt.render.post.hdr import nits_of_pq
 from tests.conftest import QUALITY, TINY
+from tests.needed_plugins import needs_plugins
 
 NAME = "T010_tiny"
 HOME = Path("renders") / NAME / QUALITY / "deliver"
@@ -232,6 +233,7 @@ def test_nothing_to_deliver_is_told(project, monkeypatch):
         shot_source(fresh.find_request(NAME, QUALITY), fresh.store, {(NAME, 1): "no light"})
 
 
+@needs_plugins("versions")
 def test_a_published_version_is_named(there):
     project, request = taken(there)
     assert dict(shot_source(request, project.store, {}).facts)["version"] == "in work"

@@ -38,7 +38,7 @@ from flowsculpt.pipeline.plugins.interchange.usd_export import sampled_attribute
 from flowsculpt.render.scene.materials import LOOKS
 from flowsculpt.render.scene.rgb_spaces import linear_of_srgb, srgb_of_linear
 from tests.conftest import commanded
-from tests.plugins.review.studio import simulated
+from tests.simulated_show import simulated
 
 READERS = """
 import sys, threading
