@@ -52,3 +52,19 @@ class MissingPlugins(MetaPathFinder):
 def watch_imports() -> None:
     """Let imports say which plug-ins tests need."""
     sys.meta_path.append(MissingPlugins())
+
+
+def installed(*commands: Sequence[str]) -> list[Sequence[str]]:
+    """Return those of some commands, each with its words, that are there: plug-ins may be missing."""
+
+    def is_there(words: Sequence[str]) -> bool:
+        name, *rest = (word for word in words if not word.startswith("-"))
+        return " ".join((name, *rest[:1]) if name == "export" else (name,)) in plugins().commands
+
+    return [*filter(is_there, commands)]
+
+
+def is_of_installed(path: str) -> bool:
+    """Return whether a file of the project, by its path in it, is there as far as plug-ins decide it."""
+    found = re.match(r"(?:pipeline|tests)/plugins/(\w+)/", path)
+    return found is None or not missing(found[1])

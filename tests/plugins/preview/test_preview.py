@@ -8,6 +8,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+import av
 import numpy as np
 import pytest
 
@@ -28,9 +29,12 @@ from flowsculpt.pipeline.production.request.framing import Framer
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.request.shot_source import ShotSource
 from flowsculpt.pipeline.production.store.store import Store
+from flowsculpt.render.movie.encode import LOOPS
 from flowsculpt.render.movie.probe import probe_movie
 from flowsculpt.render.post.image import read_png
 from tests.conftest import TINY, ProjectFolder, lines
+
+DISSOLVE = "loop={dissolve: 2}"
 
 NAME = "T010_tiny"
 
@@ -274,3 +278,16 @@ def test_a_preview_is_drawn_without_rendering(project):
     for words, says in ((("--at", "9"), "1-6"), (("--at", "2", "-o", "a.mp4"), ".png")):
         bad = project.call("preview", NAME, *words)
         assert bad.code == 2 and says in bad.err and len(lines(bad.err)) == 1
+
+
+def movie(path) -> tuple[int, str]:
+    with av.open(str(path)) as container:
+        comment = container.metadata.get("comment", "")
+        return sum(1 for _ in container.decode(video=0)), comment
+
+
+def test_previews_of_loops_dissolve_too(project):
+    done = project.call("preview", "T010_tiny", "--set", DISSOLVE)
+    assert done.code == 0, done.err
+    (path,) = (project.path / "renders" / "T010_tiny" / "preview").glob("*.mp4")
+    assert movie(path) == (4, LOOPS)

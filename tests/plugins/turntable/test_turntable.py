@@ -380,3 +380,18 @@ def test_a_mesh_that_is_no_surface_is_refused_in_one_line(project, name, text, s
     assert says in done.err
     assert name in done.err
     assert len(lines(done.err)) == 1
+
+
+def pixels(paths):
+    return [read_exr(path)[0]["beauty"] for path in paths]
+
+
+def test_a_turntable_turns_a_mesh_file_once_around(project):
+    write_ply(MESH, project.path / "wedge.ply")
+    done = project.run("turntable", "wedge.ply", "--frames", "4", "--turn", "object", "--bare", "-q", QUALITY)
+    assert done.code == 0, done.err
+    folder = project.path / "renders/turntable/wedge" / QUALITY
+    first, *others = pixels(sorted((folder / "frames").glob("*.exr")))
+    assert len(others) == 3
+    assert all(np.abs(first - other).max() > 0.05 for other in others)
+    assert probe_movie(folder / "wedge.object.mp4").frames == 4
