@@ -6,6 +6,8 @@ import ast
 from collections.abc import Iterator
 from pathlib import Path
 
+from tests.needed_plugins import is_of_installed
+
 ROOT = Path(__file__).parents[1]
 
 SAFE = {

@@ -19,6 +19,7 @@ from flowsculpt.render.base import root_files
 from flowsculpt.render.base.atomic_write import atomic_write, make_folder
 from flowsculpt.render.base.python_process import PACKAGE_ROOT, environment
 from flowsculpt.render.base.render_errors import MachineError
+from tests.needed_plugins import is_of_installed
 
 Folders = tuple[Path, Path]
 """A root, and a folder elsewhere with a file of the user's."""
