@@ -1,5 +1,6 @@
 """Files: read within limits, written whole or not at all, kept between runs, parsed in own processes."""
 
+from flowsculpt.pipeline.file_contents import Archive as Archive
 from flowsculpt.pipeline.file_contents import as_utf8 as as_utf8
 from flowsculpt.pipeline.file_contents import number_fault as number_fault
 from flowsculpt.pipeline.file_contents import text_content as text_content
