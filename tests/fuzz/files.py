@@ -120,13 +120,13 @@ def _fbx(path: Path) -> None:
 
 
 def _points(path: Path) -> None:
-    from flowsculpt.pipeline.mesh.points import read_points
+    from flowsculpt.pipeline.plugins.points.point_files import read_points
 
     read_points(path)
 
 
 def _net(path: Path) -> None:
-    from flowsculpt.pipeline.mesh.points import read_net
+    from flowsculpt.pipeline.plugins.points.point_files import read_net
 
     read_net(path, 4)
 

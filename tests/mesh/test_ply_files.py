@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flowsculpt.pipeline.errors import MeshError
-from flowsculpt.pipeline.mesh.points import read_points
+from flowsculpt.pipeline.plugins.points.point_files import read_points
 from tests.mesh.brick import POINTS, QUADS, TRIANGLES, read, require_brick, rows
 
 VERTEX = "element vertex 8\nproperty float x\nproperty float y\nproperty float z\n"
