@@ -129,8 +129,9 @@ class Plugin:
     api            the API version that it is built for
     flows          velocity fields and other flows, dataclasses with documented parameters, by their names
     looks          `Material`s by their names
-    subjects       `SubjectKind`s and `CopyLayout`s, kinds of subjects and layouts of copies, by their names:
-                   `subject: {PLUGIN.NAME: {…}}`, `copies: {count: 9, PLUGIN.NAME: {…}}`
+    subjects       `SubjectKind`s, `PointsKind`s and `CopyLayout`s, kinds of subjects and layouts of
+                   copies, by their names: `subject: {PLUGIN.NAME: {…}}`,
+                   `copies: {count: 9, PLUGIN.NAME: {…}}`
     encodes        `Encode`s of `deliver --as PLUGIN.NAME`, by their names
     entries        entries of shot files by their names, and the stages that shots with them have
     frame_sources  `FrameSource`s by their kinds, which are names of folders in renders/ too

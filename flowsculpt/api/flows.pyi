@@ -7,6 +7,7 @@ from flowsculpt.pipeline.animation.flow_cost import estimated_vertices as estima
 from flowsculpt.pipeline.animation.flow_cost import flows_of as flows_of
 from flowsculpt.pipeline.animation.flow_cost import growth_warning as growth_warning
 from flowsculpt.pipeline.flow.catalogue.external_fields import Sampled as Sampled
+from flowsculpt.pipeline.flow.catalogue.external_fields import Samples as Samples
 from flowsculpt.pipeline.flow.flow import PluginMap as PluginMap
 from flowsculpt.pipeline.flow.flow_map import FlowMap as FlowMap
 from flowsculpt.pipeline.flow.flow_map import checked_displacement as checked_displacement
@@ -22,7 +23,6 @@ from flowsculpt.pipeline.flow.parameters import number_at as number_at
 from flowsculpt.pipeline.flow.parameters import vector_at as vector_at
 from flowsculpt.pipeline.flow.regions import TriangleTree as TriangleTree
 from flowsculpt.pipeline.flow.regions import with_distances as with_distances
-from flowsculpt.pipeline.flow.samples import Samples as Samples
 from flowsculpt.pipeline.flow.streamlines import StepPlan as StepPlan
 from flowsculpt.pipeline.flow.velocity import ExternalField as ExternalField
 from flowsculpt.pipeline.kernels import block_kernel as block_kernel

@@ -8,7 +8,7 @@ import pytest
 from flowsculpt.pipeline.arrays import AnyArray
 from flowsculpt.pipeline.errors import MeshError
 from flowsculpt.pipeline.mesh import PolygonMesh, read_polygons
-from flowsculpt.pipeline.mesh.points import read_points
+from flowsculpt.pipeline.plugins.points.point_files import read_points
 from tests.mesh.brick import POINTS, QUADS, TRIANGLES, read, require_brick, rows
 
 UNEVEN = (

@@ -13,9 +13,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flowsculpt.pipeline.flow.catalogue.external_fields import FormulaField, Sampled, Target, Wind
+from flowsculpt.pipeline.flow.catalogue.external_fields import (
+    FormulaField,
+    Sampled,
+    Samples,
+    Target,
+    Wind,
+)
 from flowsculpt.pipeline.flow.regions import ClosedSurface
-from flowsculpt.pipeline.flow.samples import Samples
 from flowsculpt.pipeline.kernels import BlockKernel
 from flowsculpt.pipeline.mesh import box
 from tests.needed_plugins import needs_plugins

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -27,7 +27,6 @@ from flowsculpt.pipeline.flow.parameters import (
     vector_at,
 )
 from flowsculpt.pipeline.flow.regions import TriangleTree, segments
-from flowsculpt.pipeline.flow.samples import Samples
 from flowsculpt.pipeline.flow.velocity import ExternalField, StableProperty
 from flowsculpt.pipeline.formula import Expression, time_values
 from flowsculpt.pipeline.kernels import BlockKernel
@@ -335,6 +334,31 @@ CUBIC_OVERSHOOT = 1.5 * 1.25**2
 """The bound of a Catmull-Rom gradient over the largest secant nearby: its slope is at most 1.5 secants along
 an axis; across, in each of two directions, the absolute values of its weights add up to at most 1.25. Exact
 on evenly spaced axes."""
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Velocities at the nodes of a grid, at one time or several: equal contents of files, equal samples.
+
+    axes      three float64 arrays, each ascending and of two numbers or more
+    times     (T,) seconds, ascending
+    velocity  float64 (T, X, Y, Z, 3)
+    digests   SHA-256 of each file
+    array     the name of the velocities in VTK files; None: the file's only vectors
+    interval  seconds from file to file
+    """
+
+    axes: tuple[Floats, Floats, Floats] = field(compare=False, repr=False)
+    times: Floats = field(compare=False, repr=False)
+    velocity: Floats = field(compare=False, repr=False)
+    digests: tuple[str, ...]
+    array: str | None = None
+    interval: float = 1.0
+
+    @property
+    def digest(self) -> str:
+        """The digest of all files together."""
+        return hashlib.sha256("".join(self.digests).encode()).hexdigest()
 
 
 @dataclass(frozen=True)

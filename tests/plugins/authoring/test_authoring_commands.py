@@ -30,13 +30,13 @@ def test_a_new_shot_is_good_and_can_be_simulated(project):
     assert json.loads(done.out)["made"] == {"simulate": 2}
 
 
-@pytest.mark.parametrize("source", ["curl_noise", "sampled", "python", NAME, f"shots/{NAME}.yaml"])
+@pytest.mark.parametrize("source", ["curl_noise", "python", NAME, f"shots/{NAME}.yaml"])
 def test_a_new_shot_begins_from_a_flow_or_a_shot(project, source):
     done = project.call("--json", "new", "A020_new", "--from", source)
     assert done.code == 0, done.err
     files = json.loads(done.out)["files"]
     assert all((project.path / file).is_file() for file in files)
-    assert len(files) == (2 if source in ("sampled", "python") else 1)
+    assert len(files) == (2 if source == "python" else 1)
     first = (project.path / files[0]).read_text().splitlines()[0]
     named = first.partition("$schema=")[2]
     assert first.startswith("# yaml-language-server") and (project.path / "shots" / named).is_file()

@@ -21,7 +21,6 @@ from flowsculpt.pipeline.arrays import Floats
 from flowsculpt.pipeline.errors import MeshError
 from flowsculpt.pipeline.mesh import TriangleMesh, box, icosphere
 from flowsculpt.pipeline.mesh.normals import split_at_creases
-from flowsculpt.pipeline.mesh.points import read_points
 from flowsculpt.pipeline.mesh.read import read_mesh, read_surface
 from flowsculpt.pipeline.plugins.interchange.exported_frame import ExportedFrame
 from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
@@ -35,6 +34,7 @@ from flowsculpt.pipeline.plugins.interchange.model_export import (
     write_ply,
 )
 from flowsculpt.pipeline.plugins.interchange.usd_export import sampled_attributes, write_clip
+from flowsculpt.pipeline.plugins.points.point_files import read_points
 from flowsculpt.render.scene.materials import LOOKS
 from flowsculpt.render.scene.rgb_spaces import linear_of_srgb, srgb_of_linear
 from tests.conftest import commanded
