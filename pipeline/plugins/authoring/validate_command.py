@@ -24,7 +24,7 @@ from flowsculpt.api.commands import (
 )
 from flowsculpt.api.flows import flows_of
 from flowsculpt.api.frames import FinishedPictures, QualityName, Show
-from flowsculpt.api.options import Common, Settings
+from flowsculpt.api.options import Common, shared_option
 from flowsculpt.api.shots import (
     Clock,
     Motion,
@@ -47,7 +47,7 @@ def validate(
     shots: Annotated[
         list[str] | None, typer.Argument(metavar="SHOT", help="Shots and edits. Default: all.")
     ] = None,
-    settings: Settings = None,
+    settings: Annotated[list[str] | None, shared_option("settings")] = None,
 ) -> None:
     """Check shot files and the scenes they describe; report every mistake by file, line and column.
 

@@ -42,14 +42,13 @@ from flowsculpt.api.frames import (
 )
 from flowsculpt.api.options import (
     DEFAULT_QUALITY,
-    AllowCode,
     Common,
     Frames,
     PictureOptions,
     Quality,
     Shot,
     ShotOptions,
-    Variant,
+    shared_option,
 )
 from flowsculpt.api.pictures import (
     LightRig,
@@ -424,12 +423,12 @@ def relight(
     shot: Shot,
     settings: Annotated[
         list[str] | None,
-        typer.Option(
-            "--set",
-            metavar="lights.NAME=FACTOR",
-            help="Multiply the light of a group: by a number, as in lights.key=1.4, or by a colour, as in "
+        shared_option(
+            "settings",
+            "Multiply the light of a group: by a number, as in lights.key=1.4, or by a colour, as in "
             "lights.rim=1,0.8,0.6 or 'lights.rim=#ffd0a0'; 0 turns it off. Repeatable. Other names replace "
             "values of the shot, as in `render`.",
+            metavar="lights.NAME=FACTOR",
         ),
     ] = None,
     quality: Quality = DEFAULT_QUALITY,
@@ -446,8 +445,8 @@ def relight(
     scale: Annotated[
         str | None, typer.Option(metavar="PERCENT", help="Relight pictures of this size: 50%, or 0.5.")
     ] = None,
-    variant: Variant = None,
-    allow_code: AllowCode = False,
+    variant: Annotated[str | None, shared_option("variant")] = None,
+    allow_code: Annotated[bool, shared_option("allow_code")] = False,
 ) -> None:
     """Change lights of finished frames by factors, without rendering: new frames and a movie in seconds.
 

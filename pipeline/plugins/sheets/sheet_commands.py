@@ -13,15 +13,7 @@ from flowsculpt.api import plural
 from flowsculpt.api.commands import execute, exit_with, print_result, print_warning, report_plan
 from flowsculpt.api.files import make_folder
 from flowsculpt.api.frames import FinishedPictures, Folders, FrameRange, Plan, RenderRequest, Show, Store
-from flowsculpt.api.options import (
-    DEFAULT_QUALITY,
-    Common,
-    PictureOptions,
-    Quality,
-    Settings,
-    Shot,
-    shared_option,
-)
+from flowsculpt.api.options import DEFAULT_QUALITY, Common, PictureOptions, Quality, Shot, shared_option
 from flowsculpt.api.pictures import ContactSheet, Curves, plot_panels, write_still
 from flowsculpt.api.shots import inherited_source, read_shot
 from flowsculpt.pipeline.plugins.sheets.keyed_curves import curves_of
@@ -77,7 +69,7 @@ def curves(
         Path | None,
         shared_option("output", "Write this SVG, PNG or PDF. Default: an SVG in renders/SHOT."),
     ] = None,
-    settings: Settings = None,
+    settings: Annotated[list[str] | None, shared_option("settings")] = None,
 ) -> None:
     """Draw everything in a shot that changes over time: values over frames, with their keys as dots.
 

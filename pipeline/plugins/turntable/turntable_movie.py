@@ -39,7 +39,6 @@ from flowsculpt.api.options import (
     PictureOptions,
     Quality,
     ShotOptions,
-    Variant,
     shared_option,
 )
 from flowsculpt.api.pictures import ContactSheet, prefetch, write_movie, write_still
@@ -362,7 +361,7 @@ def turntable(
     scale: Annotated[
         str | None, typer.Option(metavar="PERCENT", help="Render smaller or larger pictures: 50%, or 0.5.")
     ] = None,
-    variant: Variant = None,
+    variant: Annotated[str | None, shared_option("variant")] = None,
 ) -> None:
     """Render one frame of a shot, or a mesh file, turning; then the lights turning around it.
 
