@@ -19,7 +19,7 @@ from flowsculpt.pipeline.arrays import AnyArray, Floats, Points, Vectors
 from flowsculpt.pipeline.errors import FlowsculptError, FrameError, UsageError, VertexBudgetError
 from flowsculpt.pipeline.flow import Displacement, Flow, Streamlines, as_flow
 from flowsculpt.pipeline.flow.flow_map import CARRYING, FlowMap, FrameStep, blocks_of
-from flowsculpt.pipeline.long_computations import Progress, reporting_to
+from flowsculpt.pipeline.long_computations import Progress
 from flowsculpt.pipeline.mesh import PolygonMesh, TriangleMesh
 from flowsculpt.pipeline.mesh.control_net import Lattice
 from flowsculpt.pipeline.mesh.halfedge_mesh import Register, with_identities
@@ -488,7 +488,7 @@ def _report_frames(
     before = None if resume is None else _VertexSample.of(resume)
     del resume  # a frame that its taker has dropped takes no memory while the next one is computed
     while number <= motion.frames.last:
-        with reporting_to(_FrameWatch(motion, number, before, callback, told).receive):
+        with Progress.reported_to(_FrameWatch(motion, number, before, callback, told).receive):
             frame = next(frames)
         number, before = frame.number + 1, _VertexSample.of(frame)
         yield frame

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 import typer
 
 from flowsculpt.pipeline.cli.output import print_error, print_warning, tell_of_store
-from flowsculpt.pipeline.errors import UsageError, suggestion
+from flowsculpt.pipeline.errors import UsageError, suggest
 from flowsculpt.pipeline.frames import FrameRange, FrameSelection
 from flowsculpt.pipeline.plugin import Command, plugins
 from flowsculpt.pipeline.production.request.lookup import today_name
@@ -251,7 +251,7 @@ class PictureOptions:
 def require_one_of(word: str, known: Collection[str], fact: str) -> None:
     """Raise UsageError for an unknown word: a fact, and a suggestion or the plug-in that it needs."""
     if word not in known:
-        raise UsageError(f"{fact} {plugins().lacking(word) or suggestion(word, known)}")
+        raise UsageError(f"{fact} {plugins().lacking(word) or suggest(word, known)}")
 
 
 INTERRUPTED = 130

@@ -18,7 +18,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from flowsculpt.pipeline.arrays import AnyArray, Floats
-from flowsculpt.pipeline.errors import FlowsculptError, UsageError, brief, printable, reason_of, suggestion
+from flowsculpt.pipeline.errors import FlowsculptError, UsageError, printable, reason_of, shorten, suggest
 from flowsculpt.pipeline.file_contents import Archive
 from flowsculpt.render.base.input_files import read_input
 
@@ -49,7 +49,7 @@ def read_npz(file: Path, content: bytes, most: int = MAX_BYTES) -> tuple[list[An
     archive = Archive(content)
     missing = [name for name in NAMES if name != "t" and name not in archive.names]
     if missing:
-        hint = suggestion(missing[0], sorted(archive.names)) if archive.names else "It is empty."
+        hint = suggest(missing[0], sorted(archive.names)) if archive.names else "It is empty."
         raise UsageError(f"{file}: array {missing[0]} is missing; a field has x, y, z and velocity. {hint}")
     names = [name for name in NAMES if name in archive.names]
     headers = [archive.header(name) for name in names]
@@ -166,7 +166,9 @@ class _Grid:
         matches = [element for element in vectors if wanted is None or element.get("Name") == wanted]
         if len(matches) != 1:
             names = [element.get("Name", "?") for element in vectors]
-            what = f"no array {brief(printable(wanted))} of" if wanted and not matches else "not one array of"
+            what = (
+                f"no array {shorten(printable(wanted))} of" if wanted and not matches else "not one array of"
+            )
             hint = f" There are: {', '.join(map(printable, names))}." if names else ""
             raise UsageError(f"{self.file}: there is {what} three components at its points.{hint}")
         return matches[0]

@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from flowsculpt.pipeline.arrays import Floats, Points
-from flowsculpt.pipeline.errors import MeshError, UsageError, shortened, suggestion
+from flowsculpt.pipeline.errors import MeshError, UsageError, quote, suggest
 from flowsculpt.pipeline.mesh import TriangleMesh
 from flowsculpt.pipeline.mesh.control_net import Lattice, Net, sheet_net, torus_net, tube_net
 from flowsculpt.pipeline.mesh.points import PointSet, on_surface, read_net, read_points, within
@@ -105,8 +105,8 @@ def radii_of(file: PointSet, radius: float | str, name: str) -> Floats:
     if not isinstance(radius, str):
         return np.full(len(file.points), radius)
     if radius not in file.attributes:
-        hint = suggestion(radius, file.attributes) if file.attributes else "It has none; write a number."
-        raise MeshError(f"{name}: its points have no attribute {shortened(radius)} for a radius. {hint}")
+        hint = suggest(radius, file.attributes) if file.attributes else "It has none; write a number."
+        raise MeshError(f"{name}: its points have no attribute {quote(radius)} for a radius. {hint}")
     radii = file.attributes[radius].astype(np.float64)
     bad = np.flatnonzero(~(np.isfinite(radii) & (radii > 0)))
     if len(bad):

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from flowsculpt.pipeline.errors import MeshError, MissingInputError, UsageError, shortened, suggestion
+from flowsculpt.pipeline.errors import MeshError, MissingInputError, UsageError, quote, suggest
 from flowsculpt.pipeline.mesh.control_net import LEAST, Lattice
 from flowsculpt.pipeline.mesh.points import read_net, read_points
 from flowsculpt.pipeline.mesh.read import names_parts
@@ -50,8 +50,8 @@ def check_focus(source: YamlSource) -> Iterator[Problem]:
     focus, subjects = source.get("camera", "focus"), source.get("subjects")
     names = (*FOCUS_WORDS, *(subjects if isinstance(subjects, dict) else ()))
     if isinstance(focus, str) and not is_written_number(focus) and focus not in names:
-        hint = suggestion(focus, names)
-        yield ("camera", "focus"), f"camera.focus: {shortened(focus)} is not a thing to focus on. {hint}"
+        hint = suggest(focus, names)
+        yield ("camera", "focus"), f"camera.focus: {quote(focus)} is not a thing to focus on. {hint}"
 
 
 def check_one_or_several(source: YamlSource) -> Iterator[Problem]:
@@ -85,7 +85,7 @@ def _name_fault(name: Any) -> str | None:
     """Return rule and remedy for a name that no subject can have; None for a good one."""
     if not isinstance(name, str) or not re.fullmatch(SUBJECT_NAME, name):
         rule = "a name begins with a letter and has letters, digits and _ alone, 40 at most"
-        return f"{shortened(name)} cannot name a subject; {rule}. Rename it."
+        return f"{quote(name)} cannot name a subject; {rule}. Rename it."
     if name in OBJECTS or name.endswith("_wireframe"):
         return f"{name} is the name of something else in pictures. Rename the subject, such as {name}_1."
     return None
@@ -165,7 +165,7 @@ def check_stage(source: YamlSource) -> Iterator[Problem]:
         if isinstance(name, str) and not names_parts(name) and source.get("subject", setting) is not None:
             yield (
                 ("subject", setting),
-                f"{setting} is for models of USD; this one is {shortened(Path(name).suffix)}. Leave it out.",
+                f"{setting} is for models of USD; this one is {quote(Path(name).suffix)}. Leave it out.",
             )
 
 
@@ -183,8 +183,7 @@ def _measures(
 ) -> Iterator[Problem]:
     unknown = [m for m in given if m in MEASURES and m not in measures]
     yield from (
-        ((*where, m), f"{m} is not a measure of {indefinite(name)}. {suggestion(m, measures)}")
-        for m in unknown
+        ((*where, m), f"{m} is not a measure of {indefinite(name)}. {suggest(m, measures)}") for m in unknown
     )
     size, wanted = given.get("size"), np.size(measures.get("size", ()))
     if wanted and (meant := _meant_size(size, wanted)):
@@ -270,7 +269,7 @@ def _unfillable(source: YamlSource, written: dict[str, Any]) -> Iterator[Problem
     if written.get("solid") == "sheet" and fill in (None, "volume"):
         yield ("subject", "cloud"), "a sheet encloses no volume to fill. Write fill: surface."
     if isinstance(radius, str):
-        fact = f"points in a solid have no attribute {shortened(radius)}"
+        fact = f"points in a solid have no attribute {quote(radius)}"
         yield ("subject", "radius"), f"{fact}; write a number."
 
 

@@ -17,7 +17,7 @@ from flowsculpt.pipeline.animation import FrameProgress, animate
 from flowsculpt.pipeline.animation.flow_cost import FlowCost
 from flowsculpt.pipeline.flow import Streamlines, streamlines
 from flowsculpt.pipeline.flow.catalogue.vortices import CurlNoise, Vortex
-from flowsculpt.pipeline.long_computations import Progress, reporting_to
+from flowsculpt.pipeline.long_computations import Progress
 from flowsculpt.pipeline.shot import read_shot
 from flowsculpt.pipeline.shot.shot import Shot
 
@@ -71,7 +71,7 @@ def test_a_flow_reports_its_points_in_ascending_order_up_to_all(monkeypatch: pyt
     monkeypatch.setattr(streamlines, "CALL_SECONDS", 0.005)
     monkeypatch.setattr(streamlines, "FIRST_CALL", 1)
     reports: list[Progress] = []
-    with reporting_to(reports.append):
+    with Progress.reported_to(reports.append):
         Streamlines(CurlNoise(), substeps=100).displace(np.random.default_rng(3).normal(size=(3000, 3)), 0, 1)
     done = [report.done for report in reports]
     assert len(done) > 1 and done == sorted(done) and done[-1] == 3000

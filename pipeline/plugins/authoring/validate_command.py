@@ -11,7 +11,7 @@ from rich.console import Group
 from rich.table import Table
 
 from flowsculpt import FlowsculptError, FrameError, UsageError
-from flowsculpt.api import Progress, ShotError, reporting_to
+from flowsculpt.api import Progress, ShotError
 from flowsculpt.api.commands import (
     Project,
     exit_with,
@@ -69,7 +69,7 @@ def validate(
     with progress_bars(common.progress) as bar:
         advance = bar("checking", len(names))
         for name in names:
-            with reporting_to(_Bars(bar).receive):
+            with Progress.reported_to(_Bars(bar).receive):
                 check = _check_edit(name, given) if name in edits else _check(name, given, first_frames)
             if name not in edits and not check.errors:
                 check.warnings += [f"{name}: {note}" for note in _light(common, name, given)]

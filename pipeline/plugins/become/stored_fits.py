@@ -18,7 +18,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from flowsculpt import MachineError, MeshError, Streamlines, TriangleMesh, UsageError
-from flowsculpt.api import report_progress
+from flowsculpt.api import Progress
 from flowsculpt.api.files import CachedAnswer, atomic_write, usable, writable_cache
 from flowsculpt.api.flows import Sampled, Samples, StepPlan
 from flowsculpt.api.frames import CorruptFileError, Locks, StoredFiles
@@ -291,7 +291,7 @@ def _computed(
     unfinished = path.with_suffix(".unfinished.npz")
 
     def watch(state: State, rounds: int) -> None:
-        report_progress(activity, state.done, rounds, is_once=True)
+        Progress(activity, state.done, rounds, is_once=True).report()
         kept = {"points": state.rest.points, "faces": state.rest.faces, "done": np.array(state.done)}
         _store(unfinished, kept | _arrays(state.legs))
 

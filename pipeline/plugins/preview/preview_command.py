@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from flowsculpt import FlowsculptError, UsageError
-from flowsculpt.api import Progress, plural, reporting_to
+from flowsculpt.api import Progress, plural
 from flowsculpt.api.commands import frame_progress, print_error, print_result, print_warning
 from flowsculpt.api.files import make_folder
 from flowsculpt.api.flows import estimated_vertices, growth_warning
@@ -268,5 +268,5 @@ def _bars(
 
         for animatic in animatics:
             animatic.stream.callback = report
-        with reporting_to(report_once):
+        with Progress.reported_to(report_once):
             yield frame_done
