@@ -13,8 +13,8 @@ from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
-from flowsculpt.pipeline.animation.flow_cost import FlowCost, SubjectSize
 from flowsculpt.pipeline.animation.frame import MATERIAL, FrameReport, MeshFrame, with_material
+from flowsculpt.pipeline.animation.motion_forecast import MotionForecast
 from flowsculpt.pipeline.arrays import AnyArray, Floats, Points, Vectors
 from flowsculpt.pipeline.errors import FlowsculptError, FrameError, UsageError, VertexBudgetError
 from flowsculpt.pipeline.flow import Displacement, Flow, Streamlines, as_flow
@@ -171,10 +171,10 @@ class _ResampledSurface(MovingSurface, Generic[R]):
             if thresholds.max_vertices == most:
                 raise self._grown(error.fact, number) from error
             extent = float(np.ptp(self._resampler.vertices, axis=0).max())
-            size = SubjectSize(self._motion, extent)
-            if not size.remedy or size.is_usual:
+            remedy = MotionForecast(self._motion).size_remedy(extent)
+            if not remedy or MotionForecast.is_usual(extent):
                 raise error.of(number) from error
-            raise error.with_remedy(size.remedy, number) from error
+            raise error.with_remedy(remedy, number) from error
         except FrameError as error:
             raise error.of(number) from error
         except FlowsculptError as error:
@@ -570,7 +570,7 @@ class _FrameWatch:
                 f"the flows stretch the surface from {before.vertices:,} vertices to {last.done:,}. Slow the "
                 "flows down, or raise resample.max_edge_length."
             )
-        costs = [] if before is None else FlowCost.of_frame(self._motion, self._frame, *before)
+        costs = [] if before is None else MotionForecast(self._motion).costs(self._frame, *before)
         if before is None or not costs:
             count = last.done if before is None else before.vertices
             return "resample", f"{last.activity} has {count:,} vertices. Raise resample.max_edge_length."

@@ -22,7 +22,6 @@ from flowsculpt.api.commands import (
     size,
     table,
 )
-from flowsculpt.api.flows import flows_of
 from flowsculpt.api.frames import FinishedPictures, QualityName, Show
 from flowsculpt.api.options import Common, shared_option
 from flowsculpt.api.shots import (
@@ -228,7 +227,7 @@ def _check_scene(
 
 def _of_flows(check: _Check, motion: Motion) -> Iterator[Finding]:
     """Yield what flows warn of, or fail for; note the rest."""
-    for k, flow in enumerate(flows_of(motion.flow)):
+    for k, flow in enumerate(motion.flow.members):
         where = tuple(int(part) if part.isdigit() else part for part in motion.place_of_flow(k).split("."))
         where = where[2:] if where[0] == "subjects" else where  # a view adds these
         try:

@@ -12,6 +12,7 @@ from flowsculpt import UsageError
 from flowsculpt.api import plural
 from flowsculpt.api.commands import execute, exit_with, print_result, print_warning, report_plan
 from flowsculpt.api.files import make_folder
+from flowsculpt.api.flows import MotionForecast
 from flowsculpt.api.frames import FinishedPictures, Folders, FrameRange, Plan, RenderRequest, Show, Store
 from flowsculpt.api.options import DEFAULT_QUALITY, Common, PictureOptions, Quality, Shot, shared_option
 from flowsculpt.api.pictures import ContactSheet, Curves, plot_panels, write_still
@@ -208,10 +209,9 @@ def _notes(made: Wedge) -> list[str]:
     varied = [variation for variation in made.grid.variations if variation.name.endswith(".amount")]
     if not varied:
         return []
-    from flowsculpt.api.flows import constant_deformations  # loads Numba, which takes long
 
     for _, request in made.requests:
-        for flow, text in constant_deformations(request.shot.motion):
+        for flow, text in MotionForecast(request.shot.motion).constant_deformations():
             place, name = f"flows.{flow}", text.partition(" ")[0]
             for variation in varied:
                 if variation.name.startswith(f"{place}.") and variation.name.endswith(f".{name}.amount"):
