@@ -13,6 +13,7 @@ import pytest
 
 from flowsculpt.pipeline.api_version import API
 from flowsculpt.pipeline.plugin import Plugin, Plugins, plugins
+from flowsculpt.pipeline.shot.documents.subject_documents import POINTS
 
 ROOT = Path(__file__).parents[1]
 
@@ -462,6 +463,8 @@ def test_a_name_of_a_plug_in_that_is_not_there_says_which_one_it_needs():
     ("name", "needed"),
     [
         ("become", "become"),
+        ("cloud", "points"),
+        ("sampled", "sampled"),
         ("layout", "layout"),
         ("polyhedra", "polyhedra"),
         ("people.person", "people"),
@@ -489,6 +492,7 @@ def test_the_list_of_what_the_plug_ins_of_flowsculpt_add_is_complete():
             }
             added |= {*plugin.resamplers} | {name for door in doors for name in door if name == plugin.name}
             added |= {"--store"} if plugin.remote_stores else set()
+            added |= {word for word, kind in POINTS.items() if f".plugins.{plugin.name}." in kind.__module__}
             assert set(listed[plugin.name]) == added, plugin.name
 
 
