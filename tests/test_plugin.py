@@ -14,6 +14,7 @@ import pytest
 from flowsculpt.pipeline.api_version import API
 from flowsculpt.pipeline.plugin import Plugin, Plugins, plugins
 from flowsculpt.pipeline.shot.documents.subject_documents import POINTS
+from tests.needed_plugins import needs_plugins
 
 ROOT = Path(__file__).parents[1]
 
@@ -542,7 +543,6 @@ def test_a_command_whose_module_does_not_load_ends_with_one_line(environment):
 
 EXTRAS = """\
 from flowsculpt.api import RunObserver, ShotExtras
-from tests.needed_plugins import needs_plugins
 
 class Lacking: pass
 class Bell(RunObserver):
