@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from flowsculpt import FrameError, MissingInputError, UsageError
 from flowsculpt.api import plural, shortened, suggestion
-from flowsculpt.api.commands import exit_with, print_error, print_result, progress_bars
+from flowsculpt.api.commands import print_error, print_result, progress_bars
 from flowsculpt.api.frames import (
     FrameRange,
     FrameRate,
@@ -494,7 +494,7 @@ def relight(
         words = f"{relit.movie_path}: {count}, {made} relit in {seconds:.0f} s.\n{facts['permanent']}"
     facts |= {"relit": made, "failed": faults, "seconds": round(seconds, 2)}
     print_result(words, facts, common.json)
-    exit_with(FrameError.exit_code if faults else 0)
+    raise typer.Exit(FrameError.exit_code if faults else 0)
 
 
 def _command(command: str, request: RenderRequest) -> str:

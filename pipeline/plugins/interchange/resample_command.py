@@ -26,7 +26,7 @@ from flowsculpt import (
     resample as resample_triangles,
 )
 from flowsculpt.api import plural
-from flowsculpt.api.commands import print_result, print_warning, require_one_of, table
+from flowsculpt.api.commands import empty_table, print_result, print_warning, require_one_of
 from flowsculpt.api.meshes import polygon_methods, read_surface
 from flowsculpt.api.options import Common
 from flowsculpt.pipeline.plugins.interchange.mesh_writers import WRITERS, write_mesh
@@ -175,7 +175,7 @@ def _listing(before: PolygonMesh, report: Report) -> Table:
     ]
     for reason, count in report.refused.items():
         rows.append(("kept though short", f"{count}: {REFUSALS[reason]}"))
-    listing = table("", "")
+    listing = empty_table("", "")
     listing.show_header = False
     for row in rows:
         listing.add_row(*row)

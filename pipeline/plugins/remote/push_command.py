@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from functools import cache
 
+import typer
+
 from flowsculpt import MachineError, UsageError
 from flowsculpt.api import plural
-from flowsculpt.api.commands import exit_with, print_result
+from flowsculpt.api.commands import print_result
 from flowsculpt.api.frames import Key, Locks, Store, upload_missed
 from flowsculpt.api.options import Common
 
@@ -37,7 +39,7 @@ def push(common: Common) -> None:
     if unsent:
         words += f" It did not take {unsent}; run again."
     print_result(words, {"uploaded": sent, "refused": unsent}, common.json)
-    exit_with(MachineError.exit_code if unsent else 0)
+    raise typer.Exit(MachineError.exit_code if unsent else 0)
 
 
 def lacking_names(store: Store) -> list[tuple[str, Key]]:
