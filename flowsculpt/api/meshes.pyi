@@ -1,11 +1,7 @@
 """Meshes and their arrays; the resampler itself is in `flowsculpt`."""
 
-from flowsculpt.pipeline.arrays import AnyArray as AnyArray
-from flowsculpt.pipeline.arrays import Faces as Faces
 from flowsculpt.pipeline.arrays import Floats as Floats
 from flowsculpt.pipeline.arrays import Indices as Indices
-from flowsculpt.pipeline.arrays import Points as Points
-from flowsculpt.pipeline.arrays import Vectors as Vectors
 from flowsculpt.pipeline.mesh import face_normals as face_normals
 from flowsculpt.pipeline.mesh.face_soup import components as components
 from flowsculpt.pipeline.mesh.face_soup import find_coincident as find_coincident

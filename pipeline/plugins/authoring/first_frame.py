@@ -12,7 +12,7 @@ import numpy as np
 from flowsculpt import FrameError, PolygonMesh
 from flowsculpt.api.flows import estimated_vertices
 from flowsculpt.api.frames import animate
-from flowsculpt.api.meshes import Points, components
+from flowsculpt.api.meshes import Floats, components
 from flowsculpt.api.shots import Model, Motion, Solid
 
 LARGEST_COMPUTED = 3_000_000
@@ -41,7 +41,7 @@ class FirstFrame:
     """
 
     vertices: int
-    points: Points
+    points: Floats
     faces: np.ndarray[Any, Any]
     memory: int
     longest: float | None
@@ -51,7 +51,7 @@ class FirstFrame:
     notes: tuple[str, ...] = ()
 
     @cached_property
-    def middle(self) -> Points:
+    def middle(self) -> Floats:
         """The middle of the bounding box (3,)."""
         return np.asarray(0.5 * (self.points.min(axis=0) + self.points.max(axis=0)), np.float64)
 

@@ -22,7 +22,7 @@ from flowsculpt.api import report_progress
 from flowsculpt.api.files import CachedAnswer, atomic_write, usable, writable_cache
 from flowsculpt.api.flows import Sampled, Samples, StepPlan
 from flowsculpt.api.frames import CorruptFileError, Locks, StoredFiles
-from flowsculpt.api.meshes import AnyArray, Floats, Points, components, require
+from flowsculpt.api.meshes import Floats, components, require
 from flowsculpt.api.shots import Model, PluginSurface, Solid, as_data
 from flowsculpt.pipeline.plugins.become.fitting import THIN, Detail, Leg, Residual, State, fitted
 from flowsculpt.pipeline.plugins.become.target import PATCH, FittedSurface, face_vectors, lengths
@@ -156,7 +156,7 @@ class Fit:
         x, y, z = (self.low + self.side * np.array(leg.low)).tolist()
         return PathVelocity(samples, "cubic", "zero" if leg.space.is_windowed else "repeat", (x, y, z))
 
-    def displace(self, points: Points, before: float, after: float) -> Points:
+    def displace(self, points: Floats, before: float, after: float) -> Floats:
         """Return where points (P, 3) are carried between two shares of the way."""
         if self.is_reversed:
             before, after = 1.0 - before, 1.0 - after
@@ -167,7 +167,7 @@ class Fit:
                 points = path.displace(points, here, there - here)
         return points
 
-    def holds(self, points: Points) -> bool:
+    def holds(self, points: Floats) -> bool:
         """Tell whether points (P, 3) lie in the cube."""
         return bool(((points >= self.low) & (points <= self.low + self.side)).all())
 
@@ -269,7 +269,7 @@ class _Solution(NamedTuple):
     thin: float
 
     @classmethod
-    def of(cls, arrays: Mapping[str, AnyArray]) -> _Solution:
+    def of(cls, arrays: Mapping[str, np.ndarray]) -> _Solution:
         """Return the fit of stored arrays. Raises one of UNUSABLE where they are not of one."""
         legs, shares = _legs(arrays), arrays["shares"].tolist()
         if len(shares) != len(legs) or not min(shares) > 0.0:
@@ -277,7 +277,7 @@ class _Solution(NamedTuple):
         return cls(legs, shares, Residual(*map(float, arrays["residual"].tolist())), float(arrays["thin"]))
 
 
-def _state_of(arrays: Mapping[str, AnyArray]) -> State:
+def _state_of(arrays: Mapping[str, np.ndarray]) -> State:
     """Return the state of stored arrays. Raises one of UNUSABLE or MeshError where they are not of one."""
     points, faces = arrays["points"], arrays["faces"]
     TriangleMesh(points, faces.astype(np.int32))  # refuses anything but a mesh
@@ -307,7 +307,7 @@ def _computed(
     return _Solution.of(fit)
 
 
-def _arrays(legs: Sequence[Leg]) -> dict[str, AnyArray]:
+def _arrays(legs: Sequence[Leg]) -> dict[str, np.ndarray]:
     """Return arrays to store legs as."""
     spaces = {
         "n": [leg.space.n for leg in legs],
@@ -321,7 +321,7 @@ def _arrays(legs: Sequence[Leg]) -> dict[str, AnyArray]:
     }
 
 
-def _legs(arrays: Mapping[str, AnyArray]) -> tuple[Leg, ...]:
+def _legs(arrays: Mapping[str, np.ndarray]) -> tuple[Leg, ...]:
     """Return the legs that `_arrays` made arrays of. Raises one of UNUSABLE for arrays of others."""
     names = ("n", "length", "is_windowed", "low", "side")
     legs = tuple(
@@ -362,7 +362,7 @@ def residual_of(
     return Residual(mean, most, returning, far, patch, float(determinants.min())), shares
 
 
-def _loaded(path: Path, reader: Callable[[Mapping[str, AnyArray]], T]) -> T | None:
+def _loaded(path: Path, reader: Callable[[Mapping[str, np.ndarray]], T]) -> T | None:
     """Return what a reader makes of the arrays of a file; None where there are none that it can use."""
     with suppress(CorruptFileError):
         return usable(lambda: reader(StoredFiles.read_arrays(path)))

@@ -27,7 +27,6 @@ from flowsculpt.api.commands import print_error, print_result, progress_bars
 from flowsculpt.api.frames import (
     FrameRange,
     FrameRate,
-    Key,
     Locks,
     PictureKeys,
     PictureSequence,
@@ -132,7 +131,7 @@ class RelitFrames:
         self.store.link("frame", key, self.place(number))
         return mixes
 
-    def _write(self, number: int, key: Key, path: Path) -> None:
+    def _write(self, number: int, key: str, path: Path) -> None:
         finished, header = self._read(self._source(number), self.request.place("frame", number))
         light = self._mixed(finished)
         stages = {**header.get("stages", {}), RELIGHT.name: RELIGHT.recipe}
@@ -172,7 +171,7 @@ class RelitFrames:
             yield self.request.shot.picture.display.pixels(light)
             passed()
 
-    def _read(self, key: Key, place: Path) -> tuple[RenderedFrame, dict[str, Any]]:
+    def _read(self, key: str, place: Path) -> tuple[RenderedFrame, dict[str, Any]]:
         reader = StoredFiles("frame").reader(key, size=self.request.pictures.quality.rendered_size)
         return self.store.read("frame", key, place, reader)
 
@@ -184,7 +183,7 @@ class RelitFrames:
     def _keys(self) -> PictureKeys | None:
         return self.request.keys.pictures(self.store, rendered=())
 
-    def _source(self, number: int) -> Key:
+    def _source(self, number: int) -> str:
         """Return the key of a finished frame."""
         assert self._keys is not None, "finished frames have keys"
         return self._keys[number].frame
@@ -193,7 +192,7 @@ class RelitFrames:
         """Tell whether the store holds a frame."""
         return self._keys is not None and self.store.holds("frame", self.key(number))
 
-    def key(self, number: int) -> Key:
+    def key(self, number: int) -> str:
         """Return the key of a frame, whose finished frame has one."""
         return key_of(RELIGHT.recipe, self._source(number), {n: list(f) for n, f in self.factors.items()})
 

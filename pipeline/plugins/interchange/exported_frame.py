@@ -16,7 +16,6 @@ import numpy as np
 from flowsculpt import FrameError
 from flowsculpt.api.files import read_state, sweep_hidden_drafts, to_plain
 from flowsculpt.api.frames import (
-    Key,
     Locks,
     MeshFrame,
     PipelineStage,
@@ -30,7 +29,7 @@ from flowsculpt.api.materials import (
     PatternedMaterial,
     Texture,
 )
-from flowsculpt.api.meshes import AnyArray, Faces, Floats, Indices, Points, Vectors
+from flowsculpt.api.meshes import Floats, Indices
 from flowsculpt.api.pictures import SPEED, Material, Painted, PaintedFaces, Surface, vertex_colours
 from flowsculpt.api.shots import Model, Shot, Solid
 
@@ -68,17 +67,17 @@ class KeyedFiles:
                 self._found[name] = StoredFiles.digest_of(self.folder / name)
         return noted is not None and self._found[name] == noted
 
-    def is_current(self, name: str, key: Key) -> bool:
+    def is_current(self, name: str, key: str) -> bool:
         """Tell whether a file is there, whole, and made from what `key` says."""
         return self._noted.get(name, {}).get("key") == key and self.is_whole(name)
 
-    def write(self, name: str, key: Key, write: Callable[[Path], object]) -> None:
+    def write(self, name: str, key: str, write: Callable[[Path], object]) -> None:
         """Write a file by `write(draft)`, whole or not at all. Raises MachineError where the disk refuses."""
         self._found[name] = digest = self.store.write(self.folder / name, write, flush=False)
         self._noted[name] = {"key": key, "digest": digest}
         self.written.append(name)
 
-    def update(self, name: str, key: Key, write: Callable[[Path], object]) -> None:
+    def update(self, name: str, key: str, write: Callable[[Path], object]) -> None:
         """Write a file as `write` does, unless it is current."""
         if not self.is_current(name, key):
             self.write(name, key, write)
@@ -134,19 +133,19 @@ class ExportedFrame:
     copies          int32 (V,): the number of the copy, from 1 on, as in mattes; None without copies
     """
 
-    points: Points
-    faces: Faces
-    normals: Vectors
-    corner_normals: Faces
-    velocities: Vectors
-    rest: Points
+    points: Floats
+    faces: Indices
+    normals: Floats
+    corner_normals: Indices
+    velocities: Floats
+    rest: Floats
     creases: Indices = field(default_factory=lambda: np.empty((0, 2), np.int32))
     colours: Floats | None = None
     texture: Floats | None = None
     paint: PaintedFaces | None = None
     radii: Floats | None = None
-    numbers: AnyArray | None = None
-    copies: AnyArray | None = None
+    numbers: np.ndarray | None = None
+    copies: np.ndarray | None = None
 
     @property
     def bounds(self) -> tuple[Floats, Floats]:
@@ -219,7 +218,7 @@ def _exported_cloud(shot: Shot, frame: MeshFrame) -> ExportedFrame:
     )
 
 
-def _copies(shot: Shot, rest: Points) -> AnyArray | None:
+def _copies(shot: Shot, rest: Floats) -> np.ndarray | None:
     """Return the number of the copy (V,) of vertices by their rest positions (V, 3); None without copies."""
     if shot.motion.copies is None:
         return None
@@ -227,7 +226,7 @@ def _copies(shot: Shot, rest: Points) -> AnyArray | None:
 
 
 def rendered_surface(
-    points: Points, normals: Vectors, faces: Faces, rest: Points, velocities: Vectors
+    points: Floats, normals: Floats, faces: Indices, rest: Floats, velocities: Floats
 ) -> Surface:
     """Return the surface as it is rendered, float32, with the speed of its vertices."""
     vertices, shading, material = (values.astype(np.float32) for values in (points, normals, rest))
@@ -248,7 +247,7 @@ def colour_texture(look: Material) -> Texture | None:
 
 
 def texture_coordinates(
-    look: Material, rest: Points, faces: Faces, paint: PaintedFaces | None = None
+    look: Material, rest: Floats, faces: Indices, paint: PaintedFaces | None = None
 ) -> Floats | None:
     """Return texture coordinates (F, 3, 2) of the corners of faces, 0 to 1 to the right and upwards.
 
@@ -265,7 +264,7 @@ def texture_coordinates(
     return np.asarray(coordinates * (1.0, width / height) + (0.5 - right, 0.5 - up))
 
 
-def frame_key(request: RenderRequest, number: int) -> Key:
+def frame_key(request: RenderRequest, number: int) -> str:
     """Return the key of an exported frame: its mesh, the flow around it, and what colours its vertices."""
     motion = request.shot.motion
     return key_of(

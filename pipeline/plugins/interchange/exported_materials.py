@@ -17,7 +17,6 @@ from flowsculpt.api.materials import (
     Satin,
     Texture,
 )
-from flowsculpt.api.meshes import AnyArray
 from flowsculpt.api.pictures import Material, Painted, PaintedFaces
 from flowsculpt.pipeline.plugins.interchange.preview_surfaces import PreviewSurface, preview_surface
 
@@ -71,10 +70,10 @@ def pictures_recipe(look: Material) -> list[str]:
     return ["pictures"] if held else []
 
 
-def number_planes(part: Material) -> dict[str, AnyArray]:
+def number_planes(part: Material) -> dict[str, np.ndarray]:
     """Return the pictures (H, W, 1) of roughness and metalness of a material as preview surfaces have them,
     by name. Raises as `read_picture`."""
-    planes: dict[str, AnyArray] = {}
+    planes: dict[str, np.ndarray] = {}
     for name in ("roughness", "metallic"):
         texture: Texture | None = getattr(part, f"{name}_texture", None)
         if texture is not None and _fits(part):

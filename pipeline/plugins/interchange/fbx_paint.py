@@ -19,7 +19,7 @@ from flowsculpt import MeshError
 from flowsculpt.api import brief, shortened
 from flowsculpt.api.files import Parser, digest_of_file, read_input, require_input
 from flowsculpt.api.materials import Opacity, PatternedMaterial, Texture
-from flowsculpt.api.meshes import AnyArray, Floats, ModelMaterials, PaintReader
+from flowsculpt.api.meshes import Floats, ModelMaterials, PaintReader
 from flowsculpt.api.pictures import linear_of_srgb
 from flowsculpt.pipeline.plugins.interchange.fbx_files import (
     MOST_BYTES,
@@ -219,12 +219,12 @@ class _PaintedScene:
             found.parts.add(polygons.points, *arrays)
         return found
 
-    def arrays(self) -> dict[str, AnyArray]:
+    def arrays(self) -> dict[str, np.ndarray]:
         """Return the arguments of `ModelPaint.of`."""
         return self.parts.arrays(lambda: np.array([_facts_of(each)["colour"] for each in self.materials]))
 
 
-def _colours(mesh: ufbx.Mesh, corners: AnyArray, name: str) -> Floats | None:
+def _colours(mesh: ufbx.Mesh, corners: np.ndarray, name: str) -> Floats | None:
     """Return the linear colours (K, 3) of corners of a mesh from its first set; None where it has none."""
     given = counted(mesh.vertex_color)
     if not given.exists:
@@ -232,7 +232,7 @@ def _colours(mesh: ufbx.Mesh, corners: AnyArray, name: str) -> Floats | None:
     return linear_of_srgb(np.clip(_values(given, 4, corners, f"{name}: its vertex colours")[:, :3], 0.0, 1.0))
 
 
-def _coordinates(mesh: ufbx.Mesh, material: ufbx.Material | None, corners: AnyArray, name: str) -> Floats:
+def _coordinates(mesh: ufbx.Mesh, material: ufbx.Material | None, corners: np.ndarray, name: str) -> Floats:
     """Return the coordinates (K, 2) of corners of a mesh in the pictures of a material."""
     sets = [counted(given) for given in mesh.uv_sets]
     if not sets:
@@ -256,7 +256,7 @@ def _coordinates(mesh: ufbx.Mesh, material: ufbx.Material | None, corners: AnyAr
 
 
 def _values(
-    given: Any, columns: int, corners: AnyArray, place: str, otherwise: float | None = None
+    given: Any, columns: int, corners: np.ndarray, place: str, otherwise: float | None = None
 ) -> Floats:
     """Return the values (K, columns) of an attribute at corners; `otherwise` where a corner has none."""
     values, index = numbers_of(given.values, np.float64, columns), numbers_of(given.indices, np.uint32)

@@ -11,9 +11,8 @@ from numpy.typing import ArrayLike
 from flowsculpt import MeshError, PolygonMesh, TriangleMesh, UsageError
 from flowsculpt.api import plural
 from flowsculpt.api.meshes import (
-    AnyArray,
+    Floats,
     Paint,
-    Points,
     file_surface,
     find_coincident,
     read_paint,
@@ -46,7 +45,7 @@ def repair_mesh(mesh: TriangleMesh | PolygonMesh) -> tuple[TriangleMesh, tuple[s
     return repaired.triangulated().with_attributes(**attributes), (*changes, *lost)
 
 
-def _lost_values(attributes: Mapping[str, AnyArray], first: AnyArray) -> Iterator[str]:
+def _lost_values(attributes: Mapping[str, np.ndarray], first: np.ndarray) -> Iterator[str]:
     """Yield a line for each attribute that differs between vertices and the `first` (V,) at their place."""
     for name, values in attributes.items():
         count = int((values != values[first]).reshape(len(values), -1).any(axis=1).sum())
@@ -55,7 +54,7 @@ def _lost_values(attributes: Mapping[str, AnyArray], first: AnyArray) -> Iterato
             yield f"attribute {name!r} of {places} differs from that of others there: dropped"
 
 
-def _first_vertices(vertices: Points, places: Points) -> tuple[AnyArray, AnyArray]:
+def _first_vertices(vertices: Floats, places: Floats) -> tuple[np.ndarray, np.ndarray]:
     """Return the first vertex at each vertex (V,) and at each place (N,), V or more where there is none.
 
     The tolerance is a share of the extent of the places.

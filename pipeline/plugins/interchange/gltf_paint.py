@@ -21,7 +21,7 @@ from flowsculpt import MeshError
 from flowsculpt.api import brief
 from flowsculpt.api.files import Parser, digest_of_file, require_input
 from flowsculpt.api.materials import PatternedMaterial, Texture
-from flowsculpt.api.meshes import AnyArray, Floats, ModelMaterials, PaintReader
+from flowsculpt.api.meshes import Floats, ModelMaterials, PaintReader
 from flowsculpt.pipeline.plugins.interchange.gltf_document import MOST_BYTES, GltfDocument, JsonObject
 from flowsculpt.pipeline.plugins.interchange.gltf_files import (
     SceneArrays,
@@ -122,7 +122,7 @@ def _textures_of(material: JsonObject) -> Iterator[JsonObject]:
 class PaintArrays(SceneArrays):
     """Reads what the parts of a scene have on their faces."""
 
-    def paint(self) -> dict[str, AnyArray]:
+    def paint(self) -> dict[str, np.ndarray]:
         """Return the arguments of `ModelPaint.of`. Raises ValueError."""
         scene = self.scene
         assert isinstance(scene, PaintedScene)

@@ -21,16 +21,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from flowsculpt import PolygonMesh
-from flowsculpt.api.meshes import (
-    AnyArray,
-    Faces,
-    Floats,
-    Indices,
-    Points,
-    components,
-    edge_keys,
-    find_coincident,
-)
+from flowsculpt.api.meshes import Floats, Indices, components, edge_keys, find_coincident
 from flowsculpt.api.pictures import PaintedFaces
 
 if TYPE_CHECKING:
@@ -57,23 +48,23 @@ class ModelPaint:
     place        float64 (V, 3): the points where the shot has them at rest
     """
 
-    points: Points
-    corners: AnyArray
+    points: Floats
+    corners: np.ndarray
     coordinates: Floats
-    materials: AnyArray
-    colours: AnyArray | None
-    charts: AnyArray
-    place: Points
+    materials: np.ndarray
+    colours: np.ndarray | None
+    charts: np.ndarray
+    place: Floats
 
     @classmethod
     def of(
         cls,
-        points: Points,
-        sides: AnyArray,
-        corners: AnyArray,
+        points: Floats,
+        sides: np.ndarray,
+        corners: np.ndarray,
         coordinates: Floats,
-        materials: AnyArray,
-        colours: AnyArray | None = None,
+        materials: np.ndarray,
+        colours: np.ndarray | None = None,
     ) -> ModelPaint:
         """Cut polygons into triangles and charts.
 
@@ -101,11 +92,11 @@ class ModelPaint:
         with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
             return cls.of(**arrays)
 
-    def placed(self, place: Points) -> ModelPaint:
+    def placed(self, place: Floats) -> ModelPaint:
         """Return the paint with its points (V, 3) where a shot has them at rest."""
         return replace(self, place=place)
 
-    def seams(self, vertices: Points, edges: Indices) -> Indices:
+    def seams(self, vertices: Floats, edges: Indices) -> Indices:
         """Return those edges (of E, 2) between charts of a surface whose vertices are points of the file."""
         both = np.concatenate([self.points, vertices])
         joined = find_coincident(both, np.ones(len(both), bool))
@@ -115,7 +106,7 @@ class ModelPaint:
         at_seam = keys[order][1:][differs]
         return edges[np.isin(edge_keys(joined[len(self.points) :][edges]), at_seam)]
 
-    def on_faces(self, rest: Points, faces: Faces) -> PaintedFaces:
+    def on_faces(self, rest: Floats, faces: Indices) -> PaintedFaces:
         """Return the paint of faces (F, 3) of vertices with rest positions (V, 3)."""
         middles = np.ascontiguousarray(rest[faces].mean(axis=1), np.float64)
         triangle, _ = self._nearest(middles, np.full(len(faces), len(self._trees.first) - 1))
@@ -148,7 +139,7 @@ class ModelPaint:
             np.cumsum([0, *(len(part) for part in by_chart)]),
         )
 
-    def _nearest(self, points: Points, wanted: AnyArray) -> tuple[AnyArray, Floats]:
+    def _nearest(self, points: Floats, wanted: np.ndarray) -> tuple[np.ndarray, Floats]:
         """Return the nearest triangles (N,) of trees, and shares (N, 2) of their last two corners."""
         from flowsculpt.pipeline.plugins.interchange.paint_kernels import find_nearest
 
@@ -165,8 +156,8 @@ class PaintParts:
     def __init__(self) -> None:
         self.has_colours = False
         self._vertices = 0
-        self._colours: list[AnyArray | None] = []
-        self._arrays: dict[str, list[AnyArray]] = {
+        self._colours: list[np.ndarray | None] = []
+        self._arrays: dict[str, list[np.ndarray]] = {
             "points": [np.empty((0, 3))],
             "sides": [np.empty(0, np.int64)],
             "corners": [np.empty(0, np.int64)],
@@ -176,11 +167,11 @@ class PaintParts:
 
     def add(
         self,
-        points: Points,
-        sides: AnyArray,
-        corners: AnyArray,
+        points: Floats,
+        sides: np.ndarray,
+        corners: np.ndarray,
         coordinates: Floats,
-        materials: AnyArray,
+        materials: np.ndarray,
         colours: Floats | None,
     ) -> None:
         """Add a mesh, by the arguments of `ModelPaint.of`; its corners count its own points."""
@@ -191,7 +182,7 @@ class PaintParts:
         self._colours.append(colours)
         self.has_colours |= colours is not None
 
-    def arrays(self, plain: Callable[[], AnyArray]) -> dict[str, AnyArray]:
+    def arrays(self, plain: Callable[[], np.ndarray]) -> dict[str, np.ndarray]:
         """Return the arguments of `ModelPaint.of`.
 
         plain  returns the colours (M, 3) of materials, for meshes without colours where others have some
@@ -199,14 +190,14 @@ class PaintParts:
         found = {name: np.concatenate(parts) for name, parts in self._arrays.items()}
         if not self.has_colours:
             return found
-        of_materials, colours = plain(), list[AnyArray]()
+        of_materials, colours = plain(), list[np.ndarray]()
         meshes = zip(self._arrays["sides"][1:], self._arrays["materials"][1:], self._colours, strict=True)
         for sides, materials, own in meshes:
             colours.append(of_materials[np.repeat(materials, sides)] if own is None else own)
         return {**found, "colours": np.concatenate(colours)}
 
 
-def packed(arrays: dict[str, AnyArray]) -> bytes:
+def packed(arrays: dict[str, np.ndarray]) -> bytes:
     """Return arrays as bytes, for the answer of a process."""
     file = io.BytesIO()
     np.savez(file, allow_pickle=False, **arrays)
@@ -221,19 +212,19 @@ class _Trees(NamedTuple):
     """
 
     trees: list[TriangleTree]
-    addresses: AnyArray
-    starts: AnyArray
-    triangles: AnyArray
-    first: AnyArray
+    addresses: np.ndarray
+    starts: np.ndarray
+    triangles: np.ndarray
+    first: np.ndarray
 
 
-def _sides(corners: AnyArray, values: AnyArray) -> tuple[AnyArray, AnyArray]:
+def _sides(corners: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the edge keys (3T,) of the sides of triangles, and the values (T,) of their triangles."""
     ends = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2)
     return edge_keys(ends), np.repeat(values, 3)
 
 
-def _charts(corners: AnyArray, alike: AnyArray, coordinates: Floats, materials: AnyArray) -> AnyArray:
+def _charts(corners: np.ndarray, alike: np.ndarray, coordinates: Floats, materials: np.ndarray) -> np.ndarray:
     """Return the charts (T,) of triangles, numbered from 0.
 
     corners  (T, 3): positions of corners, by number
@@ -251,7 +242,9 @@ def _charts(corners: AnyArray, alike: AnyArray, coordinates: Floats, materials: 
     return _without_touching(charts, corners, alike, coordinates)
 
 
-def _without_touching(charts: AnyArray, corners: AnyArray, alike: AnyArray, coordinates: Floats) -> AnyArray:
+def _without_touching(
+    charts: np.ndarray, corners: np.ndarray, alike: np.ndarray, coordinates: Floats
+) -> np.ndarray:
     """Cut charts in which a position is painted in several ways, until none is left.
 
     Where a position has more than two, as the pole of a globe, its triangles become charts of their own.

@@ -12,15 +12,7 @@ import numpy as np
 
 from flowsculpt import MeshError
 from flowsculpt.api.files import number_fault, text_content
-from flowsculpt.api.meshes import (
-    AnyArray,
-    FileSurface,
-    Floats,
-    Points,
-    SurfaceReader,
-    file_surface,
-    reader_of,
-)
+from flowsculpt.api.meshes import FileSurface, Floats, SurfaceReader, file_surface, reader_of
 from flowsculpt.pipeline.plugins.interchange.scene_readers import early_end
 
 _KEYWORD = re.compile(rb"((?:ST|C|N|4|n)*)OFF(\d*)")
@@ -59,7 +51,7 @@ class _Layout(NamedTuple):
         """The number of coordinates of its position."""
         return self.dimension + self.weighted
 
-    def points(self, positions: Floats) -> Points:
+    def points(self, positions: Floats) -> Floats:
         """Return points (V, 3) of positions (V, numbers). Raises MeshError for points at infinity."""
         if not self.weighted:
             return positions
@@ -195,7 +187,7 @@ def _read_words(rows: list[Row], layout: _Layout, vertices: int, faces: int) -> 
 
 def _read_binary(body: bytes, prefixes: bytes) -> FileSurface:
     """Read big-endian numbers of four bytes; a face has its corners and then the numbers of its colour."""
-    numbers: AnyArray = np.frombuffer(body, ">i4", len(body) // 4)
+    numbers: np.ndarray = np.frombuffer(body, ">i4", len(body) // 4)
     wanted = 4 if b"n" in prefixes else 3
     if len(numbers) < wanted:
         raise ValueError("it ends within its header")

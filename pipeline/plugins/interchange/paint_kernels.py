@@ -5,12 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from flowsculpt.api.flows import DEEPEST, doubles_at, kernel, nearest
-from flowsculpt.api.meshes import AnyArray, Floats, Points
+from flowsculpt.api.meshes import Floats
 
 
 @kernel("void(f8[:, ::1], i8[::1], i8[::1], i8[::1], i8[::1], f8[:, ::1])")
 def find_nearest(
-    points: Points, trees: AnyArray, addresses: AnyArray, starts: AnyArray, found: AnyArray, places: Floats
+    points: Floats,
+    trees: np.ndarray,
+    addresses: np.ndarray,
+    starts: np.ndarray,
+    found: np.ndarray,
+    places: Floats,
 ) -> None:
     """Find the nearest triangle of a tree at each point, and the nearest point in it.
 

@@ -26,9 +26,8 @@ from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdShade, Vt
 
 from flowsculpt import FrameError
 from flowsculpt.api.files import cannot_write, to_plain
-from flowsculpt.api.frames import Framing, Key, RenderRequest, Store, key_of
+from flowsculpt.api.frames import Framing, RenderRequest, Store, key_of
 from flowsculpt.api.materials import Diffuse, Opacity, Satin, Stage
-from flowsculpt.api.meshes import AnyArray
 from flowsculpt.api.pictures import Material, PaintedFaces
 from flowsculpt.api.shots import Shot
 from flowsculpt.pipeline.plugins.interchange.exported_frame import (
@@ -80,7 +79,7 @@ class SampledAttribute(NamedTuple):
 
     name: str
     kind: str
-    values: Callable[[ExportedFrame], AnyArray | None]
+    values: Callable[[ExportedFrame], np.ndarray | None]
     interpolation: str = ""
     subset: str = ""
 
@@ -149,7 +148,7 @@ def subset_name(number: int) -> str:
 def _faces_of(number: int) -> SampledAttribute:
     """Return the faces of one material of a model, by their numbers."""
 
-    def faces(frame: ExportedFrame) -> AnyArray:
+    def faces(frame: ExportedFrame) -> np.ndarray:
         assert frame.paint is not None, "a model of several materials is painted"
         return np.flatnonzero(frame.paint.materials == number)
 
@@ -218,7 +217,7 @@ def write_layer(path: Path, layer: Sdf.Layer) -> None:
         raise cannot_write(path, path, "USD reports an error")
 
 
-def usd_array(kind: str, values: AnyArray) -> Any:
+def usd_array(kind: str, values: np.ndarray) -> Any:
     """Return values as an array of USD's of a value type."""
     components = {"Point3f": "Vec3f", "Vector3f": "Vec3f", "Normal3f": "Vec3f", "Color3f": "Vec3f"}
     components |= {"Float3": "Vec3f", "TexCoord2f": "Vec2f"}
@@ -292,7 +291,7 @@ class SculptureFiles:
         words = {name: "colour" if name == "diffuseColor" else name for name in self._pixels(number)}
         return {name: f"{self._name}{between}.{word}.exr" for name, word in words.items()}
 
-    def _pixels(self, number: int) -> dict[str, Callable[[], AnyArray]]:
+    def _pixels(self, number: int) -> dict[str, Callable[[], np.ndarray]]:
         """Return what reads the pictures (H, W, 3) of a material, by the inputs of its preview surface."""
         part = self.parts[number]
         texture, bumps = colour_texture(part), getattr(part, "normal_texture", None)
@@ -374,14 +373,14 @@ class SculptureFiles:
         }
         prim.SetInfo("clips", {"default": clips})
 
-    def _key(self, number: int) -> Key:
+    def _key(self, number: int) -> str:
         if number not in self._keys:
             key = frame_key(self.request, number)
             self._keys[number] = key_of(key, "subsets") if len(self.parts) > 1 else key
         return self._keys[number]
 
     @cached_property
-    def _keys(self) -> dict[int, Key]:
+    def _keys(self) -> dict[int, str]:
         return {}
 
     @property
@@ -389,7 +388,7 @@ class SculptureFiles:
         return self.request.motion_folders.part_name
 
 
-def _write_pixels(path: Path, read: Callable[[], AnyArray]) -> None:
+def _write_pixels(path: Path, read: Callable[[], np.ndarray]) -> None:
     write_picture(path, read())
 
 
@@ -582,7 +581,7 @@ class UsdExport:
             lambda draft: write_root(draft, request, self._sculptures, of_shown, sky),
         )
 
-    def _root_key(self, framings: Mapping[int, Framing]) -> Key:
+    def _root_key(self, framings: Mapping[int, Framing]) -> str:
         shot, picture = self.request.shot, self.request.shot.picture
         several = [[each.prim, to_plain(each.look)] for each in self._sculptures]
         return key_of(

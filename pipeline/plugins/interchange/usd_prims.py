@@ -19,7 +19,7 @@ import numpy as np
 from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdLux
 
 from flowsculpt.api.materials import Softbox, Sun
-from flowsculpt.api.meshes import AnyArray, Floats
+from flowsculpt.api.meshes import Floats
 from flowsculpt.api.pictures import Camera, LightRig, RenderedFrame, write_exr
 from flowsculpt.pipeline.plugins.interchange.preview_surfaces import Colour
 
@@ -95,7 +95,7 @@ def _focus(camera: Camera) -> float:
     return camera.focus_distance if camera.has_depth_of_field else math.dist(camera.origin, camera.target)
 
 
-def sky_map(lights: LightRig) -> AnyArray | None:
+def sky_map(lights: LightRig) -> np.ndarray | None:
     """Return the radiance (H, W, 3) around the scene, linear Rec.709, or None where it needs no map.
 
     A sun and sky of daylight becomes a gradient. Raises BadInputError where an environment map cannot be
@@ -107,7 +107,7 @@ def sky_map(lights: LightRig) -> AnyArray | None:
     return None if sky.is_uniform else sky.pixels()
 
 
-def write_picture(path: Path, pixels: AnyArray) -> None:
+def write_picture(path: Path, pixels: np.ndarray) -> None:
     """Write linear pixels (H, W, 3) to an EXR of floats. Raises MachineError where the disk refuses."""
     write_exr(path, RenderedFrame({"beauty": pixels}), {}, {"beauty": "float"})
 

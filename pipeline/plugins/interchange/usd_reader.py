@@ -18,7 +18,7 @@ from pxr import Ar, Sdf, Usd, UsdGeom
 from flowsculpt import FlowsculptError, MeshError, MissingInputError
 from flowsculpt.api import brief, plural, suggestion
 from flowsculpt.api.files import Parser, require_input
-from flowsculpt.api.meshes import AnyArray, Floats
+from flowsculpt.api.meshes import Floats
 from flowsculpt.pipeline.plugins.interchange.scene_readers import (
     PlacedMeshes,
     Polygons,
@@ -178,7 +178,7 @@ def polygons_of(mesh: UsdGeom.Mesh, time: Usd.TimeCode, path: str, are_numbered:
     return polygons.without(np.isin(np.arange(len(sides)), holes)) if len(holes) else polygons
 
 
-def _creases(mesh: UsdGeom.Mesh, time: Usd.TimeCode, path: str, points: int) -> AnyArray:
+def _creases(mesh: UsdGeom.Mesh, time: Usd.TimeCode, path: str, points: int) -> np.ndarray:
     """Return the edges (K, 2) of a mesh that have a sharpness. Raises MeshError."""
     chain = numbers_at(mesh.GetCreaseIndicesAttr(), time, path, "iu").astype(np.int64)
     lengths = numbers_at(mesh.GetCreaseLengthsAttr(), time, path, "iu").astype(np.int64)
@@ -196,7 +196,7 @@ def _creases(mesh: UsdGeom.Mesh, time: Usd.TimeCode, path: str, points: int) -> 
     return np.column_stack([chain[starts], chain[starts + 1]])[each > 0.0]
 
 
-def numbers_at(attribute: Any, time: Usd.TimeCode, path: str, kinds: str, columns: int = 1) -> AnyArray:
+def numbers_at(attribute: Any, time: Usd.TimeCode, path: str, kinds: str, columns: int = 1) -> np.ndarray:
     """Return the values (N,) or (N, columns) of an attribute; none where it has no value.
 
     Raises MeshError for values of another type; `kinds` are the letters of numpy for the right ones.

@@ -24,7 +24,7 @@ import numpy as np
 from flowsculpt.api.files import disk_errors
 from flowsculpt.api.frames import Framing
 from flowsculpt.api.materials import EmbeddedPicture, Glass, Smoke, Softbox, Stage
-from flowsculpt.api.meshes import AnyArray, Floats
+from flowsculpt.api.meshes import Floats
 from flowsculpt.api.pictures import Camera, LightRig, Material, three_js
 from flowsculpt.api.shots import Shot
 from flowsculpt.pipeline.plugins.interchange.animated_gltf import Moving, closes
@@ -146,7 +146,7 @@ class _Blobs:
             self._pictures[picture] = self.add(picture.content)
         return picture.kind, self._pictures[picture], *picture.wrap
 
-    def add(self, content: AnyArray | bytes) -> int:
+    def add(self, content: np.ndarray | bytes) -> int:
         """Add an array, little-endian, or text; return its number."""
         held = content if isinstance(content, bytes) else np.ascontiguousarray(content).tobytes()
         self.packed.append(base64.b64encode(zlib.compress(held, 9)).decode("ascii"))
@@ -193,7 +193,7 @@ def _sculpture(part: Moving, blobs: _Blobs) -> dict[str, Any]:
     }
 
 
-def differences(values: AnyArray) -> AnyArray:
+def differences(values: np.ndarray) -> np.ndarray:
     """Return whole numbers (K, W, 3) or (W, 1) as differences along the first and the second axis.
 
     The last axis stays as it is.
@@ -204,14 +204,14 @@ def differences(values: AnyArray) -> AnyArray:
     return changed
 
 
-def planes(values: AnyArray) -> AnyArray:
+def planes(values: np.ndarray) -> np.ndarray:
     """Return the bytes of numbers (…, W, C), plane by plane: for each component the lowest bytes first."""
     moved = np.ascontiguousarray(np.moveaxis(values, -1, -2))
     parts = moved.view(np.uint8).reshape(*moved.shape, moved.itemsize)
     return np.ascontiguousarray(np.moveaxis(parts, -1, -2))
 
 
-def folded(normals: AnyArray) -> AnyArray:
+def folded(normals: np.ndarray) -> np.ndarray:
     """Return unit normals (…, 3) as whole numbers (…, 2) on an octahedron folded to a square of ±FOLD.
 
     They are right to 0.12 degrees, 0.04 on average. Bytes are to 0.4, which shows in reflections.
@@ -224,7 +224,7 @@ def folded(normals: AnyArray) -> AnyArray:
     return np.rint(FOLD * np.where(flat[..., 2:] < 0.0, lower, x_y)).astype(np.int32)
 
 
-def _groups(materials: AnyArray) -> list[tuple[int, int, int]]:
+def _groups(materials: np.ndarray) -> list[tuple[int, int, int]]:
     """Return runs of faces of one material (F,), ascending: first index, number of indices and material."""
     numbers, first, counts = np.unique(materials, return_index=True, return_counts=True)
     return [(3 * start, 3 * count, n) for n, start, count in np.stack([numbers, first, counts], 1).tolist()]
@@ -296,7 +296,7 @@ def _emitters(box: Softbox, across: int) -> list[_Emitter]:
     ]
 
 
-def irradiance(lights: LightRig, points: AnyArray, normals: AnyArray) -> Floats:
+def irradiance(lights: LightRig, points: np.ndarray, normals: np.ndarray) -> Floats:
     """Return the light (N, 3) that falls on points (N, 3) of the stage with normals (N, 3), unshadowed.
 
     Softboxes are points in their middles, skies are as bright as their horizon.

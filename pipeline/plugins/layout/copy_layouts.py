@@ -11,7 +11,7 @@ from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 
 from flowsculpt import TriangleMesh, UsageError, read_mesh
 from flowsculpt.api import CopyLayout, indefinite, plural
-from flowsculpt.api.meshes import Floats, Points, Vectors, face_normals, model_files, on_surface, unit
+from flowsculpt.api.meshes import Floats, face_normals, model_files, on_surface, unit
 from flowsculpt.api.shots import (
     SOLIDS,
     Degrees,
@@ -40,7 +40,7 @@ FACES = 4
 
 _SOLIDS = [name for name in SOLIDS if name != "lattice"]
 
-Places = tuple[Points, Floats]
+Places = tuple[Floats, Floats]
 
 
 class Arrangement(Document):
@@ -213,7 +213,7 @@ class OneLayout(CopyLayout, OneOfSeveral):
         return places + moves, turns @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
-def frames(up: Vectors, ahead: Vectors) -> Floats:
+def frames(up: Floats, ahead: Floats) -> Floats:
     """Return rotations (N, 3, 3) that turn y to `up` (N, 3), and x as near to `ahead` (N, 3) as can be."""
     y = unit(np.asarray(up, np.float64))
     along = np.abs((y * ahead).sum(axis=1)) > 0.999

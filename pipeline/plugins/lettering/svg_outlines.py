@@ -29,7 +29,6 @@ from shapely import affinity
 from flowsculpt import UsageError
 from flowsculpt.api import shortened
 from flowsculpt.api.files import read_input
-from flowsculpt.api.meshes import AnyArray
 from flowsculpt.pipeline.plugins.lettering.outlines import OutlineShape, PolylinePen, filled
 from flowsculpt.pipeline.plugins.lettering.strokes import Stroke, stroked
 from flowsculpt.pipeline.plugins.lettering.style_sheets import StyleSheets
@@ -138,7 +137,7 @@ class DrawnPath:
         self.draw(pen)
         return pen
 
-    def require_near(self, contours: Sequence[AnyArray]) -> None:
+    def require_near(self, contours: Sequence[np.ndarray]) -> None:
         """Raise UsageError where contours have numbers that are not finite, or too large."""
         if not all(np.abs(points).max(initial=0.0) <= LARGEST for points in contours):
             raise UsageError(f"{self.name} reaches beyond {LARGEST:g} units. Scale it down.")

@@ -19,7 +19,6 @@ from flowsculpt.api.files import digest_of_file, machine_error
 from flowsculpt.api.frames import (
     CorruptFileError,
     FrameRange,
-    Key,
     PublishedVersion,
     RootFolders,
     Store,
@@ -38,7 +37,7 @@ class StoredFile:
     """
 
     kind: str
-    key: Key
+    key: str
     path: Path
     fault: str | None
     has_digest: bool = True
@@ -84,7 +83,7 @@ def verify(store: Store, threads: int) -> Iterator[StoredFile]:
         yield from pool.map(lambda entry: verify_stored(store, *entry), store.entries())
 
 
-def verify_stored(store: Store, kind: str, key: Key, path: Path) -> StoredFile:
+def verify_stored(store: Store, kind: str, key: str, path: Path) -> StoredFile:
     """Check a stored file by its digest; one without, made before there were digests, is decoded."""
     try:
         has_digest = store.digests.check(path)

@@ -8,7 +8,7 @@ import numpy as np
 
 from flowsculpt import PolygonMesh, Thresholds, UsageError
 from flowsculpt.api import PolygonReport, PolygonResampler
-from flowsculpt.api.meshes import AnyArray, Floats, Points, not_finite
+from flowsculpt.api.meshes import Floats, not_finite
 from flowsculpt.pipeline.plugins.polyhedra.polyhedron import (
     OUTSIDE,
     Collapse,
@@ -55,7 +55,7 @@ class PolyhedralResampler(PolygonResampler):
         self._attributes, self._vertices = mesh.attributes, np.array(mesh.vertices)
 
     @property
-    def vertices(self) -> Points:
+    def vertices(self) -> Floats:
         """(V, 3) float64: write the moved positions into it. `resample` replaces the array."""
         return self._vertices
 
@@ -65,7 +65,7 @@ class PolyhedralResampler(PolygonResampler):
         offsets, corners, creases = self._mesh.offsets, self._mesh.corners, self._mesh.creases
         return PolygonMesh.from_arrays(self._vertices, offsets, corners, self._attributes, creases)
 
-    def state(self) -> dict[str, AnyArray]:
+    def state(self) -> dict[str, np.ndarray]:
         """Return copies of all that later frames depend on; keep them by ``numpy.savez(file, **state)``."""
         mesh = self.mesh
         named = {_ATTRIBUTE + name: values for name, values in mesh.attributes.items()}
@@ -75,7 +75,7 @@ class PolyhedralResampler(PolygonResampler):
     @classmethod
     def from_state(
         cls,
-        state: Mapping[str, AnyArray],
+        state: Mapping[str, np.ndarray],
         thresholds: Thresholds,
         cutting: Cutting = "slice",
         collapse: Collapse = "edges",
@@ -187,7 +187,7 @@ def wide_faces(mesh: PolygonMesh, limits: LengthLimits) -> list[int]:
     return np.flatnonzero(mesh.extents > (1 - _SLACK) * largest).tolist()
 
 
-def _measured(surface: Polyhedron, limit: Floats) -> tuple[AnyArray, Floats, Floats]:
+def _measured(surface: Polyhedron, limit: Floats) -> tuple[np.ndarray, Floats, Floats]:
     """Return first half-edges, lengths, and the geometric means of the limits at their ends."""
     ends = np.array(surface.origin).reshape(-1, 2)
     edges = np.flatnonzero(ends[:, 0] != OUTSIDE)

@@ -9,7 +9,7 @@ import typer
 from flowsculpt import MachineError, UsageError
 from flowsculpt.api import plural
 from flowsculpt.api.commands import print_result
-from flowsculpt.api.frames import Key, Locks, Store, upload_missed
+from flowsculpt.api.frames import Locks, Store, upload_missed
 from flowsculpt.api.options import Common
 
 
@@ -42,7 +42,7 @@ def push(common: Common) -> None:
     raise typer.Exit(MachineError.exit_code if unsent else 0)
 
 
-def lacking_names(store: Store) -> list[tuple[str, Key]]:
+def lacking_names(store: Store) -> list[tuple[str, str]]:
     """Return kind and key of the stored files that the remote store lacks, without reading them."""
     if store.remote is None:
         return []

@@ -16,7 +16,6 @@ from flowsculpt import TriangleMesh
 from flowsculpt.api.files import read_state
 from flowsculpt.api.frames import (
     CorruptFileError,
-    Key,
     MeshFrame,
     PipelineStage,
     RenderRequest,
@@ -202,7 +201,7 @@ def _of_frame(
     return found
 
 
-def simulated(request: RenderRequest, store: Store, number: int, kind: str) -> tuple[Path, Key] | None:
+def simulated(request: RenderRequest, store: Store, number: int, kind: str) -> tuple[Path, str] | None:
     """Return path and key of the `mesh` or the `normals` of a frame; None if it is not simulated.
 
     The file in renders/, from which pictures were rendered, goes first, even if the shot has changed since.

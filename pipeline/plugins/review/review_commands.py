@@ -102,8 +102,8 @@ def review(
     live = sum(not note.deleted for note in written)
     shown += f", {plural(live, 'note')}" if live else ""
     if counts.get("frames_with_layers"):
-        layers = size_words(counts["layer_bytes"])
-        shown += f", layers of {plural(counts['frames_with_layers'], 'frame')} ({layers})"
+        held = size_words(counts["layer_bytes"])
+        shown += f", layers of {plural(counts['frames_with_layers'], 'frame')} ({held})"
     words = f"{page.index}:{verb} {shown}."
     missing = {f"{s.shot} {s.label}": sorted(s.states()) for s in page.sequences if s.states()}
     about_notes = {"notes": live, "notes_added": added}
