@@ -15,7 +15,7 @@ from flowsculpt.pipeline.file_contents import Archive, number_fault, text_conten
 from flowsculpt.pipeline.mesh.mesh_formats import LARGEST_COORDINATE, reader_of
 from flowsculpt.pipeline.mesh.meshes import TriangleMesh
 from flowsculpt.pipeline.mesh.ply_files import read_elements, vertex_positions
-from flowsculpt.pipeline.mesh.read import read_by_suffix, surface_reader
+from flowsculpt.pipeline.mesh.read import ModelFile, read_by_suffix
 from flowsculpt.render.base.plural import plural
 
 _POINTS = ("points", "vertices")
@@ -144,7 +144,7 @@ def _arrays(content: bytes) -> PointSet:
 
 def _vertices(path: Path) -> PointSet:
     """Return the vertices of a file of a plug-in's mesh format."""
-    form = surface_reader(path)
+    form = ModelFile(path).reader
     if form is None:
         raise MeshError("the plug-in that reads it is missing. Install flowsculpt again.")
     return PointSet(form.read(path).points, {})
@@ -163,7 +163,7 @@ _GOLDEN = 1.2207440846057596  # the root of g⁴ = g + 1
 _PROBES = 4096
 
 
-def on_surface(mesh: TriangleMesh, count: int, seed: int) -> tuple[Points, AnyArray]:
+def sample_surface(mesh: TriangleMesh, count: int, seed: int) -> tuple[Points, AnyArray]:
     """Return points (count, 3) on a mesh, evenly by area, and the face (count,) of each.
 
     mesh  should have at least about as many faces as points

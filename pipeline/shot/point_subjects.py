@@ -14,7 +14,7 @@ from flowsculpt.pipeline.arrays import Floats, Points
 from flowsculpt.pipeline.errors import MeshError, UsageError, shortened, suggestion
 from flowsculpt.pipeline.mesh import TriangleMesh
 from flowsculpt.pipeline.mesh.control_net import Lattice, Net, sheet_net, torus_net, tube_net
-from flowsculpt.pipeline.mesh.points import PointSet, on_surface, read_net, read_points, within
+from flowsculpt.pipeline.mesh.points import PointSet, read_net, read_points, sample_surface, within
 from flowsculpt.pipeline.shot.subjects import Measure, Solid, Subject, measures_of
 from flowsculpt.render.base.serialise import NOT_PLAIN
 
@@ -65,7 +65,7 @@ class CloudInSolid(Cloud):
             sides = corners[:, 1:] - corners[:, :1]
             area = 0.5 * float(np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1).sum())
             fine = self.solid.build(_EDGE * (area / self.count) ** 0.5)
-            places = surface(on_surface(fine, self.count, self.seed)[0])
+            places = surface(sample_surface(fine, self.count, self.seed)[0])
         elif self.solid.solid == "sheet":
             raise UsageError("a sheet encloses no volume to fill; write fill: surface")
         else:

@@ -13,7 +13,7 @@ import numpy as np
 from flowsculpt.pipeline.errors import MeshError, MissingInputError, UsageError, shortened, suggestion
 from flowsculpt.pipeline.mesh.control_net import LEAST, Lattice
 from flowsculpt.pipeline.mesh.points import read_net, read_points
-from flowsculpt.pipeline.mesh.read import names_parts
+from flowsculpt.pipeline.mesh.read import ModelFile
 from flowsculpt.pipeline.shot.documents.camera_documents import FOCUS_WORDS
 from flowsculpt.pipeline.shot.documents.field_types import LARGEST, is_number, is_written_number
 from flowsculpt.pipeline.shot.point_subjects import NETS, NetOfSolid, radii_of
@@ -161,8 +161,10 @@ def check_solid_size(source: YamlSource) -> Iterator[Problem]:
 def check_stage(source: YamlSource) -> Iterator[Problem]:
     """Check that settings of USD stages are not given to models of other formats."""
     name = source.get("subject", "model")
+    if not isinstance(name, str) or ModelFile(Path(name)).names_parts:
+        return
     for setting in ("prim", "time_code"):
-        if isinstance(name, str) and not names_parts(name) and source.get("subject", setting) is not None:
+        if source.get("subject", setting) is not None:
             yield (
                 ("subject", setting),
                 f"{setting} is for models of USD; this one is {shortened(Path(name).suffix)}. Leave it out.",

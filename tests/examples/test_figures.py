@@ -10,7 +10,7 @@ import pytest
 from examples import figure_a, figure_b, figure_c, figure_d, figure_e, figure_f
 from examples.film import edge_lengths, sphericity
 from flowsculpt.pipeline.arrays import Points
-from flowsculpt.pipeline.mesh import PolygonMesh, TriangleMesh, box, icosphere, require
+from flowsculpt.pipeline.mesh import PolygonMesh, TriangleMesh, box, icosphere, validate
 
 Cubes = tuple[TriangleMesh, TriangleMesh]
 Sheets = tuple[PolygonMesh, PolygonMesh, TriangleMesh]
@@ -28,7 +28,7 @@ def cubes() -> Cubes:
 
 def test_resampling_holds_every_edge_of_figure_a_and_without_it_they_grow(cubes: Cubes) -> None:
     static, adaptive = cubes
-    require(adaptive)
+    validate(adaptive).require()
     at_rest = edge_lengths(box(edge_length=figure_a.EDGE)).max()
     assert edge_lengths(adaptive).max() <= figure_a.LONGEST
     assert edge_lengths(static).max() > 2.5 * at_rest
@@ -86,7 +86,7 @@ def test_the_bread_slicer_makes_as_few_parts_as_can_be_and_recursion_a_power_of_
 def test_slices_of_a_concave_face_fill_it() -> None:
     face = figure_c.horseshoe()
     parts = figure_c.slice_face(face)
-    require(parts)
+    validate(parts).require()
     assert parts.extents.max() <= figure_c.LONGEST
     assert parts.areas.sum() == pytest.approx(face.areas.sum())
 
@@ -120,7 +120,7 @@ def test_an_end_on_a_crease_keeps_its_place() -> None:
 
 def test_the_sculpture_of_figure_f_is_a_sound_closed_surface() -> None:
     mesh = figure_f.sculpture(frame=6)
-    require(mesh)
+    validate(mesh).require()
     assert sphericity(mesh) < 0.82
 
 

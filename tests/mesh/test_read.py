@@ -7,8 +7,8 @@ import pytest
 import trimesh
 
 from flowsculpt.pipeline.errors import MachineError, MeshError, MissingInputError
-from flowsculpt.pipeline.mesh import box, icosphere, read_mesh, require
-from flowsculpt.pipeline.mesh.read import mesh_suffixes, model_files
+from flowsculpt.pipeline.mesh import box, icosphere, read_mesh, validate
+from flowsculpt.pipeline.mesh.read import ModelFile, mesh_suffixes
 from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
 from flowsculpt.render.base.input_files import digest_of_file
 
@@ -18,7 +18,7 @@ def test_a_written_mesh_is_read_back_whole(tmp_path: Path, suffix: str) -> None:
     mesh = icosphere(5)
     write_mesh(mesh, tmp_path / f"ball.{suffix}")
     again = read_mesh(tmp_path / f"ball.{suffix}")
-    assert require(again, closed=True).euler == 2
+    assert validate(again).require(closed=True).euler == 2
     assert len(again.vertices) == len(mesh.vertices)
     assert np.allclose(np.sort(again.vertices, axis=0), np.sort(mesh.vertices, axis=0), atol=1e-6)
 
@@ -37,7 +37,7 @@ def test_polygons_are_triangulated_and_objects_joined(tmp_path: Path) -> None:
 def test_a_scene_is_joined_into_one_mesh(tmp_path: Path) -> None:
     scene = trimesh.Scene([trimesh.Trimesh(m.vertices, m.faces) for m in (box(), box(1.0, centre=(9, 0, 0)))])
     scene.export(tmp_path / "two.glb")
-    assert require(read_mesh(tmp_path / "two.glb"), closed=True).euler == 4
+    assert validate(read_mesh(tmp_path / "two.glb")).require(closed=True).euler == 4
 
 
 def test_a_missing_file_is_a_missing_input(tmp_path: Path) -> None:
@@ -95,7 +95,7 @@ def test_the_digest_of_a_model_moves_only_where_an_earlier_reader_misread_it(
     tmp_path: Path, name: str, content: bytes, was_misread: bool
 ) -> None:
     (tmp_path / name).write_bytes(content)
-    files = model_files(tmp_path / name)
+    files = ModelFile(tmp_path / name).files()
     assert files.files == ((tmp_path / name, digest_of_file(tmp_path / name)),)
     assert (files.digest != digest_of_file(tmp_path / name)) == was_misread
 
@@ -107,7 +107,7 @@ _POINTER = f"version https://git-lfs.github.com/spec/v1\noid sha256:{7:064}\nsiz
 def test_a_pointer_of_git_lfs_is_named_as_such_in_place_of_any_model(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"m.{suffix}"
     path.write_bytes(_POINTER)
-    for read in read_mesh, model_files:
+    for read in read_mesh, lambda file: ModelFile(file).files():
         with pytest.raises(MissingInputError, match=r"pointer of Git LFS.*git lfs pull"):
             read(path)
 

@@ -12,7 +12,7 @@ import numpy as np
 from flowsculpt import FrameError, PolygonMesh
 from flowsculpt.api.flows import estimated_vertices
 from flowsculpt.api.frames import animate
-from flowsculpt.api.meshes import Floats, components
+from flowsculpt.api.meshes import Floats, connected_components
 from flowsculpt.api.shots import Model, Motion, Solid
 
 LARGEST_COMPUTED = 3_000_000
@@ -134,7 +134,7 @@ LARGER = 1.1  # size of the whole surface over that of its other parts from whic
 
 def small_parts(mesh: PolygonMesh) -> str:
     """Say which small parts decide the size of a model; an empty text if it is as large without them."""
-    part = components(len(mesh.vertices), mesh.corners, mesh.heads)
+    part = connected_components(len(mesh.vertices), mesh.corners, mesh.heads)
     of_face = part[mesh.corners[mesh.offsets[:-1]]]
     area, faces = np.bincount(of_face, mesh.areas, len(part)), np.bincount(of_face, minlength=len(part))
     is_small = (faces > 0) & (area < SMALL * area.sum())

@@ -17,12 +17,12 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from flowsculpt import MachineError, MeshError, Streamlines, TriangleMesh, UsageError
+from flowsculpt import MachineError, MeshError, Streamlines, TriangleMesh, UsageError, validate
 from flowsculpt.api import report_progress
 from flowsculpt.api.files import CachedAnswer, atomic_write, usable, writable_cache
 from flowsculpt.api.flows import Sampled, Samples, StepPlan
 from flowsculpt.api.frames import CorruptFileError, Locks, StoredFiles
-from flowsculpt.api.meshes import Floats, components, require
+from flowsculpt.api.meshes import Floats, connected_components
 from flowsculpt.api.shots import Model, PluginSurface, Solid, as_data
 from flowsculpt.pipeline.plugins.become.fitting import THIN, Detail, Leg, Residual, State, fitted
 from flowsculpt.pipeline.plugins.become.target import PATCH, FittedSurface, face_vectors, lengths
@@ -79,9 +79,9 @@ class PlacedShape:
         """The closed mesh of one part that is fitted. Raises MeshError for any other."""
         extent = float(np.ptp(self.subject.build().vertices, axis=0).max())
         mesh = self.subject.build(extent / EDGES)
-        require(mesh, closed=True, name=self.name)
+        validate(mesh).require(closed=True, name=self.name)
         ends = np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1)], axis=-1).reshape(-1, 2)
-        parts = len(np.unique(components(len(mesh.vertices), ends[:, 0], ends[:, 1])))
+        parts = len(np.unique(connected_components(len(mesh.vertices), ends[:, 0], ends[:, 1])))
         if parts > 1:
             raise MeshError(f"{self.name}: it has {parts} parts; become needs one. Use a model of one part.")
         return mesh.with_vertices(mesh.vertices + self.place)
@@ -89,7 +89,7 @@ class PlacedShape:
     @cached_property
     def holes(self) -> int:
         """The genus."""
-        return 1 - require(self.mesh).euler // 2
+        return 1 - validate(self.mesh).require().euler // 2
 
     @cached_property
     def roundness(self) -> float:

@@ -7,14 +7,15 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
+from pathlib import Path
 from urllib.parse import unquote
 
 import numpy as np
 
 from flowsculpt import MeshError
 from flowsculpt.api import brief, shortened
-from flowsculpt.api.files import number_fault
-from flowsculpt.api.meshes import FileSurface, Floats, SurfaceReader, reader_of
+from flowsculpt.api.files import number_fault, read_input
+from flowsculpt.api.meshes import FileSurface, Floats, SurfaceReader
 from flowsculpt.pipeline.plugins.interchange.scene_readers import (
     PlacedMeshes,
     Polygons,
@@ -212,9 +213,11 @@ def up_of_collada(content: bytes) -> str:
     return "z" if _up_axis(parse_elements(content, until="asset")) == "Z_UP" else "y"
 
 
-_up_of = reader_of(up_of_collada)
+def _up_of(path: Path, digest: str) -> str:
+    return up_of_collada(read_input(path, 1 << 30))
 
-COLLADA = SurfaceReader(reader_of(read_collada), one_file(lambda path, digest: _up_of(path)), states_up=True)
+
+COLLADA = SurfaceReader.of_content(read_collada, one_file(_up_of), states_up=True)
 
 
 def _up_axis(root: Element) -> str:

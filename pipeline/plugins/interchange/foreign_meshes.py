@@ -10,14 +10,7 @@ from numpy.typing import ArrayLike
 
 from flowsculpt import MeshError, PolygonMesh, TriangleMesh, UsageError
 from flowsculpt.api import plural
-from flowsculpt.api.meshes import (
-    Floats,
-    Paint,
-    file_surface,
-    find_coincident,
-    read_paint,
-    repair_surface,
-)
+from flowsculpt.api.meshes import FileSurface, Floats, ModelFile, Paint, find_coincident, repair_surface
 from flowsculpt.pipeline.plugins.interchange.mesh_writers import UV
 from flowsculpt.pipeline.plugins.interchange.model_paint import ModelPaint
 
@@ -36,7 +29,7 @@ def repair_mesh(mesh: TriangleMesh | PolygonMesh) -> tuple[TriangleMesh, tuple[s
     with its count and the coordinates of the first. Raises MeshError where nothing sound can be made of it.
     """
     faces = mesh if isinstance(mesh, PolygonMesh) else PolygonMesh.from_triangles(mesh)
-    surface = file_surface(faces.vertices, faces.corners.astype(np.int64), sides=np.diff(faces.offsets))
+    surface = FileSurface.of(faces.vertices, faces.corners.astype(np.int64), sides=np.diff(faces.offsets))
     surface = surface._replace(tagged=faces.creases.astype(np.int64))
     repaired, changes = repair_surface(surface)
     first, source = _first_vertices(mesh.vertices, repaired.vertices)
@@ -112,7 +105,7 @@ class TextureCoordinates:
         Raises MissingInputError and MeshError as `read_mesh`, also where the file has none.
         """
         found = cls.__new__(cls)
-        found._paint = read_paint(Path(path), lambda reader: reader.paint)
+        found._paint = ModelFile(Path(path)).paint()
         if isinstance(found._paint, ModelPaint) and not np.ptp(found._paint.coordinates, axis=(0, 1)).any():
             raise MeshError(f"{path}: it has no texture coordinates. Export it with them.")
         return found

@@ -14,7 +14,7 @@ import numpy as np
 from flowsculpt import MissingInputError
 from flowsculpt.api import brief, plural, reason_of
 from flowsculpt.api.files import Parser, digest_of_file, require_input
-from flowsculpt.api.meshes import FileSurface, Floats, ModelFiles, SurfaceReader, file_surface
+from flowsculpt.api.meshes import FileSurface, Floats, SourceFiles, SurfaceReader
 from flowsculpt.pipeline.plugins.interchange.gltf_document import (
     MESHOPT,
     MOST_BYTES,
@@ -351,12 +351,12 @@ def read_gltf(path: Path) -> FileSurface:
     return surface._replace(notes=tuple(_notes(scene)))
 
 
-def _files(path: Path) -> ModelFiles:
+def _files(path: Path) -> SourceFiles:
     """Return a file and the buffers that its surface is read from. Raises as `read_gltf`."""
     scene = DefaultScene.of(GltfDocument.read(path))
     files = [(file, digest_of_file(file)) for file in (path, *files_of_buffers(scene))]
     reader = ["glTF reader 2"] if scene.was_misread else []  # an earlier one read this file otherwise
-    return ModelFiles.of(files, readers=reader)
+    return SourceFiles.of(files, readers=reader)
 
 
 def files_of_buffers(scene: DefaultScene) -> tuple[Path, ...]:
@@ -395,7 +395,7 @@ def _answer(path: str) -> bytes:
     files = (Path(path), *files_of_buffers(scene))
     Parser.allow_memory(Parser.MEMORY + 40 * sum(require_input(file, MOST_BYTES) for file in files))
     points, faces = SceneArrays(scene).surface()
-    return packed_surface(file_surface(points, faces, base=None))
+    return packed_surface(FileSurface.of(points, faces, base=None))
 
 
 if __name__ == "__main__":

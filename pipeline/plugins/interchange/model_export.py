@@ -23,7 +23,7 @@ from flowsculpt.api.files import disk_errors, to_plain
 from flowsculpt.api.flows import TriangleTree
 from flowsculpt.api.frames import RenderRequest, Store, key_of
 from flowsculpt.api.materials import srgb_of_linear
-from flowsculpt.api.meshes import Floats, face_normals, self_intersections, unit
+from flowsculpt.api.meshes import Floats, face_normals, self_intersections
 from flowsculpt.api.options import Frames
 from flowsculpt.api.pictures import Material
 from flowsculpt.pipeline.plugins.interchange.drawn_mesh import split_corners
@@ -278,7 +278,8 @@ def point_normals(frame: ExportedFrame) -> Floats:
     vertex[frame.corner_normals.reshape(-1)] = frame.faces.reshape(-1)
     sums = np.zeros_like(frame.points)
     np.add.at(sums, vertex, frame.normals)
-    return unit(sums)
+    lengths = np.linalg.norm(sums, axis=1, keepdims=True)
+    return sums / np.where(lengths > 0.0, lengths, 1.0)
 
 
 def _lines(form: str, rows: np.ndarray) -> str:

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from flowsculpt import PolygonMesh
-from flowsculpt.api.meshes import Floats, Indices, components, edge_keys, find_coincident
+from flowsculpt.api.meshes import Floats, Indices, connected_components, edge_keys, find_coincident
 from flowsculpt.api.pictures import PaintedFaces
 
 if TYPE_CHECKING:
@@ -238,7 +238,7 @@ def _charts(corners: np.ndarray, alike: np.ndarray, coordinates: Floats, materia
     order = np.lexsort(rows.T[::-1])
     same = (np.diff(rows[order], axis=0) == 0).all(axis=1)
     owner = order // 3
-    charts = components(len(corners), owner[:-1][same], owner[1:][same])
+    charts = connected_components(len(corners), owner[:-1][same], owner[1:][same])
     return _without_touching(charts, corners, alike, coordinates)
 
 

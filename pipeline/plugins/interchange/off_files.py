@@ -12,7 +12,7 @@ import numpy as np
 
 from flowsculpt import MeshError
 from flowsculpt.api.files import number_fault, text_content
-from flowsculpt.api.meshes import FileSurface, Floats, SurfaceReader, file_surface, reader_of
+from flowsculpt.api.meshes import FileSurface, Floats, SurfaceReader
 from flowsculpt.pipeline.plugins.interchange.scene_readers import early_end
 
 _KEYWORD = re.compile(rb"((?:ST|C|N|4|n)*)OFF(\d*)")
@@ -148,7 +148,7 @@ def _read_rows(rows: Iterator[Row], layout: _Layout, vertices: int, faces: int) 
         sides.append(count)
     _require_faces(faces, len(sides), sum(1 for _ in rows), "row")
     points = layout.points(np.array(positions, np.float64).reshape(-1, width))
-    return file_surface(points, np.array(corners, np.int64), sides=sides)
+    return FileSurface.of(points, np.array(corners, np.int64), sides=sides)
 
 
 def _require_faces(promised: int, present: int, more: int, item: str) -> None:
@@ -182,7 +182,7 @@ def _read_words(rows: list[Row], layout: _Layout, vertices: int, faces: int) -> 
             at += 1
     _require_faces(faces, len(sides), len(words) - at, "number")
     points = layout.points(table[:, : layout.numbers])
-    return file_surface(points, np.array(corners, np.int64), sides=sides)
+    return FileSurface.of(points, np.array(corners, np.int64), sides=sides)
 
 
 def _read_binary(body: bytes, prefixes: bytes) -> FileSurface:
@@ -215,10 +215,10 @@ def _read_binary(body: bytes, prefixes: bytes) -> FileSurface:
         raise early_end(faces, "face", len(sides) - 1)
     _require_faces(faces, len(sides), 4 * (len(words) - at), "byte")
     points = layout.points(table[:, : layout.numbers])
-    return file_surface(points, np.array(corners, np.int64), sides=sides)
+    return FileSurface.of(points, np.array(corners, np.int64), sides=sides)
 
 
-OFF = SurfaceReader(
-    reader_of(read_object_file),
+OFF = SurfaceReader.of_content(
+    read_object_file,
     misread=re.compile(rb"^[ \t]*(?:ST|C|N)*4n?OFF", re.MULTILINE),  # a reader divided by no w
 )

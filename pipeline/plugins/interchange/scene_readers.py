@@ -17,7 +17,7 @@ import numpy as np
 from flowsculpt import FlowsculptError, MachineError, MeshError, MissingInputError
 from flowsculpt.api import brief, plural
 from flowsculpt.api.files import Parser, command, digest_of_file
-from flowsculpt.api.meshes import FileSurface, Floats, ModelFiles
+from flowsculpt.api.meshes import FileSurface, Floats, SourceFiles
 
 MOST_MESHES, MOST_CORNERS = 20_000, 20_000_000
 """Meshes that are placed, and corners of faces of all; instances count each time."""
@@ -151,12 +151,12 @@ def bound_note(count: int) -> str:
     )
 
 
-def one_file(up_of: Callable[[Path, str], str]) -> Callable[[Path], ModelFiles]:
+def one_file(up_of: Callable[[Path, str], str]) -> Callable[[Path], SourceFiles]:
     """Return a function that returns the one file of a model and the axis that it says is up."""
 
-    def files(path: Path) -> ModelFiles:
+    def files(path: Path) -> SourceFiles:
         digest = digest_of_file(path)
-        return ModelFiles.of([(path, digest)], up_of(path, digest))
+        return SourceFiles.of([(path, digest)], up_of(path, digest))
 
     return files
 

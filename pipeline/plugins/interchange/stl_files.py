@@ -10,7 +10,7 @@ import numpy as np
 
 from flowsculpt.api import plural
 from flowsculpt.api.files import as_utf8, number_fault, text_content
-from flowsculpt.api.meshes import FileSurface, Floats, SurfaceReader, file_surface, reader_of
+from flowsculpt.api.meshes import FileSurface, Floats, SurfaceReader
 from flowsculpt.pipeline.plugins.interchange.scene_readers import early_end
 
 _HEADER = 84  # bytes before the triangles of a binary file; the last four are their number
@@ -40,7 +40,7 @@ def read_stl(content: bytes) -> FileSurface:
     has no numbers where coordinates belong.
     """
     points = _text_points(text_content(content).lower()) if _is_text(content) else _binary_points(content)
-    return file_surface(points, np.arange(len(points)).reshape(-1, 3), base=None)
+    return FileSurface.of(points, np.arange(len(points)).reshape(-1, 3), base=None)
 
 
 def _is_text(content: bytes) -> bool:
@@ -153,4 +153,4 @@ def _regular(words: list[bytes], first: int) -> list[bytes]:
     return regular
 
 
-STL = SurfaceReader(reader_of(read_stl), usual_up="z")  # most come from printing and construction
+STL = SurfaceReader.of_content(read_stl, usual_up="z")  # most come from printing and construction

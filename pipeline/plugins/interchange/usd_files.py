@@ -20,10 +20,10 @@ from flowsculpt.api.files import CachedAnswer, Parser, digest_of_file
 from flowsculpt.api.materials import PatternedMaterial, Texture
 from flowsculpt.api.meshes import (
     FileSurface,
-    ModelFiles,
     ModelMaterials,
     PaintReader,
     ScenePart,
+    SourceFiles,
     SurfaceReader,
 )
 from flowsculpt.pipeline.plugins.interchange.model_paint import ModelPaint
@@ -54,7 +54,7 @@ def require_usd() -> None:
     require_package("USD files", "pxr", "usd-core (209 MB)", "usd")
 
 
-def stage_files(path: Path) -> ModelFiles:
+def stage_files(path: Path) -> SourceFiles:
     """Return the stage's own file, and all that it names by references, payloads and so on.
 
     The disk cache keeps their names while their contents are the same. Raises MachineError without usd-core,
@@ -70,7 +70,7 @@ def stage_files(path: Path) -> ModelFiles:
         cached.store(dict(zip(("up", "digests"), known, strict=True)))
     up, digests = known
     others = [(Path(file), digest) for file, digest in digests.items() if file != name]
-    return ModelFiles.of(((path, own), *others), up)
+    return SourceFiles.of(((path, own), *others), up)
 
 
 def _known_files(answer: dict[str, Any]) -> tuple[Any, dict[str, str]]:

@@ -11,7 +11,7 @@ from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 
 from flowsculpt import TriangleMesh, UsageError, read_mesh
 from flowsculpt.api import CopyLayout, indefinite, plural
-from flowsculpt.api.meshes import Floats, face_normals, model_files, on_surface, unit
+from flowsculpt.api.meshes import Floats, ModelFile, face_normals, sample_surface
 from flowsculpt.api.shots import (
     SOLIDS,
     Degrees,
@@ -171,7 +171,7 @@ class SurfaceDocument(Arrangement):
         elif self.model is not None:
             path = ParseContext.of(info).mesh(self.model)
             self._mesh = as_finding(lambda: read_mesh(path))
-            self._digests = (model_files(path).digest,)
+            self._digests = (ModelFile(path).files().digest,)
         return self
 
     def digests(self) -> tuple[str, ...]:
@@ -180,7 +180,7 @@ class SurfaceDocument(Arrangement):
 
     def arranged(self, count: int, seed: int) -> Places:
         mesh = refined(self._mesh, FACES * count)
-        points, face = on_surface(mesh, count, seed)
+        points, face = sample_surface(mesh, count, seed)
         normals = face_normals(mesh)[face]
         places = np.array(self.centre) + self.scale * points + self.offset * normals
         return places, frames(normals, np.broadcast_to((1.0, 0.0, 0.0), normals.shape))
@@ -215,10 +215,15 @@ class OneLayout(CopyLayout, OneOfSeveral):
 
 def frames(up: Floats, ahead: Floats) -> Floats:
     """Return rotations (N, 3, 3) that turn y to `up` (N, 3), and x as near to `ahead` (N, 3) as can be."""
-    y = unit(np.asarray(up, np.float64))
+    y = _unit(np.asarray(up, np.float64))
     along = np.abs((y * ahead).sum(axis=1)) > 0.999
-    z = unit(np.cross(np.where(along[:, None], (0.0, 0.0, -1.0), ahead), y))
+    z = _unit(np.cross(np.where(along[:, None], (0.0, 0.0, -1.0), ahead), y))
     return np.stack([np.cross(y, z), y, z], axis=2)
+
+
+def _unit(vectors: Floats) -> Floats:
+    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return vectors / np.where(lengths > 0.0, lengths, 1.0)
 
 
 def refined(mesh: TriangleMesh, faces: int) -> TriangleMesh:

@@ -12,7 +12,6 @@ import numpy as np
 import shapely
 
 from flowsculpt import PolygonMesh, TriangleMesh, UsageError
-from flowsculpt.api.meshes import twin_corners
 from flowsculpt.pipeline.plugins.lettering.bevel import TooWideError, bevelled
 from flowsculpt.pipeline.plugins.lettering.outlines import OutlineShape, polygons_of, rings_of
 
@@ -181,7 +180,7 @@ def creased(mesh: PolygonMesh, sides: np.ndarray) -> TriangleMesh:
 
     sides  (F,) what each face belongs to: a piece of a bevel from 0, CAP or WALL
     """
-    normals, twin, side = mesh.normals[mesh.owners], twin_corners(mesh), sides[mesh.owners]
+    normals, twin, side = mesh.normals[mesh.owners], mesh.twins, sides[mesh.owners]
     is_border = side != side[twin]
     hard = (normals * normals[twin]).sum(axis=1) < math.cos(HARD)
     hard |= is_border & (np.minimum(side, side[twin]) < 0)

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from flowsculpt import PolygonMesh, Thresholds, UsageError
+from flowsculpt import FrameError, PolygonMesh, Thresholds, UsageError
 from flowsculpt.api import PolygonReport, PolygonResampler
-from flowsculpt.api.meshes import Floats, not_finite
+from flowsculpt.api.meshes import Floats
 from flowsculpt.pipeline.plugins.polyhedra.polyhedron import (
     OUTSIDE,
     Collapse,
@@ -98,7 +98,12 @@ class PolyhedralResampler(PolygonResampler):
         then still sound.
         """
         if not (np.abs(self._vertices) < _LARGEST).all():
-            raise not_finite(self._vertices)
+            sizes = np.abs(self._vertices).max(axis=1)
+            worst = int(np.argmax(np.where(np.isnan(sizes), np.inf, sizes)))
+            raise FrameError(
+                f"vertex {worst} is at {self._vertices[worst]}, which is not finite or too far away; "
+                "lower the flow's strength there or raise its substeps"
+            )
         mesh = self.mesh
         self._surface.points = [(x, y, z) for x, y, z in mesh.vertices.tolist()]
         this_pass = _Pass(self._surface, mesh, self.thresholds)

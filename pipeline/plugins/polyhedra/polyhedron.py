@@ -12,9 +12,9 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from flowsculpt import PolygonMesh, Thresholds
+from flowsculpt import PolygonMesh, Thresholds, validate
 from flowsculpt.api import VertexBudgetError
-from flowsculpt.api.meshes import Floats, edge_keys, require, twin_corners
+from flowsculpt.api.meshes import Floats, edge_keys
 
 Cutting = Literal["slice", "recurse"]
 Collapse = Literal["edges", "areas"]
@@ -52,8 +52,8 @@ class Polyhedron:
     points: list[Point]
 
     def __init__(self, mesh: PolygonMesh) -> None:
-        require(mesh)
-        self._load(mesh, twin_corners(mesh))
+        validate(mesh).require()
+        self._load(mesh, mesh.twins)
 
     def split_edge(self, h: int, points: Sequence[Point]) -> list[int]:
         """Insert vertices into the edge of h, in order along h, and return them; h keeps its origin."""

@@ -32,7 +32,7 @@ from flowsculpt.api.frames import (
     Store,
     key_of,
 )
-from flowsculpt.api.meshes import surface_reader, usual_up
+from flowsculpt.api.meshes import ModelFile
 from flowsculpt.api.options import (
     DEFAULT_QUALITY,
     Common,
@@ -113,7 +113,7 @@ class TurntableRequest:
     def requests(self) -> list[RenderRequest]:
         """Return the request of each look. Raises MissingInputError or UsageError."""
         mesh, of_file = Path(self.subject), self._is_of_file
-        up = self.up or usual_up(mesh)
+        up = self.up or ModelFile(mesh).up()
         if of_file:
             path = mesh.absolute().with_name(re.sub(r"[^\w.-]", "_", mesh.stem) + ".yaml")
             shot = _shot_around(mesh, up, self._named_looks, PAINTED in self.looks)
@@ -137,7 +137,7 @@ class TurntableRequest:
 
     @property
     def _is_of_file(self) -> bool:
-        return surface_reader(self.subject) is not None
+        return ModelFile(Path(self.subject)).reader is not None
 
     def _take(self, path: Path, of_file: bool, look: str | None) -> RenderRequest:
         subjects = self.project.request(path, self.quality).manifest.subjects if look else ()

@@ -7,7 +7,7 @@ from typing import Self
 from pydantic import PrivateAttr, ValidationInfo, model_validator
 
 from flowsculpt.pipeline.arrays import Floats, Points
-from flowsculpt.pipeline.mesh import TriangleMesh, require
+from flowsculpt.pipeline.mesh import TriangleMesh, validate
 from flowsculpt.pipeline.shot.documents.field_types import Document
 from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext, as_finding
 from flowsculpt.render.base.input_files import joint_digest
@@ -37,7 +37,7 @@ class SubjectKind(Document):
         context = ParseContext.of(info)
         self._digests = [context.digests[context.file(str(file))] for file in as_finding(self.files)]
         self._surface = as_finding(lambda: self.surface(context.folder))
-        as_finding(lambda: require(self._surface))
+        as_finding(lambda: validate(self._surface).require())
         return self
 
     def made(self, origin: tuple[str, str]) -> tuple[str, TriangleMesh]:

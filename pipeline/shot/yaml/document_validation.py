@@ -17,7 +17,7 @@ from pydantic import BaseModel, ValidationError, ValidationInfo
 from pydantic_core import PydanticCustomError
 
 from flowsculpt.pipeline.errors import FlowsculptError, MissingInputError, ShotError, reason_of
-from flowsculpt.pipeline.mesh.read import model_files
+from flowsculpt.pipeline.mesh.read import ModelFile
 from flowsculpt.pipeline.plugin import fault_of_plugin
 from flowsculpt.pipeline.shot.yaml.messages import problems_of
 from flowsculpt.pipeline.shot.yaml.named_files import is_folder, is_there, quote_name
@@ -71,7 +71,7 @@ class ParseContext:
         Raises a finding where one is not there or cannot be read.
         """
         path = self._path(name)
-        self.digests.update(as_finding(lambda: model_files(path)).files)
+        self.digests.update(as_finding(lambda: ModelFile(path).files()).files)
         return path
 
     def _path(self, name: str) -> Path:

@@ -11,7 +11,7 @@ import pytest
 import trimesh
 
 from flowsculpt.pipeline.errors import MachineError, MeshError
-from flowsculpt.pipeline.mesh import PolygonMesh, TriangleMesh, box, icosphere, read_mesh, require
+from flowsculpt.pipeline.mesh import PolygonMesh, TriangleMesh, box, icosphere, read_mesh, validate
 from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
 
 
@@ -39,7 +39,7 @@ def test_these_formats_keep_float32(tmp_path: Path, suffix: str) -> None:
     mesh = ball()
     write_mesh(mesh, tmp_path / f"a.{suffix}")
     again = read_mesh(tmp_path / f"a.{suffix}")
-    assert require(again, closed=True).euler == 2
+    assert validate(again).require(closed=True).euler == 2
     np.testing.assert_array_equal(
         again.vertices[again.faces].astype(np.float32), mesh.vertices[mesh.faces].astype(np.float32)
     )
