@@ -20,7 +20,7 @@ import numpy as np
 from flowsculpt.pipeline.arrays import AnyArray, Floats
 from flowsculpt.pipeline.errors import FlowsculptError, UsageError, brief, printable, reason_of, suggestion
 from flowsculpt.pipeline.file_contents import Archive
-from flowsculpt.render.base.input_files import read_input
+from flowsculpt.render.base.input_files import InputFile
 
 MAX_BYTES = 8 << 30  # memory for the samples of a field, or of a sequence
 
@@ -300,7 +300,7 @@ _LAST: dict[tuple[tuple[Path, ...], str | None, float], Samples] = {}
 
 
 def _is_unchanged(file: Path, digest: str) -> bool:
-    return hashlib.sha256(read_input(file, MAX_BYTES)).hexdigest() == digest
+    return hashlib.sha256(InputFile(file, MAX_BYTES).content()).hexdigest() == digest
 
 
 def _read(files: tuple[Path, ...], array: str | None, interval: float) -> Samples:
@@ -329,7 +329,7 @@ def _read_file(file: Path, array: str | None) -> tuple[tuple[Floats, Floats, Flo
         raise UsageError(
             f"{file}: {file.suffix or 'no suffix'} is not a format of fields; use {', '.join(FORMATS)}"
         )
-    content, times, is_npz = read_input(file, MAX_BYTES), np.zeros(1), file.suffix.lower() == ".npz"
+    content, times, is_npz = InputFile(file, MAX_BYTES).content(), np.zeros(1), file.suffix.lower() == ".npz"
     if is_npz and array is not None:
         raise UsageError(
             f"{file}: array {array} does not apply; in .npz the array is velocity. Leave out array."

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar
 import numpy as np
 
 from flowsculpt.pipeline.arrays import AnyArray, Faces, Indices, Points
-from flowsculpt.render.base.input_files import joint_digest, read_input
+from flowsculpt.render.base.input_files import InputFile, joint_digest
 from flowsculpt.render.base.plural import plural
 from flowsculpt.render.scene.painted_faces import PaintedFaces
 
@@ -246,7 +246,7 @@ class PaintReader:
 
 def reader_of(parse: Callable[[bytes], T]) -> Callable[[Path], T]:
     """Return the reader of files whose content `parse` reads."""
-    return lambda path: parse(read_input(path, MOST_BYTES))
+    return lambda path: parse(InputFile(path, MOST_BYTES).content())
 
 
 def suffix_of(path: str | Path) -> str:

@@ -42,12 +42,7 @@ from flowsculpt.pipeline.mesh.meshes import PolygonMesh, TriangleMesh, edge_keys
 from flowsculpt.pipeline.mesh.validation import validate
 from flowsculpt.pipeline.mesh.winding import Winding, detached_corners, find_winding, link_sides
 from flowsculpt.pipeline.plugin import named, plugins
-from flowsculpt.render.base.input_files import (
-    digest_of_file,
-    open_input,
-    other_content,
-    require_input,
-)
+from flowsculpt.render.base.input_files import InputFile, other_content
 
 
 def mesh_suffixes() -> tuple[str, ...]:
@@ -225,10 +220,10 @@ def _reader(reader: SurfaceReader, part: ScenePart | None) -> Callable[[Path], F
 
 def _own_file(path: Path, misread: re.Pattern[bytes] | None) -> SourceFiles:
     """Return the files of a model that is read from one."""
-    digest = digest_of_file(path)
+    digest = InputFile(path).digest()
     reader = []
     if misread is not None:
-        with open_input(path) as (file, size):
+        with InputFile(path).open() as (file, size):
             reader = ["text reader 2"] * bool(misread.search(file.read(min(size, 1 << 14))))
     return SourceFiles.of([(path, digest)], readers=reader)
 
@@ -243,7 +238,7 @@ def read_by_suffix(
     Raises MissingInputError where there is no such file, MeshError for another suffix or an unreadable file,
     BadInputError for one that is too large.
     """
-    size, suffix = require_input(path), path.suffix.lstrip(".").lower()
+    size, suffix = InputFile(path).size(), path.suffix.lstrip(".").lower()
     if suffix not in readers:
         raise MeshError(
             f"{path}: {path.suffix or 'no suffix'} is not {kind}; use one of {', '.join(known or readers)}"

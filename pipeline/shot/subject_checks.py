@@ -21,7 +21,7 @@ from flowsculpt.pipeline.shot.subjects import SOLIDS, Measure, Solid
 from flowsculpt.pipeline.shot.yaml.document_validation import missing_file
 from flowsculpt.pipeline.shot.yaml.named_files import is_there
 from flowsculpt.pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource
-from flowsculpt.render.base.input_files import digest_of_file
+from flowsculpt.render.base.input_files import InputFile
 from flowsculpt.render.base.plural import indefinite, plural
 
 MEASURES = {measure for kind in SOLIDS.values() for measure in kind.measures}
@@ -142,7 +142,7 @@ def check_files(source: YamlSource) -> Iterator[Problem]:
             yield ("subject", kind), missing_file(name, path, f"{kind} file")
             continue
         try:
-            digest_of_file(path)
+            InputFile(path).digest()
         except MissingInputError as error:
             yield ("subject", kind), str(error)
 

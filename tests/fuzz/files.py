@@ -141,10 +141,10 @@ def _decodable(path: Path, answer: Callable[[str], bytes], module: str, library:
     """Ask in this process what `answer_about_content` asks in another, and store the answer."""
     from importlib.metadata import version
 
-    from flowsculpt.render.base.input_files import digest_of_file, parsing
+    from flowsculpt.render.base.input_files import InputFile, parsing
     from flowsculpt.render.base.user_cache import CachedAnswer
 
-    digest = digest_of_file(path)
+    digest = InputFile(path).digest()
     with parsing(path, "a file of its kind", ""):
         answered = answer(str(path))
     cached = CachedAnswer.of("parsed", [module, library, version(library), digest, *options])

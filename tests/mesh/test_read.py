@@ -10,7 +10,7 @@ from flowsculpt.pipeline.errors import MachineError, MeshError, MissingInputErro
 from flowsculpt.pipeline.mesh import box, icosphere, read_mesh, validate
 from flowsculpt.pipeline.mesh.read import ModelFile, mesh_suffixes
 from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
-from flowsculpt.render.base.input_files import digest_of_file
+from flowsculpt.render.base.input_files import InputFile
 
 
 @pytest.mark.parametrize("suffix", ["obj", "ply", "stl", "glb", "off"])
@@ -96,8 +96,8 @@ def test_the_digest_of_a_model_moves_only_where_an_earlier_reader_misread_it(
 ) -> None:
     (tmp_path / name).write_bytes(content)
     files = ModelFile(tmp_path / name).files()
-    assert files.files == ((tmp_path / name, digest_of_file(tmp_path / name)),)
-    assert (files.digest != digest_of_file(tmp_path / name)) == was_misread
+    assert files.files == ((tmp_path / name, InputFile(tmp_path / name).digest()),)
+    assert (files.digest != InputFile(tmp_path / name).digest()) == was_misread
 
 
 _POINTER = f"version https://git-lfs.github.com/spec/v1\noid sha256:{7:064}\nsize 12345\n".encode()

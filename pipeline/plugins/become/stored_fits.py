@@ -19,9 +19,9 @@ import numpy as np
 
 from flowsculpt import MachineError, MeshError, Streamlines, TriangleMesh, UsageError, validate
 from flowsculpt.api import report_progress
-from flowsculpt.api.files import CachedAnswer, atomic_write, usable, writable_cache
+from flowsculpt.api.files import CachedAnswer, atomic_write
 from flowsculpt.api.flows import Sampled, Samples, StepPlan
-from flowsculpt.api.frames import CorruptFileError, Locks, StoredFiles
+from flowsculpt.api.frames import Locks, StoredFiles
 from flowsculpt.api.meshes import Floats, connected_components
 from flowsculpt.api.shots import Model, PluginSurface, Solid, as_data
 from flowsculpt.pipeline.plugins.become.fitting import THIN, Detail, Leg, Residual, State, fitted
@@ -192,7 +192,7 @@ def fit_between(start: PlacedShape, target: PlacedShape, detail: Detail) -> Fit:
         FittedSurface((shape.mesh.vertices - low) / side, shape.mesh.faces.astype(np.int64)) for shape in ends
     )
     path = path_of(start, target, detail)
-    with Locks(writable_cache()).hold_key(path.stem, lambda: None):  # one of several processes computes it
+    with Locks(CachedAnswer.home()).hold_key(path.stem, lambda: None):  # one of several processes computes it
         stored = _loaded(path, _Solution.of)
         if stored is None:
             activity = f"fitting {target.name} once, {DURATIONS[detail]} of a core"
@@ -270,7 +270,7 @@ class _Solution(NamedTuple):
 
     @classmethod
     def of(cls, arrays: Mapping[str, np.ndarray]) -> _Solution:
-        """Return the fit of stored arrays. Raises one of UNUSABLE where they are not of one."""
+        """Return the fit of stored arrays. Raises any error where they are not of one."""
         legs, shares = _legs(arrays), arrays["shares"].tolist()
         if len(shares) != len(legs) or not min(shares) > 0.0:
             raise ValueError("it has no share of each leg")
@@ -278,7 +278,7 @@ class _Solution(NamedTuple):
 
 
 def _state_of(arrays: Mapping[str, np.ndarray]) -> State:
-    """Return the state of stored arrays. Raises one of UNUSABLE or MeshError where they are not of one."""
+    """Return the state of stored arrays. Raises any error where they are not of one."""
     points, faces = arrays["points"], arrays["faces"]
     TriangleMesh(points, faces.astype(np.int32))  # refuses anything but a mesh
     return State(int(arrays["done"]), _legs(arrays), FittedSurface(points, faces))
@@ -364,9 +364,10 @@ def residual_of(
 
 def _loaded(path: Path, reader: Callable[[Mapping[str, np.ndarray]], T]) -> T | None:
     """Return what a reader makes of the arrays of a file; None where there are none that it can use."""
-    with suppress(CorruptFileError):
-        return usable(lambda: reader(StoredFiles.read_arrays(path)))
-    return None
+    try:
+        return reader(StoredFiles.read_arrays(path))
+    except Exception:  # a damaged file, or one of another version, raises all kinds
+        return None
 
 
 def _store(path: Path, arrays: Mapping[str, Any]) -> None:

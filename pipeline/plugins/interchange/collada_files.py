@@ -14,7 +14,7 @@ import numpy as np
 
 from flowsculpt import MeshError
 from flowsculpt.api import brief, shortened
-from flowsculpt.api.files import number_fault, read_input
+from flowsculpt.api.files import InputFile, number_fault
 from flowsculpt.api.meshes import FileSurface, Floats, SurfaceReader
 from flowsculpt.pipeline.plugins.interchange.scene_readers import (
     PlacedMeshes,
@@ -214,7 +214,7 @@ def up_of_collada(content: bytes) -> str:
 
 
 def _up_of(path: Path, digest: str) -> str:
-    return up_of_collada(read_input(path, 1 << 30))
+    return up_of_collada(InputFile(path, 1 << 30).content())
 
 
 COLLADA = SurfaceReader.of_content(read_collada, one_file(_up_of), states_up=True)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from flowsculpt import FrameError
-from flowsculpt.api.files import read_state, sweep_hidden_drafts, to_plain
+from flowsculpt.api.files import CachedAnswer, sweep_hidden_drafts, to_plain
 from flowsculpt.api.frames import (
     Locks,
     MeshFrame,
@@ -55,7 +55,7 @@ class KeyedFiles:
     @cached_property
     def _noted(self) -> dict[str, dict[str, Any]]:
         """The content of the JSON file; empty if it is missing or damaged: all is then written again."""
-        noted = read_state(self.folder / self.name, dict) or {}
+        noted = CachedAnswer(self.folder / self.name).load(dict) or {}
         return {name: entry for name, entry in noted.items() if isinstance(entry, dict)}
 
     def is_whole(self, name: str) -> bool:

@@ -19,7 +19,7 @@ import numpy as np
 
 from flowsculpt import MeshError
 from flowsculpt.api import plural, shortened
-from flowsculpt.api.files import Parser, read_input, require_input, text_content
+from flowsculpt.api.files import InputFile, Parser, text_content
 from flowsculpt.api.meshes import FileSurface, Floats, SurfaceReader
 from flowsculpt.pipeline.plugins.interchange.scene_readers import (
     PlacedMeshes,
@@ -92,8 +92,8 @@ def uncollected() -> Iterator[None]:
 
 def answer(path: str, question: str) -> bytes:
     """Return the answer to `up` or `surface` about the file at a path."""
-    Parser.allow_memory(Parser.MEMORY + 40 * require_input(Path(path), MOST_BYTES))
-    content = read_input(Path(path), MOST_BYTES)
+    Parser.allow_memory(Parser.MEMORY + 40 * InputFile(Path(path), MOST_BYTES).size())
+    content = InputFile(Path(path), MOST_BYTES).content()
     if question == "up":
         return up_axis(content).encode()
     return answered(lambda: packed_surface(visible_surface(content)))

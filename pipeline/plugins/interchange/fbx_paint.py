@@ -17,7 +17,7 @@ import numpy as np
 
 from flowsculpt import MeshError
 from flowsculpt.api import brief, shortened
-from flowsculpt.api.files import Parser, digest_of_file, read_input, require_input
+from flowsculpt.api.files import InputFile, Parser
 from flowsculpt.api.materials import Opacity, PatternedMaterial, Texture
 from flowsculpt.api.meshes import Floats, ModelMaterials, PaintReader
 from flowsculpt.api.pictures import linear_of_srgb
@@ -85,7 +85,7 @@ def _materials(path: Path) -> ModelMaterials:
     Raises MissingInputError where one is not there, MeshError for what is not read.
     """
     require_ufbx()
-    answer = Parser(_MODULE).answer_about_content(path, digest_of_file(path), "ufbx", MATERIALS)
+    answer = Parser(_MODULE).answer_about_content(path, InputFile(path).digest(), "ufbx", MATERIALS)
     files: dict[Path, str] = {}
     found = json.loads(content_of(answer.encode(), path))
     notes = (f"material {brief(facts['name'])}: its glow is not shown" for facts in found if facts["glows"])
@@ -153,8 +153,8 @@ FBX_PAINT = PaintReader(_materials, _read)
 
 def answer(path: str, question: str) -> bytes:
     """Return the answer to `paint`, to the question for materials, or the picture with a SHA-256."""
-    Parser.allow_memory(Parser.MEMORY + 40 * require_input(Path(path), MOST_BYTES))
-    content = read_input(Path(path), MOST_BYTES)
+    Parser.allow_memory(Parser.MEMORY + 40 * InputFile(Path(path), MOST_BYTES).size())
+    content = InputFile(Path(path), MOST_BYTES).content()
     if question == "paint":
         return answered(lambda: _packed_paint(content))
     if question == MATERIALS:

@@ -13,7 +13,7 @@ import numpy as np
 
 from flowsculpt import MissingInputError
 from flowsculpt.api import brief, plural, reason_of
-from flowsculpt.api.files import Parser, digest_of_file, require_input
+from flowsculpt.api.files import InputFile, Parser
 from flowsculpt.api.meshes import FileSurface, Floats, SourceFiles, SurfaceReader
 from flowsculpt.pipeline.plugins.interchange.gltf_document import (
     MESHOPT,
@@ -354,7 +354,7 @@ def read_gltf(path: Path) -> FileSurface:
 def _files(path: Path) -> SourceFiles:
     """Return a file and the buffers that its surface is read from. Raises as `read_gltf`."""
     scene = DefaultScene.of(GltfDocument.read(path))
-    files = [(file, digest_of_file(file)) for file in (path, *files_of_buffers(scene))]
+    files = [(file, InputFile(file).digest()) for file in (path, *files_of_buffers(scene))]
     reader = ["glTF reader 2"] if scene.was_misread else []  # an earlier one read this file otherwise
     return SourceFiles.of(files, readers=reader)
 
@@ -366,7 +366,7 @@ def files_of_buffers(scene: DefaultScene) -> tuple[Path, ...]:
     for index, file in files.items():
         try:
             if file is not None:
-                require_input(file, MOST_BYTES)
+                InputFile(file, MOST_BYTES).size()
         except MissingInputError as error:
             raise MissingInputError(f"{document.path}: its buffer {index} refers to {error}") from None
     return tuple(dict.fromkeys(file for file in files.values() if file is not None))
@@ -393,7 +393,7 @@ def _answer(path: str) -> bytes:
     """Return the surface of a file, packed."""
     scene = DefaultScene.of(GltfDocument.read(Path(path)))
     files = (Path(path), *files_of_buffers(scene))
-    Parser.allow_memory(Parser.MEMORY + 40 * sum(require_input(file, MOST_BYTES) for file in files))
+    Parser.allow_memory(Parser.MEMORY + 40 * sum(InputFile(file, MOST_BYTES).size() for file in files))
     points, faces = SceneArrays(scene).surface()
     return packed_surface(FileSurface.of(points, faces, base=None))
 

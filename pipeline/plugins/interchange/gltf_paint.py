@@ -19,7 +19,7 @@ import numpy as np
 
 from flowsculpt import MeshError
 from flowsculpt.api import brief
-from flowsculpt.api.files import Parser, digest_of_file, require_input
+from flowsculpt.api.files import InputFile, Parser
 from flowsculpt.api.materials import PatternedMaterial, Texture
 from flowsculpt.api.meshes import Floats, ModelMaterials, PaintReader
 from flowsculpt.pipeline.plugins.interchange.gltf_document import MOST_BYTES, GltfDocument, JsonObject
@@ -228,7 +228,7 @@ def _numbers_of(material: JsonObject, name: str, otherwise: list[float]) -> list
 
 
 def _files(path: Path) -> Mapping[Path, str]:
-    return {file: digest_of_file(file) for file in files_of_buffers(PaintedScene.read(path))}
+    return {file: InputFile(file).digest() for file in files_of_buffers(PaintedScene.read(path))}
 
 
 def _materials(path: Path) -> ModelMaterials:
@@ -329,7 +329,7 @@ def _content_of_view(document: GltfDocument, image: JsonObject, files: dict[Path
     number = view.whole("buffer")
     file = document.buffer_file(number)
     if file is not None:
-        files[file] = digest_of_file(file)
+        files[file] = InputFile(file).digest()
     start = view.whole("byteOffset", 0)
     return document.buffer(number)[start : start + view.whole("byteLength")]
 
@@ -346,7 +346,7 @@ def _answer(path: str) -> bytes:
     """Return the arrays of a file's paint."""
     scene = PaintedScene.read(Path(path))
     files = (Path(path), *files_of_buffers(scene))
-    Parser.allow_memory(Parser.MEMORY + 40 * sum(require_input(file, MOST_BYTES) for file in files))
+    Parser.allow_memory(Parser.MEMORY + 40 * sum(InputFile(file, MOST_BYTES).size() for file in files))
     return packed(PaintArrays(scene).paint())
 
 

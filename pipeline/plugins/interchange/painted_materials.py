@@ -7,9 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from flowsculpt import MissingInputError
+from flowsculpt import FlowsculptError, MissingInputError
 from flowsculpt.api import brief
-from flowsculpt.api.files import atomic_write, digest_of_file, usable, writable_cache
+from flowsculpt.api.files import CachedAnswer, InputFile, atomic_write
 from flowsculpt.api.materials import Diffuse, Opacity, PatternedMaterial, Satin, Texture, TextureProjection
 from flowsculpt.api.pictures import PaintedFaces, RenderError
 from flowsculpt.pipeline.plugins.interchange.preview_surfaces import Colour
@@ -87,8 +87,16 @@ def file_beside(model: Path, name: str, kind: str) -> Path:
 def picture(model: Path, name: str, files: dict[Path, str], space: str | None = None) -> Texture:
     """Return the picture that a model names, and note it. Raises MissingInputError, and as `read_picture`."""
     path = file_beside(model, name, "texture")
-    files[path] = digest_of_file(path)
+    files[path] = InputFile(path).digest()
     return Texture.of(str(path), files[path], space)
+
+
+def _holds(path: Path, digest: str) -> bool:
+    """Tell whether a file is there with content of a digest."""
+    try:
+        return InputFile(path).digest() == digest
+    except FlowsculptError:
+        return False
 
 
 def picture_within(
@@ -103,8 +111,8 @@ def picture_within(
     Raises as `read_picture`, with the model and the name.
     """
     suffix = Path(name.replace("\\", "/")).suffix.lower()
-    cached = writable_cache() / "textures" / f"{digest}{suffix if suffix[1:].isalnum() else '.png'}"
-    if usable(lambda: digest_of_file(cached)) != digest:  # missing, or damaged
+    cached = CachedAnswer.home() / "textures" / f"{digest}{suffix if suffix[1:].isalnum() else '.png'}"
+    if not _holds(cached, digest):
         with atomic_write(cached, flush=False) as draft:
             draft.write_bytes(content())
     try:

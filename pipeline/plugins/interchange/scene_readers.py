@@ -16,7 +16,7 @@ import numpy as np
 
 from flowsculpt import FlowsculptError, MachineError, MeshError, MissingInputError
 from flowsculpt.api import brief, plural
-from flowsculpt.api.files import Parser, command, digest_of_file
+from flowsculpt.api.files import InputFile, Parser, python_command
 from flowsculpt.api.meshes import FileSurface, Floats, SourceFiles
 
 MOST_MESHES, MOST_CORNERS = 20_000, 20_000_000
@@ -155,7 +155,7 @@ def one_file(up_of: Callable[[Path, str], str]) -> Callable[[Path], SourceFiles]
     """Return a function that returns the one file of a model and the axis that it says is up."""
 
     def files(path: Path) -> SourceFiles:
-        digest = digest_of_file(path)
+        digest = InputFile(path).digest()
         return SourceFiles.of([(path, digest)], up_of(path, digest))
 
     return files
@@ -165,9 +165,10 @@ def require_package(files: str, module: str, package: str, extra: str) -> None:
     """Raise MachineError where the package that reads some files is not installed; `extra` installs it."""
     if find_spec(module) is None:
         name = package.partition(" ")[0]
+        installing = shlex.join(python_command("pip", "install", name))
         raise MachineError(
             f"{files} need the package {package}, which is not installed; install the extra [{extra}], or "
-            f"only the package, for the Python of flowsculpt: {shlex.join(command('pip', 'install', name))}"
+            f"only the package, for the Python of flowsculpt: {installing}"
         )
 
 

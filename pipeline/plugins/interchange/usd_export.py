@@ -24,8 +24,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdShade, Vt
 
-from flowsculpt import FrameError
-from flowsculpt.api.files import cannot_write, to_plain
+from flowsculpt import FrameError, MachineError
+from flowsculpt.api.files import to_plain
 from flowsculpt.api.frames import Framing, RenderRequest, Store, key_of
 from flowsculpt.api.materials import Diffuse, Opacity, Satin, Stage
 from flowsculpt.api.pictures import Material, PaintedFaces
@@ -212,9 +212,9 @@ def write_layer(path: Path, layer: Sdf.Layer) -> None:
     try:
         is_written = layer.Export(str(path))
     except Tf.ErrorException as error:
-        raise cannot_write(path, path, "USD reports an error") from error
+        raise MachineError.of_draft(path, path, "USD reports an error") from error
     if not is_written:
-        raise cannot_write(path, path, "USD reports an error")
+        raise MachineError.of_draft(path, path, "USD reports an error")
 
 
 def usd_array(kind: str, values: np.ndarray) -> Any:

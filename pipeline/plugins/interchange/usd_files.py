@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from flowsculpt import MissingInputError
-from flowsculpt.api.files import CachedAnswer, Parser, digest_of_file
+from flowsculpt.api.files import CachedAnswer, InputFile, Parser
 from flowsculpt.api.materials import PatternedMaterial, Texture
 from flowsculpt.api.meshes import (
     FileSurface,
@@ -61,12 +61,12 @@ def stage_files(path: Path) -> SourceFiles:
     MissingInputError where a file is missing, ParserError or MeshError where USD cannot read one.
     """
     require_usd()
-    own, name = digest_of_file(path), str(path.absolute())
+    own, name = InputFile(path).digest(), str(path.absolute())
     cached = CachedAnswer.of("parsed", ["usd", str(_VERSION), version("usd-core"), name, own])
     known = cached.load(_known_files)
     if known is None:
         facts = json.loads(_asked("facts", path, _WHOLE))
-        known = facts["up"], {name: own, **{file: digest_of_file(Path(file)) for file in facts["files"]}}
+        known = facts["up"], {name: own, **{file: InputFile(Path(file)).digest() for file in facts["files"]}}
         cached.store(dict(zip(("up", "digests"), known, strict=True)))
     up, digests = known
     others = [(Path(file), digest) for file, digest in digests.items() if file != name]
@@ -178,7 +178,7 @@ USD_PAINT = PaintReader(_materials, _paint, of_part=_paint_of_part)
 def _digest(path: Path) -> str:
     """Return the digest of a file; empty where it cannot be read."""
     try:
-        return digest_of_file(path)
+        return InputFile(path).digest()
     except MissingInputError:
         return ""
 

@@ -17,7 +17,7 @@ from pxr import Ar, Sdf, Usd, UsdGeom
 
 from flowsculpt import FlowsculptError, MeshError, MissingInputError
 from flowsculpt.api import brief, plural, suggestion
-from flowsculpt.api.files import Parser, require_input
+from flowsculpt.api.files import InputFile, Parser
 from flowsculpt.api.meshes import Floats
 from flowsculpt.pipeline.plugins.interchange.scene_readers import (
     PlacedMeshes,
@@ -212,7 +212,7 @@ def numbers_at(attribute: Any, time: Usd.TimeCode, path: str, kinds: str, column
 
 def open_stage(path: str) -> tuple[Usd.Stage, list[str]]:
     """Return a stage and the files of its layers. Raises MissingInputError or MeshError."""
-    Parser.allow_memory(Parser.MEMORY // 4 + 40 * require_input(Path(path), MOST_BYTES))
+    Parser.allow_memory(Parser.MEMORY // 4 + 40 * InputFile(Path(path), MOST_BYTES).size())
     layers = StageLayers(path)
     layers.open_all()
     Parser.allow_memory(Parser.MEMORY + 40 * layers.size)
@@ -255,7 +255,7 @@ class StageLayers:
 
     def open_all(self) -> None:
         """Find all layers. Raises MissingInputError, or MeshError for too many of them."""
-        self.size = require_input(Path(self.root), MOST_BYTES)
+        self.size = InputFile(Path(self.root), MOST_BYTES).size()
         seen, waiting = {self.root}, [self.root]
         while waiting:
             name = waiting.pop()
@@ -275,7 +275,7 @@ class StageLayers:
         if file == self.root or file in self.files:
             return
         try:
-            self.size += require_input(Path(file), MOST_BYTES)
+            self.size += InputFile(Path(file), MOST_BYTES).size()
         except FlowsculptError as error:
             raise MissingInputError(f"its layer {Path(named_in).name} refers to {error}") from None
         self.files[file] = None

@@ -28,7 +28,7 @@ from shapely import affinity
 
 from flowsculpt import UsageError
 from flowsculpt.api import shortened
-from flowsculpt.api.files import read_input
+from flowsculpt.api.files import InputFile
 from flowsculpt.pipeline.plugins.lettering.outlines import OutlineShape, PolylinePen, filled
 from flowsculpt.pipeline.plugins.lettering.strokes import Stroke, stroked
 from flowsculpt.pipeline.plugins.lettering.style_sheets import StyleSheets
@@ -397,7 +397,7 @@ class SvgDrawing:
 
 def _root(path: Path) -> Element:
     """Return the root of a drawing, which gzip may have compressed. Raises UsageError where it is not SVG."""
-    content = read_input(path, MOST_BYTES)
+    content = InputFile(path, MOST_BYTES).content()
     try:
         if content.startswith(b"\x1f\x8b"):
             with gzip.GzipFile(fileobj=io.BytesIO(content)) as file:

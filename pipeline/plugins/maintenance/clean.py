@@ -10,7 +10,7 @@ from pathlib import Path
 
 from flowsculpt import FlowsculptError, MachineError
 from flowsculpt.api import ShotExtras
-from flowsculpt.api.files import remove, sweep_hidden_drafts
+from flowsculpt.api.files import remove_file, sweep_hidden_drafts
 from flowsculpt.api.frames import RenderRequest, RootFolders, Runs, Store
 from flowsculpt.pipeline.plugins.maintenance.store_repair import FORMS, by_digest, last_requests
 from flowsculpt.pipeline.plugins.maintenance.verify import inode, shown_files
@@ -75,7 +75,7 @@ def _others(root: Path, requests: Iterable[RenderRequest], dry_run: bool) -> dic
             with contextlib.suppress(FileNotFoundError):  # another root's `clean` was faster
                 sizes.append(path.stat().st_size)
             if not dry_run:
-                remove(path, prune=True)
+                remove_file(path, prune=True)
         if sizes:
             others[what] = (len(sizes), sum(sizes))
     return others

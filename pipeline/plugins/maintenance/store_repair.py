@@ -17,7 +17,7 @@ from typing import Any
 
 from flowsculpt import FlowsculptError
 from flowsculpt.api.commands import Project
-from flowsculpt.api.files import remove
+from flowsculpt.api.files import remove_file
 from flowsculpt.api.frames import (
     STAGES,
     Edit,
@@ -124,7 +124,7 @@ def evict(store: Store, damaged: Sequence[StoredFile], shown: Sequence[ShownFile
         is_link = inode(path) in inodes
         if is_link or digests & set(known):
             if is_link or path in faulty:
-                remove(path)
+                remove_file(path)
             lost.append(path.relative_to(store.root))
         elif path in faulty:
             place = path.relative_to(store.root)
@@ -132,7 +132,7 @@ def evict(store: Store, damaged: Sequence[StoredFile], shown: Sequence[ShownFile
             if name := next((links[digest] for digest in reversed(known) if digest in links), None):
                 store.link(*name, place, replace=True)
             elif folder is not None and folder[0].command is None:
-                remove(path)
+                remove_file(path)
             else:
                 altered.append(place)
     for file in damaged:

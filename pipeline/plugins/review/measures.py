@@ -13,7 +13,7 @@ import typer
 from numpy.typing import NDArray
 
 from flowsculpt import TriangleMesh
-from flowsculpt.api.files import read_state
+from flowsculpt.api.files import CachedAnswer
 from flowsculpt.api.frames import (
     CorruptFileError,
     MeshFrame,
@@ -187,7 +187,7 @@ def _of_frame(
     try:
         store.bring("measures", key)
         store.digests.check(known)
-        if (measured := read_state(known, dict)) is not None:
+        if (measured := CachedAnswer(known).load(dict)) is not None:
             return measured
     except (CorruptFileError, OSError):
         pass

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from flowsculpt import MissingInputError, UsageError
 from flowsculpt.api import plural, suggestion
 from flowsculpt.api.commands import Project, execute_and_report, progress_bars, require_one_of
-from flowsculpt.api.files import require_input
+from flowsculpt.api.files import InputFile
 from flowsculpt.api.frames import (
     FinishedPictures,
     Folders,
@@ -406,7 +406,7 @@ def _shot_around(mesh: Path, up: str, looks: Mapping[str, Any], is_painted: bool
     """
     if not mesh.exists():
         raise MissingInputError(f"{mesh}: no such mesh file; check the path")
-    require_input(mesh)
+    InputFile(mesh).size()
     shot = {
         "title": mesh.stem,
         "frames": "1-1",

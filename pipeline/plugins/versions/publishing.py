@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 
 from flowsculpt import FlowsculptError, FrameError, MissingInputError, UsageError
 from flowsculpt.api import ShotExtras
-from flowsculpt.api.files import atomic_folder, digest_of_file, remove_tree
+from flowsculpt.api.files import InputFile, atomic_folder, remove_tree
 from flowsculpt.api.frames import (
     STAGES,
     FrameKeys,
@@ -281,7 +281,7 @@ class Release:
             frame=found.frame,
             seed=request.seed(number),
             pixels=pixels,
-            sha256=digest_of_file(file),
+            sha256=InputFile(file).digest(),
             seconds=_seconds_of_render(request, self.store.root, number, found.raw),
         )
 
@@ -296,7 +296,7 @@ class Release:
             whole = False
         if not whole:
             raise self._evicted("movie", key, self.request.movie_path.name)
-        return digest_of_file(file)
+        return InputFile(file).digest()
 
     def _evicted(self, kind: str, key: str, what: str) -> FrameError:
         """Evict a damaged file, so that the next run makes it again, and return the error."""
@@ -422,14 +422,14 @@ class Patch(Release):
 
     def _record(self, version: str, keys: Mapping[int, FrameKeys], notes: bytes) -> Provenance:
         record = super()._record(version, keys, notes)
-        frames, digest = str(FrameRange.of(self._numbers)), digest_of_file(self._folder / FILE)
+        frames, digest = str(FrameRange.of(self._numbers)), InputFile(self._folder / FILE).digest()
         return replace(record, patch={"version": self.base, "frames": frames, "sha256": digest})
 
     def _frame(self, number: int, keys: Mapping[int, FrameKeys]) -> FrameRecord:
         if number in self._numbers:
             return super()._frame(number, keys)
         frame, file = self._before.frames[number], self._files()[number]
-        if not file.is_file() or digest_of_file(file) != frame.sha256:
+        if not file.is_file() or InputFile(file).digest() != frame.sha256:
             raise FrameError(f"--patch {self.base}: {file} is damaged or missing; see flowsculpt verify")
         return frame
 

@@ -55,7 +55,7 @@ from flowsculpt.pipeline.shot.point_subjects import (
 )
 from flowsculpt.pipeline.shot.subjects import SOLIDS, Model, PluginSurface, Solid
 from flowsculpt.pipeline.shot.yaml.document_validation import bad_value
-from flowsculpt.render.base.input_files import digest_of_file, joint_digest
+from flowsculpt.render.base.input_files import InputFile, joint_digest
 
 CLOSED = {"none": (False, False), "rows": (True, False), "columns": (False, True), "both": (True, True)}
 """Ends of a net that are joined: the last row to the first, the last column to the first."""
@@ -237,7 +237,7 @@ class CloudDocument(Document):
         radius = self.radius if isinstance(self.radius, str) else float(self.radius)
         if isinstance(self.cloud, str):
             path = folder / self.cloud
-            return CloudOfFile(digest_of_file(path), radius, float(self.scale), path)
+            return CloudOfFile(InputFile(path).digest(), radius, float(self.scale), path)
         assert not isinstance(radius, str), "checked: only files have attributes"
         fill: Literal["volume", "surface"] = "surface" if self.fill == "surface" else "volume"
         return CloudInSolid(self.cloud.build(), self.count, fill, self.seed, radius)
@@ -258,7 +258,9 @@ class NetDocument(Document):
     def build(self, folder: Path) -> ControlNet:
         if isinstance(self.net, str):
             path = folder / self.net
-            return NetOfFile(digest_of_file(path), self.columns, CLOSED[self.closed], float(self.scale), path)
+            return NetOfFile(
+                InputFile(path).digest(), self.columns, CLOSED[self.closed], float(self.scale), path
+            )
         if isinstance(self.net, list):
             rows = tuple(tuple(tuple(float(x) for x in point) for point in row) for row in self.net)
             return NetOfRows(rows, CLOSED[self.closed])

@@ -22,7 +22,7 @@ from flowsculpt.pipeline.plugin import fault_of_plugin
 from flowsculpt.pipeline.shot.yaml.messages import problems_of
 from flowsculpt.pipeline.shot.yaml.named_files import is_folder, is_there, quote_name
 from flowsculpt.pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource
-from flowsculpt.render.base.input_files import digest_of_file, kind_of_path
+from flowsculpt.render.base.input_files import InputFile, kind_of_path
 from flowsculpt.render.base.number_order import in_order
 
 MOST_PROBLEMS = 50
@@ -62,7 +62,7 @@ class ParseContext:
 
     def note(self, path: Path) -> str:
         """Note the digest of a file that is read, and return it. Raises a finding where it cannot be read."""
-        self.digests[path] = as_finding(lambda: digest_of_file(path))
+        self.digests[path] = as_finding(lambda: InputFile(path).digest())
         return self.digests[path]
 
     def mesh(self, name: str) -> Path:

@@ -25,7 +25,7 @@ from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.request.shot_source import ShotSource
 from flowsculpt.pipeline.production.store.store import Store
 from flowsculpt.pipeline.shot import Shot
-from flowsculpt.render.base.input_files import digest_of_file
+from flowsculpt.render.base.input_files import InputFile
 from flowsculpt.render.post.embedded_textures import EmbeddedPicture
 from flowsculpt.render.scene.materials import LOOKS, Painted, Plastic
 from flowsculpt.render.scene.textures import Texture
@@ -52,7 +52,7 @@ def noise(height: int = 12, width: int = 20, channels: int = 3) -> AnyArray:
 
 
 def texture(path: Path, space: str | None = None) -> Texture:
-    return Texture.of(str(path), digest_of_file(path), space)
+    return Texture.of(str(path), InputFile(path).digest(), space)
 
 
 @pytest.mark.parametrize(("name", "channels"), [("a.png", 3), ("a.png", 1), ("a.png", 4), ("a.jpg", 3)])

@@ -13,7 +13,7 @@ import pytest
 from flowsculpt.pipeline.errors import MeshError
 from flowsculpt.pipeline.mesh.read import ModelFile
 from flowsculpt.pipeline.plugins.interchange.threemf_files import read_threemf
-from flowsculpt.render.base.input_files import digest_of_file
+from flowsculpt.render.base.input_files import InputFile
 
 RELATIONS = '<Relationships><Relationship Target="/3D/a.model" Type="http://x/3dmodel"/></Relationships>'
 CORNERS = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
@@ -115,7 +115,7 @@ def test_parts_of_bambu_studio_that_are_no_part_of_the_shape_are_left_out(
     read = ModelFile(path).surface()
     assert read.faces == 4 and f"1 {word}" in read.notes[0]
     assert ("not subtracted" in read.notes[-1]) == (setting == "negative_part")
-    assert ModelFile(path).files().digest != digest_of_file(path), "its meshes were stored with all parts"
+    assert ModelFile(path).files().digest != InputFile(path).digest(), "its meshes were stored with all parts"
 
 
 @pytest.mark.parametrize(
