@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from flowsculpt import Curvature, FrameError, icosphere
 from flowsculpt.api.flows import FlowCost
 from flowsculpt.api.frames import BoundingSpheres, Framer, Framing, MeshFrame, Shading, animate
+from flowsculpt.api.materials import Surface
 from flowsculpt.api.meshes import Floats
-from flowsculpt.api.pictures import SPEED, Shape, Surface, draw_preview
+from flowsculpt.api.pictures import Shape, draw_preview
 from flowsculpt.api.shots import Motion, Shot
 
 Extent = np.ndarray | BoundingSpheres
@@ -205,7 +206,7 @@ def _shape(part: Shot, motion: Motion, frame: MeshFrame) -> Shape:
     pattern = look.pattern
     attributes = motion.copy_places(pattern, arrays["material"].astype(np.float64))
     if look.measures_speed:
-        attributes[SPEED] = shading.speeds(motion)
+        attributes[Surface.SPEED] = shading.speeds(motion)
     vertices = arrays["vertices"]
     if "radii" in arrays:
         vertices, arrays, attributes = _balls(arrays, attributes)

@@ -39,6 +39,7 @@ from flowsculpt.api.frames import (
     StoredFiles,
     key_of,
 )
+from flowsculpt.api.materials import LightRig
 from flowsculpt.api.options import (
     DEFAULT_QUALITY,
     AllowCode,
@@ -51,7 +52,6 @@ from flowsculpt.api.options import (
     Variant,
 )
 from flowsculpt.api.pictures import (
-    LightRig,
     RenderedFrame,
     RenderError,
     loop_frames,

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from flowsculpt.api.materials import Material
 from flowsculpt.api.meshes import Floats
-from flowsculpt.api.pictures import Material
 from flowsculpt.pipeline.plugins.interchange.drawn_mesh import KeyPoses
 from flowsculpt.pipeline.plugins.interchange.gltf_content import FLOAT, SHORT, GltfContent
 from flowsculpt.pipeline.plugins.interchange.meshopt_encoder import exponential_elements

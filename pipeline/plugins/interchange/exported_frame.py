@@ -25,12 +25,8 @@ from flowsculpt.api.frames import (
     StoredFiles,
     key_of,
 )
-from flowsculpt.api.materials import (
-    PatternedMaterial,
-    Texture,
-)
+from flowsculpt.api.materials import Material, PaintedFaces, Surface
 from flowsculpt.api.meshes import Floats, Indices
-from flowsculpt.api.pictures import SPEED, Material, Painted, PaintedFaces, Surface, vertex_colours
 from flowsculpt.api.shots import Model, Shot, Solid
 
 EXPORT = PipelineStage("export", version=3, doing="exporting", makes="geometry", per_quality=False)
@@ -179,12 +175,12 @@ def _exported_mesh(shot: Shot, frame: MeshFrame, shading: Shading) -> ExportedFr
     surface = rendered_surface(split.vertices, split.normals, split.faces, rest[source], velocities[source])
     places = {n: v[source] for n, v in shot.motion.copy_places(look.pattern, rest).items()}
     surface = replace(surface, attributes={**surface.attributes, **places})
-    colours = vertex_colours(replace(surface, paint=paint), look)
+    colours = look.vertex_colours(replace(surface, paint=paint))
     return ExportedFrame(
         *(mesh.vertices, mesh.faces, split.normals, split.faces, velocities, rest, mesh.creases),
         colours=None if colours is None else colours[: len(rest)],  # the mesh's own vertices come first
         texture=texture_coordinates(look, rest, mesh.faces, paint),
-        paint=paint if isinstance(look, Painted) else None,
+        paint=paint if look.is_of_model else None,
         copies=_copies(shot, rest),
     )
 
@@ -197,7 +193,7 @@ def _exported_net(shot: Shot, shading: Shading) -> ExportedFrame:
     surface = rendered_surface(points, normals, faces, rest, velocities)
     return ExportedFrame(
         *(points, faces, normals, faces, velocities, rest),
-        colours=vertex_colours(surface, shot.picture.look),
+        colours=shot.picture.look.vertex_colours(surface),
         texture=texture_coordinates(shot.picture.look, rest, faces),
     )
 
@@ -211,7 +207,7 @@ def _exported_cloud(shot: Shot, frame: MeshFrame) -> ExportedFrame:
     surface = replace(surface, attributes={**surface.attributes, **places})
     return ExportedFrame(
         *(points, faces, nothing, faces, velocities, rest),
-        colours=vertex_colours(surface, shot.picture.look),
+        colours=shot.picture.look.vertex_colours(surface),
         radii=frame.radii,
         numbers=np.arange(len(points)) if numbers is None else numbers,
         copies=_copies(shot, rest),
@@ -231,19 +227,12 @@ def rendered_surface(
     """Return the surface as it is rendered, float32, with the speed of its vertices."""
     vertices, shading, material = (values.astype(np.float32) for values in (points, normals, rest))
     speeds = np.linalg.norm(velocities, axis=1, keepdims=True).astype(np.float32)
-    return Surface(vertices, shading, faces, {SPEED: speeds}, material)
+    return Surface(vertices, shading, faces, {Surface.SPEED: speeds}, material)
 
 
 def has_colours(look: Material) -> bool:
     """Tell whether the colour of a look varies over the surface, so that vertices have colours."""
-    return look.pattern is not None or colour_texture(look) is not None or isinstance(look, Painted)
-
-
-def colour_texture(look: Material) -> Texture | None:
-    """Return the picture that colours a look, or None; of a model's materials, if there is one alone."""
-    if isinstance(look, Painted) and len(look.parts) == 1:
-        return look.parts[0].colour_texture
-    return look.colour_texture if isinstance(look, PatternedMaterial) else None
+    return look.is_of_model or look.pattern is not None or look.texture("colour") is not None
 
 
 def texture_coordinates(
@@ -258,7 +247,7 @@ def texture_coordinates(
         return None if paint is None else paint.near_origin()
     coordinates, _ = projection.coordinates(rest, faces, paint)
     height = width = 1
-    if projection.keeps_shape and (texture := colour_texture(look)) is not None:
+    if projection.keeps_shape and (texture := look.texture("colour")) is not None:
         height, width = texture.pixels().shape[:2]
     right, up = projection.offset
     return np.asarray(coordinates * (1.0, width / height) + (0.5 - right, 0.5 - up))

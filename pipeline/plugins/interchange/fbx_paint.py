@@ -18,9 +18,8 @@ import numpy as np
 from flowsculpt import MeshError
 from flowsculpt.api import brief, shortened
 from flowsculpt.api.files import InputFile, Parser
-from flowsculpt.api.materials import Opacity, PatternedMaterial, Texture
+from flowsculpt.api.materials import Opacity, Texture, linear_of_srgb
 from flowsculpt.api.meshes import Floats, ModelMaterials, PaintReader
-from flowsculpt.api.pictures import linear_of_srgb
 from flowsculpt.pipeline.plugins.interchange.fbx_files import (
     MOST_BYTES,
     counted,
@@ -34,6 +33,7 @@ from flowsculpt.pipeline.plugins.interchange.fbx_files import (
 from flowsculpt.pipeline.plugins.interchange.model_paint import ModelPaint, PaintParts, packed
 from flowsculpt.pipeline.plugins.interchange.painted_materials import (
     GREY,
+    FileMaterial,
     mask_of,
     opacity_of,
     painted,
@@ -92,7 +92,7 @@ def _materials(path: Path) -> ModelMaterials:
     return ModelMaterials(tuple(_material(path, facts, files) for facts in found), files, tuple(notes))
 
 
-def _material(path: Path, facts: dict[str, Any], files: dict[Path, str]) -> PatternedMaterial:
+def _material(path: Path, facts: dict[str, Any], files: dict[Path, str]) -> FileMaterial:
     """Return the material of what `_facts_of` found; note the files of its pictures."""
     textures = {}
     for name, found in facts["pictures"].items():

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 from flowsculpt import UsageError
 from flowsculpt.api.files import disk_errors
-from flowsculpt.api.materials import EmbeddedPicture, Texture
+from flowsculpt.api.materials import Material, Texture
 from flowsculpt.api.meshes import Indices
-from flowsculpt.api.pictures import Material
+from flowsculpt.pipeline.plugins.interchange.embedded_pictures import EmbeddedPicture
 from flowsculpt.pipeline.plugins.interchange.exported_materials import (
     COMPACT,
     ExportedMaterial,

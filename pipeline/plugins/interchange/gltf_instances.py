@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from flowsculpt.api import plural
+from flowsculpt.api.materials import Material
 from flowsculpt.api.meshes import Floats
-from flowsculpt.api.pictures import Material
 from flowsculpt.pipeline.plugins.interchange.animation_export import AnimationExport
 from flowsculpt.pipeline.plugins.interchange.copy_instances import Instances
 from flowsculpt.pipeline.plugins.interchange.drawn_mesh import DrawnMesh

@@ -20,7 +20,7 @@ import numpy as np
 from flowsculpt import MeshError
 from flowsculpt.api import brief
 from flowsculpt.api.files import InputFile, Parser
-from flowsculpt.api.materials import PatternedMaterial, Texture
+from flowsculpt.api.materials import Texture
 from flowsculpt.api.meshes import Floats, ModelMaterials, PaintReader
 from flowsculpt.pipeline.plugins.interchange.gltf_document import MOST_BYTES, GltfDocument, JsonObject
 from flowsculpt.pipeline.plugins.interchange.gltf_files import (
@@ -33,6 +33,7 @@ from flowsculpt.pipeline.plugins.interchange.gltf_scene import DefaultScene, Pla
 from flowsculpt.pipeline.plugins.interchange.model_paint import ModelPaint, PaintParts, packed
 from flowsculpt.pipeline.plugins.interchange.painted_materials import (
     GREY,
+    FileMaterial,
     alpha_of,
     opacity_of,
     painted,
@@ -238,7 +239,7 @@ def _materials(path: Path) -> ModelMaterials:
     """
     scene, files, notes = PaintedScene.read(path), dict[Path, str](), dict[str, None]()
     count = len(scene.document.root.items("materials")) + 1
-    found: list[PatternedMaterial] = [painted(GREY, None)] * count
+    found: list[FileMaterial] = [painted(GREY, None)] * count
     for part in scene.parts:
         number, material = scene.material_of(part)
         has_colours = "COLOR_0" in part.primitive.entry("attributes")
@@ -250,7 +251,7 @@ def _materials(path: Path) -> ModelMaterials:
 
 def _material(
     document: GltfDocument, material: JsonObject, files: dict[Path, str], has_colours: bool
-) -> PatternedMaterial:
+) -> FileMaterial:
     """Return a material. Raises MeshError where vertex colours and a texture are to be multiplied."""
     surface, texture_of = _surface_of(material), partial(_texture, document, files=files)
     red, green, blue, alpha = _factor(material)

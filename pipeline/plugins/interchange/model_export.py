@@ -22,10 +22,9 @@ from flowsculpt import FrameError, MeshError, TriangleMesh, UsageError, validate
 from flowsculpt.api.files import disk_errors, to_plain
 from flowsculpt.api.flows import TriangleTree
 from flowsculpt.api.frames import RenderRequest, Store, key_of
-from flowsculpt.api.materials import srgb_of_linear
+from flowsculpt.api.materials import Material, srgb_of_linear
 from flowsculpt.api.meshes import Floats, face_normals, self_intersections
 from flowsculpt.api.options import Frames
-from flowsculpt.api.pictures import Material
 from flowsculpt.pipeline.plugins.interchange.drawn_mesh import split_corners
 from flowsculpt.pipeline.plugins.interchange.exported_frame import (
     ExportedFrame,

@@ -21,8 +21,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from flowsculpt import PolygonMesh
+from flowsculpt.api.materials import PaintedFaces
 from flowsculpt.api.meshes import Floats, Indices, connected_components, edge_keys, find_coincident
-from flowsculpt.api.pictures import PaintedFaces
 
 if TYPE_CHECKING:
     from flowsculpt.api.flows import TriangleTree

@@ -19,13 +19,13 @@ import numpy as np
 from flowsculpt import MeshError
 from flowsculpt.api import brief
 from flowsculpt.api.files import InputFile, number_fault, text_content
-from flowsculpt.api.materials import Opacity, PatternedMaterial, Texture
+from flowsculpt.api.materials import Opacity, Texture, linear_of_srgb
 from flowsculpt.api.meshes import ModelMaterials, PaintReader
-from flowsculpt.api.pictures import linear_of_srgb
 from flowsculpt.pipeline.plugins.interchange.model_paint import ModelPaint
 from flowsculpt.pipeline.plugins.interchange.obj_files import statements
 from flowsculpt.pipeline.plugins.interchange.painted_materials import (
     GREY,
+    FileMaterial,
     file_beside,
     found_beside,
     mask_of,
@@ -208,7 +208,7 @@ def _notes(entries: dict[bytes, list[bytes]]) -> Iterator[str]:
 
 def _material(
     library: Path, name: str, entries: dict[bytes, list[bytes]], files: dict[Path, str], has_colours: bool
-) -> PatternedMaterial:
+) -> FileMaterial:
     """Return the material of the statements of an MTL file; note the pictures that it names.
 
     Raises MeshError for numbers with commas.

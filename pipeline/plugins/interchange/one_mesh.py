@@ -14,8 +14,8 @@ import numpy as np
 
 from flowsculpt import TriangleMesh, UsageError
 from flowsculpt.api.frames import FrameRange, FrameRate
+from flowsculpt.api.materials import PaintedFaces
 from flowsculpt.api.meshes import Floats, Indices, corner_normals, split_at_creases
-from flowsculpt.api.pictures import PaintedFaces
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,9 +10,14 @@ from typing import Any
 from flowsculpt import FlowsculptError, MissingInputError
 from flowsculpt.api import brief
 from flowsculpt.api.files import CachedAnswer, InputFile, atomic_write
-from flowsculpt.api.materials import Diffuse, Opacity, PatternedMaterial, Satin, Texture, TextureProjection
-from flowsculpt.api.pictures import PaintedFaces, RenderError
-from flowsculpt.pipeline.plugins.interchange.preview_surfaces import Colour
+from flowsculpt.api.materials import Diffuse, Opacity, PaintedFaces, Satin, Texture
+from flowsculpt.api.pictures import RenderError
+
+Colour = tuple[float, float, float]
+"""Linear Rec.709 red, green and blue."""
+
+FileMaterial = Diffuse | Satin
+"""A material of a model's file."""
 
 GREY = (0.604, 0.604, 0.604)
 """The colour of what a file leaves white: linear Rec.709 of sRGB 0.8, as Blender's."""
@@ -26,7 +31,7 @@ def painted(
     has_colours: bool = False,
     opacity: Opacity | None = None,
     **textures: Any,
-) -> PatternedMaterial:
+) -> FileMaterial:
     """Return a material with the texture coordinates of its model.
 
     roughness    0 to 1, as in glTF; None for a matt material
@@ -34,14 +39,13 @@ def painted(
     opacity      where the surface has holes, or None
     textures     of normals, roughness and metalness, by the names of `Satin`
     """
-    held = (texture, opacity and opacity.texture, *textures.values())
-    placed = TextureProjection("model", keeps_place=not all(each.repeats for each in held if each))
-    source: dict[str, Any] = {"colour_texture": texture, "projection": placed, "opacity": opacity}
+    source: dict[str, Any] = {"colour_texture": texture, "opacity": opacity}
     if texture is None and has_colours:
         source["colour_from"] = PaintedFaces.COLOURS
     if roughness is None:
-        return Diffuse(colour, **source, **textures)
-    return Satin(colour, roughness=roughness, metallic=metallic, coat=0.0, **source, **textures)
+        return Diffuse(colour, **source, **textures).on_model()
+    satin = Satin(colour, roughness=roughness, metallic=metallic, coat=0.0, **source, **textures)
+    return satin.on_model()
 
 
 def opacity_of(factor: float, texture: Texture | None = None, cutoff: float | None = None) -> Opacity | None:

@@ -26,7 +26,6 @@ from flowsculpt.api.frames import (
     key_of,
 )
 from flowsculpt.api.meshes import Floats, Indices, carried_normals
-from flowsculpt.api.pictures import Painted, vertex_colours
 from flowsculpt.api.shots import Motion
 from flowsculpt.pipeline.plugins.interchange.birth_values import raise_to_dependents
 from flowsculpt.pipeline.plugins.interchange.exported_frame import (
@@ -225,8 +224,8 @@ class Unification:
         surface = replace(surface, attributes={**surface.attributes, **places})
         return replace(
             mesh,
-            colours=vertex_colours(replace(surface, paint=paint), look),
-            paint=paint if isinstance(look, Painted) else None,
+            colours=look.vertex_colours(replace(surface, paint=paint)),
+            paint=paint if look.is_of_model else None,
         )
 
     def _reduced(self, refined: Refined, began: Began) -> tuple[np.ndarray, Reduction | None]:

@@ -27,20 +27,18 @@ from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdShade, Vt
 from flowsculpt import FrameError, MachineError
 from flowsculpt.api.files import to_plain
 from flowsculpt.api.frames import Framing, RenderRequest, Store, key_of
-from flowsculpt.api.materials import Diffuse, Opacity, Satin, Stage
-from flowsculpt.api.pictures import Material, PaintedFaces
+from flowsculpt.api.materials import Diffuse, Material, PaintedFaces, Satin
 from flowsculpt.api.shots import Shot
 from flowsculpt.pipeline.plugins.interchange.exported_frame import (
     EXPORT,
     ExportedFrame,
     KeyedFiles,
-    colour_texture,
     frame_key,
     has_colours,
     has_coordinates,
     stored_frame,
 )
-from flowsculpt.pipeline.plugins.interchange.exported_materials import number_planes, parts_of
+from flowsculpt.pipeline.plugins.interchange.exported_materials import number_planes
 from flowsculpt.pipeline.plugins.interchange.usd_materials import (
     MATERIALX,
     add_material,
@@ -283,7 +281,7 @@ class SculptureFiles:
     @property
     def parts(self) -> tuple[Material, ...]:
         """The materials: of a model, by their numbers."""
-        return parts_of(self.look)
+        return self.look.parts_by_number
 
     def pictures(self, number: int) -> dict[str, str]:
         """Return the names of the pictures of a material by the inputs of its preview surface."""
@@ -294,13 +292,13 @@ class SculptureFiles:
     def _pixels(self, number: int) -> dict[str, Callable[[], np.ndarray]]:
         """Return what reads the pictures (H, W, 3) of a material, by the inputs of its preview surface."""
         part = self.parts[number]
-        texture, bumps = colour_texture(part), getattr(part, "normal_texture", None)
+        texture, bumps = part.texture("colour"), part.texture("normal")
         found = {} if texture is None else {"diffuseColor": texture.pixels}
         for name, plane in number_planes(part).items():
             found[name] = partial(np.repeat, plane, 3, axis=2)
         if bumps is not None:
             found["normal"] = lambda: 0.5 + 0.5 * bumps.normals()
-        opacity: Opacity | None = getattr(part, "opacity", None)
+        opacity = part.opacity
         if opacity is not None and opacity.texture is not None:
             whole = replace(opacity, cutoff=None)
             found["opacity"] = lambda: np.repeat(whole.fractions(), 3, axis=2)
@@ -357,7 +355,7 @@ class SculptureFiles:
             names = self.pictures(number)
             for name, pixels in self._pixels(number).items():
                 recipe = (
-                    [to_plain(colour_texture(part))] if name == "diffuseColor" else [name, to_plain(part)]
+                    [to_plain(part.texture("colour"))] if name == "diffuseColor" else [name, to_plain(part)]
                 )
                 key = key_of(EXPORT.recipe, *recipe)
                 self.files.update(names[name], key, partial(_write_pixels, read=pixels))
@@ -468,11 +466,12 @@ def _add_set(stage: Usd.Stage, home: str, shot: Shot, framings: Mapping[int, Fra
     picture = shot.picture
     add_lights(stage, home, f"{home}/set/lights", picture.lights, sizes, sky)
     if picture.stage.kind != "none" and not picture.stage.shadow_catcher:
-        add_floor(stage, home, picture.stage)
+        add_floor(stage, home, shot)
 
 
-def add_floor(stage: Usd.Stage, home: str, floor: Stage) -> None:
-    """Add floor, wall and plinth, without reference objects."""
+def add_floor(stage: Usd.Stage, home: str, shot: Shot) -> None:
+    """Add floor, wall and plinth of a shot, without reference objects."""
+    floor = shot.picture.stage
     vertices, normals, faces = floor.mesh()
     mesh = UsdGeom.Mesh.Define(stage, f"{home}/set/floor")
     mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(vertices))

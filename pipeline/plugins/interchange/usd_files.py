@@ -17,7 +17,7 @@ from typing import Any
 
 from flowsculpt import MissingInputError
 from flowsculpt.api.files import CachedAnswer, InputFile, Parser
-from flowsculpt.api.materials import PatternedMaterial, Texture
+from flowsculpt.api.materials import Texture
 from flowsculpt.api.meshes import (
     FileSurface,
     ModelMaterials,
@@ -28,6 +28,7 @@ from flowsculpt.api.meshes import (
 )
 from flowsculpt.pipeline.plugins.interchange.model_paint import ModelPaint
 from flowsculpt.pipeline.plugins.interchange.painted_materials import (
+    FileMaterial,
     opacity_of,
     painted,
     picture,
@@ -120,7 +121,7 @@ def _materials(path: Path, part: ScenePart = _WHOLE) -> ModelMaterials:
     return made(answer)
 
 
-def _material(path: Path, facts: dict[str, Any], files: dict[Path, str]) -> PatternedMaterial:
+def _material(path: Path, facts: dict[str, Any], files: dict[Path, str]) -> FileMaterial:
     """Return the material of what the process found; note the files of its pictures."""
     textures = {
         name: replace(_texture(path, found, files), wrap=_wrap(found["wrap"], name, facts["is_beyond"]))

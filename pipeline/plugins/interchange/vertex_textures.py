@@ -24,8 +24,9 @@ import numpy as np
 
 from flowsculpt import UsageError
 from flowsculpt.api.files import disk_errors
+from flowsculpt.api.materials import Material
 from flowsculpt.api.meshes import Floats
-from flowsculpt.api.pictures import Material, RenderedFrame, write_exr, write_still
+from flowsculpt.api.pictures import RenderedFrame, write_exr, write_still
 from flowsculpt.pipeline.plugins.interchange.animated_gltf import Moving, write_animated_gltf
 from flowsculpt.pipeline.plugins.interchange.drawn_mesh import DrawnMesh, KeyPoses
 from flowsculpt.pipeline.plugins.interchange.one_mesh import even_step

@@ -23,11 +23,12 @@ import numpy as np
 
 from flowsculpt.api.files import disk_errors
 from flowsculpt.api.frames import Framing
-from flowsculpt.api.materials import EmbeddedPicture, Glass, Smoke, Softbox, Stage
+from flowsculpt.api.materials import LightRig, Material
 from flowsculpt.api.meshes import Floats
-from flowsculpt.api.pictures import Camera, LightRig, Material, three_js
+from flowsculpt.api.pictures import Camera, three_js
 from flowsculpt.api.shots import Shot
 from flowsculpt.pipeline.plugins.interchange.animated_gltf import Moving, closes
+from flowsculpt.pipeline.plugins.interchange.embedded_pictures import EmbeddedPicture
 from flowsculpt.pipeline.plugins.interchange.exported_materials import (
     COMPACT,
     ExportedMaterial,
@@ -102,7 +103,7 @@ class WebPage:
             "aspect": self.aspect,
             "cameras": [_camera(framing) for framing in framed],
             "placements": [[*f.placement.origin, f.placement.size, f.placement.turn] for f in framed],
-            "lights": _lights(picture.lights, picture.stage),
+            "lights": _lights(self.shot),
             "stage": _stage(self.shot, blobs),
             "view": {
                 "table": blobs.add(np.rint(255.0 * np.clip(table, 0.0, 1.0)).astype(np.uint8)),
@@ -242,8 +243,8 @@ def _material(part: ExportedMaterial, look: Material, has_colours: bool, blobs: 
         "bump": part.bump,
         "is_cut_out": part.is_cut_out,
         "cutoff": part.cutoff,
-        "is_clear": isinstance(look, Glass),
-        "is_smoke": isinstance(look, Smoke),
+        "is_clear": look.model == "glass",
+        "is_smoke": look.model == "smoke",
     }
 
 
@@ -278,8 +279,9 @@ class _Emitter(NamedTuple):
     power: Floats
 
 
-def _emitters(box: Softbox, across: int) -> list[_Emitter]:
-    """Return a softbox as across × across points."""
+def _emitters(lights: LightRig, index: int, across: int) -> list[_Emitter]:
+    """Return a softbox, by its index, as across × across points."""
+    box = lights.softboxes[index]
     position, target = np.array(box.position), np.array(box.target)
     forward = (target - position) / np.linalg.norm(target - position)
     right = np.cross(
@@ -303,8 +305,8 @@ def irradiance(lights: LightRig, points: np.ndarray, normals: np.ndarray) -> Flo
     """
     rig = lights.without_maps()
     falling = math.pi * np.tile(np.array(rig.sky.horizon, np.float64), (len(points), 1))
-    for box in rig.softboxes:
-        for each in _emitters(box, 2):
+    for index in range(len(rig.softboxes)):
+        for each in _emitters(rig, index, 2):
             away = each.position - points
             distance = np.linalg.norm(away, axis=1, keepdims=True)
             away = away / distance
@@ -317,25 +319,27 @@ def irradiance(lights: LightRig, points: np.ndarray, normals: np.ndarray) -> Flo
     return np.asarray(falling)
 
 
-def _lights(lights: LightRig, stage: Stage) -> dict[str, Any]:
+def _lights(shot: Shot) -> dict[str, Any]:
     """Return softboxes, suns and sky in stage units, and the points that cast shadows.
 
     The strongest softbox is four points, each as wide as a quarter of it: the wider a light, the less true is
     a soft shadow from one depth map.
     """
+    lights, stage = shot.picture.lights, shot.picture.stage
     rig = lights.without_maps()
     middle, up = np.array([[0.0, 1.0, 0.0]]), np.array([[0.0, 1.0, 0.0]])
-    strength = {
-        index: float(irradiance(LightRig((box,)), middle, _towards(box)).sum())
-        for index, box in enumerate(rig.softboxes)
-    }
+    strength = {}
+    for index, box in enumerate(rig.softboxes):
+        away = np.array([box.position]) - middle
+        alone = irradiance(LightRig((box,)), middle, away / np.linalg.norm(away))
+        strength[index] = float(alone.sum())
     ranked = sorted(strength, key=lambda index: -strength[index])
     left = _SHADOWS - 3 if len(ranked) else 0
     spots = []
     for rank, index in enumerate(ranked):
         box, across = rig.softboxes[index], 2 if rank == 0 else 1
         radius = math.sqrt(box.width * box.height / math.pi) / across  # of a disc as large
-        for each in _emitters(box, across):
+        for each in _emitters(rig, index, across):
             spot = {"position": each.position.tolist(), "target": list(box.target), "radius": radius}
             spots.append({**spot, "power": each.power.tolist(), "casts": rank < left})
     ground = irradiance(lights, np.zeros((1, 3)), up)[0] * np.array(stage.colour) / math.pi
@@ -347,8 +351,3 @@ def _lights(lights: LightRig, stage: Stage) -> dict[str, Any]:
         "spots": spots,
         "ground": (np.zeros(3) if stage.kind == "none" else ground).tolist(),
     }
-
-
-def _towards(box: Softbox) -> Floats:
-    away = np.array([box.position]) - (0.0, 1.0, 0.0)
-    return np.asarray(away / np.linalg.norm(away))

@@ -14,17 +14,9 @@ from numpy.typing import NDArray
 from flowsculpt import TriangleMesh, icosphere
 from flowsculpt.api.flows import checked_displacement
 from flowsculpt.api.frames import Framing, RenderRequest
+from flowsculpt.api.materials import Material, PaintedFaces, Surface
 from flowsculpt.api.meshes import Floats
-from flowsculpt.api.pictures import (
-    BurnIn,
-    Material,
-    Painted,
-    PaintedFaces,
-    Shape,
-    Surface,
-    draw_preview,
-    vertex_colours,
-)
+from flowsculpt.api.pictures import BurnIn, Shape, draw_preview
 from flowsculpt.api.shots import Motion
 from flowsculpt.pipeline.plugins.preview.holes import without_holes
 
@@ -144,12 +136,12 @@ def shape_of(
     vertices, no_faces = arrays["vertices"], np.empty((0, 3), np.int32)
     normals, faces = arrays.get("normals", vertices), arrays.get("faces", no_faces)
     surface = Surface(vertices, normals, faces, attributes, arrays["material"], paint=paint)
-    if isinstance(look, Painted) and look.has_opacity and paint is not None:
+    if look.is_of_model and look.has_opacity and paint is not None:
         surface = without_holes(surface, look, paint)
         vertices, normals, faces = surface.vertices, surface.normals, surface.faces
     if "radii" not in arrays:
         return Shape.of(surface, look)
-    colours = vertex_colours(surface, look)
+    colours = look.vertex_colours(surface)
     step = -(-len(vertices) // MOST_BALLS)
     points, radii = vertices[::step], arrays["radii"][::step] * step ** (1 / 3)
     ball = _quick_ball(len(points)) if quick else icosphere(2)

@@ -35,7 +35,7 @@ from flowsculpt.api.frames import (
     animate,
     key_of,
 )
-from flowsculpt.api.pictures import SPEED
+from flowsculpt.api.materials import Surface
 
 SLOW = 0.25  # core-seconds from which on a simulated frame is stored
 
@@ -295,7 +295,7 @@ class SurfaceStream:
         shading = Shading.of(frame, request.shot.motion.thresholds_at(frame.number), _pieces(request, frame))
         arrays = shading.stored()
         if request.pictures.measures_speed:
-            arrays[SPEED] = shading.speeds(request.shot.motion)
+            arrays[Surface.SPEED] = shading.speeds(request.shot.motion)
         self.surfaces.put(_key(request, frame.number), arrays)
 
 

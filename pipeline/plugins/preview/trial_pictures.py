@@ -23,8 +23,9 @@ import numpy as np
 from flowsculpt import TriangleMesh, UsageError, vertex_normals
 from flowsculpt.api.flows import checked_displacement
 from flowsculpt.api.frames import Framer, Framing, MeshAngle, MeshFrame, RenderRequest, Shading, animate
+from flowsculpt.api.materials import Surface
 from flowsculpt.api.meshes import Floats
-from flowsculpt.api.pictures import SPEED, Camera, jpeg_bytes
+from flowsculpt.api.pictures import Camera, jpeg_bytes
 from flowsculpt.api.shots import Motion, Solid, Where
 from flowsculpt.pipeline.plugins.preview.animatic import size_for
 from flowsculpt.pipeline.plugins.preview.live_session import Drawn, LiveSession, camera_data
@@ -134,7 +135,7 @@ def with_speeds(arrays: Mapping[str, np.ndarray], motion: Motion, number: int) -
     points = arrays["vertices"].astype(np.float64)
     moved = checked_displacement(motion.flow, points, time, dt, number)
     speed = np.linalg.norm(moved - points, axis=1, keepdims=True) / motion.rate.seconds(STEP)
-    return {**arrays, SPEED: speed.astype(np.float32)}
+    return {**arrays, Surface.SPEED: speed.astype(np.float32)}
 
 
 def _coarse(motion: Motion) -> TriangleMesh:
@@ -293,7 +294,7 @@ class TrialPictures:
             arrays = self._carry(drawn, before, number).moved(motion, number)
         else:
             arrays = self.session.stream.arrays(before, number)
-        if after.pictures.measures_speed and (change >= Change.FLOW or SPEED not in arrays):
+        if after.pictures.measures_speed and (change >= Change.FLOW or Surface.SPEED not in arrays):
             arrays = with_speeds(arrays, motion, number)
         return arrays
 

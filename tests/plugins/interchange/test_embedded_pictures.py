@@ -15,6 +15,7 @@ from flowsculpt.pipeline.animation import animate
 from flowsculpt.pipeline.arrays import AnyArray
 from flowsculpt.pipeline.plugins.interchange.animated_gltf import Moving, write_animated_gltf
 from flowsculpt.pipeline.plugins.interchange.drawn_mesh import DrawnMesh, KeyPoses
+from flowsculpt.pipeline.plugins.interchange.embedded_pictures import EmbeddedPicture
 from flowsculpt.pipeline.plugins.interchange.exported_frame import exported_frame
 from flowsculpt.pipeline.plugins.interchange.exported_materials import exported_materials, pictures_recipe
 from flowsculpt.pipeline.plugins.interchange.gltf_document import GltfDocument
@@ -26,7 +27,6 @@ from flowsculpt.pipeline.production.request.shot_source import ShotSource
 from flowsculpt.pipeline.production.store.store import Store
 from flowsculpt.pipeline.shot import Shot
 from flowsculpt.render.base.input_files import InputFile
-from flowsculpt.render.post.embedded_textures import EmbeddedPicture
 from flowsculpt.render.scene.materials import LOOKS, Painted, Plastic
 from flowsculpt.render.scene.textures import Texture
 from tests.plugins.interchange.node_programs import gltf_messages
