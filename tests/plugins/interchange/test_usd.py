@@ -188,8 +188,9 @@ def test_rest_positions_and_colours_lie_at_the_vertices(root, stage):
 
 
 def test_ground_that_fades_has_an_opacity_at_each_vertex(tmp_path):
-    text = "title: a\nframes: 1-1\nsubject: {solid: icosphere}\nresample: off\nstage: {kind: ground, horizon_fade: 0.2}\n"
-    stage, shot = Usd.Stage.CreateInMemory(), read_shot(tmp_path / "a.yaml", text)
+    text = "title: a\nframes: 1-1\nsubject: {solid: icosphere}\nresample: off\n"
+    stage = Usd.Stage.CreateInMemory()
+    shot = read_shot(tmp_path / "a.yaml", f"{text}stage: {{kind: ground, horizon_fade: 0.2}}\n")
     floor = shot.picture.stage
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
     stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/a").GetPrim())
