@@ -3,6 +3,7 @@
 from flowsculpt.pipeline.arrays import Floats as Floats
 from flowsculpt.pipeline.arrays import Indices as Indices
 from flowsculpt.pipeline.mesh import face_normals as face_normals
+from flowsculpt.pipeline.mesh.control_net import Lattice as Lattice
 from flowsculpt.pipeline.mesh.face_soup import connected_components as connected_components
 from flowsculpt.pipeline.mesh.face_soup import find_coincident as find_coincident
 from flowsculpt.pipeline.mesh.mesh_formats import FileSurface as FileSurface
@@ -18,8 +19,9 @@ from flowsculpt.pipeline.mesh.normals import carried_normals as carried_normals
 from flowsculpt.pipeline.mesh.normals import corner_normals as corner_normals
 from flowsculpt.pipeline.mesh.normals import split_at_creases as split_at_creases
 from flowsculpt.pipeline.mesh.placed_copies import Placements as Placements
-from flowsculpt.pipeline.mesh.points import sample_surface as sample_surface
+from flowsculpt.pipeline.mesh.ply_files import read_ply_vertices as read_ply_vertices
 from flowsculpt.pipeline.mesh.read import ModelFile as ModelFile
+from flowsculpt.pipeline.mesh.read import read_by_suffix as read_by_suffix
 from flowsculpt.pipeline.mesh.read import repair_surface as repair_surface
 from flowsculpt.pipeline.resample.refinement import RefinableSurface as RefinableSurface
 from flowsculpt.pipeline.resample.thresholds import edges_by_angle as edges_by_angle

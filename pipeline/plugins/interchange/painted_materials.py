@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from flowsculpt import FlowsculptError, MissingInputError
-from flowsculpt.api import brief
+from flowsculpt.api import shorten
 from flowsculpt.api.files import CachedAnswer, InputFile, atomic_write
 from flowsculpt.api.materials import Diffuse, Opacity, PaintedFaces, Satin, Texture
 from flowsculpt.api.pictures import RenderError
@@ -122,5 +122,5 @@ def picture_within(
     try:
         return Texture.of(str(cached), digest, space)
     except RenderError as error:
-        message = str(error).replace(str(cached), f"{model}: its picture {brief(name)}")
+        message = str(error).replace(str(cached), f"{model}: its picture {shorten(name)}")
         raise type(error)(message) from None

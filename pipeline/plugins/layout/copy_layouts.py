@@ -10,8 +10,12 @@ import numpy as np
 from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 
 from flowsculpt import TriangleMesh, UsageError, read_mesh
-from flowsculpt.api import CopyLayout, indefinite, plural
-from flowsculpt.api.meshes import Floats, ModelFile, face_normals, sample_surface
+from flowsculpt.api import CopyLayout, plural
+from flowsculpt.api.meshes import (
+    Floats,
+    ModelFile,
+    face_normals,
+)
 from flowsculpt.api.shots import (
     SOLIDS,
     Degrees,
@@ -164,8 +168,8 @@ class SurfaceDocument(Arrangement):
         known = SOLIDS[self.solid].measures if self.solid else {}
         for name, value in given.items():
             if np.size(value) != np.size(known.get(name, ())):
-                kind = indefinite(self.solid or "model")
-                raise bad_value(f"{name} is not a measure of {kind}, or has other numbers. Leave it out.")
+                whose = f"the {self.solid or 'model'}"
+                raise bad_value(f"{name} is not a measure of {whose}, or has other numbers. Leave it out.")
         if self.solid is not None:
             self._mesh = as_finding(Solid.of(self.solid, given).build)
         elif self.model is not None:
@@ -180,7 +184,7 @@ class SurfaceDocument(Arrangement):
 
     def arranged(self, count: int, seed: int) -> Places:
         mesh = refined(self._mesh, FACES * count)
-        points, face = sample_surface(mesh, count, seed)
+        points, face = mesh.scattered(count, seed)
         normals = face_normals(mesh)[face]
         places = np.array(self.centre) + self.scale * points + self.offset * normals
         return places, frames(normals, np.broadcast_to((1.0, 0.0, 0.0), normals.shape))

@@ -24,7 +24,7 @@ from flowsculpt.pipeline.shot import read_shot
 from flowsculpt.render.post.image import read_exr, write_png
 from tests.conftest import commanded
 from tests.full_disk import disk_of
-from tests.plugins.review.studio import simulated
+from tests.simulated_show import simulated
 
 NAME = "T010_tiny"
 FOLDER = Path("renders") / NAME / "usd"

@@ -176,6 +176,7 @@ def test_a_moving_stage_is_read_at_its_start_or_the_time_asked_for(tmp_path: Pat
 
 @pytest.mark.slow
 def test_a_shot_heeds_the_axis_and_follows_every_layer(tmp_path: Path) -> None:
+
     part, path = stage_at(tmp_path / "part.usda"), tmp_path / "a.usda"
     add_box(part, "/World/box").AddScaleOp().Set(Gf.Vec3f(1.0, 2.0, 3.0))
     part.Save()

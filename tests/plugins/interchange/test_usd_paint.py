@@ -118,6 +118,7 @@ def test_corners_of_a_stage_take_the_texture_coordinates_of_their_place_at_rest(
 
 
 def test_a_new_shot_of_a_painted_stage_shows_its_paint(tmp_path: Path) -> None:
+
     template = model_template(painted_box(tmp_path), "box.usda")
     assert template.look == "model" and "paint: on" in template.subject
 
