@@ -7,6 +7,7 @@ from flowsculpt.pipeline.shot.documents.curves import Ease as Ease
 from flowsculpt.pipeline.shot.documents.curves import WeightField as WeightField
 from flowsculpt.pipeline.shot.documents.curves import curve_of as curve_of
 from flowsculpt.pipeline.shot.documents.curves import is_changing as is_changing
+from flowsculpt.pipeline.shot.documents.field_types import ByForm as ByForm
 from flowsculpt.pipeline.shot.documents.field_types import Degrees as Degrees
 from flowsculpt.pipeline.shot.documents.field_types import Document as Document
 from flowsculpt.pipeline.shot.documents.field_types import OneOfSeveral as OneOfSeveral
@@ -22,10 +23,10 @@ from flowsculpt.pipeline.shot.documents.shot_documents import FilmDocument as Fi
 from flowsculpt.pipeline.shot.documents.shot_documents import ShotDocument as ShotDocument
 from flowsculpt.pipeline.shot.documents.subject_documents import ModelDocument as ModelDocument
 from flowsculpt.pipeline.shot.documents.subject_documents import SolidDocument as SolidDocument
+from flowsculpt.pipeline.shot.documents.subject_documents import solid_faults as solid_faults
 from flowsculpt.pipeline.shot.motion import Clock as Clock
 from flowsculpt.pipeline.shot.motion import as_data as as_data
 from flowsculpt.pipeline.shot.motion_checks import outside_note as outside_note
-from flowsculpt.pipeline.shot.point_subjects import CloudInSolid as CloudInSolid
 from flowsculpt.pipeline.shot.shot_reader import read_shot as read_shot
 from flowsculpt.pipeline.shot.shot_reader import shot_clock as shot_clock
 from flowsculpt.pipeline.shot.subject_checks import subject_views as subject_views
@@ -33,6 +34,7 @@ from flowsculpt.pipeline.shot.subjects import SOLIDS as SOLIDS
 from flowsculpt.pipeline.shot.subjects import Model as Model
 from flowsculpt.pipeline.shot.subjects import PluginSurface as PluginSurface
 from flowsculpt.pipeline.shot.subjects import Solid as Solid
+from flowsculpt.pipeline.shot.subjects import Subject as Subject
 from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext as ParseContext
 from flowsculpt.pipeline.shot.yaml.document_validation import as_finding as as_finding
 from flowsculpt.pipeline.shot.yaml.document_validation import bad_value as bad_value
@@ -44,7 +46,6 @@ from flowsculpt.pipeline.shot.yaml.named_files import NAME as NAME
 from flowsculpt.pipeline.shot.yaml.named_files import is_edit as is_edit
 from flowsculpt.pipeline.shot.yaml.named_files import is_there as is_there
 from flowsculpt.pipeline.shot.yaml.named_files import name_fault as name_fault
-from flowsculpt.pipeline.shot.yaml.named_files import quote_name as quote_name
 from flowsculpt.pipeline.shot.yaml.named_files import text_of as text_of
 from flowsculpt.pipeline.shot.yaml.yaml_source import Where as Where
 from flowsculpt.pipeline.shot.yaml.yaml_source import YamlSource as YamlSource

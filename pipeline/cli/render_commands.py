@@ -20,7 +20,7 @@ from flowsculpt.pipeline.cli.options import (
     Shots,
     Variant,
 )
-from flowsculpt.pipeline.cli.output import duration, err
+from flowsculpt.pipeline.cli.output import duration_words, err
 from flowsculpt.pipeline.errors import UsageError
 from flowsculpt.pipeline.plugin import named, plugins
 from flowsculpt.pipeline.production.planning.estimate import Forecast, estimate, typical_seconds
@@ -99,8 +99,9 @@ def _written_edit(common: Common, timeline: Path) -> str:
     """Write the edit of a timeline to the folder of shots; return its path."""
     readers = plugins().readers("edit")
     if (reader := readers.get(timeline.suffix.lstrip("."))) is None:
-        known = ", ".join(f".{suffix}" for suffix in readers) or "none: no plug-in reads timelines"
-        raise UsageError(f"--edit {timeline}: the names of timelines end in {known}; export one as that")
+        known = ", ".join(f".{suffix}" for suffix in readers)
+        rule = f"the names of timelines end in {known}; export one as that"
+        raise UsageError(f"--edit {timeline}: {plugins().lacking(timeline.suffix) or rule}")
     target, text = named(reader)(timeline, Show().shots(), Show().folder)
     if common.dry_run and not target.exists():
         raise UsageError(f"--dry-run: {target} is not written yet; call film --edit once without it")
@@ -183,5 +184,5 @@ def _cost(common: Common, plan: Plan) -> str:
     samples = f"{'at most ' if large.is_adaptive else ''}{plural(large.samples, 'sample')}"
     frames = f"{plural(count, 'frame')} of {width} × {height} pixels, {samples} each"
     about = "at most" if forecast.unframed else "about"
-    time = f"{about} {duration(seconds)} on {plural(common.cores, 'core')}, by {by}"
+    time = f"{about} {duration_words(seconds)} on {plural(common.cores, 'core')}, by {by}"
     return f"To be rendered: {frames}. That takes {time}."

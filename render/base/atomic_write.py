@@ -20,8 +20,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from flowsculpt.render.base.drafts import draft_name
 from flowsculpt.render.base.render_errors import MachineError
-from flowsculpt.render.base.root_files import held
+from flowsculpt.render.base.root_files import held, scratch_of
 
 _AT_FDCWD, _RENAME_EXCHANGE = -100, 2
 """Constants of Linux: paths are relative to the working folder; both are renamed to each other."""
@@ -82,28 +83,8 @@ def _exchange(one: Path, other: Path) -> bool:
     raise OSError(number, os.strerror(number), str(other))
 
 
-PROBE = 65536
-"""Bytes that tell whether a disk takes more."""
-
 _LETTERS = 40
 """Letters of a file's name in the name of its draft: file systems limit names, mostly to 255 bytes."""
-
-REMEDIES = {
-    errno.ENOSPC: "the disk is full; free some space and run again; finished work is kept",
-    errno.EDQUOT: "the disk quota is used up; free some space or ask for more",
-    errno.EFBIG: "the file is larger than this process may write; raise `ulimit -f`",
-    errno.EROFS: "the file system is read-only; choose another folder (--root)",
-    errno.EACCES: "permission denied; choose another folder (--root) or change its owner",
-    errno.EPERM: "not permitted; choose another folder (--root) or change its owner",
-    errno.ENOTDIR: "a file stands where a folder should be; choose another folder",
-    errno.EEXIST: "a file stands where a folder should be; choose another folder",
-    errno.EISDIR: "a folder stands where a file should be; move it away",
-    errno.EIO: "the disk reports an error; check it, then run `flowsculpt verify`",
-    errno.ESTALE: "the network folder is no longer mounted; mount it again",
-    errno.ELOOP: "links point at each other; remove one of them",
-    errno.ENAMETOOLONG: "the name is too long for this file system; choose a shorter one",
-}
-"""Remedies by error number, for files that the operating system refuses."""
 
 
 @contextmanager
@@ -122,14 +103,17 @@ def atomic_write(
     Missing folders are made, and below a root no link is followed (`root_files`). The temporary path has the
     suffix of `path`. Threads, processes and hosts may write one path at once: the last one wins.
 
-    draft    temporary path, on the file system of `path`; by default a hidden file next to it
+    draft    temporary path, on the file system of `path`; by default a hidden file next to it, or for the
+             state of a root a file in its folder for drafts
     flush    write through to the disk first, so that `path` survives a power failure; caches need not
     is_same  returns True if the file at a path is still the one that was read: others' changes are kept
 
     Raises MachineError where the operating system refuses, and ChangedFileError where `is_same` is false.
     Where the file is only a cache, suppress MachineError.
     """
-    if draft is None:
+    if draft is None and (scratch := scratch_of(path)):
+        draft = scratch / draft_name(path.suffix)
+    elif draft is None:
         unique = f"{os.getpid()}-{secrets.token_hex(4)}"
         draft = path.with_name(f".{path.stem[:_LETTERS]}.tmp{unique}{path.suffix}")
     place, folder, name = path.parent, draft.parent, draft.name
@@ -160,7 +144,7 @@ def disk_errors(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise machine_error(path, error) from error
+        raise MachineError.of_path(path, error) from error
 
 
 def make_folder(folder: Path) -> None:
@@ -185,28 +169,3 @@ def atomic_folder(place: Path, prefix: str) -> Iterator[Path]:
             draft.rename(home / place.name)
         finally:
             shutil.rmtree(draft, ignore_errors=True)
-
-
-def machine_error(path: Path, error: OSError, verb: str = "written") -> MachineError:
-    """Return the error of a path, which the operating system refused to have written, or read."""
-    fact = REMEDIES.get(error.errno or 0) or os.strerror(error.errno or errno.EIO)
-    if error.errno == errno.ENOENT:
-        fact = "its folder was removed meanwhile; run again to make it again"
-    fault = MachineError(f"{path}: cannot be {verb}: {fact}")
-    fault.full_disk = path if error.errno in (errno.ENOSPC, errno.EDQUOT) else None
-    return fault
-
-
-def cannot_write(path: Path, draft: Path, reason: str) -> MachineError:
-    """Return the error for a file that a library failed to write without an errno.
-
-    What the operating system refuses is found out by writing more to the draft.
-    """
-    try:
-        with draft.open("ab") as file:
-            file.write(bytes(PROBE))
-    except OSError as error:
-        return machine_error(path, error)
-    return MachineError(
-        f"{path}: cannot be written: {reason}; check the disk's free space and the folder's permissions"
-    )

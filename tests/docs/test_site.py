@@ -6,7 +6,6 @@ import importlib.util
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -19,7 +18,8 @@ from playwright.sync_api import Browser
 from ruamel.yaml import YAML
 
 import flowsculpt
-from tests.plugins.review.chromium import LIMIT, ChromiumError, fetch, running
+from tests.chromium import LIMIT
+from tests.needed_plugins import SHIPPED, needs_plugins
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -35,16 +35,6 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
     return folder
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    try:
-        fetch()
-        with running() as found:
-            yield found
-    except ChromiumError as error:
-        pytest.skip(f"no browser: {error}")
 
 
 class QuietHandler(SimpleHTTPRequestHandler):
@@ -128,6 +118,7 @@ def page_from_the_code(name: str) -> tuple[str, str]:
     return script.page(), (DOCS / f"{name}.md").read_text()
 
 
+@needs_plugins(*SHIPPED)
 def test_the_page_of_commands_says_what_the_code_says() -> None:
     new, old = page_from_the_code("commands")
     assert new == old, "`make reference` rewrites the page"

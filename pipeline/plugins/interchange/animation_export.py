@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 from flowsculpt import FrameError
 from flowsculpt.api import Animation, plural
 from flowsculpt.api.files import page_script, page_style, to_plain
-from flowsculpt.api.frames import Framing, Key, RenderRequest, Store, key_of
+from flowsculpt.api.frames import Framing, RenderRequest, Store, key_of
 from flowsculpt.api.materials import Diffuse
 from flowsculpt.pipeline.plugins.interchange.alembic_export import write_alembic
 from flowsculpt.pipeline.plugins.interchange.animated_gltf import (
@@ -89,7 +89,7 @@ class AnimationExport(ABC):
         return KeyedFiles(self.folder, f"{self.name}.{self.form}.keys.json", self.store)
 
     @cached_property
-    def key(self) -> Key:
+    def key(self) -> str:
         """The key of the files."""
         looks = [part.request.shot.picture.look for part in self.parts]
         keys, plain = [part.key for part in self.parts], [to_plain(look) for look in looks]

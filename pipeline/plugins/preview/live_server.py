@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from flowsculpt import FlowsculptError, MachineError, UsageError
-from flowsculpt.api.files import machine_error, page_script, page_style
+from flowsculpt.api.files import page_script, page_style
 from flowsculpt.pipeline.plugins.preview.live_session import LiveFeed, LiveSession
 from flowsculpt.pipeline.plugins.preview.shot_editor import (
     MOST_REQUEST_BYTES,
@@ -230,7 +230,10 @@ class _Handler(BaseHTTPRequestHandler):
             status = 409 if isinstance(error, StaleError) else 507 if isinstance(error, MachineError) else 422
             answer = {"error": str(error)}
         except OSError as error:
-            status, answer = 507, {"error": str(machine_error(Path(error.filename or "."), error, "used"))}
+            status, answer = (
+                507,
+                {"error": str(MachineError.of_path(Path(error.filename or "."), error, "used"))},
+            )
         self._send(json.dumps(answer, allow_nan=False).encode(), "application/json", status)
 
     def log_message(self, *arguments: object) -> None:

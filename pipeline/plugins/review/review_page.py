@@ -22,7 +22,7 @@ from typing import Any
 from flowsculpt import MissingInputError
 from flowsculpt.api import ShotExtras
 from flowsculpt.api.commands import Project
-from flowsculpt.api.files import disk_errors, make_folder, page_script, page_style, remove
+from flowsculpt.api.files import disk_errors, make_folder, page_script, page_style, remove_file
 from flowsculpt.api.frames import (
     History,
     LatestTimings,
@@ -287,7 +287,7 @@ def _keep(folder: Path, names: set[str]) -> None:
     """Remove all other files from a folder of the page."""
     for path in folder.iterdir():
         if path.name not in names and path.is_file():
-            remove(path)
+            remove_file(path)
 
 
 _OMITTED = frozenset({"frame"})  # entries that differ between frames by definition

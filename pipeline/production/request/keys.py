@@ -90,12 +90,10 @@ class RequestKeys:
 
         Of several subjects, a list.
         """
-        from flowsculpt.pipeline.shot.point_subjects import ControlNet
-
         shot = self.request.shot
         if shot.subjects:
             return [part.keys.net_pieces() for part in self.request.parts]
-        return shot.picture.tessellate if isinstance(shot.motion.subject, ControlNet) else None
+        return shot.picture.tessellate if shot.motion.subject.is_net else None
 
     def appearance(self, number: int) -> Key:
         """Return the digest of what a picture shares with all others of its look, lights and quality."""
@@ -158,11 +156,11 @@ class RequestKeys:
         """Return what decides the colours of a picture that shows speeds; nothing of others."""
         if not self.request.pictures.measures_speed:
             return []
-        from flowsculpt.render.scene.patterns import SPEED
+        from flowsculpt.render.scene.surface import Surface
 
         mesh, shot = self.request.angles[number].mesh, self.request.shot
         data = [part.motion.velocity_data(mesh) for part in shot.parts]
-        return [[SPEED, data if shot.subjects else data[0]]]
+        return [[Surface.SPEED, data if shot.subjects else data[0]]]
 
     def _flow_data(self, mesh: int, offsets: tuple[float, ...]) -> list[Any]:
         """Return the cache data of the flow around a mesh frame; of several subjects, a list of them."""

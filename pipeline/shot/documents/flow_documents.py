@@ -24,13 +24,12 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema
 
-from flowsculpt.pipeline.errors import reason_of, shortened
+from flowsculpt.pipeline.errors import quote, reason_of
 from flowsculpt.pipeline.flow import Flow, VelocityField, catalogue
 from flowsculpt.pipeline.flow.catalogue.external_fields import (
     MAX_NUMBERS,
     Attraction,
     FormulaField,
-    Sampled,
     Target,
     Wind,
 )
@@ -45,7 +44,6 @@ from flowsculpt.pipeline.flow.parameters import (
     shot_name,
     summary,
 )
-from flowsculpt.pipeline.flow.samples import Samples, read_samples
 from flowsculpt.pipeline.flow.velocity import PluginField
 from flowsculpt.pipeline.formula import CONSTANTS, FUNCTIONS
 from flowsculpt.pipeline.mesh.read import read_mesh
@@ -67,7 +65,7 @@ from flowsculpt.pipeline.shot.documents.field_types import (
 )
 from flowsculpt.pipeline.shot.motion import Clock
 from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext, as_finding, finding
-from flowsculpt.render.base.input_files import read_input
+from flowsculpt.render.base.input_files import InputFile
 
 
 class FlowParameters(Document):
@@ -121,7 +119,8 @@ def _document_of_plugin(plugin: Plugin, name: str, flow: Any) -> type[FlowParame
         base, flow = flow, flow.flow
     require_class(flow, VelocityField, Flow)
     document = document_of(flow, base)
-    document.origin = (plugin.name, plugin.version, name)
+    if not flow.__module__.startswith("flowsculpt.pipeline.flow."):  # ours is decided by its data alone
+        document.origin = (plugin.name, plugin.version, name)
     return document
 
 
@@ -176,7 +175,7 @@ def _value(p: Parameter, value: Any, clock: Clock) -> Any:
 def _check_name(word: str) -> str:
     if not word.isidentifier() or word in {*NAMES, *CONSTANTS, *FUNCTIONS}:
         rule = "it is not a word, or has a meaning"
-        raise finding(f"{shortened(word)} cannot name a number: {rule}. Choose another.")
+        raise finding(f"{quote(word)} cannot name a number: {rule}. Choose another.")
     return word
 
 
@@ -209,7 +208,7 @@ class FormulaDocument(FlowParameters):
         """`formula: [a, b, c]` is `formula: {velocity: [a, b, c]}`."""
         given = value.get("velocity", []) if isinstance(value, dict) else value
         if isinstance(given, str | int | float):
-            raise finding(f"formula: {shortened(given)} is not a list of three, such as [-y, x, 0]")
+            raise finding(f"formula: {quote(given)} is not a list of three, such as [-y, x, 0]")
         return {"velocity": value} if isinstance(value, list) else value
 
     @classmethod
@@ -290,31 +289,6 @@ class WindDocument(FlowParameters):
         return {"through": tuple(vector(point) for point in self.through)}
 
 
-class SampledDocument(FlowParameters):
-    """Samples from files, which are read with the shot, so that their mistakes are reported with it."""
-
-    flow = Sampled
-
-    file: Annotated[str, ParameterDoc("where the samples are; with a * a sequence of files")]
-    array: Annotated[
-        str | None, ParameterDoc("the name of the velocities in a VTK file that holds several")
-    ] = None
-    interval: Annotated[Positive, ParameterDoc("from file to file", "s")] = 1.0
-
-    _samples: Samples = PrivateAttr()
-
-    @model_validator(mode="after")
-    def _are_readable(self, info: ValidationInfo) -> Self:
-        context = ParseContext.of(info)
-        paths = context.files(self.file)
-        self._samples = as_finding(lambda: read_samples(paths, self.array, float(self.interval)))
-        context.digests.update(zip(paths, self._samples.digests, strict=True))
-        return self
-
-    def own_values(self, clock: Clock) -> dict[str, Any]:
-        return {"samples": self._samples}
-
-
 class PythonDocument(FlowParameters):
     """A Python function, which is only parsed here; running it needs permission."""
 
@@ -338,7 +312,7 @@ class PythonDocument(FlowParameters):
     def _is_a_name(cls, function: str) -> str:
         if not function.isidentifier():
             remedy = "write it as in the file, without brackets"
-            raise finding(f"{shortened(function)} names no function; {remedy}.")
+            raise finding(f"{quote(function)} names no function; {remedy}.")
         return function
 
     @model_validator(mode="after")
@@ -347,7 +321,7 @@ class PythonDocument(FlowParameters):
         self._path, self._allowed = context.file(self.file), context.allow_code
         self._digest = context.digests[self._path]
         self._reads = {path: context.digests[path] for path in map(context.file, self.reads)}
-        code = as_finding(lambda: read_input(self._path, MOST_CODE))
+        code = as_finding(lambda: InputFile(self._path, MOST_CODE).content())
         try:
             ast.parse(code, str(self._path))
         except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
@@ -367,7 +341,6 @@ _WRITTEN_OUT: dict[str, type[FlowParameters]] = {
     "curl_noise": CurlNoiseDocument,
     "attraction": AttractionDocument,
     "wind": WindDocument,
-    "sampled": SampledDocument,
     "python": PythonDocument,
 }
 

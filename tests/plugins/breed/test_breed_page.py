@@ -11,8 +11,7 @@ import pytest
 from playwright.sync_api import Browser
 
 from flowsculpt.pipeline.plugins.breed.generation_page import PageChild, next_name, page_text, read_choice
-from tests.plugins.review.conftest import browser as browser  # Chromium; marks its tests as slow
-from tests.plugins.review.looker import flaws
+from tests.page_flaws import flaws
 
 RECORD = {"name": "cube_1", "generation": 1, "seed": 4, "change": 0.3, "parents": [{}], "children": []}
 

@@ -15,7 +15,6 @@ from flowsculpt.pipeline.animation import MeshFrame, animate, material_of
 from flowsculpt.pipeline.arrays import AnyArray
 from flowsculpt.pipeline.errors import MeshError, MissingInputError, ShotError
 from flowsculpt.pipeline.mesh import TriangleMesh, box
-from flowsculpt.pipeline.plugins.authoring.shot_templates import model_template, shot_of_flow
 from flowsculpt.pipeline.plugins.interchange.exported_frame import exported_frame
 from flowsculpt.pipeline.plugins.interchange.model_paint import ModelPaint
 from flowsculpt.pipeline.production.request.shading import Shading
@@ -24,7 +23,6 @@ from flowsculpt.render.base.serialise import to_plain
 from flowsculpt.render.scene.materials import Diffuse, Painted, Satin
 from flowsculpt.render.scene.painted_faces import PaintedFaces
 from flowsculpt.render.scene.surface import Surface
-from flowsculpt.render.scene.vertex_colours import vertex_colours
 from tests.plugins.interchange.gltf_scenes import GltfScene
 from tests.plugins.interchange.test_gltf_files import version_1
 
@@ -379,7 +377,7 @@ def test_vertex_colours_of_a_gltf_file_are_linear_and_multiply_its_factor(tmp_pa
     assert paint.colours == pytest.approx(np.broadcast_to([0.2, 0.1, 1.0], paint.colours.shape))
     flat = np.zeros_like(frame.mesh.vertices, np.float32)
     surface = Surface(flat, flat, frame.mesh.faces, rest=flat, paint=paint)
-    found = vertex_colours(surface, shot.picture.look)
+    found = shot.picture.look.vertex_colours(surface)
     assert found == pytest.approx(np.broadcast_to([0.2, 0.1, 1.0], flat.shape))
 
 
@@ -500,6 +498,8 @@ def test_every_position_of_a_chart_is_painted_in_one_way() -> None:
 
 
 def test_a_new_shot_of_a_painted_model_shows_its_paint(tmp_path: Path) -> None:
+    from flowsculpt.pipeline.plugins.authoring.shot_templates import model_template, shot_of_flow
+
     model = painted_box(tmp_path)
     assert ", paint: on}" in (text := shot_of_flow("twist", "A", model_template(model, "box.obj")))
     assert re.search("\nlook: model +# or {material: clay", text)

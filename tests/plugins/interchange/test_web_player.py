@@ -27,7 +27,7 @@ from flowsculpt.pipeline.plugins.interchange.web_player import (
 )
 from flowsculpt.pipeline.production.request.framing import Framing
 from flowsculpt.pipeline.shot import read_shot
-from flowsculpt.render.base.input_files import digest_of_file
+from flowsculpt.render.base.input_files import InputFile
 from flowsculpt.render.graphics.three_js import installed_file
 from flowsculpt.render.post.image import read_png, write_png
 from flowsculpt.render.scene.materials import Diffuse, Painted
@@ -37,12 +37,9 @@ from flowsculpt.render.scene.scene_lights import LightRig, Sky, Softbox
 from flowsculpt.render.scene.scene_stage import StagePlacement
 from flowsculpt.render.scene.texture_projection import TextureProjection
 from flowsculpt.render.scene.textures import Texture
+from tests.chromium import LIMIT, wait_for
+from tests.page_flaws import flaws
 from tests.plugins.interchange.moving_meshes import moving, painted
-from tests.plugins.review.chromium import LIMIT, wait_for
-from tests.plugins.review.conftest import browser
-from tests.plugins.review.looker import flaws
-
-__all__ = ["browser"]
 
 SHOT = """\
 title: Twisted <b>
@@ -258,7 +255,7 @@ def test_each_material_of_a_model_shows_its_picture_or_colour(browser: Browser, 
     write_png(tmp_path / "a.png", pixels)
     write_png(tmp_path / "flat.png", np.full((4, 4, 3), (128, 128, 255), np.uint8))
     texture, flat = (
-        Texture.of(str(path), digest_of_file(path), space)
+        Texture.of(str(path), InputFile(path).digest(), space)
         for path, space in ((tmp_path / "a.png", None), (tmp_path / "flat.png", "data"))
     )
     more = {"normal_texture": flat, "projection": TextureProjection("model")}

@@ -10,17 +10,18 @@ import struct
 import zlib
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn
 from xml.etree import ElementTree
 
 import numpy as np
 
-from flowsculpt.pipeline.arrays import AnyArray, Floats
-from flowsculpt.pipeline.errors import FlowsculptError, UsageError, brief, printable, reason_of, suggestion
-from flowsculpt.pipeline.file_contents import Archive
-from flowsculpt.render.base.input_files import read_input
+from flowsculpt import FlowsculptError, UsageError
+from flowsculpt.api import reason_of, shorten, suggest
+from flowsculpt.api.files import Archive, InputFile
+from flowsculpt.api.flows import Samples
+from flowsculpt.api.meshes import Floats
 
 MAX_BYTES = 8 << 30  # memory for the samples of a field, or of a sequence
 
@@ -39,7 +40,9 @@ def _size(count: int) -> str:
 NAMES = ("x", "y", "z", "t", "velocity")
 
 
-def read_npz(file: Path, content: bytes, most: int = MAX_BYTES) -> tuple[list[AnyArray], AnyArray, AnyArray]:
+def read_npz(
+    file: Path, content: bytes, most: int = MAX_BYTES
+) -> tuple[list[np.ndarray], np.ndarray, np.ndarray]:
     """Return arrays x, y, z; times; and velocity (T, X, Y, Z, 3), (X, Y, Z, 3) in a file without t.
 
     most  bytes of all arrays as float64; checked by their headers before anything is unpacked
@@ -49,7 +52,7 @@ def read_npz(file: Path, content: bytes, most: int = MAX_BYTES) -> tuple[list[An
     archive = Archive(content)
     missing = [name for name in NAMES if name != "t" and name not in archive.names]
     if missing:
-        hint = suggestion(missing[0], sorted(archive.names)) if archive.names else "It is empty."
+        hint = suggest(missing[0], sorted(archive.names)) if archive.names else "It is empty."
         raise UsageError(f"{file}: array {missing[0]} is missing; a field has x, y, z and velocity. {hint}")
     names = [name for name in NAMES if name in archive.names]
     headers = [archive.header(name) for name in names]
@@ -166,12 +169,12 @@ class _Grid:
         matches = [element for element in vectors if wanted is None or element.get("Name") == wanted]
         if len(matches) != 1:
             names = [element.get("Name", "?") for element in vectors]
-            what = f"no array {brief(printable(wanted))} of" if wanted and not matches else "not one array of"
-            hint = f" There are: {', '.join(map(printable, names))}." if names else ""
+            what = f"no array {shorten(wanted)} of" if wanted and not matches else "not one array of"
+            hint = f" There are: {', '.join(names)}." if names else ""
             raise UsageError(f"{self.file}: there is {what} three components at its points.{hint}")
         return matches[0]
 
-    def numbers(self, element: ElementTree.Element, most: int) -> AnyArray:
+    def numbers(self, element: ElementTree.Element, most: int) -> np.ndarray:
         """Return the values of a DataArray, flat; of compressed ones hardly more than `most` are unpacked."""
         kind = _TYPES.get(element.get("type", ""))
         if kind is None:
@@ -252,31 +255,6 @@ FORMATS = (".vti", ".vtr", ".npz")
 MAX_SPEED = 1e12  # the limit of any number in a shot file: squares and sums of such numbers stay finite
 
 
-@dataclass(frozen=True)
-class Samples:
-    """Velocities at the nodes of a grid, at one time or several: equal contents of files, equal samples.
-
-    axes      three float64 arrays, each ascending and of two numbers or more
-    times     (T,) seconds, ascending
-    velocity  float64 (T, X, Y, Z, 3)
-    digests   SHA-256 of each file
-    array     the name of the velocities in VTK files; None: the file's only vectors
-    interval  seconds from file to file
-    """
-
-    axes: tuple[Floats, Floats, Floats] = field(compare=False, repr=False)
-    times: Floats = field(compare=False, repr=False)
-    velocity: Floats = field(compare=False, repr=False)
-    digests: tuple[str, ...]
-    array: str | None = None
-    interval: float = 1.0
-
-    @property
-    def digest(self) -> str:
-        """The digest of all files together."""
-        return hashlib.sha256("".join(self.digests).encode()).hexdigest()
-
-
 def read_samples(files: tuple[Path, ...], array: str | None = None, interval: float = 1.0) -> Samples:
     """Return the samples of one file, or of a sequence of files `interval` seconds apart.
 
@@ -300,7 +278,7 @@ _LAST: dict[tuple[tuple[Path, ...], str | None, float], Samples] = {}
 
 
 def _is_unchanged(file: Path, digest: str) -> bool:
-    return hashlib.sha256(read_input(file, MAX_BYTES)).hexdigest() == digest
+    return hashlib.sha256(InputFile(file, MAX_BYTES).content()).hexdigest() == digest
 
 
 def _read(files: tuple[Path, ...], array: str | None, interval: float) -> Samples:
@@ -329,7 +307,7 @@ def _read_file(file: Path, array: str | None) -> tuple[tuple[Floats, Floats, Flo
         raise UsageError(
             f"{file}: {file.suffix or 'no suffix'} is not a format of fields; use {', '.join(FORMATS)}"
         )
-    content, times, is_npz = read_input(file, MAX_BYTES), np.zeros(1), file.suffix.lower() == ".npz"
+    content, times, is_npz = InputFile(file, MAX_BYTES).content(), np.zeros(1), file.suffix.lower() == ".npz"
     if is_npz and array is not None:
         raise UsageError(
             f"{file}: array {array} does not apply; in .npz the array is velocity. Leave out array."
@@ -367,7 +345,7 @@ def reading(file: Path, kind: str) -> Iterator[None]:
         raise UsageError(f"{file}: it cannot be read as {kind} ({reason_of(error)})") from error
 
 
-def require_valid(file: Path, axes: list[AnyArray], times: AnyArray, velocity: AnyArray) -> None:
+def require_valid(file: Path, axes: list[np.ndarray], times: np.ndarray, velocity: np.ndarray) -> None:
     """Raise UsageError unless axes and times ascend, and velocities fit them and are finite numbers."""
     for name, axis in zip("xyzt", [*axes, times], strict=True):
         least = 1 if name == "t" else 2
