@@ -4,14 +4,12 @@ class Grid {
   constructor(element, review, wedges) {
     Object.assign(this, { element, review });
     const own = review.sequences.filter((each) => each.kind !== "wedge");
-    this.groups = wedges.map((wedge) => ({
-      title: `${review.isAlone ? "" : `${wedge.shot} · `}${wedge.name}`,
-      columns: wedge.columns,
-      cells: wedge.cells.map((index, i) => [review.sequences[index], wedge.captions[i].map((line) => line.join(" ")).join(", ")]),
-    }));
-    if (own.length > 1) {
-      this.groups.push({ title: "Renders and versions", columns: Math.ceil(Math.sqrt(own.length)), cells: own.map((each) => [each, each.name(review.isAlone)]) });
-    }
+    const groupOf = (title, cells, columns) => ({ title, cells, columns: columns ?? Math.ceil(Math.sqrt(cells.length)) });
+    this.groups = wedges.map(({ shot, name, columns, cells, captions }) => {
+      const words = captions.map((lines) => lines.map((line) => line.join(" ")).join(", "));
+      return groupOf(review.isAlone ? name : `${shot} · ${name}`, cells.map((index, i) => [review.sequences[index], words[i]]), columns);
+    });
+    if (own.length > 1) this.groups.push(groupOf("Renders and versions", own.map((each) => [each, each.name(review.isAlone)])));
   }
 
   get isUseful() { return this.groups.length > 0; }
