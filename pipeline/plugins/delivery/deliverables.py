@@ -25,10 +25,10 @@ from flowsculpt.api.frames import (
     Edit,
     FrameRange,
     FrameRate,
-    History,
     PictureKeys,
     PipelineStage,
     RenderRequest,
+    Runs,
     Store,
     StoredFiles,
     key_of,
@@ -83,7 +83,7 @@ class FrameReader:
         self._relit = None if relit is None else relit_version(request, store, relit)
         self.keys: PictureKeys | None = request.keys.pictures(store)
         self.version = f"relit {relit}" if relit else _version(request, store, self.keys)
-        history = History.of(store.root).failed(request.folders.name, STAGES, request.quality_name)
+        history = Runs(store.root).history().failed(request.folders.name, STAGES, request.quality_name)
         latest = {n: message for (shot, n), message in failures.items() if shot == request.folders.title}
         self._reasons = {**history, **latest}
 

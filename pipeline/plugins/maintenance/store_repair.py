@@ -19,10 +19,10 @@ from flowsculpt import FlowsculptError
 from flowsculpt.api.commands import Project
 from flowsculpt.api.files import remove_file
 from flowsculpt.api.frames import (
-    STAGES,
     Edit,
     FrameRange,
     PictureKeys,
+    PipelineStage,
     Plan,
     QualityName,
     RenderRequest,
@@ -34,7 +34,7 @@ from flowsculpt.api.frames import (
 from flowsculpt.api.options import DEFAULT_QUALITY
 from flowsculpt.pipeline.plugins.maintenance.verify import ShownFile, StoredFile, inode, shown_files
 
-FORMS = tuple(name for name, stage in STAGES.items() if stage.makes == name)
+FORMS = tuple(name for name, stage in PipelineStage.all().items() if stage.makes == name)
 """Forms of stills, whose stages are named like the kinds of files that they write."""
 
 Film = tuple[Edit, list[RenderRequest]]

@@ -16,14 +16,7 @@ from pathlib import Path
 from flowsculpt import MachineError, MissingInputError
 from flowsculpt.api import ShotExtras
 from flowsculpt.api.files import InputFile
-from flowsculpt.api.frames import (
-    CorruptFileError,
-    FrameRange,
-    PublishedVersion,
-    RootFolders,
-    Store,
-    StoredFiles,
-)
+from flowsculpt.api.frames import FrameRange, PublishedVersion, RootFolders, Store, StoredFiles
 from flowsculpt.api.shots import is_there
 
 
@@ -117,7 +110,7 @@ def verify_shown(
         try:
             if inode(path) not in linked:
                 store.digests.check(path)
-        except (CorruptFileError, OSError) as error:
+        except (*StoredFiles.DAMAGED, OSError) as error:
             refusal = _refusal(path, error)
             return ShownFile(path, str(error).removeprefix(f"{path}: ") if refusal is None else None, refusal)
         return ShownFile(path, None)
@@ -210,10 +203,10 @@ def published_files(store: Store) -> Iterator[PublishedFile]:
 def _fault_of_record(store: Store, path: Path) -> str | None:
     try:
         store.digests.check(path)
-    except CorruptFileError as error:
-        return str(error).removeprefix(f"{path}: ")
     except OSError as error:
         return str(MachineError.of_path(path, error, "read")).removeprefix(f"{path}: ")
+    except StoredFiles.DAMAGED as error:
+        return str(error).removeprefix(f"{path}: ")
     return None
 
 

@@ -24,10 +24,9 @@ from flowsculpt.api import ShotExtras
 from flowsculpt.api.commands import Project
 from flowsculpt.api.files import disk_errors, make_folder, remove_file
 from flowsculpt.api.frames import (
-    History,
-    LatestTimings,
     PictureSequence,
     RenderRequest,
+    Runs,
     SequenceGrid,
     SequenceQuery,
     Show,
@@ -60,12 +59,11 @@ class Search:
 
     project: Project
     qualities: tuple[str, ...]
-    history: History
 
     def shot(self, name: str) -> ShotMaterial:
         """Return the material of a shot. Raises MissingInputError if nothing is rendered, or ShotError."""
         path = Show().find_shot(name)
-        query = SequenceQuery(self.project, path, self.qualities, self.history)
+        query = SequenceQuery(self.project, path, self.qualities)
         found = [each for extras in ShotExtras.of_plugins().values() for each in extras.sequences(query)]
         grids = tuple(each for each in found if isinstance(each, SequenceGrid))
         single = [query.rendered(request, "render", request.quality_name) for request in query.requests()]
@@ -241,7 +239,7 @@ class ReviewPage:
         """Return seconds by stage and frame; none for relit frames, which take none of these stages."""
         if sequence.kind == "relit":
             return {}
-        seconds = self._latest.by_stage(sequence.subject, sequence.shot, sequence.quality, TIMED_STAGES)
+        seconds = self._runs.timings.by_stage(sequence.subject, sequence.shot, sequence.quality, TIMED_STAGES)
         if sequence.kind == "version":
             seconds.pop("finish", None)  # the logs hold those of the shot's present frames
         seconds["render"] = {
@@ -257,8 +255,8 @@ class ReviewPage:
         return list(dict.fromkeys(each.shot_text for each in self.sequences if each.shot_text is not None))
 
     @cached_property
-    def _latest(self) -> LatestTimings:
-        return LatestTimings(self.store.root)
+    def _runs(self) -> Runs:
+        return Runs(self.store.root)
 
     def _wedges(self) -> list[dict[str, Any]]:
         indices = {id(sequence): index for index, sequence in enumerate(self.sequences)}

@@ -15,7 +15,7 @@ import psutil
 
 from flowsculpt import MissingInputError, UsageError
 from flowsculpt.api.files import CachedAnswer, InputFile, from_plain, to_plain
-from flowsculpt.api.frames import STAGES, PublishedVersion, QualityName, RootFolders, ShotSource
+from flowsculpt.api.frames import PipelineStage, PublishedVersion, QualityName, RootFolders, ShotSource
 from flowsculpt.api.shots import NAME, is_there
 
 FILE = "provenance.json"
@@ -230,7 +230,7 @@ def packages() -> dict[str, str]:
 
 def stage_versions() -> dict[str, int]:
     """Return the versions of the stages that a published version comes from."""
-    return {name: STAGES[name].version for name in _STAGES}
+    return {name: PipelineStage.all()[name].version for name in _STAGES}
 
 
 def host() -> dict[str, Any]:
