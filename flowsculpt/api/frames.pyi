@@ -18,7 +18,6 @@ from flowsculpt.pipeline.production.request.framing import BoundingSpheres as Bo
 from flowsculpt.pipeline.production.request.framing import Framer as Framer
 from flowsculpt.pipeline.production.request.framing import Framing as Framing
 from flowsculpt.pipeline.production.request.keys import FrameKeys as FrameKeys
-from flowsculpt.pipeline.production.request.keys import PictureKeys as PictureKeys
 from flowsculpt.pipeline.production.request.lookup import QualityName as QualityName
 from flowsculpt.pipeline.production.request.lookup import Show as Show
 from flowsculpt.pipeline.production.request.render_request import FrameSource as FrameSource
@@ -30,7 +29,6 @@ from flowsculpt.pipeline.production.shot_extras import PublishedVersion as Publi
 from flowsculpt.pipeline.production.stages import PipelineStage as PipelineStage
 from flowsculpt.pipeline.production.store.locks import Locks as Locks
 from flowsculpt.pipeline.production.store.paths import Folders as Folders
-from flowsculpt.pipeline.production.store.paths import RootFolders as RootFolders
 from flowsculpt.pipeline.production.store.readers import StoredFiles as StoredFiles
 from flowsculpt.pipeline.production.store.remote_store import use_store as use_store
 from flowsculpt.pipeline.production.store.store import Store as Store

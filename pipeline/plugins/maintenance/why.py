@@ -17,9 +17,9 @@ from typing import Any
 
 from flowsculpt import FlowsculptError
 from flowsculpt.api.frames import (
+    FrameKeys,
     FrameRange,
     KnownPictures,
-    PictureKeys,
     PipelineStage,
     RenderRequest,
     Runs,
@@ -204,7 +204,7 @@ class _Frame:
         return KnownPictures(self.request, self.store)
 
     @property
-    def _keys(self) -> PictureKeys | None:
+    def _keys(self) -> Mapping[int, FrameKeys] | None:
         """The keys of its pictures; None where its cameras are not framed yet."""
         return self._known.keys if self._known.is_framed else None
 

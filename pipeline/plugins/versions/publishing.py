@@ -36,7 +36,6 @@ from flowsculpt.api.frames import (
     FrameKeys,
     FrameRange,
     Locks,
-    PictureKeys,
     PictureSequence,
     PipelineStage,
     RenderRequest,
@@ -212,7 +211,7 @@ class Release:
         """Return the files of frames that the store need not have."""
         return {}
 
-    def _rendered(self, numbers: Collection[int]) -> PictureKeys:
+    def _rendered(self, numbers: Collection[int]) -> Mapping[int, FrameKeys]:
         """Return keys of frames. Raises MissingInputError or UsageError if some of these are not current."""
         request, store = self.request, self.store
         keys = request.keys.pictures(store, numbers)
