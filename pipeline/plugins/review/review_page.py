@@ -111,7 +111,7 @@ class ReviewPage:
     layers: int = 0
 
     @cached_property
-    def three_js_script(self) -> tuple[str, str]:
+    def three_js(self) -> tuple[str, str]:
         """The text of three.js, which draws the 3-D view, and why the page has none; one of them is empty."""
         try:
             return three_js_script("the page has no 3-D view"), ""
