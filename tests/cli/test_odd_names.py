@@ -22,7 +22,7 @@ OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 def test_a_root_whose_name_breaks_the_line_is_refused(
     project: ProjectFolder, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    done = project.call("--root", "two\nlines", "status")
+    done = project.call("--root", "two\nlines", "simulate", "T010_tiny")
     said = done.err + capfd.readouterr().err
     assert done.code == 2 and "two\\nlines': a line break" in said and said.count("\n") == 1
 

@@ -8,7 +8,6 @@ softboxes cast shadows and are seen in reflections, and light becomes display va
 from __future__ import annotations
 
 import base64
-import html
 import json
 import math
 import zlib
@@ -21,7 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flowsculpt.api.files import disk_errors
+from flowsculpt.api.files import disk_errors, single_page
 from flowsculpt.api.frames import Framing
 from flowsculpt.api.materials import LightRig, Material
 from flowsculpt.api.meshes import Floats
@@ -36,7 +35,7 @@ from flowsculpt.pipeline.plugins.interchange.exported_materials import (
 )
 from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh
 
-PARTS = files("flowsculpt.pipeline.plugins.interchange")
+PAGE = files("flowsculpt.pipeline.plugins.interchange") / "player"
 
 _TABLE = 33  # colours along each side of the view's table
 
@@ -71,16 +70,8 @@ class WebPage:
         """Write the page. Raises MissingInputError without three.js, MachineError where the disk refuses."""
         blobs = _Blobs()
         script = blobs.add(require_three_js().encode())
-        facts = self._facts(blobs)
-        text = _part("web_player.html")
-        for name, content in (
-            ("title", html.escape(self.shot.heading)),
-            ("style", _part("web_player.css")),
-            ("facts", json.dumps({**facts, "three": script}).replace("<", "\\u003c")),
-            ("blobs", json.dumps(blobs.packed)),
-            ("script", _part("web_player.js")),
-        ):
-            text = text.replace(f"[[{name}]]", content)
+        data = {"facts": {**self._facts(blobs), "three": script}, "blobs": blobs.packed}
+        text = single_page(PAGE, self.shot.heading, {name: json.dumps(part) for name, part in data.items()})
         with disk_errors(path):
             path.write_text(text, encoding="utf-8")
 
@@ -152,10 +143,6 @@ class _Blobs:
         held = content if isinstance(content, bytes) else np.ascontiguousarray(content).tobytes()
         self.packed.append(base64.b64encode(zlib.compress(held, 9)).decode("ascii"))
         return len(self.packed) - 1
-
-
-def _part(name: str) -> str:
-    return (PARTS / name).read_text(encoding="utf-8")
 
 
 def _camera(framing: Framing) -> list[float] | None:

@@ -22,7 +22,7 @@ from typing import Any
 from flowsculpt import MissingInputError
 from flowsculpt.api import ShotExtras
 from flowsculpt.api.commands import Project
-from flowsculpt.api.files import disk_errors, make_folder, remove_file
+from flowsculpt.api.files import disk_errors, make_folder, page_script, page_style, remove_file
 from flowsculpt.api.frames import (
     PictureSequence,
     RenderRequest,
@@ -84,7 +84,7 @@ def _order(sequence: PictureSequence) -> int:
     return KINDS.index(sequence.kind) if sequence.kind in KINDS else len(KINDS)
 
 
-SOURCES = (files("flowsculpt.pipeline.plugins.review") / "page", files("flowsculpt.pipeline") / "web")
+PAGE = files("flowsculpt.pipeline.plugins.review") / "page"
 
 Tell = Callable[[], None]
 
@@ -163,9 +163,9 @@ class ReviewPage:
             "three": "three.js" if script else None,
             "hint": hint,
         }
-        for source in (file for folder in SOURCES for file in folder.iterdir()):
-            path = self.index if source.name == self.index.name else self.folder / "page" / source.name
-            self._write(path, source.read_bytes())
+        self._write(self.index, (PAGE / "index.html").read_bytes())
+        self._write(self.folder / "page" / "page.css", page_style(PAGE).encode())
+        self._write(self.folder / "page" / "page.js", page_script(PAGE).encode())
         if script:
             self._write(self.folder / "three.js", f"window.reviewThree = {_json(script)};\n".encode())
         self._write(self.folder / "data.js", f"window.reviewData = {_json(data)};\n".encode())
@@ -180,6 +180,7 @@ class ReviewPage:
             ("scopes", scopes),
             ("models", models | moving),
             ("layers", layers),
+            ("page", {"page.css", "page.js"}),
         ):
             _keep(self.folder / folder, names)
         return {
