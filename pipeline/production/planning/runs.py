@@ -5,14 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import ClassVar
 
 from flowsculpt.pipeline.errors import FlowsculptError
 from flowsculpt.pipeline.production.planning.plan import Plan
+from flowsculpt.pipeline.production.planning.timings import LatestTimings
 from flowsculpt.pipeline.production.request.lookup import QualityName
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.store.event_log import RUNS, EventLog, EventReader, logs_of
+from flowsculpt.pipeline.production.store.history import History
 from flowsculpt.pipeline.production.store.paths import DONE, EVENTS, LOGS, PLANS
 from flowsculpt.render.base.root_files import remove_tree
 from flowsculpt.render.base.serialise import from_plain
@@ -34,6 +37,15 @@ class Runs:
     def folder(self) -> Path:
         """The folder of their event logs."""
         return self.root / EVENTS
+
+    @cached_property
+    def timings(self) -> LatestTimings:
+        """The time that frames took when they were last made."""
+        return LatestTimings(self.root)
+
+    def history(self) -> History:
+        """Read the history of frames: which were made, failed, or are being made."""
+        return History.of(self.root)
 
     def logged(self) -> list[str]:
         """Return the names of runs with an event log, the latest last."""

@@ -120,13 +120,14 @@ class ShotManifest:
         """True for all projections but a perspective."""
         return self.projection[0] != "perspective"
 
-    def in_perspective(self) -> ShotManifest:
-        """Return that of the shot in perspective, in the usual sizes; itself if it is not wide."""
+    def only_turned(self) -> ShotManifest:
+        """Return that of the shot turned before a still camera: in perspective, and nothing else it has."""
+        rest = replace(self, sounds=(), overrides=(), restyled=(), stages={}, loop=None)
         if not self.is_wide:
-            return self
+            return rest
         from flowsculpt.render.scene.render_camera import PERSPECTIVE  # numpy, which planning does without
 
-        return replace(self, projection=astuple(PERSPECTIVE), qualities=flat_qualities(self.qualities))
+        return replace(rest, projection=astuple(PERSPECTIVE), qualities=flat_qualities(self.qualities))
 
     def is_blurred(self, number: int) -> bool:
         """Tell whether the shutter of a frame is open for some time."""
