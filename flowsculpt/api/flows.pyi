@@ -19,11 +19,13 @@ from flowsculpt.pipeline.flow.parameters import Number as Number
 from flowsculpt.pipeline.flow.parameters import Parameter as Parameter
 from flowsculpt.pipeline.flow.parameters import ParameterDoc as ParameterDoc
 from flowsculpt.pipeline.flow.parameters import PositiveNumber as PositiveNumber
+from flowsculpt.pipeline.flow.parameters import ValueRange as ValueRange
 from flowsculpt.pipeline.flow.parameters import number_at as number_at
 from flowsculpt.pipeline.flow.parameters import vector_at as vector_at
 from flowsculpt.pipeline.flow.regions import TriangleTree as TriangleTree
 from flowsculpt.pipeline.flow.regions import with_distances as with_distances
 from flowsculpt.pipeline.flow.streamlines import StepPlan as StepPlan
 from flowsculpt.pipeline.flow.velocity import ExternalField as ExternalField
+from flowsculpt.pipeline.flow.velocity import StableProperty as StableProperty
 from flowsculpt.pipeline.kernels import block_kernel as block_kernel
 from flowsculpt.pipeline.kernels import kernel as kernel

@@ -82,13 +82,6 @@ class TriangleTree:
         return np.concatenate([self.memory, numbers.ravel()])
 
 
-def segments(points: Floats) -> Floats:
-    """Return the segments between points (P, 3) as triangles (P − 1, 3, 3); one point as a triangle."""
-    if len(points) == 1:
-        return np.repeat(points[None], 3, axis=1)
-    return np.stack([points[:-1], points[1:], points[1:]], axis=1)
-
-
 NODES = 64  # grid nodes along the longest side: they make lookups fast, not more exact
 
 FAR = 2.5

@@ -14,16 +14,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flowsculpt.pipeline.flow.catalogue.external_fields import (
-    FormulaField,
-    Sampled,
-    Samples,
-    Target,
-    Wind,
-)
+from flowsculpt.pipeline.flow.catalogue.external_fields import FormulaField, Sampled, Samples
 from flowsculpt.pipeline.flow.regions import ClosedSurface
 from flowsculpt.pipeline.kernels import BlockKernel
 from flowsculpt.pipeline.mesh import box, icosphere
+from flowsculpt.pipeline.plugins.fields.attraction import Target, Wind
 from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
 from tests.resample.films import FILMS
 

@@ -1,8 +1,4 @@
-"""External functions of velocity programs: turbulence, the nearest of triangles, and samples on a grid.
-
-Turbulence is the curl of a potential of gradient noise, with exact derivatives. Neighbours in a block mostly
-share a lattice cell. The gradients at its corners are drawn once for a run of points in one cell, and loops
-over the run have no branches, so that they compile to vector instructions.
+"""External functions of velocity programs: the nearest of triangles, and samples on a grid.
 
 Triangles are one flat array: a tree of boxes, eight numbers each, and then the triangles, nine each. A box
 has its lower corner 0:3, its upper corner 3:6, and 6 and 7: a leaf its first triangle and their count, any
@@ -20,164 +16,10 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import uint64
 
 from flowsculpt.pipeline.arrays import AnyArray, Floats
-from flowsculpt.pipeline.flow.kernels.instructions import BLOCK, doubles_at
+from flowsculpt.pipeline.flow.kernels.instructions import doubles_at
 from flowsculpt.pipeline.kernels import block_kernel, kernel
-
-_X, _Y, _Z = uint64(0x9E3779B97F4A7C15), uint64(0xC2B2AE3D27D4EB4F), uint64(0x165667B19E3779F9)
-_MOMENT, _OCTAVE = uint64(0xD6E8FEB86659FD93), uint64(0xA0761D6478BD642F)
-_FIRST, _SECOND = uint64(0xBF58476D1CE4E5B9), uint64(0x94D049BB133111EB)
-_BITS, _LAST = uint64(7), uint64(127)
-
-CORNERS, GRADIENTS = 8, 9  # corners of a cell; components of the gradients of three potentials at each
-
-PLACE, CURL, FADE, SLOPE = 0, 3 * BLOCK, 6 * BLOCK, 9 * BLOCK
-"""Starts of runs of three in the scratch numbers of a block; those of one axis are BLOCK apart.
-
-PLACE  position, lattice units; within the cell once its run is computed
-CURL   the result
-FADE   the fade of the position in the cell
-SLOPE  its derivative
-"""
-
-SCRATCH = 12 * BLOCK
-
-
-@kernel("u8(u8)", forceinline=True)
-def hash_bits(h: Any) -> Any:
-    """Return bits that each depend on all bits of `h` (finaliser of splitmix64: Steele, Lea & Flood 2014)."""
-    h = (h ^ (h >> uint64(30))) * _FIRST
-    h = (h ^ (h >> uint64(27))) * _SECOND
-    return h ^ (h >> uint64(31))
-
-
-@kernel("f8(f8)", forceinline=True)
-def fade(s: float) -> float:
-    """Return the fade at s, from 0 to 1 with three derivatives zero at the ends.
-
-    Perlin's quintic (*Improving Noise*, 2002) has two: the velocity gradient would have kinks, at which a
-    Runge-Kutta step of order 4 falls to order 3.
-    """
-    return s * s * s * s * (35.0 - s * (84.0 - s * (70.0 - s * 20.0)))
-
-
-@kernel("f8(f8)", forceinline=True)
-def fade_slope(s: float) -> float:
-    """Return the derivative of `fade`."""
-    r = s * (1.0 - s)
-    return 140.0 * r * r * r
-
-
-@kernel("f8(u8, i8)", forceinline=True)
-def component(h: int, n: int) -> float:
-    """Return component n of the gradients, −63.5 to 63.5: from seven bits of a hash."""
-    return float(np.int32((h >> (_BITS * uint64(n))) & _LAST)) - 63.5
-
-
-@kernel("void(f8, f8, f8, u8, u8, f8, f8, f8[::1])")
-def draw_gradients(
-    fx: float, fy: float, fz: float, now: int, next_draw: int, before: float, after: float, cell: Floats
-) -> None:
-    """Draw the gradients of three potentials at the corners of a cell, between two random draws in time."""
-    hx, hy, hz = uint64(int(fx)) * _X, uint64(int(fy)) * _Y, uint64(int(fz)) * _Z
-    for corner in range(CORNERS):
-        i, j, k = corner & 1, (corner >> 1) & 1, corner >> 2
-        lattice = (hx + uint64(i) * _X) ^ (hy + uint64(j) * _Y) ^ (hz + uint64(k) * _Z)
-        one, other = hash_bits(lattice ^ now), hash_bits(lattice ^ next_draw)
-        for n in range(GRADIENTS):
-            cell[GRADIENTS * corner + n] = before * component(one, n) + after * component(other, n)
-
-
-@kernel("void(f8[::1], f8, f8, f8, i8, i8, f8[::1])")
-def compute_run(
-    cell: Floats, fx: float, fy: float, fz: float, first: int, count: int, scratch: Floats
-) -> None:
-    """Compute the curl of three noises at a run of points in one cell, in lattice units.
-
-    A noise is the sum over the corners c of its cell of weight(x − c) · gradient(c) · (x − c); this is its
-    derivative, term by term.
-    """
-    s = scratch[first:]
-    for i in range(count):
-        x, y, z = s[PLACE + i] - fx, s[PLACE + BLOCK + i] - fy, s[PLACE + 2 * BLOCK + i] - fz
-        s[PLACE + i], s[PLACE + BLOCK + i], s[PLACE + 2 * BLOCK + i] = x, y, z
-        s[CURL + i], s[CURL + BLOCK + i], s[CURL + 2 * BLOCK + i] = 0.0, 0.0, 0.0
-        s[FADE + i], s[FADE + BLOCK + i], s[FADE + 2 * BLOCK + i] = fade(x), fade(y), fade(z)
-        s[SLOPE + i], s[SLOPE + BLOCK + i] = fade_slope(x), fade_slope(y)
-        s[SLOPE + 2 * BLOCK + i] = fade_slope(z)
-    for corner in range(CORNERS):
-        ix, iy, iz = float(corner & 1), float((corner >> 1) & 1), float(corner >> 2)
-        sx, sy, sz = 2.0 * ix - 1.0, 2.0 * iy - 1.0, 2.0 * iz - 1.0
-        o = GRADIENTS * corner
-        ax, ay, az, bx, by, bz = cell[o], cell[o + 1], cell[o + 2], cell[o + 3], cell[o + 4], cell[o + 5]
-        cx, cy, cz = cell[o + 6], cell[o + 7], cell[o + 8]
-        for i in range(count):
-            rx, ry, rz = s[PLACE + i] - ix, s[PLACE + BLOCK + i] - iy, s[PLACE + 2 * BLOCK + i] - iz
-            wx, wy = 1.0 - ix + sx * s[FADE + i], 1.0 - iy + sy * s[FADE + BLOCK + i]
-            wz = 1.0 - iz + sz * s[FADE + 2 * BLOCK + i]
-            gx, gy, gz = sx * s[SLOPE + i], sy * s[SLOPE + BLOCK + i], sz * s[SLOPE + 2 * BLOCK + i]
-            weight = wx * wy * wz
-            gx, gy, gz = gx * wy * wz, wx * gy * wz, wx * wy * gz
-            a = ax * rx + ay * ry + az * rz
-            b = bx * rx + by * ry + bz * rz
-            c = cx * rx + cy * ry + cz * rz
-            s[CURL + i] += gy * c + weight * cy - gz * b - weight * bz
-            s[CURL + BLOCK + i] += gz * a + weight * az - gx * c - weight * cx
-            s[CURL + 2 * BLOCK + i] += gx * b + weight * bx - gy * a - weight * ay
-
-
-@kernel("void(u8, u8, f8, f8, i8, f8[::1], f8[::1])")
-def compute_curl(
-    now: int, next_draw: int, before: float, after: float, count: int, cell: Floats, scratch: Floats
-) -> None:
-    """Compute the curl at the points of a block, one run of points in a cell after another."""
-    first = 0
-    while first < count:
-        fx, fy = np.floor(scratch[first]), np.floor(scratch[BLOCK + first])
-        fz, last = np.floor(scratch[2 * BLOCK + first]), first + 1
-        while (
-            last < count
-            and np.floor(scratch[last]) == fx
-            and np.floor(scratch[BLOCK + last]) == fy
-            and np.floor(scratch[2 * BLOCK + last]) == fz
-        ):
-            last += 1
-        draw_gradients(fx, fy, fz, now, next_draw, before, after, cell)
-        compute_run(cell, fx, fy, fz, first, last - first, scratch)
-        first = last
-
-
-@block_kernel
-def curl_noise(
-    numbers: Floats, count: int, x: Floats, y: Floats, z: Floats, t: float, u: Floats, v: Floats, w: Floats
-) -> None:
-    """Numbers: frequency 0 and speed 1 of the first octave, octaves 2, the factors on both per octave 3 4,
-    seed 5, age 6 (a new random draw at whole numbers).
-    """
-    moment = math.floor(numbers[6])
-    quarter = 0.5 * math.pi * fade(numbers[6] - moment)
-    before, after = math.cos(quarter), math.sin(quarter)
-    cell, scratch = np.empty(CORNERS * GRADIENTS), np.empty(SCRATCH)
-    for first in range(0, count, BLOCK):
-        many, frequency, speed = min(BLOCK, count - first), numbers[0], numbers[1]
-        for octave in range(int(numbers[2])):
-            seed = hash_bits(uint64(int(numbers[5])) + uint64(octave) * _OCTAVE)
-            now = seed ^ (uint64(int(moment)) * _MOMENT)
-            next_draw = seed ^ (uint64(int(moment) + 1) * _MOMENT)
-            for i in range(many):
-                scratch[PLACE + i] = frequency * x[first + i]
-                scratch[PLACE + BLOCK + i] = frequency * y[first + i]
-                scratch[PLACE + 2 * BLOCK + i] = frequency * z[first + i]
-            compute_curl(now, next_draw, before, after, many, cell, scratch)
-            for i in range(many):
-                u[first + i] += speed * scratch[CURL + i]
-                v[first + i] += speed * scratch[CURL + BLOCK + i]
-                w[first + i] += speed * scratch[CURL + 2 * BLOCK + i]
-            frequency *= numbers[3]
-            speed *= numbers[4]
-
 
 DEEPEST = 64
 """The size of the stack of boxes in a search; each box is halved, so that no tree is deeper."""
@@ -261,47 +103,6 @@ def nearest(
         stack[depth], stack[depth + 1] = two, one  # the nearer one is visited first
         depth += 2
     return best, found, best_s, best_r
-
-
-@block_kernel
-def attraction(
-    numbers: Floats, count: int, x: Floats, y: Floats, z: Floats, t: float, u: Floats, v: Floats, w: Floats
-) -> None:
-    """Numbers: address of the array 0, start of its triangles 1, rate 2, radius² 3."""
-    m, triangles, limit2 = doubles_at(int(numbers[0])), int(numbers[1]), numbers[3]
-    stack = np.empty(DEEPEST, np.int64)
-    for i in range(count):
-        d2, a, s, r = nearest(m, triangles, x[i], y[i], z[i], limit2, stack)
-        if a >= 0:
-            inside = 1.0 - d2 / limit2
-            rate = numbers[2] * inside * inside
-            u[i] += rate * (m[a] + s * (m[a + 3] - m[a]) + r * (m[a + 6] - m[a]) - x[i])
-            v[i] += rate * (m[a + 1] + s * (m[a + 4] - m[a + 1]) + r * (m[a + 7] - m[a + 1]) - y[i])
-            w[i] += rate * (m[a + 2] + s * (m[a + 5] - m[a + 2]) + r * (m[a + 8] - m[a + 2]) - z[i])
-
-
-@block_kernel
-def wind(
-    numbers: Floats, count: int, x: Floats, y: Floats, z: Floats, t: float, u: Floats, v: Floats, w: Floats
-) -> None:
-    """Numbers: address of the array 0, start of its triangles 1, speed 2, radius² 3, start of the tangents 4.
-
-    There are six numbers of tangents a segment, for its two ends.
-    """
-    m, triangles, limit2 = doubles_at(int(numbers[0])), int(numbers[1]), numbers[3]
-    tangents, stack = int(numbers[4]), np.empty(DEEPEST, np.int64)
-    for i in range(count):
-        d2, a, s, _ = nearest(m, triangles, x[i], y[i], z[i], limit2, stack)
-        if a >= 0:
-            d = tangents + (a - triangles) // 9 * 6
-            tx = m[d] + s * (m[d + 3] - m[d])
-            ty = m[d + 1] + s * (m[d + 4] - m[d + 1])
-            tz = m[d + 2] + s * (m[d + 5] - m[d + 2])
-            inside = 1.0 - d2 / limit2
-            speed = numbers[2] * inside * inside / max(math.sqrt(tx * tx + ty * ty + tz * tz), 1e-12)
-            u[i] += speed * tx
-            v[i] += speed * ty
-            w[i] += speed * tz
 
 
 CLAMP, ZERO, REPEAT = 0, 1, 2

@@ -6,11 +6,9 @@ Angles are degrees in the file and radians in the code.
 import ast
 import typing
 from dataclasses import MISSING
-from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self
 
-import numpy as np
 from pydantic import (
     AfterValidator,
     BeforeValidator,
@@ -28,12 +26,8 @@ from flowsculpt.pipeline.errors import reason_of, shortened
 from flowsculpt.pipeline.flow import Flow, VelocityField, catalogue
 from flowsculpt.pipeline.flow.catalogue.external_fields import (
     MAX_NUMBERS,
-    Attraction,
     FormulaField,
-    Target,
-    Wind,
 )
-from flowsculpt.pipeline.flow.catalogue.vortices import CurlNoise
 from flowsculpt.pipeline.flow.compiled_formulas import NAMES
 from flowsculpt.pipeline.flow.flow import MOST_CODE, PluginMap, PythonFlow
 from flowsculpt.pipeline.flow.parameters import (
@@ -46,7 +40,6 @@ from flowsculpt.pipeline.flow.parameters import (
 )
 from flowsculpt.pipeline.flow.velocity import PluginField
 from flowsculpt.pipeline.formula import CONSTANTS, FUNCTIONS
-from flowsculpt.pipeline.mesh.read import read_mesh
 from flowsculpt.pipeline.plugin import Plugin, plugins
 from flowsculpt.pipeline.plugin_contracts import require_class
 from flowsculpt.pipeline.shot.documents import curves
@@ -55,7 +48,6 @@ from flowsculpt.pipeline.shot.documents.field_types import (
     Axis,
     Document,
     NumberOrText,
-    OneOfSeveral,
     Positive,
     Real,
     Triple,
@@ -119,7 +111,7 @@ def _document_of_plugin(plugin: Plugin, name: str, flow: Any) -> type[FlowParame
         base, flow = flow, flow.flow
     require_class(flow, VelocityField, Flow)
     document = document_of(flow, base)
-    if not flow.__module__.startswith("flowsculpt.pipeline.flow."):  # ours is decided by its data alone
+    if plugin.version:
         document.origin = (plugin.name, plugin.version, name)
     return document
 
@@ -229,66 +221,6 @@ class FormulaDocument(FlowParameters):
         return self
 
 
-class CurlNoiseDocument(FlowParameters):
-    flow = CurlNoise
-
-
-class AttractionDocument(OneOfSeveral, FlowParameters):
-    """Attraction to points, a curve or a mesh."""
-
-    noun, several = "the target of attraction", ("points", "curve", "mesh")
-
-    flow = Attraction
-
-    points: Annotated[
-        list[Triple] | None, Field(min_length=1), ParameterDoc("the nearest of these attracts", "units")
-    ] = None
-    curve: Annotated[
-        list[Triple] | None,
-        Field(min_length=2),
-        ParameterDoc("a smooth curve through these attracts", "units"),
-    ] = None
-    mesh: Annotated[str | None, ParameterDoc("the surface in this file attracts")] = None
-    closed: Annotated[bool, ParameterDoc("joins the last point of the curve to the first")] = False
-    scale: Annotated[Positive, ParameterDoc("factor on the mesh")] = 1.0
-
-    _target: Target = PrivateAttr()
-
-    @model_validator(mode="after")
-    def _to_one(self, info: ValidationInfo) -> Self:
-        if self.points is not None:
-            self._target = Target.points(np.array(self.points))
-        elif self.curve is not None:
-            self._target = Target.curve(np.array(self.curve), self.closed)
-        else:
-            file = ParseContext.of(info).mesh(str(self.mesh))
-            self._target = as_finding(lambda: Target.surface(read_mesh(file), float(self.scale)))
-        return self
-
-    def own_values(self, clock: Clock) -> dict[str, Any]:
-        return {"target": self._target}
-
-
-class WindDocument(FlowParameters):
-    flow = Wind
-
-    through: Annotated[list[Triple], Field(min_length=2), ParameterDoc("points of the curve", "units")]
-
-    @field_validator("through")
-    @classmethod
-    def _has_directions(cls, through: list[list[float]]) -> list[list[float]]:
-        for point, following in pairwise(through):
-            if point == following:
-                raise finding(
-                    f"the curve goes through {point} twice in a row, so it has no direction there. "
-                    "Remove one."
-                )
-        return through
-
-    def own_values(self, clock: Clock) -> dict[str, Any]:
-        return {"through": tuple(vector(point) for point in self.through)}
-
-
 class PythonDocument(FlowParameters):
     """A Python function, which is only parsed here; running it needs permission."""
 
@@ -338,9 +270,6 @@ class PythonDocument(FlowParameters):
 
 _WRITTEN_OUT: dict[str, type[FlowParameters]] = {
     "formula": FormulaDocument,
-    "curl_noise": CurlNoiseDocument,
-    "attraction": AttractionDocument,
-    "wind": WindDocument,
     "python": PythonDocument,
 }
 
