@@ -9,7 +9,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 
 SAFE = {
-    "pipeline/flow/flow.py:_current": "each thread has its own",
+    "pipeline/plugins/python/python_flow.py:_current": "each thread has its own",
     "pipeline/plugins/fields/grid_files.py:_LAST": "replaced; a value taken is kept, read twice at worst",
     "pipeline/plugin.py:_LOADING": "changed by the thread that holds a lock",
     "pipeline/plugins/interchange/fbx_files.py:_SCENES": "only appended to, never read",

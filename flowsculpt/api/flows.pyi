@@ -8,7 +8,9 @@ from flowsculpt.pipeline.animation.flow_cost import flows_of as flows_of
 from flowsculpt.pipeline.animation.flow_cost import growth_warning as growth_warning
 from flowsculpt.pipeline.flow.catalogue.external_fields import Sampled as Sampled
 from flowsculpt.pipeline.flow.catalogue.external_fields import Samples as Samples
+from flowsculpt.pipeline.flow.flow import ForeignFlow as ForeignFlow
 from flowsculpt.pipeline.flow.flow import PluginMap as PluginMap
+from flowsculpt.pipeline.flow.flow import require_permission as require_permission
 from flowsculpt.pipeline.flow.flow_map import FlowMap as FlowMap
 from flowsculpt.pipeline.flow.flow_map import checked_displacement as checked_displacement
 from flowsculpt.pipeline.flow.kernels.external_kernels import DEEPEST as DEEPEST

@@ -79,13 +79,13 @@ class ShotManifest:
     @classmethod
     def of(cls, shot: Shot) -> ShotManifest:
         """Compile the manifest of a shot."""
-        from flowsculpt.pipeline.flow.flow import python_flows
+        from flowsculpt.pipeline.flow.flow import foreign_flows
 
         inputs, picture, clock = input_digests(shot.files), shot.picture, shot.motion.clock
         return cls(
             inputs=inputs,
             listings=_listings(inputs),
-            runs_python=any(True for part in shot.parts for _ in python_flows(part.motion.flow)),
+            runs_python=any(True for part in shot.parts for _ in foreign_flows(part.motion.flow)),
             frames=shot.frames.numbers,
             rate=str(shot.rate),
             shown_as=picture.display.data,

@@ -3,10 +3,8 @@
 Angles are degrees in the file and radians in the code.
 """
 
-import ast
 import typing
 from dataclasses import MISSING
-from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import (
@@ -14,22 +12,20 @@ from pydantic import (
     BeforeValidator,
     Field,
     GetJsonSchemaHandler,
-    PrivateAttr,
     ValidationInfo,
     create_model,
-    field_validator,
     model_validator,
 )
 from pydantic_core import CoreSchema
 
-from flowsculpt.pipeline.errors import reason_of, shortened
+from flowsculpt.pipeline.errors import shortened
 from flowsculpt.pipeline.flow import Flow, VelocityField, catalogue
 from flowsculpt.pipeline.flow.catalogue.external_fields import (
     MAX_NUMBERS,
     FormulaField,
 )
 from flowsculpt.pipeline.flow.compiled_formulas import NAMES
-from flowsculpt.pipeline.flow.flow import MOST_CODE, PluginMap, PythonFlow
+from flowsculpt.pipeline.flow.flow import ForeignFlow, PluginMap
 from flowsculpt.pipeline.flow.parameters import (
     Parameter,
     ParameterDoc,
@@ -56,8 +52,7 @@ from flowsculpt.pipeline.shot.documents.field_types import (
     vector,
 )
 from flowsculpt.pipeline.shot.motion import Clock
-from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext, as_finding, finding
-from flowsculpt.render.base.input_files import read_input
+from flowsculpt.pipeline.shot.yaml.document_validation import as_finding, finding
 
 
 class FlowParameters(Document):
@@ -75,10 +70,10 @@ class FlowParameters(Document):
 
     @classmethod
     def flow_kind(cls) -> str:
-        """Return what the flow is: a `velocity`, a `function` of a Python file, or another `map`."""
+        """Return what the flow is: a `velocity`, a `function` of a file, or another `map`."""
         if issubclass(cls.flow, VelocityField):
             return "velocity"
-        return "function" if issubclass(cls.flow, PythonFlow) else "map"
+        return "function" if issubclass(cls.flow, ForeignFlow) else "map"
 
     def build(self, clock: Clock) -> Any:
         """Return the flow; parameters that the file leaves out take the defaults of the code."""
@@ -221,61 +216,9 @@ class FormulaDocument(FlowParameters):
         return self
 
 
-class PythonDocument(FlowParameters):
-    """A Python function, which is only parsed here; running it needs permission."""
-
-    flow = PythonFlow
-
-    file: Annotated[str, ParameterDoc("a Python file")]
-    function: Annotated[str, ParameterDoc("the name of a function in it")]
-    reads: Annotated[
-        list[str],
-        Field(default_factory=list),
-        ParameterDoc("files that it opens; their contents decide frames too"),
-    ]
-
-    _path: Path = PrivateAttr()
-    _digest: str = PrivateAttr()
-    _allowed: bool = PrivateAttr()
-    _reads: dict[Path, str] = PrivateAttr(default_factory=dict)
-
-    @field_validator("function")
-    @classmethod
-    def _is_a_name(cls, function: str) -> str:
-        if not function.isidentifier():
-            remedy = "write it as in the file, without brackets"
-            raise finding(f"{shortened(function)} names no function; {remedy}.")
-        return function
-
-    @model_validator(mode="after")
-    def _is_python(self, info: ValidationInfo) -> Self:
-        context = ParseContext.of(info)
-        self._path, self._allowed = context.file(self.file), context.allow_code
-        self._digest = context.digests[self._path]
-        self._reads = {path: context.digests[path] for path in map(context.file, self.reads)}
-        code = as_finding(lambda: read_input(self._path, MOST_CODE))
-        try:
-            ast.parse(code, str(self._path))
-        except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
-            line = f" (line {error.lineno})" if isinstance(error, SyntaxError) and error.lineno else ""
-            reason = reason_of(error if not isinstance(error, SyntaxError) else ValueError(error.msg))
-            raise finding(f"{self._path}: this is not Python{line}: {reason}. Correct it there.") from None
-        return self
-
-    def own_values(self, clock: Clock) -> dict[str, Any]:
-        file = {"digest": self._digest, "path": self._path, "allowed": self._allowed}
-        opened = {"files": tuple(self._reads), "reads": tuple(self._reads.values())}
-        return {"function": self.function, **file, **opened}
-
-
-_WRITTEN_OUT: dict[str, type[FlowParameters]] = {
-    "formula": FormulaDocument,
-    "python": PythonDocument,
-}
-
 DOCUMENTS: dict[str, type[FlowParameters]] = {
     **{shot_name(flow): document_of(flow) for flow in catalogue.FLOWS},
-    **{name: document_of(base.flow, base) for name, base in _WRITTEN_OUT.items()},
+    "formula": document_of(FormulaField, FormulaDocument),
     **plugins().parts("flows", _document_of_plugin),
 }
 """The flows that a shot can name, in the order of the docs; those of plug-ins last."""

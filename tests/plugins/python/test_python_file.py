@@ -11,7 +11,8 @@ import pytest
 
 from flowsculpt.pipeline.errors import FrameError, UsageError
 from flowsculpt.pipeline.flow import Sequence, checked_displacement
-from flowsculpt.pipeline.flow.flow import PythonFlow, python_flows, require_permission
+from flowsculpt.pipeline.flow.flow import foreign_flows, require_permission
+from flowsculpt.pipeline.plugins.python.python_flow import PythonFlow
 from flowsculpt.render.base.input_files import digest_of_file
 
 POINTS = np.random.default_rng(0).normal(size=(5, 3))
@@ -80,7 +81,7 @@ def test_nothing_of_the_file_runs_without_permission(tmp_path: Path) -> None:
         flow.displace(POINTS, 0.0, 0.1)
     flow.cache_data(0.0, 0.1)
     assert not trap.exists()
-    assert list(python_flows(Sequence((flow, Sequence((flow,)))))) == [flow, flow]
+    assert list(foreign_flows(Sequence((flow, Sequence((flow,)))))) == [flow, flow]
 
 
 WRONG = {
