@@ -22,8 +22,14 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, Self, TypeVar
 
-from flowsculpt.pipeline.api_version import API, fault_of_fields, fault_of_version
-from flowsculpt.pipeline.plugin_contracts import ContractError, fault_of_types, require_class
+from flowsculpt.pipeline.plugin_contracts import (
+    API,
+    ContractError,
+    fault_of_fields,
+    fault_of_types,
+    fault_of_version,
+    require_class,
+)
 from flowsculpt.render.base.foreign_code import foreign_code, located_reason, reason_of_foreign
 from flowsculpt.render.base.render_errors import MachineError
 

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from flowsculpt.pipeline.api_version import API
 from flowsculpt.pipeline.plugin import Plugin, Plugins
+from flowsculpt.pipeline.plugin_contracts import API
 
 GREETER = """\
 from flowsculpt.pipeline.plugin import Command, Plugin
@@ -533,7 +533,7 @@ def test_a_part_that_breaks_its_contract_is_left_out_with_fact_and_remedy(enviro
     environment.install("broken", plugin("broken", f", {door}={place!r}"))
     (environment.folder / "extras.py").write_text(EXTRAS)
     ask = (
-        "from flowsculpt.pipeline.cli.run_observer import RunObserver\n"
+        "from flowsculpt.pipeline.cli.execution import RunObserver\n"
         "from flowsculpt.pipeline.production.shot_extras import ShotExtras\n"
         "for _ in 'ab': RunObserver.of_plugins(); ShotExtras.of_plugins()"
     )
