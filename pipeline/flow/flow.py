@@ -40,6 +40,16 @@ class Flow(ABC):
         """Yield the flows that act one after another within this step: `displace` is all of them in order."""
         yield FlowStep(self, time, dt)
 
+    @property
+    def members(self) -> tuple[Flow, ...]:
+        """The flows that act one after another: those of a sequence, else this one alone."""
+        return (self,)
+
+    @property
+    def plugin_flow(self) -> Flow:
+        """The flow as its plug-in made it, without what the core wraps around it."""
+        return self
+
     def with_max_step(self, max_step: float) -> Flow:
         """Return the flow with no sub-step along velocities longer than `max_step` units."""
         return self
@@ -123,6 +133,10 @@ class PluginMap(Flow):
     flow: Flow
     origin: tuple[str, str, str]
 
+    @property
+    def plugin_flow(self) -> Flow:
+        return self.flow
+
     def displace(self, points: Points, time: float, dt: float) -> Points:
         return self.flow.displace(points, time, dt)
 
@@ -130,7 +144,7 @@ class PluginMap(Flow):
         return {"plugin": self.origin, "data": self.flow.cache_data(time, dt)}
 
     def of_subject(self, subject: Any, place: Vector, before: Sequence[Flow]) -> Flow:
-        plain = [flow.flow if isinstance(flow, PluginMap) else flow for flow in before]
+        plain = [flow.plugin_flow for flow in before]
         return dataclasses.replace(self, flow=self.flow.of_subject(subject, place, plain))
 
     def findings(self) -> Iterator[tuple[str, bool]]:

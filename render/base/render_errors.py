@@ -70,14 +70,14 @@ def reason_of(error: Exception) -> str:
     return text if len(text) <= 120 else text[:117] + "…"
 
 
-def shortened(value: object) -> str:
+def quote(value: object) -> str:
     """Return the repr of a value for a message; a long one loses its middle."""
-    return brief(repr(value))
+    return shorten(repr(value))
 
 
-def brief(value: object) -> str:
-    """Return a value as text for a message; a long one loses its middle."""
-    text = str(value)
+def shorten(value: object) -> str:
+    """Return a value as printable text for a message; a long one loses its middle."""
+    text = printable(str(value))
     return text if len(text) <= MOST_QUOTED else f"{text[:50]}…{text[-5:]}"
 
 
@@ -101,7 +101,7 @@ MOST_LISTED = 20
 """Most names that a suggestion lists."""
 
 
-def suggestion(word: object, names: Iterable[str], cutoff: float = 0.66, listing: str = "") -> str:
+def suggest(word: object, names: Iterable[str], cutoff: float = 0.66, listing: str = "") -> str:
     """Return the remedy for an unknown name: `Did you mean 'vortex'?`, or the names there are.
 
     cutoff   similarity that a name needs to be proposed, 0 to 1

@@ -28,7 +28,6 @@ from flowsculpt.pipeline.mesh.analytic_surfaces import SphereSurface
 from flowsculpt.pipeline.mesh.halfedge_mesh import with_identities
 from flowsculpt.pipeline.plugins.fields.attraction import Attraction, Target
 from flowsculpt.pipeline.plugins.fields.curl_noise import CurlNoise
-from flowsculpt.pipeline.plugins.interchange.foreign_meshes import TextureCoordinates
 from flowsculpt.pipeline.resample import (
     Chord,
     Curvature,
@@ -94,6 +93,8 @@ def _polygons(flow: Flow, frames: int = 3) -> str:
 
 
 def _textured(flow: Flow) -> str:
+    from flowsculpt.pipeline.plugins.interchange.foreign_meshes import TextureCoordinates
+
     ball = icosphere(6)
     angle = np.arctan2(ball.vertices[:, 2], ball.vertices[:, 0])[ball.faces] / (2 * np.pi)
     around = angle - np.round(angle - angle[:, :1])  # a seam behind

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from flowsculpt.pipeline.arrays import AnyArray, Floats
+from flowsculpt.pipeline.arrays import AnyArray, Floats, Points
 from flowsculpt.pipeline.flow.kernels.instructions import doubles_at
 from flowsculpt.pipeline.kernels import block_kernel, kernel
 
@@ -103,6 +103,62 @@ def nearest(
         stack[depth], stack[depth + 1] = two, one  # the nearer one is visited first
         depth += 2
     return best, found, best_s, best_r
+
+
+@kernel("void(i8, i8, f8[:, ::1], i8[::1], f8[:, ::1])")
+def find_nearest(address: int, triangles: int, points: Points, found: AnyArray, shares: Floats) -> None:
+    """Find the nearest triangle of a `TriangleTree` to each of points (N, 3), which are finite.
+
+    address  of the tree's memory; `triangles` is the start of the triangles in it
+    found    (N,) receives triangles in the order of the tree
+    shares   (N, 2) receives s and r as `nearest_on_triangle` returns them
+    """
+    m, stack = doubles_at(address), np.empty(DEEPEST, np.int64)
+    for i in range(len(points)):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        _, at, shares[i, 0], shares[i, 1] = nearest(m, triangles, x, y, z, np.inf, stack)
+        found[i] = (at - triangles) // 9
+
+
+@block_kernel
+def attraction(
+    numbers: Floats, count: int, x: Floats, y: Floats, z: Floats, t: float, u: Floats, v: Floats, w: Floats
+) -> None:
+    """Numbers: address of the array 0, start of its triangles 1, rate 2, radius² 3."""
+    m, triangles, limit2 = doubles_at(int(numbers[0])), int(numbers[1]), numbers[3]
+    stack = np.empty(DEEPEST, np.int64)
+    for i in range(count):
+        d2, a, s, r = nearest(m, triangles, x[i], y[i], z[i], limit2, stack)
+        if a >= 0:
+            inside = 1.0 - d2 / limit2
+            rate = numbers[2] * inside * inside
+            u[i] += rate * (m[a] + s * (m[a + 3] - m[a]) + r * (m[a + 6] - m[a]) - x[i])
+            v[i] += rate * (m[a + 1] + s * (m[a + 4] - m[a + 1]) + r * (m[a + 7] - m[a + 1]) - y[i])
+            w[i] += rate * (m[a + 2] + s * (m[a + 5] - m[a + 2]) + r * (m[a + 8] - m[a + 2]) - z[i])
+
+
+@block_kernel
+def wind(
+    numbers: Floats, count: int, x: Floats, y: Floats, z: Floats, t: float, u: Floats, v: Floats, w: Floats
+) -> None:
+    """Numbers: address of the array 0, start of its triangles 1, speed 2, radius² 3, start of the tangents 4.
+
+    There are six numbers of tangents a segment, for its two ends.
+    """
+    m, triangles, limit2 = doubles_at(int(numbers[0])), int(numbers[1]), numbers[3]
+    tangents, stack = int(numbers[4]), np.empty(DEEPEST, np.int64)
+    for i in range(count):
+        d2, a, s, _ = nearest(m, triangles, x[i], y[i], z[i], limit2, stack)
+        if a >= 0:
+            d = tangents + (a - triangles) // 9 * 6
+            tx = m[d] + s * (m[d + 3] - m[d])
+            ty = m[d + 1] + s * (m[d + 4] - m[d + 1])
+            tz = m[d + 2] + s * (m[d + 5] - m[d + 2])
+            inside = 1.0 - d2 / limit2
+            speed = numbers[2] * inside * inside / max(math.sqrt(tx * tx + ty * ty + tz * tz), 1e-12)
+            u[i] += speed * tx
+            v[i] += speed * ty
+            w[i] += speed * tz
 
 
 CLAMP, ZERO, REPEAT = 0, 1, 2

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from flowsculpt import FrameError, PolygonMesh
-from flowsculpt.api.flows import estimated_vertices
+from flowsculpt.api.flows import MotionForecast
 from flowsculpt.api.frames import animate
 from flowsculpt.api.meshes import Points, components
 from flowsculpt.api.shots import Model, Motion, Solid
@@ -96,7 +96,7 @@ def _first_frame(motion: Motion) -> FirstFrame:
     if resampling is None or longest is None:
         return _computed(motion, longest)
     at_rest, budget = motion.mesh_at_rest(), resampling.thresholds.max_vertices
-    estimated = estimated_vertices(at_rest, longest)
+    estimated = MotionForecast.estimated_vertices(at_rest, longest)
     exceeds = estimated > CERTAINLY * budget
     if not exceeds and estimated <= LARGEST_COMPUTED:
         try:

@@ -11,7 +11,7 @@ from rich.console import Group
 from rich.table import Table
 
 from flowsculpt import FlowsculptError, FrameError, UsageError
-from flowsculpt.api import Progress, ShotError, reporting_to
+from flowsculpt.api import Progress, ShotError
 from flowsculpt.api.commands import (
     Project,
     exit_with,
@@ -22,9 +22,8 @@ from flowsculpt.api.commands import (
     size,
     table,
 )
-from flowsculpt.api.flows import flows_of
 from flowsculpt.api.frames import FinishedPictures, QualityName, Show
-from flowsculpt.api.options import Common, Settings
+from flowsculpt.api.options import Common, shared_option
 from flowsculpt.api.shots import (
     Clock,
     Motion,
@@ -47,7 +46,7 @@ def validate(
     shots: Annotated[
         list[str] | None, typer.Argument(metavar="SHOT", help="Shots and edits. Default: all.")
     ] = None,
-    settings: Settings = None,
+    settings: Annotated[list[str] | None, shared_option("settings")] = None,
 ) -> None:
     """Check shot files and the scenes they describe; report every mistake by file, line and column.
 
@@ -69,7 +68,7 @@ def validate(
     with progress_bars(common.progress) as bar:
         advance = bar("checking", len(names))
         for name in names:
-            with reporting_to(_Bars(bar).receive):
+            with Progress.reported_to(_Bars(bar).receive):
                 check = _check_edit(name, given) if name in edits else _check(name, given, first_frames)
             if name not in edits and not check.errors:
                 check.warnings += [f"{name}: {note}" for note in _light(common, name, given)]
@@ -228,7 +227,7 @@ def _check_scene(
 
 def _of_flows(check: _Check, motion: Motion) -> Iterator[Finding]:
     """Yield what flows warn of, or fail for; note the rest."""
-    for k, flow in enumerate(flows_of(motion.flow)):
+    for k, flow in enumerate(motion.flow.members):
         where = tuple(int(part) if part.isdigit() else part for part in motion.place_of_flow(k).split("."))
         where = where[2:] if where[0] == "subjects" else where  # a view adds these
         try:

@@ -1,4 +1,4 @@
-"""Kernels of fits: velocities on a periodic grid and their derivatives, nearest points, distances in solids.
+"""Kernels of fits: velocities on a periodic grid and their derivatives, and distances in solids.
 
 A padded grid has (N + 3)³ nodes × 3 numbers in one row: node i along an axis stands at i − 1, so that the
 four nodes around each of the N³ cells are neighbours in memory. Between nodes the velocity is a Catmull-Rom
@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from flowsculpt.api.flows import DEEPEST, doubles_at, kernel, nearest
+from flowsculpt.api.flows import kernel
 from flowsculpt.api.meshes import AnyArray, Floats, Points
 
 Four = tuple[float, float, float, float]
@@ -184,22 +184,6 @@ def blend_back(mixed: Floats, share: float, first: Floats, second: Floats) -> No
         first[i] += (1.0 - share) * value
         second[i] += share * value
         mixed[i] = 0.0
-
-
-@kernel("void(i8, i8, f8[:, ::1], f8[:, ::1], i8[::1])")
-def nearest_on_triangles(address: int, triangles: int, points: Points, out: Points, found: AnyArray) -> None:
-    """Compute the nearest point (P, 3) of a `TriangleTree` to each of points (P, 3), and its triangle (P,).
-
-    address, triangles  of the tree's memory, and the start of the triangles in it
-    """
-    m = doubles_at(address)
-    waiting = np.empty(DEEPEST, np.int64)
-    for p in range(len(points)):
-        x, y, z = points[p, 0], points[p, 1], points[p, 2]
-        _, t, s, r = nearest(m, triangles, x, y, z, math.inf, waiting)
-        for c in range(3):
-            out[p, c] = m[t + c] + s * (m[t + 3 + c] - m[t + c]) + r * (m[t + 6 + c] - m[t + c])
-        found[p] = (t - triangles) // 9
 
 
 @kernel("f8(f8, f8, f8, f8)")

@@ -18,9 +18,9 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from flowsculpt import MachineError, MeshError, Streamlines, TriangleMesh, UsageError
-from flowsculpt.api import report_progress
+from flowsculpt.api import Progress
 from flowsculpt.api.files import CachedAnswer, atomic_write, usable, writable_cache
-from flowsculpt.api.flows import Sampled, Samples, StepPlan
+from flowsculpt.api.flows import Sampled
 from flowsculpt.api.frames import CorruptFileError, Locks, StoredFiles
 from flowsculpt.api.meshes import AnyArray, Floats, Points, components, require
 from flowsculpt.api.shots import Model, PluginSurface, Solid, as_data
@@ -112,11 +112,11 @@ class PathVelocity(Sampled):
 class PathStreamlines(Streamlines):
     """Streamlines that keep their sub-steps: new vertices follow those of all frames since rest."""
 
-    def step_plan(self, time: float, dt: float, finest: bool = False) -> StepPlan:
+    def step_plan(self, time: float, dt: float, finest: bool = False) -> Any:
         return self._kept_plans(time, dt, finest)
 
     @cached_property
-    def _kept_plans(self) -> Callable[[float, float, bool], StepPlan]:
+    def _kept_plans(self) -> Callable[[float, float, bool], Any]:
         return lru_cache(KEPT_PLANS)(super().step_plan)
 
 
@@ -150,11 +150,15 @@ class Fit:
         axis = side * np.arange(n + 1) / n
         knots = leg.space.knots(leg.z).transpose(0, 2, 3, 4, 1)
         velocity = side * np.pad(knots, ((0, 0), (0, 1), (0, 1), (0, 1), (0, 0)), mode="wrap")
-        samples = Samples(
-            (axis,) * 3, np.linspace(0.0, 1.0, KNOTS), np.ascontiguousarray(velocity), ("become",)
+        return PathVelocity.on_grid(
+            (axis,) * 3,
+            np.linspace(0.0, 1.0, KNOTS),
+            velocity,
+            "become",
+            between="cubic",
+            outside="zero" if leg.space.is_windowed else "repeat",
+            centre=tuple((self.low + self.side * np.array(leg.low)).tolist()),
         )
-        x, y, z = (self.low + self.side * np.array(leg.low)).tolist()
-        return PathVelocity(samples, "cubic", "zero" if leg.space.is_windowed else "repeat", (x, y, z))
 
     def displace(self, points: Points, before: float, after: float) -> Points:
         """Return where points (P, 3) are carried between two shares of the way."""
@@ -291,7 +295,7 @@ def _computed(
     unfinished = path.with_suffix(".unfinished.npz")
 
     def watch(state: State, rounds: int) -> None:
-        report_progress(activity, state.done, rounds, is_once=True)
+        Progress(activity, state.done, rounds, is_once=True).report()
         kept = {"points": state.rest.points, "faces": state.rest.faces, "done": np.array(state.done)}
         _store(unfinished, kept | _arrays(state.legs))
 

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from flowsculpt.api.flows import TriangleTree, with_distances
+from flowsculpt.api.flows import TriangleTree
 from flowsculpt.api.meshes import AnyArray, Faces, Floats, Points, Vectors
 from flowsculpt.pipeline.plugins.become import fit_kernels as kernels
 
@@ -83,9 +83,9 @@ class FittedSurface:
 
     def nearest(self, points: Points) -> tuple[Points, Vectors]:
         """Return the nearest points (P, 3) of the surface, and the normals of their faces (P, 3)."""
-        tree, out, found = self.tree, np.empty_like(points), np.empty(len(points), np.int64)
-        kernels.nearest_on_triangles(tree.memory.ctypes.data, tree.triangles, points, out, found)
-        return out, self.face_normals[tree.order[found]]
+        face, shares = self.tree.nearest(points)
+        a, b, c = self.points[self.faces[face]].swapaxes(0, 1)
+        return a + shares[:, :1] * (b - a) + shares[:, 1:] * (c - a), self.face_normals[face]
 
     def samples(self, count: int) -> tuple[Points, Vectors]:
         """Return points (count, 3), evenly by area, and the normals of their faces.
@@ -272,9 +272,8 @@ class GrownPart:
 
 def signed_distances(surface: FittedSurface) -> Floats:
     """Return signed distances at the nodes (NODES, NODES, NODES), negative inside."""
-    shape, corners = (NODES, NODES, NODES), surface.points[surface.faces]
-    memory = with_distances(surface.tree, corners, np.zeros(3), 1.0 / NODES, shape)
-    return memory[-(NODES**3) :].reshape(shape)
+    shape = (NODES, NODES, NODES)
+    return surface.tree.with_distances(np.zeros(3), 1.0 / NODES, shape)[-(NODES**3) :].reshape(shape)
 
 
 def _padded(values: Floats) -> Floats:

@@ -10,7 +10,6 @@ from pathlib import Path
 
 from flowsculpt import FlowsculptError
 from flowsculpt.api.files import writable_cache
-from flowsculpt.api.flows import PluginMap, flows_of
 from flowsculpt.api.frames import RenderRequest
 from flowsculpt.pipeline.plugins.become.become_flow import Become
 from flowsculpt.pipeline.plugins.become.stored_fits import path_of
@@ -37,7 +36,7 @@ def _last_use(path: Path) -> float:
 def _needed(request: RenderRequest) -> Iterator[Path]:
     with suppress(FlowsculptError):  # a shot that cannot be read any more needs nothing
         for part in request.parts:
-            for flow in flows_of(part.shot.motion.flow):
-                become = flow.flow if isinstance(flow, PluginMap) else flow
+            for flow in part.shot.motion.flow.members:
+                become = flow.plugin_flow
                 if isinstance(become, Become) and become.start is not None:
                     yield path_of(become.start, become.target, become.detail)

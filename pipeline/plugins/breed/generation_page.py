@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flowsculpt import UsageError
-from flowsculpt.api import shortened
+from flowsculpt.api import quote
 from flowsculpt.api.pictures import jpeg_bytes
 from flowsculpt.pipeline.plugins.breed.family_tree import RECORD, read_record
 
@@ -107,7 +107,7 @@ def read_choice(text: str) -> PageChoice:
             text = Path(text).read_text(encoding="utf-8")
     except (OSError, ValueError):
         pass
-    place = f"{OPTION} {shortened(text.strip())}"
+    place = f"{OPTION} {quote(text.strip())}"
     try:
         folder, *words = shlex.split(text)
         given = dict(word.split("=", 1) for word in words)
@@ -140,5 +140,5 @@ def _numbered(text: str, names: Sequence[str], place: str) -> list[str]:
     numbers = list(dict.fromkeys(word for word in text.split(",") if word))
     for number in numbers:
         if not (number.isdecimal() and 1 <= int(number) <= len(names)):
-            raise UsageError(f"{place}: child {shortened(number)} does not exist; they are 1 to {len(names)}")
+            raise UsageError(f"{place}: child {quote(number)} does not exist; they are 1 to {len(names)}")
     return [names[int(number) - 1] for number in numbers]

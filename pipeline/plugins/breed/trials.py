@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flowsculpt import Curvature, FrameError, icosphere
-from flowsculpt.api.flows import FlowCost
+from flowsculpt.api.flows import MotionForecast
 from flowsculpt.api.frames import BoundingSpheres, Framer, Framing, MeshFrame, Shading, animate
 from flowsculpt.api.meshes import AnyArray, Floats, Points
 from flowsculpt.api.pictures import SPEED, Shape, Surface, draw_preview
@@ -115,7 +115,7 @@ def tried(shot: Shot) -> Trial:
 def _require_speed(motion: Motion, points: Points) -> None:
     """Raise FrameError where the sub-steps of a frame in the middle would take too long in all frames."""
     numbers = list(motion.frames)
-    costs = FlowCost.of_frame(motion, numbers[len(numbers) // 2], points) if len(numbers) > 1 else ()
+    costs = MotionForecast(motion).costs(numbers[len(numbers) // 2], points) if len(numbers) > 1 else ()
     if costs and costs[0].substeps * len(points) * len(numbers) > MOST_MOVES:
         raise FrameError(str(costs[0]), numbers[len(numbers) // 2])
 

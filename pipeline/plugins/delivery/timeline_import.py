@@ -13,7 +13,6 @@ from pathlib import Path
 from flowsculpt import FlowsculptError, MissingInputError, UsageError
 from flowsculpt.api import ShotError
 from flowsculpt.api.files import Parser, ParserError, as_utf8, read_input
-from flowsculpt.api.shots import quote_name
 
 _ERRORS: tuple[type[FlowsculptError], ...] = (ShotError, MissingInputError, UsageError)
 
@@ -26,7 +25,7 @@ def edit_of(timeline: Path, shots: Collection[str], folder: Path) -> tuple[Path,
         answer = Parser("flowsculpt.pipeline.plugins.delivery.imported_edit").answer(timeline, *words)
     except ParserError as error:
         fault = f"it cannot be read as OpenTimelineIO ({error}); export it again"
-        raise ShotError(f"{quote_name(timeline)}: {fault}") from None
+        raise ShotError(f"{timeline}: {fault}") from None
     text, kind, *messages = json.loads(answer)
     for error_type in _ERRORS:
         if kind == error_type.__name__:

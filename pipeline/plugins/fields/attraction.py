@@ -12,16 +12,12 @@ import numpy as np
 
 from flowsculpt import TriangleMesh
 from flowsculpt.api.flows import (
-    DEEPEST,
     ExternalField,
     Number,
     ParameterDoc,
     PositiveNumber,
     StableProperty,
     TriangleTree,
-    block_kernel,
-    doubles_at,
-    nearest,
     number_at,
 )
 from flowsculpt.api.meshes import Floats, Points, Vectors
@@ -30,47 +26,6 @@ SEGMENTS = 16  # segments that approximate each span of a curve
 
 FALLOFF_SLOPE = 8.0 / (3.0 * math.sqrt(3.0))
 """The largest slope of (1 − s²)² for s from 0 to 1: 4 s (1 − s²) at s = 1/√3."""
-
-
-@block_kernel
-def attraction(
-    numbers: Floats, count: int, x: Floats, y: Floats, z: Floats, t: float, u: Floats, v: Floats, w: Floats
-) -> None:
-    """Numbers: address of the array 0, start of its triangles 1, rate 2, radius² 3."""
-    m, triangles, limit2 = doubles_at(int(numbers[0])), int(numbers[1]), numbers[3]
-    stack = np.empty(DEEPEST, np.int64)
-    for i in range(count):
-        d2, a, s, r = nearest(m, triangles, x[i], y[i], z[i], limit2, stack)
-        if a >= 0:
-            inside = 1.0 - d2 / limit2
-            rate = numbers[2] * inside * inside
-            u[i] += rate * (m[a] + s * (m[a + 3] - m[a]) + r * (m[a + 6] - m[a]) - x[i])
-            v[i] += rate * (m[a + 1] + s * (m[a + 4] - m[a + 1]) + r * (m[a + 7] - m[a + 1]) - y[i])
-            w[i] += rate * (m[a + 2] + s * (m[a + 5] - m[a + 2]) + r * (m[a + 8] - m[a + 2]) - z[i])
-
-
-@block_kernel
-def wind(
-    numbers: Floats, count: int, x: Floats, y: Floats, z: Floats, t: float, u: Floats, v: Floats, w: Floats
-) -> None:
-    """Numbers: address of the array 0, start of its triangles 1, speed 2, radius² 3, start of the tangents 4.
-
-    There are six numbers of tangents a segment, for its two ends.
-    """
-    m, triangles, limit2 = doubles_at(int(numbers[0])), int(numbers[1]), numbers[3]
-    tangents, stack = int(numbers[4]), np.empty(DEEPEST, np.int64)
-    for i in range(count):
-        d2, a, s, _ = nearest(m, triangles, x[i], y[i], z[i], limit2, stack)
-        if a >= 0:
-            d = tangents + (a - triangles) // 9 * 6
-            tx = m[d] + s * (m[d + 3] - m[d])
-            ty = m[d + 1] + s * (m[d + 4] - m[d + 1])
-            tz = m[d + 2] + s * (m[d + 5] - m[d + 2])
-            inside = 1.0 - d2 / limit2
-            speed = numbers[2] * inside * inside / max(math.sqrt(tx * tx + ty * ty + tz * tz), 1e-12)
-            u[i] += speed * tx
-            v[i] += speed * ty
-            w[i] += speed * tz
 
 
 def catmull_rom(points: Points, closed: bool, pieces: int) -> tuple[Points, Vectors]:
@@ -158,7 +113,7 @@ class Attraction(ExternalField):
     jumps. Source: ours; the falloff is that of `Expansion`.
     """
 
-    block = attraction
+    block = TriangleTree.attraction
 
     target: Target
     rate: Annotated[Number, ParameterDoc("of drawing near; negative repels", "1/s")] = 1.0
@@ -192,7 +147,7 @@ class Wind(ExternalField):
     turns faster inside the bend. Source: ours.
     """
 
-    block = wind
+    block = TriangleTree.wind
 
     through: tuple[tuple[float, float, float], ...]
     speed: Annotated[Number, ParameterDoc("on the curve; negative blows backwards", "units/s")] = 1.0

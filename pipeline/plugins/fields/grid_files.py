@@ -18,7 +18,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from flowsculpt import FlowsculptError, UsageError
-from flowsculpt.api import brief, reason_of, suggestion
+from flowsculpt.api import reason_of, shorten, suggest
 from flowsculpt.api.files import Archive, read_input
 from flowsculpt.api.flows import Samples
 from flowsculpt.api.meshes import AnyArray, Floats
@@ -50,7 +50,7 @@ def read_npz(file: Path, content: bytes, most: int = MAX_BYTES) -> tuple[list[An
     archive = Archive(content)
     missing = [name for name in NAMES if name != "t" and name not in archive.names]
     if missing:
-        hint = suggestion(missing[0], sorted(archive.names)) if archive.names else "It is empty."
+        hint = suggest(missing[0], sorted(archive.names)) if archive.names else "It is empty."
         raise UsageError(f"{file}: array {missing[0]} is missing; a field has x, y, z and velocity. {hint}")
     names = [name for name in NAMES if name in archive.names]
     headers = [archive.header(name) for name in names]
@@ -167,7 +167,7 @@ class _Grid:
         matches = [element for element in vectors if wanted is None or element.get("Name") == wanted]
         if len(matches) != 1:
             names = [element.get("Name", "?") for element in vectors]
-            what = f"no array {brief(wanted)} of" if wanted and not matches else "not one array of"
+            what = f"no array {shorten(wanted)} of" if wanted and not matches else "not one array of"
             hint = f" There are: {', '.join(names)}." if names else ""
             raise UsageError(f"{self.file}: there is {what} three components at its points.{hint}")
         return matches[0]

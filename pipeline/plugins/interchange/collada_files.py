@@ -12,7 +12,7 @@ from urllib.parse import unquote
 import numpy as np
 
 from flowsculpt import MeshError
-from flowsculpt.api import brief, shortened
+from flowsculpt.api import quote, shorten
 from flowsculpt.api.files import number_fault
 from flowsculpt.api.meshes import AnyArray, FileSurface, Floats, Points, SurfaceReader, reader_of
 from flowsculpt.pipeline.plugins.interchange.scene_readers import (
@@ -167,7 +167,7 @@ def _number(element: Element, name: str, default: int) -> int:
     try:
         return int(text) if text else default
     except ValueError:
-        raise MeshError(f"line {element.line}: its {name} {shortened(text)} is not an integer") from None
+        raise MeshError(f"line {element.line}: its {name} {quote(text)} is not an integer") from None
 
 
 def _numbers(element: Element, kind: type[float] | type[int]) -> AnyArray:
@@ -176,7 +176,7 @@ def _numbers(element: Element, kind: type[float] | type[int]) -> AnyArray:
     try:
         return np.fromiter(map(kind, words), np.float64 if kind is float else np.int64, len(words))
     except (ValueError, OverflowError) as error:
-        fault = number_fault([word.encode() for word in words], kind) or brief(error)
+        fault = number_fault([word.encode() for word in words], kind) or shorten(error)
         raise MeshError(f"line {element.line}: {fault}") from None
 
 
@@ -197,7 +197,7 @@ def read_collada(content: bytes) -> FileSurface:
     """
     root = parse_elements(content)
     if root.name != "COLLADA":
-        raise MeshError(f"its XML is {shortened(root.name)}, not COLLADA")
+        raise MeshError(f"its XML is {quote(root.name)}, not COLLADA")
     scene = _Scene(root)
     scene.add_all()
     if not scene.placed.parts:
@@ -313,12 +313,12 @@ class _Scene:
         address = element.attributes.get(attribute, "").strip()
         if not address.startswith("#") and ("#" in address or "." in address):
             raise MeshError(
-                f"line {element.line}: it refers to {shortened(address)}, in another file, which is not "
+                f"line {element.line}: it refers to {quote(address)}, in another file, which is not "
                 "read. Export the model as one file."
             )
         target = self._named.get((kind, _identifier(element, attribute)))
         if target is None:
-            raise MeshError(f"line {element.line}: it refers to a missing {kind}, {shortened(address)}")
+            raise MeshError(f"line {element.line}: it refers to a missing {kind}, {quote(address)}")
         return target
 
     def notes(self) -> list[str]:

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flowsculpt import MeshError
-from flowsculpt.api import plural, shortened
+from flowsculpt.api import plural, quote
 from flowsculpt.api.files import Parser, read_input, require_input, text_content
 from flowsculpt.api.meshes import AnyArray, FileSurface, Floats, Points, SurfaceReader
 from flowsculpt.pipeline.plugins.interchange.scene_readers import (
@@ -147,7 +147,7 @@ def visible_surface(content: bytes) -> FileSurface:
     read: dict[int, Polygons] = {}
     for node, mesh, matrix in shown_meshes(scene, meshes.left_out):
         if mesh.element_id not in read:
-            read[mesh.element_id] = _polygons(mesh, shortened(node.name or mesh.name))
+            read[mesh.element_id] = _polygons(mesh, quote(node.name or mesh.name))
         bound += len(mesh.skin_deformers) + len(mesh.blend_deformers) > 0
         cages += int(mesh.subdivision_display_mode) != 0
         meshes.add(read[mesh.element_id], matrix)

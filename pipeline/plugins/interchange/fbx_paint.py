@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flowsculpt import MeshError
-from flowsculpt.api import brief, shortened
+from flowsculpt.api import quote, shorten
 from flowsculpt.api.files import Parser, digest_of_file, read_input, require_input
 from flowsculpt.api.materials import Opacity, PatternedMaterial, Texture
 from flowsculpt.api.meshes import AnyArray, Floats, ModelMaterials, PaintReader
@@ -88,7 +88,7 @@ def _materials(path: Path) -> ModelMaterials:
     answer = Parser(_MODULE).answer_about_content(path, digest_of_file(path), "ufbx", MATERIALS)
     files: dict[Path, str] = {}
     found = json.loads(content_of(answer.encode(), path))
-    notes = (f"material {brief(facts['name'])}: its glow is not shown" for facts in found if facts["glows"])
+    notes = (f"material {shorten(facts['name'])}: its glow is not shown" for facts in found if facts["glows"])
     return ModelMaterials(tuple(_material(path, facts, files) for facts in found), files, tuple(notes))
 
 
@@ -127,7 +127,7 @@ def _opacity(facts: dict[str, Any], texture: Texture | None) -> Opacity | None:
     mask = mask_of(texture)
     if mask is texture and not facts["is_mask"]:
         raise MeshError(
-            f"the material {brief(facts['name'])} has a picture of transparency without alpha, which some "
+            f"the material {shorten(facts['name'])} has a picture of transparency without alpha, which some "
             "programs read as opacity. Write it as the alpha of the colour, or write paint: off."
         )
     return opacity_of(1.0, mask)
@@ -195,7 +195,7 @@ class _PaintedScene:
         found, placed = cls(PaintParts(), []), PlacedMeshes()
         numbers: dict[int, int] = {}
         for node, mesh, matrix in shown_meshes(scene, Counter()):
-            name = shortened(node.name or mesh.name)
+            name = quote(node.name or mesh.name)
             points, sides, corners = faces_of(mesh, name)
             listed = [counted(material) for material in node.materials or mesh.materials]
             own = numbers_of(mesh.face_material, np.uint32).astype(np.int64)
@@ -242,7 +242,7 @@ def _coordinates(mesh: ufbx.Mesh, material: ufbx.Material | None, corners: AnyAr
     unknown = wanted - {*names, *_FIRST_SET}
     if unknown and len(sets) > 1:
         raise MeshError(
-            f"{name} does not have the texture coordinates {brief(min(unknown))} that its material "
+            f"{name} does not have the texture coordinates {shorten(min(unknown))} that its material "
             "names. Export it with them, or write paint: off."
         )
     used = {names.index(word) if word in names else 0 for word in wanted} or {0}
@@ -284,7 +284,7 @@ def _pictures_of(material: ufbx.Material) -> dict[str, ufbx.Texture]:
         texture = counted(given.texture)
         if texture is None or not given.texture_enabled:
             continue
-        place = f"the {word} of the material {brief(material.name)}"
+        place = f"the {word} of the material {shorten(material.name)}"
         if int(texture.type) != _FILE or not texture.has_file:
             raise MeshError(
                 f"{place} is computed from several pictures or without one, which is not read. Bake it to "
@@ -306,7 +306,7 @@ def _facts_of(material: ufbx.Material | None) -> dict[str, Any]:
         facts |= {"roughness": None, "metalness": 0.0, "pictures": {}}
         return facts | {"name": "", "opacity": 1.0, "is_mask": True, "glows": False}
     features, maps, textures = counted(material.features), counted(material.pbr), _pictures_of(material)
-    place, kind = f"the material {brief(material.name)}", int(material.shader_type)
+    place, kind = f"the material {shorten(material.name)}", int(material.shader_type)
     colour = _base_colour(material)
     if kind == _SPECULAR_GLOSSINESS:
         raise MeshError(

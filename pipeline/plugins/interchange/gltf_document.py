@@ -17,7 +17,7 @@ from typing import Any, BinaryIO
 from urllib.parse import unquote, unquote_to_bytes
 
 from flowsculpt import MeshError
-from flowsculpt.api import brief
+from flowsculpt.api import shorten
 from flowsculpt.api.files import open_input, read_input
 from flowsculpt.pipeline.plugins.interchange.scene_readers import early_end
 
@@ -36,11 +36,13 @@ def as_version_2(root: dict[str, Any]) -> dict[str, Any]:
     """
     for name in root.get("extensionsUsed", []):
         if str(name).startswith("WEB3D_"):
-            raise MeshError(f"it uses the extension {brief(name)}, which is not read. Export it as glTF 2.0.")
+            raise MeshError(
+                f"it uses the extension {shorten(name)}, which is not read. Export it as glTF 2.0."
+            )
     try:
         return _rewritten(root)
     except KeyError as error:
-        raise ValueError(f"it names {brief(str(error))}, which it does not define") from None
+        raise ValueError(f"it names {shorten(str(error))}, which it does not define") from None
     except (TypeError, AttributeError) as error:
         raise ValueError(f"its JSON is not as glTF 1.0 defines it ({error})") from None
 
@@ -139,7 +141,7 @@ class JsonObject:
 
     def __init__(self, values: object, place: str) -> None:
         if not isinstance(values, dict):
-            raise ValueError(f"{place} is {brief(repr(values))}; it must be an object")
+            raise ValueError(f"{place} is {shorten(repr(values))}; it must be an object")
         self.values: dict[str, Any] = values
         self.place = place
 
@@ -199,7 +201,7 @@ class JsonObject:
         return value
 
     def _wrong(self, name: str, wanted: str) -> ValueError:
-        there = f"is {brief(repr(self.values[name]))}" if name in self.values else "is not there"
+        there = f"is {shorten(repr(self.values[name]))}" if name in self.values else "is not there"
         return ValueError(f"{name} of {self.place} {there}; it must be {wanted}")
 
 
@@ -258,7 +260,7 @@ class GltfDocument:
         there, singular = self.root.items(kind), kind.removesuffix("es" if kind == "meshes" else "s")
         if not isinstance(index, int) or isinstance(index, bool) or not 0 <= index < len(there):
             raise ValueError(
-                f"{named_by} names {singular} {brief(repr(index))}; there are {len(there)}, from 0"
+                f"{named_by} names {singular} {shorten(repr(index))}; there are {len(there)}, from 0"
             )
         return JsonObject(there[index], f"{singular} {index}")
 
@@ -273,7 +275,7 @@ class GltfDocument:
         address = buffer.text("uri")
         if _NOT_RELATIVE.match(address):
             raise ValueError(
-                f"the address of {buffer.place} is {brief(address)}; only files at addresses relative to "
+                f"the address of {buffer.place} is {shorten(address)}; only files at addresses relative to "
                 "this one are read"
             )
         names = (unquote(address), address, unquote(address).replace("\\", "/"))
@@ -349,4 +351,4 @@ def _is_there(path: Path) -> bool:
 
 
 def _other_version(version: object) -> MeshError:
-    return MeshError(f"it is glTF {brief(version)}; glTF 1.0 and 2.0 are read. Export it as 2.0.")
+    return MeshError(f"it is glTF {shorten(version)}; glTF 1.0 and 2.0 are read. Export it as 2.0.")

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flowsculpt import MissingInputError
-from flowsculpt.api import brief, plural, reason_of
+from flowsculpt.api import plural, reason_of, shorten
 from flowsculpt.api.files import Parser, digest_of_file, require_input
 from flowsculpt.api.meshes import (
     AnyArray,
@@ -278,7 +278,7 @@ class SceneArrays:
 def _component(accessor: JsonObject) -> str:
     kind = accessor.values.get("componentType")
     if kind not in _COMPONENTS:
-        raise ValueError(f"componentType of {accessor.place} is {brief(repr(kind))}; not one of glTF's")
+        raise ValueError(f"componentType of {accessor.place} is {shorten(repr(kind))}; not one of glTF's")
     return _COMPONENTS[kind]
 
 
@@ -293,9 +293,9 @@ def _unpacked(data: bytes, packed: JsonObject, place: str) -> AnyArray:
     """Return the bytes of a buffer view that meshoptimizer compressed. Raises ValueError."""
     mode, name = packed.text("mode"), packed.text("filter", "NONE")
     if mode not in MODES:
-        raise ValueError(f"{place} is compressed by meshoptimizer in mode {brief(mode)}, which is not read")
+        raise ValueError(f"{place} is compressed by meshoptimizer in mode {shorten(mode)}, which is not read")
     if name not in FILTERS:
-        raise ValueError(f"{place} has vertices of meshoptimizer's filter {brief(name)}, which is not read")
+        raise ValueError(f"{place} has vertices of meshoptimizer's filter {shorten(name)}, which is not read")
     try:
         elements = MODES[mode](data, packed.whole("count"), packed.whole("byteStride"))
         return FILTERS[name](elements).view(np.uint8).reshape(-1)

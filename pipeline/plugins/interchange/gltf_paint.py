@@ -18,7 +18,7 @@ from urllib.parse import unquote
 import numpy as np
 
 from flowsculpt import MeshError
-from flowsculpt.api import brief
+from flowsculpt.api import shorten
 from flowsculpt.api.files import Parser, digest_of_file, require_input
 from flowsculpt.api.materials import PatternedMaterial, Texture
 from flowsculpt.api.meshes import AnyArray, Floats, ModelMaterials, PaintReader
@@ -194,10 +194,10 @@ def _surface_of(material: JsonObject) -> JsonObject:
 
 def _notes(material: JsonObject) -> Iterator[str]:
     """Yield lines about what a material has that is not shown."""
-    place, there = brief(material.values.get("name") or material.place), material.entry("extensions")
+    place, there = shorten(material.values.get("name") or material.place), material.entry("extensions")
     for name in there.values:
         if not name.endswith(_SHOWN) and _changes(there.entry(name), name):
-            what = f"the specular colour of {name}" if name == _GLOSSINESS else brief(name)
+            what = f"the specular colour of {name}" if name == _GLOSSINESS else shorten(name)
             yield f"material {place}: {what} is not shown"
     if any(material.numbers("emissiveFactor")):
         yield f"material {place}: its glow is not shown"
@@ -311,7 +311,7 @@ def _source_of(texture: JsonObject) -> object:
         return texture.values["source"]
     if (other := texture.extension(*_PICTURES)) is not None:
         return other.values.get("source")
-    named = brief(", ".join(texture.entry("extensions").values))
+    named = shorten(", ".join(texture.entry("extensions").values))
     fact = f"its picture only by the extension {named}, which is not read" if named else "no picture"
     raise MeshError(f"{texture.place} has {fact}. Export it with PNG or JPEG, or write paint: off.")
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from flowsculpt import MeshError
-from flowsculpt.api import brief
+from flowsculpt.api import shorten
 from flowsculpt.api.meshes import AnyArray
 from flowsculpt.pipeline.plugins.interchange.gltf_document import MESHOPT, GltfDocument, JsonObject
 
@@ -88,7 +88,7 @@ class DefaultScene:
         for name in map(str, document.root.items("extensionsRequired")):
             if name not in _READ and not name.startswith(_NOT_GEOMETRY):
                 raise MeshError(
-                    f"it requires the extension {brief(name)}, which is not read. Export without."
+                    f"it requires the extension {shorten(name)}, which is not read. Export without."
                 )
         scene = cls(document)
         scene._find_parts()
@@ -140,7 +140,7 @@ class DefaultScene:
             raise ValueError(f"{skin.place} has no joints")
         for joint in joints:
             if joint not in self._parents:
-                raise ValueError(f"{skin.place} has a joint that is not in the scene, {brief(repr(joint))}")
+                raise ValueError(f"{skin.place} has a joint that is not in the scene, {shorten(repr(joint))}")
         return joints, skin
 
     def matrix(self, number: int) -> AnyArray:

@@ -16,7 +16,7 @@ import io
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -40,8 +40,6 @@ _STEPS = 1e-5
 """Texture coordinates and colours that differ by less are the same."""
 
 _MOST_CUTS = 32
-
-_BLOCK = 4096  # points that a thread looks up together
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +116,7 @@ class ModelPaint:
     def on_faces(self, rest: Points, faces: Faces) -> PaintedFaces:
         """Return the paint of faces (F, 3) of vertices with rest positions (V, 3)."""
         middles = np.ascontiguousarray(rest[faces].mean(axis=1), np.float64)
-        triangle, _ = self._nearest(middles, np.full(len(faces), len(self._trees.first) - 1))
+        triangle, _ = self._nearest(middles, np.full(len(faces), len(self._trees) - 1))
         chart = self.charts[triangle]
         codes, corner = np.unique(
             faces.astype(np.int64) * (self.charts.max() + 1) + chart[:, None], return_inverse=True
@@ -134,29 +132,27 @@ class ModelPaint:
         return PaintedFaces(coordinates, chart, self.materials[triangle], colours)
 
     @cached_property
-    def _trees(self) -> _Trees:
+    def _trees(self) -> list[tuple[AnyArray, TriangleTree]]:
+        """The triangles (T,) of each chart, and at last all of them, with their trees."""
         from flowsculpt.api.flows import TriangleTree  # processes that read files need no numba
 
         by_chart = np.split(np.argsort(self.charts, kind="stable"), np.cumsum(np.bincount(self.charts))[:-1])
         parts = [*by_chart, np.arange(len(self.charts))]
-        trees = [TriangleTree.of(self.place[self.corners[part]]) for part in parts]
-        return _Trees(
-            trees,
-            np.array([tree.memory.ctypes.data for tree in trees]),
-            np.array([tree.triangles for tree in trees]),
-            np.concatenate([part[tree.order] for part, tree in zip(parts, trees, strict=True)]),
-            np.cumsum([0, *(len(part) for part in by_chart)]),
-        )
+        return [(part, TriangleTree.of(self.place[self.corners[part]])) for part in parts]
 
     def _nearest(self, points: Points, wanted: AnyArray) -> tuple[AnyArray, Floats]:
-        """Return the nearest triangles (N,) of trees, and shares (N, 2) of their last two corners."""
-        from flowsculpt.pipeline.plugins.interchange.paint_kernels import find_nearest
+        """Return the nearest triangles (N,) of the trees with numbers `wanted` (N,), and shares (N, 2).
 
-        own, found, shares = self._trees, np.empty(len(points), np.int64), np.zeros((len(points), 2))
-        for first in range(0, len(points), _BLOCK):
-            part = slice(first, first + _BLOCK)
-            find_nearest(points[part], wanted[part], own.addresses, own.starts, found[part], shares[part])
-        return own.triangles[own.first[wanted] + found], shares
+        The shares are those of their last two corners.
+        """
+        found, shares = np.empty(len(points), np.int64), np.zeros((len(points), 2))
+        order = np.argsort(wanted, kind="stable")
+        for rows in np.split(order, np.flatnonzero(np.diff(wanted[order])) + 1):
+            if len(rows):
+                part, tree = self._trees[wanted[rows[0]]]
+                triangle, shares[rows] = tree.nearest(points[rows])
+                found[rows] = part[triangle]
+        return found, shares
 
 
 class PaintParts:
@@ -211,20 +207,6 @@ def packed(arrays: dict[str, AnyArray]) -> bytes:
     file = io.BytesIO()
     np.savez(file, allow_pickle=False, **arrays)
     return file.getvalue()
-
-
-class _Trees(NamedTuple):
-    """Trees of the triangles of each chart, and one of all.
-
-    addresses, starts  of their arrays, and of the triangles in them
-    triangles          in the order of the trees, one tree after another; `first` is where each begins
-    """
-
-    trees: list[TriangleTree]
-    addresses: AnyArray
-    starts: AnyArray
-    triangles: AnyArray
-    first: AnyArray
 
 
 def _sides(corners: AnyArray, values: AnyArray) -> tuple[AnyArray, AnyArray]:

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from flowsculpt import MeshError
-from flowsculpt.api import brief
+from flowsculpt.api import shorten
 from flowsculpt.api.files import digest_of_file, number_fault, read_input, text_content
 from flowsculpt.api.materials import Opacity, PatternedMaterial, Texture
 from flowsculpt.api.meshes import ModelMaterials, PaintReader
@@ -134,7 +134,7 @@ def _materials(path: Path) -> ModelMaterials:
         files[library] = digest_of_file(library)
         for material, entries in _entries(library):
             known.setdefault(material, (library, entries))
-    notes = [f"it names its materials {brief(name)}, which is not there" for name in missing]
+    notes = [f"it names its materials {shorten(name)}, which is not there" for name in missing]
     unknown = [name for name in used if name and name not in known]
     for name in unknown[:_MOST_NOTES]:
         notes.append(f"its material {_text(name)} is in none of its files of materials")
@@ -151,7 +151,7 @@ _MOST_NOTES = 3  # of materials that no file defines
 
 
 def _text(name: bytes) -> str:
-    return brief(name.decode("utf-8", "replace"))
+    return shorten(name.decode("utf-8", "replace"))
 
 
 def _libraries(model: Path, statements: list[str]) -> tuple[list[Path], list[str]]:
@@ -203,7 +203,7 @@ def _notes(entries: dict[bytes, list[bytes]]) -> Iterator[str]:
     if any(_colour(entries, b"ke") or ()):
         yield "its glow, Ke, is not shown"
     if entries.get(b"kd") and _colour(entries, b"kd") is None:
-        yield f"its colour, Kd {brief(b' '.join(entries[b'kd']).decode('utf-8', 'replace'))}, is not read"
+        yield f"its colour, Kd {shorten(b' '.join(entries[b'kd']).decode('utf-8', 'replace'))}, is not read"
 
 
 def _material(
@@ -277,8 +277,8 @@ def _picture_name(words: list[bytes]) -> str:
                 end += 1
             if any(float(word) != float(_PLACES[option]) for word in words[at + 1 : end]):
                 raise MeshError(
-                    f"a texture of its materials has the option {brief(option.decode())}, which is not read. "
-                    "Export the model with the texture coordinates that show."
+                    f"a texture of its materials has the option {shorten(option.decode())}, which is not "
+                    "read. Export the model with the texture coordinates that show."
                 )
             at = end
         else:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from flowsculpt import MissingInputError
-from flowsculpt.api import brief
+from flowsculpt.api import shorten
 from flowsculpt.api.files import atomic_write, digest_of_file, usable, writable_cache
 from flowsculpt.api.materials import Diffuse, Opacity, PatternedMaterial, Satin, Texture, TextureProjection
 from flowsculpt.api.pictures import PaintedFaces, RenderError
@@ -110,5 +110,5 @@ def picture_within(
     try:
         return Texture.of(str(cached), digest, space)
     except RenderError as error:
-        message = str(error).replace(str(cached), f"{model}: its picture {brief(name)}")
+        message = str(error).replace(str(cached), f"{model}: its picture {shorten(name)}")
         raise type(error)(message) from None

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flowsculpt import FlowsculptError, MachineError, MeshError, MissingInputError
-from flowsculpt.api import brief, plural
+from flowsculpt.api import plural, shorten
 from flowsculpt.api.files import Parser, command, digest_of_file
 from flowsculpt.api.meshes import AnyArray, FileSurface, Floats, ModelFiles, Points
 
@@ -108,7 +108,7 @@ class PlacedMeshes:
     def left_out_words(self) -> str:
         """Number and kind of what was left out: `2 line sets, 1 spline`."""
         counts = sorted((+self.left_out).items())[:5]
-        return ", ".join(plural(count, brief(kind), _PLURALS.get(kind, "")) for kind, count in counts)
+        return ", ".join(plural(count, shorten(kind), _PLURALS.get(kind, "")) for kind, count in counts)
 
     def add(self, polygons: Polygons, matrix: Floats) -> None:
         """Add a mesh transformed by a matrix (4, 4) of row vectors."""

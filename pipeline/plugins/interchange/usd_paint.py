@@ -15,7 +15,7 @@ import numpy as np
 from pxr import Ar, Usd, UsdGeom, UsdShade
 
 from flowsculpt import MeshError
-from flowsculpt.api import brief
+from flowsculpt.api import shorten
 from flowsculpt.api.materials import Texture
 from flowsculpt.api.meshes import AnyArray, Floats
 from flowsculpt.pipeline.plugins.interchange.model_paint import PaintParts, packed
@@ -136,7 +136,7 @@ class PaintedStage(StageMeshes):
         return found.arrays(lambda: np.array([each.facts["colour"] for each in self.surfaces.values()]))
 
     def _mesh(self, prim: Usd.Prim, bound: UsdShade.Material) -> _Mesh:
-        mesh, place = UsdGeom.Mesh(prim), brief(prim.GetPath())
+        mesh, place = UsdGeom.Mesh(prim), shorten(prim.GetPath())
         polygons = polygons_of(mesh, self.time, place, are_numbered=True)
         polygons = polygons.without(polygons.sides < 3)
         sides = numbers_at(mesh.GetFaceVertexCountsAttr(), self.time, place, "iu").astype(np.int64)
@@ -146,7 +146,7 @@ class PaintedStage(StageMeshes):
         for subset in UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets():
             own = numbers_at(subset.GetIndicesAttr(), self.time, place, "iu").astype(np.int64)
             if len(own) and not 0 <= own.min() <= own.max() < len(sides):
-                raise MeshError(f"{brief(subset.GetPath())} names a face that {place} does not have")
+                raise MeshError(f"{shorten(subset.GetPath())} names a face that {place} does not have")
             which[own] = len(bindings)
             bindings.append(_bound(subset.GetPrim()))
         used = np.unique(which).tolist()
@@ -186,8 +186,8 @@ class PaintedStage(StageMeshes):
         values = self._primvar(prim, wanted.primvar, 2, index)
         if values is None:
             raise MeshError(
-                f"{brief(prim.GetPath())} does not have the texture coordinates {brief(wanted.primvar)} that "
-                "its material names. Export it with them, or write paint: off."
+                f"{shorten(prim.GetPath())} does not have the texture coordinates {shorten(wanted.primvar)} "
+                "that its material names. Export it with them, or write paint: off."
             )
         return wanted.transformed(values)
 
@@ -204,7 +204,7 @@ class PaintedStage(StageMeshes):
         places = index[primvar.GetInterpolation()]
         is_fit = values.ndim == 2 and values.shape[1] >= columns and places.max(initial=-1) < len(values)
         if not is_fit or not np.isfinite(values).all():
-            raise MeshError(f"{brief(prim.GetPath())}: its primvar {brief(name)} does not fit its faces")
+            raise MeshError(f"{shorten(prim.GetPath())}: its primvar {shorten(name)} does not fit its faces")
         return values[places, :columns]
 
 
@@ -248,7 +248,7 @@ class _Reader:
     """Reads a material at a time of the stage. Raises MeshError for what is not read."""
 
     def __init__(self, material: UsdShade.Material, time: Usd.TimeCode) -> None:
-        self.place, self.time = f"the material {brief(material.GetPath())}", time
+        self.place, self.time = f"the material {shorten(material.GetPath())}", time
         self.shader, _, _ = material.ComputeSurfaceSource()
         if not self.shader or self.shader.GetShaderId() != "UsdPreviewSurface":
             raise MeshError(
@@ -273,8 +273,9 @@ class _Reader:
                 pictures[name] = self._picture(node, output, name)
             else:
                 raise MeshError(
-                    f"{self.place}: its {name} is computed by {brief(kind or 'an unknown shader')}, which is "
-                    "not read. Bake it to one picture in the program that made the file, or write paint: off."
+                    f"{self.place}: its {name} is computed by {shorten(kind or 'an unknown shader')}, which "
+                    "is not read. Bake it to one picture in the program that made the file, or write "
+                    "paint: off."
                 )
         colour = tuple(min(max(part, 0.0), 1.0) for part in self._value(self.shader, "diffuseColor", colour))
         roughness, metalness = (

@@ -16,7 +16,7 @@ import numpy as np
 from pxr import Ar, Sdf, Usd, UsdGeom
 
 from flowsculpt import FlowsculptError, MeshError, MissingInputError
-from flowsculpt.api import brief, plural, suggestion
+from flowsculpt.api import plural, shorten, suggest
 from flowsculpt.api.files import Parser, require_input
 from flowsculpt.api.meshes import AnyArray, Floats
 from flowsculpt.pipeline.plugins.interchange.scene_readers import (
@@ -103,7 +103,7 @@ class StageMeshes:
         path = str(source.GetPath())
         if path not in self._read:
             mesh = UsdGeom.Mesh(source)
-            self._read[path] = polygons_of(mesh, self.time, brief(prim.GetPath()))
+            self._read[path] = polygons_of(mesh, self.time, shorten(prim.GetPath()))
             scheme = mesh.GetSubdivisionSchemeAttr()
             self.cages += scheme.HasAuthoredValue() and scheme.Get() != UsdGeom.Tokens.none
         return self._read[path]
@@ -112,7 +112,9 @@ class StageMeshes:
         """Add the prototypes of a point instancer at each of its points that is not masked."""
         path = str(instancer.GetPath())
         if depth >= _DEEPEST:
-            raise MeshError(f"{brief(path)} is a point instancer within {_DEEPEST} others; flatten the stage")
+            raise MeshError(
+                f"{shorten(path)} is a point instancer within {_DEEPEST} others; flatten the stage"
+            )
         stage = instancer.GetPrim().GetStage()
         prototypes = [stage.GetPrimAtPath(p) for p in instancer.GetPrototypesRel().GetForwardedTargets()]
         which = np.array(instancer.GetProtoIndicesAttr().Get(self.time) or (), np.int64)
@@ -125,11 +127,13 @@ class StageMeshes:
             )
         ).reshape(-1, 4, 4)
         if len(placements) != len(which) or ((which < 0) | (which >= len(prototypes))).any():
-            raise MeshError(f"{brief(path)}: its positions, orientations, scales and protoIndices do not fit")
+            raise MeshError(
+                f"{shorten(path)}: its positions, orientations, scales and protoIndices do not fit"
+            )
         shown = np.array(instancer.ComputeMaskAtTime(self.time) or np.ones(len(which)), bool)
         for number in np.unique(which[shown]).tolist():
             if not prototypes[number]:
-                raise MeshError(f"{brief(path)}: its prototype {number} is not on the stage")
+                raise MeshError(f"{shorten(path)}: its prototype {number} is not on the stage")
             self._count(int((shown & (which == number)).sum()))
             here = placements[shown & (which == number)]
             self._add_prototype(prototypes[number], [matrix @ to_stage for matrix in here], depth)
@@ -338,7 +342,7 @@ def start_of(stage: Usd.Stage, prim: str | None) -> Usd.Prim:
     named = stage.GetPrimAtPath(prim) if Sdf.Path.IsValidPathString(prim) and prim[:1] == "/" else None
     if not named:
         known = [str(other.GetPath()) for other in stage.Traverse()]
-        raise MeshError(f"it has no prim {brief(prim)}. {suggestion(prim, known) if known else ''}".rstrip())
+        raise MeshError(f"it has no prim {shorten(prim)}. {suggest(prim, known) if known else ''}".rstrip())
     return named
 
 
@@ -347,7 +351,7 @@ def _remedy(stage: Usd.Stage) -> str:
     meshes = [str(prim.GetPath()) for prim in stage.Traverse() if prim.IsA(UsdGeom.Mesh)]
     if not meshes:
         return "Convert it to meshes in the program that made it."
-    return f"Write prim: {brief(meshes[0])}, which is a mesh."
+    return f"Write prim: {shorten(meshes[0])}, which is a mesh."
 
 
 def one_line(text: str, path: str) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 
 from flowsculpt import TriangleMesh, UsageError, read_mesh
-from flowsculpt.api import CopyLayout, indefinite, plural
+from flowsculpt.api import CopyLayout, plural
 from flowsculpt.api.meshes import Floats, Points, Vectors, face_normals, model_files, unit
 from flowsculpt.api.shots import (
     SOLIDS,
@@ -164,8 +164,8 @@ class SurfaceDocument(Arrangement):
         known = SOLIDS[self.solid].measures if self.solid else {}
         for name, value in given.items():
             if np.size(value) != np.size(known.get(name, ())):
-                kind = indefinite(self.solid or "model")
-                raise bad_value(f"{name} is not a measure of {kind}, or has other numbers. Leave it out.")
+                whose = f"the {self.solid or 'model'}"
+                raise bad_value(f"{name} is not a measure of {whose}, or has other numbers. Leave it out.")
         if self.solid is not None:
             self._mesh = as_finding(Solid.of(self.solid, given).build)
         elif self.model is not None:

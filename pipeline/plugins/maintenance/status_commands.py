@@ -24,7 +24,15 @@ from flowsculpt.api.commands import (
     table,
 )
 from flowsculpt.api.frames import FrameRange, FrameStates, History, RenderRequest, Show
-from flowsculpt.api.options import DEFAULT_QUALITY, QUALITIES, Common, Quality, Settings, Shot, ShotOptions
+from flowsculpt.api.options import (
+    DEFAULT_QUALITY,
+    QUALITIES,
+    Common,
+    Quality,
+    Shot,
+    ShotOptions,
+    shared_option,
+)
 from flowsculpt.pipeline.plugins.maintenance.run_report import LABELS, RunReport, named_run
 
 if TYPE_CHECKING:
@@ -36,7 +44,7 @@ def status(
     shots: Annotated[
         list[str] | None, typer.Argument(metavar="SHOT", help="Names or paths of shots. Default: all.")
     ] = None,
-    settings: Settings = None,
+    settings: Annotated[list[str] | None, shared_option("settings")] = None,
 ) -> None:
     """List which frames of shots are done, stale and missing, at each quality begun so far.
 
@@ -144,7 +152,7 @@ def why(
         typer.Argument(metavar="FRAME", help="A frame of the shot. Default: the first not up to date."),
     ] = None,
     quality: Quality = DEFAULT_QUALITY,
-    settings: Settings = None,
+    settings: Annotated[list[str] | None, shared_option("settings")] = None,
 ) -> None:
     """Explain why a frame would be rendered again, or that it is up to date.
 

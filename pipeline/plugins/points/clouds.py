@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from flowsculpt import MeshError, TriangleMesh, UsageError
-from flowsculpt.api import shortened, suggestion
+from flowsculpt.api import quote, suggest
 from flowsculpt.api.files import NOT_PLAIN
 from flowsculpt.api.meshes import AnyArray, Floats, Points
 from flowsculpt.api.shots import Solid, Subject
@@ -141,8 +141,8 @@ def radii_of(file: PointSet, radius: float | str, name: str) -> Floats:
     if not isinstance(radius, str):
         return np.full(len(file.points), radius)
     if radius not in file.attributes:
-        hint = suggestion(radius, file.attributes) if file.attributes else "It has none; write a number."
-        raise MeshError(f"{name}: its points have no attribute {shortened(radius)} for a radius. {hint}")
+        hint = suggest(radius, file.attributes) if file.attributes else "It has none; write a number."
+        raise MeshError(f"{name}: its points have no attribute {quote(radius)} for a radius. {hint}")
     radii = file.attributes[radius].astype(np.float64)
     bad = np.flatnonzero(~(np.isfinite(radii) & (radii > 0)))
     if len(bad):

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, TypeGuard
 from pydantic import Field
 
 from flowsculpt import MeshError, MissingInputError
-from flowsculpt.api import PointsKind, plural, shortened
+from flowsculpt.api import PointsKind, plural, quote
 from flowsculpt.api.files import digest_of_file
 from flowsculpt.api.meshes import Lattice
 from flowsculpt.api.shots import (
@@ -89,7 +89,7 @@ class CloudDocument(PointsKind):
             if written.get("solid") == "sheet" and given.get("fill") in (None, "volume"):
                 yield ("cloud",), "a sheet encloses no volume to fill. Write fill: surface."
             if _is_attribute(radius):
-                fact = f"points in a solid have no attribute {shortened(radius)}"
+                fact = f"points in a solid have no attribute {quote(radius)}"
                 yield ("radius",), f"{fact}; write a number."
 
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flowsculpt import MeshError
-from flowsculpt.api import plural, suggestion
+from flowsculpt.api import plural, suggest
 from flowsculpt.api.files import Archive, number_fault, text_content
 from flowsculpt.api.meshes import (
     AnyArray,
@@ -129,7 +129,7 @@ def _arrays(content: bytes) -> PointSet:
     archive = Archive(content)
     name = next((name for name in _POINTS if name in archive.names), None)
     if name is None:
-        hint = suggestion(_POINTS[0], sorted(archive.names)) if archive.names else "It is empty."
+        hint = suggest(_POINTS[0], sorted(archive.names)) if archive.names else "It is empty."
         raise MeshError(f"it has no array {' or '.join(_POINTS)}. {hint}")
     points = archive.array(name).astype(np.float64)
     if points.ndim not in (2, 3):

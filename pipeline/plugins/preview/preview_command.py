@@ -11,10 +11,10 @@ from typing import Annotated
 import typer
 
 from flowsculpt import FlowsculptError, UsageError
-from flowsculpt.api import Progress, plural, reporting_to
+from flowsculpt.api import Progress, plural
 from flowsculpt.api.commands import frame_progress, print_error, print_result, print_warning
 from flowsculpt.api.files import make_folder
-from flowsculpt.api.flows import estimated_vertices, growth_warning
+from flowsculpt.api.flows import MotionForecast
 from flowsculpt.api.frames import Edit, FrameProgress, FrameRange, RenderRequest, Show, Store
 from flowsculpt.api.options import DEFAULT_QUALITY, Common, ShotOptions, shared_option
 from flowsculpt.api.pictures import BurnIn
@@ -189,8 +189,9 @@ def _warn_of_growth(request: RenderRequest, last: int) -> None:
         if motion.resampling is None or longest is None:
             continue
         mesh = motion.mesh_at_rest()
-        vertices = estimated_vertices(mesh, longest)
-        if warning := growth_warning(motion, mesh.vertices, mesh.faces, vertices, last):
+        forecast = MotionForecast(motion)
+        vertices = forecast.estimated_vertices(mesh, longest)
+        if warning := forecast.growth_warning(mesh.vertices, mesh.faces, vertices, last):
             print_warning(f"{request.name}: {warning}")
 
 
@@ -268,5 +269,5 @@ def _bars(
 
         for animatic in animatics:
             animatic.stream.callback = report
-        with reporting_to(report_once):
+        with Progress.reported_to(report_once):
             yield frame_done

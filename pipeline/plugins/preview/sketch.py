@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flowsculpt import TriangleMesh, icosphere
-from flowsculpt.api.flows import checked_displacement
 from flowsculpt.api.frames import Framing, RenderRequest
 from flowsculpt.api.meshes import AnyArray, Floats, Points, Vectors
 from flowsculpt.api.pictures import (
@@ -237,8 +236,7 @@ def streamlines(motion: Motion, frame: int, vertices: Points) -> StreamlineSet:
 
 def _velocity(motion: Motion, frame: int, points: Points) -> Vectors:
     """Return velocities (N, 3), units per second of the film's time."""
-    time, dt = motion.clock.between(frame, frame + STEP)
-    moved = checked_displacement(motion.flow, points, time, dt, frame)
+    moved = motion.carry(points, frame, frame + STEP)
     return (moved - points) / motion.rate.seconds(STEP)
 
 

@@ -21,7 +21,6 @@ from typing import Any
 import numpy as np
 
 from flowsculpt import TriangleMesh, UsageError, vertex_normals
-from flowsculpt.api.flows import checked_displacement
 from flowsculpt.api.frames import Framer, Framing, MeshAngle, MeshFrame, RenderRequest, Shading, animate
 from flowsculpt.api.meshes import AnyArray, Floats, Points, Vectors
 from flowsculpt.api.pictures import SPEED, Camera, jpeg_bytes
@@ -46,8 +45,7 @@ def carried_to(motion: Motion, points: Points, number: int) -> Points:
     first = motion.frames.first
     stops = np.unique(np.linspace(first, number, min(MOST_STEPS, number - first) + 1).round()).tolist()
     for start, end in pairwise(stops):
-        time, dt = motion.clock.between(start, end)
-        points = checked_displacement(motion.flow, points, time, dt, int(end))
+        points = motion.carry(points, start, end)
     return points
 
 
@@ -130,9 +128,8 @@ STEP = 1 / 64
 
 def with_speeds(arrays: Mapping[str, AnyArray], motion: Motion, number: int) -> dict[str, AnyArray]:
     """Return arrays with the speed of their vertices, (V, 1) float32, scene units per second."""
-    time, dt = motion.clock.between(number, number + STEP)
     points = arrays["vertices"].astype(np.float64)
-    moved = checked_displacement(motion.flow, points, time, dt, number)
+    moved = motion.carry(points, number, number + STEP)
     speed = np.linalg.norm(moved - points, axis=1, keepdims=True) / motion.rate.seconds(STEP)
     return {**arrays, SPEED: speed.astype(np.float32)}
 

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Self
 from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_validator
 
 from flowsculpt import UsageError
-from flowsculpt.api import reason_of, shortened
+from flowsculpt.api import quote, reason_of
 from flowsculpt.api.files import read_input
 from flowsculpt.api.flows import ParameterDoc
 from flowsculpt.api.shots import Clock, FlowParameters, ParseContext, as_finding
@@ -57,7 +57,7 @@ def _require_name(function: str) -> None:
     """Raise UsageError for what cannot name a function."""
     if not function.isidentifier():
         remedy = "write it as in the file, without brackets"
-        raise UsageError(f"{shortened(function)} names no function; {remedy}.")
+        raise UsageError(f"{quote(function)} names no function; {remedy}.")
 
 
 def _require_python(path: Path) -> None:

@@ -25,7 +25,7 @@ from typing import Any, TypeVar
 from urllib.parse import urlsplit
 
 from flowsculpt import MachineError, UsageError
-from flowsculpt.api import suggestion
+from flowsculpt.api import suggest
 from flowsculpt.api.files import command
 
 LOG = logging.getLogger("flowsculpt.store")
@@ -54,7 +54,7 @@ def checked_url(typed: str) -> str:
     if not separator:
         return f"file://{_folder(text, where)}"
     if scheme not in known_implementations:
-        likely = suggestion(scheme, _USUAL)
+        likely = suggest(scheme, _USUAL)
         raise UsageError(f"{where}: {scheme}:// is not known. {likely}")
     if not rest.strip("/"):
         raise UsageError(f"{where}: a bucket or folder must follow; write {EXAMPLES}")

@@ -18,7 +18,7 @@ import typer
 from numpy.typing import NDArray
 
 from flowsculpt import MissingInputError, UsageError
-from flowsculpt.api import plural, suggestion
+from flowsculpt.api import plural, suggest
 from flowsculpt.api.commands import Project, execute_and_report, progress_bars, require_one_of
 from flowsculpt.api.files import require_input
 from flowsculpt.api.frames import (
@@ -39,7 +39,6 @@ from flowsculpt.api.options import (
     PictureOptions,
     Quality,
     ShotOptions,
-    Variant,
     shared_option,
 )
 from flowsculpt.api.pictures import ContactSheet, prefetch, write_movie, write_still
@@ -89,7 +88,7 @@ class TurntableRequest:
                 "and 72 is usual"
             )
         if self.turn not in (*TURNS, BOTH):
-            raise UsageError(f"--turn {self.turn}: it does not turn. {suggestion(self.turn, (*TURNS, BOTH))}")
+            raise UsageError(f"--turn {self.turn}: it does not turn. {suggest(self.turn, (*TURNS, BOTH))}")
         if self.up not in (None, *UPS):
             raise UsageError(f"--up {self.up}: only the axes y and z can point up. Write --up y or --up z.")
         if self.up is not None and not self._is_of_file:
@@ -362,7 +361,7 @@ def turntable(
     scale: Annotated[
         str | None, typer.Option(metavar="PERCENT", help="Render smaller or larger pictures: 50%, or 0.5.")
     ] = None,
-    variant: Variant = None,
+    variant: Annotated[str | None, shared_option("variant")] = None,
 ) -> None:
     """Render one frame of a shot, or a mesh file, turning; then the lights turning around it.
 

@@ -26,7 +26,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from flowsculpt import FlowsculptError, MachineError, MissingInputError, UsageError
-from flowsculpt.api import RunObserver, suggestion
+from flowsculpt.api import RunObserver, suggest
 from flowsculpt.api.commands import print_warning
 from flowsculpt.api.files import user_environment
 from flowsculpt.api.frames import Runs
@@ -120,7 +120,7 @@ def hooks_of(profile: Path, event: str) -> Iterator[Hook]:
         raise UsageError(f"{file}: not hooks; write names and commands, such as run_failed: python notify.py")
     for name, commands in said.items():
         if name not in EVENT_NAMES:
-            raise UsageError(f"{file}: {name} is not an event. {suggestion(str(name), EVENT_NAMES)}")
+            raise UsageError(f"{file}: {name} is not an event. {suggest(str(name), EVENT_NAMES)}")
         for command in commands if isinstance(commands, list) else [commands]:
             if not isinstance(command, str):
                 raise UsageError(

@@ -24,13 +24,11 @@ from flowsculpt.api.commands import (
 from flowsculpt.api.frames import FrameRange, RootFolders, Show, use_store
 from flowsculpt.api.options import (
     DEFAULT_QUALITY,
-    AllowCode,
     Common,
     PictureOptions,
     Quality,
     Shot,
     ShotOptions,
-    Variant,
     shared_option,
 )
 from flowsculpt.pipeline.plugins.versions.hooks import Hook, hooks_of, tell_published
@@ -169,8 +167,8 @@ def reproduce(
         Path, typer.Argument(metavar="PROVENANCE", help="The provenance.json of a published version.")
     ],
     frames: FrameNumbers = None,
-    variant: Variant = None,
-    allow_code: AllowCode = False,
+    variant: Annotated[str | None, shared_option("variant")] = None,
+    allow_code: Annotated[bool, shared_option("allow_code")] = False,
     force: Annotated[
         bool, typer.Option("--force", help="Render and finish the frames again, and replace what is stored.")
     ] = False,

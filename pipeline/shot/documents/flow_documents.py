@@ -18,7 +18,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema
 
-from flowsculpt.pipeline.errors import shortened
+from flowsculpt.pipeline.errors import quote
 from flowsculpt.pipeline.flow import Flow, VelocityField, catalogue
 from flowsculpt.pipeline.flow.catalogue.external_fields import (
     MAX_NUMBERS,
@@ -162,7 +162,7 @@ def _value(p: Parameter, value: Any, clock: Clock) -> Any:
 def _check_name(word: str) -> str:
     if not word.isidentifier() or word in {*NAMES, *CONSTANTS, *FUNCTIONS}:
         rule = "it is not a word, or has a meaning"
-        raise finding(f"{shortened(word)} cannot name a number: {rule}. Choose another.")
+        raise finding(f"{quote(word)} cannot name a number: {rule}. Choose another.")
     return word
 
 
@@ -195,7 +195,7 @@ class FormulaDocument(FlowParameters):
         """`formula: [a, b, c]` is `formula: {velocity: [a, b, c]}`."""
         given = value.get("velocity", []) if isinstance(value, dict) else value
         if isinstance(given, str | int | float):
-            raise finding(f"formula: {shortened(given)} is not a list of three, such as [-y, x, 0]")
+            raise finding(f"formula: {quote(given)} is not a list of three, such as [-y, x, 0]")
         return {"velocity": value} if isinstance(value, list) else value
 
     @classmethod

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Self
 
 from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 
-from flowsculpt.pipeline.errors import shortened, suggestion
+from flowsculpt.pipeline.errors import quote, suggest
 from flowsculpt.pipeline.plugin import Plugin, plugins
 from flowsculpt.pipeline.plugin_contracts import ContractError
 from flowsculpt.pipeline.shot.documents.field_types import (
@@ -121,7 +121,7 @@ def _plugin(
         return
     kind = plugin["type"]
     if kind not in known:
-        yield (*where, "type"), f"{shortened(kind)} is not a {role} of Mitsuba. {suggestion(kind, known)}"
+        yield (*where, "type"), f"{quote(kind)} is not a {role} of Mitsuba. {suggest(kind, known)}"
         return
     form = PLUGINS[kind]
     inner = [0, 0]
@@ -137,7 +137,7 @@ def _plugin(
             yield from _plugin(value, place, folder, "texture" if is_texture else "material", tuple(PLUGINS))
         else:
             names = tuple(form.parameters)
-            hint = suggestion(str(name), names) if names else "It takes none."
+            hint = suggest(str(name), names) if names else "It takes none."
             yield place, f"{name} is not a parameter of {kind}. {hint}"
     yield from _count(kind, form, inner, where)
     yield from _file(plugin, where, folder)

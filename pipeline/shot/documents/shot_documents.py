@@ -17,7 +17,7 @@ from pydantic import (
     model_validator,
 )
 
-from flowsculpt.pipeline.errors import shortened
+from flowsculpt.pipeline.errors import quote
 from flowsculpt.pipeline.frames import FASTEST, SLOWEST
 from flowsculpt.pipeline.mesh.normals import MOST_PIECES
 from flowsculpt.pipeline.plugin import PictureTask, Plugin, named, plugins
@@ -96,7 +96,7 @@ def _pixels(value: Any) -> Any:
         return value
     match = re.match(_PIXELS, value)
     if not match:
-        raise bad_value(f"{shortened(value)} is not a length in pixels. Write 2px.")
+        raise bad_value(f"{quote(value)} is not a length in pixels. Write 2px.")
     return float(match[1])
 
 

@@ -19,7 +19,7 @@ from pydantic import (
     model_validator,
 )
 
-from flowsculpt.pipeline.errors import UsageError, suggestion
+from flowsculpt.pipeline.errors import UsageError, suggest
 from flowsculpt.pipeline.mesh.read import model_files, read_paint
 from flowsculpt.pipeline.plugin import Plugin, plugins
 from flowsculpt.pipeline.plugin_contracts import require_class
@@ -117,8 +117,7 @@ def solid_faults(
     measures: Mapping[str, Measure] = kinds[name].measures
     unknown = [m for m in given if m in _MEASURES and m not in measures]
     yield from (
-        ((*where, m), f"{m} is not a measure of {indefinite(name)}. {suggestion(m, measures)}")
-        for m in unknown
+        ((*where, m), f"{m} is not a measure of {indefinite(name)}. {suggest(m, measures)}") for m in unknown
     )
     size, wanted = given.get("size"), np.size(measures.get("size", ()))
     if wanted and (meant := _meant_size(size, wanted)):

@@ -6,7 +6,7 @@ import errno
 import re
 from pathlib import Path
 
-from flowsculpt.pipeline.errors import MissingInputError, ShotError, shortened
+from flowsculpt.pipeline.errors import MissingInputError, ShotError, quote
 from flowsculpt.pipeline.file_contents import as_utf8
 from flowsculpt.pipeline.plugin import plugins
 from flowsculpt.render.base.atomic_write import machine_error
@@ -72,7 +72,7 @@ def name_fault(name: str, kind: str = "shot") -> str | None:
         return f"{name} is the name of a folder in renders/; choose another one, as A010_{name}"
     if not re.fullmatch(NAME, name):
         rule = f"use letters, digits, _ and -, as in {example}"
-        return f"{shortened(name)} cannot name {indefinite(kind)}; {rule}"
+        return f"{quote(name)} cannot name {indefinite(kind)}; {rule}"
     return None
 
 

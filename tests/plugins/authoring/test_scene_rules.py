@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flowsculpt.pipeline.animation import animate
-from flowsculpt.pipeline.animation.flow_cost import estimated_vertices
+from flowsculpt.pipeline.animation.motion_forecast import MotionForecast
 from flowsculpt.pipeline.errors import FrameError
 from flowsculpt.pipeline.mesh import icosphere
 from flowsculpt.pipeline.plugins.authoring.first_frame import FirstFrame, FirstFrames
@@ -21,6 +21,7 @@ from flowsculpt.pipeline.plugins.authoring.shot_templates import model_template
 from flowsculpt.pipeline.resample import Thresholds, resample
 from flowsculpt.pipeline.shot import read_shot
 from tests.conftest import QUALITY, ProjectFolder, commanded
+from tests.needed_plugins import needs_plugins
 
 pytestmark = pytest.mark.quick
 
@@ -97,7 +98,7 @@ def test_a_first_frame_over_the_budget_is_an_error_and_both_remedies_fit(tmp_pat
 def test_vertices_are_estimated_within_a_factor_of_about_two(edge: float) -> None:
     ball = icosphere(3)
     after, _ = resample(ball, Thresholds(max_edge_length=edge))
-    assert 0.4 < estimated_vertices(ball, edge) / len(after.vertices) < 2.0
+    assert 0.4 < MotionForecast.estimated_vertices(ball, edge) / len(after.vertices) < 2.0
 
 
 def write_scan(path: Path, away: float) -> None:
@@ -325,6 +326,7 @@ def test_validate_warns_of_keys_outside_of_a_shot_in_one_line(project: ProjectFo
     assert not [note for note in checked["notes"] if "outside" in note]
 
 
+@needs_plugins("sheets")
 def test_validate_and_sheets_tell_frames_without_highlights_or_light(
     finished: ProjectFolder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -337,6 +339,7 @@ def test_validate_and_sheets_tell_frames_without_highlights_or_light(
             assert note in said if note else "highlight" not in said and "black" not in said
 
 
+@needs_plugins("preview")
 def test_an_empty_folder_is_told_how_to_make_a_shot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     for words in (("validate",), ("preview", "A010"), ("render", "A010"), ("film",)):

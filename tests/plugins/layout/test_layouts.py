@@ -141,7 +141,7 @@ def test_scattered_copies_of_all_sizes_keep_apart() -> None:
         ("count: 9, size: [2, 1], layout: {ring: {radius: 1}}", "size goes from 2 to 1"),
         ("count: 9, layout: {ring: {radius: 1, axis: [0, 0, 0]}}", "axis has no length"),
         ("count: 9, layout: {surface: {radius: 1}}", "on a solid or on a model"),
-        ("count: 9, layout: {surface: {solid: torus, length: 1}}", "length is not a measure of a torus"),
+        ("count: 9, layout: {surface: {solid: torus, length: 1}}", "length is not a measure of the torus"),
         ("count: 9, layout: {surface: {solid: bol}}", "'bol' is not a solid"),
         ("count: 5001, layout: {ring: {radius: 1}}", "5000"),
     ],
