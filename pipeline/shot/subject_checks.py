@@ -19,7 +19,7 @@ from flowsculpt.pipeline.shot.documents.field_types import LARGEST, is_number, i
 from flowsculpt.pipeline.shot.point_subjects import NETS, NetOfSolid, radii_of
 from flowsculpt.pipeline.shot.subjects import SOLIDS, Measure, Solid
 from flowsculpt.pipeline.shot.yaml.document_validation import missing_file
-from flowsculpt.pipeline.shot.yaml.named_files import is_there
+from flowsculpt.pipeline.shot.yaml.named_files import is_file
 from flowsculpt.pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource
 from flowsculpt.render.base.input_files import digest_of_file
 from flowsculpt.render.base.plural import indefinite, plural
@@ -138,7 +138,7 @@ def check_files(source: YamlSource) -> Iterator[Problem]:
         if not isinstance(name, str):
             continue
         path = source.path.parent / name
-        if not is_there(path):
+        if not is_file(path):
             yield ("subject", kind), missing_file(name, path, f"{kind} file")
             continue
         try:
@@ -251,7 +251,7 @@ def _bad_points(source: YamlSource, kind: str, written: Any) -> Iterator[Problem
     try:
         if isinstance(written, str):
             path = source.path.parent / written
-            if is_there(path):
+            if is_file(path):
                 _require_good_file(source, kind, path)
         elif isinstance(written, list):
             yield from _bad_rows(written)

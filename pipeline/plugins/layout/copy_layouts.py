@@ -21,8 +21,6 @@ from flowsculpt.api.shots import (
     Positive,
     Solid,
     Triple,
-    as_finding,
-    bad_value,
     one_of,
 )
 
@@ -78,7 +76,7 @@ class Around(Arrangement):
     @model_validator(mode="after")
     def _has_direction(self) -> Self:
         if not np.linalg.norm(self.axis) > 1e-9:
-            raise bad_value("axis has no length; it is a direction. Write one such as [0, 1, 0].")
+            raise ValueError("axis has no length; it is a direction. Write one such as [0, 1, 0].")
         return self
 
     def around(self, radius: Floats, angle: Floats, height: Floats) -> Places:
@@ -159,18 +157,18 @@ class SurfaceDocument(Arrangement):
     @model_validator(mode="after")
     def _is_there(self, info: ValidationInfo) -> Self:
         if (self.solid is None) == (self.model is None):
-            raise bad_value("copies are on a solid or on a model. Write one, such as solid: torus.")
+            raise ValueError("copies are on a solid or on a model. Write one, such as solid: torus.")
         given = self.model_dump(exclude_none=True, include={"size", "radius", "length", "tube_radius"})
         known = SOLIDS[self.solid].measures if self.solid else {}
         for name, value in given.items():
             if np.size(value) != np.size(known.get(name, ())):
                 whose = f"the {self.solid or 'model'}"
-                raise bad_value(f"{name} is not a measure of {whose}, or has other numbers. Leave it out.")
+                raise ValueError(f"{name} is not a measure of {whose}, or has other numbers. Leave it out.")
         if self.solid is not None:
-            self._mesh = as_finding(Solid.of(self.solid, given).build)
+            self._mesh = Solid.of(self.solid, given).build()
         elif self.model is not None:
             path = ParseContext.of(info).mesh(self.model)
-            self._mesh = as_finding(lambda: read_mesh(path))
+            self._mesh = read_mesh(path)
             self._digests = (model_files(path).digest,)
         return self
 

@@ -66,7 +66,7 @@ from flowsculpt.pipeline.shot.documents.field_types import (
     vector,
 )
 from flowsculpt.pipeline.shot.motion import Clock
-from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext, as_finding, finding
+from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext, finding
 from flowsculpt.render.base.input_files import read_input
 
 
@@ -226,7 +226,7 @@ class FormulaDocument(FlowParameters):
     def _fits(self) -> Self:
         """Check that all numbers and `frame` fit the flow."""
         x, y, z = self.velocity
-        as_finding(lambda: FormulaField((x, y, z), tuple((name, 0.0) for name in self.numbers)))
+        FormulaField((x, y, z), tuple((name, 0.0) for name in self.numbers))
         return self
 
 
@@ -263,7 +263,7 @@ class AttractionDocument(OneOfSeveral, FlowParameters):
             self._target = Target.curve(np.array(self.curve), self.closed)
         else:
             file = ParseContext.of(info).mesh(str(self.mesh))
-            self._target = as_finding(lambda: Target.surface(read_mesh(file), float(self.scale)))
+            self._target = Target.surface(read_mesh(file), float(self.scale))
         return self
 
     def own_values(self, clock: Clock) -> dict[str, Any]:
@@ -307,7 +307,7 @@ class SampledDocument(FlowParameters):
     def _are_readable(self, info: ValidationInfo) -> Self:
         context = ParseContext.of(info)
         paths = context.files(self.file)
-        self._samples = as_finding(lambda: read_samples(paths, self.array, float(self.interval)))
+        self._samples = read_samples(paths, self.array, float(self.interval))
         context.digests.update(zip(paths, self._samples.digests, strict=True))
         return self
 
@@ -347,7 +347,7 @@ class PythonDocument(FlowParameters):
         self._path, self._allowed = context.file(self.file), context.allow_code
         self._digest = context.digests[self._path]
         self._reads = {path: context.digests[path] for path in map(context.file, self.reads)}
-        code = as_finding(lambda: read_input(self._path, MOST_CODE))
+        code = read_input(self._path, MOST_CODE)
         try:
             ast.parse(code, str(self._path))
         except (SyntaxError, ValueError, RecursionError, MemoryError) as error:

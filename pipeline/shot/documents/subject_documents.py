@@ -54,7 +54,6 @@ from flowsculpt.pipeline.shot.point_subjects import (
     NetOfSolid,
 )
 from flowsculpt.pipeline.shot.subjects import SOLIDS, Model, PluginSurface, Solid
-from flowsculpt.pipeline.shot.yaml.document_validation import bad_value
 from flowsculpt.render.base.input_files import digest_of_file, joint_digest
 
 CLOSED = {"none": (False, False), "rows": (True, False), "columns": (False, True), "both": (True, True)}
@@ -107,7 +106,7 @@ _MEASURES = {name for name in SolidDocument.model_fields if name != "solid"}
 
 def _require_angles(value: Any) -> Any:
     if is_number(value):
-        raise bad_value(
+        raise ValueError(
             f"{value} is one number; it must be three, about x, then y, then z. Write [0, {value}, 0]."
         )
     return value
@@ -303,7 +302,9 @@ class CopiesDocument(OneOfSeveral):
     @model_validator(mode="after")
     def _grows(self) -> Self:
         if self.size[0] > self.size[1]:
-            raise bad_value(f"size goes from {self.size[0]:g} to {self.size[1]:g}; write the smallest first.")
+            raise ValueError(
+                f"size goes from {self.size[0]:g} to {self.size[1]:g}; write the smallest first."
+            )
         return self
 
     def build(self, clock: Clock) -> Copies:
