@@ -1,42 +1,31 @@
 """Run all benchmarks: `python -m benchmarks`.
 
-Those that need a package which only `make test` installs are left out without it, and named.
+Those that need a package which only `make test` installs, or a plug-in, are left out without it, and named.
 """
 
 from importlib import import_module
-from importlib.util import find_spec
 
-from benchmarks import (
-    bare,
-    breeding,
-    flows,
-    found_models,
-    orchestration,
-    pictures,
-    polyhedra,
-    preview,
-    renewal,
-    resampling,
-    seams,
+NAMES = (
+    "resampling",
+    "seams",
+    "renewal",
+    "polyhedra",
+    "flows",
+    "pictures",
+    "bare",
+    "orchestration",
+    "preview",
+    "breeding",
+    "found_models",
+    "interchange",
+    "remote_store",
 )
 
-NEEDS = {"interchange": "pxr", "remote_store": "moto"}
-"""Benchmarks, and the module that each needs beside the project's own packages."""
-
 if __name__ == "__main__":
-    resampling.main()
-    seams.main()
-    renewal.main()
-    polyhedra.main()
-    flows.main()
-    pictures.main()
-    bare.main()
-    orchestration.main()
-    preview.main()
-    breeding.main()
-    found_models.main()
-    for name, module in NEEDS.items():
-        if find_spec(module) is None:
-            print(f"\n{name} is left out: there is no module {module}; make test installs it")
+    for name in NAMES:
+        try:
+            benchmark = import_module(f"benchmarks.{name}")
+        except ModuleNotFoundError as error:
+            print(f"\n{name} is left out: there is no module {error.name}")
         else:
-            import_module(f"benchmarks.{name}").main()
+            benchmark.main()

@@ -1,7 +1,7 @@
 """The speed of a review page, to write, open, step and play it: `python -m benchmarks.review`.
 
 `python -m benchmarks.review final` takes minutes to write its pictures. Chromium is the one of the tests:
-`python tests/plugins/review/chromium.py fetch` unpacks it. It draws on the processor; graphics cards are
+`python tests/chromium.py fetch` unpacks it. It draws on the processor; graphics cards are
 faster.
 """
 
@@ -18,8 +18,9 @@ import numpy as np
 from playwright.sync_api import Page as Tab
 
 from benchmarks.report import Row, Target, keep, show
-from tests.plugins.review.chromium import running
-from tests.plugins.review.studio import NAME, SHOT, Desk, Picture, hang, simulated
+from tests.chromium import running
+from tests.plugins.review.studio import Picture, hang
+from tests.simulated_show import NAME, SHOT, Desk, simulated
 
 FRAMES = 240
 QUALITIES = {"draft": (480, 270), "daily": (960, 540), "final": (1920, 1080)}

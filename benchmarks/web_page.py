@@ -2,7 +2,7 @@
 
 Every twelfth frame of a shot (A010_cube) is drawn by its page, 480 × 270 pixels, until its pixels are read:
 as exported, with the shadows of three.js (percentage-closer filtering, 3 × 3 pixels), and without shadows.
-Chromium is the one of the tests (`python tests/plugins/review/chromium.py fetch`); it draws on the processor.
+Chromium is the one of the tests (`python tests/chromium.py fetch`); it draws on the processor.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from playwright.sync_api import Browser
 from benchmarks.first_film import CHECKOUT
 from benchmarks.measured_shots import copy_shots
 from benchmarks.report import Row, keep, show
-from tests.plugins.review.chromium import running, wait_for
+from tests.chromium import running, wait_for
 
 SIZE = {"width": 480, "height": 270}
 STEP = 12

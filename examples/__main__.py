@@ -29,7 +29,20 @@ def main() -> None:
     if unknown:
         sys.exit(f"{', '.join(unknown)}: no such figure; there are {', '.join(FIGURES)}")
     for name in sys.argv[1:] or FIGURES:
-        import_module(f"examples.{name}").draw()
+        draw(name)
+
+
+def draw(name: str) -> None:
+    """Draw a figure; leave it out, and say so, where a plug-in that it needs is not installed."""
+    try:
+        figure = import_module(f"examples.{name}")
+    except ModuleNotFoundError as error:
+        package, _, plugin = str(error.name).rpartition(".")
+        if package != "flowsculpt.pipeline.plugins":
+            raise
+        print(f"{name} is left out: it needs the plug-in {plugin}, which is not installed")
+    else:
+        figure.draw()
 
 
 if __name__ == "__main__":

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from flowsculpt.pipeline.arrays import Floats, Points
 from flowsculpt.pipeline.flow import Flow
 from flowsculpt.pipeline.mesh import PolygonMesh, TriangleMesh
-from flowsculpt.pipeline.plugins.polyhedra.polyhedral_resampler import PolyhedralResampler
 from flowsculpt.pipeline.resample import Report, Resampler
+
+if TYPE_CHECKING:
+    from flowsculpt.pipeline.plugins.polyhedra.polyhedral_resampler import PolyhedralResampler
 
 RATE = 24
 """Frames per second."""

@@ -27,7 +27,7 @@ from flowsculpt.pipeline.flow.catalogue.basic import (
 from flowsculpt.pipeline.flow.catalogue.deformations import Bend, Deformation
 from flowsculpt.pipeline.flow.catalogue.external_fields import Attraction, FormulaField, Sampled, Target, Wind
 from flowsculpt.pipeline.flow.catalogue.vortices import CurlNoise
-from flowsculpt.pipeline.flow.samples import read_samples
+from flowsculpt.pipeline.plugins.sampled.grid_files import read_samples
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -11,6 +11,7 @@ from __future__ import annotations
 import logging
 import re
 import threading
+import tomllib
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import nullcontext
@@ -128,8 +129,9 @@ class Plugin:
     api            the API version that it is built for
     flows          velocity fields and other flows, dataclasses with documented parameters, by their names
     looks          `Material`s by their names
-    subjects       `SubjectKind`s and `CopyLayout`s, kinds of subjects and layouts of copies, by their names:
-                   `subject: {PLUGIN.NAME: {…}}`, `copies: {count: 9, PLUGIN.NAME: {…}}`
+    subjects       `SubjectKind`s, `PointsKind`s and `CopyLayout`s, kinds of subjects and layouts of
+                   copies, by their names: `subject: {PLUGIN.NAME: {…}}`,
+                   `copies: {count: 9, PLUGIN.NAME: {…}}`
     encodes        `Encode`s of `deliver --as PLUGIN.NAME`, by their names
     entries        entries of shot files by their names, and the stages that shots with them have
     frame_sources  `FrameSource`s by their kinds, which are names of folders in renders/ too
@@ -240,9 +242,15 @@ class Plugins:
         return found
 
     def lacking(self, name: str) -> str | None:
-        """Return the sentence about a plug-in that a dotted name needs; None where all is there."""
+        """Return the sentence about a plug-in that a name needs; None where all is there.
+
+        name  `people.person`, or what a plug-in that comes with flowsculpt adds, as it is written: `become`,
+              `.obj`, `flowsculpt review`
+        """
         plugin, _, part = name.partition(".")
-        if not part or not _NAME.fullmatch(plugin):
+        if not part or not plugin:
+            plugin = next((each for each, names in _shipped().items() if name in names), "")
+        if not _NAME.fullmatch(plugin):
             return None
         loaded = self.loaded.get(plugin)
         doors = ("flows", "looks", "subjects", "encodes", "entries")
@@ -250,7 +258,8 @@ class Plugins:
             return f"Plug-in {plugin} could not load it."
         if any(fault.startswith(f"plug-in {plugin} ") for fault in self.faults):  # perhaps a second one
             return f"It needs plug-in {plugin}, which did not load; see the warning."
-        return None if loaded else f"It needs plug-in {plugin}, which is not installed (pip install …)."
+        source = "it comes with flowsculpt: install that again" if plugin in _shipped() else "pip install …"
+        return None if loaded else f"It needs plug-in {plugin}, which is not installed ({source})."
 
     @property
     def commands(self) -> dict[str, Command]:
@@ -284,6 +293,12 @@ class Plugins:
         kind: Any = contract
         made = {plugin.name: _object(plugin.name, getattr(plugin, door), kind) for plugin in self}
         return {name: each for name, each in made.items() if each is not None}
+
+
+@cache
+def _shipped() -> Mapping[str, list[str]]:
+    """Return what the plug-ins that come with flowsculpt add, by their names."""
+    return tomllib.loads((Path(__file__).parent / "plugins" / "added.toml").read_text("utf-8"))
 
 
 _LOADING: list[str] = []  # the entry point whose module is being imported

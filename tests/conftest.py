@@ -9,6 +9,7 @@ import shutil
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
 from contextlib import chdir, redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from io import StringIO
@@ -22,9 +23,12 @@ from hypothesis import HealthCheck, settings
 
 from flowsculpt.render.base import python_process
 from tests.command_server import CommandServer
+from tests.needed_plugins import watch_imports
 from tests.processes import wait_until
 
 if TYPE_CHECKING:
+    from playwright.sync_api import Browser
+
     from flowsculpt.pipeline.production.planning.plan import Plan
 
 # Containers often tell Python to write no bytecode. Then each of a thousand commands compiles flowsculpt
@@ -41,6 +45,8 @@ settings.register_profile("new", deadline=None, suppress_health_check=[HealthChe
 # The same examples in every run, so that what fails was broken by a change; `make soak` looks for others.
 settings.register_profile("repeatable", settings.get_profile("new"), derandomize=True)
 settings.load_profile("repeatable")
+
+watch_imports()  # those of plug-ins that are not installed skip tests
 
 COMMANDS = CommandServer()
 
@@ -153,6 +159,11 @@ class Run:
     code: int
     out: str
     err: str
+
+
+def lines(text: str) -> list[str]:
+    """Return the lines of a text that are not blank."""
+    return [line for line in text.splitlines() if line.strip()]
 
 
 def commanded(root: Path, *words: str) -> tuple[int, str]:
@@ -302,6 +313,22 @@ def finished_project(tmp_path_factory: pytest.TempPathFactory) -> ProjectFolder:
 def finished(finished_project: ProjectFolder, tmp_path: Path) -> ProjectFolder:
     """A copy of a finished project. Links have become copies, as on a file system without them."""
     return finished_project.copy(tmp_path / HOSTILE)
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    """Debian's Chromium, which is fetched where it is not here; skips where it cannot be had.
+
+    It ends with the module, for while it is there an event loop runs in this process.
+    """
+    from tests.chromium import ChromiumError, fetch, running
+
+    try:
+        fetch()
+        with running() as found:
+            yield found
+    except ChromiumError as error:
+        pytest.skip(f"no browser: {error}")
 
 
 def new_project(path: Path) -> ProjectFolder:

@@ -6,12 +6,15 @@ import re
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
 
 from flowsculpt.pipeline.api_version import API
-from flowsculpt.pipeline.plugin import Plugin, Plugins
+from flowsculpt.pipeline.plugin import Plugin, Plugins, plugins
+
+ROOT = Path(__file__).parents[1]
 
 GREETER = """\
 from flowsculpt.pipeline.plugin import Command, Plugin
@@ -453,6 +456,40 @@ def test_a_name_of_a_plug_in_that_is_not_there_says_which_one_it_needs():
         assert says in str(found.lacking(name))
     assert Plugins(of_another_package.loaded).lacking("swell.breathe") is None, "did-you-mean follows"
     assert Plugins({}).lacking("vortex") is None
+
+
+@pytest.mark.parametrize(
+    ("name", "needed"),
+    [
+        ("become", "become"),
+        ("layout", "layout"),
+        ("polyhedra", "polyhedra"),
+        ("people.person", "people"),
+        (".obj", "interchange"),
+        ("flowsculpt review", "review"),
+        ("flowsculpt export usd", "interchange"),
+        ("--store", "remote"),
+    ],
+)
+def test_what_a_plug_in_of_flowsculpt_adds_says_which_one_it_needs_where_that_is_missing(name, needed):
+    sentence = (
+        f"It needs plug-in {needed}, which is not installed (it comes with flowsculpt: install that again)."
+    )
+    assert Plugins({}).lacking(name) == sentence
+    assert Plugins({needed: Plugin(needed, "1", flows={"person": "a:P"})}).lacking(name) != sentence
+
+
+def test_the_list_of_what_the_plug_ins_of_flowsculpt_add_is_complete():
+    listed = tomllib.loads((ROOT / "pipeline/plugins/added.toml").read_text())
+    for plugin in plugins():
+        if plugin.name != "flowsculpt" and not plugin.files:
+            doors = (plugin.flows, plugin.looks, plugin.subjects, plugin.encodes, plugin.entries)
+            added = {f"flowsculpt {words}" for words in plugin.commands} | {
+                f".{each}" for each in plugin.formats
+            }
+            added |= {*plugin.resamplers} | {name for door in doors for name in door if name == plugin.name}
+            added |= {"--store"} if plugin.remote_stores else set()
+            assert set(listed[plugin.name]) == added, plugin.name
 
 
 def test_an_installation_older_than_the_code_is_told_with_its_remedy(environment):

@@ -17,7 +17,7 @@ from urllib.parse import urlencode
 from PIL import Image
 from playwright.sync_api import Page
 
-from tests.plugins.review.chromium import fetch, running, wait_for
+from tests.chromium import fetch, running, wait_for
 
 FOLDER = Path(__file__).parent
 SHOT, FRAMES, FRAME = "A010_cube", "33-41", 37

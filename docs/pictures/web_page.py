@@ -16,7 +16,7 @@ from PIL import Image
 
 from flowsculpt.render.post.colour import quantise, to_display
 from flowsculpt.render.post.image import read_exr
-from tests.plugins.review.chromium import fetch, running, wait_for
+from tests.chromium import fetch, running, wait_for
 
 PICTURE = Path(__file__).with_suffix(".webp")
 SHOT, FRAMES = "A010_cube", (6, 24, 44)

@@ -1,5 +1,6 @@
 """Files: read within limits, written whole or not at all, kept between runs, parsed in own processes."""
 
+from flowsculpt.pipeline.file_contents import Archive as Archive
 from flowsculpt.pipeline.file_contents import as_utf8 as as_utf8
 from flowsculpt.pipeline.file_contents import number_fault as number_fault
 from flowsculpt.pipeline.file_contents import text_content as text_content
@@ -23,6 +24,7 @@ from flowsculpt.render.base.python_process import environment as environment
 from flowsculpt.render.base.python_process import user_environment as user_environment
 from flowsculpt.render.base.root_files import remove as remove
 from flowsculpt.render.base.root_files import remove_tree as remove_tree
+from flowsculpt.render.base.serialise import NOT_PLAIN as NOT_PLAIN
 from flowsculpt.render.base.serialise import from_plain as from_plain
 from flowsculpt.render.base.serialise import to_plain as to_plain
 from flowsculpt.render.base.state_files import read_state as read_state

@@ -2,6 +2,7 @@
 
 from flowsculpt.pipeline.animation.motion_forecast import MotionForecast as MotionForecast
 from flowsculpt.pipeline.flow.catalogue.external_fields import Sampled as Sampled
+from flowsculpt.pipeline.flow.catalogue.external_fields import Samples as Samples
 from flowsculpt.pipeline.flow.flow_map import FlowMap as FlowMap
 from flowsculpt.pipeline.flow.keyframes import Keyframes as Keyframes
 from flowsculpt.pipeline.flow.parameters import Number as Number

@@ -7,6 +7,7 @@ from flowsculpt.pipeline.arrays import Indices as Indices
 from flowsculpt.pipeline.arrays import Points as Points
 from flowsculpt.pipeline.arrays import Vectors as Vectors
 from flowsculpt.pipeline.mesh import face_normals as face_normals
+from flowsculpt.pipeline.mesh.control_net import Lattice as Lattice
 from flowsculpt.pipeline.mesh.face_soup import components as components
 from flowsculpt.pipeline.mesh.face_soup import find_coincident as find_coincident
 from flowsculpt.pipeline.mesh.mesh_formats import FileSurface as FileSurface
@@ -25,8 +26,9 @@ from flowsculpt.pipeline.mesh.normals import corner_normals as corner_normals
 from flowsculpt.pipeline.mesh.normals import split_at_creases as split_at_creases
 from flowsculpt.pipeline.mesh.normals import unit as unit
 from flowsculpt.pipeline.mesh.placed_copies import Placements as Placements
-from flowsculpt.pipeline.mesh.points import on_surface as on_surface
+from flowsculpt.pipeline.mesh.ply_files import read_ply_vertices as read_ply_vertices
 from flowsculpt.pipeline.mesh.read import model_files as model_files
+from flowsculpt.pipeline.mesh.read import read_by_suffix as read_by_suffix
 from flowsculpt.pipeline.mesh.read import read_paint as read_paint
 from flowsculpt.pipeline.mesh.read import read_surface as read_surface
 from flowsculpt.pipeline.mesh.read import repair_surface as repair_surface

@@ -21,7 +21,6 @@ from flowsculpt.pipeline.mesh.placed_copies import COPIES, STARTS, Placements
 from flowsculpt.pipeline.resample import PolygonReport, Report
 from flowsculpt.pipeline.resample.placement import REST
 from flowsculpt.pipeline.shot import Motion
-from flowsculpt.pipeline.shot.point_subjects import RADIUS
 from flowsculpt.pipeline.statistics import MeshStatistics
 from flowsculpt.render.base.serialise import to_plain
 
@@ -120,7 +119,7 @@ class MeshFrame:
     @property
     def radii(self) -> Floats:
         """The radii (V,) of the spheres around vertices; zeros where there are faces."""
-        return self.own.attributes[RADIUS] if self.is_cloud else np.zeros(len(self.mesh.vertices))
+        return self.own.attributes["radius"] if self.is_cloud else np.zeros(len(self.mesh.vertices))
 
     @property
     def material(self) -> Points:

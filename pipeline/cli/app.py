@@ -131,7 +131,8 @@ class _Formats(_WithoutTypes, TyperGroup):
     """The formats of `export`, imported as commands are."""
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[Any, Any, list[str]]:
-        require_one_of(args[0], self.commands, f"{args[0]!r} is not a format to export, which comes first.")
+        fact = f"{args[0]!r} is not a format to export, which comes first."
+        require_one_of(args[0], self.commands, fact, within="flowsculpt export ")
         return args[0], command_named(f"export {args[0]}"), args[1:]
 
 

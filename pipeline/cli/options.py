@@ -62,11 +62,13 @@ _OPTIONS = {
 
 
 def require_command(name: str, commands: Mapping[str, Command]) -> None:
-    """Raise UsageError for a command that has another name here."""
+    """Raise UsageError for a command that has another name here, or whose plug-in is missing."""
     others = {each: command.also for each, command in commands.items()} | {"--help": "help"}
     meant = _meant(others, name.lower())
     if name not in commands and meant:
         raise UsageError(f"unknown command {name}. Did you mean {meant}?")
+    if name not in commands and (sentence := plugins().lacking(f"flowsculpt {name}")):
+        raise UsageError(f"unknown command {name}. {sentence}")
 
 
 def _meant(table: Mapping[str, str], word: str) -> str | None:
@@ -248,10 +250,13 @@ class PictureOptions:
         return cropped_name(name, self.crop, self.scale, qualities_of_size(*sizes.pop()))
 
 
-def require_one_of(word: str, known: Collection[str], fact: str) -> None:
-    """Raise UsageError for an unknown word: a fact, and a suggestion or the plug-in that it needs."""
+def require_one_of(word: str, known: Collection[str], fact: str, within: str = "") -> None:
+    """Raise UsageError for an unknown word: a fact, and a suggestion or the plug-in that it needs.
+
+    within  what stands before the word where plug-ins add it: "flowsculpt export "
+    """
     if word not in known:
-        raise UsageError(f"{fact} {plugins().lacking(word) or suggest(word, known)}")
+        raise UsageError(f"{fact} {plugins().lacking(within + word) or suggest(word, known)}")
 
 
 INTERRUPTED = 130

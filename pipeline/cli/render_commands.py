@@ -99,8 +99,9 @@ def _written_edit(common: Common, timeline: Path) -> str:
     """Write the edit of a timeline to the folder of shots; return its path."""
     readers = plugins().readers("edit")
     if (reader := readers.get(timeline.suffix.lstrip("."))) is None:
-        known = ", ".join(f".{suffix}" for suffix in readers) or "none: no plug-in reads timelines"
-        raise UsageError(f"--edit {timeline}: the names of timelines end in {known}; export one as that")
+        known = ", ".join(f".{suffix}" for suffix in readers)
+        rule = f"the names of timelines end in {known}; export one as that"
+        raise UsageError(f"--edit {timeline}: {plugins().lacking(timeline.suffix) or rule}")
     target, text = named(reader)(timeline, Show().shots(), Show().folder)
     if common.dry_run and not target.exists():
         raise UsageError(f"--dry-run: {target} is not written yet; call film --edit once without it")

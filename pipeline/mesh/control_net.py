@@ -1,4 +1,4 @@
-"""Control nets: the layout of their points, nets of simple shapes, and their smooth B-spline surface.
+"""Control nets: the layout of their points, and their smooth B-spline surface.
 
 The surface is a uniform bicubic B-spline, after Riesenfeld (*Applications of B-spline Approximation to
 Geometric Problems of Computer-Aided Design*, 1973) and Farin, *Curves and Surfaces for CAGD*. It does not
@@ -9,8 +9,8 @@ those points are the midpoints of their neighbours.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -18,8 +18,6 @@ from flowsculpt.pipeline.arrays import AnyArray, Faces, Floats, Points, Vectors
 from flowsculpt.pipeline.errors import MeshError, UsageError
 from flowsculpt.pipeline.mesh.meshes import TriangleMesh
 from flowsculpt.pipeline.mesh.normals import ShadedMesh, vertex_normals
-
-LEAST = 4  # points along each side: the support of one cubic piece
 
 
 @dataclass(frozen=True)
@@ -39,10 +37,12 @@ class Lattice:
     columns: int
     closed: tuple[bool, bool] = (False, False)
 
+    least: ClassVar = 4  # points along each side: the support of one cubic piece
+
     def __post_init__(self) -> None:
-        if min(self.rows, self.columns) < LEAST:
+        if min(self.rows, self.columns) < self.least:
             size = f"{self.rows} × {self.columns}"
-            fact = f"a net of {size} points is too small; a bicubic patch needs {LEAST} × {LEAST}"
+            fact = f"a net of {size} points is too small; a bicubic patch needs {self.least} × {self.least}"
             raise MeshError(f"{fact}. Add rows or columns.")
 
     def __len__(self) -> int:
@@ -75,60 +75,6 @@ def grid_faces(rows: int, columns: int, closed: tuple[bool, bool]) -> Faces:
     after = (j + 1) % columns
     corners = np.stack([below + j, above + j, above + after, below + after], axis=-1).reshape(-1, 4)
     return corners[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3).astype(np.int32)
-
-
-Net = tuple[Points, Lattice]
-
-
-def sheet_net(size: tuple[float, float], rows: int, columns: int) -> Net:
-    """Return a rectangle in the plane y = 0 that faces upwards. `size` is along x and z; rows run along x."""
-    z, x = _line(size[1], rows), _line(size[0], columns)
-    points = np.zeros((rows, columns, 3))
-    points[..., 2], points[..., 0] = z[:, None], x[None, :]
-    return points.reshape(-1, 3), Lattice(rows, columns)
-
-
-def tube_net(length: float, radius: float, rows: int, columns: int) -> Net:
-    """Return an open tube along the y axis with this radius at the columns; rows run around it."""
-    points = np.empty((rows, columns, 3))
-    points[..., 1] = _line(length, rows)[:, None]
-    points[..., 0], points[..., 2] = _ring(radius, columns)
-    return points.reshape(-1, 3), Lattice(rows, columns, (False, True))
-
-
-def torus_net(radius: float, tube_radius: float, rows: int, columns: int) -> Net:
-    """Return a ring around the y axis; rows run around the axis, columns around the tube.
-
-    Raises UsageError where the tube is as thick as the ring is wide.
-    """
-    if tube_radius >= radius:
-        raise UsageError(
-            f"tube_radius {tube_radius:g} must be below radius {radius:g}, or the ring intersects itself"
-        )
-    away, height = _ring(tube_radius, rows)
-    cos, sin = _ring(1.0, columns)
-    points = np.empty((rows, columns, 3))
-    points[..., 0] = (radius + away)[:, None] * cos
-    points[..., 1] = height[:, None]
-    points[..., 2] = (radius + away)[:, None] * sin
-    return points.reshape(-1, 3), Lattice(rows, columns, (True, True))
-
-
-def _line(extent: float, count: int) -> Floats:
-    """Return points evenly on a line, one beyond each end, so that an open cubic spans the extent."""
-    return extent * ((np.arange(count) - 1.0) / (count - 3) - 0.5)
-
-
-def _ring(radius: float, count: int) -> tuple[Floats, Floats]:
-    """Return cosine and sine of a circle enlarged so that a closed cubic through it has the radius.
-
-    At its points the cubic takes a sixth of each neighbour and four sixths of the point: (4 + 2 cos step) / 6
-    of the circle.
-    """
-    step = 2.0 * math.pi / count
-    angle = step * np.arange(count)
-    outer = radius * 3.0 / (2.0 + math.cos(step))
-    return outer * np.cos(angle), outer * np.sin(angle)
 
 
 PIECES = 8  # default number of pieces for each span between two control points

@@ -109,6 +109,25 @@ class TriangleMesh:
         """(2, 3): the lowest and the highest coordinates of the vertices."""
         return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])
 
+    def scattered(self, count: int, seed: int) -> tuple[Points, AnyArray]:
+        """Return points (count, 3) on the faces, evenly by area, and the face (count,) of each.
+
+        The surface should have at least about as many faces as points. The areas of the faces, in order,
+        form a line with points at equal distances. Within its face a point lies anywhere, but only half as
+        far from the middle as it could: points of neighbouring faces then keep apart, without clusters or
+        holes.
+        """
+        random = np.random.default_rng(seed)
+        corners = self.vertices[self.faces]
+        a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+        ends = np.cumsum(np.linalg.norm(np.cross(b - a, c - a), axis=1))
+        along = (np.arange(count) + random.random()) / count * ends[-1]
+        face = np.minimum(np.searchsorted(ends, along, side="right"), len(ends) - 1)
+        u, v = random.random((2, count, 1))
+        u, v = np.where(u + v > 1.0, 1.0 - u, u), np.where(u + v > 1.0, 1.0 - v, v)
+        u, v = 0.5 * u + 1.0 / 6.0, 0.5 * v + 1.0 / 6.0
+        return a[face] + u * (b - a)[face] + v * (c - a)[face], face
+
     def __reduce__(self) -> tuple[Any, ...]:
         arrays = self.vertices, self.faces, dict(self.attributes), self.creases, self.seams
         return TriangleMesh, arrays  # pickle knows no mapping that is only read

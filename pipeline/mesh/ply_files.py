@@ -93,7 +93,21 @@ def read_polygon_file(content: bytes) -> FileSurface:
     if not len(faces.lengths) and _rows(tables, _GRID):
         fact = f"it has a scanner's grid of ranges ({_GRID}) and no faces"
         raise MeshError(f"{fact}. Export faces from the scanner's program.")
-    return polygon_surface(vertex_positions(tables), faces.offsets, faces.values.reshape(-1))
+    return polygon_surface(_vertex_positions(tables), faces.offsets, faces.values.reshape(-1))
+
+
+def read_ply_vertices(content: bytes) -> tuple[Points, dict[str, AnyArray]]:
+    """Return the positions (V, 3) of the vertices of a PLY file, and its other numbers of each (V,), by name.
+
+    Raises ValueError for unreadable input, and where vertices have no positions.
+    """
+    tables = read_elements(content)
+    others = {
+        name: column
+        for name, column in tables.get("vertex", {}).items()
+        if name not in ("x", "y", "z") and isinstance(column, np.ndarray)
+    }
+    return _vertex_positions(tables), others
 
 
 def _rows(tables: dict[str, Table], element: str) -> int:
@@ -102,7 +116,7 @@ def _rows(tables: dict[str, Table], element: str) -> int:
     return len(column.lengths) if isinstance(column, Lists) else len(column)
 
 
-def vertex_positions(tables: dict[str, Table]) -> Points:
+def _vertex_positions(tables: dict[str, Table]) -> Points:
     """Return the positions (V, 3) of the vertices. Raises ValueError where they have none."""
     vertex = tables.get("vertex", {})
     columns = [column for axis in "xyz" if isinstance(column := vertex.get(axis), np.ndarray)]

@@ -239,9 +239,10 @@ def read_by_suffix(
     """
     size, suffix = require_input(path), path.suffix.lstrip(".").lower()
     if suffix not in readers:
-        raise MeshError(
-            f"{path}: {path.suffix or 'no suffix'} is not {kind}; use one of {', '.join(known or readers)}"
-        )
+        fact = f"{path}: {path.suffix or 'no suffix'} is not {kind}"
+        if needed := plugins().lacking(f".{suffix}"):
+            raise MeshError(f"{fact}. {needed}")
+        raise MeshError(f"{fact}; use one of {', '.join(known or readers)}")
     if not size:
         raise MeshError(f"{path}: the file is empty. Copy or export it again.")
     try:

@@ -13,6 +13,7 @@ from flowsculpt.pipeline.resample import polygon_methods
 from flowsculpt.pipeline.resample.thresholds import DEFAULT_RATIO, HIGHEST_RATIO
 from flowsculpt.pipeline.shot.documents.field_types import is_number, is_triple
 from flowsculpt.pipeline.shot.documents.flow_documents import DOCUMENTS
+from flowsculpt.pipeline.shot.documents.subject_documents import points_kind
 from flowsculpt.pipeline.shot.motion import FURTHEST, Clock
 from flowsculpt.pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource, dotted_path
 from flowsculpt.render.base.plural import plural
@@ -231,7 +232,7 @@ def check_splits(source: YamlSource) -> Iterator[Problem]:
 
 def check_resample_entry(source: YamlSource) -> Iterator[Problem]:
     """Check that surfaces have the entry `resample`, and points have not."""
-    kind = next((kind for kind in ("cloud", "net") if kind in source.mapping("subject")), None)
+    kind = points_kind(source.mapping("subject"))
     written = source.get("resample")
     if kind is None and isinstance(source.data, dict) and "resample" not in source.data:
         yield (
@@ -239,8 +240,8 @@ def check_resample_entry(source: YamlSource) -> Iterator[Problem]:
             "resample: missing; it has no default. Write resample: {max_edge_length: 0.05}.",
         )
     elif kind is not None and written not in (None, "off"):
-        fact = "points of a cloud have no edges" if kind == "cloud" else "the points of a net keep their rows"
-        yield ("resample",), f"{fact}, and are not resampled. Write resample: off, or leave it out."
+        remedy = "Write resample: off, or leave it out."
+        yield ("resample",), f"{kind.not_resampled}, and are not resampled. {remedy}"
 
 
 def _extreme(source: YamlSource, name: str, of: Any) -> tuple[float | None, Where]:

@@ -13,6 +13,7 @@ from flowsculpt.pipeline.plugin import plugins
 from flowsculpt.pipeline.shot.documents.field_types import is_number
 from flowsculpt.pipeline.shot.documents.light_documents import ENVIRONMENTS, softbox_name
 from flowsculpt.pipeline.shot.documents.look_documents import ALL_LOOKS, check_bsdf
+from flowsculpt.pipeline.shot.documents.subject_documents import points_kind
 from flowsculpt.pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource, dotted_path, listed
 from flowsculpt.render.scene.materials import Material, Painted
 from flowsculpt.render.scene.patterns import Measure
@@ -96,7 +97,8 @@ def check_paint(source: YamlSource) -> Iterator[Problem]:
 
 def check_measured_look(source: YamlSource) -> Iterator[Problem]:
     """Check that a cloud shows its speed: stretch and area are of triangles."""
-    if "cloud" not in source.mapping("subject"):
+    kind = points_kind(source.mapping("subject"))
+    if kind is None or kind.is_net:
         return
     measure, (_, look) = source.get("look", "measure"), _look_at(source, "look")
     default = look.pattern.of if look and isinstance(look.pattern, Measure) else None

@@ -27,14 +27,12 @@ from flowsculpt.pipeline.shot.documents.picture_documents import built_lights
 from flowsculpt.pipeline.shot.documents.resampling import ResampleDocument
 from flowsculpt.pipeline.shot.documents.shot_documents import ShotDocument, SoundDocument, entries_of_plugins
 from flowsculpt.pipeline.shot.documents.subject_documents import (
-    CloudDocument,
-    NetDocument,
     SubjectDocument,
     SubjectEntry,
     SubjectSettings,
 )
+from flowsculpt.pipeline.shot.documents.subject_kinds import PointsKind
 from flowsculpt.pipeline.shot.motion import Clock, Loop, Motion, parse_frames, parse_rate
-from flowsculpt.pipeline.shot.point_subjects import CloudOfFile, NetOfFile
 from flowsculpt.pipeline.shot.shot import AovSelection, Picture, Shot, SoundTrack
 from flowsculpt.pipeline.shot.subject_checks import subject_views
 from flowsculpt.pipeline.shot.subjects import Model, PluginSurface, SeveralSubjects, Solid
@@ -275,11 +273,7 @@ def _with_files(shot: Shot, digests: Mapping[Path, str]) -> Shot:
     """Return the shot, and those of its subjects, with the files that it was read from."""
     files = dict(digests)
     for part in shot.parts:
-        subject = part.motion.subject
-        if isinstance(subject, Model):
-            files |= dict(subject.files)
-        elif isinstance(subject, CloudOfFile | NetOfFile):
-            files[subject.path] = subject.digest
+        files |= dict(part.motion.subject.files)
     listed = tuple(sorted(files.items()))
     return replace(shot, files=listed, subjects=tuple(replace(part, files=listed) for part in shot.subjects))
 
@@ -352,7 +346,7 @@ def _motion(
     place, copies = ORIGIN, None
     if isinstance(subject, SubjectSettings):
         flows = [*flows, *subject.flows]
-        of_shot = "off" if isinstance(subject, CloudDocument | NetDocument) else document.resample
+        of_shot = "off" if isinstance(subject, PointsKind) else document.resample
         resample = of_shot if subject.resample is None else subject.resample
         place = vector(subject.place)
         copies = None if subject.copies is None else subject.copies.build(clock)
@@ -416,7 +410,8 @@ def _picture(document: ShotDocument, clock: Clock, entry: SubjectEntry | None = 
     look = look_of(document.look if own is None else own)
     grouped = partial(_grouped, groups=document.light_groups)
     overrides = [override.build(grouped) for override in document.overrides]
-    is_net = isinstance(document.subject if entry is None else entry, NetDocument)
+    subject = document.subject if entry is None else entry
+    is_net = isinstance(subject, PointsKind) and subject.is_net
     is_plain = smooth.tessellate is None and smooth.dicing is None and not is_net
     camera, shape = document.camera.build(clock), document.picture
     sizes = qualities_for(camera.projection, None if shape is None else shape.final)

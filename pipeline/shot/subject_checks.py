@@ -1,48 +1,28 @@
-"""Checks of the subject: measures of solids, files, and the points of clouds and nets."""
+"""Checks of the subject: measures of solids, files, and points."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from flowsculpt.pipeline.errors import MeshError, MissingInputError, UsageError, quote, suggest
-from flowsculpt.pipeline.mesh.control_net import LEAST, Lattice
-from flowsculpt.pipeline.mesh.points import read_net, read_points
+from flowsculpt.pipeline.errors import MissingInputError, quote, suggest
 from flowsculpt.pipeline.mesh.read import names_parts
 from flowsculpt.pipeline.shot.documents.camera_documents import FOCUS_WORDS
-from flowsculpt.pipeline.shot.documents.field_types import LARGEST, is_number, is_written_number
-from flowsculpt.pipeline.shot.point_subjects import NETS, NetOfSolid, radii_of
-from flowsculpt.pipeline.shot.subjects import SOLIDS, Measure, Solid
+from flowsculpt.pipeline.shot.documents.field_types import is_written_number
+from flowsculpt.pipeline.shot.documents.subject_documents import POINTS, points_kind, solid_faults
 from flowsculpt.pipeline.shot.yaml.document_validation import missing_file
 from flowsculpt.pipeline.shot.yaml.named_files import is_file
 from flowsculpt.pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource
 from flowsculpt.render.base.input_files import digest_of_file
-from flowsculpt.render.base.plural import indefinite, plural
-
-MEASURES = {measure for kind in SOLIDS.values() for measure in kind.measures}
 
 SUBJECT_NAME = r"[A-Za-z][A-Za-z0-9_]{0,39}"
 """Names of subjects: they become part of file names, of mattes and of prims in USD."""
 
 OBJECTS = ("stage", "plinth", "grey", "chrome", "chart", "wireframe")
 """Names of other objects in pictures, which mattes have too."""
-
-_SETTINGS = {
-    "cloud": {"a file": ("scale",), "a solid": ("count", "fill", "seed")},
-    "net": {
-        "a file": ("columns", "closed", "scale"),
-        "rows": ("closed",),
-        "a solid": ("rows", "columns"),
-    },
-}
-"""Settings of a cloud or net by what it is made from."""
-
-_MADE_FROM: Mapping[type, str] = {str: "a file", list: "rows", dict: "a solid"}
 
 
 def check_focus(source: YamlSource) -> Iterator[Problem]:
@@ -104,8 +84,8 @@ def check_copies(source: YamlSource) -> Iterator[Problem]:
                 "place is for a subject without copies, which lie in their region. Move the region's centre, "
                 "and leave place out.",
             )
-        if "net" in entry:
-            yield (*where, "copies"), "a net is one grid of points and has no copies. Write several subjects."
+        if (kind := points_kind(entry)) and kind.not_copied:
+            yield (*where, "copies"), kind.not_copied
         if source.get(*where, "copies", "rigid") is True:
             yield from _unfit_for_rigid(source, where)
         region = source.mapping(*where, "copies", "region")
@@ -120,7 +100,7 @@ def check_copies(source: YamlSource) -> Iterator[Problem]:
 
 def _unfit_for_rigid(source: YamlSource, where: Where) -> Iterator[Problem]:
     """Check that rigid copies are of a surface, and that its edges have one length."""
-    if "cloud" in source.mapping(*where):
+    if (kind := points_kind(source.mapping(*where))) and not kind.is_net:
         yield (*where, "copies", "rigid"), "points have no shape to keep, and move alone. Leave rigid out."
     at = (*where, "resample") if source.get(*where, "resample") is not None else ("resample",)
     for setting, value in source.mapping(*at).items():
@@ -133,7 +113,7 @@ def _unfit_for_rigid(source: YamlSource, where: Where) -> Iterator[Problem]:
 
 def check_files(source: YamlSource) -> Iterator[Problem]:
     """Check that the subject's file is there and readable. These problems are missing inputs."""
-    for kind in ("model", "cloud", "net"):
+    for kind in ("model", *POINTS):
         name = source.get("subject", kind)
         if not isinstance(name, str):
             continue
@@ -150,7 +130,7 @@ def check_files(source: YamlSource) -> Iterator[Problem]:
 def check_solid_size(source: YamlSource) -> Iterator[Problem]:
     """Check that the size of a model is set once."""
     given = source.mapping("subject").keys()
-    if {"scale", "fit"} <= given and not given & {"solid", "cloud", "net"}:
+    if {"scale", "fit"} <= given and not given & {"solid", *POINTS}:
         yield (
             ("subject", "fit"),
             "fit and scale both set the size of the model. Write fit: 2 for a largest extent of 2 units, or "
@@ -170,140 +150,16 @@ def check_stage(source: YamlSource) -> Iterator[Problem]:
 
 
 def check_solid(source: YamlSource) -> Iterator[Problem]:
-    """Check the measures of solids: the subject, what a cloud fills, and the shape of a net."""
-    for where, kinds in (("subject",), SOLIDS), (("subject", "cloud"), SOLIDS), (("subject", "net"), NETS):
-        given = source.mapping(*where)
-        name = given.get("solid")
-        if isinstance(name, str) and name in kinds:
-            yield from _measures(where, name, kinds[name].measures, given)
-
-
-def _measures(
-    where: Where, name: str, measures: Mapping[str, Measure], given: dict[str, Any]
-) -> Iterator[Problem]:
-    unknown = [m for m in given if m in MEASURES and m not in measures]
-    yield from (
-        ((*where, m), f"{m} is not a measure of {indefinite(name)}. {suggest(m, measures)}") for m in unknown
-    )
-    size, wanted = given.get("size"), np.size(measures.get("size", ()))
-    if wanted and (meant := _meant_size(size, wanted)):
-        yield (*where, "size"), f"size of {indefinite(name)} has {plural(wanted, 'number')}. Write {meant}."
-    elif not unknown:
-        known = {m: given[m] for m in measures if m in given}
-        if all(_has_form(value, measures[m]) for m, value in known.items()):
-            yield from _contradictions(where, name, known)
-
-
-def _meant_size(size: Any, wanted: int) -> list[Any] | None:
-    """Return the size that one with another number of sides means; None for a good one, or another type."""
-    if is_number(size):
-        return [size] * wanted
-    if not isinstance(size, list) or len(size) == wanted:
-        return None
-    if len(size) == 1 and isinstance(size[0], list):
-        return size[0]
-    return [*size, *[size[-1] if size else 1] * wanted][:wanted]
-
-
-def _has_form(value: Any, default: Measure) -> bool:
-    """Tell whether a measure has the form of its default; the document reports others."""
-    if isinstance(default, str):
-        return isinstance(value, str)
-    parts = value if isinstance(default, tuple) and isinstance(value, list) else [value]
-    return all(is_number(part) and 0 < part <= LARGEST for part in parts)
-
-
-def _contradictions(where: Where, name: str, given: dict[str, Any]) -> Iterator[Problem]:
-    """Check that measures are consistent, by building the coarsest mesh of them."""
-    try:
-        if where[-1] == "net":
-            NetOfSolid.of(name, given).build()
-        else:
-            Solid.of(name, given).build(100 * LARGEST)
-    except UsageError as error:
-        yield where, f"{error}"
+    """Check the measures of a solid."""
+    for where, text in solid_faults((), source.mapping("subject")):
+        yield ("subject", *where), text
 
 
 def check_points(source: YamlSource) -> Iterator[Problem]:
-    """Check the settings and the points of a cloud or net."""
-    for kind in _SETTINGS:
-        written = source.get("subject", kind)
-        made_from = _MADE_FROM.get(type(written), "")
-        if made_from in _SETTINGS[kind]:
-            yield from _foreign_settings(source, kind, made_from)
-            yield from _bad_points(source, kind, written)
-
-
-def _foreign_settings(source: YamlSource, kind: str, made_from: str) -> Iterator[Problem]:
-    every = {name for names in _SETTINGS[kind].values() for name in names}
-    for name in sorted(every - set(_SETTINGS[kind][made_from])):
-        if source.get("subject", name) is not None:
-            owners = [form for form, names in _SETTINGS[kind].items() if name in names]
-            yield (
-                ("subject", name),
-                f"{name} is for a {kind} of {' or '.join(owners)}; this is one of {made_from}. Leave it out.",
-            )
-
-
-def _bad_points(source: YamlSource, kind: str, written: Any) -> Iterator[Problem]:
-    """Check the points themselves; `files` reports missing files."""
-    where = ("subject", kind)
-    try:
-        if isinstance(written, str):
-            path = source.path.parent / written
-            if is_file(path):
-                _require_good_file(source, kind, path)
-        elif isinstance(written, list):
-            yield from _bad_rows(written)
-        elif kind == "cloud":
-            yield from _unfillable(source, written)
-    except MissingInputError:
-        return  # `files` reports it
-    except MeshError as error:
-        yield where, str(error)
-
-
-def _unfillable(source: YamlSource, written: dict[str, Any]) -> Iterator[Problem]:
-    """Check that a cloud fills a solid with a volume, and that its radius is a number."""
-    fill, radius = source.get("subject", "fill"), source.get("subject", "radius")
-    if written.get("solid") == "sheet" and fill in (None, "volume"):
-        yield ("subject", "cloud"), "a sheet encloses no volume to fill. Write fill: surface."
-    if isinstance(radius, str):
-        fact = f"points in a solid have no attribute {quote(radius)}"
-        yield ("subject", "radius"), f"{fact}; write a number."
-
-
-def _require_good_file(source: YamlSource, kind: str, path: Path) -> None:
-    """Raise MeshError for a file that holds no cloud or net."""
-    if kind == "cloud":
-        radius = source.get("subject", "radius")
-        radii_of(read_points(path), radius if isinstance(radius, str) else 1.0, str(path))
-        return
-    columns = source.get("subject", "columns")
-    is_known = isinstance(columns, int) and not isinstance(columns, bool) and columns >= LEAST
-    grid = read_net(path, columns if is_known else None)
-    Lattice(*grid.shape[:2])
-
-
-def _bad_rows(rows: list[Any]) -> Iterator[Problem]:
-    """Check that a net has enough rows, all of one length; the document checks the points."""
-    where = ("subject", "net")
-    if not all(isinstance(row, list) for row in rows) or not rows:
-        if not rows:
-            yield where, "the net has no rows; a bicubic patch needs 4 × 4 points. Write them."
-        return
-    odd = next((k for k, row in enumerate(rows) if len(row) != len(rows[0])), None)
-    if odd is not None:
-        yield (
-            (*where, odd),
-            f"row {odd} has {plural(len(rows[odd]), 'point')} and row 0 has {len(rows[0])}; all rows of a "
-            "net are equally long. Add or remove points.",
-        )
-        return
-    try:
-        Lattice(len(rows), len(rows[0]))
-    except MeshError as error:
-        yield where, str(error)
+    """Check the settings and the points of a subject of points."""
+    given = source.mapping("subject")
+    if kind := points_kind(given):
+        yield from ((("subject", *where), text) for where, text in kind.faults(given, source.path.parent))
 
 
 OWN = ("place", "copies", "look", "flows", "resample")
@@ -331,7 +187,7 @@ class SubjectView:
         entry, shared = source.data["subjects"][name], source.listing("flows")
         overridden = tuple(setting for setting in OVERRIDING if setting in entry)
         data = {setting: value for setting, value in source.data.items() if setting != "subjects"}
-        if {"cloud", "net"} & entry.keys():
+        if points_kind(entry):
             data.pop("resample", None)  # that of the shot is for surfaces
         data |= {setting: entry[setting] for setting in overridden}
         data["subject"] = {setting: value for setting, value in entry.items() if setting not in OWN}

@@ -1,4 +1,4 @@
-"""Subjects: solids by name, and mesh files. `point_subjects` has clouds and nets, `copies` several of one."""
+"""Subjects: solids by name, and mesh files. `copies` has several of one."""
 
 from __future__ import annotations
 
@@ -56,6 +56,24 @@ class Subject(ABC):
     def is_surface(self) -> bool:
         """True if its mesh is visible and can be resampled; False for points that only move."""
         return True
+
+    @property
+    def is_net(self) -> bool:
+        """True for points that control a smooth surface, in a `lattice`.
+
+        Other points are drawn as spheres; their radii (V,) are the attribute `radius` of their mesh.
+        """
+        return False
+
+    @property
+    def body(self) -> Subject:
+        """The surface in or on which its points lie; itself where that is not known."""
+        return self
+
+    @property
+    def files(self) -> tuple[tuple[Path, str], ...]:
+        """The files that it is read from, and their SHA-256."""
+        return ()
 
     @property
     def lattice(self) -> Lattice | None:

@@ -20,8 +20,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from flowsculpt.render.base.drafts import draft_name
 from flowsculpt.render.base.render_errors import MachineError
-from flowsculpt.render.base.root_files import held
+from flowsculpt.render.base.root_files import held, scratch_of
 
 _AT_FDCWD, _RENAME_EXCHANGE = -100, 2
 """Constants of Linux: paths are relative to the working folder; both are renamed to each other."""
@@ -122,14 +123,17 @@ def atomic_write(
     Missing folders are made, and below a root no link is followed (`root_files`). The temporary path has the
     suffix of `path`. Threads, processes and hosts may write one path at once: the last one wins.
 
-    draft    temporary path, on the file system of `path`; by default a hidden file next to it
+    draft    temporary path, on the file system of `path`; by default a hidden file next to it, or for the
+             state of a root a file in its folder for drafts
     flush    write through to the disk first, so that `path` survives a power failure; caches need not
     is_same  returns True if the file at a path is still the one that was read: others' changes are kept
 
     Raises MachineError where the operating system refuses, and ChangedFileError where `is_same` is false.
     Where the file is only a cache, suppress MachineError.
     """
-    if draft is None:
+    if draft is None and (scratch := scratch_of(path)):
+        draft = scratch / draft_name(path.suffix)
+    elif draft is None:
         unique = f"{os.getpid()}-{secrets.token_hex(4)}"
         draft = path.with_name(f".{path.stem[:_LETTERS]}.tmp{unique}{path.suffix}")
     place, folder, name = path.parent, draft.parent, draft.name

@@ -33,6 +33,9 @@ OWNED = (".flowsculpt", ".snakemake", "renders", "bred", "notes")
 STORE = (".flowsculpt", "store")
 """The folder that may be a link."""
 
+SCRATCH = (".flowsculpt", "tmp")
+"""The folder for drafts, from which each run removes those of killed processes."""
+
 IDENTITY = "store.id"
 """The file by which a store on another disk is known as that of a root."""
 
@@ -46,6 +49,16 @@ _roots: set[str] = set()
 def guard(root: Path) -> None:
     """Follow no link below a root from now on, in this process and in those that it forks."""
     _roots.add(os.path.join(os.path.abspath(root), ""))  # noqa: PTH100, PTH118
+
+
+def scratch_of(path: Path) -> Path | None:
+    """Return the folder for drafts of a file that a root's state consists of; None for all other files.
+
+    The store may lie on another disk, and has a folder for drafts of its own.
+    """
+    root, names = _placed(path)
+    is_state = names[:1] == [SCRATCH[0]] and tuple(names[:2]) != STORE
+    return root.joinpath(*SCRATCH) if is_state else None
 
 
 @contextmanager

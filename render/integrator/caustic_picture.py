@@ -3,8 +3,8 @@
 From a matt surface few directions lead by way of mirrors or glass to the sun or a softbox. From these all do,
 so such light is found from that end: photons go from the emitter to the first matt surface, and from there to
 the lens (light tracing by Arvo, *Backward ray tracing*, 1986; with importance, Veach 1997). Their picture is
-added to that of the paths, which leave out the same light (`flowsculpt.render.integrator.path`). Caustics
-seen in mirrors or through glass are left to the paths.
+added to that of the paths (`flowsculpt.render.integrator.path_tracer`), which leave out the same light.
+Caustics seen in mirrors or through glass are left to the paths.
 """
 
 from __future__ import annotations

@@ -22,8 +22,7 @@ from numpy.typing import NDArray
 from flowsculpt.render.base.aligned_array import components
 from flowsculpt.render.base.serialise import Triple
 from flowsculpt.render.integrator.cut_outs import UnseenLights
-from flowsculpt.render.integrator.path import camera_vertex
-from flowsculpt.render.integrator.path_tracer import film_pixels
+from flowsculpt.render.integrator.path_tracer import camera_vertex, film_pixels
 from flowsculpt.render.integrator.sampler import DIRECTION, LOBE, OwenSampler
 from flowsculpt.render.scene.aovs import COPY
 

@@ -192,8 +192,9 @@ def followed(scene: Any, ray: Any, weight: Any, random: Any, depth: Any, first: 
     depth   most vertices of a path, the emitter's included
     first   Mitsuba's flags of what the first surface may do: another photon ends there
 
-    Photons are the paths of `render.integrator.path` from their other end: each brings what BSDF and normals
-    give the path (Veach, *Robust Monte Carlo Methods for Light Transport Simulation*, 1997, chapter 5).
+    Photons are the paths of `render.integrator.path_tracer` from their other end: each brings what BSDF and
+    normals give the path (Veach, *Robust Monte Carlo Methods for Light Transport Simulation*, 1997,
+    chapter 5).
     """
     vertex, landed = mi.UInt32(0), mi.Bool(False)
     ray, weight = mi.Ray3f(ray), mi.Color3f(weight)

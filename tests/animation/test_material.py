@@ -10,6 +10,7 @@ from flowsculpt.pipeline.errors import UsageError
 from flowsculpt.pipeline.mesh.normals import split_at_creases, spread, spread_curved, tessellate
 from flowsculpt.pipeline.mesh.solids import box, icosphere
 from flowsculpt.pipeline.shot import Shot, read_shot
+from tests.needed_plugins import needs_plugins
 
 SHEAR = """
 title: T
@@ -38,7 +39,7 @@ def undone(points: np.ndarray, frame: int) -> np.ndarray:
         "{max_edge_length: 0.35, rest_interval: 4}",
         "{max_edge_length: 0.35, placement: chord}",
         "{max_edge_length: 0.35, placement: curved}",
-        "{max_edge_length: 0.5, method: polyhedra}",
+        pytest.param("{max_edge_length: 0.5, method: polyhedra}", marks=needs_plugins("polyhedra")),
     ],
 )
 def test_vertices_know_where_they_were(resample: str) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import signal
 
@@ -49,20 +48,3 @@ def test_stills_say_what_large_frames_take_before_any_is_rendered(project):
 def test_stills_of_a_draft_say_nothing_of_their_cost(finished):
     done = finished.call("stills", NAME, "-f", "2", "-q", QUALITY)
     assert done.code == 0 and "To be rendered" not in done.err
-
-
-def test_the_report_accounts_for_a_whole_run(finished_project):
-    facts = json.loads(finished_project.call("report", "--json").out)
-    spent = facts["cpu_seconds"]
-    assert {"simulate", "building", "rendering", "finish", "assemble", "film", "planning"} <= set(spent)
-    most = 1.1 * facts["seconds"] * (os.cpu_count() or 1)
-    assert facts["is_counted"] and 1.0 < sum(spent.values()) <= most, "no second is counted twice"
-    assert facts["frames"]["render"] == 6
-    words = finished_project.call("report", facts["run"]).out
-    assert "rendering: light and auxiliary AOVs" in words and "starting and ending jobs" in words
-
-
-def test_a_run_that_is_not_there_is_told_in_one_line(finished_project):
-    done = finished_project.call("report", "yesterday")
-    assert done.code == 3
-    assert done.err.count("\n") == 1 and "yesterday" in done.err

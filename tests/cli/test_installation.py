@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 from flowsculpt.pipeline.mesh import icosphere
-from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
+from tests.mesh_files import write_ply
 
 ROOT = Path(__file__).parents[2]
 
@@ -172,11 +172,11 @@ def test_the_wheel_and_its_locked_packages_render_in_an_empty_environment(wheel,
     venv.create(made.folder, with_pip=True)
     pip("--python", made.folder, "install", "--require-hashes", "-r", ROOT / "requirements.lock")
     pip("--python", made.folder, "install", "--no-deps", wheel)
-    write_mesh(icosphere(6), tmp_path / "ball.obj")
+    write_ply(icosphere(6), tmp_path / "ball.ply")
     made.run("new", "--show", "show", cwd=tmp_path)
     show = tmp_path / "show"
     made.run("render", "A010_first", "-f", "1-3", cwd=show)
-    made.run("turntable", "../ball.obj", "--frames", "4", cwd=show)
+    made.run("turntable", "../ball.ply", "--frames", "4", cwd=show)
     made.run("review", "A010_first", cwd=show)
     assert (show / "renders/A010_first/draft/frames/A010_first.0003.exr").is_file()
     assert [*(show / "renders/turntable").rglob("*.mp4")]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 from contextlib import chdir
@@ -18,37 +17,6 @@ from flowsculpt.render.base.atomic_write import atomic_write
 from tests.conftest import ProjectFolder
 
 OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
-
-
-@pytest.mark.parametrize(
-    "name", ["part [red] v2", "-j", "M" * 200, "dot. ", "ünï {x} $HOME %d `e` 'q' \"d\", ~ #a: b"]
-)
-def test_a_shot_of_a_model_names_it_as_it_is_called(name: str, project: ProjectFolder) -> None:
-    model = project.path / f"{name}.obj"
-    model.write_text(OBJ)
-    done = project.call("new", "M010_odd", "--model", f"./{name}.obj")
-    assert done.code == 0, done.err
-    assert name in (project.path / "shots/M010_odd.yaml").read_text()
-    checked = project.call("validate", "M010_odd")
-    assert checked.code == 0, checked.err
-
-
-@pytest.mark.parametrize(
-    ("name", "says"),
-    [
-        (b"caf\xe9", "caf\\xe9.obj: this name is not UTF-8"),
-        (b"two\nlines", "'two\\nlines.obj': a line break or control character"),
-    ],
-)
-def test_a_name_that_no_shot_file_can_hold_is_refused_in_one_line(
-    name: bytes, says: str, project: ProjectFolder, capfd: pytest.CaptureFixture[str]
-) -> None:
-    model = os.fsdecode(name + b".obj")
-    (project.path / model).write_text(OBJ)
-    done = project.call("new", "M010_odd", "--model", model)
-    said = done.err + capfd.readouterr().err
-    assert done.code == 2 and says in said and said.count("\n") == 1
-    assert not (project.path / "shots/M010_odd.yaml").exists()
 
 
 def test_a_root_whose_name_breaks_the_line_is_refused(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import codecs
-import json
 import os
 import subprocess
 import sys
@@ -16,8 +15,6 @@ from rich.console import Console
 from flowsculpt.pipeline.cli.output import table
 from flowsculpt.pipeline.cli.standard_streams import LIKENESS, write_similar
 from tests.conftest import new_project
-
-COMMAND = [sys.executable, "-m", "flowsculpt", "--no-progress"]
 
 
 @pytest.fixture(scope="module")
@@ -56,28 +53,6 @@ def test_where_both_outputs_are_closed_the_exit_code_says_it(show: Path) -> None
 def test_messages_that_nobody_can_read_change_no_exit_code(show: Path, refusing: str) -> None:
     code, told = in_shell(show, f"fs validate absent {refusing}")
     assert code == 3 and told == "No shot is good.\n"
-
-
-@pytest.mark.slow
-def test_a_reader_that_leaves_ends_the_command_without_a_word(show: Path) -> None:
-    read, write = os.pipe()
-    os.close(read)
-    done = subprocess.run([*COMMAND, "schema"], cwd=show, stdout=write, stderr=subprocess.PIPE, timeout=300)
-    os.close(write)
-    assert done.stderr == b"" and done.returncode == 141
-
-
-@pytest.mark.slow
-def test_a_pipe_that_does_not_block_gets_everything(show: Path) -> None:
-    read, write = os.pipe()
-    os.set_blocking(write, False)
-    with subprocess.Popen([*COMMAND, "schema"], cwd=show, stdout=write) as process:
-        os.close(write)
-        with os.fdopen(read, "rb") as reader:
-            schema = reader.read()
-    assert process.returncode == 0
-    assert len(schema) > 1 << 16, "a pipe holds less, or the test shows nothing"
-    assert json.loads(schema)["title"]
 
 
 @pytest.mark.slow

@@ -41,14 +41,6 @@ def test_a_command_that_computes_nothing_imports_nothing_heavy(words: tuple[str,
     assert not modules_of(*words).intersection(HEAVY)
 
 
-@pytest.mark.slow
-def test_processes_that_read_models_import_no_numba() -> None:
-    readers = ("fbx_files", "fbx_paint", "gltf_files", "gltf_paint", "usd_files", "usd_paint")
-    imports = "".join(f"import flowsculpt.pipeline.plugins.interchange.{reader}\n" for reader in readers)
-    checked = f"{imports}import sys\nassert 'numba' not in sys.modules"
-    subprocess.run([sys.executable, "-c", checked], check=True)
-
-
 def test_what_is_up_to_date_is_found_without_anything_heavy(finished: Any) -> None:
     words = ("render", "T010_tiny", "-q", QUALITY)
     assert finished.run(*words).code == 0, "plans are remembered by the paths of shots, and this is a copy"

@@ -13,7 +13,6 @@ from typer.main import get_command
 
 from flowsculpt.pipeline.cli.app import command_line, command_named, command_words
 from flowsculpt.pipeline.mesh import icosphere
-from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
 from flowsculpt.pipeline.production.request.lookup import QualityName
 from tests.conftest import commanded
 
@@ -150,6 +149,8 @@ class Reader:
 @pytest.fixture
 def beside(tmp_path: Path) -> Path:
     """A folder outside of any clone, with a model and two winds."""
+    from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
+
     write_mesh(icosphere(12), tmp_path / "bunny.obj")
     axis = np.linspace(-2.0, 2.0, 3)
     np.savez(tmp_path / "wind.npz", x=axis, y=axis, z=axis, velocity=np.full((3, 3, 3, 3), 0.1))

@@ -6,7 +6,6 @@ import importlib.util
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -19,7 +18,7 @@ from playwright.sync_api import Browser
 from ruamel.yaml import YAML
 
 import flowsculpt
-from tests.plugins.review.chromium import LIMIT, ChromiumError, fetch, running
+from tests.chromium import LIMIT
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -35,16 +34,6 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
     return folder
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    try:
-        fetch()
-        with running() as found:
-            yield found
-    except ChromiumError as error:
-        pytest.skip(f"no browser: {error}")
 
 
 class QuietHandler(SimpleHTTPRequestHandler):

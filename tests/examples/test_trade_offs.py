@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from examples import density, drift, hysteresis, low_pass, mesh_likeness, placements, splitting, tendril
+from examples import density, hysteresis, low_pass, mesh_likeness, placements, splitting, tendril
 from examples.film import RATE, edge_lengths
 from flowsculpt.pipeline.resample import Thresholds
 
@@ -52,12 +52,6 @@ def test_exact_placement_is_nearer_to_the_surface_than_curved_and_that_than_the_
 def test_the_distance_from_the_exact_surface_is_measured_right() -> None:
     shell = 1.001 * placements.onto_ball(np.random.default_rng(1).normal(size=(50, 3)))
     assert np.allclose(placements.distances(shell, 0), 0.001, rtol=1e-3)
-
-
-def test_faces_drift_toward_triangles() -> None:
-    rows = drift.shares(frames=40)
-    assert rows[0, 1] == 1.0
-    assert rows[-1, 0] > 0.25 and np.allclose(rows.sum(axis=1), 1.0)
 
 
 def test_faces_in_four_leave_lengths_more_uneven_than_edges_in_two() -> None:

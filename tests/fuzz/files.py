@@ -120,19 +120,19 @@ def _fbx(path: Path) -> None:
 
 
 def _points(path: Path) -> None:
-    from flowsculpt.pipeline.mesh.points import read_points
+    from flowsculpt.pipeline.plugins.points.point_files import read_points
 
     read_points(path)
 
 
 def _net(path: Path) -> None:
-    from flowsculpt.pipeline.mesh.points import read_net
+    from flowsculpt.pipeline.plugins.points.point_files import read_net
 
     read_net(path, 4)
 
 
 def _field(path: Path) -> None:
-    from flowsculpt.pipeline.flow.samples import read_samples
+    from flowsculpt.pipeline.plugins.sampled.grid_files import read_samples
 
     read_samples((path,))
 

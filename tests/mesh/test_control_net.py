@@ -10,15 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flowsculpt.pipeline.errors import MeshError, UsageError
-from flowsculpt.pipeline.mesh import TriangleMesh, validate, vertex_normals
+from flowsculpt.pipeline.mesh import TriangleMesh, vertex_normals
 from flowsculpt.pipeline.mesh.control_net import (
     Lattice,
-    Net,
     bspline_surface,
     bspline_values,
-    sheet_net,
-    torus_net,
-    tube_net,
 )
 
 lattices = st.builds(Lattice, st.integers(4, 7), st.integers(4, 7), st.tuples(st.booleans(), st.booleans()))
@@ -26,6 +22,12 @@ lattices = st.builds(Lattice, st.integers(4, 7), st.integers(4, 7), st.tuples(st
 
 def points_of(lattice: Lattice, seed: int) -> np.ndarray:
     return np.random.default_rng(seed).normal(size=(len(lattice), 3))
+
+
+def flat(rows: int, columns: int) -> np.ndarray:
+    """Control points on a plane, a unit apart."""
+    z, x = np.meshgrid(np.arange(rows, dtype=float), np.arange(columns), indexing="ij")
+    return np.stack([x, 0.0 * x, z], axis=-1).reshape(-1, 3)
 
 
 def basis(t: float) -> np.ndarray:
@@ -90,61 +92,15 @@ def test_normals_are_those_of_ever_finer_triangles(lattice: Lattice, seed: int) 
     assert surface.normals[:, 1].min() > 0
 
 
-@pytest.mark.parametrize(
-    ("net", "euler", "open_edges"),
-    [
-        (sheet_net((2.0, 3.0), 6, 5), 1, True),
-        (tube_net(3.0, 0.5, 6, 8), 0, True),
-        (torus_net(1.0, 0.4, 8, 12), 0, False),
-    ],
-)
-def test_nets_and_their_surfaces_are_sound_and_close_where_they_say_so(
-    net: Net, euler: int, open_edges: bool
-) -> None:
-    points, lattice = net
-    surface = bspline_surface(points, lattice, 4)
-    for mesh in (TriangleMesh(points, lattice.faces()), TriangleMesh(surface.vertices, surface.faces)):
-        found = validate(mesh)
-        assert found.problem is None
-        assert found.euler == euler
-        assert (found.boundary_edges > 0) == open_edges
-
-
-def test_the_net_of_a_sheet_is_the_sheet_and_faces_up() -> None:
-    surface = bspline_surface(*sheet_net((2.0, 3.0), 6, 5), 4)
-    assert np.abs(surface.vertices[:, 1]).max() == 0
-    assert np.ptp(surface.vertices, axis=0) == pytest.approx([2, 0, 3])
-    assert surface.normals == pytest.approx(np.tile((0.0, 1.0, 0.0), (len(surface.normals), 1)))
-
-
-def test_the_net_of_a_tube_has_its_radius_and_faces_outwards() -> None:
-    surface = bspline_surface(*tube_net(3.0, 0.5, 8, 12), 4)
-    away = np.hypot(surface.vertices[:, 0], surface.vertices[:, 2])
-    assert away == pytest.approx(0.5, rel=2e-3)
-    assert np.ptp(surface.vertices[:, 1]) == pytest.approx(3)
-    outwards = (surface.vertices * (1, 0, 1) * surface.normals).sum(axis=1)
-    assert outwards.min() > 0.49
-
-
-def test_the_net_of_a_torus_has_its_radii_and_faces_outwards() -> None:
-    surface = bspline_surface(*torus_net(1.0, 0.4, 12, 24), 4)
-    across = surface.vertices * (1, 0, 1)
-    middle = across / np.linalg.norm(across, axis=1, keepdims=True)
-    away = surface.vertices - middle
-    assert np.linalg.norm(away, axis=1) == pytest.approx(0.4, rel=5e-3)
-    assert (away * surface.normals).sum(axis=1).min() > 0.39
-
-
 def test_where_derivatives_vanish_normals_are_those_of_the_triangles_around() -> None:
-    points, lattice = sheet_net((2.0, 2.0), 4, 6)
-    grid = points.reshape(4, 6, 3).copy()
+    grid, lattice = flat(4, 6).reshape(4, 6, 3), Lattice(4, 6)
     grid[:3] = grid[1, 2]  # the surface runs into one point there
     surface = bspline_surface(grid.reshape(-1, 3), lattice, 4)
     assert np.abs(np.linalg.norm(surface.normals, axis=1) - 1).max() < 1e-9
 
 
 def test_a_vertex_names_the_point_that_weighs_most() -> None:
-    points, lattice = sheet_net((2.0, 2.0), 5, 6)
+    points, lattice = flat(5, 6), Lattice(5, 6)
     surface = bspline_surface(points, lattice, 4)
     distances = np.linalg.norm(surface.vertices[:, None] - points, axis=2)
     chosen = distances[np.arange(len(distances)), surface.source_vertex]

@@ -5,9 +5,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from flowsculpt.pipeline.arrays import AnyArray
 from flowsculpt.pipeline.errors import MeshError
-from flowsculpt.pipeline.mesh.points import read_points
+from flowsculpt.pipeline.mesh import PolygonMesh, read_polygons
+from flowsculpt.pipeline.plugins.points.point_files import read_points
 from tests.mesh.brick import POINTS, QUADS, TRIANGLES, read, require_brick, rows
+
+UNEVEN = (
+    "element vertex 5\nproperty float x\nproperty float y\nproperty float z\nproperty uchar red\n"
+    "element face 2\nproperty list uchar int vertex_index\nproperty short mark\nend_header\n"
+)
+
+ROWS = [(0, 0, 0, 9), (1, 0, 0, 9), (1, 1, 0, 9), (0, 1, 0, 9), (2, 0.5, 0, 9)]
 
 VERTEX = "element vertex 8\nproperty float x\nproperty float y\nproperty float z\n"
 FACE = "element face 6\nproperty list uchar int vertex_indices\n"
@@ -213,3 +222,29 @@ def test_points_have_the_properties_of_vertices_but_no_lists(tmp_path: Path) -> 
     cloud = read_points(tmp_path / "a.ply")
     assert cloud.points.tolist() == [list(p) for p in POINTS]
     assert list(cloud.attributes) == ["red"] and cloud.attributes["red"].tolist() == [255] * 8
+
+
+def polygons(mesh: PolygonMesh) -> list[list[int]]:
+    return [mesh.face(k).tolist() for k in range(len(mesh))]
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_binary_files_of_either_byte_order_and_uneven_faces_are_read(tmp_path: Path, order: str) -> None:
+    name = "little" if order == "<" else "big"
+    vertex = np.dtype([(axis, f"{order}f4") for axis in "xyz"] + [("red", "u1")])
+    quad = _row(order, (0, 1, 2, 3))
+    body = np.array(ROWS, vertex).tobytes() + quad + _row(order, (2, 1, 4))
+    header = f"ply\nformat binary_{name}_endian 1.0\ncomment made by hand\n{UNEVEN}"
+    (tmp_path / "two.ply").write_bytes(header.encode() + body)
+    assert polygons(read_polygons(tmp_path / "two.ply")) == [[0, 1, 2, 3], [2, 1, 4]]
+
+
+def _row(order: str, face: tuple[int, ...]) -> bytes:
+    corners: AnyArray = np.array(face, f"{order}i4")
+    return bytes([len(face)]) + corners.tobytes() + np.array(7, f"{order}i2").tobytes()
+
+
+def test_a_text_ply_is_read(tmp_path: Path) -> None:
+    rows = "\n".join(" ".join(str(n) for n in row) for row in ROWS)
+    (tmp_path / "two.ply").write_text(f"ply\nformat ascii 1.0\n{UNEVEN}{rows}\n4 0 1 2 3 7\n3 2 1 4 7\n")
+    assert polygons(read_polygons(tmp_path / "two.ply")) == [[0, 1, 2, 3], [2, 1, 4]]

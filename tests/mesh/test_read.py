@@ -1,53 +1,29 @@
 """Mesh files come in as one connected surface, or with a sentence that says why not."""
 
 from pathlib import Path
+from typing import Any
 
-import numpy as np
 import pytest
-import trimesh
 
-from flowsculpt.pipeline.errors import MachineError, MeshError, MissingInputError
-from flowsculpt.pipeline.mesh import box, icosphere, read_mesh, require
+from flowsculpt.pipeline.errors import MeshError, MissingInputError
+from flowsculpt.pipeline.mesh import read_mesh
 from flowsculpt.pipeline.mesh.read import mesh_suffixes, model_files
-from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
 from flowsculpt.render.base.input_files import digest_of_file
 
 
-@pytest.mark.parametrize("suffix", ["obj", "ply", "stl", "glb", "off"])
-def test_a_written_mesh_is_read_back_whole(tmp_path: Path, suffix: str) -> None:
-    mesh = icosphere(5)
-    write_mesh(mesh, tmp_path / f"ball.{suffix}")
-    again = read_mesh(tmp_path / f"ball.{suffix}")
-    assert require(again, closed=True).euler == 2
-    assert len(again.vertices) == len(mesh.vertices)
-    assert np.allclose(np.sort(again.vertices, axis=0), np.sort(mesh.vertices, axis=0), atol=1e-6)
-
-
-def test_polygons_are_triangulated_and_objects_joined(tmp_path: Path) -> None:
-    file = tmp_path / "tray.obj"
-    file.write_text(
-        "o one\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n"
-        "o two\nv 1 0 0\nv 2 0 0\nv 2.5 .5 0\nv 2 1 0\nv 1 1 0\nf 5 6 7 8 9\n"
-    )
-    mesh = read_mesh(file)
-    assert len(mesh.faces) == 5
-    assert len(mesh.vertices) == 7, "the two polygons share an edge"
-
-
-def test_a_scene_is_joined_into_one_mesh(tmp_path: Path) -> None:
-    scene = trimesh.Scene([trimesh.Trimesh(m.vertices, m.faces) for m in (box(), box(1.0, centre=(9, 0, 0)))])
-    scene.export(tmp_path / "two.glb")
-    assert require(read_mesh(tmp_path / "two.glb"), closed=True).euler == 4
+def _of_formats(*rows: tuple[str, Any, Any]) -> list[tuple[str, Any, Any]]:
+    """Return rows about files, by their names, without those of formats whose plug-in is missing."""
+    return [row for row in rows if row[0].rpartition(".")[2] in {"txt", *mesh_suffixes()}]
 
 
 def test_a_missing_file_is_a_missing_input(tmp_path: Path) -> None:
-    with pytest.raises(MissingInputError, match=r"nothing\.obj: file not found"):
-        read_mesh(tmp_path / "nothing.obj")
+    with pytest.raises(MissingInputError, match=r"nothing\.ply: file not found"):
+        read_mesh(tmp_path / "nothing.ply")
 
 
 @pytest.mark.parametrize(
     ("name", "content", "fault"),
-    [
+    _of_formats(
         ("a.txt", "hello", "not a mesh format"),
         ("a.obj", "", "the file is empty"),
         ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n", "no faces|cannot be read"),
@@ -57,7 +33,7 @@ def test_a_missing_file_is_a_missing_input(tmp_path: Path) -> None:
         ("a.stl", "this is no stl", "cannot be read|no faces"),
         ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 nan 0\nf 1 2 3\n", r"vertex 3 is at \(0, nan, 0\)"),
         ("a.obj", "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 1\n", "degenerate"),
-    ],
+    ),
 )
 def test_a_bad_file_is_named_with_its_fault(tmp_path: Path, name: str, content: str, fault: str) -> None:
     (tmp_path / name).write_text(content)
@@ -66,20 +42,9 @@ def test_a_bad_file_is_named_with_its_fault(tmp_path: Path, name: str, content: 
     assert str(error.value).startswith(str(tmp_path / name))
 
 
-def test_a_format_that_is_not_known_is_not_written(tmp_path: Path) -> None:
-    with pytest.raises(MeshError, match="not a mesh format"):
-        write_mesh(box(), tmp_path / "box.doc")
-
-
-def test_a_folder_that_is_a_file_is_the_environments_fault(tmp_path: Path) -> None:
-    (tmp_path / "taken").write_text("")
-    with pytest.raises(MachineError, match="cannot be written"):
-        write_mesh(box(), tmp_path / "taken" / "box.ply")
-
-
 @pytest.mark.parametrize(
     ("name", "content", "was_misread"),
-    [
+    _of_formats(
         ("a.obj", b"v 0 0 0\n", False),
         ("a.obj", b"\xef\xbb\xbfv 0 0 0\n", True),
         ("a.obj", b"mtllib C:\\a.mtl\nv 1 \\\n0 0\n", False),
@@ -89,7 +54,7 @@ def test_a_folder_that_is_a_file_is_the_environments_fault(tmp_path: Path) -> No
         ("a.ply", b"ply\nformat ascii 1.0\nelement face 1\n", False),
         ("a.ply", b"ply\nformat ascii 1.0\nelement face 1\nelement tristrips 1\n", True),
         ("a.stl", b"\xef\xbb\xbfsolid", False),
-    ],
+    ),
 )
 def test_the_digest_of_a_model_moves_only_where_an_earlier_reader_misread_it(
     tmp_path: Path, name: str, content: bytes, was_misread: bool
@@ -123,7 +88,7 @@ def test_a_pointer_of_git_lfs_is_named_as_such_in_place_of_any_model(tmp_path: P
         (bytes(4096), "nothing but bytes of 0"),
     ],
 )
-@pytest.mark.parametrize("suffix", ["glb", "obj", "stl", "ply", "dae", "fbx"])
+@pytest.mark.parametrize("suffix", sorted({"glb", "obj", "stl", "ply", "dae", "fbx"} & {*mesh_suffixes()}))
 def test_content_of_another_kind_is_named_in_place_of_a_model(
     tmp_path: Path, suffix: str, content: bytes, fact: str
 ) -> None:

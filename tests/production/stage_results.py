@@ -10,7 +10,7 @@ import json
 import os
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -19,25 +19,34 @@ import av
 import llvmlite.binding as llvm
 import numpy as np
 
-from flowsculpt.pipeline.plugins.delivery.deliverables import DELIVER
-from flowsculpt.pipeline.plugins.review.measures import MEASURE, measures_of
-from flowsculpt.pipeline.plugins.turntable.turntable_movie import (
-    TURNTABLE_SHEET,
-    TurntableRequest,
-    TurntableSheets,
-)
+from flowsculpt.pipeline.plugin import named
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.request.lookup import Show
 from flowsculpt.pipeline.production.stages import STAGES, STILLS, PipelineStage
 from flowsculpt.pipeline.production.store import readers
 from flowsculpt.render.post.image import read_exr, read_png
 from tests.conftest import commanded, done
+from tests.needed_plugins import missing
 
 Arrays = dict[str, np.ndarray]
 
 RECORD = Path(__file__).with_name("reference") / "stage_results.npz"
 
-EVERY_STAGE: tuple[PipelineStage, ...] = (*STAGES.values(), DELIVER, TURNTABLE_SHEET, MEASURE)
+OF_PLUGINS = {
+    "delivery": "deliverables:DELIVER",
+    "turntable": "turntable_movie:TURNTABLE_SHEET",
+    "review": "measures:MEASURE",
+}
+"""Stages of plug-ins."""
+
+EVERY_STAGE: tuple[PipelineStage, ...] = (
+    *STAGES.values(),
+    *(
+        named(f"flowsculpt.pipeline.plugins.{plugin}.{place}")
+        for plugin, place in OF_PLUGINS.items()
+        if not missing(plugin)
+    ),
+)
 """Each after those that it rests on."""
 
 NAME = "R010_reference"
@@ -74,12 +83,7 @@ def results(root: Path) -> dict[str, Arrays]:
     done(root, project.film(QUALITY))
     for stage in STILLS:
         done(root, project.stills([NAME], stage.name, QUALITY))
-    code, said = commanded(root, "deliver", NAME, "--as", "prores4444", "-q", "draft", "--scale", SCALE)
-    assert code == 0, said
-    turning = TurntableRequest(project, NAME, QUALITY, 2, 4, turn="object")
-    done(root, turning.plan())
-    (sheet,) = TurntableSheets(turning).draw()
-    request, home = project.request(Show().find_shot(NAME), QUALITY), root / "renders"
+    request = project.request(Show().find_shot(NAME), QUALITY)
     keys, numbers = request.keys.pictures(project.store), sorted(request.requested)
     assert keys is not None
     meshes = {
@@ -109,11 +113,35 @@ def results(root: Path) -> dict[str, Arrays]:
         **{s.name: {f"{n}": read_png(root / request.place(s.name, n)) for n in numbers} for s in STILLS},
         "assemble": _decoded(root / request.movie_path),
         "film": _decoded(root / "renders" / "film" / QUALITY / "film.mp4"),
-        "deliver": _decoded(next(home.rglob("*.mov"))),
-        "turntable_sheet": {"sheet": read_png(root / sheet)},
-        "measure": _numbers({n: measures_of(frame, 0.5) for n, frame in meshes.items()}),
     }
+    if not missing("delivery"):
+        gathered["deliver"] = _delivered(root)
+    if not missing("turntable"):
+        gathered["turntable_sheet"] = _turned(project)
+    if not missing("review"):
+        gathered["measure"] = _measured(meshes)
     return {stage.name: gathered[stage.name] for stage in EVERY_STAGE}
+
+
+def _delivered(root: Path) -> Arrays:
+    code, said = commanded(root, "deliver", NAME, "--as", "prores4444", "-q", "draft", "--scale", SCALE)
+    assert code == 0, said
+    return _decoded(next((root / "renders").rglob("*.mov")))
+
+
+def _turned(project: Project) -> Arrays:
+    from flowsculpt.pipeline.plugins.turntable.turntable_movie import TurntableRequest, TurntableSheets
+
+    turning = TurntableRequest(project, NAME, QUALITY, 2, 4, turn="object")
+    done(project.root, turning.plan())
+    (sheet,) = TurntableSheets(turning).draw()
+    return {"sheet": read_png(project.root / sheet)}
+
+
+def _measured(meshes: Mapping[int, Any]) -> Arrays:
+    from flowsculpt.pipeline.plugins.review.measures import measures_of
+
+    return _numbers({n: measures_of(frame, 0.5) for n, frame in meshes.items()})
 
 
 def environment() -> dict[str, Any]:

@@ -14,9 +14,10 @@ from flowsculpt.pipeline.production.planning.profile import avoid
 from flowsculpt.pipeline.production.store.paths import STATE
 from flowsculpt.pipeline.production.store.store import UPLOADS
 from tests.conftest import QUALITY, ProjectFolder
+from tests.needed_plugins import installed
 
 NAME = "T010_tiny"
-COMMANDS = (
+COMMANDS = installed(
     ("status",),
     ("--json", "status"),
     ("why", NAME, "3", "-q", QUALITY),

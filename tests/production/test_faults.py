@@ -18,11 +18,12 @@ import pytest
 
 from flowsculpt.render.post.image import read_exr
 from tests.conftest import QUALITY
+from tests.needed_plugins import installed
 
 NAME = "T010_tiny"
 KILLS = 50
 SIZE = ["-q", QUALITY]
-WORDS = (["simulate", NAME], ["film", *SIZE], ["stills", NAME, *SIZE], ["publish", NAME, *SIZE])
+WORDS = installed(["simulate", NAME], ["film", *SIZE], ["stills", NAME, *SIZE], ["publish", NAME, *SIZE])
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks at processes as Linux has them")
 
@@ -139,7 +140,7 @@ def test_a_show_in_a_folder_of_any_name_in_one_line_is_rendered(
     project = finished_project.copy(tmp_path / 'it\'s "my" {show} [red] $HOME %d ü')
     forget_pictures(project)
     deliver = ["deliver", NAME, *SIZE, "--as", "review"]
-    for words in (["film", *SIZE], ["review", NAME], deliver, ["verify"], ["status"]):
+    for words in installed(["film", *SIZE], ["review", NAME], deliver, ["verify"], ["status"]):
         done = project.run(*words)
         assert done.code == 0, done.err
     assert same_pixels(project, finished_project)

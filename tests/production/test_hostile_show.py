@@ -19,6 +19,7 @@ from flowsculpt.pipeline.production.planning.plan import Plan
 from flowsculpt.pipeline.production.planning.profile import Profile
 from flowsculpt.render.base import python_process
 from tests.conftest import QUALITY, ProjectFolder
+from tests.needed_plugins import installed
 from tests.production.farm.test_clusters import write_profile
 
 PACKAGES = [*Path(python_process.PACKAGE_ROOT, "pipeline").rglob("*.py")]
@@ -67,7 +68,8 @@ def hostile(project: ProjectFolder) -> ProjectFolder:
 @pytest.mark.renderer
 def test_no_file_of_a_show_runs(hostile: ProjectFolder, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", f".:{os.environ['PATH']}:")
-    for words in (["validate"], ["render", "T010_tiny", "-q", QUALITY, "-f", "1"], ["curves", "T010_tiny"]):
+    render = ["render", "T010_tiny", "-q", QUALITY, "-f", "1"]
+    for words in installed(["validate"], render, ["curves", "T010_tiny"]):
         done = hostile.run(*words)
         assert done.code == 0, done.err
     assert not (hostile.path / "trace").exists(), (hostile.path / "trace").read_text()

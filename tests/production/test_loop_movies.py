@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import av
 import pytest
 
@@ -12,6 +10,7 @@ from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.render.movie.encode import LOOPS
 from flowsculpt.render.movie.movie_frames import loop_frames
 from tests.conftest import QUALITY
+from tests.needed_plugins import needs_plugins
 
 DISSOLVE = "loop={dissolve: 2}"
 
@@ -36,6 +35,7 @@ def test_the_end_of_a_loop_is_mixed_with_the_frames_before_its_beginning(project
     assert list(loop_frames([2, 3, 4, 5], part.loop_dissolve, iter, max)) == [2, 3, 4, 5]
 
 
+@needs_plugins("delivery", "maintenance")
 def test_a_dissolve_is_encoded_from_the_frames_that_there_are(finished):
     plan = finished.render(settings=(DISSOLVE,))
     assert [job.stage for job in plan.jobs] == ["assemble"]
@@ -51,14 +51,6 @@ def test_a_dissolve_is_encoded_from_the_frames_that_there_are(finished):
 
 
 @pytest.mark.quick
-def test_previews_of_loops_dissolve_too(project):
-    done = project.call("preview", "T010_tiny", "--set", DISSOLVE)
-    assert done.code == 0, done.err
-    (path,) = (project.path / "renders" / "T010_tiny" / "preview").glob("*.mp4")
-    assert movie(path) == (4, LOOPS)
-
-
-@pytest.mark.quick
 def test_a_loop_in_whole_turns_changes_cameras_alone(project):
     """Meshes stay: only the camera and what rests on it is another one where the first frame follows."""
     plain, round_ = (
@@ -68,13 +60,3 @@ def test_a_loop_in_whole_turns_changes_cameras_alone(project):
     assert plain.source.surface_keys.meshes == round_.source.surface_keys.meshes
     assert plain.keys.cameras != round_.keys.cameras
     assert round_.pictures.is_round
-
-
-@pytest.mark.quick
-def test_textures_of_a_loop_say_that_they_loop(project):
-    """The last frame of a loop is another one than the first, which follows it."""
-    for settings, loops in (((), False), (("--set", "loop=true"), True)):
-        done = project.call("export", "vat", "T010_tiny", *settings)
-        assert done.code == 0, done.err
-        facts = project.path / "renders" / "T010_tiny" / "vat" / "T010_tiny.json"
-        assert json.loads(facts.read_text())["loops"] is loops

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from flowsculpt.pipeline.animation import animate
-from flowsculpt.pipeline.plugins.preview.sketch import shape_of
 from flowsculpt.pipeline.production.request.framing import Framing
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.request.shading import Shading
@@ -60,6 +59,8 @@ def test_a_speed_just_after_a_frame_is_part_of_its_picture_and_a_stretch_is_not(
 
 
 def test_previews_show_what_is_measured() -> None:
+    from flowsculpt.pipeline.plugins.preview.sketch import shape_of
+
     arrays = {
         "vertices": np.float32([[0, 0, 0], [1, 0, 0], [0, 1, 0]]),
         "normals": np.float32([[0, 0, 1]] * 3),

@@ -12,8 +12,6 @@ import pytest
 
 from flowsculpt.pipeline.errors import ShotError
 from flowsculpt.pipeline.frames import FrameRange
-from flowsculpt.pipeline.plugins.delivery.deliverables import Delivery, DeliveryOptions, shot_source
-from flowsculpt.pipeline.plugins.delivery.timeline import _delivered
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.request.keys import projection_of
 from flowsculpt.pipeline.production.request.lookup import Show
@@ -76,6 +74,8 @@ def test_movies_films_and_stills_of_a_spherical_shot_are_told_to_players(there):
 
 
 def test_a_deliverable_is_told_and_named_for_players(finished, monkeypatch):
+    from flowsculpt.pipeline.plugins.delivery.deliverables import Delivery, DeliveryOptions, shot_source
+
     monkeypatch.chdir(finished.path)
     project = Project(finished.path, cores=1)
     monkeypatch.setattr(RequestPictures, "projection", Projection("vr180"))
@@ -94,6 +94,8 @@ def test_a_deliverable_is_told_and_named_for_players(finished, monkeypatch):
 @pytest.mark.quick
 @pytest.mark.parametrize(("kind", "end"), [("spherical", "_360"), ("vr180", "_180_LR"), ("dome", "")])
 def test_names_of_deliverables_say_what_many_players_go_by(there, kind, end):
+    from flowsculpt.pipeline.plugins.delivery.timeline import _delivered
+
     there.shot.write_text(shot_with(f"projection: {kind}"))
     request = Project(there.path, cores=1).find_request(NAME, "draft")
     assert _delivered(request, ENCODES["h264"]).name == f"{NAME}.1-6{end}.h264.mp4"

@@ -18,10 +18,11 @@ from flowsculpt.pipeline.production.store.digests import Digests
 from flowsculpt.pipeline.production.store.paths import DIGESTS
 from tests.conftest import QUALITY, ProjectFolder, Run, commanded
 from tests.full_disk import disk_of
+from tests.needed_plugins import installed
 
 NAME, SIZE = "T010_tiny", ("-q", QUALITY)
 
-WRITERS = [
+WRITERS = installed(
     ["curves", NAME, "-o", "curves.png"],
     ["preview", NAME, "--at", "2"],
     ["sheet", NAME, "-f", "1-2", *SIZE],
@@ -33,7 +34,7 @@ WRITERS = [
     ["export", "openjd", NAME, *SIZE],
     ["schema", "-o", "schema.json"],
     ["new", "A020_new", "--from", "lorenz"],
-]
+)
 """Commands that write another kind of file each, where all frames are rendered."""
 
 
@@ -55,8 +56,8 @@ def test_every_command_that_writes_tells_a_disk_that_takes_no_more_and_leaves_wh
         assert code == 4 and "larger than this process may write" in said, (words, code, said)
     assert files_of(finished) == before
     with disk_of(10):
-        assert commanded(finished.path, "clean")[0] == 0, "which frees the disk"
-        assert commanded(finished.path, "status")[0] == 0
+        for words in installed(["clean"], ["status"]):
+            assert commanded(finished.path, *words)[0] == 0, "one of them frees the disk"
 
 
 def unprivileged(project: ProjectFolder, *words: str) -> Run:

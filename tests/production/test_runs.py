@@ -318,16 +318,3 @@ def test_a_folder_that_cannot_be_written_is_told_in_one_line(project):
     assert done.code == 4
     assert done.err.count("\n") == 1
     assert "--root" in done.err
-
-
-def test_a_turntable_turns_a_mesh_file_once_around(project):
-    (project.path / "wedge.obj").write_text(
-        "v 0 0 0\nv 2 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
-    )
-    done = project.run("turntable", "wedge.obj", "--frames", "4", "--turn", "object", "--bare", "-q", QUALITY)
-    assert done.code == 0, done.err
-    folder = project.path / "renders/turntable/wedge" / QUALITY
-    first, *others = pixels(sorted((folder / "frames").glob("*.exr")))
-    assert len(others) == 3
-    assert all(np.abs(first - other).max() > 0.05 for other in others)
-    assert probe_movie(folder / "wedge.object.mp4").frames == 4

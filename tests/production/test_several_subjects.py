@@ -11,8 +11,6 @@ import pytest
 
 from flowsculpt.pipeline.animation import MeshFrame
 from flowsculpt.pipeline.errors import UsageError
-from flowsculpt.pipeline.plugins.review.measures import measured
-from flowsculpt.pipeline.plugins.turntable.turntable_movie import TurntableRequest
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.planning.frame_states import FrameStates
 from flowsculpt.pipeline.production.planning.plan import Plan
@@ -21,6 +19,7 @@ from flowsculpt.pipeline.production.store.history import History
 from flowsculpt.render.post.compositing import ASSET, OBJECT
 from flowsculpt.render.post.image import read_exr, read_header
 from tests.conftest import commanded, done
+from tests.needed_plugins import needs_plugins
 from tests.render.mattes import matte_of
 
 NAME, QUALITY = "T010_two", "draft.scale6.7"
@@ -211,6 +210,8 @@ def test_nothing_is_to_be_done_twice_and_one_edit_makes_one_chain_again(made: Pa
 
 
 def test_measures_of_several_subjects_are_those_of_all_taken_together(made: Path) -> None:
+    from flowsculpt.pipeline.plugins.review.measures import measured
+
     request, store = request_of(made), Project(made, 2).store
     together = measured(request, store, [2], 1)[2]
     each = [measured(part, store, [2], 1)[2] for part in request.parts]
@@ -219,6 +220,7 @@ def test_measures_of_several_subjects_are_those_of_all_taken_together(made: Path
     assert sum(together["quality"]) == pytest.approx(1.0, abs=1e-3)
 
 
+@needs_plugins("authoring", "preview", "review")
 def test_commands_work_on_each_subject_or_on_the_one_that_is_named(
     made: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -241,6 +243,8 @@ def test_commands_work_on_each_subject_or_on_the_one_that_is_named(
 def test_the_turntable_of_several_subjects_turns_them_about_one_axis(
     made: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    from flowsculpt.pipeline.plugins.turntable.turntable_movie import TurntableRequest
+
     monkeypatch.chdir(made)
     turning = TurntableRequest(Project(made, 2), NAME, QUALITY, 2, 2, turn="object", bare=True)
     done(made, turning.plan())

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from flowsculpt.pipeline.errors import ShotError, UsageError
-from flowsculpt.pipeline.plugins.sheets.wedge import Grid, Wedge
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.planning.estimate import estimate
 from flowsculpt.pipeline.production.request.lookup import Show
 from flowsculpt.render.movie.probe import probe_movie
 from flowsculpt.render.post.image import read_png
 from tests.conftest import QUALITY, TINY, ProjectFolder, done
+from tests.needed_plugins import needs_plugins
 
 NAME = "T010_tiny"
 UPRIGHT = 'title: Upright\ntitle_seconds: 0.2\npicture: {aspect: "9:16"}\n'
@@ -79,6 +79,8 @@ def test_a_crop_of_pictures_that_had_another_shape_hides_nothing_else_of_its_sho
 
 
 def test_a_wedge_shows_pictures_of_several_shapes_side_by_side(there: Project) -> None:
+    from flowsculpt.pipeline.plugins.sheets.wedge import Grid, Wedge
+
     wedge = Wedge(
         there, Show().find_shot(NAME), Grid.parse(["picture.aspect=9:16,2.39"]), "draft.scale10", at=1
     )
@@ -89,6 +91,7 @@ def test_a_wedge_shows_pictures_of_several_shapes_side_by_side(there: Project) -
     assert vacant == pytest.approx(2 * 65 * 48, rel=0.05), "places hold the largest of each side"
 
 
+@needs_plugins("authoring", "maintenance", "review")
 def test_review_and_validate_leave_out_a_crop_of_pictures_that_were_larger(finished: ProjectFolder) -> None:
     home = finished.path / "renders" / NAME
     shutil.copytree(home / QUALITY, home / "draft.crop0-0-400-400")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import av
 import numpy as np
 import pytest
 
@@ -12,21 +11,11 @@ from flowsculpt.pipeline.arrays import Floats
 from flowsculpt.pipeline.production.request.audio import AudioClip
 from flowsculpt.pipeline.production.request.edit import Edit
 from flowsculpt.pipeline.shot import read_film
-from flowsculpt.render.movie.probe import probe_movie
-from tests.conftest import QUALITY, ProjectFolder
+from tests.conftest import ProjectFolder
 from tests.sounds import RATE, sine, times, write_sound
 
 NAME = "T010_tiny"
 FRAME = RATE // 24
-
-
-def heard(path: Path) -> Floats:
-    """The left channel of a movie, −1 … 1."""
-    with av.open(str(path)) as movie:
-        frames = [f.to_ndarray() for f in movie.decode(audio=0)]
-    if frames[0].dtype == np.int32:
-        return np.concatenate([f.reshape(-1, 2)[:, 0] for f in frames]) / 2.0**31
-    return np.concatenate([f[0] for f in frames])
 
 
 def sounding(project: ProjectFolder) -> ProjectFolder:
@@ -35,24 +24,6 @@ def sounding(project: ProjectFolder) -> ProjectFolder:
     write_sound(project.path / "shots/burst.wav", np.where(burst, sine(3000, 1), 0.0))
     project.shot.write_text(project.shot.read_text() + "sound: {file: burst.wav}\n")
     return project
-
-
-def test_movies_and_deliveries_have_the_sound_of_their_frames(finished: ProjectFolder) -> None:
-    """Frames that are there are kept: a sound that no value follows changes none."""
-    before = {path: path.stat().st_mtime_ns for path in sounding(finished).frames()}
-    words = ("deliver", NAME, "-q", QUALITY, "-f", "2-5", "--as", "prores4444", "--slate", "head")
-    finished.render()
-    assert finished.call(*words).code == 0
-    movie = finished.path / f"renders/{NAME}/{QUALITY}/{NAME}.mp4"
-    facts = probe_movie(movie)
-    assert (facts.frames, facts.sound) == (6, "aac")
-    assert 6 / 24 <= facts.seconds <= 6 / 24 + 2 * 1024 / RATE
-    loud = np.flatnonzero(np.abs(heard(movie)) > 0.1)
-    assert abs(loud[0] - 2.5 * FRAME) < 200 and abs(loud[-1] - 3 * FRAME) < 200
-    samples = heard(movie.parent / f"deliver/{NAME}.2-5.prores4444.mov")
-    assert len(samples) == (48 + 4) * FRAME
-    assert np.flatnonzero(samples)[0] - 1 == (48 + 1.5) * FRAME  # the first sample of a sine is 0
-    assert {path: path.stat().st_mtime_ns for path in finished.frames()} == before
 
 
 def film_of(folder: Path, text: str) -> tuple[Edit, Floats]:

@@ -7,6 +7,7 @@ import os
 import shutil
 import subprocess
 import sys
+from collections import defaultdict
 from collections.abc import Iterator
 from importlib.metadata import version as true_version
 from pathlib import Path
@@ -37,7 +38,7 @@ ANEW = "python -m tests.production.stage_results records them anew"
 def recorded() -> tuple[dict[str, Any], dict[str, Arrays]]:
     arrays = dict(np.load(RECORD))
     about = json.loads(str(arrays.pop("about")))
-    by_stage: dict[str, Arrays] = {stage.name: {} for stage in EVERY_STAGE}
+    by_stage: dict[str, Arrays] = defaultdict(dict)
     for name, array in arrays.items():
         stage, _, rest = name.partition("/")
         by_stage[stage][rest] = array

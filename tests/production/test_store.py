@@ -197,3 +197,23 @@ def test_what_a_killed_writer_left_beside_its_draft_goes_too(tmp_path):
     (draft.parent / f".{theirs}.tmp{ended.pid}.exr").write_text("half")
     sweep(store)
     assert not any(draft.parent.iterdir())
+
+
+def test_what_a_writer_killed_at_a_roots_state_leaves_is_swept_by_the_next_run(tmp_path):
+    store = Store(tmp_path)
+    done = tmp_path / ".flowsculpt/done/A/render/0001-0002.0123456789abcdef"
+    script = """
+import os, signal, sys
+from pathlib import Path
+from flowsculpt.pipeline.production.store.store import Store
+from flowsculpt.render.base.atomic_write import atomic_write
+
+Store(Path(sys.argv[1]))
+with atomic_write(Path(sys.argv[2])) as draft:
+    draft.write_text("half")
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+    subprocess.run([sys.executable, "-c", script, str(tmp_path), str(done)], check=False)
+    assert [path for path in tmp_path.rglob("*") if path.is_file()], "the killed writer leaves its draft"
+    sweep(store)
+    assert [path for path in tmp_path.rglob("*") if path.is_file()] == []

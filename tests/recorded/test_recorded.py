@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 
 from flowsculpt.pipeline.errors import MissingInputError, ShotError
-from flowsculpt.pipeline.plugins.versions.provenance import Provenance
 from flowsculpt.pipeline.production.stages import STAGES, forced_with
 from flowsculpt.pipeline.shot import read_shot
 from tests.conftest import ProjectFolder, commanded
+from tests.needed_plugins import needs_plugins
 from tests.recorded.record import HERE, SHOT
 
 RECORDED = sorted(HERE.glob("*.zip"))
@@ -43,7 +43,10 @@ def test_every_shot_of_the_gallery_of_then_is_read(root: Path) -> None:
             assert all("is not there" in line for line in str(error).splitlines()), error
 
 
+@needs_plugins("maintenance", "review", "versions")
 def test_files_notes_and_versions_of_then_are_whole_and_listed(root: Path) -> None:
+    from flowsculpt.pipeline.plugins.versions.provenance import Provenance
+
     assert commanded(root, "--dry-run", "verify") == (0, "Every file is what it should be.\n")
     code, notes = commanded(root, "--json", "notes", SHOT)
     assert code == 0 and "More light from the left" in notes and "approved" in notes
@@ -59,7 +62,10 @@ def test_files_notes_and_versions_of_then_are_whole_and_listed(root: Path) -> No
     assert code == 0 and "rendering 2 frames" in planned
 
 
+@needs_plugins("maintenance", "versions")
 def test_a_run_goes_on_in_a_root_of_then(root: Path) -> None:
+    from flowsculpt.pipeline.plugins.versions.provenance import Provenance
+
     words = (SHOT, "-q", "draft", "--scale", "10%", "--variant", "scalar_rgb")
     done = ProjectFolder(root).run("--json", "render", *words)
     assert done.code == 0, done.err

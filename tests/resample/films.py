@@ -26,7 +26,6 @@ from flowsculpt.pipeline.mesh import (
 )
 from flowsculpt.pipeline.mesh.analytic_surfaces import SphereSurface
 from flowsculpt.pipeline.mesh.halfedge_mesh import with_identities
-from flowsculpt.pipeline.plugins.interchange.foreign_meshes import TextureCoordinates
 from flowsculpt.pipeline.resample import (
     Chord,
     Curvature,
@@ -92,6 +91,8 @@ def _polygons(flow: Flow, frames: int = 3) -> str:
 
 
 def _textured(flow: Flow) -> str:
+    from flowsculpt.pipeline.plugins.interchange.foreign_meshes import TextureCoordinates
+
     ball = icosphere(6)
     angle = np.arctan2(ball.vertices[:, 2], ball.vertices[:, 0])[ball.faces] / (2 * np.pi)
     around = angle - np.round(angle - angle[:, :1])  # a seam behind

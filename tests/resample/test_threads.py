@@ -8,18 +8,22 @@ import sys
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from flowsculpt.pipeline.flow.catalogue.external_fields import FormulaField, Sampled, Target, Wind
+from flowsculpt.pipeline.flow.catalogue.external_fields import (
+    FormulaField,
+    Sampled,
+    Samples,
+    Target,
+    Wind,
+)
 from flowsculpt.pipeline.flow.regions import ClosedSurface
-from flowsculpt.pipeline.flow.samples import Samples
 from flowsculpt.pipeline.kernels import BlockKernel
-from flowsculpt.pipeline.mesh import box, icosphere
-from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
+from flowsculpt.pipeline.mesh import box
+from tests.needed_plugins import needs_plugins
 from tests.resample.films import FILMS
 
 
@@ -31,12 +35,14 @@ def _differing(rounds: int) -> list[str]:
     return [name for name, digest in made if digest != alone[name]]
 
 
+@needs_plugins("interchange", "polyhedra")
 @pytest.mark.slow
 def test_twelve_films_in_four_threads_have_the_bits_that_they_have_alone() -> None:
     assert len({film() for film in FILMS.values()}) == len(FILMS) == 12
     assert _differing(rounds=2) == []
 
 
+@needs_plugins("interchange", "polyhedra")
 @pytest.mark.soak
 def test_four_hundred_films_in_four_threads_have_the_bits_that_they_have_alone() -> None:
     assert _differing(rounds=34) == []
@@ -73,35 +79,11 @@ def test_threads_that_first_use_a_flow_at_once_share_the_memory_whose_address_ke
     assert one is other is getattr(value, name)
 
 
-READERS = """
-import sys, threading
-from concurrent.futures import ThreadPoolExecutor
-from flowsculpt import read_mesh
-
-ready = threading.Barrier(4)
-
-def read(_):
-    ready.wait()
-    return len(read_mesh(sys.argv[1]).faces)
-
-with ThreadPoolExecutor(4) as pool:
-    print(*pool.map(read, range(4)))
-"""
-
-
-@pytest.mark.slow
-def test_threads_read_their_first_files_at_once(tmp_path: Path) -> None:
-    """Plug-ins, which bring the formats, are looked for then."""
-    write_mesh(icosphere(2), tmp_path / "ball.obj")
-    command = [sys.executable, "-c", READERS, str(tmp_path / "ball.obj")]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
-    assert (done.stdout, done.stderr) == ("80 80 80 80\n", "")
-
-
 STATISTICS = """
 from concurrent.futures import ThreadPoolExecutor
 from flowsculpt.pipeline.mesh import icosphere
 from flowsculpt.pipeline.statistics import mesh_statistics
+from tests.needed_plugins import needs_plugins
 
 with ThreadPoolExecutor(4) as pool:
     print(len(set(pool.map(mesh_statistics, 40 * [icosphere(12)]))))

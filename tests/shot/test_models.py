@@ -10,18 +10,18 @@ from hypothesis import strategies as st
 
 from flowsculpt.pipeline.errors import MeshError, ShotError
 from flowsculpt.pipeline.mesh import TriangleMesh, rod
-from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
 from flowsculpt.pipeline.shot import Model, Shot, read_shot
 from flowsculpt.pipeline.shot.motion import as_data
+from tests.mesh_files import write_ply
 
-SHOT = "title: A\nframes: 1-2\nsubject: {model: a.obj%s}\nresample: off\nflows: []\n"
+SHOT = "title: A\nframes: 1-2\nsubject: {model: a.ply%s}\nresample: off\nflows: []\n"
 LONG = rod(4.0, 0.5)  # along y
 PLACED = (3.0, -2.0, 7.0)
 
 
 def shot_of(folder: Path, settings_of_model: str = "", mesh: TriangleMesh | None = None) -> Shot:
     mesh = LONG.with_vertices(LONG.vertices + PLACED) if mesh is None else mesh
-    write_mesh(mesh, folder / "a.obj")
+    write_ply(mesh, folder / "a.ply")
     (folder / "a.yaml").write_text(SHOT % settings_of_model)
     return read_shot(folder / "a.yaml")
 

@@ -16,10 +16,10 @@ from flowsculpt.pipeline.flow.catalogue.deformations import Twist
 from flowsculpt.pipeline.flow.catalogue.vortices import Vortex
 from flowsculpt.pipeline.mesh import validate
 from flowsculpt.pipeline.mesh.solids import box
-from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
 from flowsculpt.pipeline.resample import Thresholds
 from flowsculpt.pipeline.shot import Motion, Resampling, read_shot
 from flowsculpt.render.scene.render_quality import QUALITIES
+from tests.mesh_files import write_ply
 
 GOOD = (Path(__file__).parent / "cube.yaml").read_text(encoding="utf-8")
 
@@ -188,11 +188,11 @@ def test_maximum_steps_are_shares_of_the_longest_edge_of_their_frame(
 
 def test_a_model_is_known_by_its_contents(tmp_path: Path) -> None:
     (tmp_path / "models").mkdir()
-    for name in ("one.obj", "two.obj"):
-        write_mesh(box(), tmp_path / "models" / name)
+    for name in ("one.ply", "two.ply"):
+        write_ply(box(), tmp_path / "models" / name)
     shots = [
         read_shot(written(tmp_path, GOOD.replace("solid: box", f"model: models/{name}, scale: 2")))
-        for name in ("one.obj", "two.obj")
+        for name in ("one.ply", "two.ply")
     ]
     assert shots[0].motion.start_data() == shots[1].motion.start_data()
     assert shots[0].motion.subject.build().bounds.tolist() == [[-2.0] * 3, [2.0] * 3]

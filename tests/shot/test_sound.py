@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from flowsculpt.pipeline.errors import ShotError
-from flowsculpt.pipeline.plugins.sheets.keyed_curves import curves_of
 from flowsculpt.pipeline.production.request.manifest import mesh_keys
 from flowsculpt.pipeline.shot import read_shot
 from flowsculpt.pipeline.shot.shot import Shot
@@ -53,6 +52,8 @@ def shot_of(folder: Path, **values: str) -> Shot:
 
 
 def test_everything_that_may_be_keyed_may_follow_a_sound_and_is_drawn(tones: Path) -> None:
+    from flowsculpt.pipeline.plugins.sheets.keyed_curves import curves_of
+
     curves = {curve.name: curve for curve in curves_of(written(tones))}
     assert {name: curve.unit for name, curve in curves.items()} == {
         "resample.max_edge_length": "units",

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from flowsculpt.pipeline.errors import ShotError
 from flowsculpt.pipeline.flow import Sequence, Streamlines
-from flowsculpt.pipeline.flow.catalogue.external_fields import Attraction, FormulaField, Sampled, Wind
+from flowsculpt.pipeline.flow.catalogue.external_fields import Attraction, FormulaField, Wind
 from flowsculpt.pipeline.flow.catalogue.vortices import CurlNoise
 from flowsculpt.pipeline.flow.flow import PythonFlow
 from flowsculpt.pipeline.shot import Shot, read_shot
 
 HEAD = "title: T\nframes: 1-24\nsubject: {solid: icosphere}\nresample: off\nflows:\n"
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
-GRID = np.linspace(-1, 1, 3)
 
 
 def shot_of(folder: Path, *flows: str) -> Shot:
@@ -32,8 +30,6 @@ def fields_of(shot: Shot) -> list[object]:
 def folder(tmp_path: Path) -> Path:
     (tmp_path / "t.obj").write_text(TRIANGLE)
     (tmp_path / "swirl.py").write_text("def swirl(points, time, dt):\n    return points\n")
-    np.savez(tmp_path / "w_01.npz", x=GRID, y=GRID, z=GRID, velocity=np.ones((3, 3, 3, 3)))
-    np.savez(tmp_path / "w_02.npz", x=GRID, y=GRID, z=GRID, velocity=np.zeros((3, 3, 3, 3)))
     return tmp_path
 
 
@@ -49,8 +45,6 @@ def test_every_field_can_be_written(folder: Path) -> None:
             "attraction: {curve: [[0, 0, 0], [1, 0, 0]], closed: true}",
             "attraction: {mesh: t.obj, rate: -1, radius: 2}",
             "wind: {through: [[0, 0, 0], [1, 0, 0], [1, 1, 0]], speed: 2}",
-            "sampled: {file: w_01.npz, between: cubic, outside: zero}",
-            "sampled: {file: w_*.npz, interval: 0.5, loop: true}",
             "python: {file: swirl.py, function: swirl}",
         )
     )
@@ -61,14 +55,11 @@ def test_every_field_can_be_written(folder: Path) -> None:
         CurlNoise,
         *[Attraction] * 3,
         Wind,
-        Sampled,
-        Sampled,
         PythonFlow,
     ]
     assert [type(field) for field in found] == kinds
-    keyed, sequence = found[1], found[9]
+    keyed = found[1]
     assert isinstance(keyed, FormulaField) and keyed.numbers(23 / 24) == (2.0,)
-    assert isinstance(sequence, Sampled) and len(sequence.samples.times) == 2
 
 
 def test_fields_are_added_up_like_others(folder: Path) -> None:
@@ -82,11 +73,6 @@ WRONG = [
     ("formula: [x, y, 1e400]", "6:21: this number is too large; 1e100 is the largest"),
     ("formula: [x, y, 3 + 1 / 0]", "6:25: 1 / 0 is inf; a formula must be finite. Write another."),
     ("formula: [x, y, x / (2 - 2) + log(0)]", "6:35: log(0) is -inf; a formula must be finite."),
-    (
-        "sampled: {file: w_01.npz, array: u}",
-        "array u does not apply; in .npz the array is velocity. Leave out array.",
-    ),
-    ("sampled: {file: fast.npz}", "is 1e+200; samples must be finite, and at most 1e12."),
     (
         "python: {file: broken.py, function: f}",
         "broken.py: this is not Python (line 2): expected ':'. Correct it there.",
@@ -129,11 +115,6 @@ WRONG = [
     ("attraction: {mesh: swirl.py}", ".py is not a mesh format"),
     ("wind: {through: [[0, 0, 0]]}", "1 item; it must have at least 2"),
     ("wind: {through: [[0, 0, 0], [0, 0, 0]]}", "twice in a row"),
-    ("sampled: {file: gone.vti}", "file gone.vti is not there"),
-    ("sampled: {file: gone_*.vti}", "no file matches gone_*.vti"),
-    ("sampled: {file: t.obj}", ".obj is not a format of fields"),
-    ("sampled: {file: bad.npz}", "array y is missing"),
-    ("sampled: {file: w_01.npz, outside: mirror}", "it must be 'clamp', 'zero' or 'repeat'"),
     (
         "sum: [vortex: {}, twist: {amount: 3}]",
         "6:23: twist is not a velocity field, and only those add up. Make it an entry of flows.",
@@ -141,14 +122,8 @@ WRONG = [
     ("python: {file: gone.py, function: f}", "file gone.py is not there"),
     ("python: {file: /dev/zero, function: f}", "file /dev/zero is a device; it must be a regular file"),
     ("attraction: {mesh: /dev/zero}", "file /dev/zero is a device; it must be a regular file"),
-    (
-        "sampled: {file: /proc/self/me*}",
-        "/proc/self/mem: no suffix is not a format of fields; use .vti, .vtr, .npz",
-    ),
-    (f"sampled: {{file: {'n' * 5000}.npz}}", "file nnnn"),
     (f"python: {{file: {'n' * 5000}, function: f}}", "is not there; it is looked for beside the shot file"),
     ('attraction: {mesh: "a\\0b.obj"}', "file 'a\\x00b.obj' is not there"),
-    ("sampled: {file: '**.npz'}", "file **.npz is not a name of a sequence; each * stands for any letters"),
     ("python: {file: swirl.py}", "function: missing"),
     ("python: {file: swirl.py, function: swirl()}", "'swirl()' names no function"),
 ]
@@ -156,8 +131,6 @@ WRONG = [
 
 @pytest.mark.parametrize(("flow", "says"), WRONG, ids=[flow[:60] for flow, _ in WRONG])
 def test_what_is_wrong_is_told_in_one_line_with_its_place(flow: str, says: str, folder: Path) -> None:
-    np.savez(folder / "bad.npz", x=GRID, z=GRID, velocity=np.ones((3, 3, 3, 3)))
-    np.savez(folder / "fast.npz", x=GRID, y=GRID, z=GRID, velocity=np.full((3, 3, 3, 3), 1e200))
     (folder / "broken.py").write_text("x = 1\ndef f(points)\n    return points\n")
     with pytest.raises(ShotError) as told:
         shot_of(folder, flow)
@@ -169,16 +142,14 @@ def test_what_is_wrong_is_told_in_one_line_with_its_place(flow: str, says: str, 
 def test_contents_of_files_decide_and_not_their_names(folder: Path) -> None:
     shot = shot_of(
         folder,
-        "sampled: {file: w_01.npz}",
         "attraction: {mesh: t.obj}",
         "python: {file: swirl.py, function: swirl}",
     )
     before = shot.motion.step_data(5)
-    for old, new in (("w_01.npz", "w_03.npz"), ("t.obj", "u.obj"), ("swirl.py", "whirl.py")):
+    for old, new in (("t.obj", "u.obj"), ("swirl.py", "whirl.py")):
         (folder / new).write_bytes((folder / old).read_bytes())
     moved = shot_of(
         folder,
-        "sampled: {file: w_03.npz}",
         "attraction: {mesh: u.obj}",
         "python: {file: whirl.py, function: swirl}",
     )
@@ -187,9 +158,8 @@ def test_contents_of_files_decide_and_not_their_names(folder: Path) -> None:
     (folder / "u.obj").write_text(TRIANGLE.replace("1 0 0", "2 0 0"))
     again = shot_of(
         folder,
-        "sampled: {file: w_03.npz}",
         "attraction: {mesh: u.obj}",
         "python: {file: whirl.py, function: swirl}",
     )
     same = [a == b for a, b in zip(again.motion.step_data(5), before, strict=True)]
-    assert same == [True, False, False]
+    assert same == [False, False]

@@ -77,9 +77,3 @@ def test_a_file_whose_accents_are_other_characters_is_not_called_missing_alone(t
     (tmp_path / "e\u0301.obj").touch()
     told = refusal(tmp_path, SHOT.replace("{solid: box}", "{model: \u00e9.obj}"))
     assert "is not there" in told and "other Unicode characters" in told
-
-
-def test_hidden_files_of_other_programs_are_no_part_of_a_sequence(tmp_path: Path) -> None:
-    (tmp_path / "._wind_1.npz").touch()
-    told = refusal(tmp_path, SHOT.replace("flows: []", "flows: [{sampled: {file: '*.npz', interval: 1}}]"))
-    assert "no file matches '*.npz'" in told or "no file matches *.npz" in told

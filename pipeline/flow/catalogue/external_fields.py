@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 
@@ -28,7 +27,6 @@ from flowsculpt.pipeline.flow.parameters import (
     vector_at,
 )
 from flowsculpt.pipeline.flow.regions import TriangleTree, segments
-from flowsculpt.pipeline.flow.samples import Samples
 from flowsculpt.pipeline.flow.velocity import ExternalField, StableProperty
 from flowsculpt.pipeline.formula import Expression, time_values
 from flowsculpt.pipeline.kernels import BlockKernel
@@ -339,6 +337,31 @@ on evenly spaced axes."""
 
 
 @dataclass(frozen=True)
+class Samples:
+    """Velocities at the nodes of a grid, at one time or several: equal contents of files, equal samples.
+
+    axes      three float64 arrays, each ascending and of two numbers or more
+    times     (T,) seconds, ascending
+    velocity  float64 (T, X, Y, Z, 3)
+    digests   SHA-256 of each file
+    array     the name of the velocities in VTK files; None: the file's only vectors
+    interval  seconds from file to file
+    """
+
+    axes: tuple[Floats, Floats, Floats] = field(compare=False, repr=False)
+    times: Floats = field(compare=False, repr=False)
+    velocity: Floats = field(compare=False, repr=False)
+    digests: tuple[str, ...]
+    array: str | None = None
+    interval: float = 1.0
+
+    @property
+    def digest(self) -> str:
+        """The digest of all files together."""
+        return hashlib.sha256("".join(self.digests).encode()).hexdigest()
+
+
+@dataclass(frozen=True)
 class Sampled(ExternalField):
     """Velocities at the points of a grid, from VTK or numpy files, interpolated between.
 
@@ -361,19 +384,6 @@ class Sampled(ExternalField):
     time_scale: Annotated[float, ParameterDoc("seconds of the samples per second of the shot")] = 1.0
     start: Annotated[float, ParameterDoc("of the samples when the shot starts", "s")] = 0.0
     loop: Annotated[bool, ParameterDoc("repeat after the last time; else its samples stay")] = False
-
-    @classmethod
-    def on_grid(
-        cls, axes: Sequence[Floats], times: Floats, velocity: Floats, name: str, **given: Any
-    ) -> Self:
-        """Return the field of velocities (T, X, Y, Z, 3) at the nodes of a grid.
-
-        axes   three, ascending; `times` (T,) seconds, ascending
-        name   of the velocities, which stands for them in keys
-        given  parameters, such as `between`
-        """
-        x, y, z = axes
-        return cls(Samples((x, y, z), times, np.ascontiguousarray(velocity), (name,)), **given)
 
     @StableProperty
     def _memory(self) -> Floats:

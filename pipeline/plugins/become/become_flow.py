@@ -11,7 +11,7 @@ import numpy as np
 from flowsculpt import Flow, FrameError, UsageError
 from flowsculpt.api.flows import Keyframes, Number, number_at
 from flowsculpt.api.meshes import Points
-from flowsculpt.api.shots import CloudInSolid, Model, Solid
+from flowsculpt.api.shots import Model, Solid
 from flowsculpt.pipeline.plugins.become.fitting import Detail
 from flowsculpt.pipeline.plugins.become.stored_fits import (
     DOUBTFUL,
@@ -86,9 +86,8 @@ class Become(Flow):
 
     def of_subject(self, subject: Any, place: tuple[float, float, float], before: Sequence[Flow]) -> Become:
         """Return the flow that begins where the one before it arrives, or with the subject at rest."""
-        if isinstance(subject, CloudInSolid):
-            subject = subject.solid  # the fit is one of space, in which the points lie
-        start = PlacedShape(subject, place) if isinstance(subject, Solid | Model) else None
+        body = subject.body  # the fit is one of space, in which points lie
+        start = PlacedShape(body, place) if isinstance(body, Solid | Model) else None
         for flow in before:
             if isinstance(flow, Become) and number_at(flow.progress, self._begin) > 0.5:
                 start = flow.target

@@ -11,7 +11,7 @@ from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 
 from flowsculpt import TriangleMesh, UsageError, read_mesh
 from flowsculpt.api import CopyLayout, plural
-from flowsculpt.api.meshes import Floats, Points, Vectors, face_normals, model_files, on_surface, unit
+from flowsculpt.api.meshes import Floats, Points, Vectors, face_normals, model_files, unit
 from flowsculpt.api.shots import (
     SOLIDS,
     Degrees,
@@ -178,7 +178,7 @@ class SurfaceDocument(Arrangement):
 
     def arranged(self, count: int, seed: int) -> Places:
         mesh = refined(self._mesh, FACES * count)
-        points, face = on_surface(mesh, count, seed)
+        points, face = mesh.scattered(count, seed)
         normals = face_normals(mesh)[face]
         places = np.array(self.centre) + self.scale * points + self.offset * normals
         return places, frames(normals, np.broadcast_to((1.0, 0.0, 0.0), normals.shape))

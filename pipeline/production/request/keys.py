@@ -90,12 +90,10 @@ class RequestKeys:
 
         Of several subjects, a list.
         """
-        from flowsculpt.pipeline.shot.point_subjects import ControlNet
-
         shot = self.request.shot
         if shot.subjects:
             return [part.keys.net_pieces() for part in self.request.parts]
-        return shot.picture.tessellate if isinstance(shot.motion.subject, ControlNet) else None
+        return shot.picture.tessellate if shot.motion.subject.is_net else None
 
     def appearance(self, number: int) -> Key:
         """Return the digest of what a picture shares with all others of its look, lights and quality."""

@@ -96,7 +96,8 @@ def remote_stores() -> RemoteStores:
     contract: Any = RemoteStores  # which is abstract
     stores: list[RemoteStores] = list(plugins().objects("remote_stores", contract).values())
     if not stores:
-        raise UsageError(f"no plug-in knows remote stores; leave out --store, and {VARIABLE} empty")
+        remedy = plugins().lacking("--store") or f"Leave out --store, and {VARIABLE} empty."
+        raise UsageError(f"no plug-in knows remote stores. {remedy}")
     return stores[0]
 
 

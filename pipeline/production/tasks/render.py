@@ -176,9 +176,7 @@ class _ShownSubject:
             arrays, pieces = self._shading.arrays(), self._shading.pieces
         if picture.look.wireframe is None or "faces" not in arrays:
             return arrays
-        from flowsculpt.pipeline.shot.point_subjects import ControlNet
-
-        if isinstance(request.shot.motion.subject, ControlNet):
+        if request.shot.motion.subject.is_net:
             return arrays  # all edges of a net are drawn
         return {**arrays, "edges": outlines(arrays["faces"], pieces)}
 

@@ -30,7 +30,6 @@ from flowsculpt.pipeline.flow.catalogue.external_fields import (
     MAX_NUMBERS,
     Attraction,
     FormulaField,
-    Sampled,
     Target,
     Wind,
 )
@@ -45,7 +44,6 @@ from flowsculpt.pipeline.flow.parameters import (
     shot_name,
     summary,
 )
-from flowsculpt.pipeline.flow.samples import Samples, read_samples
 from flowsculpt.pipeline.flow.velocity import PluginField
 from flowsculpt.pipeline.formula import CONSTANTS, FUNCTIONS
 from flowsculpt.pipeline.mesh.read import read_mesh
@@ -121,7 +119,8 @@ def _document_of_plugin(plugin: Plugin, name: str, flow: Any) -> type[FlowParame
         base, flow = flow, flow.flow
     require_class(flow, VelocityField, Flow)
     document = document_of(flow, base)
-    document.origin = (plugin.name, plugin.version, name)
+    if not flow.__module__.startswith("flowsculpt.pipeline.flow."):  # ours is decided by its data alone
+        document.origin = (plugin.name, plugin.version, name)
     return document
 
 
@@ -290,31 +289,6 @@ class WindDocument(FlowParameters):
         return {"through": tuple(vector(point) for point in self.through)}
 
 
-class SampledDocument(FlowParameters):
-    """Samples from files, which are read with the shot, so that their mistakes are reported with it."""
-
-    flow = Sampled
-
-    file: Annotated[str, ParameterDoc("where the samples are; with a * a sequence of files")]
-    array: Annotated[
-        str | None, ParameterDoc("the name of the velocities in a VTK file that holds several")
-    ] = None
-    interval: Annotated[Positive, ParameterDoc("from file to file", "s")] = 1.0
-
-    _samples: Samples = PrivateAttr()
-
-    @model_validator(mode="after")
-    def _are_readable(self, info: ValidationInfo) -> Self:
-        context = ParseContext.of(info)
-        paths = context.files(self.file)
-        self._samples = read_samples(paths, self.array, float(self.interval))
-        context.digests.update(zip(paths, self._samples.digests, strict=True))
-        return self
-
-    def own_values(self, clock: Clock) -> dict[str, Any]:
-        return {"samples": self._samples}
-
-
 class PythonDocument(FlowParameters):
     """A Python function, which is only parsed here; running it needs permission."""
 
@@ -367,7 +341,6 @@ _WRITTEN_OUT: dict[str, type[FlowParameters]] = {
     "curl_noise": CurlNoiseDocument,
     "attraction": AttractionDocument,
     "wind": WindDocument,
-    "sampled": SampledDocument,
     "python": PythonDocument,
 }
 

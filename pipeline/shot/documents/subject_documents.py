@@ -4,10 +4,13 @@ Each of several subjects has a place, a look and flows of its own.
 """
 
 import inspect
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from functools import reduce
+from operator import or_
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
+import numpy as np
 from pydantic import (
     BeforeValidator,
     ConfigDict,
@@ -16,14 +19,14 @@ from pydantic import (
     model_validator,
 )
 
-from flowsculpt.pipeline.mesh.control_net import LEAST
+from flowsculpt.pipeline.errors import UsageError, suggest
 from flowsculpt.pipeline.mesh.read import model_files, read_paint
 from flowsculpt.pipeline.plugin import Plugin, plugins
 from flowsculpt.pipeline.plugin_contracts import require_class
 from flowsculpt.pipeline.shot.copies import MOST_COPIES, Copies, OrderedPlaces
 from flowsculpt.pipeline.shot.documents.field_types import (
     DEGREE,
-    MAPPING_IS_SECOND,
+    LARGEST,
     ORIGIN,
     ByForm,
     Degrees,
@@ -33,31 +36,18 @@ from flowsculpt.pipeline.shot.documents.field_types import (
     Triple,
     exactly_one,
     is_number,
-    is_written_number,
     one_of,
     optional,
 )
 from flowsculpt.pipeline.shot.documents.flow_entries import DASHES, FlowDocument, RegionDocument
 from flowsculpt.pipeline.shot.documents.look_documents import LookField
 from flowsculpt.pipeline.shot.documents.resampling import ResampleField
-from flowsculpt.pipeline.shot.documents.subject_kinds import CopyLayout, SubjectKind
+from flowsculpt.pipeline.shot.documents.subject_kinds import CopyLayout, PointsKind, SubjectKind
 from flowsculpt.pipeline.shot.motion import Clock
-from flowsculpt.pipeline.shot.point_subjects import (
-    MOST_POINTS,
-    NETS,
-    Cloud,
-    CloudInSolid,
-    CloudOfFile,
-    ControlNet,
-    NetOfFile,
-    NetOfRows,
-    NetOfSolid,
-)
-from flowsculpt.pipeline.shot.subjects import SOLIDS, Model, PluginSurface, Solid
-from flowsculpt.render.base.input_files import digest_of_file, joint_digest
-
-CLOSED = {"none": (False, False), "rows": (True, False), "columns": (False, True), "both": (True, True)}
-"""Ends of a net that are joined: the last row to the first, the last column to the first."""
+from flowsculpt.pipeline.shot.subjects import SOLIDS, Measure, Model, PluginSurface, Solid
+from flowsculpt.pipeline.shot.yaml.yaml_source import Problem, Where
+from flowsculpt.render.base.input_files import joint_digest
+from flowsculpt.render.base.plural import indefinite, plural
 
 
 def _measures_by_solid(schema: dict[str, Any]) -> None:
@@ -102,6 +92,61 @@ class SolidDocument(Document):
 
 
 _MEASURES = {name for name in SolidDocument.model_fields if name != "solid"}
+
+
+def _coarsest(solid: str, given: Mapping[str, Any]) -> object:
+    return Solid.of(solid, given).build(100 * LARGEST)
+
+
+def solid_faults(
+    where: Where,
+    given: Mapping[str, Any],
+    kinds: Mapping[str, Any] = SOLIDS,
+    build: Callable[[str, Mapping[str, Any]], object] = _coarsest,
+) -> Iterator[Problem]:
+    """Yield what is wrong with the measures of a solid, as a file has them: its place, and a message.
+
+    where  the place of the solid
+    kinds  solids by name, whose `measures` are their defaults by name
+    build  makes a solid of its name and measures. Raises UsageError where these contradict each other
+    """
+    name = given.get("solid")
+    if not isinstance(name, str) or name not in kinds:
+        return  # the document reports it
+    measures: Mapping[str, Measure] = kinds[name].measures
+    unknown = [m for m in given if m in _MEASURES and m not in measures]
+    yield from (
+        ((*where, m), f"{m} is not a measure of {indefinite(name)}. {suggest(m, measures)}") for m in unknown
+    )
+    size, wanted = given.get("size"), np.size(measures.get("size", ()))
+    if wanted and (meant := _meant_size(size, wanted)):
+        yield (*where, "size"), f"size of {indefinite(name)} has {plural(wanted, 'number')}. Write {meant}."
+    elif not unknown:
+        known = {m: given[m] for m in measures if m in given}
+        if all(_has_form(value, measures[m]) for m, value in known.items()):
+            try:
+                build(name, known)
+            except UsageError as error:
+                yield where, f"{error}"
+
+
+def _meant_size(size: Any, wanted: int) -> list[Any] | None:
+    """Return the size that one with another number of sides means; None for a good one, or another type."""
+    if is_number(size):
+        return [size] * wanted
+    if not isinstance(size, list) or len(size) == wanted:
+        return None
+    if len(size) == 1 and isinstance(size[0], list):
+        return size[0]
+    return [*size, *[size[-1] if size else 1] * wanted][:wanted]
+
+
+def _has_form(value: Any, default: Measure) -> bool:
+    """Tell whether a measure has the form of its default; the document reports others."""
+    if isinstance(default, str):
+        return isinstance(value, str)
+    parts = value if isinstance(default, tuple) and isinstance(value, list) else [value]
+    return all(is_number(part) and 0 < part <= LARGEST for part in parts)
 
 
 def _require_angles(value: Any) -> Any:
@@ -178,9 +223,11 @@ class PluginSurfaceDocument(OneOfSeveral, SizedDocument):
 def _part_of_plugin(plugin: Plugin, name: str, kind: Any) -> tuple[type[Document], str, Any]:
     """Return a kind of subject or a layout of copies, its plug-in's version, and its field in documents.
 
-    Raises ContractError for a class that is neither.
+    Raises ContractError for a class that is neither, and for points whose name another plug-in may take.
     """
-    require_class(kind, SubjectKind, CopyLayout)
+    require_class(kind, SubjectKind, CopyLayout, PointsKind)
+    if issubclass(kind, PointsKind) and not kind.__module__.startswith("flowsculpt."):
+        kind.require_word_of(plugin.name)
     description = inspect.cleandoc(kind.__doc__ or name).partition("\n")[0]
     return kind, plugin.version, (kind | None, optional(description))
 
@@ -206,63 +253,15 @@ if not TYPE_CHECKING:
     PluginSurfaceDocument = _add_parts(PluginSurfaceDocument, SubjectKind)
 
 
-class NetSolidDocument(Document):
-    solid: Annotated[str, one_of(NETS, "net")] = Field(description="its name")
-    size: list[Positive] | None = optional("its sides (units)", min_length=2, max_length=2)
-    radius: Positive | None = optional("of a tube, or to the middle of a torus's tube (units)")
-    length: Positive | None = optional("from end to end (units)")
-    tube_radius: Positive | None = optional("of the tube of a torus; below its radius (units)")
+POINTS: dict[str, type[PointsKind]] = {
+    kind.word(): kind for kind, _, _ in _PARTS.values() if issubclass(kind, PointsKind)
+}
+"""The kinds of subjects that are points, by the names that shots write."""
 
 
-def _is_attribute(value: Any) -> bool:
-    return isinstance(value, str) and not is_written_number(value)
-
-
-class CloudDocument(Document):
-    cloud: Annotated[str | SolidDocument, MAPPING_IS_SECOND] = Field(
-        description="points that are drawn as spheres: a file of them, or a solid that they fill"
-    )
-    radius: Annotated[Positive | str, ByForm(_is_attribute)] = Field(
-        description="of the spheres, or the name of an attribute of the file (units)"
-    )
-    scale: Positive = Field(1.0, description="factor on the coordinates of a file")
-    count: Annotated[int, Field(ge=1, le=MOST_POINTS)] = Field(10_000, description="points in a solid")
-    fill: Annotated[str, one_of(("volume", "surface"), "way to fill a solid")] = Field(
-        "volume", description="the inside of the solid, or its surface"
-    )
-    seed: Annotated[int, Field(ge=0)] = Field(0, description="another one scatters the points differently")
-
-    def build(self, folder: Path) -> Cloud:
-        radius = self.radius if isinstance(self.radius, str) else float(self.radius)
-        if isinstance(self.cloud, str):
-            path = folder / self.cloud
-            return CloudOfFile(digest_of_file(path), radius, float(self.scale), path)
-        assert not isinstance(radius, str), "checked: only files have attributes"
-        fill: Literal["volume", "surface"] = "surface" if self.fill == "surface" else "volume"
-        return CloudInSolid(self.cloud.build(), self.count, fill, self.seed, radius)
-
-
-class NetDocument(Document):
-    net: Annotated[
-        str | list[list[Triple]] | NetSolidDocument,
-        ByForm(lambda value: 2 if isinstance(value, dict) else int(isinstance(value, list))),
-    ] = Field(description="control points of a smooth surface: a file, rows of points, or a solid")
-    scale: Positive = Field(1.0, description="factor on the coordinates of a file")
-    rows: Annotated[int, Field(ge=LEAST, le=1000)] | None = optional("number of rows, of a solid")
-    columns: Annotated[int, Field(ge=LEAST, le=1000)] | None = optional(
-        "points in a row, of a file or a solid"
-    )
-    closed: Annotated[str, one_of(CLOSED, "way to close a net")] = Field("none", description="joined ends")
-
-    def build(self, folder: Path) -> ControlNet:
-        if isinstance(self.net, str):
-            path = folder / self.net
-            return NetOfFile(digest_of_file(path), self.columns, CLOSED[self.closed], float(self.scale), path)
-        if isinstance(self.net, list):
-            rows = tuple(tuple(tuple(float(x) for x in point) for point in row) for row in self.net)
-            return NetOfRows(rows, CLOSED[self.closed])
-        measures = self.net.model_dump(exclude_none=True, exclude={"solid"})
-        return NetOfSolid.of(self.net.solid, measures, self.rows, self.columns)
+def points_kind(subject: Mapping[str, Any]) -> type[PointsKind] | None:
+    """Return the kind of a subject, as the file has it, that is points; None for any other."""
+    return next((kind for word, kind in POINTS.items() if word in subject), None)
 
 
 def subject_form(value: Any) -> int:
@@ -270,13 +269,15 @@ def subject_form(value: Any) -> int:
     if isinstance(value, str):  # is wrong; the message proposes what it looks like
         return int("." in value)
     names = value if isinstance(value, dict) else ()
-    made = 4 * any("." in str(name) for name in names)
-    return next((i for i, name in enumerate(("model", "cloud", "net"), 1) if name in names), made)
+    made = (len(POINTS) + 2) * any("." in str(name) for name in names)
+    return next((i for i, name in enumerate(("model", *POINTS), 1) if name in names), made)
 
 
-SubjectDocument = Annotated[
-    SolidDocument | ModelDocument | CloudDocument | NetDocument | PluginSurfaceDocument, ByForm(subject_form)
-]
+if TYPE_CHECKING:
+    SubjectDocument = SolidDocument | ModelDocument | PointsKind | PluginSurfaceDocument
+else:
+    _FORMS = (SolidDocument, ModelDocument, *POINTS.values(), PluginSurfaceDocument)
+    SubjectDocument = Annotated[reduce(or_, _FORMS), ByForm(subject_form)]
 """Each has `build(folder)`, with the folder of the shot file."""
 
 
@@ -343,24 +344,23 @@ class SubjectOfModelDocument(SubjectSettings, ModelDocument):
     """A model among several subjects."""
 
 
-class SubjectOfCloudDocument(SubjectSettings, CloudDocument):
-    """A cloud among several subjects."""
-
-
-class SubjectOfNetDocument(SubjectSettings, NetDocument):
-    """A net among several subjects."""
-
-
 class SubjectOfPluginDocument(SubjectSettings, PluginSurfaceDocument):
     """A surface of a plug-in among several subjects."""
 
 
-SubjectEntry = (
-    SubjectOfSolidDocument
-    | SubjectOfModelDocument
-    | SubjectOfCloudDocument
-    | SubjectOfNetDocument
-    | SubjectOfPluginDocument
-)
+def _among_several(kind: type[PointsKind]) -> Any:
+    """Return the document of points of a kind among several subjects."""
+    return create_model(f"SubjectOf{kind.__name__}", __base__=(SubjectSettings, kind), __doc__=kind.__doc__)
+
+
+if TYPE_CHECKING:
+
+    class SubjectOfPoints(SubjectSettings, PointsKind):
+        """Points among several subjects."""
+
+    SubjectEntry = SubjectOfSolidDocument | SubjectOfModelDocument | SubjectOfPoints | SubjectOfPluginDocument
+else:
+    _ENTRIES = (SubjectOfSolidDocument, SubjectOfModelDocument, *map(_among_several, POINTS.values()))
+    SubjectEntry = reduce(or_, (*_ENTRIES, SubjectOfPluginDocument))
 
 SubjectsField = dict[str, Annotated[SubjectEntry, ByForm(subject_form)]]

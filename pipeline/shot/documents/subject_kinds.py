@@ -1,15 +1,19 @@
 """The contracts of plug-ins for kinds of subjects, and for layouts of their copies."""
 
 from abc import abstractmethod
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Self
+from typing import Any, ClassVar, Self
 
 from pydantic import PrivateAttr, ValidationInfo, model_validator
 
 from flowsculpt.pipeline.arrays import Floats, Points
 from flowsculpt.pipeline.mesh import TriangleMesh, require
+from flowsculpt.pipeline.plugin_contracts import ContractError
 from flowsculpt.pipeline.shot.documents.field_types import Document
+from flowsculpt.pipeline.shot.subjects import Subject
 from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext
+from flowsculpt.pipeline.shot.yaml.yaml_source import Where
 from flowsculpt.render.base.input_files import joint_digest
 
 
@@ -44,6 +48,53 @@ class SubjectKind(Document):
         """Return a digest of all that decides the surface, `origin` included, and the surface."""
         settings = self.model_dump_json(exclude_defaults=True)
         return joint_digest([*origin, settings, *self._digests]), self._surface
+
+
+class PointsKind(Document):
+    """A kind of subject of a plug-in that is points, which move one by one and are not resampled.
+
+    Its settings stand in the subject itself, `{cloud: a.ply, radius: 0.1}`. The first has the name by which
+    shots know the kind; a text there names a file. Where the plug-in is not one of ours, the alias of that
+    field begins with the name of the plug-in and a point.
+
+    is_net         True if the points control a smooth surface; False if they are drawn as spheres
+    not_resampled  fact that begins the message about `resample`
+    not_copied     message about `copies`; empty if there may be any
+    """
+
+    is_net: ClassVar[bool] = False
+    not_resampled: ClassVar[str] = "points have no edges"
+    not_copied: ClassVar[str] = ""
+
+    @classmethod
+    def word(cls) -> str:
+        """Return the name by which shots know it."""
+        name, first = next(iter(cls.model_fields.items()))
+        return first.alias or name
+
+    @classmethod
+    def require_word_of(cls, plugin: str) -> None:
+        """Raise ContractError where its word does not begin with the name of its plug-in."""
+        if not cls.word().startswith(f"{plugin}."):
+            raise ContractError(f'{cls.__name__}: the alias of its first field must begin with "{plugin}."')
+
+    @classmethod
+    def faults(cls, given: Mapping[str, Any], folder: Path) -> Iterator[tuple[Where, str]]:
+        """Yield what is wrong beyond the form of single values: its place in the subject, and a message.
+
+        given   the subject as the shot file has it; its values may be of any type
+        folder  of the shot file
+        """
+        yield from ()
+
+    @abstractmethod
+    def build(self, folder: Path) -> Subject:
+        """Return the subject.
+
+        folder  of the shot file
+
+        Raises MeshError or UsageError where it cannot be made.
+        """
 
 
 class CopyLayout(Document):

@@ -37,5 +37,5 @@ def test_flows_of_a_shots_own_making_are_listed_too() -> None:
     assert (speed["name"], speed["keyed"], speed["default"]) == ("speed", True, 1.0)
     kinds = [facts(name)["kind"] for name in ("formula", "curl_noise", "python")]
     assert kinds == ["velocity", "velocity", "function"]
-    array = next(p for p in facts("sampled")["parameters"] if p["name"] == "array")
-    assert not array["required"] and array["default"] is None and default_text(array) == "none"
+    mesh = next(p for p in facts("attraction")["parameters"] if p["name"] == "mesh")
+    assert not mesh["required"] and mesh["default"] is None and default_text(mesh) == "none"

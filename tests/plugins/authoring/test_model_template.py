@@ -8,8 +8,8 @@ import pytest
 from flowsculpt.pipeline.animation import animate
 from flowsculpt.pipeline.mesh import icosphere
 from flowsculpt.pipeline.plugins.authoring.shot_templates import model_template, shot_of_flow
-from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
 from flowsculpt.pipeline.shot import read_shot
+from tests.mesh_files import write_ply
 
 
 @pytest.mark.parametrize(
@@ -20,7 +20,7 @@ def test_new_shots_of_models_have_edges_for_their_detail(
 ) -> None:
     """Coarse models are refined, others keep their edges, and very fine ones are simplified for a preview."""
     ball = icosphere(count)
-    write_mesh(ball.with_vertices(size * ball.vertices + 1e5 * (size == 1)), tmp_path / "a.ply")
+    write_ply(ball.with_vertices(size * ball.vertices + 1e5 * (size == 1)), tmp_path / "a.ply")
     template = model_template(tmp_path / "a.ply", "a.ply")
     assert template.max_edge_length == pytest.approx(length, rel=0.2)
     assert ("keeps all their detail" in template.edges) == (count == 60)

@@ -10,6 +10,7 @@ from ruamel.yaml import YAML
 from flowsculpt.pipeline.plugins.authoring.shot_templates import SHARED
 from flowsculpt.pipeline.shot import read_film, read_shot
 from tests.conftest import ProjectFolder
+from tests.needed_plugins import needs_plugins
 
 OWN = """\
 title: Mine
@@ -29,6 +30,7 @@ def show(tmp_path):
     return ProjectFolder(tmp_path / "reel_2030")
 
 
+@needs_plugins("preview")
 @pytest.mark.slow
 def test_a_new_show_is_valid_and_can_be_looked_at_and_filmed_at_once(show):
     assert show.call("validate").out.startswith("Good: A010_first, film\n")

@@ -21,6 +21,7 @@ from flowsculpt.pipeline.plugins.authoring.shot_templates import model_template
 from flowsculpt.pipeline.resample import Thresholds, resample
 from flowsculpt.pipeline.shot import read_shot
 from tests.conftest import QUALITY, ProjectFolder, commanded
+from tests.needed_plugins import needs_plugins
 
 pytestmark = pytest.mark.quick
 
@@ -325,6 +326,7 @@ def test_validate_warns_of_keys_outside_of_a_shot_in_one_line(project: ProjectFo
     assert not [note for note in checked["notes"] if "outside" in note]
 
 
+@needs_plugins("sheets")
 def test_validate_and_sheets_tell_frames_without_highlights_or_light(
     finished: ProjectFolder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -337,6 +339,7 @@ def test_validate_and_sheets_tell_frames_without_highlights_or_light(
             assert note in said if note else "highlight" not in said and "black" not in said
 
 
+@needs_plugins("preview")
 def test_an_empty_folder_is_told_how_to_make_a_shot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     for words in (("validate",), ("preview", "A010"), ("render", "A010"), ("film",)):

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
 import re
+import subprocess
+import sys
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -16,6 +19,9 @@ from flowsculpt.pipeline.plugins.authoring.shot_schemas import defaults_schema, 
 from flowsculpt.pipeline.shot import read_shot
 from flowsculpt.pipeline.shot.documents.flow_documents import DOCUMENTS
 from flowsculpt.pipeline.shot.yaml.yaml_source import YamlSource
+from tests.conftest import new_project
+
+COMMAND = [sys.executable, "-m", "flowsculpt", "--no-progress"]
 
 HOME = Path(__file__).parents[3]
 SHOTS = sorted(path for path in (HOME / "shots").glob("*.yaml"))
@@ -275,3 +281,30 @@ def test_units_and_defaults_of_flows_are_those_of_the_code() -> None:
     assert "units²/s" in strength["description"] and strength["default"] == 1.0
     assert entries["vortex"]["description"].startswith("Turns about a line")
     assert "title" not in strength and "Document" not in str(schema)
+
+
+@pytest.fixture(scope="module")
+def show(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return new_project(tmp_path_factory.mktemp("show")).path
+
+
+@pytest.mark.slow
+def test_a_reader_that_leaves_ends_the_command_without_a_word(show: Path) -> None:
+    read, write = os.pipe()
+    os.close(read)
+    done = subprocess.run([*COMMAND, "schema"], cwd=show, stdout=write, stderr=subprocess.PIPE, timeout=300)
+    os.close(write)
+    assert done.stderr == b"" and done.returncode == 141
+
+
+@pytest.mark.slow
+def test_a_pipe_that_does_not_block_gets_everything(show: Path) -> None:
+    read, write = os.pipe()
+    os.set_blocking(write, False)
+    with subprocess.Popen([*COMMAND, "schema"], cwd=show, stdout=write) as process:
+        os.close(write)
+        with os.fdopen(read, "rb") as reader:
+            schema = reader.read()
+    assert process.returncode == 0
+    assert len(schema) > 1 << 16, "a pipe holds less, or the test shows nothing"
+    assert json.loads(schema)["title"]

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from flowsculpt.pipeline.mesh import icosphere
-from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
 from flowsculpt.pipeline.shot import read_shot
+from tests.mesh_files import write_ply
 
 SHOT = """\
 title: B
@@ -34,8 +34,9 @@ def outside(tmp_path_factory):
     folder = tmp_path_factory.mktemp("outside")
     (folder / "parts").mkdir()
     model = folder / "parts/ball.obj"
-    write_mesh(icosphere(3), model)
-    model.write_text(f"mtllib b.mtl\nusemtl red\n{model.read_text()}")
+    vertices = "".join(f"v {x} {y} {z}\n" for x, y, z in icosphere(3).vertices.tolist())
+    faces = "".join(f"f {a} {b} {c}\n" for a, b, c in (icosphere(3).faces + 1).tolist())
+    model.write_text(f"mtllib b.mtl\nusemtl red\n{vertices}{faces}")
     (folder / "parts/b.mtl").write_text("newmtl red\nKd 1 0 0\n")
     write_sound(folder / "tone.wav")
     text = SHOT.format(model="parts/ball.obj", sound="tone.wav")
@@ -48,7 +49,7 @@ def test_files_of_the_project_are_named_from_shots(project):
     shots, bred = project.path / "shots", project.path / "bred/a"
     bred.mkdir(parents=True)
     (shots / "models").mkdir()
-    write_mesh(icosphere(3), shots / "models/ball.ply")
+    write_ply(icosphere(3), shots / "models/ball.ply")
     write_sound(shots / "tone.wav")
     text = SHOT.format(model="../../shots/models/ball.ply", sound="../../shots/tone.wav")
     (bred / "a_01.yaml").write_text(text)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,9 @@ from flowsculpt.pipeline.plugins.authoring.shot_templates import (
 )
 from flowsculpt.pipeline.shot import read_shot
 from flowsculpt.pipeline.shot.documents.flow_documents import DOCUMENTS
+from tests.conftest import ProjectFolder
+
+OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 
 each = pytest.mark.parametrize("flow", DOCUMENTS)
 SLOW = pytest.mark.soak
@@ -109,3 +113,34 @@ def test_a_copy_keeps_everything_but_the_title() -> None:
     text = "# yaml-language-server: $schema=x.json\n# A cube\ntitle: Cube  # old\nframes: 1-9\n"
     assert shot_of_shot(text, "A2_new") == "# A cube\ntitle: A2 new\nframes: 1-9\n"
     assert shot_of_shot("extends: A\n", "B") == "title: B\nextends: A\n"
+
+
+@pytest.mark.parametrize(
+    "name", ["part [red] v2", "-j", "M" * 200, "dot. ", "ünï {x} $HOME %d `e` 'q' \"d\", ~ #a: b"]
+)
+def test_a_shot_of_a_model_names_it_as_it_is_called(name: str, project: ProjectFolder) -> None:
+    model = project.path / f"{name}.obj"
+    model.write_text(OBJ)
+    done = project.call("new", "M010_odd", "--model", f"./{name}.obj")
+    assert done.code == 0, done.err
+    assert name in (project.path / "shots/M010_odd.yaml").read_text()
+    checked = project.call("validate", "M010_odd")
+    assert checked.code == 0, checked.err
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        (b"caf\xe9", "caf\\xe9.obj: this name is not UTF-8"),
+        (b"two\nlines", "'two\\nlines.obj': a line break or control character"),
+    ],
+)
+def test_a_name_that_no_shot_file_can_hold_is_refused_in_one_line(
+    name: bytes, says: str, project: ProjectFolder, capfd: pytest.CaptureFixture[str]
+) -> None:
+    model = os.fsdecode(name + b".obj")
+    (project.path / model).write_text(OBJ)
+    done = project.call("new", "M010_odd", "--model", model)
+    said = done.err + capfd.readouterr().err
+    assert done.code == 2 and says in said and said.count("\n") == 1
+    assert not (project.path / "shots/M010_odd.yaml").exists()

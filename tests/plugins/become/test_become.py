@@ -19,8 +19,6 @@ from flowsculpt.pipeline.plugins.become.become_flow import Become
 from flowsculpt.pipeline.plugins.become.stored_fits import PlacedShape, fit_between
 from flowsculpt.pipeline.plugins.become.target import FittedSurface, SolidGrowth, lengths
 from flowsculpt.pipeline.plugins.become.velocity_path import PathSpace, energy
-from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
-from flowsculpt.pipeline.plugins.review.review_page import tabled
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.request.lookup import Show
 from flowsculpt.pipeline.production.tasks.render import flow_facts
@@ -28,6 +26,7 @@ from flowsculpt.pipeline.shot import read_shot
 from flowsculpt.pipeline.shot.subjects import Solid
 from flowsculpt.render.post.image import read_header, write_exr
 from flowsculpt.render.scene.aovs import RenderedFrame
+from tests.mesh_files import write_ply
 
 RANDOM = np.random.default_rng(0)
 
@@ -281,7 +280,7 @@ def test_targets_that_a_flow_cannot_reach_are_refused(tmp_path: Path) -> None:
     assert "a closed surface is needed: fill the holes" in told("become: {solid: sheet}")
     one, other = icosphere(2), icosphere(2, centre=(3.0, 0.0, 0.0))
     faces = np.concatenate([one.faces, other.faces + len(one.vertices)])
-    write_mesh(type(one)(np.concatenate([one.vertices, other.vertices]), faces), tmp_path / "two.ply")
+    write_ply(type(one)(np.concatenate([one.vertices, other.vertices]), faces), tmp_path / "two.ply")
     assert "it has 2 parts; become needs one" in told(f"become: {{model: {tmp_path / 'two.ply'}}}")
 
 
@@ -346,6 +345,8 @@ def test_headers_of_frames_have_the_residual_and_the_review_page_shows_it(
         RenderedFrame({"beauty": np.zeros((2, 2, 3), np.float32)}, {}),
         {"frame": 7} | flow_facts(request, 7),
     )
+    from flowsculpt.pipeline.plugins.review.review_page import tabled
+
     shown = tabled([read_header(Path("a.exr"))])["same"]
     assert shown["flows.0.becomes"] == "the box" and shown["flows.0.detail"] == "coarse"
     assert 0.0 < fit.residual.mean == pytest.approx(shown["flows.0.residual.mean"], rel=1e-5)

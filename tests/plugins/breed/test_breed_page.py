@@ -11,7 +11,6 @@ import pytest
 from playwright.sync_api import Browser
 
 from flowsculpt.pipeline.plugins.breed.generation_page import PageChild, next_name, page_text, read_choice
-from tests.plugins.review.conftest import browser as browser  # Chromium; marks its tests as slow
 
 RECORD = {"name": "cube_1", "generation": 1, "seed": 4, "change": 0.3, "parents": [{}], "children": []}
 

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from flowsculpt.pipeline.arrays import Floats
 from flowsculpt.pipeline.errors import FrameError
 from flowsculpt.pipeline.frames import FrameSelection
 from flowsculpt.pipeline.plugins.delivery.deliverables import (
@@ -30,7 +31,11 @@ from flowsculpt.render.graphics.typesetting import BurnIn
 from flowsculpt.render.movie.codecs import ENCODES
 from flowsculpt.render.movie.probe import probe_movie
 from flowsculpt.render.post.hdr import nits_of_pq
-from tests.conftest import QUALITY, TINY
+from tests.conftest import QUALITY, TINY, ProjectFolder
+from tests.needed_plugins import needs_plugins
+from tests.sounds import RATE, sine, times, write_sound
+
+FRAME = RATE // 24
 
 NAME = "T010_tiny"
 HOME = Path("renders") / NAME / QUALITY / "deliver"
@@ -232,6 +237,7 @@ def test_nothing_to_deliver_is_told(project, monkeypatch):
         shot_source(fresh.find_request(NAME, QUALITY), fresh.store, {(NAME, 1): "no light"})
 
 
+@needs_plugins("versions")
 def test_a_published_version_is_named(there):
     project, request = taken(there)
     assert dict(shot_source(request, project.store, {}).facts)["version"] == "in work"
@@ -292,3 +298,38 @@ def test_a_dry_run_delivers_nothing(there):
     assert done.code == 0, done.err
     assert "Nothing to be done.\nThen: encoding T010_tiny as av1." in done.out
     assert not (there.path / HOME).exists()
+
+
+def heard(path: Path) -> Floats:
+    """The left channel of a movie, −1 … 1."""
+    with av.open(str(path)) as movie:
+        frames = [f.to_ndarray() for f in movie.decode(audio=0)]
+    if frames[0].dtype == np.int32:
+        return np.concatenate([f.reshape(-1, 2)[:, 0] for f in frames]) / 2.0**31
+    return np.concatenate([f[0] for f in frames])
+
+
+def sounding(project: ProjectFolder) -> ProjectFolder:
+    """Give a shot of 6 frames a sound with a burst in the middle of its third frame."""
+    burst = (times(1) * 24 >= 2.5) & (times(1) * 24 < 3.0)
+    write_sound(project.path / "shots/burst.wav", np.where(burst, sine(3000, 1), 0.0))
+    project.shot.write_text(project.shot.read_text() + "sound: {file: burst.wav}\n")
+    return project
+
+
+def test_movies_and_deliveries_have_the_sound_of_their_frames(finished: ProjectFolder) -> None:
+    """Frames that are there are kept: a sound that no value follows changes none."""
+    before = {path: path.stat().st_mtime_ns for path in sounding(finished).frames()}
+    words = ("deliver", NAME, "-q", QUALITY, "-f", "2-5", "--as", "prores4444", "--slate", "head")
+    finished.render()
+    assert finished.call(*words).code == 0
+    movie = finished.path / f"renders/{NAME}/{QUALITY}/{NAME}.mp4"
+    facts = probe_movie(movie)
+    assert (facts.frames, facts.sound) == (6, "aac")
+    assert 6 / 24 <= facts.seconds <= 6 / 24 + 2 * 1024 / RATE
+    loud = np.flatnonzero(np.abs(heard(movie)) > 0.1)
+    assert abs(loud[0] - 2.5 * FRAME) < 200 and abs(loud[-1] - 3 * FRAME) < 200
+    samples = heard(movie.parent / f"deliver/{NAME}.2-5.prores4444.mov")
+    assert len(samples) == (48 + 4) * FRAME
+    assert np.flatnonzero(samples)[0] - 1 == (48 + 1.5) * FRAME  # the first sample of a sine is 0
+    assert {path: path.stat().st_mtime_ns for path in finished.frames()} == before

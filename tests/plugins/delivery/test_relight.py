@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from flowsculpt.pipeline.plugins.delivery.relighting import permanent
-from flowsculpt.pipeline.plugins.maintenance.store_repair import output_folder
 from flowsculpt.render.movie.probe import probe_movie
 from flowsculpt.render.post.image import read_exr
 from flowsculpt.render.scene.aovs import RenderedFrame
@@ -60,6 +59,8 @@ def test_lights_of_finished_frames_take_factors_and_colours(relit: ProjectFolder
     total = sum(groups.values(), np.zeros_like(finished["beauty"])).astype(np.float16)
     assert np.array_equal(total, finished["beauty"]) and np.array_equal(mixed["alpha"], finished["alpha"])
     assert probe_movie(place / f"{NAME}.1-2.mp4").frames == 2
+    from flowsculpt.pipeline.plugins.maintenance.store_repair import output_folder
+
     assert output_folder(place / "frames" / f"{NAME}.0002.exr")[0].command == "relight {shot} {quality} …"
 
 

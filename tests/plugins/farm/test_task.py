@@ -4,14 +4,16 @@ import json
 import platform
 import subprocess
 import sys
+from contextlib import chdir
 from dataclasses import replace
 from importlib.metadata import version
 
 import pytest
 
+from flowsculpt.pipeline.frames import FrameRange
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.render.mitsuba.engine import works
-from tests.conftest import commanded
+from tests.conftest import ProjectFolder, commanded
 
 NAME = "T010_tiny"
 QUALITY = "draft.scale10"
@@ -71,3 +73,13 @@ def test_a_worker_with_other_packages_is_refused_before_it_makes_what_counts_as_
 def test_a_task_that_cannot_be_done_is_told_in_one_line(project, plan, words, code, told):
     done = project.call("task", *words)
     assert done.code == code and told in done.err and done.err.count("\n") == 1
+
+
+@pytest.mark.parametrize("name", ["../../x", "/tmp/x"])
+def test_a_plan_that_leads_out_of_the_root_is_none(project: ProjectFolder, name: str) -> None:
+    with chdir(project.path):
+        plan = replace(Project(project.path, 1).pictures([NAME], QUALITY, FrameRange.parse("1")), name=name)
+    file = project.path / "plan.json"
+    plan.write(file)
+    told = project.call("task", str(file), "simulate")
+    assert told.code == 2 and "plan.json: not a plan" in told.err, told.out + told.err

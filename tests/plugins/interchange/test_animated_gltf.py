@@ -28,9 +28,6 @@ from flowsculpt.render.graphics.three_js import installed_file, three_js
 from flowsculpt.render.scene.materials import LOOKS
 from tests.plugins.interchange.moving_meshes import ball, painted_box
 from tests.plugins.interchange.node_programs import gltf_messages, module
-from tests.plugins.review.conftest import browser
-
-__all__ = ["browser"]
 
 TYPES = {5120: "i1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}

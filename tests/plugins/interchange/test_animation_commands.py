@@ -13,7 +13,7 @@ from flowsculpt.pipeline.plugins.interchange.gltf_document import GltfDocument
 from flowsculpt.render.graphics import three_js
 from tests.conftest import commanded
 from tests.full_disk import disk_of
-from tests.plugins.review.studio import simulated
+from tests.simulated_show import simulated
 
 NAME = "T010_tiny"
 SHOT = """\

@@ -23,7 +23,7 @@ from flowsculpt.pipeline.production.store.store import Store
 from flowsculpt.render.post.image import read_exr
 from tests.conftest import commanded
 from tests.plugins.interchange.test_usd_instances import SHOT as COPIES
-from tests.plugins.review.studio import simulated
+from tests.simulated_show import simulated
 
 BLENDER = Path(os.environ.get("BLENDER_MODULE", Path(sys.prefix) / "cycles"))
 

@@ -13,7 +13,8 @@ import pytest
 from flowsculpt.pipeline.plugins.interchange.exported_frame import KeyedFiles
 from flowsculpt.pipeline.production.store.store import Store
 from tests.conftest import commanded
-from tests.plugins.review.studio import simulated
+from tests.needed_plugins import needs_plugins
+from tests.simulated_show import simulated
 
 NAME = "T010_tiny"
 SHOT = """\
@@ -108,6 +109,7 @@ def test_the_second_of_two_exports_at_once_waits_and_keeps_the_files_of_the_firs
     assert seen == [True]
 
 
+@needs_plugins("maintenance")
 def test_drafts_of_killed_exports_are_removed_by_the_next_one_and_by_clean(root: Path) -> None:
     export(root, "ply")
     folder = root / "renders" / NAME / "models"

@@ -12,7 +12,6 @@ import pytest
 from flowsculpt.pipeline.errors import MachineError, MeshError
 from flowsculpt.pipeline.mesh import PolygonMesh
 from flowsculpt.pipeline.mesh.read import model_files, read_surface, repair_surface, usual_up
-from flowsculpt.pipeline.plugins.authoring.shot_templates import model_template
 from flowsculpt.pipeline.plugins.interchange import scene_readers
 from flowsculpt.pipeline.plugins.interchange.fbx_files import up_axis, visible_surface
 from tests.plugins.interchange.fbx_writer import (
@@ -49,6 +48,8 @@ def volume(mesh: PolygonMesh) -> float:
 @pytest.mark.slow
 @pytest.mark.parametrize("form", [text, binary])
 def test_quads_stay_quads_in_text_and_binary_files(tmp_path: Path, form: Any) -> None:
+    from flowsculpt.pipeline.plugins.authoring.shot_templates import model_template
+
     box = scene([box_geometry(1), model(2, "box")], LINKED, UpAxis=2, FrontAxis=1, FrontAxisSign=-1,
                 CoordAxis=0, CoordAxisSign=1, UnitScaleFactor=2.54)  # fmt: skip
     path = write(tmp_path / "box.fbx", box, form)

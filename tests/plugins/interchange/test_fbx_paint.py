@@ -13,7 +13,6 @@ import pytest
 
 from flowsculpt.pipeline.animation import animate, material_of
 from flowsculpt.pipeline.errors import MeshError, MissingInputError
-from flowsculpt.pipeline.plugins.authoring.shot_templates import model_template
 from flowsculpt.pipeline.plugins.interchange.fbx_paint import FBX_PAINT, MATERIALS
 from flowsculpt.pipeline.plugins.interchange.scene_readers import asked
 from flowsculpt.render.base.render_errors import BadInputError
@@ -262,6 +261,8 @@ def test_texture_coordinates_that_do_not_fit_are_refused(tmp_path: Path) -> None
 
 
 def test_a_missing_picture_of_an_fbx_is_named_with_its_remedy(tmp_path: Path) -> None:
+    from flowsculpt.pipeline.plugins.authoring.shot_templates import model_template
+
     model = write(tmp_path / "box.fbx", painted_box(name="..\\textures\\atlas.png"))
     with pytest.raises(MissingInputError, match=r"a\.yaml:3:\d+: .*textures\\atlas\.png.*Copy it"):
         shot_of(model)

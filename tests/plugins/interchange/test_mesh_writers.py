@@ -135,3 +135,41 @@ def test_polygons_stay_polygons(tmp_path: Path, suffix: str) -> None:
         "ply": b"\x05" + np.array([0, 4, 3, 2, 1], "<i4").tobytes() + b"\x03",
     }
     assert five[suffix] in data
+
+
+@pytest.mark.parametrize("suffix", ["obj", "ply", "stl", "glb", "off"])
+def test_a_written_mesh_is_read_back_whole(tmp_path: Path, suffix: str) -> None:
+    mesh = icosphere(5)
+    write_mesh(mesh, tmp_path / f"ball.{suffix}")
+    again = read_mesh(tmp_path / f"ball.{suffix}")
+    assert require(again, closed=True).euler == 2
+    assert len(again.vertices) == len(mesh.vertices)
+    assert np.allclose(np.sort(again.vertices, axis=0), np.sort(mesh.vertices, axis=0), atol=1e-6)
+
+
+def test_polygons_are_triangulated_and_objects_joined(tmp_path: Path) -> None:
+    file = tmp_path / "tray.obj"
+    file.write_text(
+        "o one\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n"
+        "o two\nv 1 0 0\nv 2 0 0\nv 2.5 .5 0\nv 2 1 0\nv 1 1 0\nf 5 6 7 8 9\n"
+    )
+    mesh = read_mesh(file)
+    assert len(mesh.faces) == 5
+    assert len(mesh.vertices) == 7, "the two polygons share an edge"
+
+
+def test_a_scene_is_joined_into_one_mesh(tmp_path: Path) -> None:
+    scene = trimesh.Scene([trimesh.Trimesh(m.vertices, m.faces) for m in (box(), box(1.0, centre=(9, 0, 0)))])
+    scene.export(tmp_path / "two.glb")
+    assert require(read_mesh(tmp_path / "two.glb"), closed=True).euler == 4
+
+
+def test_a_format_that_is_not_known_is_not_written(tmp_path: Path) -> None:
+    with pytest.raises(MeshError, match="not a mesh format"):
+        write_mesh(box(), tmp_path / "box.doc")
+
+
+def test_a_folder_that_is_a_file_is_the_environments_fault(tmp_path: Path) -> None:
+    (tmp_path / "taken").write_text("")
+    with pytest.raises(MachineError, match="cannot be written"):
+        write_mesh(box(), tmp_path / "taken" / "box.ply")

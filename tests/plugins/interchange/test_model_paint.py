@@ -15,7 +15,6 @@ from flowsculpt.pipeline.animation import MeshFrame, animate, material_of
 from flowsculpt.pipeline.arrays import AnyArray
 from flowsculpt.pipeline.errors import MeshError, MissingInputError, ShotError
 from flowsculpt.pipeline.mesh import TriangleMesh, box
-from flowsculpt.pipeline.plugins.authoring.shot_templates import model_template, shot_of_flow
 from flowsculpt.pipeline.plugins.interchange.exported_frame import exported_frame
 from flowsculpt.pipeline.plugins.interchange.model_paint import ModelPaint
 from flowsculpt.pipeline.production.request.shading import Shading
@@ -500,6 +499,8 @@ def test_every_position_of_a_chart_is_painted_in_one_way() -> None:
 
 
 def test_a_new_shot_of_a_painted_model_shows_its_paint(tmp_path: Path) -> None:
+    from flowsculpt.pipeline.plugins.authoring.shot_templates import model_template, shot_of_flow
+
     model = painted_box(tmp_path)
     assert ", paint: on}" in (text := shot_of_flow("twist", "A", model_template(model, "box.obj")))
     assert re.search("\nlook: model +# or {material: clay", text)

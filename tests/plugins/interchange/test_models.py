@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +21,6 @@ from flowsculpt.pipeline.arrays import Floats
 from flowsculpt.pipeline.errors import MeshError
 from flowsculpt.pipeline.mesh import TriangleMesh, box, icosphere
 from flowsculpt.pipeline.mesh.normals import split_at_creases
-from flowsculpt.pipeline.mesh.points import read_points
 from flowsculpt.pipeline.mesh.read import read_mesh, read_surface
 from flowsculpt.pipeline.plugins.interchange.exported_frame import ExportedFrame
 from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
@@ -33,10 +34,26 @@ from flowsculpt.pipeline.plugins.interchange.model_export import (
     write_ply,
 )
 from flowsculpt.pipeline.plugins.interchange.usd_export import sampled_attributes, write_clip
+from flowsculpt.pipeline.plugins.points.point_files import read_points
 from flowsculpt.render.scene.materials import LOOKS
 from flowsculpt.render.scene.rgb_spaces import linear_of_srgb, srgb_of_linear
 from tests.conftest import commanded
-from tests.plugins.review.studio import simulated
+from tests.simulated_show import simulated
+
+READERS = """
+import sys, threading
+from concurrent.futures import ThreadPoolExecutor
+from flowsculpt import read_mesh
+
+ready = threading.Barrier(4)
+
+def read(_):
+    ready.wait()
+    return len(read_mesh(sys.argv[1]).faces)
+
+with ThreadPoolExecutor(4) as pool:
+    print(*pool.map(read, range(4)))
+"""
 
 NAME = "T010_tiny"
 SHOT = """\
@@ -318,3 +335,20 @@ def test_ranges_are_written_once_and_stills_refuse_them(root: Path, monkeypatch:
     (folder / f"{NAME}.0002.ply").write_bytes(b"ply")
     told = json.loads(commanded(root, "export", "ply", NAME, "-f", "2-3", "--json")[1])
     assert told["written"] == [f"{NAME}.0002.ply"]
+
+
+@pytest.mark.slow
+def test_processes_that_read_models_import_no_numba() -> None:
+    readers = ("fbx_files", "fbx_paint", "gltf_files", "gltf_paint", "usd_files", "usd_paint")
+    imports = "".join(f"import flowsculpt.pipeline.plugins.interchange.{reader}\n" for reader in readers)
+    checked = f"{imports}import sys\nassert 'numba' not in sys.modules"
+    subprocess.run([sys.executable, "-c", checked], check=True)
+
+
+@pytest.mark.slow
+def test_threads_read_their_first_files_at_once(tmp_path: Path) -> None:
+    """Plug-ins, which bring the formats, are looked for then."""
+    write_mesh(icosphere(2), tmp_path / "ball.obj")
+    command = [sys.executable, "-c", READERS, str(tmp_path / "ball.obj")]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert (done.stdout, done.stderr) == ("80 80 80 80\n", "")

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from flowsculpt.pipeline.errors import MeshError
-from flowsculpt.pipeline.mesh.points import read_net, read_points
 from flowsculpt.pipeline.plugins.interchange.obj_files import read_wavefront
+from flowsculpt.pipeline.plugins.points.point_files import read_net, read_points
 from tests.mesh.brick import OBJ, QUADS, read, require_brick, rows
 
 ENCODINGS = ("utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "utf-32", "utf-32-be")

@@ -19,7 +19,7 @@ from flowsculpt.pipeline.shot import Shot, read_shot
 from tests.plugins.interchange.test_animated_gltf import Player
 from tests.plugins.interchange.test_animation_commands import export
 from tests.plugins.interchange.test_model_paint import FLOWS, paint_of, painted_box, picture
-from tests.plugins.review.studio import simulated
+from tests.simulated_show import simulated
 
 NAME = "T010_tiny"
 SOLIDS = {

@@ -25,7 +25,7 @@ from flowsculpt.render.post.image import read_exr, write_png
 from flowsculpt.render.scene.scene_stage import Stage
 from tests.conftest import commanded
 from tests.full_disk import disk_of
-from tests.plugins.review.studio import simulated
+from tests.simulated_show import simulated
 
 NAME = "T010_tiny"
 FOLDER = Path("renders") / NAME / "usd"

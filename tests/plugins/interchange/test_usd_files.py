@@ -15,7 +15,6 @@ from flowsculpt.pipeline.errors import FlowsculptError, MachineError, MeshError,
 from flowsculpt.pipeline.mesh import PolygonMesh, read_mesh
 from flowsculpt.pipeline.mesh.mesh_formats import ScenePart
 from flowsculpt.pipeline.mesh.read import model_files, read_surface, repair_surface, usual_up
-from flowsculpt.pipeline.plugins.authoring.shot_templates import model_template
 from flowsculpt.pipeline.plugins.interchange import scene_readers
 from flowsculpt.pipeline.plugins.interchange.scene_readers import joined
 from flowsculpt.pipeline.plugins.interchange.usd_reader import StageMeshes
@@ -176,6 +175,8 @@ def test_a_moving_stage_is_read_at_its_start_or_the_time_asked_for(tmp_path: Pat
 
 @pytest.mark.slow
 def test_a_shot_heeds_the_axis_and_follows_every_layer(tmp_path: Path) -> None:
+    from flowsculpt.pipeline.plugins.authoring.shot_templates import model_template
+
     part, path = stage_at(tmp_path / "part.usda"), tmp_path / "a.usda"
     add_box(part, "/World/box").AddScaleOp().Set(Gf.Vec3f(1.0, 2.0, 3.0))
     part.Save()

@@ -23,7 +23,7 @@ from tests.conftest import commanded
 from tests.plugins.interchange.moving_meshes import RATE, painted_box
 from tests.plugins.interchange.test_model_paint import painted_box as painted_model
 from tests.plugins.interchange.test_usd import NAME, findings
-from tests.plugins.review.studio import simulated
+from tests.simulated_show import simulated
 
 SHOT = """\
 title: A box, pulled apart

@@ -86,3 +86,12 @@ def test_a_mesh_with_more_vertices_than_a_texture_holds_is_refused(monkeypatch: 
     monkeypatch.setattr(vertex_textures, "LARGEST", 100)
     with pytest.raises(UsageError, match=r"642 vertices .* 24 frames take 168 rows .* use --vertices 400"):
         Layout.of(ball())
+
+
+def test_textures_of_a_loop_say_that_they_loop(project):
+    """The last frame of a loop is another one than the first, which follows it."""
+    for settings, loops in (((), False), (("--set", "loop=true"), True)):
+        done = project.call("export", "vat", "T010_tiny", *settings)
+        assert done.code == 0, done.err
+        facts = project.path / "renders" / "T010_tiny" / "vat" / "T010_tiny.json"
+        assert json.loads(facts.read_text())["loops"] is loops

@@ -37,11 +37,8 @@ from flowsculpt.render.scene.scene_lights import LightRig, Sky, Softbox
 from flowsculpt.render.scene.scene_stage import StagePlacement
 from flowsculpt.render.scene.texture_projection import TextureProjection
 from flowsculpt.render.scene.textures import Texture
+from tests.chromium import LIMIT, wait_for
 from tests.plugins.interchange.moving_meshes import moving, painted
-from tests.plugins.review.chromium import LIMIT, wait_for
-from tests.plugins.review.conftest import browser
-
-__all__ = ["browser"]
 
 SHOT = """\
 title: Twisted <b>

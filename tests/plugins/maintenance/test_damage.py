@@ -30,13 +30,14 @@ from flowsculpt.pipeline.production.store.digests import digest_of
 from flowsculpt.pipeline.production.store.store import Store
 from flowsculpt.render.post.image import read_header
 from tests.conftest import QUALITY
+from tests.needed_plugins import installed
 
 NAME = "T010_tiny"
 FLIPS = 2000
 EVERY = 100
 """Flips of which one is looked for among all files, and the others in the file that they hit."""
 
-EVERYTHING = (
+EVERYTHING = installed(
     ("film", "-q", "draft"),
     ("render", NAME, "-f", "1-3", "--scale", "50%"),
     ("render", NAME, "-f", "2", "--crop", "0.25,0.25,0.75,0.75"),
@@ -53,7 +54,7 @@ EVERYTHING = (
     ("publish", NAME),
     ("review", NAME),
 )
-"""Commands that write files of every kind."""
+"""Commands that write files of every kind; none of plug-ins that are not installed."""
 
 
 @pytest.fixture

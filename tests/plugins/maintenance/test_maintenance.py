@@ -11,7 +11,6 @@ from typing import Any
 
 import pytest
 
-from flowsculpt.pipeline.plugins.become.stored_fits import path_of
 from flowsculpt.pipeline.plugins.maintenance.clean import collect_garbage
 from flowsculpt.pipeline.plugins.maintenance.verify import verify
 from flowsculpt.pipeline.production.execution.project import Project
@@ -20,6 +19,7 @@ from flowsculpt.pipeline.production.store.locks import Locks
 from flowsculpt.pipeline.production.store.store import Store
 from flowsculpt.render.post.image import read_header
 from tests.conftest import QUALITY
+from tests.needed_plugins import needs_plugins
 
 NAME = "T010_tiny"
 
@@ -60,6 +60,7 @@ def test_verify_makes_again_what_is_damaged_and_nothing_else(finished: Any) -> N
     assert finished.call("render", NAME, "-q", QUALITY).out.startswith("Nothing to be done")
 
 
+@needs_plugins("sheets")
 def test_verify_makes_frames_of_a_scale_again_and_says_how_a_curve_sheet_is(finished: Any) -> None:
     finished.render("2", quality="draft.scale10")
     assert finished.call("curves", NAME).code == 0
@@ -105,9 +106,12 @@ def test_cleaning_keeps_what_today_and_the_last_runs_need(
     assert {p for _, _, p in store.entries()} == everything - set(gone.removed)
 
 
+@needs_plugins("become", "breed")
 def test_cleaning_deletes_trials_of_breed_and_fits_that_were_not_used_for_long(
     project: Any, monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
+    from flowsculpt.pipeline.plugins.become.stored_fits import path_of
+
     monkeypatch.chdir(project.path)
     fits = tmp_path_factory.mktemp("cache") / "fits"
     fits.mkdir()
@@ -144,3 +148,27 @@ def test_cleaning_deletes_trials_of_breed_and_fits_that_were_not_used_for_long(
     with Locks(project.path).hold_with_writers():  # as breed does
         assert project.call("clean").code == 4 and trial.exists()
     assert project.call("clean").code == 0 and not trial.exists()
+
+
+def test_status_tells_done_stale_and_missing(finished):
+    finished.render("1-3", quality="draft")
+    rows = {row["what"]: row for row in json.loads(finished.call("--json", "status").out)}
+    assert rows["draft"]["done"] == [1, 2, 3] and rows["draft"]["missing"] == [4, 5, 6]
+    finished.frames("draft")[0].unlink()
+    finished.shot.write_text(finished.shot.read_text().replace("azimuth: -30", "azimuth: 5"))
+    rows = {row["what"]: row for row in json.loads(finished.call("--json", "status").out)}
+    assert rows["meshes"]["done"] == [1, 2, 3, 4, 5, 6]
+    assert rows["draft"]["missing"] == [1, 4, 5, 6]
+    assert rows["draft"]["stale"] == [2, 3]
+
+
+def test_a_shot_that_goes_wrong_on_the_way_does_not_hide_the_others(project):
+    """Its speed is not a number between two half frames."""
+    (project.shot.parent / "T020_wrong.yaml").write_text(
+        "frames: 1-6\ntitle: Wrong\nresample: off\nsubject: {solid: box, size: [1, 1, 1]}\n"
+        "flows: [vortex: {strength: 1}]\n"
+        'speed: {formula: "1 + sqrt(abs(t - 0.03) - 0.002)"}\n'
+    )
+    done = project.call("--json", "status")
+    assert done.code == 2 and "T020_wrong.yaml:6:1: speed is not finite: formula" in done.err
+    assert [row["shot"] for row in json.loads(done.out)] == [NAME]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import os
 from pathlib import Path
 
 import pytest
@@ -116,3 +118,20 @@ def test_a_run_that_left_no_log_is_told_with_those_that_did(tmp_path: Path) -> N
     assert named_run(tmp_path, None) == "20260102-2"
     with pytest.raises(MissingInputError, match="'x' not found; the latest are 20260101-1, 20260102-2"):
         named_run(tmp_path, "x")
+
+
+def test_the_report_accounts_for_a_whole_run(finished_project):
+    facts = json.loads(finished_project.call("report", "--json").out)
+    spent = facts["cpu_seconds"]
+    assert {"simulate", "building", "rendering", "finish", "assemble", "film", "planning"} <= set(spent)
+    most = 1.1 * facts["seconds"] * (os.cpu_count() or 1)
+    assert facts["is_counted"] and 1.0 < sum(spent.values()) <= most, "no second is counted twice"
+    assert facts["frames"]["render"] == 6
+    words = finished_project.call("report", facts["run"]).out
+    assert "rendering: light and auxiliary AOVs" in words and "starting and ending jobs" in words
+
+
+def test_a_run_that_is_not_there_is_told_in_one_line(finished_project):
+    done = finished_project.call("report", "yesterday")
+    assert done.code == 3
+    assert done.err.count("\n") == 1 and "yesterday" in done.err

@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 
 from flowsculpt.pipeline.frames import FrameRange
 from flowsculpt.pipeline.mesh import box
-from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
 from flowsculpt.pipeline.plugins.maintenance.why import Explanation, differences, explain, option_differences
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.request.lookup import Show
@@ -22,6 +21,7 @@ from flowsculpt.pipeline.production.stages import FINISH, FRAME_CAMERA, RENDER
 from flowsculpt.render.post.image import read_exr, write_exr
 from flowsculpt.render.scene.aovs import RenderedFrame
 from tests.conftest import QUALITY, commanded
+from tests.mesh_files import write_ply
 
 NAME = "T010_tiny"
 
@@ -274,7 +274,7 @@ def remade(project: Any, **header: Any) -> None:
             {"stages": {"frame_camera": {**FRAME_CAMERA.recipe, "version": 0}}},
             f"stage frame_camera has version {FRAME_CAMERA.version} now, and version 0 made it",
         ),
-        ({"inputs": {"box.obj": "1"}}, None),
+        ({"inputs": {"box.ply": "1"}}, None),
         ({"variant": "scalar_rgb"}, "it was rendered by another variant of Mitsuba"),
         (
             {"temporal_neighbours": [2, 4]},
@@ -295,18 +295,18 @@ def test_why_names_the_stage_that_has_another_version(
 def test_why_names_a_file_whose_contents_changed(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "shots").mkdir()
-    shot, model = tmp_path / "shots" / f"{NAME}.yaml", tmp_path / "shots" / "box.obj"
-    write_mesh(box((2.0, 2.0, 2.0)), model)
-    shot.write_text("title: A\nframes: 1-3\nsubject: {model: box.obj}\nresample: {max_edge_length: 0.9}\n")
+    shot, model = tmp_path / "shots" / f"{NAME}.yaml", tmp_path / "shots" / "box.ply"
+    write_ply(box((2.0, 2.0, 2.0)), model)
+    shot.write_text("title: A\nframes: 1-3\nsubject: {model: box.ply}\nresample: {max_edge_length: 0.9}\n")
     request = Project(tmp_path, 1).request(Show().find_shot(NAME), QUALITY, FrameRange([2]))
     file = tmp_path / request.place("frame", 2)
     file.parent.mkdir(parents=True)
     pixels = RenderedFrame({"beauty": np.zeros((2, 2, 3), np.float32)}, {})
     write_exr(file, pixels, json.loads(json.dumps(request.keys.header(2))))
-    write_mesh(box((2.0, 2.0, 2.2)), model)
+    write_ply(box((2.0, 2.0, 2.2)), model)
     there = Project(tmp_path, 1)
     explanation = explain(there.request(Show().find_shot(NAME), QUALITY, FrameRange([2])), 2, there.store)
-    assert explanation.reasons == ("file box.obj changed since it was made", "its mesh differs")
+    assert explanation.reasons == ("file box.ply changed since it was made", "its mesh differs")
 
 
 def test_why_a_frame_is_made_again(finished: Any, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,7 +14,6 @@ from benchmarks import found_models
 from benchmarks.found_models import verdict
 from benchmarks.sample_models import MODELS, UNUSABLE
 from flowsculpt.pipeline.errors import MeshError
-from flowsculpt.pipeline.plugins.authoring.first_frame import FirstFrames
 from flowsculpt.pipeline.plugins.preview import animatic
 from flowsculpt.pipeline.shot import read_shot
 
@@ -60,6 +59,8 @@ def shot_of(folder: Path, model: str, flow: str) -> Path:
 def test_a_model_as_it_is_found_is_good_is_drawn_and_stands_on_the_floor(
     model: str, flow: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    from flowsculpt.pipeline.plugins.authoring.first_frame import FirstFrames
+
     monkeypatch.setitem(animatic.SIZES, "still", (96, 54))
     monkeypatch.setattr(found_models, "FRAME", 4)
     path = shot_of(tmp_path, model, flow)
@@ -71,6 +72,8 @@ def test_a_model_as_it_is_found_is_good_is_drawn_and_stands_on_the_floor(
 
 @pytest.mark.parametrize("model", UNUSABLE)
 def test_a_model_without_a_surface_is_refused_before_anything_is_drawn(model: str, tmp_path: Path) -> None:
+    from flowsculpt.pipeline.plugins.authoring.first_frame import FirstFrames
+
     path = shot_of(tmp_path, model, "twist")
     kind, told = verdict(path, FirstFrames())
     assert kind == "error" and told

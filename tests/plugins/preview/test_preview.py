@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import resource
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+import av
 import numpy as np
 import pytest
 
@@ -27,8 +29,12 @@ from flowsculpt.pipeline.production.request.framing import Framer
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.request.shot_source import ShotSource
 from flowsculpt.pipeline.production.store.store import Store
+from flowsculpt.render.movie.encode import LOOPS
+from flowsculpt.render.movie.probe import probe_movie
 from flowsculpt.render.post.image import read_png
-from tests.conftest import TINY, ProjectFolder
+from tests.conftest import TINY, ProjectFolder, lines
+
+DISSOLVE = "loop={dissolve: 2}"
 
 NAME = "T010_tiny"
 
@@ -258,3 +264,30 @@ def test_meshes_in_memory_have_the_numbers_of_a_shot_whose_frames_were_moved(tmp
     cache = MeshCache()
     assert source("1-3").at(3).number == 3
     assert source("1001-1003").at(1003).number == 1003 and len(cache.frames) == 3
+
+
+def test_a_preview_is_drawn_without_rendering(project):
+    done = project.call("--json", "preview", NAME, "--at", "3", "--flow")
+    assert done.code == 0, done.err
+    made = json.loads(done.out)["path"]
+    assert made.endswith("renders/T010_tiny/preview/T010_tiny.0003.flow.png")
+    assert read_png(Path(made)).shape == (540, 960, 3)
+    done = project.call("--json", "preview", NAME, "-f", "2-3", "-o", "two.mp4")
+    assert done.code == 0 and probe_movie(project.path / "two.mp4").frames == 2, done.err
+    assert not list(project.path.rglob("*.exr"))
+    for words, says in ((("--at", "9"), "1-6"), (("--at", "2", "-o", "a.mp4"), ".png")):
+        bad = project.call("preview", NAME, *words)
+        assert bad.code == 2 and says in bad.err and len(lines(bad.err)) == 1
+
+
+def movie(path) -> tuple[int, str]:
+    with av.open(str(path)) as container:
+        comment = container.metadata.get("comment", "")
+        return sum(1 for _ in container.decode(video=0)), comment
+
+
+def test_previews_of_loops_dissolve_too(project):
+    done = project.call("preview", "T010_tiny", "--set", DISSOLVE)
+    assert done.code == 0, done.err
+    (path,) = (project.path / "renders" / "T010_tiny" / "preview").glob("*.mp4")
+    assert movie(path) == (4, LOOPS)

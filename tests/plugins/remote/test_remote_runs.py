@@ -12,6 +12,7 @@ import pytest
 from flowsculpt.pipeline.production.store.remote_store import READ_ONLY, VARIABLE
 from flowsculpt.pipeline.production.store.store import missed_uploads
 from tests.conftest import QUALITY, commanded
+from tests.needed_plugins import needs_plugins
 from tests.plugins.remote.s3 import BUCKET
 from tests.production.snakemake import snakemake
 
@@ -35,6 +36,7 @@ def pictures(project):
     return {f.relative_to(home): hashlib.sha256(f.read_bytes()).hexdigest() for f in files}
 
 
+@needs_plugins("maintenance")
 def test_a_film_that_is_pushed_is_made_nowhere_again(project, finished, s3):
     url = f"s3://{BUCKET}/{uuid.uuid4().hex}"
     pushed = finished.run("push", "--store", url, "--json")
@@ -50,6 +52,7 @@ def test_a_film_that_is_pushed_is_made_nowhere_again(project, finished, s3):
     assert project.call("render", "T010_tiny", "-q", QUALITY).out.startswith("Nothing to be done")
 
 
+@needs_plugins("maintenance")
 def test_commands_tell_what_is_wrong_with_the_remote_store(tmp_path, s3, monkeypatch):
     monkeypatch.setenv(VARIABLE, "")  # which commands set, and pytest sets back
     monkeypatch.setenv(READ_ONLY, "")
@@ -120,6 +123,7 @@ def test_a_film_of_two_workers_on_their_own_disks_has_the_bits_of_a_local_one(
     assert {path: digest for path, digest in pictures(theirs).items() if path in local} == local
 
 
+@needs_plugins("maintenance")
 @pytest.mark.soak
 def test_verify_repairs_from_the_remote_store_without_making_anything_again(roots, s3):
     ours, _, _ = roots

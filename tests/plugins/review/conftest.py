@@ -12,23 +12,10 @@ import pytest
 from playwright.sync_api import Browser
 from playwright.sync_api import Page as Tab
 
-from tests.plugins.review.chromium import LIMIT, ChromiumError, fetch, running
+from tests.chromium import LIMIT
 from tests.plugins.review.looker import Looker, Opened
-from tests.plugins.review.studio import NAME, Desk, furnish
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    """Debian's Chromium, which is fetched where it is not here; skips where it cannot be had.
-
-    It ends with the module, for while it is there an event loop runs in this process.
-    """
-    try:
-        fetch()
-        with running() as found:
-            yield found
-    except ChromiumError as error:
-        pytest.skip(f"no browser: {error}")
+from tests.plugins.review.studio import furnish
+from tests.simulated_show import NAME, Desk
 
 
 @pytest.fixture(scope="session")

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from playwright.sync_api import Page as Tab
 
 from flowsculpt.render.post.image import read_png
-from tests.plugins.review.chromium import wait_for
+from tests.chromium import wait_for
 from tests.plugins.review.studio import number_in
 
 

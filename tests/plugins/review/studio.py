@@ -7,40 +7,25 @@ lower half tells which sequence it is of.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flowsculpt.pipeline.frames import FrameRange
-from flowsculpt.pipeline.plugins.sheets.wedge import Grid, Wedge
-from flowsculpt.pipeline.production.execution.project import Project
-from flowsculpt.pipeline.production.planning.plan import Plan
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.store.event_log import EventLog
 from flowsculpt.pipeline.production.store.paths import EVENTS
-from flowsculpt.pipeline.production.tasks.job import Context
-from flowsculpt.pipeline.production.tasks.worker import task_of
 from flowsculpt.render.post.image import write_exr
 from flowsculpt.render.scene.aovs import RenderedFrame
-from tests.conftest import commanded
+from tests.conftest import done
+from tests.needed_plugins import missing
+from tests.simulated_show import NAME, TITLE, Desk, simulated, surfaces
 
-NAME = "T010_tiny"
-LAST, MISSING, FAILED = 24, 17, 9
-TITLE = "A box </script><script>window.attacked = 1</script><img src=x onerror='window.attacked = 1'>"
+MISSING, FAILED = 17, 9
+
 FAULT = f"a lamp fell over {TITLE}"
-"""A title and a message that attack the page."""
-
-SHOT = f"""\
-title: "{TITLE}"
-frames: 1-{LAST}
-subject: {{solid: box, size: [2, 2, 2]}}
-resample: {{max_edge_length: 0.5}}
-flows:
-  - twist: {{axis: y, amount: {{ease: linear, keys: {{1: 0, 16: 36, {LAST}: 60}}}}}}
-quality: {{daily: {{temporal_denoise: 0}}}}
-"""
+"""A message that attacks the page."""
 
 WIDTH, HEIGHT, BITS = 480, 270, 8
 BLOCK = WIDTH // BITS
@@ -50,48 +35,27 @@ BRIGHT = 60.0
 """Linear light that the view shows as white."""
 
 
-@dataclass(frozen=True)
-class Desk:
-    root: Path
-
-    def project(self) -> Project:
-        return Project(self.root, 2)
-
-    def request(self, quality: str) -> RenderRequest:
-        return self.project().request(self.root / "shots" / f"{NAME}.yaml", quality)
-
-    def command(self, *words: str) -> tuple[int, str]:
-        return commanded(self.root, *words)
-
-    def page(self, name: str = NAME) -> Path:
-        return self.root / "renders" / "review" / name / "index.html"
-
-
-def surfaces(project: Project, request: RenderRequest) -> Plan:
-    """Plan what pictures are made from: meshes, normals and cameras."""
-    planner = project.planner()
-    planner.surfaces(request)
-    return planner.plan()
-
-
-def simulated(root: Path, shot: str = SHOT) -> Desk:
-    """A studio with a shot, its meshes and its cameras."""
-    (root / "shots").mkdir(parents=True, exist_ok=True)
-    (root / "shots" / f"{NAME}.yaml").write_text(shot)
-    desk = Desk(root)
-    _done(root, surfaces(desk.project(), desk.request("draft")))
-    return desk
-
-
 def furnish(root: Path) -> Desk:
-    """Simulate the shot, and lay numbered pictures where renders would lie: of two qualities and a wedge."""
+    """Simulate the shot, and lay numbered pictures where renders would lie: of two qualities and a wedge.
+
+    There is no wedge where the plug-in that makes them is not installed.
+    """
     desk = simulated(root)
-    project, request = desk.project(), desk.request("draft")
+    request = desk.request("draft")
     there = [number for number in request.angles if number not in (MISSING, FAILED)]
     hang(desk, request, there, dark)
     hang(desk, desk.request("daily.scale50"), request.angles, bright)
     log = EventLog(root / EVENTS / "20260101-000000-1.jsonl", "render_0000")
     log.write("fail", stage="render", shot=NAME, quality="draft", frame=FAILED, message=FAULT)
+    if not missing("sheets"):
+        _hang_wedge(desk)
+    return desk
+
+
+def _hang_wedge(desk: Desk) -> None:
+    from flowsculpt.pipeline.plugins.sheets.wedge import Grid, Wedge
+
+    project, root = desk.project(), desk.root
     wedge = Wedge(
         project,
         root / "shots" / f"{NAME}.yaml",
@@ -99,16 +63,10 @@ def furnish(root: Path) -> Desk:
         "draft",
         FrameRange.parse("1-4"),
     )
-    _done(root, surfaces(project, wedge.requests[0][1]))
+    done(root, surfaces(project, wedge.requests[0][1]))
     for (_, cell), paint in zip(wedge.requests, (dusky, bright), strict=True):
         hang(desk, cell, cell.requested, paint)
     wedge.draw()
-    return desk
-
-
-def _done(root: Path, plan: Plan) -> None:
-    for job in plan.jobs:
-        assert task_of(job.stage)(Context.of(root, plan, job.name))
 
 
 def hang(desk: Desk, request: RenderRequest, numbers: Iterable[int], paint: Callable[[int], Picture]) -> None:

@@ -13,7 +13,7 @@ import pytest
 
 from flowsculpt.pipeline.plugins.review.page_pictures import SCOPE_COLUMNS, SCOPE_LEVELS, scope_script
 from tests.plugins.review.looker import Looker, Opened
-from tests.plugins.review.studio import NAME, Desk
+from tests.simulated_show import NAME, Desk
 
 
 def unpacked(script: str) -> tuple[np.ndarray, np.ndarray]:

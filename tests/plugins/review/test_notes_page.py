@@ -10,7 +10,7 @@ import pytest
 from playwright.sync_api import Browser
 
 from flowsculpt.pipeline.plugins.review.review_notes import read_notes
-from tests.plugins.review.chromium import wait_for
+from tests.chromium import wait_for
 from tests.plugins.review.looker import Looker, Opened, downloaded, drawn, notes_of, written
 from tests.plugins.review.note_cases import ATTACK, IDS, note, revision, stroke
 

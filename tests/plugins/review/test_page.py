@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 
 from flowsculpt.render.graphics.three_js import FETCH, installed_file
 from flowsculpt.render.post.image import read_png
+from tests.needed_plugins import needs_plugins
 from tests.plugins.review.looker import Opened
-from tests.plugins.review.studio import FAILED, LAST, MISSING, Desk, number_in
+from tests.plugins.review.studio import FAILED, MISSING, number_in
+from tests.simulated_show import LAST, Desk
 
 
 def test_every_key_press_is_one_frame(opened: Opened) -> None:
@@ -205,6 +207,7 @@ def test_zooming_keeps_the_point_under_the_mouse_where_it_is(opened: Opened) -> 
     assert look.ask("review.stage.zoom") is None
 
 
+@needs_plugins("sheets")
 def test_a_click_in_the_grid_makes_a_cell_a_and_with_shift_b(opened: Opened) -> None:
     look = opened(frame=3)
     look.press("g")
@@ -242,6 +245,7 @@ def test_a_page_without_three_works_and_says_how_to_get_it(
     assert look.number == 3
 
 
+@needs_plugins("sheets")
 def test_the_address_tells_what_is_shown(opened: Opened) -> None:
     look = opened(b="T010_tiny · look glaze · draft", frame=4)
     look.press("w", "ArrowRight")
@@ -290,6 +294,7 @@ def test_axe_finds_nothing_serious(opened: Opened) -> None:
         assert look.findings() == [], keys
 
 
+@needs_plugins("sheets")
 def test_the_differences_of_shot_files_stand_beside_the_picture(opened: Opened) -> None:
     look = opened(a="T010_tiny · look chrome · draft", b="T010_tiny · look glaze · draft", frame=2)
     look.press("Shift+D")

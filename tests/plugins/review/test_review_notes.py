@@ -21,6 +21,7 @@ from flowsculpt.pipeline.plugins.review.review_notes import (
 )
 from tests.conftest import commanded
 from tests.full_disk import disk_of
+from tests.needed_plugins import needs_plugins
 from tests.plugins.review.note_cases import IDS, NOTES, TIMES, document, note, revision, stroke
 
 Given = list[dict[str, Any]]
@@ -159,6 +160,7 @@ def test_a_full_disk_is_told_once_and_leaves_the_notes_that_were_there(
     assert kept.read_bytes() == before and list(kept.parent.iterdir()) == [kept]
 
 
+@needs_plugins("maintenance")
 def test_clean_leaves_notes_alone(command: Callable[..., tuple[int, str]], tmp_path: Path) -> None:
     (tmp_path / "ann.json").write_text(json.dumps(document(note())))
     assert command("notes", "T010_tiny", "--add", "ann.json")[0] == 0

@@ -19,7 +19,7 @@ from flowsculpt.pipeline.plugins.review.view_3d import PageMeshes
 from flowsculpt.pipeline.production.shot_extras import Animation, ShotExtras
 from flowsculpt.render.graphics.three_js import installed_file
 from tests.plugins.review.looker import Opened
-from tests.plugins.review.studio import LAST, NAME, SHOT, Desk, simulated
+from tests.simulated_show import LAST, NAME, SHOT, Desk, simulated
 
 Arrays = dict[str, NDArray[np.generic]]
 

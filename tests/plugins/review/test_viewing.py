@@ -20,7 +20,7 @@ from flowsculpt.render.post.hdr import nits_of_pq
 from flowsculpt.render.post.image import read_exr, read_png, write_exr
 from flowsculpt.render.scene.aovs import RenderedFrame
 from tests.plugins.review.looker import Looker, Opened
-from tests.plugins.review.studio import NAME, Desk
+from tests.simulated_show import NAME, Desk
 
 
 def test_layers_are_the_finished_light_and_the_aovs_of_the_frame_it_was_made_from(tmp_path: Path) -> None:

@@ -21,8 +21,10 @@ from flowsculpt.pipeline.plugins.review.measures import BINS, edge_lengths, meas
 from flowsculpt.pipeline.plugins.review.review_page import tabled
 from flowsculpt.pipeline.plugins.review.view_3d import as_script
 from flowsculpt.render.post.image import read_png
+from tests.needed_plugins import needs_plugins
 from tests.plugins.review.note_cases import IDS, document, note
-from tests.plugins.review.studio import FAILED, FAULT, LAST, MISSING, NAME, TITLE, Desk, number_in
+from tests.plugins.review.studio import FAILED, FAULT, MISSING, number_in
+from tests.simulated_show import LAST, NAME, TITLE, Desk
 
 pytestmark = pytest.mark.slow
 
@@ -53,6 +55,7 @@ def files_in(folder: Path) -> dict[str, tuple[int, int]]:
     return {name: (stat.st_ino, stat.st_mtime_ns) for name, stat in facts.items() if name != "data.js"}
 
 
+@needs_plugins("sheets")
 def test_a_page_has_what_was_rendered_and_the_cells_of_wedges(desk: Desk) -> None:
     data = data_of(desk)
     labels = [each["label"] for each in data["sequences"]]
@@ -168,9 +171,15 @@ def test_the_page_needs_nothing_beside_its_folder(desk: Desk) -> None:
         (["review", NAME, "--notes", "ann.json", "ben.json"], 2, "ben.json: --notes takes one file"),
         (["figures", "T010_tinny"], 3, "T010_tiny"),
         (["figures", NAME, "-o", "figures.txt"], 2, "figures.txt"),
-        (["sheet", NAME, "-o", "sheet.jpg"], 2, "sheet.jpg is not a PNG"),
-        (["sheet", NAME, "--at", "3"], 2, "--at is the frame of --looks"),
-        (["sheet", NAME, "-f", "1-99"], 2, "25-99 are not in the shot"),
+        pytest.param(
+            *(["sheet", NAME, "-o", "sheet.jpg"], 2, "sheet.jpg is not a PNG"), marks=needs_plugins("sheets")
+        ),
+        pytest.param(
+            *(["sheet", NAME, "--at", "3"], 2, "--at is the frame of --looks"), marks=needs_plugins("sheets")
+        ),
+        pytest.param(
+            *(["sheet", NAME, "-f", "1-99"], 2, "25-99 are not in the shot"), marks=needs_plugins("sheets")
+        ),
     ],
 )
 def test_what_cannot_be_is_told_in_one_line(desk: Desk, words: list[str], code: int, told: str) -> None:
@@ -223,6 +232,7 @@ def test_a_figure_of_crossings_says_in_which_frames_they_are_counted() -> None:
     assert panels(numbers, {n: {"crossings": 0} for n in numbers}, (None, None), {}) == []
 
 
+@needs_plugins("sheets")
 def test_a_sheet_shows_frames_of_a_shot_in_rows(copy: Desk) -> None:
     code, words = copy.command(
         "sheet", NAME, "-q", "daily.scale50", "-f", "1-24x5", "--columns", "3", "--json"

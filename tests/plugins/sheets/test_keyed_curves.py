@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from flowsculpt.pipeline.plugins.sheets.keyed_curves import KeyedCurve, curves_of
+from tests.conftest import lines
+
+NAME = "T010_tiny"
 
 SHOT = """\
 title: C
@@ -75,3 +79,17 @@ def test_what_the_speed_re_times_is_shown_at_the_frames_where_it_happens(tmp_pat
 def test_a_flow_that_stands_still_has_curves_too(still: str, tmp_path: Path) -> None:
     curves = found(tmp_path, SHOT.replace("camera:", still + "camera:"))
     assert np.isfinite(curves["flows.0.sum.0.rotation.speed"].values).all()
+
+
+def test_curves_are_drawn_to_a_page(project):
+    done = project.call("--json", "curves", NAME)
+    assert done.code == 0, done.err
+    facts = json.loads(done.out)
+    assert facts["curves"] == ["flows.0.twist.amount"]
+    assert Path(facts["path"]).read_text().startswith("<?xml")
+    for words, says in (
+        (("--set", "flows.0.twist.amount=2"), "nothing that changes over time"),
+        (("-o", "page.txt"), ".svg, .png, .pdf"),
+    ):
+        bad = project.call("curves", NAME, *words)
+        assert bad.code == 2 and says in bad.err and len(lines(bad.err)) == 1

@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -20,6 +21,8 @@ from flowsculpt.pipeline.production.planning.profile import avoid
 from flowsculpt.render.movie.probe import probe_movie
 from flowsculpt.render.post.image import read_exr, read_png
 from tests.conftest import commanded, done
+
+SMALL = ("-q", "draft", "--scale", "10%")
 
 NAME = "T010_tiny"
 QUALITY = "draft.scale10"
@@ -325,3 +328,25 @@ def test_a_dry_run_tells_the_grid_and_what_is_shared(desk: Desk) -> None:
     facts = json.loads(desk.command("--json", *words)[1])
     assert len(facts["cells"]) == 6 and facts["shared"]["simulate"] > 0 and "estimate" in facts
     assert facts["cells"][0]["folder"].startswith(f"renders/wedge/{NAME}/stage=none,")
+
+
+@pytest.mark.soak
+def test_a_wedge_is_one_run_and_the_second_does_nothing(project: Any) -> None:
+    vary = (
+        "--vary",
+        "flows.0.twist.amount.keys.6=40,80",
+        "--vary",
+        "look=clay,glaze",
+        "--vary",
+        "lights.exposure=0,1",
+    )
+    first = project.run("--json", "wedge", NAME, *vary, "-f", "5-6", *SMALL)
+    assert first.code == 0, first.err
+    facts = json.loads(first.out)
+    assert len(facts["cells"]) == 8 and facts["made"]["render"] == 8
+    still, movie = (project.path / sheet for sheet in facts["sheets"])
+    assert still.is_file() and probe_movie(movie).frames == 2
+    frames = [project.path / cell["folder"] / "draft.scale10" / "frames" for cell in facts["cells"]]
+    assert all(len(list(folder.glob("*.exr"))) == 2 for folder in frames)
+    again = json.loads(project.run("--json", "wedge", NAME, *vary, "-f", "5-6", *SMALL).out)
+    assert again["made"] == {} and again["done"]

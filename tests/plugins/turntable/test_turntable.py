@@ -14,8 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flowsculpt.pipeline.errors import FrameError, UsageError
-from flowsculpt.pipeline.mesh import icosphere
-from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
+from flowsculpt.pipeline.mesh import TriangleMesh, icosphere
 from flowsculpt.pipeline.plugins.turntable.turntable_frames import TURNS, Turntable
 from flowsculpt.pipeline.plugins.turntable.turntable_movie import (
     TurntableRequest,
@@ -37,7 +36,9 @@ from flowsculpt.render.scene.reference_objects import ball, chart, positions
 from flowsculpt.render.scene.render_camera import PERSPECTIVE, Camera
 from flowsculpt.render.scene.scene_stage import STAGES, StagePlacement
 from flowsculpt.render.scene.surface import Surface
-from tests.conftest import commanded
+from tests.conftest import commanded, lines
+from tests.mesh_files import write_ply
+from tests.needed_plugins import needs_plugins
 
 NAME = "T010_tiny"
 SCALE = "20%"
@@ -52,7 +53,9 @@ flows:
 camera: {position: [3, 1, 0], target: [0, 1, 0], roll: 20}
 quality: {draft: {samples: 4, auxiliary_samples: 1}}
 """
-MESH = "v 0 0 0\nv 2 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+MESH = TriangleMesh(
+    [(0, 0, 0), (2, 0, 0), (0, 1, 0), (0, 0, 1)], [(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)]
+)
 LOOKS_OF_SHOW = """\
 looks:
   ink: {material: glaze, colour: [0.01, 0.02, 0.2]}
@@ -80,7 +83,7 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Desk]:
     (root / "shots" / f"{NAME}.yaml").write_text(SHOT)
     (root / "shots" / "defaults.yaml").write_text(LOOKS_OF_SHOW)
     write_png(root / "shots" / "paper.png", np.full((2, 2, 3), 200, np.uint8))
-    (root / "wedge.obj").write_text(MESH)
+    write_ply(MESH, root / "wedge.ply")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(root)
         yield Desk(root)
@@ -222,7 +225,7 @@ def test_a_damaged_picture_makes_no_sheet_and_is_told(desk: Desk, turned_in_two_
 
 
 def test_a_mesh_file_in_several_looks_is_read_once(desk: Desk) -> None:
-    plan = desk.turning("wedge.obj", at=None, looks=("clay", "glaze", "chrome")).plan()
+    plan = desk.turning("wedge.ply", at=None, looks=("clay", "glaze", "chrome")).plan()
     made = plan.frame_counts()
     assert made["simulate"] == made["smooth_normals"] == 1 and made["frame_camera"] == 8
     assert made["render"] == made["finish"] == 24
@@ -237,6 +240,8 @@ def test_a_mesh_file_in_several_looks_is_read_once(desk: Desk) -> None:
 def test_mesh_files_stand_with_the_usual_axis_of_their_format_up_or_the_one_asked_for(
     desk: Desk, suffix: str, up: str | None, height: float
 ) -> None:
+    from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
+
     box = icosphere(2)
     low, high = box.vertices.min(axis=0), box.vertices.max(axis=0)
     write_mesh(
@@ -246,7 +251,7 @@ def test_mesh_files_stand_with_the_usual_axis_of_their_format_up_or_the_one_aske
     assert np.ptp(request.shot.motion.subject.build().vertices[:, 1]) == pytest.approx(height, rel=1e-6)
 
 
-@pytest.mark.parametrize(("subject", "up"), [(NAME, "z"), ("wedge.obj", "x")])
+@pytest.mark.parametrize(("subject", "up"), [(NAME, "z"), ("wedge.ply", "x")])
 def test_up_is_refused_for_shots_and_for_other_axes(desk: Desk, subject: str, up: str) -> None:
     with pytest.raises(UsageError, match=f"--up {up}"):
         desk.turning(subject, up=up)
@@ -262,7 +267,7 @@ def test_balls_and_chart_stand_beside_it_unless_it_is_to_be_bare(desk: Desk) -> 
 
 
 def test_looks_that_the_show_names_are_looks_of_shots_and_of_mesh_files(desk: Desk) -> None:
-    for subject, at in ((NAME, 2), ("wedge.obj", None)):
+    for subject, at in ((NAME, 2), ("wedge.ply", None)):
         requests = desk.turning(subject, at, looks=("ink", "paper")).requests
         ink, paper = (request.shot.picture.look for request in requests)
         assert ink == LOOKS["glaze"].with_values(colour=(0.01, 0.02, 0.2))
@@ -338,13 +343,14 @@ def test_through_the_whole_turn_the_object_touches_neither_balls_nor_chart(
 @pytest.mark.parametrize(
     ("words", "code", "says"),
     [
-        (("none.obj",), 3, "none.obj: no such mesh file"),
+        (("none.ply",), 3, "none.ply: no such mesh file"),
         (("T010_tinny",), 3, "did you mean T010_tiny"),
         ((NAME, "--at", "9"), 2, "frame 9 is not in T010_tiny, which has frames 1-3"),
         ((NAME, "--frames", "0"), 2, "a turntable of 0 frames does not turn"),
+        ((NAME, "--frames", "1"), 2, "72"),
         ((NAME, "--look", "clay,glace"), 2, "'glace' is not a look. Did you mean 'glaze'?"),
-        (("wedge.obj", "--look", "inck"), 2, "'inck' is not a look. Did you mean 'ink'?"),
-        (("wedge.obj", "--look", "wet/ink"), 2, "'wet/ink' cannot name a folder of pictures"),
+        (("wedge.ply", "--look", "inck"), 2, "'inck' is not a look. Did you mean 'ink'?"),
+        (("wedge.ply", "--look", "wet/ink"), 2, "'wet/ink' cannot name a folder of pictures"),
         ((NAME, "--look", "swell.gold"), 2, "It needs plug-in swell, which is not installed"),
         ((NAME, "--look", " ,"), 2, "--look names no look"),
         ((NAME, "--turn", "light"), 2, "--turn light: it does not turn. Did you mean 'lights'?"),
@@ -357,3 +363,35 @@ def test_what_cannot_be_turned_is_told_in_one_line(
     assert found == code
     assert says in said
     assert len(said.strip().splitlines()) == 1
+
+
+@needs_plugins("interchange")
+@pytest.mark.parametrize(
+    ("name", "text", "says"),
+    [
+        ("empty.obj", "v 0 0 0\n", "no faces"),
+        ("nan.obj", "v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "finite"),
+    ],
+)
+def test_a_mesh_that_is_no_surface_is_refused_in_one_line(project, name, text, says):
+    (project.path / name).write_text(text)
+    done = project.call("turntable", name, "--frames", "2")
+    assert done.code == 2
+    assert says in done.err
+    assert name in done.err
+    assert len(lines(done.err)) == 1
+
+
+def pixels(paths):
+    return [read_exr(path)[0]["beauty"] for path in paths]
+
+
+def test_a_turntable_turns_a_mesh_file_once_around(project):
+    write_ply(MESH, project.path / "wedge.ply")
+    done = project.run("turntable", "wedge.ply", "--frames", "4", "--turn", "object", "--bare", "-q", QUALITY)
+    assert done.code == 0, done.err
+    folder = project.path / "renders/turntable/wedge" / QUALITY
+    first, *others = pixels(sorted((folder / "frames").glob("*.exr")))
+    assert len(others) == 3
+    assert all(np.abs(first - other).max() > 0.05 for other in others)
+    assert probe_movie(folder / "wedge.object.mp4").frames == 4

@@ -9,7 +9,6 @@ import pytest
 
 from flowsculpt.pipeline.errors import FrameError, MissingInputError, UsageError
 from flowsculpt.pipeline.frames import FrameRange
-from flowsculpt.pipeline.plugins.review.review_page import Search
 from flowsculpt.pipeline.plugins.versions.provenance import FILE, Provenance
 from flowsculpt.pipeline.plugins.versions.publishing import Patch
 from flowsculpt.pipeline.plugins.versions.reproduction import Reproduction
@@ -17,6 +16,7 @@ from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.store.history import History
 from flowsculpt.render.base.input_files import digest_of_file
 from flowsculpt.render.movie.probe import probe_movie
+from tests.needed_plugins import needs_plugins
 from tests.plugins.versions.desk import NAME, QUALITY, Desk, done
 
 LOOK = "look: glaze\n"
@@ -53,11 +53,14 @@ def test_a_patch_has_the_new_frames_of_its_range_and_the_files_of_the_version_be
     assert digest_of_file(made.folder / new.movie["file"]) == new.movie["sha256"] != old.movie["sha256"]
     again = patch(desk).publish()
     assert (again.version, again.before) == ("v002", True)
+    from flowsculpt.pipeline.plugins.review.review_page import Search
+
     shown = Search(Project(desk.root, 1), (), History.of(desk.root)).shot(NAME).sequences
     notes = {each.label: each.note for each in shown if each.kind == "version"}
     assert notes[f"v002 {QUALITY}"] == "patch of v001: frames 2-3 are new"
 
 
+@needs_plugins("maintenance")
 def test_a_patch_is_verified_and_its_own_frames_are_made_again(desk: Desk) -> None:
     rendered(desk)
     for command in (f"publish {NAME} -q draft --scale 10% --patch v001 -f 2-3", "verify"):

@@ -13,13 +13,12 @@ from pathlib import Path
 import pytest
 
 from flowsculpt.pipeline.errors import FrameError, MachineError, UsageError
-from flowsculpt.pipeline.plugins.review.review_notes import read_notes
 from flowsculpt.pipeline.plugins.versions import publishing
 from flowsculpt.pipeline.plugins.versions.provenance import FILE, Provenance
 from flowsculpt.pipeline.plugins.versions.reproduction import pixels_of
 from flowsculpt.pipeline.production.store.locks import Locks
 from flowsculpt.render.base.input_files import digest_of_file
-from tests.plugins.review.note_cases import TIMES, document, note
+from tests.needed_plugins import needs_plugins
 from tests.plugins.versions.desk import NAME, QUALITY, RENDER, SHOT, Desk, rewritten
 
 
@@ -128,6 +127,7 @@ def test_a_version_shares_its_bytes_with_the_store_unless_copies_are_asked_for(d
     assert all(path.stat().st_mode & 0o222 == 0 for path in frozen.parents[1].rglob("*.*"))
 
 
+@needs_plugins("maintenance")
 def test_verify_tells_what_of_a_version_is_not_what_was_published_and_mends_nothing(desk: Desk) -> None:
     assert desk.command("verify") == (0, "Every file is what it should be.\n")
     frames = desk.home / "v001" / "frames"
@@ -148,7 +148,11 @@ def test_verify_tells_what_of_a_version_is_not_what_was_published_and_mends_noth
     assert f"reproduce {desk.home / 'v001' / FILE} makes it again" in desk.command("--dry-run", "verify")[1]
 
 
+@needs_plugins("review", "maintenance")
 def test_a_version_keeps_the_notes_that_its_shot_had(desk: Desk) -> None:
+    from flowsculpt.pipeline.plugins.review.review_notes import read_notes
+    from tests.plugins.review.note_cases import TIMES, document, note
+
     (desk.root / "ann.json").write_text(json.dumps(document(note(shot=NAME))))
     assert desk.command("notes", NAME, "--add", "ann.json")[0] == 0
     shutil.rmtree(desk.home / "v001")
@@ -165,6 +169,7 @@ def test_a_version_keeps_the_notes_that_its_shot_had(desk: Desk) -> None:
     assert "restore its notes from a backup" in desk.command("--dry-run", "verify")[1]
 
 
+@needs_plugins("maintenance")
 def test_verify_tells_of_a_version_whose_provenance_is_lost(desk: Desk) -> None:
     rewritten(desk.home / "v001" / FILE, b"{}")
     code, said = desk.command("verify")

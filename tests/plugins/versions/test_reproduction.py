@@ -6,6 +6,7 @@ import json
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -15,6 +16,8 @@ from flowsculpt.pipeline.production.planning.profile import avoid
 from flowsculpt.pipeline.production.stages import FINISH
 from flowsculpt.render.post.image import read_exr, write_exr
 from tests.plugins.versions.desk import MODEL, NAME, Desk, done
+
+SMALL = ("-q", "draft", "--scale", "10%")
 
 
 def test_a_version_is_made_again_from_its_provenance_alone_to_the_last_bit(desk: Desk) -> None:
@@ -132,3 +135,19 @@ def test_what_is_no_provenance_is_told_in_one_line(
         Provenance.read(source)
     code, said = Desk(tmp_path).command("versions")
     assert code == 2 and "not the provenance" in said
+
+
+@pytest.mark.soak
+def test_a_version_is_rendered_published_edited_away_and_made_again(project: Any) -> None:
+    assert project.run("render", NAME, *SMALL).code == 0
+    assert project.run("publish", NAME, *SMALL, "--note", "so it was").code == 0
+    project.shot.write_text(project.shot.read_text().replace("azimuth: -30", "azimuth: 40"))
+    assert project.run("publish", NAME, *SMALL).code == 2
+    before = sorted(path.name for path in (project.path / "renders" / NAME).rglob("*"))
+    again = project.run("--json", "reproduce", f"renders/published/{NAME}/v001/provenance.json")
+    assert again.code == 0, again.err
+    assert json.loads(again.out)["identical"] == [*(f"frame {n}" for n in range(1, 7)), "movie"]
+    assert sorted(path.name for path in (project.path / "renders" / NAME).rglob("*")) == before
+    assert project.run("render", NAME, *SMALL).code == 0
+    assert project.run("publish", NAME, *SMALL).code == 0
+    assert [fact["version"] for fact in json.loads(project.run("--json", "versions").out)] == ["v001", "v002"]

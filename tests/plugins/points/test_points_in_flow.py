@@ -17,9 +17,10 @@ from flowsculpt.pipeline.flow.catalogue.attractors import Lorenz
 from flowsculpt.pipeline.flow.catalogue.deformations import Twist
 from flowsculpt.pipeline.frames import FrameRange, FrameRate
 from flowsculpt.pipeline.mesh.control_net import Lattice, bspline_surface
+from flowsculpt.pipeline.plugins.points.clouds import CloudInSolid
+from flowsculpt.pipeline.plugins.points.nets import NetOfSolid
 from flowsculpt.pipeline.resample import Thresholds
 from flowsculpt.pipeline.shot import Motion, Resampling, Solid
-from flowsculpt.pipeline.shot.point_subjects import RADIUS, CloudInSolid, NetOfSolid
 from flowsculpt.pipeline.shot.subjects import Subject
 
 CLOUD = CloudInSolid(Solid.of("torus", {}), 200, "volume", 4, 0.02)
@@ -83,7 +84,7 @@ def test_going_on_from_any_frame_of_a_file_gives_the_same_bits(subject: Subject,
 def test_a_cloud_keeps_its_radii_its_identities_and_has_no_faces() -> None:
     for frame in animate(motion(CLOUD)):
         assert frame.mesh.faces.shape == (0, 3)
-        assert (frame.mesh.attributes[RADIUS] == 0.02).all()
+        assert (frame.mesh.attributes["radius"] == 0.02).all()
         assert np.array_equal(frame.mesh.attributes["identity"], np.arange(200))
         assert frame.report.statistics is None
         assert frame.lattice is None

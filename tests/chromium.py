@@ -1,6 +1,6 @@
 """A Chromium to look at pages with: Debian's, unpacked under the environment where none is installed.
 
-    python tests/plugins/review/chromium.py fetch      unpack it and what it lacks, without root
+    python tests/chromium.py fetch      unpack it and what it lacks, without root
 
 Debian's headless shell is Chromium without its windows: the same page engine, and no toolkit to fetch.
 """
@@ -119,7 +119,7 @@ def running() -> Iterator[Browser]:
     """
     found = Chromium.found()
     if found is None:
-        raise ChromiumError("Chromium is not here; python tests/plugins/review/chromium.py fetch unpacks it")
+        raise ChromiumError("Chromium is not here; python tests/chromium.py fetch unpacks it")
     with sync_playwright() as playwright:
         try:
             browser = playwright.chromium.launch(

@@ -1,4 +1,4 @@
-"""Points: clouds and control nets read from files, or points scattered on a surface or inside one."""
+"""Files of points: clouds and control nets."""
 
 from __future__ import annotations
 
@@ -9,17 +9,24 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flowsculpt.pipeline.arrays import AnyArray, Floats, Points
-from flowsculpt.pipeline.errors import MeshError, suggest
-from flowsculpt.pipeline.file_contents import Archive, number_fault, text_content
-from flowsculpt.pipeline.mesh.mesh_formats import LARGEST_COORDINATE, reader_of
-from flowsculpt.pipeline.mesh.meshes import TriangleMesh
-from flowsculpt.pipeline.mesh.ply_files import read_elements, vertex_positions
-from flowsculpt.pipeline.mesh.read import read_by_suffix, surface_reader
-from flowsculpt.render.base.plural import plural
+from flowsculpt import MeshError
+from flowsculpt.api import plural, suggest
+from flowsculpt.api.files import Archive, number_fault, text_content
+from flowsculpt.api.meshes import (
+    AnyArray,
+    Floats,
+    Points,
+    read_by_suffix,
+    read_ply_vertices,
+    reader_of,
+    surface_reader,
+)
 
 _POINTS = ("points", "vertices")
 _ATTRIBUTE = "attribute:"
+
+LARGEST = 1e12
+"""The limit of coordinates, as of any number in a shot file."""
 
 
 class PointSet(NamedTuple):
@@ -82,7 +89,7 @@ def read_net(path: str | Path, columns: int | None = None) -> Floats:
 
 
 def _require_finite(path: Path, points: Floats) -> None:
-    wrong = ~(np.abs(points) <= LARGEST_COORDINATE).all(axis=-1)  # and so not NaN
+    wrong = ~(np.abs(points) <= LARGEST).all(axis=-1)  # and so not NaN
     if wrong.any():
         first = tuple(np.argwhere(wrong)[0].tolist())
         where = f"point {first[0]}" if len(first) == 1 else f"the point in row {first[0]}, column {first[1]}"
@@ -91,16 +98,6 @@ def _require_finite(path: Path, points: Floats) -> None:
         raise MeshError(
             f"{path}: {where} is {fault} (and {more} more); coordinates must be numbers up to 1e12"
         )
-
-
-def _polygon_file(content: bytes) -> PointSet:
-    tables = read_elements(content)
-    others = {
-        name: column
-        for name, column in tables.get("vertex", {}).items()
-        if name not in ("x", "y", "z") and isinstance(column, np.ndarray)
-    }
-    return PointSet(vertex_positions(tables), others)
 
 
 _PARTED_TWICE = re.compile(rb"[-+]?\d+,\d+")
@@ -151,62 +148,8 @@ def _vertices(path: Path) -> PointSet:
 
 
 _READERS: Mapping[str, Callable[[Path], PointSet]] = {
-    "ply": reader_of(_polygon_file),
+    "ply": reader_of(lambda content: PointSet(*read_ply_vertices(content))),
     "xyz": reader_of(_xyz),
     "npz": reader_of(_arrays),
     "obj": _vertices,
 }
-
-
-_GOLDEN = 1.2207440846057596  # the root of g⁴ = g + 1
-
-_PROBES = 4096
-
-
-def on_surface(mesh: TriangleMesh, count: int, seed: int) -> tuple[Points, AnyArray]:
-    """Return points (count, 3) on a mesh, evenly by area, and the face (count,) of each.
-
-    mesh  should have at least about as many faces as points
-
-    The areas of the faces, in order, form a line with points at equal distances. Within its face a point lies
-    anywhere, but only half as far from the middle as it could: points of neighbouring faces then keep apart,
-    without clusters or holes.
-    """
-    random = np.random.default_rng(seed)
-    corners = mesh.vertices[mesh.faces]
-    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
-    ends = np.cumsum(np.linalg.norm(np.cross(b - a, c - a), axis=1))
-    along = (np.arange(count) + random.random()) / count * ends[-1]
-    face = np.minimum(np.searchsorted(ends, along, side="right"), len(ends) - 1)
-    u, v = random.random((2, count, 1))
-    u, v = np.where(u + v > 1.0, 1.0 - u, u), np.where(u + v > 1.0, 1.0 - v, v)
-    u, v = 0.5 * u + 1.0 / 6.0, 0.5 * v + 1.0 / 6.0
-    return a[face] + u * (b - a)[face] + v * (c - a)[face], face
-
-
-def within(bounds: Floats, inside: Callable[[Points], AnyArray], count: int, seed: int) -> Points:
-    """Return points (count, 3) of the box `bounds` (2, 3) that are inside.
-
-    inside  returns flags (N,) for points (N, 3); some of the box must be inside
-
-    The places are those of the additive recurrence by the generalised golden ratio (Roberts, *The
-    unreasonable effectiveness of quasirandom sequences*, 2018), which fills a box evenly for any count. Each
-    is moved by up to 0.4 of the distance between two, which hides the rows.
-    """
-    random = np.random.default_rng(seed)
-    low, extent = bounds[0], bounds[1] - bounds[0]
-    shift, step = random.random(3), _GOLDEN ** -np.arange(1.0, 4.0)
-
-    def places(first: int, last: int) -> Points:
-        return low + extent * ((shift + np.arange(first, last)[:, None] * step) % 1.0)
-
-    share = max(float(inside(places(0, _PROBES)).mean()), 1.0 / _PROBES)
-    reach = 0.4 * float((extent.prod() * share / count) ** (1.0 / 3.0))
-    batch = int(count / share) + _PROBES
-    accepted: list[Points] = []
-    taken = 0
-    while sum(map(len, accepted)) < count:
-        tried = places(taken, taken + batch) + random.uniform(-reach, reach, (batch, 3))
-        accepted.append(tried[inside(tried)])
-        taken += batch
-    return np.concatenate(accepted)[:count]

@@ -12,10 +12,11 @@ import numpy as np
 import pytest
 
 from flowsculpt.pipeline.arrays import Points
-from flowsculpt.pipeline.flow.samples import Samples, read_samples
+from flowsculpt.pipeline.flow.catalogue.external_fields import Samples
+from flowsculpt.pipeline.plugins.sampled.grid_files import read_samples
 
 BLENDER = Path(os.environ.get("BLENDER_MODULE", Path(sys.prefix) / "cycles"))
-PAGE = Path(__file__).parents[2] / "docs" / "fields.md"
+PAGE = Path(__file__).parents[3] / "docs" / "fields.md"
 
 GRADIENT = np.array([[0.5, -1.0, 2.0], [1.5, 0.25, -0.75], [-2.0, 1.0, 0.125]])
 """Of the velocity of every file: exact in float32, and linear, so that means of faces are exact."""

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import pytest
 from playwright.sync_api import Browser
 
-from tests.plugins.review.live_page import CURRENT, SHOWN, Follower, live_page
+from tests.plugins.preview.live_page import CURRENT, SHOWN, Follower, live_page
 
 SHOT = """\
 title: A block and motes

@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flowsculpt.pipeline.arrays import AnyArray
 from flowsculpt.pipeline.errors import MeshError
 from flowsculpt.pipeline.mesh import PolygonMesh, icosphere, read_mesh, read_polygons, require
 from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
@@ -115,29 +114,6 @@ def test_objects_that_meet_are_joined_and_their_seam_is_a_crease(tmp_path: Path)
 
 PLY = "element vertex 5\nproperty float x\nproperty float y\nproperty float z\nproperty uchar red\n"
 FACES = "element face 2\nproperty list uchar int vertex_index\nproperty short mark\nend_header\n"
-ROWS = [(0, 0, 0, 9), (1, 0, 0, 9), (1, 1, 0, 9), (0, 1, 0, 9), (2, 0.5, 0, 9)]
-
-
-@pytest.mark.parametrize("order", ["<", ">"])
-def test_binary_files_of_either_byte_order_and_uneven_faces_are_read(tmp_path: Path, order: str) -> None:
-    name = "little" if order == "<" else "big"
-    vertex = np.dtype([(axis, f"{order}f4") for axis in "xyz"] + [("red", "u1")])
-    quad = _row(order, (0, 1, 2, 3))
-    body = np.array(ROWS, vertex).tobytes() + quad + _row(order, (2, 1, 4))
-    header = f"ply\nformat binary_{name}_endian 1.0\ncomment made by hand\n{PLY}{FACES}"
-    (tmp_path / "two.ply").write_bytes(header.encode() + body)
-    assert polygons(read_polygons(tmp_path / "two.ply")) == [[0, 1, 2, 3], [2, 1, 4]]
-
-
-def _row(order: str, face: tuple[int, ...]) -> bytes:
-    corners: AnyArray = np.array(face, f"{order}i4")
-    return bytes([len(face)]) + corners.tobytes() + np.array(7, f"{order}i2").tobytes()
-
-
-def test_a_text_ply_is_read(tmp_path: Path) -> None:
-    rows = "\n".join(" ".join(str(n) for n in row) for row in ROWS)
-    (tmp_path / "two.ply").write_text(f"ply\nformat ascii 1.0\n{PLY}{FACES}{rows}\n4 0 1 2 3 7\n3 2 1 4 7\n")
-    assert polygons(read_polygons(tmp_path / "two.ply")) == [[0, 1, 2, 3], [2, 1, 4]]
 
 
 def test_an_off_file_may_have_comments_colours_and_its_counts_on_the_first_line(tmp_path: Path) -> None:

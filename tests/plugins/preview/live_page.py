@@ -21,8 +21,8 @@ from flowsculpt.pipeline.plugins.preview.shot_editor import ShotEditor
 from flowsculpt.pipeline.plugins.preview.sketch import Sketch
 from flowsculpt.pipeline.plugins.preview.surface_stream import SurfaceStream
 from flowsculpt.pipeline.production.execution.project import Project
+from tests.chromium import LIMIT, wait_for
 from tests.plugins.preview.live_follower import save_whole
-from tests.plugins.review.chromium import LIMIT, wait_for
 
 NAME = "T010_tiny"
 CURRENT = "page.film.isCurrent && page.film.arrived.size === page.film.take.last"

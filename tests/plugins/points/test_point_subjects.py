@@ -11,15 +11,9 @@ from flowsculpt.pipeline.errors import MissingInputError, ShotError
 from flowsculpt.pipeline.mesh import TriangleMesh
 from flowsculpt.pipeline.mesh.control_net import PIECES, bspline_surface
 from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
+from flowsculpt.pipeline.plugins.points.clouds import CloudInSolid, CloudOfFile
+from flowsculpt.pipeline.plugins.points.nets import NetOfFile, NetOfRows, NetOfSolid
 from flowsculpt.pipeline.shot import read_shot
-from flowsculpt.pipeline.shot.point_subjects import (
-    RADIUS,
-    CloudInSolid,
-    CloudOfFile,
-    NetOfFile,
-    NetOfRows,
-    NetOfSolid,
-)
 from flowsculpt.pipeline.shot.subjects import Solid
 
 HEAD = "title: T\nframes: 1-3\n"
@@ -57,7 +51,7 @@ def test_a_cloud_in_a_solid_needs_no_resampling(folder: Path) -> None:
     mesh = shot.motion.mesh_at_rest()
     assert len(mesh.vertices) == 50
     assert len(mesh.faces) == 0
-    assert (mesh.attributes[RADIUS] == 0.1).all()
+    assert (mesh.attributes["radius"] == 0.1).all()
 
 
 def test_a_cloud_of_a_file_may_take_its_radii_from_there_and_scales_both(folder: Path) -> None:
@@ -114,6 +108,7 @@ def test_the_surface_of_a_net_is_fine_unless_the_shot_says_otherwise(folder: Pat
         ("{cloud: stars.ply}", "subject.radius: missing; it has no default"),
         ("{cloud: stars.ply, radius: 0}", "3:29: subject.radius: 0 is out of range; it must be above 0"),
         ("{cloud: stars.ply, radius: -1}", "3:29: subject.radius: -1 is out of range; it must be above 0"),
+        ("{cloud: stars.ply, radius: 3 mm}", "subject.radius"),
         ("{cloud: stars.ply, radius: sized}", "no attribute 'sized' for a radius. Did you mean 'size'?"),
         ("{cloud: stars.ply, radius: thin}", "thin of point 1 is 0 (and 1 more); radii must be above 0"),
         (
@@ -200,7 +195,7 @@ def test_a_shot_that_extends_a_solid_may_be_a_cloud_instead(folder: Path) -> Non
 
 
 def test_the_documented_points_are_good(folder: Path) -> None:
-    page = (Path(__file__).parents[2] / "docs" / "shot-files.md").read_text("utf-8")
+    page = (Path(__file__).parents[3] / "docs" / "shot-files.md").read_text("utf-8")
     lines = page.split("## Points")[1].split("```yaml\n")[1].split("```")[0].splitlines()
     kinds = []
     for line in lines:

@@ -10,17 +10,18 @@ import struct
 import zlib
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn
 from xml.etree import ElementTree
 
 import numpy as np
 
-from flowsculpt.pipeline.arrays import AnyArray, Floats
-from flowsculpt.pipeline.errors import FlowsculptError, UsageError, printable, reason_of, shorten, suggest
-from flowsculpt.pipeline.file_contents import Archive
-from flowsculpt.render.base.input_files import read_input
+from flowsculpt import FlowsculptError, UsageError
+from flowsculpt.api import reason_of, shorten, suggest
+from flowsculpt.api.files import Archive, read_input
+from flowsculpt.api.flows import Samples
+from flowsculpt.api.meshes import AnyArray, Floats
 
 MAX_BYTES = 8 << 30  # memory for the samples of a field, or of a sequence
 
@@ -166,10 +167,8 @@ class _Grid:
         matches = [element for element in vectors if wanted is None or element.get("Name") == wanted]
         if len(matches) != 1:
             names = [element.get("Name", "?") for element in vectors]
-            what = (
-                f"no array {shorten(printable(wanted))} of" if wanted and not matches else "not one array of"
-            )
-            hint = f" There are: {', '.join(map(printable, names))}." if names else ""
+            what = f"no array {shorten(wanted)} of" if wanted and not matches else "not one array of"
+            hint = f" There are: {', '.join(names)}." if names else ""
             raise UsageError(f"{self.file}: there is {what} three components at its points.{hint}")
         return matches[0]
 
@@ -252,31 +251,6 @@ def _length(is_base64: bool, count: int) -> int:
 FORMATS = (".vti", ".vtr", ".npz")
 
 MAX_SPEED = 1e12  # the limit of any number in a shot file: squares and sums of such numbers stay finite
-
-
-@dataclass(frozen=True)
-class Samples:
-    """Velocities at the nodes of a grid, at one time or several: equal contents of files, equal samples.
-
-    axes      three float64 arrays, each ascending and of two numbers or more
-    times     (T,) seconds, ascending
-    velocity  float64 (T, X, Y, Z, 3)
-    digests   SHA-256 of each file
-    array     the name of the velocities in VTK files; None: the file's only vectors
-    interval  seconds from file to file
-    """
-
-    axes: tuple[Floats, Floats, Floats] = field(compare=False, repr=False)
-    times: Floats = field(compare=False, repr=False)
-    velocity: Floats = field(compare=False, repr=False)
-    digests: tuple[str, ...]
-    array: str | None = None
-    interval: float = 1.0
-
-    @property
-    def digest(self) -> str:
-        """The digest of all files together."""
-        return hashlib.sha256("".join(self.digests).encode()).hexdigest()
 
 
 def read_samples(files: tuple[Path, ...], array: str | None = None, interval: float = 1.0) -> Samples:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 PAGE = (ROOT / "docs" / "interchange.md").read_text(encoding="utf-8")
 SECTION = PAGE.partition("\n## In\n")[2].partition("\n## ")[0]
 

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from flowsculpt.pipeline.errors import UsageError
-from flowsculpt.pipeline.flow import samples
-from flowsculpt.pipeline.flow.samples import read_samples
+from flowsculpt.pipeline.plugins.sampled import grid_files
+from flowsculpt.pipeline.plugins.sampled.grid_files import read_samples
 
 AXIS = np.linspace(-1.0, 1.0, 4)
 ONES = np.ones((4, 4, 4, 3))
@@ -135,7 +135,7 @@ def test_only_the_arrays_of_a_field_are_unpacked(tmp_path: Path) -> None:
     assert file.stat().st_size < 1 << 20
     code = (
         "import resource, sys\nfrom pathlib import Path\n"
-        "from flowsculpt.pipeline.flow.samples import read_samples\n"
+        "from flowsculpt.pipeline.plugins.sampled.grid_files import read_samples\n"
         "before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\nread_samples((Path(sys.argv[1]),))\n"
         "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)"
     )
@@ -160,7 +160,7 @@ def test_headers_tell_what_is_too_much_before_it_is_unpacked(tmp_path: Path) -> 
 def test_the_files_of_a_sequence_count_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     files = tuple(archive(tmp_path / f"{k}.npz", k=np.full(1, k)) for k in range(3))
     assert len(read_samples(files).velocity) == 3
-    monkeypatch.setattr(samples, "MAX_BYTES", 2 * ONES.nbytes)
+    monkeypatch.setattr(grid_files, "MAX_BYTES", 2 * ONES.nbytes)
     with pytest.raises(UsageError, match="4608 bytes of velocities are too many; 3072 bytes are the most"):
         read_samples(files, interval=2.0)
 
@@ -179,12 +179,12 @@ def test_a_file_is_hashed_once_and_parsed_while_it_is_another(
     files = tuple(archive(tmp_path / f"{k}.npz", velocity=k * ONES) for k in range(3))
     read: list[str] = []
     parsed: list[str] = []
-    content, parse = samples.read_input, samples.read_npz
+    content, parse = grid_files.read_input, grid_files.read_npz
     monkeypatch.setattr(
-        samples, "read_input", lambda file, *more: (read.append(file.name), content(file, *more))[1]
+        grid_files, "read_input", lambda file, *more: (read.append(file.name), content(file, *more))[1]
     )
     monkeypatch.setattr(
-        samples, "read_npz", lambda file, *more: (parsed.append(file.name), parse(file, *more))[1]
+        grid_files, "read_npz", lambda file, *more: (parsed.append(file.name), parse(file, *more))[1]
     )
     first, again = read_samples(files), read_samples(files)
     assert read == 2 * ["0.npz", "1.npz", "2.npz"] and parsed == read[:3]

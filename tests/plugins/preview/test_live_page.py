@@ -10,7 +10,7 @@ import pytest
 from playwright.sync_api import Browser
 
 from tests.conftest import TINY
-from tests.plugins.review.live_page import CURRENT, SHOWN, Follower, live_page
+from tests.plugins.preview.live_page import CURRENT, SHOWN, Follower, live_page
 
 VORTEX = "  - vortex: {axis: z, centre: [0.5, 0.25, 0], radius: 0.6, strength: 1} # stirred\n"
 SHOT = TINY.replace("flows:\n", f"flows: # two\n{VORTEX}")

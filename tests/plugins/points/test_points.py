@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from flowsculpt.pipeline.errors import MeshError, MissingInputError
 from flowsculpt.pipeline.mesh import TriangleMesh, box
-from flowsculpt.pipeline.mesh.points import read_net, read_points
 from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
+from flowsculpt.pipeline.plugins.points.point_files import read_net, read_points
 
 POINTS = np.random.default_rng(1).normal(size=(7, 3))
 SIZES = np.linspace(0.1, 0.7, 7)

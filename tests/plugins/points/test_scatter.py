@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flowsculpt.pipeline.mesh.points import on_surface, within
-from flowsculpt.pipeline.shot.point_subjects import CloudInSolid
+from flowsculpt.pipeline.plugins.points.clouds import CloudInSolid, within
 from flowsculpt.pipeline.shot.subjects import SOLIDS, Solid
 
 BOX = np.array([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]])
@@ -84,6 +83,6 @@ def test_faces_without_area_have_no_points() -> None:
     from flowsculpt.pipeline.mesh import TriangleMesh
 
     mesh = TriangleMesh([[0, 0, 0], [1, 0, 0], [0, 0, 1], [2, 0, 0]], [[0, 1, 3], [0, 2, 1]])
-    points, _ = on_surface(mesh, 50, 0)
+    points, _ = mesh.scattered(50, 0)
     assert (points[:, 0] + points[:, 2] <= 1).all()
     assert (points[:, 2] > 0).all()

@@ -1,0 +1,70 @@
+"""Which plug-ins a test needs besides the one in whose folder it lies.
+
+A test says so with `@needs_plugins("sheets")`, or imports a module of the plug-in. Either skips it where that
+plug-in is not installed; where all of flowsculpt is, nothing is skipped.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Sequence
+from importlib.abc import MetaPathFinder
+from importlib.machinery import ModuleSpec
+from types import ModuleType
+
+import pytest
+
+from flowsculpt.pipeline.plugin import plugins
+
+OF_PLUGIN = re.compile(r"(?:flowsculpt\.pipeline|tests)\.plugins\.(\w+)")
+
+
+def missing(*names: str) -> list[str]:
+    """Return those of some plug-ins that are not installed."""
+    return [name for name in names if name not in plugins().loaded]
+
+
+def needs_plugins(*names: str) -> pytest.MarkDecorator:
+    """Mark a test, a class, a module or a row of a table that needs plug-ins."""
+    return pytest.mark.skipif(bool(missing(*names)), reason=_reason(*missing(*names)))
+
+
+def _reason(*names: str) -> str:
+    return f"needs the plug-in {' and '.join(names)}, which is not installed"
+
+
+class MissingPlugins(MetaPathFinder):
+    """Skips the test, or the module of tests, that imports from a plug-in which is not installed.
+
+    Python asks it last, so only for modules that are not there.
+    """
+
+    def find_spec(
+        self, name: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        """Skip what imports a module of a missing plug-in, or of its tests; find nothing else."""
+        if (found := OF_PLUGIN.fullmatch(name)) and missing(found[1]):
+            pytest.skip(_reason(found[1]), allow_module_level=True)
+        return None
+
+
+def watch_imports() -> None:
+    """Let imports say which plug-ins tests need."""
+    sys.meta_path.append(MissingPlugins())
+
+
+def installed(*commands: Sequence[str]) -> list[Sequence[str]]:
+    """Return those of some commands, each with its words, that are there: plug-ins may be missing."""
+
+    def is_file(words: Sequence[str]) -> bool:
+        name, *rest = (word for word in words if not word.startswith("-"))
+        return " ".join((name, *rest[:1]) if name == "export" else (name,)) in plugins().commands
+
+    return [*filter(is_file, commands)]
+
+
+def is_of_installed(path: str) -> bool:
+    """Return whether a file of the project, by its path in it, is there as far as plug-ins decide it."""
+    found = re.match(r"(?:pipeline|tests)/plugins/(\w+)/", path)
+    return found is None or not missing(found[1])
