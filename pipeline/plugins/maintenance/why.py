@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 from flowsculpt import FlowsculptError
-from flowsculpt.api import shorten
 from flowsculpt.api.frames import (
     STAGES,
     CorruptFileError,
@@ -124,7 +123,7 @@ def _shown(value: Any, digits: int | None = None) -> str:
     """Return a value in YAML, its numbers rounded to so many significant digits."""
     if value is MISSING:
         return "nothing"
-    text = "nothing" if value is None else shorten(to_yaml(_rounded(value, digits)))
+    text = "nothing" if value is None else to_yaml(_rounded(value, digits))
     return text if len(text) <= 60 else f"{text[:57]}…"
 
 
