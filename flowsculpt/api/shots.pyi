@@ -4,10 +4,8 @@ from flowsculpt.pipeline.shot import Motion as Motion
 from flowsculpt.pipeline.shot import Shot as Shot
 from flowsculpt.pipeline.shot import read_film as read_film
 from flowsculpt.pipeline.shot.documents.curves import Changing as Changing
-from flowsculpt.pipeline.shot.documents.curves import Ease as Ease
 from flowsculpt.pipeline.shot.documents.curves import WeightField as WeightField
 from flowsculpt.pipeline.shot.documents.field_types import ByForm as ByForm
-from flowsculpt.pipeline.shot.documents.field_types import Degrees as Degrees
 from flowsculpt.pipeline.shot.documents.field_types import Document as Document
 from flowsculpt.pipeline.shot.documents.field_types import OneOfSeveral as OneOfSeveral
 from flowsculpt.pipeline.shot.documents.field_types import Positive as Positive
@@ -21,14 +19,10 @@ from flowsculpt.pipeline.shot.documents.shot_documents import FilmDocument as Fi
 from flowsculpt.pipeline.shot.documents.shot_documents import ShotDocument as ShotDocument
 from flowsculpt.pipeline.shot.documents.subject_documents import ModelDocument as ModelDocument
 from flowsculpt.pipeline.shot.documents.subject_documents import SolidDocument as SolidDocument
-from flowsculpt.pipeline.shot.documents.subject_documents import solid_faults as solid_faults
 from flowsculpt.pipeline.shot.motion import Clock as Clock
-from flowsculpt.pipeline.shot.motion import as_data as as_data
 from flowsculpt.pipeline.shot.shot_reader import WrittenShot as WrittenShot
 from flowsculpt.pipeline.shot.shot_reader import read_shot as read_shot
-from flowsculpt.pipeline.shot.subjects import SOLIDS as SOLIDS
 from flowsculpt.pipeline.shot.subjects import Model as Model
-from flowsculpt.pipeline.shot.subjects import PluginSurface as PluginSurface
 from flowsculpt.pipeline.shot.subjects import Solid as Solid
 from flowsculpt.pipeline.shot.subjects import Subject as Subject
 from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext as ParseContext

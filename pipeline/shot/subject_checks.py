@@ -12,7 +12,7 @@ from flowsculpt.pipeline.errors import MissingInputError, quote, suggest
 from flowsculpt.pipeline.mesh.read import names_parts
 from flowsculpt.pipeline.shot.documents.camera_documents import FOCUS_WORDS
 from flowsculpt.pipeline.shot.documents.field_types import is_written_number
-from flowsculpt.pipeline.shot.documents.subject_documents import POINTS, points_kind, solid_faults
+from flowsculpt.pipeline.shot.documents.subject_documents import POINTS, SolidDocument, points_kind
 from flowsculpt.pipeline.shot.yaml.document_validation import missing_file
 from flowsculpt.pipeline.shot.yaml.named_files import is_file
 from flowsculpt.pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource
@@ -151,7 +151,7 @@ def check_stage(source: YamlSource) -> Iterator[Problem]:
 
 def check_solid(source: YamlSource) -> Iterator[Problem]:
     """Check the measures of a solid."""
-    for where, text in solid_faults((), source.mapping("subject")):
+    for where, text in SolidDocument.faults((), source.mapping("subject")):
         yield ("subject", *where), text
 
 

@@ -6,16 +6,15 @@ from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 
 from flowsculpt.api.flows import Keyframes, Number, ParameterDoc
 from flowsculpt.api.shots import (
-    SOLIDS,
     Clock,
-    Degrees,
-    Ease,
     FlowParameters,
     OneOfSeveral,
     ParseContext,
     Positive,
+    Solid,
     Triple,
     WeightField,
+    one_of,
 )
 from flowsculpt.pipeline.plugins.become.become_flow import Become
 from flowsculpt.pipeline.plugins.become.stored_fits import PlacedShape
@@ -38,7 +37,7 @@ class BecomeDocument(OneOfSeveral, FlowParameters):
     )
     up: Annotated[Literal["y", "z"] | None, ParameterDoc("of the model: its axis that points up")] = None
     rotate: Annotated[
-        list[Degrees] | None,
+        list[Annotated[float, Field(ge=-3600, le=3600)]] | None,
         Field(min_length=3, max_length=3),
         ParameterDoc("of the model: about x, then y, then z", "degrees"),
     ] = None
@@ -56,7 +55,9 @@ class BecomeDocument(OneOfSeveral, FlowParameters):
         None
     )
     end: Annotated[Any, Field(alias="to"), ParameterDoc("frame, or seconds, when it arrives")] = None
-    ease: Annotated[Ease, ParameterDoc("how it leaves and arrives")] = "sine_in_out"
+    ease: Annotated[
+        str, one_of(Keyframes.EASE_NAMES, "easing"), ParameterDoc("how it leaves and arrives")
+    ] = "sine_in_out"
     progress: Annotated[
         WeightField | None, ParameterDoc("in place of from and to: share of the way, from 0 to 1, keyed")
     ] = None
@@ -80,9 +81,9 @@ class BecomeDocument(OneOfSeveral, FlowParameters):
             document = ModelDocument.model_validate({"model": self.model, **named})
             subject: Any = document.build(context.folder)
         else:
-            if self.solid is None or self.solid not in SOLIDS:
-                raise ValueError(f"{self.solid} is not a solid. Write one of {', '.join(SOLIDS)}.")
-            _require_known(named, SOLIDS[self.solid].measures, f"the {self.solid}")
+            if self.solid is None or self.solid not in Solid.KINDS:
+                raise ValueError(f"{self.solid} is not a solid. Write one of {', '.join(Solid.KINDS)}.")
+            _require_known(named, Solid.KINDS[self.solid].measures, f"the {self.solid}")
             subject = SolidDocument.model_validate({"solid": self.solid, **named}).build()
         x, y, z = map(float, self.place or [0.0, 0.0, 0.0])
         self._target = PlacedShape(subject, (x, y, z))

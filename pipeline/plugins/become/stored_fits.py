@@ -23,7 +23,7 @@ from flowsculpt.api.files import CachedAnswer, atomic_write, usable, writable_ca
 from flowsculpt.api.flows import Sampled, Samples
 from flowsculpt.api.frames import CorruptFileError, Locks, StoredFiles
 from flowsculpt.api.meshes import AnyArray, Floats, Points, components, require
-from flowsculpt.api.shots import Model, PluginSurface, Solid, as_data
+from flowsculpt.api.shots import Model, Solid
 from flowsculpt.pipeline.plugins.become.fitting import THIN, Detail, Leg, Residual, State, fitted
 from flowsculpt.pipeline.plugins.become.target import PATCH, FittedSurface, face_vectors, lengths
 from flowsculpt.pipeline.plugins.become.velocity_path import KNOTS, STEPS, PathSpace
@@ -66,13 +66,14 @@ class PlacedShape:
 
     @property
     def name(self) -> str:
-        if isinstance(self.subject, PluginSurface):
-            return f"the {self.subject.name}"
-        return self.subject.path.name if isinstance(self.subject, Model) else f"the {self.subject.solid}"
+        if isinstance(self.subject, Solid):
+            return f"the {self.subject.solid}"
+        name = self.subject.path.name
+        return name if self.subject.files else f"the {name}"  # a surface of a plug-in has no files
 
     def data(self) -> Any:
         """Return what decides it, JSON-able."""
-        return [as_data(self.subject), list(self.place)]
+        return [self.subject.data(), list(self.place)]
 
     @cached_property
     def mesh(self) -> TriangleMesh:

@@ -12,17 +12,7 @@ from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 from flowsculpt import TriangleMesh, UsageError, read_mesh
 from flowsculpt.api import CopyLayout, plural
 from flowsculpt.api.meshes import Floats, Points, Vectors, face_normals, model_files, unit
-from flowsculpt.api.shots import (
-    SOLIDS,
-    Degrees,
-    Document,
-    OneOfSeveral,
-    ParseContext,
-    Positive,
-    Solid,
-    Triple,
-    one_of,
-)
+from flowsculpt.api.shots import Document, OneOfSeveral, ParseContext, Positive, Solid, Triple, one_of
 
 ORIGIN, UP = [0.0, 0.0, 0.0], [0.0, 1.0, 0.0]
 
@@ -36,7 +26,7 @@ STEPS = 20_000
 FACES = 4
 """Faces of a surface for each copy, at least: places are even then."""
 
-_SOLIDS = [name for name in SOLIDS if name != "lattice"]
+_SOLIDS = [name for name in Solid.KINDS if name != "lattice"]
 
 Places = tuple[Points, Floats]
 
@@ -159,7 +149,7 @@ class SurfaceDocument(Arrangement):
         if (self.solid is None) == (self.model is None):
             raise ValueError("copies are on a solid or on a model. Write one, such as solid: torus.")
         given = self.model_dump(exclude_none=True, include={"size", "radius", "length", "tube_radius"})
-        known = SOLIDS[self.solid].measures if self.solid else {}
+        known = Solid.KINDS[self.solid].measures if self.solid else {}
         for name, value in given.items():
             if np.size(value) != np.size(known.get(name, ())):
                 whose = f"the {self.solid or 'model'}"
@@ -194,7 +184,9 @@ class OneLayout(CopyLayout, OneOfSeveral):
     disc: DiscDocument | None = Field(None, description="as seeds in a sunflower")
     spiral: SpiralDocument | None = Field(None, description="around an axis")
     surface: SurfaceDocument | None = Field(None, description="on a solid or a model")
-    lean: Degrees = Field(0.0, description="of copies, outwards, or along x (degrees)")
+    lean: Annotated[float, Field(ge=-3600, le=3600)] = Field(
+        0.0, description="of copies, outwards, or along x (degrees)"
+    )
     jitter: Triple = Field(
         ORIGIN, description="by how much places are moved by chance, at most, along x, y and z (units)"
     )

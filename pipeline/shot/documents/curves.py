@@ -11,7 +11,6 @@ from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr, Valida
 from flowsculpt.pipeline.errors import UsageError, quote
 from flowsculpt.pipeline.flow.keyframes import (
     BEZIER,
-    EASINGS,
     Envelope,
     Extrapolation,
     FormulaCurve,
@@ -182,7 +181,7 @@ class FromSoundTriple(_FollowsSound):
 MOST_SAMPLES = 4000
 """Most times at which a curve is checked while the shot is read."""
 
-Ease = Annotated[str, one_of((*EASINGS, BEZIER), "easing")]
+Ease = Annotated[str, one_of(Keyframes.EASE_NAMES, "easing")]
 ExtrapolationName = Annotated[str, one_of(get_args(Extrapolation), "extrapolation")]
 
 

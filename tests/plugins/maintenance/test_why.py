@@ -101,7 +101,7 @@ CASES = [
     Case("the look", ("its look differs", f"{SHOT}:8: look: nothing → ceramic"), ("", "look: ceramic\n")),
     Case(
         "a colour",
-        ("its look differs", f"{SHOT}:8: look: nothing → {{material: clay, colour: \"#c04020\"}}"),
+        ("its look differs", f'{SHOT}:8: look: nothing → {{material: clay, colour: "#c04020"}}'),
         ("", "look: {material: clay, colour: '#c04020'}\n"),
     ),
     Case(
@@ -153,7 +153,7 @@ CASES = [
     ),
     Case(
         "the dicing",
-        ("its dicing differs", f"{SHOT}:8: smooth: nothing → {{dicing: \"2px\"}}"),
+        ("its dicing differs", f'{SHOT}:8: smooth: nothing → {{dicing: "2px"}}'),
         ("", "smooth: {dicing: 2px}\n"),
     ),
     Case(
