@@ -15,7 +15,6 @@ from flowsculpt.api.shots import (
     ParseContext,
     Positive,
     Triple,
-    as_finding,
 )
 from flowsculpt.pipeline.plugins.fields.attraction import Attraction, Target, Wind
 from flowsculpt.pipeline.plugins.fields.grid_files import read_samples
@@ -38,7 +37,7 @@ class SampledDocument(FlowParameters):
     def _are_readable(self, info: ValidationInfo) -> Self:
         context = ParseContext.of(info)
         paths = context.files(self.file)
-        self._samples = as_finding(lambda: read_samples(paths, self.array, float(self.interval)))
+        self._samples = read_samples(paths, self.array, float(self.interval))
         context.digests.update(zip(paths, self._samples.digests, strict=True))
         return self
 
@@ -75,7 +74,7 @@ class AttractionDocument(OneOfSeveral, FlowParameters):
             self._target = Target.curve(np.array(self.curve), self.closed)
         else:
             file = ParseContext.of(info).mesh(str(self.mesh))
-            self._target = as_finding(lambda: Target.surface(read_mesh(file), float(self.scale)))
+            self._target = Target.surface(read_mesh(file), float(self.scale))
         return self
 
     def own_values(self, clock: Clock) -> dict[str, Any]:
@@ -90,17 +89,13 @@ class WindDocument(FlowParameters):
     @field_validator("through")
     @classmethod
     def _has_directions(cls, through: list[list[float]]) -> list[list[float]]:
-        as_finding(lambda: _require_directions(through))
+        for point, following in pairwise(through):
+            if point == following:
+                raise UsageError(
+                    f"the curve goes through {point} twice in a row, so it has no direction there. "
+                    "Remove one."
+                )
         return through
 
     def own_values(self, clock: Clock) -> dict[str, Any]:
         return {"through": tuple((float(x), float(y), float(z)) for x, y, z in self.through)}
-
-
-def _require_directions(through: list[list[float]]) -> None:
-    """Raise UsageError where two points in a row are equal."""
-    for point, following in pairwise(through):
-        if point == following:
-            raise UsageError(
-                f"the curve goes through {point} twice in a row, so it has no direction there. Remove one."
-            )

@@ -25,7 +25,7 @@ from flowsculpt.api.frames import (
     Store,
     StoredFiles,
 )
-from flowsculpt.api.shots import is_there
+from flowsculpt.api.shots import is_file
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ def shown_with_digest(store: Store) -> list[Path]:
     apart = [RootFolders.of(store.root).state, *_of_versions(store.root)]
     folders = (f for f in store.digests.folders() if not any(map(f.is_relative_to, apart)))
     paths = (folder / name for folder in folders for name in sorted(store.digests.in_folder(folder)))
-    return [path for path in paths if is_there(path)]
+    return [path for path in paths if is_file(path)]
 
 
 def verify_shown(
@@ -148,7 +148,7 @@ def shown_files(root: Path) -> Iterator[Path]:
     """Yield the files in renders/, but those of versions."""
     apart = _of_versions(root)
     for path in sorted(RootFolders.of(root).renders.rglob("*")):
-        if is_there(path) and not any(map(path.is_relative_to, apart)):
+        if is_file(path) and not any(map(path.is_relative_to, apart)):
             yield path
 
 

@@ -10,7 +10,7 @@ from flowsculpt import UsageError
 from flowsculpt.api import quote, reason_of
 from flowsculpt.api.files import read_input
 from flowsculpt.api.flows import ParameterDoc
-from flowsculpt.api.shots import Clock, FlowParameters, ParseContext, as_finding
+from flowsculpt.api.shots import Clock, FlowParameters, ParseContext
 from flowsculpt.pipeline.plugins.python.python_flow import MOST_CODE, PythonFlow
 
 
@@ -35,7 +35,9 @@ class PythonDocument(FlowParameters):
     @field_validator("function")
     @classmethod
     def _is_a_name(cls, function: str) -> str:
-        as_finding(lambda: _require_name(function))
+        if not function.isidentifier():
+            remedy = "write it as in the file, without brackets"
+            raise UsageError(f"{quote(function)} names no function; {remedy}.")
         return function
 
     @model_validator(mode="after")
@@ -44,20 +46,13 @@ class PythonDocument(FlowParameters):
         self._path, self._allowed = context.file(self.file), context.allow_code
         self._digest = context.digests[self._path]
         self._reads = {path: context.digests[path] for path in map(context.file, self.reads)}
-        as_finding(lambda: _require_python(self._path))
+        _require_python(self._path)
         return self
 
     def own_values(self, clock: Clock) -> dict[str, Any]:
         file = {"digest": self._digest, "path": self._path, "allowed": self._allowed}
         opened = {"files": tuple(self._reads), "reads": tuple(self._reads.values())}
         return {"function": self.function, **file, **opened}
-
-
-def _require_name(function: str) -> None:
-    """Raise UsageError for what cannot name a function."""
-    if not function.isidentifier():
-        remedy = "write it as in the file, without brackets"
-        raise UsageError(f"{quote(function)} names no function; {remedy}.")
 
 
 def _require_python(path: Path) -> None:

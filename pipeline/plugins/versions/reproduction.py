@@ -26,7 +26,7 @@ from flowsculpt.api.frames import (
     Store,
 )
 from flowsculpt.api.pictures import RenderError, read_exr
-from flowsculpt.api.shots import is_there
+from flowsculpt.api.shots import is_file
 from flowsculpt.pipeline.plugins.versions.provenance import Provenance
 
 
@@ -50,7 +50,7 @@ def restored(record: Provenance, allow_code: bool) -> ShotSource:
     """
     gone, changed = [], []
     for place, digest in record.source.inputs or ():
-        if not is_there(Path(place)):
+        if not is_file(Path(place)):
             gone.append(place)
         elif digest_of_file(Path(place)) != digest:
             changed.append(place)

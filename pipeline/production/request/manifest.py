@@ -191,7 +191,7 @@ def mesh_keys(motion: Motion) -> dict[int, Key]:
 
 def normals_keys(shot: Shot, meshes: Mapping[int, Key]) -> dict[int, Key]:
     """Return keys by frame of a shot of one subject; `meshes` are the keys of its meshes."""
-    from flowsculpt.pipeline.shot.motion import as_data
+    from flowsculpt.pipeline.shot.subjects import as_data
 
     motion, pieces = shot.motion, shot.picture.tessellate
     first = motion.thresholds_at(motion.frames.first).hard_angle

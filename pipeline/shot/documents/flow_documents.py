@@ -52,7 +52,7 @@ from flowsculpt.pipeline.shot.documents.field_types import (
     vector,
 )
 from flowsculpt.pipeline.shot.motion import Clock
-from flowsculpt.pipeline.shot.yaml.document_validation import as_finding, finding
+from flowsculpt.pipeline.shot.yaml.document_validation import finding
 
 
 class FlowParameters(Document):
@@ -212,7 +212,7 @@ class FormulaDocument(FlowParameters):
     def _fits(self) -> Self:
         """Check that all numbers and `frame` fit the flow."""
         x, y, z = self.velocity
-        as_finding(lambda: FormulaField((x, y, z), tuple((name, 0.0) for name in self.numbers)))
+        FormulaField((x, y, z), tuple((name, 0.0) for name in self.numbers))
         return self
 
 
