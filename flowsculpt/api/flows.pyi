@@ -4,7 +4,6 @@ from flowsculpt.pipeline.animation.motion_forecast import MotionForecast as Moti
 from flowsculpt.pipeline.flow.catalogue.external_fields import Sampled as Sampled
 from flowsculpt.pipeline.flow.catalogue.external_fields import Samples as Samples
 from flowsculpt.pipeline.flow.flow import ForeignFlow as ForeignFlow
-from flowsculpt.pipeline.flow.flow import require_permission as require_permission
 from flowsculpt.pipeline.flow.flow_map import FlowMap as FlowMap
 from flowsculpt.pipeline.flow.keyframes import Keyframes as Keyframes
 from flowsculpt.pipeline.flow.parameters import Number as Number

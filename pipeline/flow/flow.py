@@ -181,6 +181,15 @@ class ForeignFlow(Flow):
     path: Path
     allowed: bool
 
+    def require_permission(self) -> None:
+        """Raise UsageError where the file may not run."""
+        if not self.allowed:
+            raise UsageError(
+                f"{self.path}: the shot would run this Python file, which can do anything you can; "
+                "that needs permission. Read the file, then add --allow-code "
+                "(for snakemake, --config allow_code=true)."
+            )
+
 
 def foreign_flows(flow: Flow) -> Iterator[ForeignFlow]:
     """Yield the flows that run files of the user's, of a composed flow."""
@@ -193,14 +202,3 @@ def foreign_flows(flow: Flow) -> Iterator[ForeignFlow]:
             stack += part
         elif dataclasses.is_dataclass(part):
             stack += [getattr(part, f.name) for f in dataclasses.fields(part)]
-
-
-def require_permission(flow: Flow) -> None:
-    """Raise UsageError for the first foreign flow without permission."""
-    for part in foreign_flows(flow):
-        if not part.allowed:
-            raise UsageError(
-                f"{part.path}: the shot would run this Python file, which can do anything you can; "
-                "that needs permission. Read the file, then add --allow-code "
-                "(for snakemake, --config allow_code=true)."
-            )

@@ -20,7 +20,7 @@ import numpy as np
 
 from flowsculpt import FrameError
 from flowsculpt.api.files import read_input
-from flowsculpt.api.flows import ForeignFlow, require_permission
+from flowsculpt.api.flows import ForeignFlow
 from flowsculpt.api.meshes import Points
 
 Displacement = Callable[[Points, float, float], Points]
@@ -104,7 +104,7 @@ class PythonFlow(ForeignFlow):
         return f"{self.function} of {self.path}"
 
     def displace(self, points: Points, time: float, dt: float) -> Points:
-        require_permission(self)
+        self.require_permission()
         with only_declared(self.path, self.files):
             function = _function(self.path, self.digest, self.function)
             try:

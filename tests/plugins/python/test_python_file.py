@@ -11,7 +11,7 @@ import pytest
 
 from flowsculpt.pipeline.errors import FrameError, UsageError
 from flowsculpt.pipeline.flow import Sequence, checked_displacement
-from flowsculpt.pipeline.flow.flow import foreign_flows, require_permission
+from flowsculpt.pipeline.flow.flow import foreign_flows
 from flowsculpt.pipeline.plugins.python.python_flow import PythonFlow
 from flowsculpt.render.base.input_files import digest_of_file
 
@@ -76,7 +76,7 @@ def test_nothing_of_the_file_runs_without_permission(tmp_path: Path) -> None:
     code = f"open({str(trap)!r}, 'w')\ndef f(points, time, dt):\n    return points\n"
     flow = flow_of(tmp_path / "a.py", code, allowed=False)
     with pytest.raises(UsageError, match=r"a\.py: the shot would run this Python file.*add --allow-code"):
-        require_permission(Sequence((flow,)))
+        next(foreign_flows(Sequence((flow,)))).require_permission()
     with pytest.raises(UsageError, match="needs permission"):
         flow.displace(POINTS, 0.0, 0.1)
     flow.cache_data(0.0, 0.1)
