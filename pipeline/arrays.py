@@ -20,5 +20,6 @@ Faces = NDArray[np.int32]
 """(F, 3) vertex indices, counter-clockwise seen from outside."""
 
 Indices = NDArray[np.int32]
+"""int32: numbers of vertices, such as edges (E, 2)."""
 
 AnyArray = NDArray[Any]

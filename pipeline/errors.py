@@ -10,12 +10,12 @@ from flowsculpt.render.base.render_errors import MOST_QUOTED as MOST_QUOTED
 from flowsculpt.render.base.render_errors import FlowsculptError as FlowsculptError
 from flowsculpt.render.base.render_errors import MachineError as MachineError
 from flowsculpt.render.base.render_errors import MissingInputError as MissingInputError
-from flowsculpt.render.base.render_errors import brief as brief
 from flowsculpt.render.base.render_errors import printable as printable
+from flowsculpt.render.base.render_errors import quote as quote
 from flowsculpt.render.base.render_errors import readable as readable
 from flowsculpt.render.base.render_errors import reason_of as reason_of
-from flowsculpt.render.base.render_errors import shortened as shortened
-from flowsculpt.render.base.render_errors import suggestion as suggestion
+from flowsculpt.render.base.render_errors import shorten as shorten
+from flowsculpt.render.base.render_errors import suggest as suggest
 
 
 class UsageError(FlowsculptError):

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from flowsculpt.pipeline.errors import shortened
+from flowsculpt.pipeline.errors import quote
 
 if TYPE_CHECKING:  # planning reads text, and does without numpy
     import numpy as np
@@ -124,7 +124,7 @@ class Archive:
             head = io.BytesIO(packed.read(_HEADER))
         version = npy.read_magic(head)
         if version not in readers:
-            raise ValueError(f"array {shortened(name)} has an unknown header version {version[0]}")
+            raise ValueError(f"array {quote(name)} has an unknown header version {version[0]}")
         shape, _, dtype = readers[version](head)
         return ArrayHeader(tuple(shape), dtype)
 
@@ -137,13 +137,13 @@ class Archive:
 
         header, member = self.header(name), self._zip.getinfo(f"{name}.npy")
         if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-            raise ValueError(f"array {shortened(name)} has an unknown compression method")
+            raise ValueError(f"array {quote(name)} has an unknown compression method")
         factor = _MOST_DEFLATED if member.compress_type == zipfile.ZIP_DEFLATED else 1
         present = min(factor * min(member.compress_size, self._present), member.file_size)
         is_short = min(header.shape, default=0) < 0 or header.size > present
         if not header.dtype.hasobject and (is_short or not header.dtype.itemsize):
             shape = f"has the shape {header.shape} by its header, and ends before"
-            raise ValueError(f"array {shortened(name)} {shape}")
+            raise ValueError(f"array {quote(name)} {shape}")
         self._unpacked += header.size
         if self._unpacked > _MOST_DEFLATED * self._present:  # members may share bytes
             raise ValueError("its arrays overlap")

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flowsculpt.pipeline.arrays import Floats
-from flowsculpt.pipeline.errors import UsageError, brief, shortened, suggestion
+from flowsculpt.pipeline.errors import UsageError, quote, shorten, suggest
 from flowsculpt.render.base.plural import plural
 
 _PARSING = threading.Lock()  # whoever ends last would put back the filters of another thread
@@ -98,7 +98,7 @@ class FormulaError(UsageError):
     """An invalid formula; `column` counts its characters from 1."""
 
     def __init__(self, text: str, column: int, message: str) -> None:
-        super().__init__(f"formula {shortened(text)}, column {column}: {message}")
+        super().__init__(f"formula {quote(text)}, column {column}: {message}")
         self.column = column
         self.message = message
 
@@ -170,9 +170,7 @@ class _Check:
 
     def check_number(self, node: ast.Constant) -> None:
         if isinstance(node.value, bool) or not isinstance(node.value, int | float):
-            raise self.error(
-                node, f"{shortened(node.value)} is not a number; write one plainly, such as 0.05"
-            )
+            raise self.error(node, f"{quote(node.value)} is not a number; write one plainly, such as 0.05")
         if not abs(node.value) <= 1e100:
             raise self.error(node, "this number is too large; 1e100 is the largest")
 
@@ -182,10 +180,10 @@ class _Check:
         if node.id not in self.names and node.id not in CONSTANTS:
             words = (*self.names, *CONSTANTS, *FUNCTIONS)
             meant = _OTHER_NAMES.get(node.id)
-            hint = f"Write {meant}." if meant in words else suggestion(node.id, words)
+            hint = f"Write {meant}." if meant in words else suggest(node.id, words)
             if hint.startswith("There"):
                 hint = f"There are: {', '.join((*self.names, *CONSTANTS))}, and functions such as sin(x)."
-            raise self.error(node, f"{brief(node.id)} is not known here. {hint}")
+            raise self.error(node, f"{shorten(node.id)} is not known here. {hint}")
 
     def check_exponent(self, node: ast.BinOp) -> None:
         power = node.right.operand if isinstance(node.right, ast.UnaryOp) else node.right
@@ -201,8 +199,8 @@ class _Check:
             raise self.error(node.func, "only functions by their name can be called, such as sin(x)")
         name = node.func.id
         if name not in FUNCTIONS:
-            hint = _OTHER_FUNCTIONS.get(name) or suggestion(name, FUNCTIONS)
-            raise self.error(node.func, f"{brief(name)} is not a function here. {hint}")
+            hint = _OTHER_FUNCTIONS.get(name) or suggest(name, FUNCTIONS)
+            raise self.error(node.func, f"{shorten(name)} is not a function here. {hint}")
         wanted, given = FUNCTIONS[name][1], len(node.args)
         if node.keywords or any(isinstance(part, ast.Starred) for part in node.args):
             raise self.error(node, f"{name} takes plain arguments, one after another")
@@ -303,7 +301,7 @@ class Expression:
                 raise FormulaError(
                     self.text,
                     column_of(self.text, node),
-                    f"{brief(ast.unparse(node))} is {value:g}; a formula must be finite. Write another.",
+                    f"{shorten(ast.unparse(node))} is {value:g}; a formula must be finite. Write another.",
                 )
 
     @cached_property
@@ -344,7 +342,7 @@ class Expression:
         column = column_of(self.text, part)
         place = ", ".join(f"{name} {values[name]:.4g}" for name in self.reported_names if name in values)
         return (
-            f"formula {shortened(self.text)}, column {column}: {brief(ast.unparse(part))} "
+            f"formula {quote(self.text)}, column {column}: {shorten(ast.unparse(part))} "
             f"is {value:g} at {place}; it must be finite. Guard it with max, clamp or `… if … else …`."
         )
 
@@ -352,7 +350,7 @@ class Expression:
         rows = {name: np.broadcast_to(value, result.shape).ravel()[row] for name, value in values.items()}
         place = ", ".join(f"{name} {float(rows[name]):g}" for name in self.reported_names if name in rows)
         return (
-            f"formula {shortened(self.text)} is {result.ravel()[row]:g} at {place}; "
+            f"formula {quote(self.text)} is {result.ravel()[row]:g} at {place}; "
             "it must be finite everywhere. Guard it with max, clamp or `… if … else …`."
         )
 

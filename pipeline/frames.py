@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 
-from flowsculpt.pipeline.errors import UsageError, brief, shortened, suggestion
+from flowsculpt.pipeline.errors import UsageError, quote, shorten, suggest
 
 MOST_FRAMES = 100_000
 """Frames in one range: over an hour at 24 frames per second."""
@@ -41,7 +41,7 @@ class FrameSelection:
                 remedy = "write one as 1-48x2, or words alone: failed,stale"
                 raise UsageError(f"{text!r} is not a frame range; {remedy}")
             if word not in WORDS:
-                raise UsageError(f"{word!r} is not a frame range or a word. {suggestion(word, WORDS)}")
+                raise UsageError(f"{word!r} is not a frame range or a word. {suggest(word, WORDS)}")
         return FrameWords(words)
 
 
@@ -70,7 +70,7 @@ class FrameRange(tuple[int, ...], FrameSelection):
         such_as  ranges that the message proposes where the text is none and means none that is known
         """
         if len(text) > MOST_CHARACTERS or _reach(text) > MOST_FRAMES:
-            raise UsageError(f"{shortened(text)} reaches over more than {MOST_FRAMES} frames; split it")
+            raise UsageError(f"{quote(text)} reaches over more than {MOST_FRAMES} frames; split it")
         if plain := _PLAIN.fullmatch(text):
             first, last = map(int, plain.groups())
             return cls(tuple(range(first, last + 1) if first <= last else range(first, last - 1, -1)))
@@ -80,9 +80,9 @@ class FrameRange(tuple[int, ...], FrameSelection):
             numbers = tuple(fileseq.FrameSet(text))
         except (fileseq.exceptions.FileSeqException, ValueError):
             remedy = likely_range(text) or f"one as {such_as}"
-            raise UsageError(f"{shortened(text)} is not a frame range; write {remedy}") from None
+            raise UsageError(f"{quote(text)} is not a frame range; write {remedy}") from None
         if not numbers or any(not isinstance(n, int) for n in numbers):
-            raise UsageError(f"{shortened(text)} contains no whole frame; write a range as 1-48 or 1-48x2")
+            raise UsageError(f"{quote(text)} contains no whole frame; write a range as 1-48 or 1-48x2")
         return cls(numbers)
 
     @classmethod
@@ -134,10 +134,10 @@ class FrameRate:
         except (ValueError, ZeroDivisionError):
             number = re.fullmatch(r"\s*(\d+)(?:[.,](\d+))?\s*[A-Za-z/]*", str(value))
             remedy = ".".join(filter(None, number.groups())) if number else "24, 23.976 or 24000/1001"
-            raise UsageError(f"{shortened(value)} is not a frame rate; write {remedy}") from None
+            raise UsageError(f"{quote(value)} is not a frame rate; write {remedy}") from None
         if not SLOWEST <= fps <= FASTEST:
             raise UsageError(
-                f"frame rate {brief(value)} is not from {float(SLOWEST):g} to {FASTEST}, in frames per "
+                f"frame rate {shorten(value)} is not from {float(SLOWEST):g} to {FASTEST}, in frames per "
                 "second; 24 is usual"
             )
         return cls(_NTSC.get(fps, fps))

@@ -1,7 +1,8 @@
 """Long computations: their progress, reported to whoever asked for it, and compiled calls that Ctrl-C ends.
 
 A flow is a mapping of points (P1) with no room for a callback, and a resampler is called by people who watch
-nothing. So the callback lies in a context variable: `reporting_to` sets it for the calls of its own thread.
+nothing. So the callback lies in a context variable: `Progress.reported_to` sets it for the calls of its own
+thread.
 
 Python handles signals in the main thread, between two of its own instructions: never within a compiled call.
 """
@@ -37,27 +38,24 @@ class Progress(NamedTuple):
     total: int
     is_once: bool = False
 
+    def report(self) -> None:
+        """Report it, if somebody asked for it."""
+        callback = _CALLBACK.get()
+        if callback is not None:
+            callback(self)
 
-ProgressCallback = Callable[[Progress], None]
-
-_CALLBACK: ContextVar[ProgressCallback | None] = ContextVar("progress callback", default=None)
-
-
-@contextmanager
-def reporting_to(callback: ProgressCallback) -> Iterator[None]:
-    """Have what is computed within the context report its progress, some times a second, to a callback."""
-    token = _CALLBACK.set(callback)
-    try:
-        yield
-    finally:
-        _CALLBACK.reset(token)
+    @staticmethod
+    @contextmanager
+    def reported_to(callback: Callable[[Progress], object]) -> Iterator[None]:
+        """Have computations within the context report their progress to a callback, some times a second."""
+        token = _CALLBACK.set(callback)
+        try:
+            yield
+        finally:
+            _CALLBACK.reset(token)
 
 
-def report_progress(activity: str, done: int, total: int = 0, is_once: bool = False) -> None:
-    """Report progress, if somebody asked for it."""
-    callback = _CALLBACK.get()
-    if callback is not None:
-        callback(Progress(activity, done, total, is_once))
+_CALLBACK: ContextVar[Callable[[Progress], object] | None] = ContextVar("progress callback", default=None)
 
 
 def interruptible(compute: Callable[[], T]) -> T:

@@ -3,14 +3,11 @@
 from flowsculpt.pipeline.cli.run_observer import RunObserver as RunObserver
 from flowsculpt.pipeline.errors import ShotError as ShotError
 from flowsculpt.pipeline.errors import VertexBudgetError as VertexBudgetError
-from flowsculpt.pipeline.errors import brief as brief
+from flowsculpt.pipeline.errors import quote as quote
 from flowsculpt.pipeline.errors import reason_of as reason_of
-from flowsculpt.pipeline.errors import shortened as shortened
-from flowsculpt.pipeline.errors import suggestion as suggestion
-from flowsculpt.pipeline.flow.parameters import VectorParameter as VectorParameter
+from flowsculpt.pipeline.errors import shorten as shorten
+from flowsculpt.pipeline.errors import suggest as suggest
 from flowsculpt.pipeline.long_computations import Progress as Progress
-from flowsculpt.pipeline.long_computations import report_progress as report_progress
-from flowsculpt.pipeline.long_computations import reporting_to as reporting_to
 from flowsculpt.pipeline.plugin import Command as Command
 from flowsculpt.pipeline.plugin import FileFormat as FileFormat
 from flowsculpt.pipeline.plugin import PictureStage as PictureStage
@@ -19,7 +16,6 @@ from flowsculpt.pipeline.plugin import ShotEntry as ShotEntry
 from flowsculpt.pipeline.plugin import plugins as plugins
 from flowsculpt.pipeline.production.shot_extras import Animation as Animation
 from flowsculpt.pipeline.production.shot_extras import ShotExtras as ShotExtras
-from flowsculpt.pipeline.production.store.remote_store import RemoteStore as RemoteStore
 from flowsculpt.pipeline.production.store.remote_store import RemoteStores as RemoteStores
 from flowsculpt.pipeline.resample import PolygonMethod as PolygonMethod
 from flowsculpt.pipeline.resample import PolygonReport as PolygonReport
@@ -27,5 +23,4 @@ from flowsculpt.pipeline.resample import PolygonResampler as PolygonResampler
 from flowsculpt.pipeline.shot.documents.subject_kinds import CopyLayout as CopyLayout
 from flowsculpt.pipeline.shot.documents.subject_kinds import PointsKind as PointsKind
 from flowsculpt.pipeline.shot.documents.subject_kinds import SubjectKind as SubjectKind
-from flowsculpt.render.base.plural import indefinite as indefinite
 from flowsculpt.render.base.plural import plural as plural

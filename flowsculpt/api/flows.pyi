@@ -1,29 +1,17 @@
 """Flows: their parameters, kernels and steps; the flows themselves are in `flowsculpt`."""
 
-from flowsculpt.pipeline.animation.flow_cost import FlowCost as FlowCost
-from flowsculpt.pipeline.animation.flow_cost import SubjectSize as SubjectSize
-from flowsculpt.pipeline.animation.flow_cost import constant_deformations as constant_deformations
-from flowsculpt.pipeline.animation.flow_cost import estimated_vertices as estimated_vertices
-from flowsculpt.pipeline.animation.flow_cost import flows_of as flows_of
-from flowsculpt.pipeline.animation.flow_cost import growth_warning as growth_warning
+from flowsculpt.pipeline.animation.motion_forecast import MotionForecast as MotionForecast
 from flowsculpt.pipeline.flow.catalogue.external_fields import Sampled as Sampled
 from flowsculpt.pipeline.flow.catalogue.external_fields import Samples as Samples
-from flowsculpt.pipeline.flow.flow import PluginMap as PluginMap
 from flowsculpt.pipeline.flow.flow_map import FlowMap as FlowMap
-from flowsculpt.pipeline.flow.flow_map import checked_displacement as checked_displacement
-from flowsculpt.pipeline.flow.kernels.external_kernels import DEEPEST as DEEPEST
-from flowsculpt.pipeline.flow.kernels.external_kernels import nearest as nearest
-from flowsculpt.pipeline.flow.kernels.instructions import doubles_at as doubles_at
 from flowsculpt.pipeline.flow.keyframes import Keyframes as Keyframes
 from flowsculpt.pipeline.flow.parameters import Number as Number
-from flowsculpt.pipeline.flow.parameters import Parameter as Parameter
 from flowsculpt.pipeline.flow.parameters import ParameterDoc as ParameterDoc
 from flowsculpt.pipeline.flow.parameters import PositiveNumber as PositiveNumber
+from flowsculpt.pipeline.flow.parameters import VectorParameter as VectorParameter
 from flowsculpt.pipeline.flow.parameters import number_at as number_at
 from flowsculpt.pipeline.flow.parameters import vector_at as vector_at
 from flowsculpt.pipeline.flow.regions import TriangleTree as TriangleTree
-from flowsculpt.pipeline.flow.regions import with_distances as with_distances
-from flowsculpt.pipeline.flow.streamlines import StepPlan as StepPlan
 from flowsculpt.pipeline.flow.velocity import ExternalField as ExternalField
 from flowsculpt.pipeline.kernels import block_kernel as block_kernel
 from flowsculpt.pipeline.kernels import kernel as kernel

@@ -46,7 +46,6 @@ from flowsculpt.pipeline.shot.yaml.named_files import NAME as NAME
 from flowsculpt.pipeline.shot.yaml.named_files import is_edit as is_edit
 from flowsculpt.pipeline.shot.yaml.named_files import is_there as is_there
 from flowsculpt.pipeline.shot.yaml.named_files import name_fault as name_fault
-from flowsculpt.pipeline.shot.yaml.named_files import quote_name as quote_name
 from flowsculpt.pipeline.shot.yaml.named_files import text_of as text_of
 from flowsculpt.pipeline.shot.yaml.yaml_source import Where as Where
 from flowsculpt.pipeline.shot.yaml.yaml_source import YamlSource as YamlSource

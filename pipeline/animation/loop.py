@@ -13,13 +13,13 @@ from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
-from flowsculpt.pipeline.animation.flow_cost import FlowCost, SubjectSize
 from flowsculpt.pipeline.animation.frame import MATERIAL, FrameReport, MeshFrame, with_material
+from flowsculpt.pipeline.animation.motion_forecast import MotionForecast
 from flowsculpt.pipeline.arrays import AnyArray, Floats, Points, Vectors
 from flowsculpt.pipeline.errors import FlowsculptError, FrameError, UsageError, VertexBudgetError
 from flowsculpt.pipeline.flow import Displacement, Flow, Streamlines, as_flow
 from flowsculpt.pipeline.flow.flow_map import CARRYING, FlowMap, FrameStep, blocks_of
-from flowsculpt.pipeline.long_computations import Progress, reporting_to
+from flowsculpt.pipeline.long_computations import Progress
 from flowsculpt.pipeline.mesh import PolygonMesh, TriangleMesh
 from flowsculpt.pipeline.mesh.control_net import Lattice
 from flowsculpt.pipeline.mesh.halfedge_mesh import Register, with_identities
@@ -171,10 +171,10 @@ class _ResampledSurface(MovingSurface, Generic[R]):
             if thresholds.max_vertices == most:
                 raise self._grown(error.fact, number) from error
             extent = float(np.ptp(self._resampler.vertices, axis=0).max())
-            size = SubjectSize(self._motion, extent)
-            if not size.remedy or size.is_usual:
+            remedy = MotionForecast(self._motion).size_remedy(extent)
+            if not remedy or MotionForecast.is_usual(extent):
                 raise error.of(number) from error
-            raise error.with_remedy(size.remedy, number) from error
+            raise error.with_remedy(remedy, number) from error
         except FrameError as error:
             raise error.of(number) from error
         except FlowsculptError as error:
@@ -488,7 +488,7 @@ def _report_frames(
     before = None if resume is None else _VertexSample.of(resume)
     del resume  # a frame that its taker has dropped takes no memory while the next one is computed
     while number <= motion.frames.last:
-        with reporting_to(_FrameWatch(motion, number, before, callback, told).receive):
+        with Progress.reported_to(_FrameWatch(motion, number, before, callback, told).receive):
             frame = next(frames)
         number, before = frame.number + 1, _VertexSample.of(frame)
         yield frame
@@ -570,7 +570,7 @@ class _FrameWatch:
                 f"the flows stretch the surface from {before.vertices:,} vertices to {last.done:,}. Slow the "
                 "flows down, or raise resample.max_edge_length."
             )
-        costs = [] if before is None else FlowCost.of_frame(self._motion, self._frame, *before)
+        costs = [] if before is None else MotionForecast(self._motion).costs(self._frame, *before)
         if before is None or not costs:
             count = last.done if before is None else before.vertices
             return "resample", f"{last.activity} has {count:,} vertices. Raise resample.max_edge_length."

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 import typer
 
 from flowsculpt.pipeline.cli.output import print_error, print_warning, tell_of_store
-from flowsculpt.pipeline.errors import UsageError, suggestion
+from flowsculpt.pipeline.errors import UsageError, suggest
 from flowsculpt.pipeline.frames import FrameRange, FrameSelection
 from flowsculpt.pipeline.plugin import Command, plugins
 from flowsculpt.pipeline.production.request.lookup import today_name
@@ -91,21 +91,37 @@ def _today_names(given: str | list[str] | None) -> str | list[str] | None:
     return [today_name(name) for name in given] if isinstance(given, list) else given and today_name(given)
 
 
-def shared_option(name: str, help: str, **settings: Any) -> Any:
-    """Return an option that several commands have, with a help of its own.
+def shared_option(name: str, help: str = "", **settings: Any) -> Any:
+    """Return an option that several commands have, with a help of its own where one is given.
 
-    name      `at`, a frame; `frames`, a FrameRange; `output`, a file; or `quality`
+    name      `allow_code`; `at`, a frame; `frames`, a FrameRange; `output`, a file; `quality`; `settings` of
+              the shot; or `variant`, the renderer
     settings  of `typer.Option`, in place of the usual ones
     """
     words, usual = _SHARED[name]
-    return typer.Option(*words, help=help, **{**usual, **settings})
+    return typer.Option(*words, **{**usual, **({"help": help} if help else {}), **settings})
 
 
 _SHARED: dict[str, tuple[tuple[str, ...], dict[str, Any]]] = {
+    "allow_code": (("--allow-code",), {"help": "Let shots run the Python files that they name as flows."}),
     "at": (("--at",), {"metavar": "FRAME"}),
     "frames": (("-f", "--frames"), {"metavar": "RANGE", "parser": FrameRange.parse}),
     "output": (("-o", "--output"), {"metavar": "FILE"}),
     "quality": (("-q", "--quality"), {"metavar": "QUALITY", "callback": _today_names}),
+    "settings": (
+        ("--set",),
+        {
+            "metavar": "NAME=VALUE",
+            "help": "Replace a value of the shot, such as flows.0.vortex.strength=2. Repeatable.",
+        },
+    ),
+    "variant": (
+        ("--variant",),
+        {
+            "metavar": "VARIANT",
+            "help": f"Mitsuba variant: {', '.join(VARIANTS)}. Default: the first that works.",
+        },
+    ),
 }
 """Words and settings of options by name."""
 
@@ -127,14 +143,7 @@ Frames = Annotated[
 Quality = Annotated[str, shared_option("quality", f"One of {', '.join(QUALITIES)}.")]
 """The option `-q`; its default is DEFAULT_QUALITY."""
 
-Variant = Annotated[
-    str | None,
-    typer.Option(
-        metavar="VARIANT", help=f"Mitsuba variant: {', '.join(VARIANTS)}. Default: the first that works."
-    ),
-]
-"""The option `--variant`: the renderer."""
-
+Variant = Annotated[str | None, shared_option("variant")]
 Scale = Annotated[
     str | None, typer.Option(metavar="PERCENT", help="Render smaller or larger pictures: 50%, or 0.5.")
 ]
@@ -169,20 +178,8 @@ NoPreview = Annotated[
         "quality; see docs/production.md.",
     ),
 ]
-Settings = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set",
-        metavar="NAME=VALUE",
-        help="Replace a value of the shot, such as flows.0.vortex.strength=2. Repeatable.",
-    ),
-]
-"""The option `--set`: values in place of those of the shot file."""
-
-AllowCode = Annotated[
-    bool, typer.Option("--allow-code", help="Let shots run the Python files that they name as flows.")
-]
-"""The option `--allow-code`, for shots with Python files."""
+Settings = Annotated[list[str] | None, shared_option("settings")]
+AllowCode = Annotated[bool, shared_option("allow_code")]
 
 
 @dataclass(frozen=True)
@@ -258,7 +255,7 @@ def require_one_of(word: str, known: Collection[str], fact: str, within: str = "
     within  what stands before the word where plug-ins add it: "flowsculpt export "
     """
     if word not in known:
-        raise UsageError(f"{fact} {plugins().lacking(within + word) or suggestion(word, known)}")
+        raise UsageError(f"{fact} {plugins().lacking(within + word) or suggest(word, known)}")
 
 
 INTERRUPTED = 130

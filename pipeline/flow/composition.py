@@ -66,6 +66,10 @@ class Sequence(_Ordered):
 
     flows: tuple[Flow, ...]
 
+    @property
+    def members(self) -> tuple[Flow, ...]:
+        return self.flows
+
     def steps(self, time: float, dt: float) -> Iterator[FlowStep]:
         for flow in self.flows if dt >= 0 else reversed(self.flows):
             yield from flow.steps(time, dt)

@@ -26,7 +26,7 @@ import numpy as np
 from flowsculpt.pipeline.arrays import Points
 from flowsculpt.pipeline.errors import FrameError, UsageError
 from flowsculpt.pipeline.flow.parameters import Vector
-from flowsculpt.render.base.input_files import read_input
+from flowsculpt.render.base.input_files import InputFile
 
 _CODE = (".py", ".pyc", ".so", ".nbi", ".nbc", ".kernel", ".pth")
 """Modules, and what caches compile from them; keys do not hold imports."""
@@ -113,6 +113,16 @@ class Flow(ABC):
         """Yield the flows that act one after another within this step: `displace` is all of them in order."""
         yield FlowStep(self, time, dt)
 
+    @property
+    def members(self) -> tuple[Flow, ...]:
+        """The flows that act one after another: those of a sequence, else this one alone."""
+        return (self,)
+
+    @property
+    def plugin_flow(self) -> Flow:
+        """The flow as its plug-in made it, without what the core wraps around it."""
+        return self
+
     def with_max_step(self, max_step: float) -> Flow:
         """Return the flow with no sub-step along velocities longer than `max_step` units."""
         return self
@@ -196,6 +206,10 @@ class PluginMap(Flow):
     flow: Flow
     origin: tuple[str, str, str]
 
+    @property
+    def plugin_flow(self) -> Flow:
+        return self.flow
+
     def displace(self, points: Points, time: float, dt: float) -> Points:
         return self.flow.displace(points, time, dt)
 
@@ -203,7 +217,7 @@ class PluginMap(Flow):
         return {"plugin": self.origin, "data": self.flow.cache_data(time, dt)}
 
     def of_subject(self, subject: Any, place: Vector, before: Sequence[Flow]) -> Flow:
-        plain = [flow.flow if isinstance(flow, PluginMap) else flow for flow in before]
+        plain = [flow.plugin_flow for flow in before]
         return dataclasses.replace(self, flow=self.flow.of_subject(subject, place, plain))
 
     def findings(self) -> Iterator[tuple[str, bool]]:
@@ -313,7 +327,7 @@ def _function(path: Path, digest: str, name: str) -> Displacement:
 @lru_cache(maxsize=64)
 def _module(path: Path, digest: str) -> ModuleType:
     """Run a file as a module in sys.modules, where dataclasses look up their own."""
-    source = read_input(path, MOST_CODE)
+    source = InputFile(path, MOST_CODE).content()
     if hashlib.sha256(source).hexdigest() != digest:
         raise FrameError(f"{path}: it was changed since the work was planned; run again")
     module = ModuleType(f"flowsculpt_flow_{digest}")

@@ -19,6 +19,7 @@ from flowsculpt.pipeline.arrays import AnyArray, Floats, Points
 from flowsculpt.pipeline.errors import FrameError, UsageError
 from flowsculpt.pipeline.flow.kernels import instructions as op
 from flowsculpt.pipeline.flow.kernels import region_kernels as kernels
+from flowsculpt.pipeline.flow.kernels.external_kernels import find_nearest
 from flowsculpt.pipeline.flow.parameters import (
     ORIGIN,
     Number,
@@ -32,7 +33,7 @@ from flowsculpt.pipeline.flow.parameters import (
 )
 from flowsculpt.pipeline.flow.velocity import Instruction, StableProperty
 from flowsculpt.pipeline.mesh.meshes import TriangleMesh
-from flowsculpt.pipeline.mesh.validation import require
+from flowsculpt.pipeline.mesh.validation import validate
 
 LEAF = 6  # the most triangles in a leaf
 
@@ -77,6 +78,32 @@ class TriangleTree:
         memory = np.concatenate([np.array(boxes).ravel(), corners[order].ravel()])
         return cls(memory, 8 * len(boxes), order, np.array(ranges))
 
+    def nearest(self, points: Points) -> tuple[AnyArray, Floats]:
+        """Return the triangle (P,) nearest to each of points (P, 3), and shares (P, 2) of its corners.
+
+        Triangles are numbered as they were given; the shares are those of the second and the third corner in
+        the nearest point.
+        """
+        found, shares = np.empty(len(points), np.int64), np.empty((len(points), 2))
+        find_nearest(self.memory.ctypes.data, self.triangles, points, found, shares)
+        return self.order[found], shares
+
+    def with_distances(self, first: Points, spacing: float, shape: tuple[int, ...]) -> Floats:
+        """Return the array of `region_kernels`; it ends with signed distances on a grid of a shape.
+
+        first    the first node (3,)
+        spacing  between nodes, units
+
+        The triangles are those of a closed surface; distances are negative inside.
+        """
+        corners = self.memory[self.triangles :].reshape(-1, 3, 3)
+        count, dipoles = math.prod(shape), _dipoles(self, corners)
+        begins = [self.triangles, len(self.memory), len(self.memory) + dipoles.size]
+        header = np.array([*begins, *first, spacing, *shape], np.float64)
+        memory = np.concatenate([header, self.with_more(dipoles), np.empty(count)])
+        kernels.distances(memory.ctypes.data, memory[-count:].reshape(shape))
+        return memory
+
     def with_more(self, numbers: Floats) -> Floats:
         """Return the array with numbers appended to its triangles."""
         return np.concatenate([self.memory, numbers.ravel()])
@@ -116,7 +143,7 @@ class ClosedSurface:
 
         Raises MeshError, in one sentence that begins with `name`, where it is open or not manifold.
         """
-        require(mesh, closed=True, name=name)
+        validate(mesh).require(closed=True, name=name)
         return cls(mesh.vertices[mesh.faces].tobytes())
 
     @cached_property
@@ -136,22 +163,7 @@ def _lookup(surface: ClosedSurface) -> Lookup:
     low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
     spacing = float((high - low).max()) / (NODES - 3)
     shape = np.ceil((high - low) / spacing).astype(int) + 3  # one more on every side, to begin outside
-    return Lookup(with_distances(tree, corners, low - spacing, spacing, tuple(shape.tolist())), low, high)
-
-
-def with_distances(
-    tree: TriangleTree, corners: Floats, first: Points, spacing: float, shape: tuple[int, ...]
-) -> Floats:
-    """Return the kernels' array of closed triangles (T, 3, 3); it ends with distances on a grid of a shape.
-
-    first  the first node (3,)
-    """
-    count, dipoles = math.prod(shape), _dipoles(tree, corners[tree.order])
-    begins = [tree.triangles, len(tree.memory), len(tree.memory) + dipoles.size]
-    header = np.array([*begins, *first, spacing, *shape], np.float64)
-    memory = np.concatenate([header, tree.with_more(dipoles), np.empty(count)])
-    kernels.distances(memory.ctypes.data, memory[-count:].reshape(shape))
-    return memory
+    return Lookup(tree.with_distances(low - spacing, spacing, tuple(shape.tolist())), low, high)
 
 
 def _dipoles(tree: TriangleTree, corners: Floats) -> Floats:

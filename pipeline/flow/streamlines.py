@@ -21,7 +21,7 @@ from flowsculpt.pipeline.flow.kernels.instructions import BLOCK, COLUMNS, EXTERN
 from flowsculpt.pipeline.flow.parameters import kernel_points, vector_at
 from flowsculpt.pipeline.flow.velocity import Program, VelocityField, opcodes_of, sensitivity, table_of
 from flowsculpt.pipeline.kernels import in_threads
-from flowsculpt.pipeline.long_computations import report_progress
+from flowsculpt.pipeline.long_computations import Progress
 from flowsculpt.pipeline.mesh.meshes import morton_order
 
 CALL_SECONDS = 0.25
@@ -119,7 +119,7 @@ class StepPlan(NamedTuple):
             blocks = max(fewest, int(blocks * growth))
             first = last
             if seconds > 0.1 * CALL_SECONDS:
-                report_progress(activity, last, count)
+                Progress(activity, last, count).report()
 
 
 STEP_LIMIT = 0.1

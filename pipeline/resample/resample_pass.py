@@ -21,7 +21,7 @@ import numpy as np
 
 from flowsculpt.pipeline.arrays import Faces, Indices, Points
 from flowsculpt.pipeline.errors import FlowsculptError, FrameError, VertexBudgetError
-from flowsculpt.pipeline.long_computations import interruptible, report_progress
+from flowsculpt.pipeline.long_computations import Progress, interruptible
 from flowsculpt.pipeline.mesh.halfedge_mesh import WORTH_SHARING, HalfedgeMesh
 from flowsculpt.pipeline.resample.kernels.collapse import (
     REASONS,
@@ -243,7 +243,7 @@ class ResamplePass:
         born = items_of(births).reshape(-1, BIRTH_SIZE)
         self.mesh.enter_births(born[:, :BIRTH_HALFEDGE])
         self.long_edges = self._place(born, remaining)
-        report_progress("resampling", int(self.mesh.sizes[0]))
+        Progress("resampling", int(self.mesh.sizes[0]), 0).report()
 
     def _place(self, births: Indices, remaining: Indices) -> Indices:
         """Move the new vertices to where the placement has them; return the edges that are then too long."""

@@ -9,7 +9,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from flowsculpt.pipeline.errors import FlowsculptError, MissingInputError, ShotError, UsageError, suggestion
+from flowsculpt.pipeline.errors import FlowsculptError, MissingInputError, ShotError, UsageError, suggest
 from flowsculpt.pipeline.frames import FrameRange, FrameRate
 from flowsculpt.pipeline.shot.documents.curves import SUFFIXES
 from flowsculpt.pipeline.shot.documents.field_types import is_number
@@ -123,7 +123,7 @@ def _shot(folder: Path, name: str, place: str, settings: tuple[str, ...]) -> Sho
     if is_there(file):
         return read_shot(file, settings=settings)
     known = [shot.stem for shot in shot_files(folder) if not is_edit(shot)]
-    hint = suggestion(name, known) if known else "No shot is beside the edit; flowsculpt new NAME makes one."
+    hint = suggest(name, known) if known else "No shot is beside the edit; flowsculpt new NAME makes one."
     bare = name.rpartition("/")[2].removesuffix(".yaml")
     if bare in known:
         hint = f"Write {bare}, its name without folder and suffix."
@@ -233,7 +233,7 @@ def _missing_sound(source: YamlSource, folder: Path) -> Iterator[Problem]:
         known = sorted(file.name for file in folder.glob("[!.]*") if file.suffix.lower() in SUFFIXES)
         remedy = "and no other beside the edit. Put it there, or remove sound."
         if known:
-            remedy = f"which is looked for beside the edit. {suggestion(name, known)}"
+            remedy = f"which is looked for beside the edit. {suggest(name, known)}"
         yield ("sound", "file"), f"sound not found: {quote_name(folder / name)}, {remedy}"
 
 

@@ -353,6 +353,13 @@ class Motion:
         """Return the step of a flow that leads into `frame`."""
         return FrameStep(self.limit_steps(flow, frame), *self.step(frame), frame)
 
+    def carry(self, points: Points, start: float, end: float) -> Points:
+        """Return points (N, 3) of one frame moved to another, where frames may have fractions.
+
+        Raises FrameError where the flow fails or the result is not finite.
+        """
+        return FrameStep(self.flow, *self.clock.between(start, end), int(end)).apply(points)
+
     def flow_data(self, frame: int, offsets: tuple[float, ...]) -> list[Any]:
         """Return the cache data of the flow between a frame and offsets near it: equal data, equal paths.
 

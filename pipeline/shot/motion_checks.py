@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
-from flowsculpt.pipeline.errors import shortened
+from flowsculpt.pipeline.errors import quote
 from flowsculpt.pipeline.flow.keyframes import BEZIER
 from flowsculpt.pipeline.frames import FrameRange, FrameRate
 from flowsculpt.pipeline.resample import polygon_methods
@@ -65,7 +65,7 @@ def _times(keys: dict[Any, Any], where: Where, clock: Clock) -> Iterator[Problem
         if seconds is None or not abs(seconds) < FURTHEST:
             yield (
                 place,
-                f"key {shortened(key)} is not a time; write a frame, such as 12, or seconds, such as 0.5s",
+                f"key {quote(key)} is not a time; write a frame, such as 12, or seconds, such as 0.5s",
             )
             continue
         if before and math.isclose(seconds, before[1], rel_tol=0, abs_tol=1e-9):
@@ -84,7 +84,7 @@ def _times(keys: dict[Any, Any], where: Where, clock: Clock) -> Iterator[Problem
 
 def _shown(key: float | str) -> str:
     """Return a key for a message: as it stands, unless it is too long."""
-    return shortened(key).strip("'")
+    return quote(key).strip("'")
 
 
 def _handles(mapping: dict[Any, Any], where: Where, clock: Clock) -> Iterator[Problem]:
@@ -116,17 +116,17 @@ def _is_bezier(item: Any, ease: Any) -> bool:
 def _handle_fault(side: str, handle: Any, value: Any, clock: Clock) -> str | None:
     rule = f"a handle is [time, value] away from its key, such as [{'-6' if side == 'left' else '6'}, 0.5]"
     if not isinstance(handle, list) or len(handle) != 2:
-        return f"{side} is {shortened(handle)}; {rule}"
+        return f"{side} is {quote(handle)}; {rule}"
     seconds, away = clock.length(handle[0]), handle[1]
     if seconds is None or not math.isfinite(seconds):
-        return f"{side} has {shortened(handle[0])} for its time, which is frames, or seconds as 0.5s; {rule}"
+        return f"{side} has {quote(handle[0])} for its time, which is frames, or seconds as 0.5s; {rule}"
     if seconds < 0 if side == "right" else seconds > 0:
         sign = "negative" if side == "left" else "positive"
-        return f"{side} has {shortened(handle[0])} for its time, which must be {sign} there. Turn it round."
+        return f"{side} has {quote(handle[0])} for its time, which must be {sign} there. Turn it round."
     wanted = len(value) if isinstance(value, list) else 1
     parts = away if isinstance(away, list) else [away]
     if not all(is_number(part) and abs(part) <= 1e12 for part in parts):
-        return f"{side} has {shortened(away)} for its value; {rule}"
+        return f"{side} has {quote(away)} for its value; {rule}"
     if len(parts) != wanted or isinstance(away, list) != isinstance(value, list):
         count = plural(len(parts), "number")
         return f"{side} has {count} and its key {wanted}; they need as many. Write all of them."

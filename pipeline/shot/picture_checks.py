@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from flowsculpt.pipeline.errors import UsageError, shortened, suggestion
+from flowsculpt.pipeline.errors import UsageError, quote, suggest
 from flowsculpt.pipeline.frames import FrameRange
 from flowsculpt.pipeline.mesh.mesh_formats import suffix_of
 from flowsculpt.pipeline.plugin import plugins
@@ -45,8 +45,8 @@ def check_named_settings(source: YamlSource) -> Iterator[Problem]:
         if not named or not isinstance(name, str) or name in known:
             continue
         where: Where = (entry, base_name) if isinstance(value, dict) else (entry,)
-        if (hint := suggestion(name, map(str, named), listing="")).startswith("Did"):
-            yield where, f"{dotted_path(where)}: {shortened(name)} is not among `{names}`. {hint}"
+        if (hint := suggest(name, map(str, named), listing="")).startswith("Did"):
+            yield where, f"{dotted_path(where)}: {quote(name)} is not among `{names}`. {hint}"
 
 
 def check_clear_look(source: YamlSource) -> Iterator[Problem]:
@@ -86,7 +86,7 @@ def check_paint(source: YamlSource) -> Iterator[Problem]:
         and suffix_of(model) not in (painted := plugins().readers("paint"))
     ):
         known = listed(painted, "or") if painted else "files by plug-ins alone, and none does"
-        yield ("subject", "paint"), f"paint is read from {known}; this is {shortened(model)}. Leave it out."
+        yield ("subject", "paint"), f"paint is read from {known}; this is {quote(model)}. Leave it out."
     if isinstance(look, Painted) and not is_painted:
         paint = "Write subject: {model: FILE.obj, paint: on}."
         yield ("look",), f"look model shows the paint of a model. {paint}"
@@ -199,7 +199,7 @@ def check_dimmed_lights(source: YamlSource) -> Iterator[Problem]:
     names = _light_names(source.get("lights"))
     for name in source.mapping("lights", "intensity"):
         if names and name not in names:
-            yield ("lights", "intensity", name), f"{name} is not a light here. {suggestion(name, names, 0.7)}"
+            yield ("lights", "intensity", name), f"{name} is not a light here. {suggest(name, names, 0.7)}"
 
 
 def check_light_groups(source: YamlSource) -> Iterator[Problem]:
@@ -231,7 +231,7 @@ def check_light_groups(source: YamlSource) -> Iterator[Problem]:
                     "write visible: true for the sky.",
                 )
             elif light not in names:
-                yield where, f"{light} is not a light here. {suggestion(light, names, 0.7)}"
+                yield where, f"{light} is not a light here. {suggest(light, names, 0.7)}"
             elif light in group_of:
                 yield where, f"{light} is in group {group_of[light]} already. Remove one of the two."
             group_of.setdefault(light, group)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from flowsculpt.pipeline.errors import UsageError, shortened, suggestion
+from flowsculpt.pipeline.errors import UsageError, quote, suggest
 from flowsculpt.pipeline.flow.flow import require_permission
 from flowsculpt.pipeline.frames import FrameRange, FrameRate
 from flowsculpt.pipeline.shot.camera_path import CameraPath, Shutter
@@ -195,8 +195,8 @@ class Shot:
         """Return the shot with one of its subjects. Raises UsageError for a name that none has."""
         known = {part.subject: part for part in self.subjects}
         if name not in known:
-            hint = suggestion(name, known) if known else "It has one subject; leave the name out."
-            raise UsageError(f"{self.name} has no subject {shortened(name)}. {hint}")
+            hint = suggest(name, known) if known else "It has one subject; leave the name out."
+            raise UsageError(f"{self.name} has no subject {quote(name)}. {hint}")
         return known[name]
 
     @property

@@ -8,15 +8,19 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from flowsculpt.pipeline.errors import MissingInputError, shortened, suggestion
-from flowsculpt.pipeline.mesh.read import names_parts
+from flowsculpt.pipeline.errors import (
+    MissingInputError,
+    quote,
+    suggest,
+)
+from flowsculpt.pipeline.mesh.read import ModelFile
 from flowsculpt.pipeline.shot.documents.camera_documents import FOCUS_WORDS
 from flowsculpt.pipeline.shot.documents.field_types import is_written_number
 from flowsculpt.pipeline.shot.documents.subject_documents import POINTS, points_kind, solid_faults
 from flowsculpt.pipeline.shot.yaml.document_validation import missing_file
 from flowsculpt.pipeline.shot.yaml.named_files import is_there
 from flowsculpt.pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource
-from flowsculpt.render.base.input_files import digest_of_file
+from flowsculpt.render.base.input_files import InputFile
 
 SUBJECT_NAME = r"[A-Za-z][A-Za-z0-9_]{0,39}"
 """Names of subjects: they become part of file names, of mattes and of prims in USD."""
@@ -30,8 +34,8 @@ def check_focus(source: YamlSource) -> Iterator[Problem]:
     focus, subjects = source.get("camera", "focus"), source.get("subjects")
     names = (*FOCUS_WORDS, *(subjects if isinstance(subjects, dict) else ()))
     if isinstance(focus, str) and not is_written_number(focus) and focus not in names:
-        hint = suggestion(focus, names)
-        yield ("camera", "focus"), f"camera.focus: {shortened(focus)} is not a thing to focus on. {hint}"
+        hint = suggest(focus, names)
+        yield ("camera", "focus"), f"camera.focus: {quote(focus)} is not a thing to focus on. {hint}"
 
 
 def check_one_or_several(source: YamlSource) -> Iterator[Problem]:
@@ -65,7 +69,7 @@ def _name_fault(name: Any) -> str | None:
     """Return rule and remedy for a name that no subject can have; None for a good one."""
     if not isinstance(name, str) or not re.fullmatch(SUBJECT_NAME, name):
         rule = "a name begins with a letter and has letters, digits and _ alone, 40 at most"
-        return f"{shortened(name)} cannot name a subject; {rule}. Rename it."
+        return f"{quote(name)} cannot name a subject; {rule}. Rename it."
     if name in OBJECTS or name.endswith("_wireframe"):
         return f"{name} is the name of something else in pictures. Rename the subject, such as {name}_1."
     return None
@@ -122,7 +126,7 @@ def check_files(source: YamlSource) -> Iterator[Problem]:
             yield ("subject", kind), missing_file(name, path, f"{kind} file")
             continue
         try:
-            digest_of_file(path)
+            InputFile(path).digest()
         except MissingInputError as error:
             yield ("subject", kind), str(error)
 
@@ -141,11 +145,13 @@ def check_solid_size(source: YamlSource) -> Iterator[Problem]:
 def check_stage(source: YamlSource) -> Iterator[Problem]:
     """Check that settings of USD stages are not given to models of other formats."""
     name = source.get("subject", "model")
+    if not isinstance(name, str) or ModelFile(Path(name)).names_parts:
+        return
     for setting in ("prim", "time_code"):
-        if isinstance(name, str) and not names_parts(name) and source.get("subject", setting) is not None:
+        if source.get("subject", setting) is not None:
             yield (
                 ("subject", setting),
-                f"{setting} is for models of USD; this one is {shortened(Path(name).suffix)}. Leave it out.",
+                f"{setting} is for models of USD; this one is {quote(Path(name).suffix)}. Leave it out.",
             )
 
 

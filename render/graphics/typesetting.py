@@ -16,7 +16,7 @@ import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
-from flowsculpt.render.base.render_errors import BadInputError, suggestion
+from flowsculpt.render.base.render_errors import BadInputError, suggest
 from flowsculpt.render.base.serialise import Triple
 
 Floats = NDArray[np.float32]
@@ -182,7 +182,7 @@ class BurnIn:
     def __post_init__(self) -> None:
         for field in self.fields:
             if field not in FIELDS:
-                raise BadInputError(f"{field!r} cannot be burnt in. {suggestion(field, FIELDS)}")
+                raise BadInputError(f"{field!r} cannot be burnt in. {suggest(field, FIELDS)}")
 
     @classmethod
     def parse(cls, text: str) -> BurnIn:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from flowsculpt.render.base.limited_process import Parser, ParserError
-from flowsculpt.render.base.render_errors import BadInputError, suggestion
+from flowsculpt.render.base.render_errors import BadInputError, suggest
 from flowsculpt.render.scene.picture_file import DEFAULT_CONFIG
 from flowsculpt.render.scene.rgb_spaces import REC709
 
@@ -148,7 +148,7 @@ def _reason(opened: Any, config: str) -> str:
 
 def _require_known(kind: str, name: str, names: list[str], config: str) -> None:
     if name not in names:
-        raise BadInputError(f"{config} has no {kind} {name!r}. {suggestion(name, names, cutoff=0.4)}")
+        raise BadInputError(f"{config} has no {kind} {name!r}. {suggest(name, names, cutoff=0.4)}")
 
 
 def _try_views(config: str) -> bytes:

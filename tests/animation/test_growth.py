@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from flowsculpt.pipeline.animation import animate
-from flowsculpt.pipeline.animation.flow_cost import forecast_growth, growth_warning
+from flowsculpt.pipeline.animation.motion_forecast import MotionForecast
 from flowsculpt.pipeline.errors import FrameError
 from flowsculpt.pipeline.frames import FrameRange
 from flowsculpt.pipeline.production.request.manifest import mesh_keys
@@ -42,7 +42,7 @@ def test_the_largest_frame_is_forecast_within_a_factor_of_two(flow: str, tmp_pat
     motion = shot_of(tmp_path, flow).motion
     counts = {frame.number: len(frame.mesh.vertices) for frame in animate(motion)}
     rest = motion.mesh_at_rest()
-    forecasts = list(forecast_growth(motion, rest.vertices, rest.faces, counts[1]))
+    forecasts = list(MotionForecast(motion).growth(rest.vertices, rest.faces, counts[1]))
     assert [forecast.frame for forecast in forecasts] == list(range(2, 31))
     assert max(counts.values()) > 1.2 * counts[1]
     assert 0.5 < max(forecast.vertices for forecast in forecasts) / max(counts.values()) < 2.0
@@ -52,16 +52,18 @@ def test_the_largest_frame_is_forecast_within_a_factor_of_two(flow: str, tmp_pat
 def test_faces_that_are_lines_grow_nothing(motion: Motion) -> None:
     along = np.array([0.9, 0.3, 0.17])
     line = np.array([0.0 * along, 0.3 * along, along])
-    assert list(forecast_growth(motion, line, np.array([[0, 1, 2]]), 3)) == []
+    assert list(MotionForecast(motion).growth(line, np.array([[0, 1, 2]]), 3)) == []
     beside = np.vstack([line, [[0.0, 1.0, 0.0]]])
     for faces in ([[0, 1, 2], [0, 2, 3]], [[0, 2, 3], [0, 1, 2]]):
-        assert all(growth.times < 100.0 for growth in forecast_growth(motion, beside, np.array(faces), 4))
+        assert all(
+            growth.times < 100.0 for growth in MotionForecast(motion).growth(beside, np.array(faces), 4)
+        )
 
 
 def test_edges_that_become_shorter_multiply_the_vertices(tmp_path: Path) -> None:
     motion = shot_of(tmp_path, "rotation: {speed: 5}", edge="{keys: {1: 0.2, 30: 0.1}}").motion
     rest = motion.mesh_at_rest()
-    *_, last = forecast_growth(motion, rest.vertices, rest.faces, 1000)
+    *_, last = MotionForecast(motion).growth(rest.vertices, rest.faces, 1000)
     assert last.vertices == pytest.approx(4000, rel=1e-3)
 
 
@@ -69,7 +71,7 @@ def test_a_runaway_is_warned_of_with_the_flow_and_what_lowers_it(tmp_path: Path)
     def warning(flow: str) -> str:
         motion = shot_of(tmp_path, flow, edge=0.03).motion
         rest = motion.mesh_at_rest()
-        found = growth_warning(motion, rest.vertices, rest.faces, len(rest.vertices))
+        found = MotionForecast(motion).growth_warning(rest.vertices, rest.faces, len(rest.vertices))
         return "" if found is None else str(found)
 
     said = warning("spiral_vortex: {strength: 200}")

@@ -14,10 +14,10 @@ import pytest
 
 import flowsculpt.pipeline.animation.loop as module
 from flowsculpt.pipeline.animation import FrameProgress, animate
-from flowsculpt.pipeline.animation.flow_cost import FlowCost
+from flowsculpt.pipeline.animation.motion_forecast import MotionForecast
 from flowsculpt.pipeline.flow import Streamlines, streamlines
 from flowsculpt.pipeline.flow.catalogue.vortices import CurlNoise, Vortex
-from flowsculpt.pipeline.long_computations import Progress, reporting_to
+from flowsculpt.pipeline.long_computations import Progress
 from flowsculpt.pipeline.shot import read_shot
 from flowsculpt.pipeline.shot.shot import Shot
 
@@ -71,7 +71,7 @@ def test_a_flow_reports_its_points_in_ascending_order_up_to_all(monkeypatch: pyt
     monkeypatch.setattr(streamlines, "CALL_SECONDS", 0.005)
     monkeypatch.setattr(streamlines, "FIRST_CALL", 1)
     reports: list[Progress] = []
-    with reporting_to(reports.append):
+    with Progress.reported_to(reports.append):
         Streamlines(CurlNoise(), substeps=100).displace(np.random.default_rng(3).normal(size=(3000, 3)), 0, 1)
     done = [report.done for report in reports]
     assert len(done) > 1 and done == sorted(done) and done[-1] == 3000
@@ -115,16 +115,16 @@ def test_what_is_computed_once_for_all_frames_makes_no_frame_slow(tmp_path: Path
 def test_the_settings_that_are_named_as_remedies_lower_the_sub_steps(tmp_path: Path) -> None:
     shot = curl_noise(tmp_path)
     points = next(iter(animate(shot))).mesh.vertices
-    cost = FlowCost.of_frame(shot.motion, 2, points)[0]
+    cost = MotionForecast(shot.motion).costs(2, points)[0]
     assert cost.place == "flows.1" and cost.substeps > 100
     for change in ("size: 2, strength: 60", "strength: 30"):
-        changed = FlowCost.of_frame(curl_noise(tmp_path, change).motion, 2, points)[0]
+        changed = MotionForecast(curl_noise(tmp_path, change).motion).costs(2, points)[0]
         assert changed.substeps < 0.6 * cost.substeps
 
 
 def test_steps_that_edges_limit_are_blamed_on_edges(tmp_path: Path) -> None:
     motion = shot_of(tmp_path, "translation: {rate: [9000, 0, 0]}", "max_step: 0.5").motion
-    cost = FlowCost.of_frame(motion, 2, next(iter(animate(motion))).mesh.vertices)[0]
+    cost = MotionForecast(motion).costs(2, next(iter(animate(motion))).mesh.vertices)[0]
     assert cost.length > cost.gradient
     assert "max_step × max_edge_length" in str(cost) and "raise resample.max_edge_length" in str(cost).lower()
 
@@ -133,16 +133,16 @@ def test_steps_that_a_narrow_vortex_limits_are_blamed_on_it(tmp_path: Path) -> N
     swept = "sum: [{translation: {rate: [900, 0, 0]}}, {vortex: {radius: 0.1, strength: 0.01}}]"
     motion = shot_of(tmp_path, swept).motion
     points = next(iter(animate(motion))).mesh.vertices
-    cost = FlowCost.of_frame(motion, 2, points)[0]
+    cost = MotionForecast(motion).costs(2, points)[0]
     assert cost.length > cost.gradient and cost.max_step == pytest.approx(0.05)
     assert "half the size of its smallest detail" in str(cost) and "Raise radius" in str(cost)
     coarser = shot_of(tmp_path, swept, f"max_step: {cost.coarser}").motion
-    eased = FlowCost.of_frame(coarser, 2, points)[0]
+    eased = MotionForecast(coarser).costs(2, points)[0]
     assert eased.substeps == pytest.approx(50, rel=0.1)
 
 
 def test_maps_have_no_sub_steps(tmp_path: Path) -> None:
-    assert FlowCost.of_frame(shot_of(tmp_path, "bend: {amount: 3}").motion, 2, np.zeros((9, 3))) == []
+    assert MotionForecast(shot_of(tmp_path, "bend: {amount: 3}").motion).costs(2, np.zeros((9, 3))) == []
 
 
 @pytest.mark.slow

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from flowsculpt.pipeline.cli.output import err, frame_progress, out
-from flowsculpt.pipeline.cli.output import table as empty_table
+from flowsculpt.pipeline.cli.output import empty_table as empty_table
+from flowsculpt.pipeline.cli.output import err, out, progress_bars
 from flowsculpt.pipeline.errors import UsageError
 from flowsculpt.pipeline.production.request.lookup import Show
 from flowsculpt.render.base.atomic_write import atomic_write
@@ -36,10 +36,8 @@ def test_brackets_in_names_are_no_markup(capfd: pytest.CaptureFixture[str]) -> N
             console.print("[red] alone")
         assert "part [red] v2" in captured.get() and "[b]head" in captured.get() and "[/]" in captured.get()
         assert "[red] alone" in captured.get()
-    with frame_progress(wanted=False) as progress:
-        progress.add_task("making [red]")
-        with err.capture() as captured:
-            err.print(progress.get_renderable())
+    with progress_bars(wanted=False) as bar, err.capture() as captured:
+        err.print(bar("making [red]", 1).progress.get_renderable())
     assert "making [red]" in captured.get()
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from flowsculpt.pipeline.cli.output import table
+from flowsculpt.pipeline.cli.output import empty_table
 from flowsculpt.pipeline.cli.standard_streams import LIKENESS, write_similar
 from tests.conftest import new_project
 
@@ -95,7 +95,7 @@ def test_a_pipe_gets_tables_in_full(show: Path, variables: dict[str, str]) -> No
 
 def test_on_a_narrow_terminal_names_are_wrapped_and_no_character_is_lost() -> None:
     narrow = Console(width=10, file=StringIO())
-    rows = table("shot", "done")
+    rows = empty_table("shot", "done")
     rows.add_row("SHOT_0123456789", "12")
     narrow.print(rows)
     told = narrow.file.getvalue()

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 
@@ -384,6 +385,19 @@ class Sampled(ExternalField):
     time_scale: Annotated[float, ParameterDoc("seconds of the samples per second of the shot")] = 1.0
     start: Annotated[float, ParameterDoc("of the samples when the shot starts", "s")] = 0.0
     loop: Annotated[bool, ParameterDoc("repeat after the last time; else its samples stay")] = False
+
+    @classmethod
+    def on_grid(
+        cls, axes: Sequence[Floats], times: Floats, velocity: Floats, name: str, **given: Any
+    ) -> Self:
+        """Return the field of velocities (T, X, Y, Z, 3) at the nodes of a grid.
+
+        axes   three, ascending; `times` (T,) seconds, ascending
+        name   of the velocities, which stands for them in keys
+        given  parameters, such as `between`
+        """
+        x, y, z = axes
+        return cls(Samples((x, y, z), times, np.ascontiguousarray(velocity), (name,)), **given)
 
     @StableProperty
     def _memory(self) -> Floats:

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from numba import uint64
 
-from flowsculpt.pipeline.arrays import AnyArray, Floats
+from flowsculpt.pipeline.arrays import AnyArray, Floats, Points
 from flowsculpt.pipeline.flow.kernels.instructions import BLOCK, doubles_at
 from flowsculpt.pipeline.kernels import block_kernel, kernel
 
@@ -261,6 +261,21 @@ def nearest(
         stack[depth], stack[depth + 1] = two, one  # the nearer one is visited first
         depth += 2
     return best, found, best_s, best_r
+
+
+@kernel("void(i8, i8, f8[:, ::1], i8[::1], f8[:, ::1])")
+def find_nearest(address: int, triangles: int, points: Points, found: AnyArray, shares: Floats) -> None:
+    """Find the nearest triangle of a `TriangleTree` to each of points (N, 3), which are finite.
+
+    address  of the tree's memory; `triangles` is the start of the triangles in it
+    found    (N,) receives triangles in the order of the tree
+    shares   (N, 2) receives s and r as `nearest_on_triangle` returns them
+    """
+    m, stack = doubles_at(address), np.empty(DEEPEST, np.int64)
+    for i in range(len(points)):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        _, at, shares[i, 0], shares[i, 1] = nearest(m, triangles, x, y, z, np.inf, stack)
+        found[i] = (at - triangles) // 9
 
 
 @block_kernel

@@ -17,18 +17,9 @@ import numba
 import numpy as np
 
 from flowsculpt import Flow, FrameError, VelocityField
-from flowsculpt.api.flows import (
-    FlowCost,
-    SubjectSize,
-    checked_displacement,
-    constant_deformations,
-    flows_of,
-    growth_warning,
-    number_at,
-    vector_at,
-)
+from flowsculpt.api.flows import MotionForecast, number_at, vector_at
 from flowsculpt.api.frames import Framer
-from flowsculpt.api.meshes import Points
+from flowsculpt.api.meshes import Floats
 from flowsculpt.api.shots import Model, Motion, PluginSurface, Shot
 from flowsculpt.pipeline.plugins.authoring.first_frame import FirstFrame, small_parts
 
@@ -83,13 +74,13 @@ def acts_elsewhere(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
     if not shot.motion.subject.is_surface:
         return
     time = shot.motion.clock.time(shot.frames.first)
-    for k, flow in enumerate(flows_of(shot.motion.flow)):
+    for k, flow in enumerate(shot.motion.flow.members):
         for name, offset in _offsets(flow, first.middle, time):
             sizes = float(np.linalg.norm(offset)) / first.extent
             if sizes <= FAR_OFF:
                 continue
             middle = ", ".join(f"{x:.4g}" for x in first.middle)
-            fit = _size_of(shot, first).remedy
+            fit = MotionForecast(shot.motion).size_remedy(first.extent)
             fits = f"{fit}, which moves the model to the origin, or " if fit else ""
             yield Finding(
                 ("flows", k),
@@ -101,37 +92,34 @@ def acts_elsewhere(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
 
 def _deforms_nothing(shot: Shot, _: FirstFrame) -> Iterator[Finding]:
     """Check that the amount of a deformation changes."""
-    for k, text in constant_deformations(shot.motion):
+    for k, text in MotionForecast(shot.motion).constant_deformations():
         yield Finding(("flows", k), text)
 
 
 def takes_long(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
     """Check that flows take few enough sub-steps, and say where a frame takes long."""
-    motion = shot.motion
-    costs: list[tuple[int, FlowCost]] = []
-    cost: FlowCost | None = None
+    forecast, place, costs = MotionForecast(shot.motion), "", []
     for number in _moved_frames(shot):
         try:
-            of_frame = FlowCost.of_frame(motion, number, first.points)
-            cost = of_frame[0] if of_frame else None
+            of_frame = forecast.costs(number, first.points)
+            place = of_frame[0].place if of_frame else ""
             for each in of_frame:
                 each.require_substeps()
         except FrameError as error:
-            place = "" if cost is None else cost.place
             yield Finding(_where(place), str(error.of(number)), is_error=True)
             return
-        if cost is not None:
-            costs.append((number, cost))
+        if of_frame:
+            costs.append((number, of_frame[0]))
     if not costs:
         return
     number, cost = max(costs, key=lambda item: item[1].substeps)
     where = _where(cost.place)
-    if costs[0][1].length > FlowCost.MOST_SUBSTEPS:
+    if costs[0][1].length > cost.MOST_SUBSTEPS:
         number, cost = costs[0]
-        most = f"{FlowCost.MOST_SUBSTEPS} sub-steps are the most"
+        most = f"{cost.MOST_SUBSTEPS} sub-steps are the most"
         yield Finding(where, f"frame {number} fails, for {most}: {cost}", True)
         return
-    seconds = _seconds(shot, number, first, cost)
+    seconds = _seconds(shot, number, first, cost.substeps)
     if seconds > SLOW_SECONDS:
         yield Finding(where, f"frame {number} takes about {seconds:.0f} s: {cost}")
 
@@ -143,17 +131,17 @@ def stretches(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
         return  # far from the subject a flow may well stretch it, which the other finding mends
     corners = first.points[first.faces[:: max(1, len(first.faces) // SAMPLE)][:SAMPLE]].reshape(-1, 3)
     for number in _moved_frames(shot):
-        for k, flow in enumerate(flows_of(motion.limit_steps(motion.flow, number))):
+        for k, flow in enumerate(motion.flow.members):
             try:
                 if _substeps(motion, number, first, k) > MOST_MEASURED:
                     continue
-                moved = checked_displacement(flow, corners, *motion.step(number), number)
+                moved = motion.step_into(flow, number).apply(corners)
             except FrameError:
                 continue  # `takes_long` tells what fails for certain
             ratio = float(np.quantile(_lengths(moved) / _lengths(corners), 1.0 - STRETCHED))
             if ratio > STRETCH:
-                size = _size_of(shot, first)
-                fit = "" if size.is_usual else size.remedy
+                forecast = MotionForecast(motion)
+                fit = "" if forecast.is_usual(first.extent) else forecast.size_remedy(first.extent)
                 remedy = f"Write {fit}, lower" if fit else "Lower"
                 yield Finding(
                     ("flows", k),
@@ -168,20 +156,21 @@ def grows(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
     """Check that the surface does not multiply in the course of the shot."""
     if first.exceeds:
         return
-    if warning := growth_warning(shot.motion, first.points, first.faces, first.vertices):
+    forecast = MotionForecast(shot.motion)
+    if warning := forecast.growth_warning(first.points, first.faces, first.vertices):
         yield Finding(_where(warning.growth.place), str(warning))
 
 
-def _lengths(corners: Points) -> Points:
+def _lengths(corners: Floats) -> Floats:
     """Return the lengths of the edges of triangles, whose corners stand one after another."""
     triangles = corners.reshape(-1, 3, 3)
-    lengths: Points = np.linalg.norm(triangles - np.roll(triangles, -1, axis=1), axis=2) + 1e-300
+    lengths: Floats = np.linalg.norm(triangles - np.roll(triangles, -1, axis=1), axis=2) + 1e-300
     return lengths
 
 
 def _substeps(motion: Motion, number: int, first: FirstFrame, k: int) -> float:
     """Return the most sub-steps of the flow with index k on the way into a frame; 0 of a map."""
-    costs = FlowCost.of_frame(motion, number, first.points)
+    costs = MotionForecast(motion).costs(number, first.points)
     return max((cost.substeps for cost in costs if cost.place == motion.place_of_flow(k)), default=0.0)
 
 
@@ -195,22 +184,22 @@ def _where(place: str) -> Where:
     return tuple(int(step) if step.isdigit() else step for step in place.split(".")) if place else ("flows",)
 
 
-def _seconds(shot: Shot, number: int, first: FirstFrame, cost: FlowCost) -> float:
+def _seconds(shot: Shot, number: int, first: FirstFrame, substeps: float) -> float:
     """Return about how long the flow into a frame takes: a few vertices are moved for it."""
     resampling = shot.motion.resampling
     carries = resampling is not None and resampling.placement == "exact" and resampling.normals == "carried"
     moved = first.vertices * (3 if carries else 1)
-    if moved * cost.substeps < LONG:
+    if moved * substeps < LONG:
         return 0.0
     sample = first.points[:: max(1, len(first.points) // SAMPLE)][:SAMPLE]
-    flow = shot.motion.limit_steps(shot.motion.flow, number)
+    step = shot.motion.step_into(shot.motion.flow, number)
     started = perf_counter()
     with suppress(FrameError):  # frame by frame it may fail for other reasons
-        checked_displacement(flow, sample, *shot.motion.step(number), number)
+        step.apply(sample)
     return (perf_counter() - started) * moved / len(sample) / numba.get_num_threads()
 
 
-def _offsets(flow: Any, point: Points, time: float) -> Iterator[tuple[str, Points]]:
+def _offsets(flow: Any, point: Floats, time: float) -> Iterator[tuple[str, Floats]]:
     """Yield the name of each flow with a centre, and the vector from it to a point; fields: across the axis.
 
     Flows in a coordinate frame of their own are left out.
@@ -272,7 +261,7 @@ def _budget(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
         budget = resampling.thresholds.max_vertices
         more = 10 ** math.ceil(math.log10(2.0 * max(first.vertices, budget)))
         fits = rounded_up(first.longest * math.sqrt(4.0 * first.vertices / budget))
-        fit = _size_of(shot, first).remedy if _should_fit(shot, first) else ""
+        fit = MotionForecast(shot.motion).size_remedy(first.extent) if _should_fit(shot, first) else ""
         remedy = fit or f"max_edge_length: {fits:g}, or max_vertices: {more}"
         yield Finding(
             ("resample", "max_edge_length"),
@@ -292,12 +281,12 @@ def _edges(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
     if resampling is None or resampling.method != "triangles" or _should_fit(shot, first):
         return
     longest = resampling.thresholds.max_edge_length
-    if isinstance(longest, float) and longest > first.extent / SubjectSize.COARSE * (1.0 + 1e-9):
+    if isinstance(longest, float) and longest > first.extent / MotionForecast.COARSE * (1.0 + 1e-9):
         yield Finding(
             ("resample", "max_edge_length"),
             f"max_edge_length {longest:g} is coarse for a subject {first.extent:.3g} units large: over "
-            f"1/{SubjectSize.COARSE} of its largest extent. Write max_edge_length: "
-            f"{rounded(first.extent / SubjectSize.FINE):g}.",
+            f"1/{MotionForecast.COARSE} of its largest extent. Write max_edge_length: "
+            f"{rounded(first.extent / MotionForecast.FINE):g}.",
         )
 
 
@@ -407,12 +396,12 @@ def _unlike_cameras(shot: Shot) -> Iterator[Finding]:
 def _size(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
     """Check that a model has about the size that flows and looks are made for."""
     if _should_fit(shot, first) and not first.exceeds:
-        size = _size_of(shot, first)
+        remedy = MotionForecast(shot.motion).size_remedy(first.extent)
         yield Finding(
             ("subject", "model"),
             f"the model is {first.extent:.3g} units large; flows and looks are made for about "
-            f"{size.TYPICAL:g}. Write {size.remedy}, or choose max_edge_length and the lengths of the flows "
-            "for this size.",
+            f"{MotionForecast.TYPICAL:g}. Write {remedy}, or choose max_edge_length and the lengths of the "
+            "flows for this size.",
         )
 
 
@@ -446,17 +435,13 @@ def _openness(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
 
 def _should_fit(shot: Shot, first: FirstFrame) -> bool:
     """Tell whether fitting the subject gives it a usual size."""
-    size = _size_of(shot, first)
-    return bool(size.remedy) and not size.is_usual
-
-
-def _size_of(shot: Shot, first: FirstFrame) -> SubjectSize:
-    return SubjectSize(shot.motion, first.extent)
+    forecast = MotionForecast(shot.motion)
+    return bool(forecast.size_remedy(first.extent)) and not forecast.is_usual(first.extent)
 
 
 def _precision(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
     """Check that renderers, which compute in single precision, resolve the subject where it is."""
-    detail, fit = first.extent / 1000.0, _size_of(shot, first).remedy
+    detail, fit = first.extent / 1000.0, MotionForecast(shot.motion).size_remedy(first.extent)
     if float(np.abs(first.middle).max()) * SINGLE_PRECISION > 0.1 * detail:
         yield Finding(
             ("subject",),
@@ -472,7 +457,7 @@ def _coordinates(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
         yield from (Finding(("subject", "model"), line) for line in subject.rounded_coordinates())
 
 
-def is_inside(point: Points, first: FirstFrame) -> bool:
+def is_inside(point: Floats, first: FirstFrame) -> bool:
     """Tell whether a point (3,) is inside of a closed surface: by the solid angle that its faces fill."""
     low, high = first.points.min(axis=0), first.points.max(axis=0)
     if not len(first.faces) or not ((point > low) & (point < high)).all():

@@ -18,7 +18,6 @@ from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import core_schema
 
 from flowsculpt.api.commands import require_one_of
-from flowsculpt.api.flows import Parameter
 from flowsculpt.api.shots import DOCUMENTS, PRESETS, FilmDocument, FlowParameters, ShotDocument
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -199,7 +198,7 @@ def facts(name: str) -> dict[str, Any]:
     }
 
 
-def _fact(parameter: Parameter) -> dict[str, Any]:
+def _fact(parameter: Any) -> dict[str, Any]:
     return {
         "name": parameter.name,
         "form": parameter.form,

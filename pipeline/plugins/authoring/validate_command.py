@@ -11,20 +11,18 @@ from rich.console import Group
 from rich.table import Table
 
 from flowsculpt import FlowsculptError, FrameError, UsageError
-from flowsculpt.api import Progress, ShotError, reporting_to
+from flowsculpt.api import Progress, ShotError
 from flowsculpt.api.commands import (
     Project,
-    exit_with,
+    empty_table,
     print_error,
     print_result,
     print_warning,
     progress_bars,
-    size,
-    table,
+    size_words,
 )
-from flowsculpt.api.flows import flows_of
 from flowsculpt.api.frames import FinishedPictures, QualityName, Show
-from flowsculpt.api.options import Common, Settings
+from flowsculpt.api.options import Common, shared_option
 from flowsculpt.api.shots import (
     Clock,
     Motion,
@@ -47,7 +45,7 @@ def validate(
     shots: Annotated[
         list[str] | None, typer.Argument(metavar="SHOT", help="Shots and edits. Default: all.")
     ] = None,
-    settings: Settings = None,
+    settings: Annotated[list[str] | None, shared_option("settings")] = None,
 ) -> None:
     """Check shot files and the scenes they describe; report every mistake by file, line and column.
 
@@ -69,14 +67,14 @@ def validate(
     with progress_bars(common.progress) as bar:
         advance = bar("checking", len(names))
         for name in names:
-            with reporting_to(_Bars(bar).receive):
+            with Progress.reported_to(_Bars(bar).receive):
                 check = _check_edit(name, given) if name in edits else _check(name, given, first_frames)
             if name not in edits and not check.errors:
                 check.warnings += [f"{name}: {note}" for note in _light(common, name, given)]
             checks.append(check)
             advance()
     _report(common, checks)
-    exit_with(max(check.exit_code for check in checks))
+    raise typer.Exit(max(check.exit_code for check in checks))
 
 
 LOOKED_AT = 8
@@ -228,7 +226,7 @@ def _check_scene(
 
 def _of_flows(check: _Check, motion: Motion) -> Iterator[Finding]:
     """Yield what flows warn of, or fail for; note the rest."""
-    for k, flow in enumerate(flows_of(motion.flow)):
+    for k, flow in enumerate(motion.flow.members):
         where = tuple(int(part) if part.isdigit() else part for part in motion.place_of_flow(k).split("."))
         where = where[2:] if where[0] == "subjects" else where  # a view adds these
         try:
@@ -260,10 +258,10 @@ def _report(common: Common, checks: list[_Check]) -> None:
 
 def _first_frames(checks: list[_Check]) -> Iterator[Table]:
     """Yield a table of first frames where there are any."""
-    rows = table("shot", "subject", "units", "vertices", "memory")
+    rows = empty_table("shot", "subject", "units", "vertices", "memory")
     for check in checks:
         for name, first in check.firsts.items():
-            facts = f"{first.extent:.3g}", f"{first.vertices:,}", size(first.memory)
+            facts = f"{first.extent:.3g}", f"{first.vertices:,}", size_words(first.memory)
             rows.add_row(check.name, f"{name}: {first.subject}" if name else first.subject, *facts)
     if rows.row_count:
         yield rows

@@ -12,7 +12,7 @@ from flowsculpt import UsageError
 from flowsculpt.api import plural
 from flowsculpt.api.commands import print_result, progress_bars
 from flowsculpt.api.frames import Locks, Show
-from flowsculpt.api.options import AllowCode, Common, shared_option
+from flowsculpt.api.options import Common, shared_option
 from flowsculpt.api.shots import Shot, is_edit, name_fault, read_shot
 from flowsculpt.pipeline.plugins.breed.breeding import Litter
 from flowsculpt.pipeline.plugins.breed.generation import (
@@ -58,7 +58,7 @@ def breed(
             OPTION, metavar="CHOICE", help="Go on from a page: the line that it shows, or its file."
         ),
     ] = None,
-    allow_code: AllowCode = False,
+    allow_code: Annotated[bool, shared_option("allow_code")] = False,
     output: Annotated[
         Path | None,
         shared_option("output", "Write this folder. Default: bred/SHOT_1, and so on.", metavar="FOLDER"),

@@ -13,7 +13,6 @@ from functools import cache
 from importlib import resources
 from typing import Any
 
-from flowsculpt.api.flows import Parameter
 from flowsculpt.api.shots import DOCUMENTS
 from flowsculpt.pipeline.plugins.breed.gene_values import (
     AXES,
@@ -324,7 +323,7 @@ def exchanged(draft: Draft) -> str:
     for each in group:
         values = _new_values(draft, name)
         for shared in ("axis", "centre", "direction", "radius"):
-            own = {p.name for p in parameters_named(name)}
+            own = {p.name for p in DOCUMENTS[name].parameters}
             if shared in each.values and shared in own and row["family"] != "attractor":
                 values[shared] = each.values[shared]
         if "direction" in values and values["direction"] == values.get("axis"):
@@ -391,11 +390,6 @@ MOTION: dict[Idea, float] = {
     bounded: 0.5,
 }
 """Mutations of the motion, and how often each is tried against the others."""
-
-
-def parameters_named(name: str) -> tuple[Parameter, ...]:
-    """Return the parameters of the flow with a name."""
-    return DOCUMENTS[name].parameters
 
 
 def _form(leaf: Leaf, name: str) -> tuple[str, bool]:
@@ -477,7 +471,7 @@ def _at(value: dict[str, Any], times: list[float]) -> dict[str, Any]:
 def _new_values(draft: Draft, name: str) -> dict[str, Any]:
     """Return values of a flow of the palette that suit the subject and the shot."""
     chance, parent, row = draft.chance, draft.parent, palette()[name]
-    parameters = {p.name: p for p in parameters_named(name)}
+    parameters = {p.name: p for p in DOCUMENTS[name].parameters}
     values: dict[str, Any] = {}
     if "axis" in parameters:
         named = chance.happens(0.65)
@@ -507,7 +501,7 @@ def _scale(draft: Draft, name: str) -> float:
     """Return the strength that suits the size of the subject and the duration, over that of the palette."""
     row = palette()[name]
     (strength,) = row["strength"]
-    unit = next(p for p in parameters_named(name) if p.name == strength).doc.unit
+    unit = next(p for p in DOCUMENTS[name].parameters if p.name == strength).doc.unit
     scale = draft.parent.half ** EXPONENTS.get(unit, 0)
     if row["family"] == "deformation":
         return float(scale)

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from flowsculpt import UsageError
-from flowsculpt.api import Plugin, plugins, shortened, suggestion
+from flowsculpt.api import Plugin, plugins, quote, suggest
 from flowsculpt.api.pictures import ENCODES, Encode
 from flowsculpt.pipeline.plugins.delivery.gain_map import GAIN_MAP
 from flowsculpt.pipeline.plugins.delivery.gif import GIF
@@ -67,7 +67,7 @@ def encode_named(name: str) -> Encode:
     """Return a deliverable by its name. Raises UsageError, with the names there are."""
     if name not in DELIVERABLES:
         meant = MEANT.get(name.lower().lstrip("."))
-        close = f"Did you mean {meant!r}?" if meant else suggestion(name, DELIVERABLES)
+        close = f"Did you mean {meant!r}?" if meant else suggest(name, DELIVERABLES)
         known = "" if close.startswith("There are") else f" There are: {', '.join(DELIVERABLES)}."
-        raise UsageError(f"{shortened(name)} is not a deliverable. {close}{known}")
+        raise UsageError(f"{quote(name)} is not a deliverable. {close}{known}")
     return DELIVERABLES[name]

@@ -22,10 +22,9 @@ from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap
 
 from flowsculpt import FlowsculptError, UsageError
-from flowsculpt.api import ShotError, reason_of, suggestion
-from flowsculpt.api.files import Parser, as_utf8, read_input
+from flowsculpt.api import ShotError, reason_of, shorten, suggest
+from flowsculpt.api.files import InputFile, Parser, as_utf8
 from flowsculpt.api.frames import FrameRange, FrameRate
-from flowsculpt.api.shots import quote_name
 from flowsculpt.pipeline.plugins.delivery.imported_sound import ImportedSound
 from flowsculpt.pipeline.plugins.delivery.timeline_times import (
     fault_of,
@@ -76,7 +75,7 @@ class ImportedEdit:
             raise UsageError(f"{self.target} was not made from {self.file.name}, but exists; rename one")
         entries, faults = self._entries()
         if faults:
-            raise ShotError(*(f"{quote_name(self.file)}: {fault}" for fault in faults))
+            raise ShotError(*(f"{self.file}: {fault}" for fault in faults))
         written: dict[str, Any] = {"title": self._timeline.name or self.file.stem, "shots": entries}
         sound = ImportedSound(self._timeline, self._pictures, float(self._rate.fps))
         try:
@@ -92,7 +91,7 @@ class ImportedEdit:
     @cached_property
     def _timeline(self) -> Any:
         try:
-            text = as_utf8(read_input(self.file)).decode()
+            text = as_utf8(InputFile(self.file).content()).decode()
             json.loads(text)  # the library's parser has no bound of depth
             found = adapters.read_from_string(text, "otio_json")
         except FlowsculptError:
@@ -113,7 +112,7 @@ class ImportedEdit:
         for track in stack:
             kind = getattr(track, "kind", type(track).__name__)
             if kind not in ("Video", "Audio") and len(track):
-                raise self._refused(f"{quote_name(track.name)!r} is a {kind} among its tracks; remove it")
+                raise self._refused(f"{shorten(track.name)!r} is a {kind} among its tracks; remove it")
         tracks = [track for track in self._timeline.video_tracks() if any(map(is_on, track.find_clips()))]
         if len(tracks) != 1:
             raise self._refused(
@@ -133,7 +132,7 @@ class ImportedEdit:
                 rate = getattr(first.media_reference, "rate", rate)
             return FrameRate.of(round(float(rate), 3))
         except Exception as error:  # of many kinds, by what it lacks
-            raise self._refused(f"clip {quote_name(first.name)}: {reason_of(error)}") from None
+            raise self._refused(f"clip {shorten(first.name)}: {reason_of(error)}") from None
 
     def _entries(self) -> tuple[list[Any], list[str]]:
         """Return the entries of the edit, and what is wrong."""
@@ -141,7 +140,7 @@ class ImportedEdit:
         faults: list[str] = []
         parts = [None, *self._pictures, None]
         for index, (before, part, after) in enumerate(zip(parts, parts[1:], parts[2:], strict=False), 1):
-            place = f"entry {index} ({quote_name(part.name or type(part).__name__)})"
+            place = f"entry {index} ({shorten(part.name or type(part).__name__)})"
             try:
                 if isinstance(part, schema.Transition):
                     self._require_dissolve(before, part, after)
@@ -166,7 +165,7 @@ class ImportedEdit:
         """Raise UsageError for a transition that no edit has."""
         kind, name = part.transition_type, part.name
         if kind != schema.TransitionTypes.SMPTE_Dissolve or _OTHER_TRANSITIONS.search(name):
-            raise UsageError(f"it is a transition {quote_name(name or kind)!r}; make it a dissolve or a cut")
+            raise UsageError(f"it is a transition {shorten(name or kind)!r}; make it a dissolve or a cut")
         if not all(isinstance(each, schema.Clip) for each in (before, after)):
             raise UsageError("it is a dissolve without a clip on both sides; make it a cut")
         if min(self._offset(part, "in_offset"), self._offset(part, "out_offset")) < 0:
@@ -184,7 +183,7 @@ class ImportedEdit:
         if isinstance(reference, schema.GeneratorReference):
             words = {name: str(text) for name, text in reference.parameters.items() if text}
             if "title" not in words and reference.generator_kind != "flowsculpt card":
-                kind = quote_name(reference.generator_kind)
+                kind = shorten(reference.generator_kind)
                 raise UsageError(f"it is a generator {kind!r}; show a card or a shot")
             return {
                 "card": words.get("title", part.name or "Card"),
@@ -239,13 +238,13 @@ class ImportedEdit:
         shots = [name for name in (*names, clip.name) if name in self.shots]
         if not shots:
             named = next((name for name in (clip.name, *names) if name), "a clip without a name")
-            raise UsageError(f"{named} is not a shot in {self.folder}. {suggestion(named, self.shots)}")
+            raise UsageError(f"{named} is not a shot in {self.folder}. {suggest(named, self.shots)}")
         if shots[0] != shots[-1]:
             raise UsageError(f"it is called {shots[-1]} and its media is of {shots[0]}; rename one of them")
         return shots[0]
 
     def _refused(self, fault: str) -> ShotError:
-        return ShotError(f"{quote_name(self.file)}: {fault}")
+        return ShotError(f"{self.file}: {fault}")
 
 
 def _media_name(reference: Any) -> str:

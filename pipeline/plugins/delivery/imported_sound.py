@@ -12,7 +12,7 @@ from urllib.parse import unquote, urlsplit
 from opentimelineio import schema
 
 from flowsculpt import UsageError
-from flowsculpt.api.shots import quote_name
+from flowsculpt.api import shorten
 from flowsculpt.pipeline.plugins.delivery.timeline_times import available_range, is_on
 
 LEVELS = ("gain", "fade_in", "fade_out")
@@ -40,13 +40,13 @@ class ImportedSound:
         own = [clip for clip in clips if not _facts(clip).get("shot") and is_on(clip)]
         if own and of_shots:
             raise UsageError(
-                f"it has {quote_name(own[0].name)} and sounds of its shots; a film has either its own sound "
+                f"it has {shorten(own[0].name)} and sounds of its shots; a film has either its own sound "
                 "or theirs. Mix them down to one file, or remove one kind."
             )
         moved = next((clip for clip in of_shots if not self._is_under_its_picture(clip)), None)
         if moved is not None:
             raise UsageError(
-                f"{quote_name(moved.name)} is disabled, or not where shot {_facts(moved)['shot']} has it; an "
+                f"{shorten(moved.name)} is disabled, or not where shot {_facts(moved)['shot']} has it; an "
                 "edit has the sounds of its shots as they are. Move it back, or mix the sounds down to one "
                 "file."
             )
@@ -56,7 +56,7 @@ class ImportedSound:
             return {}
         (clip,) = own
         if fault := self._fault(clip):
-            raise UsageError(f"sound {quote_name(clip.name)}: {fault}. Mix it down to one file.")
+            raise UsageError(f"sound {shorten(clip.name)}: {fault}. Mix it down to one file.")
         file = folder / unquote(urlsplit(clip.media_reference.target_url).path)
         facts = {name: float(_facts(clip)[name]) for name in LEVELS if _facts(clip).get(name)}
         start = round(_begin(clip) - _skipped(clip), 6)

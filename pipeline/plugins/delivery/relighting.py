@@ -22,12 +22,11 @@ import typer
 from numpy.typing import NDArray
 
 from flowsculpt import FrameError, MissingInputError, UsageError
-from flowsculpt.api import plural, shortened, suggestion
-from flowsculpt.api.commands import exit_with, print_error, print_result, progress_bars
+from flowsculpt.api import plural, quote, suggest
+from flowsculpt.api.commands import print_error, print_result, progress_bars
 from flowsculpt.api.frames import (
     FrameRange,
     FrameRate,
-    Key,
     Locks,
     PictureKeys,
     PictureSequence,
@@ -40,19 +39,18 @@ from flowsculpt.api.frames import (
     StoredFiles,
     key_of,
 )
+from flowsculpt.api.materials import LightRig
 from flowsculpt.api.options import (
     DEFAULT_QUALITY,
-    AllowCode,
     Common,
     Frames,
     PictureOptions,
     Quality,
     Shot,
     ShotOptions,
-    Variant,
+    shared_option,
 )
 from flowsculpt.api.pictures import (
-    LightRig,
     RenderedFrame,
     RenderError,
     loop_frames,
@@ -61,7 +59,7 @@ from flowsculpt.api.pictures import (
     write_finished,
     write_movie,
 )
-from flowsculpt.api.shots import NAME, in_yaml, inherited_source, linear_of, quote_name
+from flowsculpt.api.shots import NAME, in_yaml, inherited_source, linear_of
 from flowsculpt.pipeline.plugins.delivery.hdr_frames import Frame
 
 RELIGHT = PipelineStage("relight", version=1, packages=("OpenImageIO",), doing="relighting", makes="frame")
@@ -132,7 +130,7 @@ class RelitFrames:
         self.store.link("frame", key, self.place(number))
         return mixes
 
-    def _write(self, number: int, key: Key, path: Path) -> None:
+    def _write(self, number: int, key: str, path: Path) -> None:
         finished, header = self._read(self._source(number), self.request.place("frame", number))
         light = self._mixed(finished)
         stages = {**header.get("stages", {}), RELIGHT.name: RELIGHT.recipe}
@@ -172,7 +170,7 @@ class RelitFrames:
             yield self.request.shot.picture.display.pixels(light)
             passed()
 
-    def _read(self, key: Key, place: Path) -> tuple[RenderedFrame, dict[str, Any]]:
+    def _read(self, key: str, place: Path) -> tuple[RenderedFrame, dict[str, Any]]:
         reader = StoredFiles("frame").reader(key, size=self.request.pictures.quality.rendered_size)
         return self.store.read("frame", key, place, reader)
 
@@ -184,7 +182,7 @@ class RelitFrames:
     def _keys(self) -> PictureKeys | None:
         return self.request.keys.pictures(self.store, rendered=())
 
-    def _source(self, number: int) -> Key:
+    def _source(self, number: int) -> str:
         """Return the key of a finished frame."""
         assert self._keys is not None, "finished frames have keys"
         return self._keys[number].frame
@@ -193,7 +191,7 @@ class RelitFrames:
         """Tell whether the store holds a frame."""
         return self._keys is not None and self.store.holds("frame", self.key(number))
 
-    def key(self, number: int) -> Key:
+    def key(self, number: int) -> str:
         """Return the key of a frame, whose finished frame has one."""
         return key_of(RELIGHT.recipe, self._source(number), {n: list(f) for n, f in self.factors.items()})
 
@@ -329,7 +327,7 @@ class LightSettings:
         for name in self.factors:
             if name not in names:
                 owner = next((group.name for group in lights.groups if name in group.lights), None)
-                remedy = f"It is in group {owner}: set lights.{owner}." if owner else suggestion(name, names)
+                remedy = f"It is in group {owner}: set lights.{owner}." if owner else suggest(name, names)
                 raise UsageError(f"--set lights.{name}: {shot} has no light group {name}. {remedy}")
         return {name: _parsed(name, self.factors[name]) for name in names if name in self.factors}
 
@@ -346,7 +344,7 @@ def _parsed(name: str, text: str) -> Factor:
         numbers = []
     if len(numbers) not in (1, 3) or not all(math.isfinite(n) and 0.0 <= n <= MAX_FACTOR for n in numbers):
         raise UsageError(
-            f"--set lights.{name}: {shortened(text)} is not a factor from 0 to 1e6. Write a number, "
+            f"--set lights.{name}: {quote(text)} is not a factor from 0 to 1e6. Write a number, "
             f"lights.{name}=1.4, or a colour, lights.{name}=1,0.8,0.6 or 'lights.{name}=#ffd0a0'"
         )
     red, green, blue = numbers * (3 // len(numbers))
@@ -385,10 +383,10 @@ def permanent(path: Path, of_shot: Sequence[str], lights: LightRig, factors: Map
         }
         intensity = {**before, **after}
         if isinstance(written, dict):
-            words.append(f"write intensity: {in_yaml(intensity)} under lights in {quote_name(path)}")
+            words.append(f"write intensity: {in_yaml(intensity)} under lights in {path}")
         else:
             rig = {"rig": written or "studio", "intensity": intensity}
-            words.append(f"write lights: {in_yaml(rig)} in {quote_name(path)}")
+            words.append(f"write lights: {in_yaml(rig)} in {path}")
     if refused:
         words.append(
             f"{', '.join(refused)}: the colour of daylight and of an hdri cannot be set; write softboxes or "
@@ -424,12 +422,12 @@ def relight(
     shot: Shot,
     settings: Annotated[
         list[str] | None,
-        typer.Option(
-            "--set",
-            metavar="lights.NAME=FACTOR",
-            help="Multiply the light of a group: by a number, as in lights.key=1.4, or by a colour, as in "
+        shared_option(
+            "settings",
+            "Multiply the light of a group: by a number, as in lights.key=1.4, or by a colour, as in "
             "lights.rim=1,0.8,0.6 or 'lights.rim=#ffd0a0'; 0 turns it off. Repeatable. Other names replace "
             "values of the shot, as in `render`.",
+            metavar="lights.NAME=FACTOR",
         ),
     ] = None,
     quality: Quality = DEFAULT_QUALITY,
@@ -446,8 +444,8 @@ def relight(
     scale: Annotated[
         str | None, typer.Option(metavar="PERCENT", help="Relight pictures of this size: 50%, or 0.5.")
     ] = None,
-    variant: Variant = None,
-    allow_code: AllowCode = False,
+    variant: Annotated[str | None, shared_option("variant")] = None,
+    allow_code: Annotated[bool, shared_option("allow_code")] = False,
 ) -> None:
     """Change lights of finished frames by factors, without rendering: new frames and a movie in seconds.
 
@@ -463,7 +461,7 @@ def relight(
     lights, path = request.shot.picture.lights, Show().find_shot(shot)
     if not lights.groups:
         raise UsageError(
-            f"{quote_name(path)}: {request.name} has no light groups, so its frames cannot be relit. Write "
+            f"{path}: {request.name} has no light groups, so its frames cannot be relit. Write "
             f"light_groups: each in the file, and render it: {_command('render', request)}"
         )
     factors = given.by_group(request.name, lights)
@@ -494,7 +492,7 @@ def relight(
         words = f"{relit.movie_path}: {count}, {made} relit in {seconds:.0f} s.\n{facts['permanent']}"
     facts |= {"relit": made, "failed": faults, "seconds": round(seconds, 2)}
     print_result(words, facts, common.json)
-    exit_with(FrameError.exit_code if faults else 0)
+    raise typer.Exit(FrameError.exit_code if faults else 0)
 
 
 def _command(command: str, request: RenderRequest) -> str:

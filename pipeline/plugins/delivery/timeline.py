@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from math import ceil
 from pathlib import Path
 from typing import Annotated, Any
-from urllib.parse import quote
+from urllib import parse
 
 import typer
 from opentimelineio import opentime, schema
@@ -251,7 +251,7 @@ class Timeline:
     def _url(self, path: Path) -> str:
         """Return a path relative to the timeline's folder, so that both can move together."""
         relative = os.path.relpath(self.root / path, self.place.absolute().parent)
-        return quote(Path(relative).as_posix())
+        return parse.quote(Path(relative).as_posix())
 
     @property
     def _fps(self) -> float:

@@ -12,8 +12,7 @@ from pathlib import Path
 
 from flowsculpt import FlowsculptError, MissingInputError, UsageError
 from flowsculpt.api import ShotError
-from flowsculpt.api.files import Parser, ParserError, as_utf8, read_input
-from flowsculpt.api.shots import quote_name
+from flowsculpt.api.files import InputFile, Parser, ParserError, as_utf8
 
 _ERRORS: tuple[type[FlowsculptError], ...] = (ShotError, MissingInputError, UsageError)
 
@@ -26,7 +25,7 @@ def edit_of(timeline: Path, shots: Collection[str], folder: Path) -> tuple[Path,
         answer = Parser("flowsculpt.pipeline.plugins.delivery.imported_edit").answer(timeline, *words)
     except ParserError as error:
         fault = f"it cannot be read as OpenTimelineIO ({error}); export it again"
-        raise ShotError(f"{quote_name(timeline)}: {fault}") from None
+        raise ShotError(f"{timeline}: {fault}") from None
     text, kind, *messages = json.loads(answer)
     for error_type in _ERRORS:
         if kind == error_type.__name__:
@@ -38,7 +37,7 @@ def _frames_of_movies(timeline: Path, shots: Collection[str], folder: Path) -> d
     """Return what shots write as their frames that a timeline names, if it has movies or sounds at all."""
     frames: dict[str, str] = {}
     with suppress(ValueError):  # the reader of the timeline reports its faults
-        content = as_utf8(read_input(timeline))
+        content = as_utf8(InputFile(timeline).content())
         if b'"ExternalReference.' not in content:
             return {}
         from flowsculpt.api.shots import inherited_source  # takes time

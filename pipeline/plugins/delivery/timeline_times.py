@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from flowsculpt import UsageError
+from flowsculpt.api import shorten
 from flowsculpt.api.frames import FrameRate
-from flowsculpt.api.shots import quote_name
 
 _MOST_FRAMES, _LONGEST_CLIP = 10_000_000, 1_000_000  # a day of timecode has 5,184,000 at 60 a second
 
@@ -70,7 +70,7 @@ def is_on(part: Any) -> bool:
 
 def fault_of(whole: Any) -> str:
     """Return why an edit cannot show a track or a stack as it is; empty if it can."""
-    name = f"track {quote_name(whole.name)}" if whole.name else "its track"
+    name = f"track {shorten(whole.name)}" if whole.name else "its track"
     if any(effect.enabled for effect in whole.effects):
         return f"{name} has an effect; an edit shows frames as they are"
     if whole.source_range not in (None, whole.available_range()):

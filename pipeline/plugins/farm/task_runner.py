@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from flowsculpt import MachineError, MissingInputError, UsageError
-from flowsculpt.api import plural, suggestion
+from flowsculpt.api import plural, suggest
 from flowsculpt.api.frames import FrameRange, Job, Plan, Store, upload_missed
 
 BY_FRAMES = ("render", "finish")  # the stages whose frames several workers may share out
@@ -158,10 +158,10 @@ def _named(plan: Plan, file: Path, task: str) -> tuple[list[Job], str]:
     shot, slash, stage = words.rpartition("/")
     shots = dict.fromkeys(request.name for request in plan.requests)
     if slash and shot not in shots:
-        raise UsageError(f"{task}: {file.name} has no shot {shot!r}. {suggestion(shot, shots)}")
+        raise UsageError(f"{task}: {file.name} has no shot {shot!r}. {suggest(shot, shots)}")
     stages = dict.fromkeys(job.stage for job in plan.jobs)
     if stage not in stages:
-        raise UsageError(f"{task}: {file.name} has no stage {stage!r}. {suggestion(stage, stages)}")
+        raise UsageError(f"{task}: {file.name} has no stage {stage!r}. {suggest(stage, stages)}")
     if frames and not slash and len(shots) > 1:
         raise UsageError(
             f"{task}: {file.name} has several shots; name the one whose frames these are: "

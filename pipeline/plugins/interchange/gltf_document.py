@@ -17,8 +17,8 @@ from typing import Any, BinaryIO
 from urllib.parse import unquote, unquote_to_bytes
 
 from flowsculpt import MeshError
-from flowsculpt.api import brief
-from flowsculpt.api.files import open_input, read_input
+from flowsculpt.api import shorten
+from flowsculpt.api.files import InputFile
 from flowsculpt.pipeline.plugins.interchange.scene_readers import early_end
 
 _LARGEST = float_info.max
@@ -36,11 +36,13 @@ def as_version_2(root: dict[str, Any]) -> dict[str, Any]:
     """
     for name in root.get("extensionsUsed", []):
         if str(name).startswith("WEB3D_"):
-            raise MeshError(f"it uses the extension {brief(name)}, which is not read. Export it as glTF 2.0.")
+            raise MeshError(
+                f"it uses the extension {shorten(name)}, which is not read. Export it as glTF 2.0."
+            )
     try:
         return _rewritten(root)
     except KeyError as error:
-        raise ValueError(f"it names {brief(str(error))}, which it does not define") from None
+        raise ValueError(f"it names {shorten(str(error))}, which it does not define") from None
     except (TypeError, AttributeError) as error:
         raise ValueError(f"its JSON is not as glTF 1.0 defines it ({error})") from None
 
@@ -139,7 +141,7 @@ class JsonObject:
 
     def __init__(self, values: object, place: str) -> None:
         if not isinstance(values, dict):
-            raise ValueError(f"{place} is {brief(repr(values))}; it must be an object")
+            raise ValueError(f"{place} is {shorten(repr(values))}; it must be an object")
         self.values: dict[str, Any] = values
         self.place = place
 
@@ -199,7 +201,7 @@ class JsonObject:
         return value
 
     def _wrong(self, name: str, wanted: str) -> ValueError:
-        there = f"is {brief(repr(self.values[name]))}" if name in self.values else "is not there"
+        there = f"is {shorten(repr(self.values[name]))}" if name in self.values else "is not there"
         return ValueError(f"{name} of {self.place} {there}; it must be {wanted}")
 
 
@@ -220,7 +222,7 @@ class GltfDocument:
     @classmethod
     def read(cls, path: Path) -> GltfDocument:
         """Read a .gltf or .glb, by its content. Raises ValueError where it is neither, or ends early."""
-        with open_input(path, MOST_BYTES) as (file, size):
+        with InputFile(path, MOST_BYTES).open() as (file, size):
             head = file.read(min(size, 12))
             if head[:4] == b"glTF":
                 promised = max(int.from_bytes(head[8:12], "little"), 12)
@@ -231,7 +233,7 @@ class GltfDocument:
                 return cls._parsed(path, file.read(length).rstrip(b"\0"), binary)
         if path.suffix.lower() == ".glb":
             raise ValueError("it has no GLB header")
-        return cls._parsed(path, read_input(path, MOST_BYTES), None)
+        return cls._parsed(path, InputFile(path, MOST_BYTES).content(), None)
 
     @classmethod
     def _parsed(cls, path: Path, text: bytes, binary: tuple[int, int] | None) -> GltfDocument:
@@ -258,7 +260,7 @@ class GltfDocument:
         there, singular = self.root.items(kind), kind.removesuffix("es" if kind == "meshes" else "s")
         if not isinstance(index, int) or isinstance(index, bool) or not 0 <= index < len(there):
             raise ValueError(
-                f"{named_by} names {singular} {brief(repr(index))}; there are {len(there)}, from 0"
+                f"{named_by} names {singular} {shorten(repr(index))}; there are {len(there)}, from 0"
             )
         return JsonObject(there[index], f"{singular} {index}")
 
@@ -273,7 +275,7 @@ class GltfDocument:
         address = buffer.text("uri")
         if _NOT_RELATIVE.match(address):
             raise ValueError(
-                f"the address of {buffer.place} is {brief(address)}; only files at addresses relative to "
+                f"the address of {buffer.place} is {shorten(address)}; only files at addresses relative to "
                 "this one are read"
             )
         names = (unquote(address), address, unquote(address).replace("\\", "/"))
@@ -285,13 +287,13 @@ class GltfDocument:
         buffer = self.item("buffers", index, "a buffer view")
         file = self.buffer_file(index)
         if file is not None:
-            return read_input(file, MOST_BYTES)
+            return InputFile(file, MOST_BYTES).content()
         if "uri" in buffer:
             return self.embedded_content(buffer)
         if index > 0 or self.binary is None:
             raise ValueError(f"{buffer.place} has no address, and is not the binary chunk of a GLB")
         offset, size = self.binary
-        with open_input(self.path, MOST_BYTES) as (opened, _):
+        with InputFile(self.path, MOST_BYTES).open() as (opened, _):
             opened.seek(offset)
             return opened.read(size)
 
@@ -349,4 +351,4 @@ def _is_there(path: Path) -> bool:
 
 
 def _other_version(version: object) -> MeshError:
-    return MeshError(f"it is glTF {brief(version)}; glTF 1.0 and 2.0 are read. Export it as 2.0.")
+    return MeshError(f"it is glTF {shorten(version)}; glTF 1.0 and 2.0 are read. Export it as 2.0.")

@@ -17,15 +17,15 @@ from typing import Any
 import numpy as np
 
 from flowsculpt import MeshError
-from flowsculpt.api import brief
-from flowsculpt.api.files import digest_of_file, number_fault, read_input, text_content
-from flowsculpt.api.materials import Opacity, PatternedMaterial, Texture
+from flowsculpt.api import shorten
+from flowsculpt.api.files import InputFile, number_fault, text_content
+from flowsculpt.api.materials import Opacity, Texture, linear_of_srgb
 from flowsculpt.api.meshes import ModelMaterials, PaintReader
-from flowsculpt.api.pictures import linear_of_srgb
 from flowsculpt.pipeline.plugins.interchange.model_paint import ModelPaint
 from flowsculpt.pipeline.plugins.interchange.obj_files import statements
 from flowsculpt.pipeline.plugins.interchange.painted_materials import (
     GREY,
+    FileMaterial,
     file_beside,
     found_beside,
     mask_of,
@@ -45,7 +45,7 @@ _PLACES = {b"-o": "0", b"-s": "1", b"-t": "0"}
 def _read_paint(path: Path) -> ModelPaint:
     """Read the paint of an OBJ file. Raises ValueError, with its line, for unreadable input."""
     reader = _Paint()
-    for line, words in statements(text_content(read_input(path, _MOST_BYTES)), 1):
+    for line, words in statements(text_content(InputFile(path, _MOST_BYTES).content()), 1):
         try:
             reader.add(words)
         except (ValueError, IndexError) as error:
@@ -112,7 +112,7 @@ def _materials(path: Path) -> ModelMaterials:
 
     Raises MissingInputError where none of the files that it names is there, MeshError for damaged numbers.
     """
-    content = text_content(read_input(path, _MOST_BYTES))
+    content = text_content(InputFile(path, _MOST_BYTES).content())
     used: dict[bytes, None] = {}
     libraries: dict[bytes, None] = {}
     current, at = b"", 0
@@ -131,10 +131,10 @@ def _materials(path: Path) -> ModelMaterials:
     files: dict[Path, str] = {}
     found, missing = _libraries(path, [name.decode("utf-8", "replace") for name in libraries])
     for library in found:
-        files[library] = digest_of_file(library)
+        files[library] = InputFile(library).digest()
         for material, entries in _entries(library):
             known.setdefault(material, (library, entries))
-    notes = [f"it names its materials {brief(name)}, which is not there" for name in missing]
+    notes = [f"it names its materials {shorten(name)}, which is not there" for name in missing]
     unknown = [name for name in used if name and name not in known]
     for name in unknown[:_MOST_NOTES]:
         notes.append(f"its material {_text(name)} is in none of its files of materials")
@@ -151,7 +151,7 @@ _MOST_NOTES = 3  # of materials that no file defines
 
 
 def _text(name: bytes) -> str:
-    return brief(name.decode("utf-8", "replace"))
+    return shorten(name.decode("utf-8", "replace"))
 
 
 def _libraries(model: Path, statements: list[str]) -> tuple[list[Path], list[str]]:
@@ -184,7 +184,7 @@ def _entries(library: Path) -> Iterator[tuple[bytes, dict[bytes, list[bytes]]]]:
     """Yield the materials of an MTL file: names, and the words of each statement by its first, in small
     letters, as programs write them in both ways."""
     entries: dict[bytes, list[bytes]] = {}
-    for _, words in statements(text_content(read_input(library, _MOST_BYTES)), 1):
+    for _, words in statements(text_content(InputFile(library, _MOST_BYTES).content()), 1):
         if words[0] == b"newmtl":
             entries = {}
             yield b" ".join(words[1:]), entries
@@ -203,12 +203,12 @@ def _notes(entries: dict[bytes, list[bytes]]) -> Iterator[str]:
     if any(_colour(entries, b"ke") or ()):
         yield "its glow, Ke, is not shown"
     if entries.get(b"kd") and _colour(entries, b"kd") is None:
-        yield f"its colour, Kd {brief(b' '.join(entries[b'kd']).decode('utf-8', 'replace'))}, is not read"
+        yield f"its colour, Kd {shorten(b' '.join(entries[b'kd']).decode('utf-8', 'replace'))}, is not read"
 
 
 def _material(
     library: Path, name: str, entries: dict[bytes, list[bytes]], files: dict[Path, str], has_colours: bool
-) -> PatternedMaterial:
+) -> FileMaterial:
     """Return the material of the statements of an MTL file; note the pictures that it names.
 
     Raises MeshError for numbers with commas.
@@ -277,8 +277,8 @@ def _picture_name(words: list[bytes]) -> str:
                 end += 1
             if any(float(word) != float(_PLACES[option]) for word in words[at + 1 : end]):
                 raise MeshError(
-                    f"a texture of its materials has the option {brief(option.decode())}, which is not read. "
-                    "Export the model with the texture coordinates that show."
+                    f"a texture of its materials has the option {shorten(option.decode())}, which is not "
+                    "read. Export the model with the texture coordinates that show."
                 )
             at = end
         else:

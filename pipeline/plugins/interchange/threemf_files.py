@@ -19,8 +19,8 @@ from urllib.parse import unquote
 import numpy as np
 
 from flowsculpt import MeshError
-from flowsculpt.api import brief, shortened
-from flowsculpt.api.meshes import FileSurface, Floats, ModelFiles, SurfaceReader, reader_of
+from flowsculpt.api import quote, shorten
+from flowsculpt.api.meshes import FileSurface, Floats, SourceFiles, SurfaceReader
 from flowsculpt.pipeline.plugins.interchange.scene_readers import (
     PlacedMeshes,
     Polygons,
@@ -132,16 +132,16 @@ def read_threemf(content: bytes) -> FileSurface:
     return joined(package.placed.parts, package.notes())._replace(unit=_UNITS[part.unit])
 
 
-def _files(path: Path) -> ModelFiles:
+def _files(path: Path) -> SourceFiles:
     """Return the one file of a model. A reader once took all parts of those with settings of a slicer."""
     found = one_file(lambda path, digest: "z")(path)
     with suppress(OSError, ValueError, zipfile.BadZipFile), zipfile.ZipFile(path) as archive:
         if any(name in (_BAMBU, _PRUSA) or name.startswith("Cura/") for name in archive.namelist()):
-            return ModelFiles.of(found.files, found.up, ["parts of slicers"])
+            return SourceFiles.of(found.files, found.up, ["parts of slicers"])
     return found
 
 
-THREEMF = SurfaceReader(reader_of(read_threemf), _files, states_up=True)
+THREEMF = SurfaceReader.of_content(read_threemf, _files, states_up=True)
 
 
 @dataclass
@@ -201,10 +201,10 @@ class _Package:
         parts = {i.filename.replace("\\", "/").lower(): i for i in reversed(self.archive.infolist())}
         info = parts.get(name.lower())
         if info is None or not name.isprintable():
-            raise MeshError(f"it has no part {shortened(name)}. Export the model again.")
+            raise MeshError(f"it has no part {quote(name)}. Export the model again.")
         if info.file_size > min(MOST_BYTES, max(_SMALL, _MOST_PACKED * info.compress_size)):
             raise MeshError(
-                f"its part {shortened(name)} unpacks from {info.compress_size:,} bytes to "
+                f"its part {quote(name)} unpacks from {info.compress_size:,} bytes to "
                 f"{info.file_size:,}, which no model file does"
             )
         with self.archive.open(info) as file:
@@ -225,7 +225,7 @@ class _Package:
             raise MeshError(f"{name}: its unit is {part.unit}, and that of the package {root.unit}")
         found = part.objects.get(reference.object_id)
         if found is None:
-            raise MeshError(f"{place}: {name} has no object {shortened(reference.object_id)}")
+            raise MeshError(f"{place}: {name} has no object {quote(reference.object_id)}")
         if kind := found.setting or _LEFT_OUT.get(found.kind):
             self.placed.left_out[kind] += 1
             return
@@ -303,9 +303,9 @@ def _parsed_part(name: str, content: bytes) -> _ModelPart:
         try:
             read(tag, given)
         except (KeyError, MeshError, ValueError) as error:
-            fault = str(error) if isinstance(error, MeshError) else brief(error)
+            fault = str(error) if isinstance(error, MeshError) else shorten(error)
             if isinstance(error, KeyError):
-                fault = f"{brief(tag)} has no {error.args[0]}"
+                fault = f"{shorten(tag)} has no {error.args[0]}"
             raise MeshError(f"{name}, line {parser.CurrentLineNumber}: {fault}") from None
 
     def end(tag: str) -> None:
@@ -322,12 +322,12 @@ def _parsed_part(name: str, content: bytes) -> _ModelPart:
 def _require_known(unit: str, given: dict[str, str]) -> None:
     """Raise MeshError for an unknown unit, and for extensions that decide the shape."""
     if unit not in _UNITS:
-        raise MeshError(f"its unit {shortened(unit)} is not one of {', '.join(_UNITS)}")
+        raise MeshError(f"its unit {quote(unit)} is not one of {', '.join(_UNITS)}")
     for prefix in given.get("requiredextensions", "").split():
         space = given.get(f"xmlns:{prefix}", prefix)
         if not any(known in space for known in _HARMLESS):
             name = space.rpartition("/3dmanufacturing/")[2]
-            raise MeshError(f"it requires the extension {shortened(name)}, which is not read")
+            raise MeshError(f"it requires the extension {quote(name)}, which is not read")
 
 
 def _reference(given: dict[str, str], line: int) -> _Reference:

@@ -15,9 +15,9 @@ import numpy as np
 from pxr import Ar, Usd, UsdGeom, UsdShade
 
 from flowsculpt import MeshError
-from flowsculpt.api import brief
+from flowsculpt.api import shorten
 from flowsculpt.api.materials import Texture
-from flowsculpt.api.meshes import AnyArray, Floats
+from flowsculpt.api.meshes import Floats
 from flowsculpt.pipeline.plugins.interchange.model_paint import PaintParts, packed
 from flowsculpt.pipeline.plugins.interchange.painted_materials import GREY
 from flowsculpt.pipeline.plugins.interchange.scene_readers import Polygons
@@ -94,9 +94,9 @@ class _Mesh(NamedTuple):
     """
 
     polygons: Polygons
-    corners: AnyArray
-    faces: AnyArray
-    materials: AnyArray
+    corners: np.ndarray
+    faces: np.ndarray
+    materials: np.ndarray
     coordinates: Floats
     colours: Floats | None
 
@@ -124,7 +124,7 @@ class PaintedStage(StageMeshes):
         self.placed.add(self._known[key].polygons, to_stage)
         self._painted.append(self._known[key])
 
-    def arrays(self) -> dict[str, AnyArray]:
+    def arrays(self) -> dict[str, np.ndarray]:
         """Return the arguments of `ModelPaint.of`."""
         found = PaintParts()
         for polygons, mesh in zip(self.placed.parts, self._painted, strict=True):
@@ -136,7 +136,7 @@ class PaintedStage(StageMeshes):
         return found.arrays(lambda: np.array([each.facts["colour"] for each in self.surfaces.values()]))
 
     def _mesh(self, prim: Usd.Prim, bound: UsdShade.Material) -> _Mesh:
-        mesh, place = UsdGeom.Mesh(prim), brief(prim.GetPath())
+        mesh, place = UsdGeom.Mesh(prim), shorten(prim.GetPath())
         polygons = polygons_of(mesh, self.time, place, are_numbered=True)
         polygons = polygons.without(polygons.sides < 3)
         sides = numbers_at(mesh.GetFaceVertexCountsAttr(), self.time, place, "iu").astype(np.int64)
@@ -146,7 +146,7 @@ class PaintedStage(StageMeshes):
         for subset in UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets():
             own = numbers_at(subset.GetIndicesAttr(), self.time, place, "iu").astype(np.int64)
             if len(own) and not 0 <= own.min() <= own.max() < len(sides):
-                raise MeshError(f"{brief(subset.GetPath())} names a face that {place} does not have")
+                raise MeshError(f"{shorten(subset.GetPath())} names a face that {place} does not have")
             which[own] = len(bindings)
             bindings.append(_bound(subset.GetPrim()))
         used = np.unique(which).tolist()
@@ -177,7 +177,7 @@ class PaintedStage(StageMeshes):
             self.surfaces[path] = _Reader(material, self.time).surface() if path else _bare()
         return list(self.surfaces).index(path)
 
-    def _coordinates(self, prim: Usd.Prim, surface: _Surface, index: dict[str, AnyArray]) -> Floats:
+    def _coordinates(self, prim: Usd.Prim, surface: _Surface, index: dict[str, np.ndarray]) -> Floats:
         """Return the coordinates (K, 2) of corners in the pictures of a material."""
         wanted = surface.coordinates
         if wanted is None:
@@ -186,12 +186,14 @@ class PaintedStage(StageMeshes):
         values = self._primvar(prim, wanted.primvar, 2, index)
         if values is None:
             raise MeshError(
-                f"{brief(prim.GetPath())} does not have the texture coordinates {brief(wanted.primvar)} that "
-                "its material names. Export it with them, or write paint: off."
+                f"{shorten(prim.GetPath())} does not have the texture coordinates {shorten(wanted.primvar)} "
+                "that its material names. Export it with them, or write paint: off."
             )
         return wanted.transformed(values)
 
-    def _primvar(self, prim: Usd.Prim, name: str, columns: int, index: dict[str, AnyArray]) -> Floats | None:
+    def _primvar(
+        self, prim: Usd.Prim, name: str, columns: int, index: dict[str, np.ndarray]
+    ) -> Floats | None:
         """Return the values (K, columns) of a primvar at corners; None where there is none.
 
         index  places of the corners among its values, by its interpolation
@@ -204,7 +206,7 @@ class PaintedStage(StageMeshes):
         places = index[primvar.GetInterpolation()]
         is_fit = values.ndim == 2 and values.shape[1] >= columns and places.max(initial=-1) < len(values)
         if not is_fit or not np.isfinite(values).all():
-            raise MeshError(f"{brief(prim.GetPath())}: its primvar {brief(name)} does not fit its faces")
+            raise MeshError(f"{shorten(prim.GetPath())}: its primvar {shorten(name)} does not fit its faces")
         return values[places, :columns]
 
 
@@ -248,7 +250,7 @@ class _Reader:
     """Reads a material at a time of the stage. Raises MeshError for what is not read."""
 
     def __init__(self, material: UsdShade.Material, time: Usd.TimeCode) -> None:
-        self.place, self.time = f"the material {brief(material.GetPath())}", time
+        self.place, self.time = f"the material {shorten(material.GetPath())}", time
         self.shader, _, _ = material.ComputeSurfaceSource()
         if not self.shader or self.shader.GetShaderId() != "UsdPreviewSurface":
             raise MeshError(
@@ -273,8 +275,9 @@ class _Reader:
                 pictures[name] = self._picture(node, output, name)
             else:
                 raise MeshError(
-                    f"{self.place}: its {name} is computed by {brief(kind or 'an unknown shader')}, which is "
-                    "not read. Bake it to one picture in the program that made the file, or write paint: off."
+                    f"{self.place}: its {name} is computed by {shorten(kind or 'an unknown shader')}, which "
+                    "is not read. Bake it to one picture in the program that made the file, or write "
+                    "paint: off."
                 )
         colour = tuple(min(max(part, 0.0), 1.0) for part in self._value(self.shader, "diffuseColor", colour))
         roughness, metalness = (

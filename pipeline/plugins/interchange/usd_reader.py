@@ -16,9 +16,9 @@ import numpy as np
 from pxr import Ar, Sdf, Usd, UsdGeom
 
 from flowsculpt import FlowsculptError, MeshError, MissingInputError
-from flowsculpt.api import brief, plural, suggestion
-from flowsculpt.api.files import Parser, require_input
-from flowsculpt.api.meshes import AnyArray, Floats
+from flowsculpt.api import plural, shorten, suggest
+from flowsculpt.api.files import InputFile, Parser
+from flowsculpt.api.meshes import Floats
 from flowsculpt.pipeline.plugins.interchange.scene_readers import (
     PlacedMeshes,
     Polygons,
@@ -103,7 +103,7 @@ class StageMeshes:
         path = str(source.GetPath())
         if path not in self._read:
             mesh = UsdGeom.Mesh(source)
-            self._read[path] = polygons_of(mesh, self.time, brief(prim.GetPath()))
+            self._read[path] = polygons_of(mesh, self.time, shorten(prim.GetPath()))
             scheme = mesh.GetSubdivisionSchemeAttr()
             self.cages += scheme.HasAuthoredValue() and scheme.Get() != UsdGeom.Tokens.none
         return self._read[path]
@@ -112,7 +112,9 @@ class StageMeshes:
         """Add the prototypes of a point instancer at each of its points that is not masked."""
         path = str(instancer.GetPath())
         if depth >= _DEEPEST:
-            raise MeshError(f"{brief(path)} is a point instancer within {_DEEPEST} others; flatten the stage")
+            raise MeshError(
+                f"{shorten(path)} is a point instancer within {_DEEPEST} others; flatten the stage"
+            )
         stage = instancer.GetPrim().GetStage()
         prototypes = [stage.GetPrimAtPath(p) for p in instancer.GetPrototypesRel().GetForwardedTargets()]
         which = np.array(instancer.GetProtoIndicesAttr().Get(self.time) or (), np.int64)
@@ -125,11 +127,13 @@ class StageMeshes:
             )
         ).reshape(-1, 4, 4)
         if len(placements) != len(which) or ((which < 0) | (which >= len(prototypes))).any():
-            raise MeshError(f"{brief(path)}: its positions, orientations, scales and protoIndices do not fit")
+            raise MeshError(
+                f"{shorten(path)}: its positions, orientations, scales and protoIndices do not fit"
+            )
         shown = np.array(instancer.ComputeMaskAtTime(self.time) or np.ones(len(which)), bool)
         for number in np.unique(which[shown]).tolist():
             if not prototypes[number]:
-                raise MeshError(f"{brief(path)}: its prototype {number} is not on the stage")
+                raise MeshError(f"{shorten(path)}: its prototype {number} is not on the stage")
             self._count(int((shown & (which == number)).sum()))
             here = placements[shown & (which == number)]
             self._add_prototype(prototypes[number], [matrix @ to_stage for matrix in here], depth)
@@ -178,7 +182,7 @@ def polygons_of(mesh: UsdGeom.Mesh, time: Usd.TimeCode, path: str, are_numbered:
     return polygons.without(np.isin(np.arange(len(sides)), holes)) if len(holes) else polygons
 
 
-def _creases(mesh: UsdGeom.Mesh, time: Usd.TimeCode, path: str, points: int) -> AnyArray:
+def _creases(mesh: UsdGeom.Mesh, time: Usd.TimeCode, path: str, points: int) -> np.ndarray:
     """Return the edges (K, 2) of a mesh that have a sharpness. Raises MeshError."""
     chain = numbers_at(mesh.GetCreaseIndicesAttr(), time, path, "iu").astype(np.int64)
     lengths = numbers_at(mesh.GetCreaseLengthsAttr(), time, path, "iu").astype(np.int64)
@@ -196,7 +200,7 @@ def _creases(mesh: UsdGeom.Mesh, time: Usd.TimeCode, path: str, points: int) -> 
     return np.column_stack([chain[starts], chain[starts + 1]])[each > 0.0]
 
 
-def numbers_at(attribute: Any, time: Usd.TimeCode, path: str, kinds: str, columns: int = 1) -> AnyArray:
+def numbers_at(attribute: Any, time: Usd.TimeCode, path: str, kinds: str, columns: int = 1) -> np.ndarray:
     """Return the values (N,) or (N, columns) of an attribute; none where it has no value.
 
     Raises MeshError for values of another type; `kinds` are the letters of numpy for the right ones.
@@ -212,7 +216,7 @@ def numbers_at(attribute: Any, time: Usd.TimeCode, path: str, kinds: str, column
 
 def open_stage(path: str) -> tuple[Usd.Stage, list[str]]:
     """Return a stage and the files of its layers. Raises MissingInputError or MeshError."""
-    Parser.allow_memory(Parser.MEMORY // 4 + 40 * require_input(Path(path), MOST_BYTES))
+    Parser.allow_memory(Parser.MEMORY // 4 + 40 * InputFile(Path(path), MOST_BYTES).size())
     layers = StageLayers(path)
     layers.open_all()
     Parser.allow_memory(Parser.MEMORY + 40 * layers.size)
@@ -255,7 +259,7 @@ class StageLayers:
 
     def open_all(self) -> None:
         """Find all layers. Raises MissingInputError, or MeshError for too many of them."""
-        self.size = require_input(Path(self.root), MOST_BYTES)
+        self.size = InputFile(Path(self.root), MOST_BYTES).size()
         seen, waiting = {self.root}, [self.root]
         while waiting:
             name = waiting.pop()
@@ -275,7 +279,7 @@ class StageLayers:
         if file == self.root or file in self.files:
             return
         try:
-            self.size += require_input(Path(file), MOST_BYTES)
+            self.size += InputFile(Path(file), MOST_BYTES).size()
         except FlowsculptError as error:
             raise MissingInputError(f"its layer {Path(named_in).name} refers to {error}") from None
         self.files[file] = None
@@ -338,7 +342,7 @@ def start_of(stage: Usd.Stage, prim: str | None) -> Usd.Prim:
     named = stage.GetPrimAtPath(prim) if Sdf.Path.IsValidPathString(prim) and prim[:1] == "/" else None
     if not named:
         known = [str(other.GetPath()) for other in stage.Traverse()]
-        raise MeshError(f"it has no prim {brief(prim)}. {suggestion(prim, known) if known else ''}".rstrip())
+        raise MeshError(f"it has no prim {shorten(prim)}. {suggest(prim, known) if known else ''}".rstrip())
     return named
 
 
@@ -347,7 +351,7 @@ def _remedy(stage: Usd.Stage) -> str:
     meshes = [str(prim.GetPath()) for prim in stage.Traverse() if prim.IsA(UsdGeom.Mesh)]
     if not meshes:
         return "Convert it to meshes in the program that made it."
-    return f"Write prim: {brief(meshes[0])}, which is a mesh."
+    return f"Write prim: {shorten(meshes[0])}, which is a mesh."
 
 
 def one_line(text: str, path: str) -> str:

@@ -7,7 +7,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from flowsculpt import UsageError
-from flowsculpt.api import shortened
+from flowsculpt.api import quote
 
 DEFAULT_FONT = "fonts/ttf/DejaVuSans-Bold.ttf"
 """In the data of matplotlib: free, and with glyphs for most alphabets."""
@@ -64,6 +64,6 @@ def _installed(family: str) -> str:
         return manager.findfont(font_manager.FontProperties(family), fallback_to_default=False)
     except ValueError:
         raise UsageError(
-            f"font {shortened(family)} is not installed. Write the name of a font file beside the shot, as "
+            f"font {quote(family)} is not installed. Write the name of a font file beside the shot, as "
             "Inter-Bold.ttf, or leave font out."
         ) from None

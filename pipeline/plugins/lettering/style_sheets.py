@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping
 from xml.etree.ElementTree import Element
 
 from flowsculpt import UsageError
-from flowsculpt.api import shortened
+from flowsculpt.api import quote
 
 Priority = tuple[bool, float, int, int]
 """Of a declaration: whether it is important, its layer, the specificity of its selector, and its place."""
@@ -144,7 +144,7 @@ class StyleSheets:
             _merge(self._rules.setdefault((tag, mark + named), {}), declared)
 
     def _unread(self, fact: str, rule: str) -> UsageError:
-        found = f"{self.name}: its style sheet has {shortened(fact)}; {rule}"
+        found = f"{self.name}: its style sheet has {quote(fact)}; {rule}"
         return UsageError(f"{found}. Export it with styles as attributes.")
 
     def _applies(self, queries: str, head: str) -> bool:

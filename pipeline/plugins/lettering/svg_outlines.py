@@ -27,9 +27,8 @@ from fontTools.svgLib.path import parse_path
 from shapely import affinity
 
 from flowsculpt import UsageError
-from flowsculpt.api import shortened
-from flowsculpt.api.files import read_input
-from flowsculpt.api.meshes import AnyArray
+from flowsculpt.api import quote
+from flowsculpt.api.files import InputFile
 from flowsculpt.pipeline.plugins.lettering.outlines import OutlineShape, PolylinePen, filled
 from flowsculpt.pipeline.plugins.lettering.strokes import Stroke, stroked
 from flowsculpt.pipeline.plugins.lettering.style_sheets import StyleSheets
@@ -138,7 +137,7 @@ class DrawnPath:
         self.draw(pen)
         return pen
 
-    def require_near(self, contours: Sequence[AnyArray]) -> None:
+    def require_near(self, contours: Sequence[np.ndarray]) -> None:
         """Raise UsageError where contours have numbers that are not finite, or too large."""
         if not all(np.abs(points).max(initial=0.0) <= LARGEST for points in contours):
             raise UsageError(f"{self.name} reaches beyond {LARGEST:g} units. Scale it down.")
@@ -150,7 +149,7 @@ class DrawnPath:
                 raise ValueError("letters that mean nothing")
             parse_path(_with_plain_numbers(self.data), pen)
         except Exception as error:  # the parser raises whatever it stumbles over
-            fact = f"its path data {shortened(self.data)} is not valid"
+            fact = f"its path data {quote(self.data)} is not valid"
             raise UsageError(f"{self.name}: {fact}. Export the drawing again.") from error
 
     def _fill(self, tolerance: float) -> Iterator[Any]:
@@ -262,7 +261,7 @@ class SvgDrawing:
         x, y, width, height = numbers
         if not (min(width, height) > 0.0 and max(map(abs, numbers)) <= LARGEST):
             raise UsageError(
-                f"{self.name} has a viewBox of {shortened(text)}. Write sides above 0 and up to 1e12."
+                f"{self.name} has a viewBox of {quote(text)}. Write sides above 0 and up to 1e12."
             )
         if size and "slice" in fit and not math.isclose(size[0] * height, size[1] * width, rel_tol=1e-3):
             raise UsageError(f"{self.name} is cut off by 'slice' in preserveAspectRatio. Remove it.")
@@ -340,7 +339,7 @@ class SvgDrawing:
         if kind == "view-box" or not {"transform", *TURNING} & own.keys():
             return self._frame
         if kind not in ("fill-box", "content-box"):
-            raise UsageError(f"{name} has a transform-box of {shortened(kind)}. Write view-box or fill-box.")
+            raise UsageError(f"{name} has a transform-box of {quote(kind)}. Write view-box or fill-box.")
         before, self.paths = self.paths, []
         try:
             self._add(element, name, Transform(), properties, depth)
@@ -370,7 +369,7 @@ class SvgDrawing:
         used = self.ids.get(href.removeprefix("#")) if href.startswith("#") else None
         if used is None:
             raise UsageError(
-                f"{name} uses {shortened(href)}, which is not in the file. Export the drawing again."
+                f"{name} uses {quote(href)}, which is not in the file. Export the drawing again."
             )
         x, y = (length(element.get(side, "0"), name) for side in "xy")
         matrix = matrix.translate(x, y)
@@ -384,9 +383,7 @@ class SvgDrawing:
 
     def _name(self, element: Element) -> str:
         identity = element.get("id")
-        where = (
-            f"{_tag(element)} {shortened(identity)}" if identity else f"{_tag(element)} {len(self.paths) + 1}"
-        )
+        where = f"{_tag(element)} {quote(identity)}" if identity else f"{_tag(element)} {len(self.paths) + 1}"
         return f"{self.name}: {where}"
 
     def _own_properties(self, element: Element) -> dict[str, str]:
@@ -398,7 +395,7 @@ class SvgDrawing:
 
 def _root(path: Path) -> Element:
     """Return the root of a drawing, which gzip may have compressed. Raises UsageError where it is not SVG."""
-    content = read_input(path, MOST_BYTES)
+    content = InputFile(path, MOST_BYTES).content()
     try:
         if content.startswith(b"\x1f\x8b"):
             with gzip.GzipFile(fileobj=io.BytesIO(content)) as file:
@@ -409,7 +406,7 @@ def _root(path: Path) -> Element:
     except (ParseError, ValueError, LookupError, OSError, EOFError, zlib.error) as error:
         raise UsageError(f"{path.name} is not SVG: {error}. Export it again.") from None
     if _tag(root) != "svg":
-        raise UsageError(f"{path.name} is not SVG: it begins with {shortened(root.tag)}. Export it again.")
+        raise UsageError(f"{path.name} is not SVG: it begins with {quote(root.tag)}. Export it again.")
     return root
 
 

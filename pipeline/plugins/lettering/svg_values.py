@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from fontTools.misc.transform import Transform
 
 from flowsculpt import UsageError
-from flowsculpt.api import shortened
+from flowsculpt.api import quote
 
 LARGEST = 1e12
 """Largest number of units in a drawing."""
@@ -40,10 +40,10 @@ def length(text: str, name: str, whole: float | None = None) -> float:
     match = _LENGTH.fullmatch(text.lower())
     units = UNITS if whole is None else UNITS | {"%": 0.01 * whole}
     if match is None or match[2] not in units:
-        raise UsageError(f"{name} has a length of {shortened(text)}. Write a number, or one with px or mm.")
+        raise UsageError(f"{name} has a length of {quote(text)}. Write a number, or one with px or mm.")
     value = float(match[1]) * units[match[2]]
     if not abs(value) <= LARGEST:
-        raise UsageError(f"{name} has a length of {shortened(text)}; the most is {LARGEST:g}. Scale it down.")
+        raise UsageError(f"{name} has a length of {quote(text)}; the most is {LARGEST:g}. Scale it down.")
     return value
 
 
@@ -83,7 +83,7 @@ def _product(text: str, name: str, box: Box | None) -> Transform:
         values = _arguments(match[1], match[2], name, box) if match else None
         step = _step(match[1].lower(), values) if match and values is not None else None
         if match is None or step is None or not all(abs(value) <= LARGEST for value in step):
-            fact = f"a transform {shortened(text.strip())} that is not valid"
+            fact = f"a transform {quote(text.strip())} that is not valid"
             raise UsageError(f"{name} has {fact}. Export the drawing again.")
         matrix, at = matrix.transform(step), match.end()
     return matrix

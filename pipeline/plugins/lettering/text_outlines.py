@@ -15,8 +15,8 @@ from typing import Any, Literal
 from fontTools.ttLib.sfnt import SFNTReader
 
 from flowsculpt import UsageError
-from flowsculpt.api import reason_of, shortened
-from flowsculpt.api.files import read_input
+from flowsculpt.api import quote, reason_of
+from flowsculpt.api.files import InputFile
 from flowsculpt.pipeline.plugins.lettering.outlines import OutlineShape, PolylinePen, filled
 from flowsculpt.pipeline.plugins.lettering.text_direction import visual_runs
 
@@ -121,7 +121,7 @@ def _require_characters(text: str) -> None:
 
 
 def _face(path: Path, number: int) -> Any:
-    content = read_input(path, MOST_BYTES)
+    content = InputFile(path, MOST_BYTES).content()
     for start, fact in FOREIGN:
         if content.startswith(start):
             raise UsageError(f"font {path.name} {fact}.")
@@ -156,7 +156,7 @@ def _font(face: Any, settings: TextSettings) -> Any:
     for tag, value in settings.axes:
         if tag not in axes:
             have = f"it has {', '.join(axes)}" if axes else "it has none: it is not a variable font"
-            raise UsageError(f"font {settings.font.name} has no axis {shortened(tag)}; {have}. Leave it out.")
+            raise UsageError(f"font {settings.font.name} has no axis {quote(tag)}; {have}. Leave it out.")
         low, high = axes[tag].min_value, axes[tag].max_value
         if not low <= value <= high:
             limits = f"{low:g} to {high:g}. Write {min(max(value, low), high):g}."

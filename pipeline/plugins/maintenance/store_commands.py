@@ -14,9 +14,16 @@ import typer
 
 from flowsculpt import MachineError
 from flowsculpt.api import plural
-from flowsculpt.api.commands import execute, print_error, print_result, print_warning, progress_bars, size
+from flowsculpt.api.commands import (
+    execute,
+    print_error,
+    print_result,
+    print_warning,
+    progress_bars,
+    size_words,
+)
 from flowsculpt.api.frames import Locks, Runs, Store
-from flowsculpt.api.options import Common, Settings, ShotOptions
+from flowsculpt.api.options import Common, ShotOptions, shared_option
 from flowsculpt.pipeline.plugins.maintenance.clean import collect_garbage
 from flowsculpt.pipeline.plugins.maintenance.store_repair import (
     begun_films,
@@ -49,7 +56,7 @@ def clean(
     keep: Annotated[
         int, typer.Option(min=0, metavar="N", help="Keep the files of the last N runs of each shot.")
     ] = 2,
-    settings: Settings = None,
+    settings: Annotated[list[str] | None, shared_option("settings")] = None,
 ) -> None:
     """Delete stored files that nothing needs, and free the disk.
 
@@ -64,10 +71,10 @@ def clean(
     with nullcontext() if common.dry_run else Locks(common.root).hold_alone():
         done = collect_garbage(project.store, requests, keep, common.dry_run)
     verb = "Would free" if common.dry_run else "Freed"
-    freed = f"{size(done.freed)} in {plural(len(done.removed), 'file')}"
+    freed = f"{size_words(done.freed)} in {plural(len(done.removed), 'file')}"
     words = f"{verb} {freed}, and {'keep' if common.dry_run else 'kept'} {plural(done.kept, 'file')}."
     for what, (count, space) in done.others.items():
-        words += f" {verb} {size(space)} in {plural(count, 'file')}: {what}."
+        words += f" {verb} {size_words(space)} in {plural(count, 'file')}: {what}."
     if done.linked:
         words += f" {plural(done.linked, 'copy', 'copies')} in renders/ became links to the store."
     facts = {
@@ -83,7 +90,7 @@ def clean(
 File = TypeVar("File", StoredFile, ShownFile, PublishedFile)
 
 
-def verify(common: Common, settings: Settings = None) -> None:
+def verify(common: Common, settings: Annotated[list[str] | None, shared_option("settings")] = None) -> None:
     """Check every file that was written, and make damaged ones again.
 
     Every stored mesh, picture and movie, and every file in renders/, is compared with the digest taken when
@@ -181,7 +188,7 @@ def _checked(common: Common, store: Store) -> _Check:
     return _Check(store, _faulty(stored), _faulty(shown), unchecked, refused)
 
 
-def _repair(common: Common, settings: Settings, checks: Sequence[_Check]) -> tuple[int, int]:
+def _repair(common: Common, settings: list[str] | None, checks: Sequence[_Check]) -> tuple[int, int]:
     """Repair what is damaged; return the exit code of the run, and how many files it did not make again."""
     project, code = ShotOptions(settings).project(common), 0
     evicted = []

@@ -8,8 +8,8 @@ from typing import Annotated, Any, Literal, TypeGuard
 from pydantic import Field
 
 from flowsculpt import MeshError, MissingInputError
-from flowsculpt.api import PointsKind, plural, shortened
-from flowsculpt.api.files import digest_of_file
+from flowsculpt.api import PointsKind, plural, quote
+from flowsculpt.api.files import InputFile
 from flowsculpt.api.meshes import Lattice
 from flowsculpt.api.shots import (
     ByForm,
@@ -71,7 +71,7 @@ class CloudDocument(PointsKind):
         radius = self.radius if isinstance(self.radius, str) else float(self.radius)
         if isinstance(self.cloud, str):
             path = folder / self.cloud
-            return CloudOfFile(digest_of_file(path), radius, float(self.scale), path)
+            return CloudOfFile(InputFile(path).digest(), radius, float(self.scale), path)
         assert not isinstance(radius, str), "checked: only files have attributes"
         fill: Literal["volume", "surface"] = "surface" if self.fill == "surface" else "volume"
         return CloudInSolid(self.cloud.build(), self.count, fill, self.seed, radius)
@@ -89,7 +89,7 @@ class CloudDocument(PointsKind):
             if written.get("solid") == "sheet" and given.get("fill") in (None, "volume"):
                 yield ("cloud",), "a sheet encloses no volume to fill. Write fill: surface."
             if _is_attribute(radius):
-                fact = f"points in a solid have no attribute {shortened(radius)}"
+                fact = f"points in a solid have no attribute {quote(radius)}"
                 yield ("radius",), f"{fact}; write a number."
 
 
@@ -138,7 +138,9 @@ class NetDocument(PointsKind):
     def build(self, folder: Path) -> ControlNet:
         if isinstance(self.net, str):
             path = folder / self.net
-            return NetOfFile(digest_of_file(path), self.columns, CLOSED[self.closed], float(self.scale), path)
+            return NetOfFile(
+                InputFile(path).digest(), self.columns, CLOSED[self.closed], float(self.scale), path
+            )
         if isinstance(self.net, list):
             rows = tuple(tuple(tuple(float(x) for x in point) for point in row) for row in self.net)
             return NetOfRows(rows, CLOSED[self.closed])

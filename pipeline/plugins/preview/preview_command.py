@@ -11,10 +11,10 @@ from typing import Annotated
 import typer
 
 from flowsculpt import FlowsculptError, UsageError
-from flowsculpt.api import Progress, plural, reporting_to
-from flowsculpt.api.commands import frame_progress, print_error, print_result, print_warning
+from flowsculpt.api import Progress, plural
+from flowsculpt.api.commands import print_error, print_result, print_warning, progress_bars
 from flowsculpt.api.files import make_folder
-from flowsculpt.api.flows import estimated_vertices, growth_warning
+from flowsculpt.api.flows import MotionForecast
 from flowsculpt.api.frames import Edit, FrameProgress, FrameRange, RenderRequest, Show, Store
 from flowsculpt.api.options import DEFAULT_QUALITY, Common, ShotOptions, shared_option
 from flowsculpt.api.pictures import BurnIn
@@ -189,8 +189,9 @@ def _warn_of_growth(request: RenderRequest, last: int) -> None:
         if motion.resampling is None or longest is None:
             continue
         mesh = motion.mesh_at_rest()
-        vertices = estimated_vertices(mesh, longest)
-        if warning := growth_warning(motion, mesh.vertices, mesh.faces, vertices, last):
+        forecast = MotionForecast(motion)
+        vertices = forecast.estimated_vertices(mesh, longest)
+        if warning := forecast.growth_warning(mesh.vertices, mesh.faces, vertices, last):
             print_warning(f"{request.name}: {warning}")
 
 
@@ -245,21 +246,19 @@ def _bars(
 
     The first bar moves within frames that take long, and what makes a frame slow is printed.
     """
-    from rich.progress import TextColumn  # takes time to import
-
-    with frame_progress(TextColumn("{task.fields[now]}", style="dim"), wanted=common.progress) as progress:
-        tasks = {stage: progress.add_task(stage, total=total, now="") for stage, total in totals.items()}
+    with progress_bars(common.progress) as bar:
+        bars = {stage: bar(stage, total) for stage, total in totals.items()}
         done = dict.fromkeys(totals, 0)
 
         def frame_done(stage: str, number: int) -> None:
             done[stage] += 1
-            progress.update(tasks[stage], completed=done[stage], now="")
+            bars[stage].show(done[stage])
 
         def report(within: FrameProgress) -> None:
             if within.slow:
                 print_warning(within.slow)
             now = f"frame {within.frame} ({within.share:.0%}, {within.work})"
-            progress.update(tasks["simulating"], completed=done["simulating"] + within.share, now=now)
+            bars["simulating"].show(done["simulating"] + within.share, now)
 
         def report_once(made: Progress) -> None:
             if made.is_once:  # such as a fit, before the first frame
@@ -268,5 +267,5 @@ def _bars(
 
         for animatic in animatics:
             animatic.stream.callback = report
-        with reporting_to(report_once):
+        with Progress.reported_to(report_once):
             yield frame_done

@@ -25,8 +25,8 @@ from typing import Any, TypeVar
 from urllib.parse import urlsplit
 
 from flowsculpt import MachineError, UsageError
-from flowsculpt.api import suggestion
-from flowsculpt.api.files import command
+from flowsculpt.api import suggest
+from flowsculpt.api.files import python_command
 
 LOG = logging.getLogger("flowsculpt.store")
 """Its warnings are passed on to the user."""
@@ -54,7 +54,7 @@ def checked_url(typed: str) -> str:
     if not separator:
         return f"file://{_folder(text, where)}"
     if scheme not in known_implementations:
-        likely = suggestion(scheme, _USUAL)
+        likely = suggest(scheme, _USUAL)
         raise UsageError(f"{where}: {scheme}:// is not known. {likely}")
     if not rest.strip("/"):
         raise UsageError(f"{where}: a bucket or folder must follow; write {EXAMPLES}")
@@ -63,7 +63,7 @@ def checked_url(typed: str) -> str:
     if find_spec(module) is None:
         raise MachineError(
             f"{where}: {scheme}:// needs the package {module}, which is not installed; install it "
-            f"for the Python of flowsculpt: {shlex.join(command('pip', 'install', module))}"
+            f"for the Python of flowsculpt: {shlex.join(python_command('pip', 'install', module))}"
         )
     return text
 

@@ -17,9 +17,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError, model_validator
 
-from flowsculpt import MissingInputError, UsageError
-from flowsculpt.api import brief
-from flowsculpt.api.files import ChangedFileError, atomic_write, machine_error
+from flowsculpt import MachineError, MissingInputError, UsageError
+from flowsculpt.api import shorten
+from flowsculpt.api.files import ChangedFileError, atomic_write
 from flowsculpt.api.frames import Locks, RootFolders
 from flowsculpt.api.shots import NAME, is_there
 
@@ -178,7 +178,7 @@ def read_notes(path: Path) -> list[ReviewNote]:
     try:
         content = path.read_bytes()
     except OSError as error:
-        raise machine_error(path, error, "read") from None
+        raise MachineError.of_path(path, error, "read") from None
     try:
         return merged(NotesDocument.model_validate_json(content).notes)
     except ValidationError as error:
@@ -213,7 +213,7 @@ def _fault(error: ValidationError) -> str:
     rule = first["msg"].removeprefix("Value error, ")
     if first["type"] == "string_pattern_mismatch":
         rule = "the format does not allow this text here"
-    value = "" if first["type"] == "value_error" else f" is {brief(json.dumps(given, default=str))}"
+    value = "" if first["type"] == "value_error" else f" is {shorten(json.dumps(given, default=str))}"
     return f"{place}{value}: {rule[0].lower()}{rule[1:]}; take the file as the review page downloaded it"
 
 

@@ -10,18 +10,11 @@ import typer
 
 from flowsculpt import UsageError
 from flowsculpt.api import plural
-from flowsculpt.api.commands import execute, exit_with, print_result, print_warning, report_plan
+from flowsculpt.api.commands import execute, print_result, print_warning, report_plan
 from flowsculpt.api.files import make_folder
+from flowsculpt.api.flows import MotionForecast
 from flowsculpt.api.frames import FinishedPictures, Folders, FrameRange, Plan, RenderRequest, Show, Store
-from flowsculpt.api.options import (
-    DEFAULT_QUALITY,
-    Common,
-    PictureOptions,
-    Quality,
-    Settings,
-    Shot,
-    shared_option,
-)
+from flowsculpt.api.options import DEFAULT_QUALITY, Common, PictureOptions, Quality, Shot, shared_option
 from flowsculpt.api.pictures import ContactSheet, Curves, plot_panels, write_still
 from flowsculpt.api.shots import inherited_source, read_shot
 from flowsculpt.pipeline.plugins.sheets.keyed_curves import curves_of
@@ -77,7 +70,7 @@ def curves(
         Path | None,
         shared_option("output", "Write this SVG, PNG or PDF. Default: an SVG in renders/SHOT."),
     ] = None,
-    settings: Settings = None,
+    settings: Annotated[list[str] | None, shared_option("settings")] = None,
 ) -> None:
     """Draw everything in a shot that changes over time: values over frames, with their keys as dots.
 
@@ -151,7 +144,7 @@ def sheet(
     many = len(made.request.requested)
     facts = {"path": str(path), "frames": list(made.request.requested), "rendered": outcome.made("render")}
     print_result(f"{path}: {plural(many, 'frame')}, {outcome.made('render')} rendered.", facts, common.json)
-    exit_with(outcome.exit_code)
+    raise typer.Exit(outcome.exit_code)
 
 
 def wedge(
@@ -207,7 +200,7 @@ def wedge(
     }
     rendered = f"{plural(len(grid), 'cell')}, {plural(outcome.made('render'), 'frame')} rendered"
     print_result(f"{', '.join(path.as_posix() for path in sheets)}: {rendered}.", facts, common.json)
-    exit_with(outcome.exit_code)
+    raise typer.Exit(outcome.exit_code)
 
 
 def _notes(made: Wedge) -> list[str]:
@@ -216,10 +209,9 @@ def _notes(made: Wedge) -> list[str]:
     varied = [variation for variation in made.grid.variations if variation.name.endswith(".amount")]
     if not varied:
         return []
-    from flowsculpt.api.flows import constant_deformations  # loads Numba, which takes long
 
     for _, request in made.requests:
-        for flow, text in constant_deformations(request.shot.motion):
+        for flow, text in MotionForecast(request.shot.motion).constant_deformations():
             place, name = f"flows.{flow}", text.partition(" ")[0]
             for variation in varied:
                 if variation.name.startswith(f"{place}.") and variation.name.endswith(f".{name}.amount"):

@@ -18,7 +18,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from flowsculpt import FlowsculptError, UsageError
-from flowsculpt.api import ShotError
+from flowsculpt.api import ShotError, shorten
 from flowsculpt.api.commands import Project
 from flowsculpt.api.frames import (
     FinishedPictures,
@@ -31,7 +31,6 @@ from flowsculpt.api.frames import (
     key_of,
 )
 from flowsculpt.api.pictures import ENCODES, ContactSheet, read_header, write_movie, write_still
-from flowsculpt.api.shots import quote_name
 
 OPTION = "--vary"
 MOST_CELLS = 100  # cells of a wedge at most, without --yes
@@ -58,7 +57,7 @@ class Variation:
         Raises UsageError, with the option, for what is neither, for fewer than two values and for equal ones.
         """
         name, equals, rest = (part.strip() for part in text.partition("="))
-        place = f"{OPTION} {quote_name(text)}"
+        place = f"{OPTION} {shorten(text)}"
         if not (name and equals and rest):
             raise UsageError(
                 f"{place}: this varies nothing. Write name=first:last:count, such as "
@@ -73,7 +72,7 @@ class Variation:
             )
         if len(set(values)) < len(values):
             twice = next(value for value in values if values.count(value) > 1)
-            raise UsageError(f"{place}: {quote_name(twice)} is listed twice. Remove one.")
+            raise UsageError(f"{place}: {shorten(twice)} is listed twice. Remove one.")
         return cls(name, values, text)
 
 
@@ -105,15 +104,14 @@ class Grid:
         for i, name in enumerate(names):
             if name in names[:i]:
                 raise UsageError(
-                    f"{OPTION} {quote_name(texts[i])}: {quote_name(name)} is varied twice. List its values "
-                    "in one."
+                    f"{OPTION} {shorten(texts[i])}: {shorten(name)} is varied twice. List its values in one."
                 )
         grid, most = cls(variations), MOST_AT_ALL if many else MOST_CELLS
         if len(grid) > most:
             counts = " × ".join(str(len(variation.values)) for variation in variations)
             remedy = "take fewer values" if many else "take fewer values, or add --yes if you mean it"
             raise UsageError(
-                f"{OPTION} {quote_name(texts[-1])}: that makes {counts} = {len(grid)} cells, and a wedge has "
+                f"{OPTION} {shorten(texts[-1])}: that makes {counts} = {len(grid)} cells, and a wedge has "
                 f"at most {most}; {remedy}"
             )
         return grid
@@ -313,12 +311,9 @@ class Wedge:
 def _at_the_variation(message: str, variations: tuple[Variation, ...], cell: Cell) -> str:
     """Return the error of a cell, placed at the variation whose value is wrong."""
     for variation, setting in zip(variations, cell.settings, strict=True):
-        if message.startswith(f"--set {setting}: "):
-            value, fault = (
-                quote_name(setting.partition("=")[2]),
-                message.removeprefix(f"--set {setting}: "),
-            )
-            return f"{OPTION} {quote_name(variation.said)}: at {value}, {fault}"
+        if message.startswith(place := f"--set {shorten(setting)}: "):
+            value, fault = shorten(setting.partition("=")[2]), message.removeprefix(place)
+            return f"{OPTION} {shorten(variation.said)}: at {value}, {fault}"
     return f"{OPTION} with {', '.join(cell.settings)}: {message}"
 
 

@@ -18,9 +18,9 @@ import typer
 from numpy.typing import NDArray
 
 from flowsculpt import MissingInputError, UsageError
-from flowsculpt.api import plural, suggestion
+from flowsculpt.api import plural, suggest
 from flowsculpt.api.commands import Project, execute_and_report, progress_bars, require_one_of
-from flowsculpt.api.files import require_input
+from flowsculpt.api.files import InputFile
 from flowsculpt.api.frames import (
     FinishedPictures,
     Folders,
@@ -32,14 +32,13 @@ from flowsculpt.api.frames import (
     Store,
     key_of,
 )
-from flowsculpt.api.meshes import surface_reader, usual_up
+from flowsculpt.api.meshes import ModelFile
 from flowsculpt.api.options import (
     DEFAULT_QUALITY,
     Common,
     PictureOptions,
     Quality,
     ShotOptions,
-    Variant,
     shared_option,
 )
 from flowsculpt.api.pictures import ContactSheet, prefetch, write_movie, write_still
@@ -89,7 +88,7 @@ class TurntableRequest:
                 "and 72 is usual"
             )
         if self.turn not in (*TURNS, BOTH):
-            raise UsageError(f"--turn {self.turn}: it does not turn. {suggestion(self.turn, (*TURNS, BOTH))}")
+            raise UsageError(f"--turn {self.turn}: it does not turn. {suggest(self.turn, (*TURNS, BOTH))}")
         if self.up not in (None, *UPS):
             raise UsageError(f"--up {self.up}: only the axes y and z can point up. Write --up y or --up z.")
         if self.up is not None and not self._is_of_file:
@@ -113,7 +112,7 @@ class TurntableRequest:
     def requests(self) -> list[RenderRequest]:
         """Return the request of each look. Raises MissingInputError or UsageError."""
         mesh, of_file = Path(self.subject), self._is_of_file
-        up = self.up or usual_up(mesh)
+        up = self.up or ModelFile(mesh).up()
         if of_file:
             path = mesh.absolute().with_name(re.sub(r"[^\w.-]", "_", mesh.stem) + ".yaml")
             shot = _shot_around(mesh, up, self._named_looks, PAINTED in self.looks)
@@ -137,7 +136,7 @@ class TurntableRequest:
 
     @property
     def _is_of_file(self) -> bool:
-        return surface_reader(self.subject) is not None
+        return ModelFile(Path(self.subject)).reader is not None
 
     def _take(self, path: Path, of_file: bool, look: str | None) -> RenderRequest:
         subjects = self.project.request(path, self.quality).manifest.subjects if look else ()
@@ -362,7 +361,7 @@ def turntable(
     scale: Annotated[
         str | None, typer.Option(metavar="PERCENT", help="Render smaller or larger pictures: 50%, or 0.5.")
     ] = None,
-    variant: Variant = None,
+    variant: Annotated[str | None, shared_option("variant")] = None,
 ) -> None:
     """Render one frame of a shot, or a mesh file, turning; then the lights turning around it.
 
@@ -406,7 +405,7 @@ def _shot_around(mesh: Path, up: str, looks: Mapping[str, Any], is_painted: bool
     """
     if not mesh.exists():
         raise MissingInputError(f"{mesh}: no such mesh file; check the path")
-    require_input(mesh)
+    InputFile(mesh).size()
     shot = {
         "title": mesh.stem,
         "frames": "1-1",

@@ -13,24 +13,21 @@ import typer
 from flowsculpt import MissingInputError, UsageError
 from flowsculpt.api import plural
 from flowsculpt.api.commands import (
+    empty_table,
     execute,
-    exit_with,
     print_error,
     print_result,
     print_warning,
     report_plan,
-    table,
 )
 from flowsculpt.api.frames import FrameRange, RootFolders, Show, use_store
 from flowsculpt.api.options import (
     DEFAULT_QUALITY,
-    AllowCode,
     Common,
     PictureOptions,
     Quality,
     Shot,
     ShotOptions,
-    Variant,
     shared_option,
 )
 from flowsculpt.pipeline.plugins.versions.hooks import Hook, hooks_of, tell_published
@@ -140,11 +137,11 @@ def versions(
                 errors.append(record)
                 print_error(str(record))
     _report(provenances, common.json)
-    exit_with(max((error.exit_code for error in errors), default=0))
+    raise typer.Exit(max((error.exit_code for error in errors), default=0))
 
 
 def _report(provenances: Sequence[tuple[Path, Provenance]], as_json: bool) -> None:
-    listing = table("shot", "version", "quality", "frames", "published (UTC)", "by", "note")
+    listing = empty_table("shot", "version", "quality", "frames", "published (UTC)", "by", "note")
     for _, record in provenances:
         when = record.published.replace("T", " ").removesuffix("Z")
         what = record.shot, record.version, record.quality, str(FrameRange.of(record.frames))
@@ -169,8 +166,8 @@ def reproduce(
         Path, typer.Argument(metavar="PROVENANCE", help="The provenance.json of a published version.")
     ],
     frames: FrameNumbers = None,
-    variant: Variant = None,
-    allow_code: AllowCode = False,
+    variant: Annotated[str | None, shared_option("variant")] = None,
+    allow_code: Annotated[bool, shared_option("allow_code")] = False,
     force: Annotated[
         bool, typer.Option("--force", help="Render and finish the frames again, and replace what is stored.")
     ] = False,
@@ -203,7 +200,7 @@ def reproduce(
         "not_made": [each.what for each in unlike if each.same is None],
     }
     print_result(_compared(record, again.home, comparisons), facts, common.json)
-    exit_with(outcome.exit_code or (1 if unlike else 0))
+    raise typer.Exit(outcome.exit_code or (1 if unlike else 0))
 
 
 def _compared(record: Provenance, home: Path, comparisons: Sequence[Comparison]) -> str:

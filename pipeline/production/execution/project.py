@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from flowsculpt.pipeline.errors import UsageError, suggestion
+from flowsculpt.pipeline.errors import UsageError, suggest
 from flowsculpt.pipeline.frames import FrameRange, FrameSelection, FrameWords
 from flowsculpt.pipeline.production.planning.frame_states import FrameStates, select_frames
 from flowsculpt.pipeline.production.planning.plan import Plan
@@ -74,7 +74,7 @@ class Project:
         if convention is None:
             return self
         if convention not in CONVENTIONS:
-            hint = suggestion(convention, CONVENTIONS)
+            hint = suggest(convention, CONVENTIONS)
             raise UsageError(f"--layers {convention}: no channel names are known for it. {hint}")
         return replace(self, settings=(*self.settings, f"layers={convention}"))
 
@@ -153,7 +153,7 @@ class Project:
     ) -> Plan:
         """Return the plan of finished frames of shots as a display shows them, in files of a form."""
         if form not in FORMS:
-            raise UsageError(f"{form!r} is not a form of stills. {suggestion(form, FORMS)}")
+            raise UsageError(f"{form!r} is not a form of stills. {suggest(form, FORMS)}")
         planner = self.planner()
         for shot in shots:
             planner.stills(self.find_request(shot, quality, frames), form)

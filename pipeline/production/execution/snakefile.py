@@ -22,7 +22,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flowsculpt.pipeline.errors import FlowsculptError, UsageError, suggestion
+from flowsculpt.pipeline.errors import FlowsculptError, UsageError, suggest
 from flowsculpt.pipeline.frames import FrameRange, FrameSelection
 from flowsculpt.pipeline.plugin import plugins
 from flowsculpt.pipeline.production.execution.farm_executor import extend_farm_executors
@@ -71,7 +71,7 @@ class PlannedWorkflow:
         self._workflow, self._config, self._root = workflow, config, Path.cwd()
         for name in config:
             if name not in (*SETTINGS, *PROFILE_SETTINGS, "plan"):
-                raise SystemExit(f"--config {name}: unknown setting. {suggestion(name, SETTINGS)}")
+                raise SystemExit(f"--config {name}: unknown setting. {suggest(name, SETTINGS)}")
 
     @cached_property
     def plan(self) -> Plan:

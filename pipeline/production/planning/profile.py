@@ -27,7 +27,7 @@ from typing import Any
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
-from flowsculpt.pipeline.errors import MachineError, MissingInputError, UsageError, suggestion
+from flowsculpt.pipeline.errors import MachineError, MissingInputError, UsageError, suggest
 from flowsculpt.pipeline.production.store.paths import STATE
 from flowsculpt.render.base.atomic_write import atomic_write
 from flowsculpt.render.base.python_process import command_line
@@ -85,7 +85,7 @@ class Profile:
         raise MissingInputError(
             f"{name}: no such profile; a profile is a folder with profile.yaml: one that is shipped, one in "
             f"{PROFILES}/, or a path. "
-            f"{suggestion(name, [other for other in known if other != 'default'])} docs/farm.md has examples "
+            f"{suggest(name, [other for other in known if other != 'default'])} docs/farm.md has examples "
             "for PBS, Grid Engine, LSF and HTCondor."
         )
 
@@ -148,7 +148,7 @@ class Profile:
         if variant is not None and variant not in VARIANTS:
             raise UsageError(
                 f"{self._file}: config: variant is {variant!r}, which Mitsuba does not have. "
-                f"{suggestion(str(variant), VARIANTS)}"
+                f"{suggest(str(variant), VARIANTS)}"
             )
         return variant
 
@@ -258,7 +258,7 @@ def variant_for(
         return _first_but(avoided)
     if on_nodes and asked not in avoided:
         if asked not in VARIANTS:
-            raise UsageError(f"{asked!r} is not a variant of Mitsuba. {suggestion(asked, VARIANTS)}")
+            raise UsageError(f"{asked!r} is not a variant of Mitsuba. {suggest(asked, VARIANTS)}")
         return asked
     if asked in GPU_VARIANTS and (asked in avoided or not _gpu_works(asked)):
         absent = f"{asked} cannot render here: {_LACKING[asked]}"

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
-from flowsculpt.pipeline.errors import MissingInputError, UsageError, suggestion
+from flowsculpt.pipeline.errors import MissingInputError, UsageError, suggest
 from flowsculpt.pipeline.plugin import plugins
 from flowsculpt.pipeline.shot.yaml.named_files import (
     is_edit,
@@ -100,7 +100,7 @@ def require_quality(name: str) -> None:
     """Raise UsageError, with the nearest one, for what is no quality."""
     if not QualityName.of(name).is_known:
         meant = value_meant(name, QUALITIES)
-        hint = f"Did you mean {meant!r}?" if meant else suggestion(name, QUALITIES)
+        hint = f"Did you mean {meant!r}?" if meant else suggest(name, QUALITIES)
         raise UsageError(f"{name!r} is not a quality. {hint}")
 
 

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flowsculpt.pipeline.animation.flow_cost import flows_of
 from flowsculpt.pipeline.arrays import AnyArray
 from flowsculpt.pipeline.mesh.placed_copies import all_copies
 from flowsculpt.pipeline.production.request.framing import Framing, rotate_y
@@ -30,7 +29,7 @@ from flowsculpt.render.mitsuba.engine import Engine, choose
 from flowsculpt.render.post.image import write_exr
 from flowsculpt.render.scene.aovs import COPY, RenderedFrame
 from flowsculpt.render.scene.painted_faces import PaintedFaces
-from flowsculpt.render.scene.patterns import SPEED, Pigment
+from flowsculpt.render.scene.patterns import Pigment
 from flowsculpt.render.scene.scene import SUBJECT, Geometry, MotionSample, Scene, SceneSubject
 from flowsculpt.render.scene.surface import Spheres, Surface, outlines
 
@@ -214,7 +213,7 @@ class _ShownSubject:
         if not request.pictures.measures_speed:
             return attributes
 
-        return {**attributes, SPEED: self._shading.speeds(request.shot.motion)}
+        return {**attributes, Surface.SPEED: self._shading.speeds(request.shot.motion)}
 
     @cached_property
     def _paint(self) -> PaintedFaces | None:
@@ -243,7 +242,7 @@ def flow_facts(request: RenderRequest, number: int) -> dict[str, Any]:
     mesh, facts = request.angles[number].mesh, {}
     for part in request.parts:
         motion, subject = part.shot.motion, part.source.subject
-        for k, flow in enumerate(flows_of(motion.flow)):
+        for k, flow in enumerate(motion.flow.members):
             if said := dict(flow.facts(motion.clock.flow_time(mesh))):
                 place = motion.place_of_flow(k)
                 facts[f"{place} of {subject}" if subject and place.startswith("flows") else place] = said

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Generic, NamedTuple, Self, TypeGuard, TypeVar
 
 from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr, ValidationInfo, model_validator
 
-from flowsculpt.pipeline.errors import UsageError, shortened
+from flowsculpt.pipeline.errors import UsageError, quote
 from flowsculpt.pipeline.flow.keyframes import (
     BEZIER,
     EASINGS,
@@ -327,7 +327,7 @@ def _require_form(value: Any) -> Any:
     elif isinstance(value, str) and Path(value).suffix.lower() in SUFFIXES:
         raise bad_value(f"a value that follows a sound is a mapping. Write {{audio: {value}}}.")
     elif isinstance(value, str) and not is_written_number(value) and _is_formula(value):
-        raise bad_value(f"{shortened(value)} is a formula. Write {{formula: {value}}}.")
+        raise bad_value(f"{quote(value)} is a formula. Write {{formula: {value}}}.")
     return value
 
 

@@ -22,7 +22,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, PydanticCustomError
 
-from flowsculpt.pipeline.errors import shortened, suggestion
+from flowsculpt.pipeline.errors import quote, suggest
 from flowsculpt.pipeline.flow.parameters import Vector, X, Y, Z
 from flowsculpt.pipeline.flow.streamlines import MAX_SUBSTEPS
 from flowsculpt.pipeline.formula import Expression, FormulaError
@@ -114,8 +114,8 @@ def one_of(names: Iterable[str], kind: str) -> OneOf:
     def check(word: str) -> str:
         if word not in known:
             meant = value_meant(word, known)
-            hint = f"Did you mean {meant!r}?" if meant else plugins().lacking(word) or suggestion(word, known)
-            raise bad_value(f"{shortened(word)} is not {indefinite(kind)}. {hint}")
+            hint = f"Did you mean {meant!r}?" if meant else plugins().lacking(word) or suggest(word, known)
+            raise bad_value(f"{quote(word)} is not {indefinite(kind)}. {hint}")
         return word
 
     return OneOf(check, known)
@@ -321,7 +321,7 @@ def parsed_colour(value: Any) -> Any:
 def _not_a_colour(value: Any) -> PydanticCustomError:
     meant = _meant_colour(value) or (in_yaml([value] * 3) if is_number(value) else None)
     rule = "it is red, green and blue from 0 to 1, linear and without alpha, or sRGB in quotes, as '#c04020'"
-    fact = f"{shortened(value) if isinstance(value, str) else in_yaml(value)} is not a colour"
+    fact = f"{quote(value) if isinstance(value, str) else in_yaml(value)} is not a colour"
     return bad_value(f"{fact}; {rule}.{f' Write {meant}.' if meant else ''}")
 
 

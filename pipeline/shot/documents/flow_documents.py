@@ -24,7 +24,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema
 
-from flowsculpt.pipeline.errors import reason_of, shortened
+from flowsculpt.pipeline.errors import quote, reason_of
 from flowsculpt.pipeline.flow import Flow, VelocityField, catalogue
 from flowsculpt.pipeline.flow.catalogue.external_fields import (
     MAX_NUMBERS,
@@ -65,7 +65,7 @@ from flowsculpt.pipeline.shot.documents.field_types import (
 )
 from flowsculpt.pipeline.shot.motion import Clock
 from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext, as_finding, finding
-from flowsculpt.render.base.input_files import read_input
+from flowsculpt.render.base.input_files import InputFile
 
 
 class FlowParameters(Document):
@@ -175,7 +175,7 @@ def _value(p: Parameter, value: Any, clock: Clock) -> Any:
 def _check_name(word: str) -> str:
     if not word.isidentifier() or word in {*NAMES, *CONSTANTS, *FUNCTIONS}:
         rule = "it is not a word, or has a meaning"
-        raise finding(f"{shortened(word)} cannot name a number: {rule}. Choose another.")
+        raise finding(f"{quote(word)} cannot name a number: {rule}. Choose another.")
     return word
 
 
@@ -208,7 +208,7 @@ class FormulaDocument(FlowParameters):
         """`formula: [a, b, c]` is `formula: {velocity: [a, b, c]}`."""
         given = value.get("velocity", []) if isinstance(value, dict) else value
         if isinstance(given, str | int | float):
-            raise finding(f"formula: {shortened(given)} is not a list of three, such as [-y, x, 0]")
+            raise finding(f"formula: {quote(given)} is not a list of three, such as [-y, x, 0]")
         return {"velocity": value} if isinstance(value, list) else value
 
     @classmethod
@@ -312,7 +312,7 @@ class PythonDocument(FlowParameters):
     def _is_a_name(cls, function: str) -> str:
         if not function.isidentifier():
             remedy = "write it as in the file, without brackets"
-            raise finding(f"{shortened(function)} names no function; {remedy}.")
+            raise finding(f"{quote(function)} names no function; {remedy}.")
         return function
 
     @model_validator(mode="after")
@@ -321,7 +321,7 @@ class PythonDocument(FlowParameters):
         self._path, self._allowed = context.file(self.file), context.allow_code
         self._digest = context.digests[self._path]
         self._reads = {path: context.digests[path] for path in map(context.file, self.reads)}
-        code = as_finding(lambda: read_input(self._path, MOST_CODE))
+        code = as_finding(lambda: InputFile(self._path, MOST_CODE).content())
         try:
             ast.parse(code, str(self._path))
         except (SyntaxError, ValueError, RecursionError, MemoryError) as error:

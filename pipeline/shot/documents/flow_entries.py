@@ -20,7 +20,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema
 
-from flowsculpt.pipeline.errors import shortened
+from flowsculpt.pipeline.errors import quote
 from flowsculpt.pipeline.flow import (
     Flow,
     Repeated,
@@ -209,7 +209,7 @@ def _positive_duration(value: Any) -> Any:
     length = Clock(FrameRange.of([1]), FrameRate.of(24)).length(value)
     if length is None or not 0 < length < math.inf:
         raise bad_value(
-            f"{shortened(value)} is not a duration. Write frames, such as 24, or seconds, such as 1s."
+            f"{quote(value)} is not a duration. Write frames, such as 24, or seconds, such as 1s."
         )
     return value
 

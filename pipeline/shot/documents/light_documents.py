@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr, ValidationInfo, model_validator
 
-from flowsculpt.pipeline.errors import shortened
+from flowsculpt.pipeline.errors import quote
 from flowsculpt.pipeline.shot.documents.field_types import (
     DEGREE,
     HEX_PATTERN,
@@ -132,7 +132,7 @@ def _check_light_name(name: str) -> str:
         return name
     meant = re.sub(r"\W+", "_", name).lstrip("_0123456789").rstrip("_")
     raise bad_value(
-        f"{shortened(name)} is not a name of a light or group: letters, digits and _ after a first letter. "
+        f"{quote(name)} is not a name of a light or group: letters, digits and _ after a first letter. "
         f"Write {meant or 'key'}."
     )
 
@@ -148,7 +148,7 @@ def _require_groups(value: Any) -> Any:
     if isinstance(value, list):
         raise bad_value(f"a light group has a name. Write {{NAME: {in_yaml(value)}}}, or each.")
     if value not in ("off", "each"):
-        raise bad_value(f"{shortened(value)} is not a light group. Write each, off, or {{NAME: [key, rim]}}.")
+        raise bad_value(f"{quote(value)} is not a light group. Write each, off, or {{NAME: [key, rim]}}.")
     return value
 
 
@@ -211,7 +211,7 @@ def _hours(value: Any) -> Any:
     """Refuse a time of day with minutes, with the hours that it means."""
     if isinstance(value, str) and (match := re.fullmatch(r"(\d{1,2}):([0-5]\d)(?::\d\d)?", value)):
         hours = int(match[1]) + int(match[2]) / 60
-        raise bad_value(f"{shortened(value)} is not a number of hours. Write {hours:.4g}.")
+        raise bad_value(f"{quote(value)} is not a number of hours. Write {hours:.4g}.")
     return value
 
 
@@ -379,7 +379,7 @@ _SPELT_OUT = {
 def require_rig(value: Any) -> Any:
     """Refuse words that are no rig and mean lights that are spelt out."""
     if isinstance(value, str) and (meant := _SPELT_OUT.get(value)):
-        raise bad_value(f"{shortened(value)} is not a light rig. Write lights: {meant}.")
+        raise bad_value(f"{quote(value)} is not a light rig. Write lights: {meant}.")
     return value
 
 

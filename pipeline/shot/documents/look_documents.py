@@ -10,7 +10,7 @@ from typing import Annotated, Any, Self
 
 from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 
-from flowsculpt.pipeline.errors import shortened, suggestion
+from flowsculpt.pipeline.errors import quote, suggest
 from flowsculpt.pipeline.plugin import Plugin, plugins
 from flowsculpt.pipeline.plugin_contracts import ContractError
 from flowsculpt.pipeline.shot.documents.field_types import (
@@ -46,7 +46,7 @@ from flowsculpt.pipeline.shot.documents.look_parts import (
 from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext, finding, missing_file
 from flowsculpt.pipeline.shot.yaml.named_files import is_there
 from flowsculpt.pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource, listed
-from flowsculpt.render.base.input_files import digest_of_file
+from flowsculpt.render.base.input_files import InputFile
 from flowsculpt.render.base.render_errors import RenderError
 from flowsculpt.render.mitsuba.bsdf_plugins import refusal
 from flowsculpt.render.scene.materials import LOOKS, Material, MitsubaMaterial, PatternedMaterial
@@ -121,7 +121,7 @@ def _plugin(
         return
     kind = plugin["type"]
     if kind not in known:
-        yield (*where, "type"), f"{shortened(kind)} is not a {role} of Mitsuba. {suggestion(kind, known)}"
+        yield (*where, "type"), f"{quote(kind)} is not a {role} of Mitsuba. {suggest(kind, known)}"
         return
     form = PLUGINS[kind]
     inner = [0, 0]
@@ -137,7 +137,7 @@ def _plugin(
             yield from _plugin(value, place, folder, "texture" if is_texture else "material", tuple(PLUGINS))
         else:
             names = tuple(form.parameters)
-            hint = suggestion(str(name), names) if names else "It takes none."
+            hint = suggest(str(name), names) if names else "It takes none."
             yield place, f"{name} is not a parameter of {kind}. {hint}"
     yield from _count(kind, form, inner, where)
     yield from _file(plugin, where, folder)
@@ -188,7 +188,7 @@ def _file(plugin: dict[str, Any], where: Where, folder: Path) -> Iterator[Proble
         elif plugin["type"] == "bitmap":
             space = plugin.get("space")
             try:
-                read_picture(str(path), digest_of_file(path), space if isinstance(space, str) else None)
+                read_picture(str(path), InputFile(path).digest(), space if isinstance(space, str) else None)
             except RenderError as error:
                 yield (*where, "space" if "space" in str(error)[:6] else "filename"), f"{error}"
 

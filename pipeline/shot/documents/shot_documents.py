@@ -17,7 +17,7 @@ from pydantic import (
     model_validator,
 )
 
-from flowsculpt.pipeline.errors import shortened
+from flowsculpt.pipeline.errors import quote
 from flowsculpt.pipeline.frames import FASTEST, SLOWEST
 from flowsculpt.pipeline.mesh.normals import MOST_PIECES
 from flowsculpt.pipeline.plugin import PictureTask, Plugin, named, plugins
@@ -54,7 +54,7 @@ from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext, as_f
 from flowsculpt.pipeline.shot.yaml.messages import number_in
 from flowsculpt.pipeline.shot.yaml.synonyms import synonym
 from flowsculpt.pipeline.shot.yaml.yaml_source import in_yaml
-from flowsculpt.render.base.input_files import digest_of_file
+from flowsculpt.render.base.input_files import InputFile
 from flowsculpt.render.scene.aovs import AOVS
 from flowsculpt.render.scene.render_quality import CONVENTIONS
 from flowsculpt.render.scene.rgb_spaces import REC709, WORKING_SPACES
@@ -96,7 +96,7 @@ def _pixels(value: Any) -> Any:
         return value
     match = re.match(_PIXELS, value)
     if not match:
-        raise bad_value(f"{shortened(value)} is not a length in pixels. Write 2px.")
+        raise bad_value(f"{quote(value)} is not a length in pixels. Write 2px.")
     return float(match[1])
 
 
@@ -161,7 +161,7 @@ class SoundDocument(Document):
 
         file = (folder / self.file).absolute()
         values = {name: float(value) for name, value in self.model_dump(exclude={"file"}).items()}
-        return SoundTrack(file, digest_of_file(file), **values, silence=silence_in(file))
+        return SoundTrack(file, InputFile(file).digest(), **values, silence=silence_in(file))
 
 
 def _require_mapping(value: Any) -> Any:

@@ -19,8 +19,8 @@ from pydantic import (
     model_validator,
 )
 
-from flowsculpt.pipeline.errors import UsageError, suggestion
-from flowsculpt.pipeline.mesh.read import model_files, read_paint
+from flowsculpt.pipeline.errors import UsageError, suggest
+from flowsculpt.pipeline.mesh.read import ModelFile
 from flowsculpt.pipeline.plugin import Plugin, plugins
 from flowsculpt.pipeline.plugin_contracts import require_class
 from flowsculpt.pipeline.shot.copies import MOST_COPIES, Copies, OrderedPlaces
@@ -117,8 +117,7 @@ def solid_faults(
     measures: Mapping[str, Measure] = kinds[name].measures
     unknown = [m for m in given if m in _MEASURES and m not in measures]
     yield from (
-        ((*where, m), f"{m} is not a measure of {indefinite(name)}. {suggestion(m, measures)}")
-        for m in unknown
+        ((*where, m), f"{m} is not a measure of {indefinite(name)}. {suggest(m, measures)}") for m in unknown
     )
     size, wanted = given.get("size"), np.size(measures.get("size", ()))
     if wanted and (meant := _meant_size(size, wanted)):
@@ -193,8 +192,8 @@ class ModelDocument(SizedDocument):
 
     def build(self, folder: Path) -> Model:
         path, paint = folder / self.model, self.paint == "on"
-        files = model_files(path)
-        painted = tuple(read_paint(path, lambda reader: reader.files).items()) if paint else ()
+        files = ModelFile(path).files()
+        painted = tuple(ModelFile(path).paint_files().items()) if paint else ()
         digests = ["seams 2", files.digest, *dict(painted).values()]
         return Model(
             digest=joint_digest(digests) if paint else files.digest,

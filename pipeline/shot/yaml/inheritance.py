@@ -16,7 +16,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from flowsculpt.pipeline.errors import MissingInputError, ShotError, UsageError, brief, shortened, suggestion
+from flowsculpt.pipeline.errors import MissingInputError, ShotError, UsageError, quote, shorten, suggest
 from flowsculpt.pipeline.shot.motion import Clock, parse_frames, parse_rate
 from flowsculpt.pipeline.shot.yaml.named_files import DEFAULTS, is_there, quote_name, shot_files, text_of
 from flowsculpt.pipeline.shot.yaml.yaml_source import (
@@ -52,7 +52,7 @@ def with_settings(source: YamlSource, settings: Iterable[str]) -> YamlSource:
 
 
 def _set(source: YamlSource, setting: str) -> YamlSource:
-    place = f"{OPTION} {brief(setting)}"
+    place = f"{OPTION} {shorten(setting)}"
     match = _FORM.fullmatch(setting)
     if not match:
         raise ShotError(f"{place}: not a setting; it must be name=value, such as flows.0.twist.amount=90")
@@ -67,7 +67,7 @@ def _set(source: YamlSource, setting: str) -> YamlSource:
         given = YamlSource.read(Path(OPTION), _yaml_of(match[2].strip()))
     except ShotError:
         raise ShotError(
-            f"{place}: {shortened(match[2])} is not YAML. Quote it for the shell, and look at its brackets."
+            f"{place}: {quote(match[2])} is not YAML. Quote it for the shell, and look at its brackets."
         ) from None
     data = copy.deepcopy(source.data)
     where = _put(data, match[1].split("."), given.data, place)
@@ -134,7 +134,7 @@ def _hint(where: Where, step: str, holder: dict[Any, Any]) -> str:
     """Return the names that exist; times get no did-you-mean."""
     if where[-1] == "keys":
         return f"There are: {', '.join(map(str, holder))}. Set a new key as a whole."
-    return suggestion(step, map(str, holder))
+    return suggest(step, map(str, holder))
 
 
 def _take(steps: list[str], holder: Any, in_keys: bool) -> str:
@@ -295,7 +295,7 @@ def _extended(source: YamlSource, read_text: ReadText, chain: tuple[str, ...]) -
     text = read_text(name) if "/" not in parent else None
     if text is None:
         known = [file.stem for file in shot_files(source.path.parent) if file.name not in chain]
-        hint = suggestion(parent, known) if known else "No other shot is there; remove extends."
+        hint = suggest(parent, known) if known else "No other shot is there; remove extends."
         if Path(parent).name.removesuffix(".yaml") in known:
             hint = f"Write {Path(parent).name.removesuffix('.yaml')}, its name without folder and suffix."
         raise MissingInputError(f"{place}: extends: {quote_name(parent)} is not next to this file. {hint}")

@@ -14,7 +14,7 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from flowsculpt.pipeline.errors import suggestion
+from flowsculpt.pipeline.errors import suggest
 from flowsculpt.pipeline.plugin import plugins
 from flowsculpt.pipeline.shot.yaml.synonyms import synonym, value_meant
 from flowsculpt.pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource, dotted_path, shown
@@ -255,7 +255,7 @@ def _closest(mapping: _Mapping, name: Any, found: UnknownNames) -> str:
     if (meant := value_meant(name, names)) is not None:
         return f"Did you mean {meant!r}?"
     listing = "`flowsculpt flows` lists all of them." if mapping.is_entry else ""
-    hint = suggestion(name, names, listing=listing or "docs/shot-files.md explains all of them.")
+    hint = suggest(name, names, listing=listing or "docs/shot-files.md explains all of them.")
     found.supplied.update((*mapping.where, each) for each in names if hint == f"Did you mean {each!r}?")
     if not mapping.where and isinstance(mapping.values.get(name), dict) and not hint.startswith("Did"):
         return plugins().lacking(f"{name}.entries") or hint
@@ -422,7 +422,7 @@ def _message(details: ErrorDetails, where: Where, document: type[BaseModel], wri
 def _wrong_word(value: Any, expected: str, mappings: list[type[BaseModel]]) -> str:
     """Return what is wrong with a value that is none of a few words, or of those and a mapping."""
     words = re.findall(r"'([^']*)'", expected)
-    hint = suggestion("off" if value in (False, "no", "none") else value, words)
+    hint = suggest("off" if value in (False, "no", "none") else value, words)
     also = f" or a mapping, such as {example_of(mappings)}" if mappings else ""
     fact = "empty" if value is None else f"{shown(value)} is not allowed"
     rule = f"{fact}; it must be {expected}{also}"

@@ -23,7 +23,7 @@ from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from ruamel.yaml.reader import ReaderError
 from ruamel.yaml.scanner import RoundTripScanner
 
-from flowsculpt.pipeline.errors import ShotError, brief, shortened
+from flowsculpt.pipeline.errors import ShotError, quote, shorten
 from flowsculpt.pipeline.shot.yaml.named_files import MOST_BYTES, text_of
 
 HEX_COLOUR = re.compile(r"#(?:[0-9a-fA-F]{3}){1,2}(?![0-9a-zA-Z])")
@@ -423,7 +423,7 @@ _WORDS = ("true", "false", "null", "True", "False", "Null", "TRUE", "FALSE", "NU
 
 def dotted_path(where: Where) -> str:
     """Return a path as `--set` has it: flows.0.vortex."""
-    return ".".join(brief(step) for step in where)
+    return ".".join(shorten(step) for step in where)
 
 
 def listed(names: Iterable[Any], last: str = "and") -> str:
@@ -461,7 +461,7 @@ def shown(value: Any) -> str:
         return "a list"
     if isinstance(value, bool):
         return str(value).lower()
-    return "empty" if value is None else shortened(value)
+    return "empty" if value is None else quote(value)
 
 
 def flow_style(value: Any, quote: str = '"') -> str:

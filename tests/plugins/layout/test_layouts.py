@@ -15,7 +15,6 @@ from flowsculpt.pipeline.shot import Motion, read_shot
 from flowsculpt.render.base.render_errors import BadInputError
 from flowsculpt.render.scene.patterns import Pigment
 from flowsculpt.render.scene.surface import Surface
-from flowsculpt.render.scene.vertex_colours import vertex_colours
 
 SHOT = """
 title: Tiles
@@ -141,7 +140,7 @@ def test_scattered_copies_of_all_sizes_keep_apart() -> None:
         ("count: 9, size: [2, 1], layout: {ring: {radius: 1}}", "size goes from 2 to 1"),
         ("count: 9, layout: {ring: {radius: 1, axis: [0, 0, 0]}}", "axis has no length"),
         ("count: 9, layout: {surface: {radius: 1}}", "on a solid or on a model"),
-        ("count: 9, layout: {surface: {solid: torus, length: 1}}", "length is not a measure of a torus"),
+        ("count: 9, layout: {surface: {solid: torus, length: 1}}", "length is not a measure of the torus"),
         ("count: 9, layout: {surface: {solid: bol}}", "'bol' is not a solid"),
         ("count: 5001, layout: {ring: {radius: 1}}", "5000"),
     ],
@@ -174,7 +173,7 @@ def coloured(pigment: str) -> tuple[Motion, np.ndarray]:
     rest, look = frame.mesh.attributes["material"], part.picture.look
     places = part.motion.copy_places(look.pattern, rest)
     surface = Surface(rest.astype("f4"), rest.astype("f4"), frame.mesh.faces, places, rest.astype("f4"))
-    colours = vertex_colours(surface, look)
+    colours = look.vertex_colours(surface)
     assert colours is not None
     return part.motion, colours.reshape(40, -1, 3)
 

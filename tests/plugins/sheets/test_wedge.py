@@ -296,7 +296,7 @@ def test_after_a_crash_all_cells_are_rendered_by_the_next_variant(desk: Desk, tm
         ),
         ([f"--vary={LOOK}", "-f", "30"], "T010_tiny.yaml: frame 30 is not in the shot"),
         ([f"--vary={LOOK}", "-f", "failed"], "'failed' is not a frame range"),
-        (["--vary", "look=cl\nay,glaze"], r"--vary 'look=cl\nay,glaze': at 'cl\nay', "),
+        (["--vary", "look=cl\nay,glaze"], r"--vary look=cl\nay,glaze: at cl\nay, "),
         ([f"--vary={LOOK}", "-q", "fnal"], "'fnal' is not a quality"),
         ([f"--vary={LOOK}", "--set", "lok=clay"], "lok"),
     ],

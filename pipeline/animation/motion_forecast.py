@@ -22,9 +22,8 @@ import numpy as np
 
 from flowsculpt.pipeline.arrays import Faces, Floats, Points
 from flowsculpt.pipeline.errors import FrameError
-from flowsculpt.pipeline.flow import Flow, Sequence, Streamlines, VelocityField
+from flowsculpt.pipeline.flow import Streamlines, VelocityField
 from flowsculpt.pipeline.flow.catalogue.deformations import Deformation, Stretch
-from flowsculpt.pipeline.flow.flow_map import checked_displacement
 from flowsculpt.pipeline.flow.parameters import parameters_of, shot_name
 from flowsculpt.pipeline.flow.streamlines import MAX_SUBSTEPS
 from flowsculpt.pipeline.flow.velocity import Sensitivity, sensitivity
@@ -32,35 +31,36 @@ from flowsculpt.pipeline.mesh import TriangleMesh
 from flowsculpt.pipeline.shot import Motion
 from flowsculpt.pipeline.shot.subjects import Model
 
-SMALL, LARGE = 0.1, 10.0  # extents over SubjectSize.TYPICAL between which flows and looks work as they are
+SMALL, LARGE = 0.1, 10.0  # extents over MotionForecast.TYPICAL between which flows and looks work as they are
+
+EDGE = 0.66
+"""Mean edge length of a resampled surface over the maximum, about."""
 
 
 @dataclass(frozen=True)
-class SubjectSize:
-    """The size of a motion's subject, against the one that flows and looks are made for.
+class MotionForecast:
+    """What the frames of a motion will cost, how its surface will grow, and what lowers both.
 
-    extent   longest side of its bounding box, units
-    TYPICAL  extent of the solids, for which flows have their defaults, units
+    TYPICAL  extent of the solids, for which flows have their defaults: the longest side of the bounding box,
+             units
     COARSE   edges along the extent: with fewer the subject loses its shape. FINE are suggested, and with more
              than FINEST a frame takes long
     """
 
     motion: Motion
-    extent: float
 
     TYPICAL: ClassVar[float] = 2.0
     COARSE: ClassVar[int] = 12
     FINE: ClassVar[int] = 24
     FINEST: ClassVar[int] = 150
 
-    @property
-    def is_usual(self) -> bool:
-        """True if flows and looks work as they are for it."""
-        return SMALL * self.TYPICAL <= self.extent <= LARGE * self.TYPICAL
+    @classmethod
+    def is_usual(cls, extent: float) -> bool:
+        """Tell whether flows and looks work as they are for a subject of an extent, units."""
+        return SMALL * cls.TYPICAL <= extent <= LARGE * cls.TYPICAL
 
-    @property
-    def remedy(self) -> str:
-        """The settings that fit a model to the typical extent; an empty text for other subjects.
+    def size_remedy(self, extent: float) -> str:
+        """Return the settings that fit a model to the typical extent; an empty text for other subjects.
 
         `subject.fit: 2 in place of scale, and max_edge_length: 0.04`. A maximum edge length that suits the
         typical extent stays; another is scaled with the model.
@@ -73,9 +73,123 @@ class SubjectSize:
         longest = None if resampling is None else resampling.thresholds.max_edge_length
         if not isinstance(longest, float) or self.COARSE <= self.TYPICAL / longest <= self.FINEST:
             return fit
-        edges = self.extent / longest
+        edges = extent / longest
         suited = edges if self.FINE <= edges <= self.FINEST else self.FINE
         return f"{fit}{',' * ('scale' in fit)} and max_edge_length: {self.TYPICAL / suited:.2g}"
+
+    @staticmethod
+    def estimated_vertices(mesh: TriangleMesh, max_edge_length: float) -> int:
+        """Return about how many vertices a surface has when it is resampled: by the area of its triangles."""
+        a, b, c = (mesh.vertices[corner] for corner in mesh.faces.T)
+        area = 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+        return math.ceil(0.5 * area / (math.sqrt(3.0) / 4.0 * (EDGE * max_edge_length) ** 2))
+
+    def costs(self, frame: int, points: Points, count: int | None = None) -> list[FlowCost]:
+        """Return the costs of all flows along velocities on the way into a frame, the largest first.
+
+        points  (V, 3) the vertices before it, or some of them
+        count   the number of all; V by default
+
+        Raises FrameError where a parameter of a flow cannot be computed.
+        """
+        motion, count = self.motion, len(points) if count is None else count
+        edge = motion.longest_edge(frame)
+        steps = (
+            (motion.place_of_flow(k), step.flow, step.time, step.dt)
+            for k, flow in enumerate(motion.limit_steps(motion.flow, frame).members)
+            for step in flow.steps(*motion.step(frame))
+            if isinstance(step.flow, Streamlines)
+        )
+        costs = [_cost(motion, points, count, edge, *step) for step in steps]
+        return sorted(costs, key=lambda cost: -cost.substeps)
+
+    def growth(
+        self, points: Points, faces: Faces, vertices: int, last: int | None = None
+    ) -> Iterator[Growth]:
+        """Yield the growth of each frame after the first, until the flow fails.
+
+        points, faces  (V, 3) and (F, 3): the first frame, or the subject at rest
+        vertices       number of vertices of the first frame
+        last           the last frame of interest; by default the shot's
+
+        Nothing is yielded where nothing is resampled.
+        """
+        motion = self.motion
+        first, *others = (number for number in motion.frames if last is None or number <= last)
+        if motion.resampling is None or not (len(faces) and others and motion.flow.members):
+            return
+        corners, areas = _small_triangles(points, faces, self._sample_size(others[0], points, len(others)))
+        if not len(areas):
+            return
+        at_rest, names = _Rest.of(corners, areas), [flow.name for flow in motion.flow.members]
+        by_flow, splits, start_edge = np.ones(len(names)), 1.0, motion.longest_edge(first)
+        for number in others:
+            for k, flow in enumerate(motion.flow.members):
+                try:
+                    corners = motion.step_into(flow, number).apply(corners)
+                except FrameError:
+                    return
+                before, splits = splits, at_rest.splits(corners)
+                by_flow[k] *= splits / before
+            edge = motion.longest_edge(number)
+            times = splits if edge is None or start_edge is None else splits * (start_edge / edge) ** 2
+            k = int(np.argmax(by_flow))
+            yield Growth(number, round(vertices * times), times, motion.place_of_flow(k), names[k])
+
+    def growth_warning(
+        self, points: Points, faces: Faces, vertices: int, last: int | None = None
+    ) -> GrowthWarning | None:
+        """Return a warning of a shot's growth: where `max_vertices` is passed, else of the largest frame.
+
+        Arguments are those of `growth`. None where the growth is usual.
+        """
+        if self.motion.resampling is None:
+            return None
+        most: Growth | None = None
+        for growth in self.growth(points, faces, vertices, last):
+            if most is None or growth.vertices > most.vertices:
+                most = growth
+            if growth.vertices > self.motion.resampling.thresholds.max_vertices:
+                break
+        if most is None or most.times < RUNAWAY or most.vertices < MANY_VERTICES:
+            return None
+        return GrowthWarning(most, self._growth_remedy(most, points))
+
+    def _growth_remedy(self, growth: Growth, points: Points) -> str:
+        """Return what makes a surface grow less."""
+        try:
+            costs = [c for c in self.costs(growth.frame, points) if c.place == growth.place]
+        except FrameError:
+            costs = []
+        remedies = costs[0].settings.remedies if costs else []
+        first = ", ".join(remedies or ["lower its amount or strength"])
+        more = "raise resample.max_edge_length; resample.max_growth stops a run at the growth that you set."
+        return f"{first[0].upper()}{first[1:]}, or {more}"
+
+    def _sample_size(self, frame: int, points: Points, frames: int) -> int:
+        """Return how many triangles can be carried through all frames in seconds."""
+        try:
+            costs = self.costs(frame, points)
+        except FrameError:
+            return FEWEST
+        substeps = max(1.0, costs[0].substeps) if costs else 1.0
+        return int(min(SAMPLE, max(FEWEST, MOST_MOVES / (3 * substeps * frames))))
+
+    def constant_deformations(self) -> Iterator[tuple[int, str]]:
+        """Yield the place among the flows, and a message, of deformations whose amount never changes.
+
+        They move nothing, for each frame applies what the amount differs by.
+        """
+        first, last = self.motion.frames.first, self.motion.frames.last
+        for k, flow in enumerate(self.motion.flow.members):
+            for part in _deformations(flow):
+                if isinstance(part.amount, int | float):
+                    at_rest = 1 if isinstance(part, Stretch) else 0
+                    amount = next(each for each in parameters_of(type(part)) if each.name == "amount")
+                    keys = f"{{keys: {{{first}: {at_rest}, {last}: {part.amount / amount.doc.factor:g}}}}}"
+                    name = shot_name(type(part))
+                    fact = f"{name} moves nothing, for its amount is the same in every frame."
+                    yield k, f"{fact} Write amount: {keys}."
 
 
 SAMPLE = 1000  # vertices whose speeds are measured
@@ -111,19 +225,6 @@ class FlowCost:
     coarser: float | None
     fit: list[str]
     step: tuple[float, float]
-
-    @classmethod
-    def of_frame(cls, motion: Motion, frame: int, points: Points, count: int | None = None) -> list[FlowCost]:
-        """Return the costs of all flows along velocities on the way into a frame, the largest first.
-
-        points  (V, 3) the vertices before it, or some of them
-        count   the number of all; V by default
-
-        Raises FrameError where a parameter of a flow cannot be computed.
-        """
-        edge, count = motion.longest_edge(frame), len(points) if count is None else count
-        costs = [_cost(motion, points, count, edge, *step) for step in _along_velocities(motion, frame)]
-        return sorted(costs, key=lambda cost: -cost.substeps)
 
     def require_substeps(self) -> None:
         """Raise FrameError, as the frame will, where its gradient takes more than MOST_SUBSTEPS."""
@@ -191,16 +292,6 @@ class FlowCost:
         return f"{self.fact}: {self.cause}. {remedy[0].upper()}{remedy[1:]}."
 
 
-def _along_velocities(motion: Motion, frame: int) -> Iterator[tuple[str, Streamlines, float, float]]:
-    """Yield place in the shot file, flow, time and duration of each step along streamlines into a frame."""
-    whole = motion.limit_steps(motion.flow, frame)
-    flows = whole.flows if isinstance(whole, Sequence) else (whole,)
-    for k, flow in enumerate(flows):
-        for step in flow.steps(*motion.step(frame)):
-            if isinstance(step.flow, Streamlines):
-                yield motion.place_of_flow(k), step.flow, step.time, step.dt
-
-
 def _cost(
     motion: Motion,
     points: Points,
@@ -217,13 +308,13 @@ def _cost(
     distance = _distance(flow, sample, time, dt)
     length = distance / max_step
     fit: list[str] = []
-    if isinstance(motion.subject, Model) and extent > 10.0 * SubjectSize.TYPICAL and edge is not None:
-        factor = SubjectSize.TYPICAL / extent
+    if isinstance(motion.subject, Model) and extent > 10.0 * MotionForecast.TYPICAL and edge is not None:
+        factor = MotionForecast.TYPICAL / extent
         longest = max_step if flow.max_step is None else factor * max_step
         fitted = _distance(flow, factor * (sample - sample.mean(axis=0)), time, dt) / longest
         if COMPARABLE * fitted < length:
             suited = f"resample.max_edge_length: {factor * edge:.2g}"
-            fit = [f"write subject.fit: {SubjectSize.TYPICAL:g} and {suited}"]
+            fit = [f"write subject.fit: {MotionForecast.TYPICAL:g} and {suited}"]
     gradient = flow.gradient_substeps(time, dt)
 
     def substeps_of(field: VelocityField) -> float:
@@ -285,89 +376,9 @@ class GrowthWarning(NamedTuple):
         )
 
 
-def growth_warning(
-    motion: Motion, points: Points, faces: Faces, vertices: int, last: int | None = None
-) -> GrowthWarning | None:
-    """Return a warning of a shot's growth: where `max_vertices` is passed, else of the largest frame.
-
-    Arguments are those of `forecast_growth`. None where the growth is usual.
-    """
-    if motion.resampling is None:
-        return None
-    most: Growth | None = None
-    for growth in forecast_growth(motion, points, faces, vertices, last):
-        if most is None or growth.vertices > most.vertices:
-            most = growth
-        if growth.vertices > motion.resampling.thresholds.max_vertices:
-            break
-    if most is None or most.times < RUNAWAY or most.vertices < MANY_VERTICES:
-        return None
-    return GrowthWarning(most, _remedy(motion, most, points))
-
-
-def _remedy(motion: Motion, growth: Growth, points: Points) -> str:
-    """Return what makes a surface grow less."""
-    try:
-        costs = [c for c in FlowCost.of_frame(motion, growth.frame, points) if c.place == growth.place]
-    except FrameError:
-        costs = []
-    remedies = costs[0].settings.remedies if costs else []
-    first = ", ".join(remedies or ["lower its amount or strength"])
-    more = "raise resample.max_edge_length; resample.max_growth stops a run at the growth that you set."
-    return f"{first[0].upper()}{first[1:]}, or {more}"
-
-
 def _rounded(number: float) -> int:
     """Return a number with two digits that count."""
     return int(round(number, 1 - math.floor(math.log10(number)))) if number >= 10 else round(number)
-
-
-def forecast_growth(
-    motion: Motion, points: Points, faces: Faces, vertices: int, last: int | None = None
-) -> Iterator[Growth]:
-    """Yield the growth of each frame after the first, until the flow fails.
-
-    points, faces  (V, 3) and (F, 3): the first frame, or the subject at rest
-    vertices       number of vertices of the first frame
-    last           the last frame of interest; by default the shot's
-
-    Nothing is yielded where nothing is resampled.
-    """
-    first, *others = (number for number in motion.frames if last is None or number <= last)
-    if motion.resampling is None or not (len(faces) and others and flows_of(motion.flow)):
-        return
-    corners, areas = _small_triangles(points, faces, _sample_size(motion, others[0], points, len(others)))
-    if not len(areas):
-        return
-    at_rest, names = _Rest.of(corners, areas), [flow.name for flow in flows_of(motion.flow)]
-    by_flow, splits, start_edge = np.ones(len(names)), 1.0, motion.longest_edge(first)
-    for number in others:
-        for k, flow in enumerate(flows_of(motion.limit_steps(motion.flow, number))):
-            try:
-                corners = checked_displacement(flow, corners, *motion.step(number), number)
-            except FrameError:
-                return
-            before, splits = splits, at_rest.splits(corners)
-            by_flow[k] *= splits / before
-        edge = motion.longest_edge(number)
-        times = splits if edge is None or start_edge is None else splits * (start_edge / edge) ** 2
-        k = int(np.argmax(by_flow))
-        yield Growth(number, round(vertices * times), times, motion.place_of_flow(k), names[k])
-
-
-def flows_of(flow: Flow) -> tuple[Flow, ...]:
-    """Return the flows of a shot, which act one after another."""
-    return flow.flows if isinstance(flow, Sequence) else (flow,)
-
-
-def _sample_size(motion: Motion, frame: int, points: Points, frames: int) -> int:
-    """Return how many triangles can be carried through all frames in seconds."""
-    try:
-        costs = FlowCost.of_frame(motion, frame, points)
-    except FrameError:
-        return FEWEST
-    substeps = max(1.0, costs[0].substeps) if costs else 1.0
-    return int(min(SAMPLE, max(FEWEST, MOST_MOVES / (3 * substeps * frames))))
 
 
 def _small_triangles(points: Points, faces: Faces, count: int) -> tuple[Points, Floats]:
@@ -407,23 +418,6 @@ def _sides(corners: Points) -> Floats:
     return np.stack([b - a, c - a], axis=2)
 
 
-def constant_deformations(motion: Motion) -> Iterator[tuple[int, str]]:
-    """Yield the place among the flows, and a message, of deformations whose amount never changes.
-
-    They move nothing, for each frame applies what the amount differs by.
-    """
-    first, last = motion.frames.first, motion.frames.last
-    for k, flow in enumerate(flows_of(motion.flow)):
-        for part in _deformations(flow):
-            if isinstance(part.amount, int | float):
-                at_rest = 1 if isinstance(part, Stretch) else 0
-                amount = next(each for each in parameters_of(type(part)) if each.name == "amount")
-                keys = f"{{keys: {{{first}: {at_rest}, {last}: {part.amount / amount.doc.factor:g}}}}}"
-                name = shot_name(type(part))
-                fact = f"{name} moves nothing, for its amount is the same in every frame."
-                yield k, f"{fact} Write amount: {keys}."
-
-
 def _deformations(flow: Any) -> Iterator[Deformation]:
     """Yield the deformations in a flow."""
     if isinstance(flow, Deformation):
@@ -434,14 +428,3 @@ def _deformations(flow: Any) -> Iterator[Deformation]:
     elif is_dataclass(flow) and not isinstance(flow, type):
         for field in fields(flow):
             yield from _deformations(getattr(flow, field.name))
-
-
-EDGE = 0.66
-"""Mean edge length of a resampled surface over the maximum, about."""
-
-
-def estimated_vertices(mesh: TriangleMesh, max_edge_length: float) -> int:
-    """Return about how many vertices a surface has when it is resampled: by the area of its triangles."""
-    a, b, c = (mesh.vertices[corner] for corner in mesh.faces.T)
-    area = 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
-    return math.ceil(0.5 * area / (math.sqrt(3.0) / 4.0 * (EDGE * max_edge_length) ** 2))
