@@ -79,7 +79,7 @@ def installed(*commands: Sequence[str]) -> list[Sequence[str]]:
 
 def is_of_installed(path: str) -> bool:
     """Return whether a file of the project, by its path in it, is there as far as plug-ins decide it."""
-    found = re.match(r"(?:pipeline|tests)/plugins/(\w+)/", path)
+    found = re.match(r"(?:pipeline|tests)/plugins/(\w+)(?:/|$)", path)
     return found is None or not missing(found[1])
 
 
@@ -107,3 +107,19 @@ def gallery_rows(paths: Iterable[Path]) -> list[ParameterSet]:
         )
         for path in paths
     ]
+
+
+def needed_in(text: str) -> list[str]:
+    """Return the plug-ins that a part of a shot file needs, by the names and suffixes that they add."""
+    owners = {
+        name: plugin for plugin, names in tomllib.loads(ADDED.read_text("utf-8")).items() for name in names
+    }
+    words = re.findall(r"[\w.]+", text)
+    found = {owners.get(word) or owners.get(f".{word.rpartition('.')[2]}", "") for word in words}
+    return sorted(found - {""} | {*SHIPPED} & {word.partition(".")[0] for word in words if "." in word})
+
+
+def shot_rows(rows: Iterable[object]) -> list[ParameterSet]:
+    """Return rows of a table with parts of shot files, each skipped where a plug-in that it needs is missing."""
+    values = (row if isinstance(row, tuple) else (row,) for row in rows)
+    return [pytest.param(*row, marks=needs_plugins(*needed_in(" ".join(map(str, row))))) for row in values]
