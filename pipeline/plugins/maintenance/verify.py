@@ -16,8 +16,14 @@ from pathlib import Path
 from flowsculpt import MachineError, MissingInputError
 from flowsculpt.api import ShotExtras
 from flowsculpt.api.files import InputFile
-from flowsculpt.api.frames import Folders, FrameRange, PublishedVersion, Store, StoredFiles
-from flowsculpt.api.shots import is_there
+from flowsculpt.api.frames import (
+    Folders,
+    FrameRange,
+    PublishedVersion,
+    Store,
+    StoredFiles,
+)
+from flowsculpt.api.shots import is_file
 
 
 @dataclass(frozen=True)
@@ -94,7 +100,7 @@ def shown_with_digest(store: Store) -> list[Path]:
     apart = [Folders.of_root(store.root).state, *_of_versions(store.root)]
     folders = (f for f in store.digests.folders() if not any(map(f.is_relative_to, apart)))
     paths = (folder / name for folder in folders for name in sorted(store.digests.in_folder(folder)))
-    return [path for path in paths if is_there(path)]
+    return [path for path in paths if is_file(path)]
 
 
 def verify_shown(
@@ -140,7 +146,7 @@ def shown_files(root: Path) -> Iterator[Path]:
     """Yield the files in renders/, but those of versions."""
     apart = _of_versions(root)
     for path in sorted(Folders.of_root(root).renders.rglob("*")):
-        if is_there(path) and not any(map(path.is_relative_to, apart)):
+        if is_file(path) and not any(map(path.is_relative_to, apart)):
             yield path
 
 

@@ -28,7 +28,7 @@ from flowsculpt.api.frames import (
     StoredFiles,
 )
 from flowsculpt.api.pictures import RenderError, read_header
-from flowsculpt.api.shots import Where, YamlSource, in_yaml, inherited_source
+from flowsculpt.api.shots import WrittenShot, YamlSource, to_yaml
 
 MISSING = object()
 """Stands for a value that one of two data does not have."""
@@ -41,7 +41,7 @@ DIGITS = 6
 class Difference:
     """The value at a path before and now; MISSING where there is none."""
 
-    path: Where
+    path: tuple[Any, ...]
     before: Any
     now: Any
 
@@ -52,7 +52,7 @@ class Difference:
         return f"{'.'.join(map(str, self.path))}: {before} → {now}"
 
 
-def differences(before: Any, now: Any, path: Where = ()) -> Iterator[Difference]:
+def differences(before: Any, now: Any, path: tuple[Any, ...] = ()) -> Iterator[Difference]:
     """Yield the smallest parts of plain data that differ, in the order of `now`.
 
     Lists are compared from both ends, so that an item added or removed is one difference.
@@ -107,7 +107,7 @@ def option_differences(before: ShotSource, now: ShotSource) -> Iterator[str]:
             yield f"--set {setting} is given now, and was not when it was made"
 
 
-def _items(before: list[Any], now: list[Any], path: Where) -> Iterator[Difference]:
+def _items(before: list[Any], now: list[Any], path: tuple[Any, ...]) -> Iterator[Difference]:
     """Yield the differences between two lists: equal items at both ends are left out."""
     shorter = min(len(before), len(now))
     first = next((i for i in range(shorter) if before[i] != now[i]), shorter)
@@ -121,7 +121,7 @@ def _shown(value: Any, digits: int | None = None) -> str:
     """Return a value in YAML, its numbers rounded to so many significant digits."""
     if value is MISSING:
         return "nothing"
-    text = in_yaml(_rounded(value, digits)) or "nothing"
+    text = "nothing" if value is None else to_yaml(_rounded(value, digits))
     return text if len(text) <= 60 else f"{text[:57]}…"
 
 
@@ -135,7 +135,7 @@ def _rounded(value: Any, digits: int | None) -> Any:
 
 def _read(source: ShotSource) -> YamlSource:
     """Return the shot files of a source, without the settings of the command line."""
-    return inherited_source(source.path, source.text, (), dict(source.beside))
+    return WrittenShot.read(source.path, source.text, beside=dict(source.beside)).source
 
 
 _NOT_COMPARED = ("key", "mesh_key", "normals_key", "inputs", "stages", "temporal_neighbours")

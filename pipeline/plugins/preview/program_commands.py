@@ -19,7 +19,6 @@ from flowsculpt import FlowsculptError, UsageError
 from flowsculpt.api.commands import Project, execute
 from flowsculpt.api.frames import FrameStates, PipelineStage, Plan, RenderRequest, Show, Store
 from flowsculpt.api.options import DEFAULT_QUALITY, Common, Frames, Shot, ShotOptions, shared_option
-from flowsculpt.api.shots import text_of
 from flowsculpt.pipeline.plugins.preview.shot_editor import (
     MOST_REQUEST_BYTES,
     ShotEditor,
@@ -124,7 +123,7 @@ def _listing(project: Project, request: RenderRequest, with_pictures: bool) -> d
     listing = {
         "shot": request.name,
         "title": shot.title,
-        "digest": digest_of(text_of(request.source.path)),
+        "digest": digest_of(request.source.text),
         "first": shot.frames.first,
         "last": shot.frames.last,
         "fps": float(shot.rate.fps),

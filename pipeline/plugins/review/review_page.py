@@ -38,7 +38,7 @@ from flowsculpt.api.pictures import three_js_script
 from flowsculpt.pipeline.plugins.review import view_3d
 from flowsculpt.pipeline.plugins.review.measures import TIMED_STAGES, limits_of, measured
 from flowsculpt.pipeline.plugins.review.page_pictures import LayerWriter, Proxies, ProxyWriter
-from flowsculpt.pipeline.plugins.review.review_notes import ReviewNote, as_data
+from flowsculpt.pipeline.plugins.review.review_notes import NotesDocument, ReviewNote, as_data
 
 KINDS = ("render", "relit", "version", "wedge")
 """Kinds of sequences in their order on the page; others follow."""
@@ -156,6 +156,7 @@ class ReviewPage:
             "title": self.name,
             "page": key_of("review page", str(self.folder.absolute())),
             "notes": as_data(self.notes)["notes"],
+            "schema": NotesDocument.model_json_schema(),
             "shots": shots,
             "sequences": sequences,
             "sources": self._sources,

@@ -15,8 +15,14 @@ import psutil
 
 from flowsculpt import MissingInputError, UsageError
 from flowsculpt.api.files import CachedAnswer, InputFile, from_plain, to_plain
-from flowsculpt.api.frames import Folders, PipelineStage, PublishedVersion, QualityName, ShotSource
-from flowsculpt.api.shots import NAME, is_there
+from flowsculpt.api.frames import (
+    Folders,
+    PipelineStage,
+    PublishedVersion,
+    QualityName,
+    ShotSource,
+)
+from flowsculpt.api.shots import NAME_PATTERN, is_file
 
 FILE = "provenance.json"
 FORMAT = 2
@@ -122,7 +128,7 @@ class Provenance:
     @classmethod
     def read(cls, path: Path) -> Provenance:
         """Raises MissingInputError where it is not there, UsageError where it is none."""
-        if not is_there(path):
+        if not is_file(path):
             raise MissingInputError(
                 f"{path}: no such file; flowsculpt versions lists the published versions; each has a {FILE}"
             )
@@ -159,7 +165,7 @@ class Provenance:
 
 def _require_whole(record: Provenance) -> None:
     """Check what else readers rely on; names become those of folders. Raises KeyError or ValueError."""
-    named = re.fullmatch(NAME, record.shot) and re.fullmatch(VERSION, record.version)
+    named = re.fullmatch(NAME_PATTERN, record.shot) and re.fullmatch(VERSION, record.version)
     known = QualityName.of(record.quality).is_known and record.source.name == record.shot
     if not (named and known and record.frames and isinstance(record.source.text, str)):
         raise ValueError

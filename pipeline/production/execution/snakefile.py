@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any
 from flowsculpt.pipeline.errors import FlowsculptError, UsageError, suggest
 from flowsculpt.pipeline.frames import FrameRange, FrameSelection
 from flowsculpt.pipeline.plugin import plugins
-from flowsculpt.pipeline.production.execution.farm_executor import extend_farm_executors
+from flowsculpt.pipeline.production.execution.executors import extend_farm_executors
 from flowsculpt.pipeline.production.execution.run import with_inputs_here
 from flowsculpt.pipeline.production.planning.plan import Job, Plan, check_done_files, movie_record
 from flowsculpt.pipeline.production.planning.profile import Share

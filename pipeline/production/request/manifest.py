@@ -79,13 +79,13 @@ class ShotManifest:
     @classmethod
     def of(cls, shot: Shot) -> ShotManifest:
         """Compile the manifest of a shot."""
-        from flowsculpt.pipeline.flow.flow import python_flows
+        from flowsculpt.pipeline.flow.flow import foreign_flows
 
         inputs, picture, clock = input_digests(shot.files), shot.picture, shot.motion.clock
         return cls(
             inputs=inputs,
             listings=_listings(inputs),
-            runs_python=any(True for part in shot.parts for _ in python_flows(part.motion.flow)),
+            runs_python=any(True for part in shot.parts for _ in foreign_flows(part.motion.flow)),
             frames=shot.frames.numbers,
             rate=str(shot.rate),
             shown_as=picture.display.data,
@@ -192,7 +192,7 @@ def mesh_keys(motion: Motion) -> dict[int, Key]:
 
 def normals_keys(shot: Shot, meshes: Mapping[int, Key]) -> dict[int, Key]:
     """Return keys by frame of a shot of one subject; `meshes` are the keys of its meshes."""
-    from flowsculpt.pipeline.shot.motion import as_data
+    from flowsculpt.pipeline.shot.subjects import as_data
 
     motion, pieces = shot.motion, shot.picture.tessellate
     first = motion.thresholds_at(motion.frames.first).hard_angle
