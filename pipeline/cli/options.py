@@ -8,7 +8,7 @@ import inspect
 import os
 import re
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
@@ -65,10 +65,9 @@ def require_command(name: str, commands: Mapping[str, Command]) -> None:
     """Raise UsageError for a command that has another name here, or whose plug-in is missing."""
     others = {each: command.also for each, command in commands.items()} | {"--help": "help"}
     meant = _meant(others, name.lower())
-    if name not in commands and meant:
-        raise UsageError(f"unknown command {name}. Did you mean {meant}?")
-    if name not in commands and (sentence := plugins().lacking(f"flowsculpt {name}")):
-        raise UsageError(f"unknown command {name}. {sentence}")
+    remedy = f"Did you mean {meant}?" if meant else plugins().lacking(f"flowsculpt {name}")
+    if name not in commands and remedy:
+        raise UsageError(f"unknown command {name}. {remedy}")
 
 
 def _meant(table: Mapping[str, str], word: str) -> str | None:
@@ -202,6 +201,14 @@ class Common:
     def done(self, verb: str) -> str:
         """Return what became of an output: `written`, or `would be written` with --dry-run."""
         return f"would be {verb}" if self.dry_run else verb
+
+    def with_own_root(self, root: Path) -> Common:
+        """Return the options of a run in another root; from now on this process shares no remote store.
+
+        What a remote store has would prove nothing about frames that are made again.
+        """
+        use_store(None)
+        return replace(self, root=root)
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from flowsculpt.pipeline.mesh.placed_copies import Placements, nearest_rotations
 from flowsculpt.pipeline.production.request.shading import Shading
 from flowsculpt.pipeline.shot import Motion, read_shot
 from flowsculpt.pipeline.statistics import mesh_statistics
+from tests.needed_plugins import shot_rows
 
 SHOT = """
 title: Tiles
@@ -155,10 +156,12 @@ def test_material_positions_and_copies_are_told_by_order() -> None:
 
 @pytest.mark.parametrize(
     ("old", "new", "fault"),
-    [
-        ("solid: box\n    size: [0.3, 0.1, 0.2]", CLOUD, "points have no shape"),
-        ("max_edge_length: 0.1", f"max_edge_length: {CURVED}", "rigid copies keep the shape"),
-    ],
+    shot_rows(
+        [
+            ("solid: box\n    size: [0.3, 0.1, 0.2]", CLOUD, "points have no shape"),
+            ("max_edge_length: 0.1", f"max_edge_length: {CURVED}", "rigid copies keep the shape"),
+        ]
+    ),
 )
 def test_what_cannot_be_rigid_is_refused(old: str, new: str, fault: str) -> None:
     assert old in SHOT

@@ -14,7 +14,10 @@ from hypothesis import strategies as st
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.store.store import Store
 from tests.conftest import done
+from tests.needed_plugins import needs_plugins
 from tests.production.edited_shots import SUBJECTS, SUBJECTS_BY_FITS, EditedShot, edits, shots
+
+pytestmark = needs_plugins("become", "points", "polyhedra", "sampled")
 
 pytestmark = pytest.mark.quick
 
