@@ -134,7 +134,7 @@ blender-extension:
 # Blender as a module, 820 MB, which there is for Python 3.11 and 3.13: for the tests of the extension, of its compositor, of what it
 # reads of exported shots, and the comparison with Cycles.
 blender: .venv/ready-cycles
-	$(BIN)/python -m pytest tests/blender tests/render/test_blender.py tests/plugins/interchange/test_blender.py tests/flow/test_vdb_recipes.py
+	$(BIN)/python -m pytest tests/blender tests/render/test_blender.py tests/plugins/interchange/test_blender.py tests/plugins/fields/test_vdb_recipes.py
 
 .venv/ready-cycles: .venv/ready-dev benchmarks/requirements-cycles.txt
 	rm -rf .venv/cycles

@@ -71,11 +71,11 @@ def watch_imports() -> None:
 def installed(*commands: Sequence[str]) -> list[Sequence[str]]:
     """Return those of some commands, each with its words, that are there: plug-ins may be missing."""
 
-    def is_there(words: Sequence[str]) -> bool:
+    def is_file(words: Sequence[str]) -> bool:
         name, *rest = (word for word in words if not word.startswith("-"))
         return " ".join((name, *rest[:1]) if name == "export" else (name,)) in plugins().commands
 
-    return [*filter(is_there, commands)]
+    return [*filter(is_file, commands)]
 
 
 def is_of_installed(path: str) -> bool:

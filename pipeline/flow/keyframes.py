@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from itertools import pairwise
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
@@ -310,7 +310,7 @@ class Keyframes(Curve):
 
     times   seconds from the start of the shot, ascending
     values  one a time: numbers or vectors (all of one length)
-    eases   one a time, names of EASINGS or bezier: how the value leaves that key; the last is unused
+    eases   one a time, some of EASE_NAMES: how the value leaves that key; the last is unused
     left    handles left of the keys, for bezier; None is automatic (see `automatic_slope`)
     right   handles right of the keys, likewise
     before  the extrapolation before the first key:
@@ -319,6 +319,9 @@ class Keyframes(Curve):
             offset, again, each round starting at the value where the last one ended
     after   the extrapolation after the last key
     """
+
+    EASE_NAMES: ClassVar[tuple[str, ...]] = (*EASINGS, BEZIER)
+    """The names of easings; a `bezier` is drawn by handles."""
 
     times: tuple[float, ...]
     values: tuple[Values, ...]

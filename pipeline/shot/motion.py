@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass, field, fields, is_dataclass, replace
-from fractions import Fraction
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Literal
 
@@ -24,7 +23,7 @@ from flowsculpt.pipeline.mesh.placed_copies import Mesh, Placements
 from flowsculpt.pipeline.resample import Curvature, DistanceToCamera, Thresholds
 from flowsculpt.pipeline.resample.thresholds import DEFAULT_ROUNDNESS, Region, edges_by_angle, edges_in_region
 from flowsculpt.pipeline.shot.copies import Copies, bounding_sphere
-from flowsculpt.pipeline.shot.subjects import PluginSurface, Solid, Subject
+from flowsculpt.pipeline.shot.subjects import PluginSurface, Solid, Subject, as_data
 from flowsculpt.render.base.serialise import NOT_PLAIN, OMIT_DEFAULT
 from flowsculpt.render.scene.painted_faces import PaintedFaces
 from flowsculpt.render.scene.patterns import COPY_PLACE, Measure, Pigment
@@ -512,7 +511,7 @@ class Motion:
     def start_data(self) -> dict[str, Any]:
         """Return what decides the first frame as JSON-able data: equal data, equal mesh."""
         data: dict[str, Any] = {
-            "subject": as_data(self.subject),
+            "subject": self.subject.data(),
             "resampling": now.data() if (now := self.resampling_at(self.frames.first)) else None,
         }
         if self.place != ORIGIN:
@@ -544,29 +543,3 @@ class Motion:
         if self.begins_rest_interval(frame):
             changes["renewed"] = True
         return {"flow": data, **changes} if changes else data
-
-
-def as_data(value: Any) -> Any:
-    """Return a value as JSON-able data, which keys are hashed from.
-
-    Equal values give equal data on every machine. Dataclasses become dicts with their class under `is`,
-    without fields that they compute from others (`init=False`), NOT_PLAIN fields, and OMIT_DEFAULT fields at
-    their default; tuples become lists.
-
-    Raises UsageError for a value without such a form, a Python function for one.
-    """
-    if value is None or isinstance(value, str | bool | int | float):
-        return value
-    if isinstance(value, np.integer | np.floating):
-        return value.item()
-    if isinstance(value, FrameRange | FrameRate | Fraction):
-        return str(value)
-    if isinstance(value, tuple | list):
-        return [as_data(item) for item in value]
-    if is_dataclass(value) and not isinstance(value, type):
-        own = [f for f in fields(value) if f.init and f.metadata.get("plain", True)]
-        named = [(f, getattr(value, f.name)) for f in own]
-        kept = {f.name: as_data(v) for f, v in named if not f.metadata.get("omit_default") or v != f.default}
-        return {"is": type(value).__name__, **kept}
-    kind = "function" if callable(value) else type(value).__name__
-    raise UsageError(f"a {kind} ({value!r}) cannot stand in a shot's data; use a flow of the catalogue")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
@@ -39,7 +39,7 @@ from flowsculpt.pipeline.shot.subjects import Model, PluginSurface, SeveralSubje
 from flowsculpt.pipeline.shot.yaml.document_validation import Checks, ParseContext, unforeseen, validated
 from flowsculpt.pipeline.shot.yaml.inheritance import inherited_source
 from flowsculpt.pipeline.shot.yaml.named_files import name_fault, quote_name
-from flowsculpt.pipeline.shot.yaml.yaml_source import Problem, YamlSource
+from flowsculpt.pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource
 from flowsculpt.render.base.render_errors import BadInputError
 from flowsculpt.render.scene.materials import Material, Painted
 from flowsculpt.render.scene.render_quality import qualities_for
@@ -108,6 +108,53 @@ def read_shot(
         raise ShotError(f"{quote_name(path)}:1:1: {fault}")
     with unforeseen(path):
         return _read(inherited_source(path, text, tuple(settings), beside), allow_code)
+
+
+@dataclass(frozen=True)
+class WrittenShot:
+    """What a shot file says, with all that it inherits and with settings of the command line on top.
+
+    source  its values, with their places in files
+    """
+
+    source: YamlSource
+
+    @classmethod
+    def read(
+        cls,
+        path: Path,
+        text: str | None = None,
+        settings: Iterable[str] = (),
+        beside: Mapping[str, str] | None = None,
+    ) -> WrittenShot:
+        """Read the file at `path`, or `text` in its place; arguments are those of `read_shot`.
+
+        Raises ShotError and MissingInputError where text is not YAML or not there; it may be no valid shot.
+        """
+        return cls(inherited_source(path, text, tuple(settings), beside))
+
+    @property
+    def clock(self) -> Clock | None:
+        """The clock of the shot with its speed; None where the file has mistakes in it."""
+        clock, _ = read_clock(self.source)
+        return None if clock is None else with_speed(clock, self.source)[0]
+
+    def document(self, clock: Clock) -> ShotDocument:
+        """Return the values of a valid shot, parsed. Raises pydantic's errors where there are mistakes."""
+        context = {"clock": clock, "parse_context": ParseContext(self.source.path.parent)}
+        return ShotDocument.model_validate(self.source.data, context=context)
+
+    def outside_note(self, clock: Clock) -> str | None:
+        """Return the note on keys outside of the shot, which still shape their curves; None without any."""
+        return motion_checks.outside_note(self.source, clock)
+
+    def place_of(self, subject: str, where: Where) -> str:
+        """Return `file:line:column` of a setting of one of several subjects, as a shot of it alone has it.
+
+        subject  empty for a shot of one
+        """
+        view = next((view for view in subject_views(self.source) if view.name == subject), None)
+        return self.source.place(view.in_file(where) if view else where)
 
 
 def _read(source: YamlSource, allow_code: bool) -> Shot:
@@ -270,12 +317,6 @@ def read_rate(source: YamlSource) -> tuple[FrameRate | None, list[Problem]]:
         return parse_rate(source.get("rate")), []
     except UsageError as error:
         return None, [(("rate",), str(error))]
-
-
-def shot_clock(source: YamlSource) -> Clock | None:
-    """Return the clock of a shot file with its speed; None where the file has mistakes in it."""
-    clock, _ = read_clock(source)
-    return None if clock is None else with_speed(clock, source)[0]
 
 
 def with_speed(clock: Clock, source: YamlSource) -> tuple[Clock, list[Problem]]:

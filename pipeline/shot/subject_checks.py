@@ -16,9 +16,9 @@ from flowsculpt.pipeline.errors import (
 from flowsculpt.pipeline.mesh.read import ModelFile
 from flowsculpt.pipeline.shot.documents.camera_documents import FOCUS_WORDS
 from flowsculpt.pipeline.shot.documents.field_types import is_written_number
-from flowsculpt.pipeline.shot.documents.subject_documents import POINTS, points_kind, solid_faults
+from flowsculpt.pipeline.shot.documents.subject_documents import POINTS, SolidDocument, points_kind
 from flowsculpt.pipeline.shot.yaml.document_validation import missing_file
-from flowsculpt.pipeline.shot.yaml.named_files import is_there
+from flowsculpt.pipeline.shot.yaml.named_files import is_file
 from flowsculpt.pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource
 from flowsculpt.render.base.input_files import InputFile
 
@@ -122,7 +122,7 @@ def check_files(source: YamlSource) -> Iterator[Problem]:
         if not isinstance(name, str):
             continue
         path = source.path.parent / name
-        if not is_there(path):
+        if not is_file(path):
             yield ("subject", kind), missing_file(name, path, f"{kind} file")
             continue
         try:
@@ -157,7 +157,7 @@ def check_stage(source: YamlSource) -> Iterator[Problem]:
 
 def check_solid(source: YamlSource) -> Iterator[Problem]:
     """Check the measures of a solid."""
-    for where, text in solid_faults((), source.mapping("subject")):
+    for where, text in SolidDocument.faults((), source.mapping("subject")):
         yield ("subject", *where), text
 
 

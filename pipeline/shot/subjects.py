@@ -5,15 +5,17 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, is_dataclass
+from fractions import Fraction
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from flowsculpt.pipeline.arrays import AnyArray, Faces, Points
 from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.frames import FrameRange, FrameRate
 from flowsculpt.pipeline.mesh import (
     PolygonMesh,
     TriangleMesh,
@@ -85,6 +87,10 @@ class Subject(ABC):
         """Lines to tell the user about the file of the subject; none before this process has read it."""
         return ()
 
+    def data(self) -> Any:
+        """Return what decides the mesh at rest, as JSON-able data."""
+        return as_data(self)
+
     def painted(self, rest: Points, faces: Faces) -> PaintedFaces | None:
         """Return what is painted on faces (F, 3) of rest positions (V, 3); None where nothing is."""
         return None
@@ -100,6 +106,32 @@ class Subject(ABC):
     def polygons(self, max_edge_length: float | None = None) -> PolygonMesh:
         """Return the surface at rest as polygons of its own if it has any (P20), else as triangles."""
         return PolygonMesh.from_triangles(self.build(max_edge_length))
+
+
+def as_data(value: Any) -> Any:
+    """Return a value as JSON-able data, which keys are hashed from.
+
+    Equal values give equal data on every machine. Dataclasses become dicts with their class under `is`,
+    without fields that they compute from others (`init=False`), NOT_PLAIN fields, and OMIT_DEFAULT fields at
+    their default; tuples become lists.
+
+    Raises UsageError for a value without such a form, a Python function for one.
+    """
+    if value is None or isinstance(value, str | bool | int | float):
+        return value
+    if isinstance(value, np.integer | np.floating):
+        return value.item()
+    if isinstance(value, FrameRange | FrameRate | Fraction):
+        return str(value)
+    if isinstance(value, tuple | list):
+        return [as_data(item) for item in value]
+    if is_dataclass(value) and not isinstance(value, type):
+        own = [f for f in fields(value) if f.init and f.metadata.get("plain", True)]
+        named = [(f, getattr(value, f.name)) for f in own]
+        kept = {f.name: as_data(v) for f, v in named if not f.metadata.get("omit_default") or v != f.default}
+        return {"is": type(value).__name__, **kept}
+    kind = "function" if callable(value) else type(value).__name__
+    raise UsageError(f"a {kind} ({value!r}) cannot stand in a shot's data; use a flow of the catalogue")
 
 
 @dataclass(frozen=True)
@@ -145,7 +177,7 @@ def _box(size: float | tuple[float, float, float]) -> AnalyticSurface:
     return BoxSurface(size if isinstance(size, tuple) else (size, size, size))
 
 
-SOLIDS: Mapping[str, SolidKind] = {
+_SOLIDS: Mapping[str, SolidKind] = {
     "box": SolidKind({"size": (2.0, 2.0, 2.0)}, lambda edge, size: box(size, edge), _box, six_sided_box),
     "icosphere": SolidKind({"radius": 1.0}, _icosphere, SphereSurface),
     "lattice": SolidKind(
@@ -180,7 +212,10 @@ _FINEST = 1 / 500
 
 @dataclass(frozen=True)
 class Solid(Subject):
-    """A solid of SOLIDS. `measures` holds all of its measures by name, in the order of the registry."""
+    """A solid of KINDS. `measures` holds all of its measures by name, in the order of the registry."""
+
+    KINDS: ClassVar[Mapping[str, SolidKind]] = _SOLIDS
+    """The solids that shots can name, by their names."""
 
     solid: str
     measures: tuple[tuple[str, Measure], ...]
@@ -188,23 +223,23 @@ class Solid(Subject):
     @classmethod
     def of(cls, solid: str, given: Mapping[str, Any]) -> Solid:
         """Return a solid from measures, e.g. `Solid.of("box", {"size": [2, 2, 1]})`; others take defaults."""
-        return cls(solid, measures_of(SOLIDS[solid].measures, given))
+        return cls(solid, measures_of(Solid.KINDS[solid].measures, given))
 
     @property
     def project(self) -> AnalyticSurface:
-        return SOLIDS[self.solid].surface(*(value for _, value in self.measures))
+        return Solid.KINDS[self.solid].surface(*(value for _, value in self.measures))
 
     def build(self, max_edge_length: float | None = None) -> TriangleMesh:
         values = [value for _, value in self.measures]
         largest = float(max(np.hstack([value for value in values if not isinstance(value, str)])))
         edge = _MESHED * max_edge_length if max_edge_length else _COARSEST * largest
-        return SOLIDS[self.solid].make(max(edge, _FINEST * largest), *values)
+        return Solid.KINDS[self.solid].make(max(edge, _FINEST * largest), *values)
 
     def painted(self, rest: Points, faces: Faces) -> PaintedFaces:
         return PaintedFaces(*self.project.texture(rest, faces), np.zeros(len(faces), np.int64))
 
     def polygons(self, max_edge_length: float | None = None) -> PolygonMesh:
-        make = SOLIDS[self.solid].polygons
+        make = Solid.KINDS[self.solid].polygons
         if make is None:
             return super().polygons(max_edge_length)
         return make(*(value for _, value in self.measures))

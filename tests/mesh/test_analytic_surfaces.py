@@ -20,7 +20,6 @@ from flowsculpt.pipeline.mesh.analytic_surfaces import (
     TorusSurface,
 )
 from flowsculpt.pipeline.shot import Solid
-from flowsculpt.pipeline.shot.subjects import SOLIDS as SOLID_KINDS
 
 SOLIDS: dict[str, tuple[TriangleMesh, AnalyticSurface]] = {
     "sphere": (icosphere(12, 1.3), SphereSurface(1.3)),
@@ -121,7 +120,7 @@ def test_even_the_centre_has_a_nearest_point(mesh: TriangleMesh, surface: Analyt
     assert surface(np.empty((0, 3))).shape == (0, 3)
 
 
-@pytest.mark.parametrize("solid", SOLID_KINDS)
+@pytest.mark.parametrize("solid", Solid.KINDS)
 def test_every_solid_that_a_shot_can_name_knows_its_surface(solid: str) -> None:
     subject = Solid.of(solid, {})
     vertices = subject.build(0.2).vertices

@@ -12,7 +12,7 @@ from flowsculpt.pipeline.flow import Function, Streamlines, keyed
 from flowsculpt.pipeline.flow.catalogue.vortices import Vortex
 from flowsculpt.pipeline.frames import FrameRate
 from flowsculpt.pipeline.shot import Model
-from flowsculpt.pipeline.shot.motion import as_data
+from flowsculpt.pipeline.shot.subjects import as_data
 
 
 def test_a_flow_is_its_class_and_its_parameters() -> None:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from flowsculpt.pipeline.errors import MeshError, ShotError
 from flowsculpt.pipeline.mesh import TriangleMesh, rod
 from flowsculpt.pipeline.shot import Model, Shot, read_shot
-from flowsculpt.pipeline.shot.motion import as_data
+from flowsculpt.pipeline.shot.subjects import as_data
 from tests.mesh_files import write_ply
 
 SHOT = "title: A\nframes: 1-2\nsubject: {model: a.ply%s}\nresample: off\nflows: []\n"

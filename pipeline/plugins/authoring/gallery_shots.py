@@ -7,7 +7,6 @@ from pathlib import Path
 
 from flowsculpt import MachineError
 from flowsculpt.api.frames import Show
-from flowsculpt.api.shots import is_edit
 
 GALLERY = Path(__file__).resolve().parents[3] / Show().folder
 """The folder, in the wheel as in a checkout: the one beside `pipeline/`."""
@@ -28,5 +27,5 @@ def gallery_files() -> dict[Path, Path]:
         raise MachineError(f"{GALLERY}: the gallery is missing; install flowsculpt again")
     names = [path.relative_to(GALLERY) for path in sorted(GALLERY.rglob("*")) if path.is_file()]
     names = [name for name in names if not any(part.startswith(".") for part in name.parts)]
-    names.sort(key=lambda name: (name.suffix == ".yaml", is_edit(GALLERY / name)))
+    names.sort(key=lambda name: (name.suffix == ".yaml", Show().names_edit(str(GALLERY / name))))
     return {Show().folder / name: GALLERY / name for name in names}

@@ -16,7 +16,7 @@ from flowsculpt.api.commands import print_result, print_warning, require_one_of
 from flowsculpt.api.files import disk_errors
 from flowsculpt.api.frames import Show
 from flowsculpt.api.options import Common
-from flowsculpt.api.shots import DEFAULTS, DOCUMENTS, inherited_source, name_fault, read_shot, text_of
+from flowsculpt.api.shots import DOCUMENTS, WrittenShot, YamlSource, read_shot
 from flowsculpt.pipeline.plugins.authoring.gallery_shots import GALLERY, gallery_files, gallery_names
 from flowsculpt.pipeline.plugins.authoring.new_files import Content, same_contents, write_new
 from flowsculpt.pipeline.plugins.authoring.schema_command import SCHEMAS, defaults_of, write_schemas
@@ -115,7 +115,7 @@ def new(
         )
     if name.endswith((".yaml", ".yml")):
         raise UsageError(f"{name} is the name of a file; write {Path(name).stem}, the name of the shot")
-    if fault := name_fault(name):
+    if fault := Show.name_fault(name):
         raise UsageError(fault)
     path = Show().folder / f"{name}.yaml"
     if path.exists():
@@ -168,7 +168,7 @@ def _of_source(source: str, name: str) -> _NewShot:
     )
     try:
         if path.parent.resolve() == Show().folder.resolve():
-            text = shot_of_shot(text_of(path), name)
+            text = shot_of_shot(YamlSource.read_text(path), name)
             copy, remarks = CopiedShot(text, text), []
         else:
             files = [file for file, _ in read_shot(path).files]
@@ -188,13 +188,12 @@ def _of_source(source: str, name: str) -> _NewShot:
 
 def _about_defaults(target: Path, text: str, source: str) -> list[str]:
     """Return a remark about a copy that is not as the shot in another folder, by the defaults of this one."""
-    alone, here = inherited_source(target, text, (), {}).data, inherited_source(target, text, (), None).data
+    alone = WrittenShot.read(target, text, beside={}).source.data
+    here = WrittenShot.read(target, text).source.data
     names = ", ".join(name for name, value in here.items() if value != alone.get(name))
     if not names or read_shot(target, text) == read_shot(target, text, beside={}):
         return []
-    return [
-        f"{Show().folder / DEFAULTS} changes this copy of {source}: {names}; what the shot itself says wins"
-    ]
+    return [f"{Show().defaults} changes this copy of {source}: {names}; what the shot itself says wins"]
 
 
 def _of_model(model: Path, source: str, name: str) -> _NewShot:
@@ -250,7 +249,7 @@ def _begin_show(common: Common, folder: Path, source: str, gallery: bool) -> Non
     kept = [path for path in files if path.exists()]
     another = "the gallery needs a folder of its own, so name a new one"
     kept += [path for path, file in copies.items() if same_contents(file, path, another)]
-    if gallery and (defaults := folder / Show().folder / DEFAULTS) not in copies and defaults.exists():
+    if gallery and (defaults := folder / Show().defaults) not in copies and defaults.exists():
         raise UsageError(f"{defaults} would change the gallery's shots; {another}")
     files.update(copies)
     written = [path for path in files if path not in kept]

@@ -20,7 +20,7 @@ from flowsculpt import Flow, FrameError, VelocityField
 from flowsculpt.api.flows import MotionForecast, number_at, vector_at
 from flowsculpt.api.frames import Framer
 from flowsculpt.api.meshes import Floats
-from flowsculpt.api.shots import Model, Motion, PluginSurface, Shot
+from flowsculpt.api.shots import Model, Motion, Shot
 from flowsculpt.pipeline.plugins.authoring.first_frame import FirstFrame, small_parts
 
 Where = tuple[Any, ...]
@@ -408,7 +408,7 @@ def _size(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
 def _parts(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
     """Check that no small parts decide the size of a model."""
     subject = shot.motion.subject
-    if not isinstance(subject, Model) or isinstance(subject, PluginSurface):
+    if not isinstance(subject, Model) or not subject.files:  # or a surface of a plug-in
         return
     if parts := small_parts(subject.imported().mesh):
         yield Finding(("subject", "model"), f"{subject.path.name} has {parts}")

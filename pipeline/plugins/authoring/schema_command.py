@@ -18,7 +18,7 @@ from flowsculpt.api.commands import empty_table, print_result, require_one_of
 from flowsculpt.api.files import atomic_write
 from flowsculpt.api.frames import Show
 from flowsculpt.api.options import Common, shared_option
-from flowsculpt.api.shots import DEFAULTS, DOCUMENTS, YamlSource
+from flowsculpt.api.shots import DOCUMENTS, YamlSource
 from flowsculpt.pipeline.plugins.authoring.shot_schemas import (
     default_text,
     defaults_schema,
@@ -103,7 +103,7 @@ def _as_text(content: dict[str, Any]) -> str:
 def defaults_of(folder: Path) -> Mapping[str, Any]:
     """Return the defaults of a folder; empty if they cannot be read."""
     try:
-        data = YamlSource.read(folder / DEFAULTS).data
+        data = YamlSource.read(folder / Show().defaults.name).data
     except FlowsculptError:
         return {}
     return data if isinstance(data, dict) else {}

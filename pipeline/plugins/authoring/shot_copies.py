@@ -14,7 +14,7 @@ from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 from flowsculpt import UsageError
 from flowsculpt.api.frames import Show
-from flowsculpt.api.shots import YamlSource, flow_style, inherited_files, inherited_source, text_of, yaml_tree
+from flowsculpt.api.shots import WrittenShot, YamlSource, to_yaml
 
 _WORDS = ("title", "intent")
 """Entries that name no file."""
@@ -53,7 +53,7 @@ def copied_shot(path: Path, text: str, files: list[Path], keeps_files: bool) -> 
     there = {file.resolve() for file in files}
     copies: dict[Path, Path] = {}
     final = today = text
-    for node in reversed([*_names(yaml_tree(text))]):
+    for node in reversed([*_names(YamlSource.tree(text))]):
         place = (folder / node.value).resolve()
         if place not in there and not any(fnmatch(file.as_posix(), place.as_posix()) for file in there):
             continue
@@ -64,8 +64,8 @@ def copied_shot(path: Path, text: str, files: list[Path], keeps_files: bool) -> 
             along = (file for file in there if file.is_relative_to(place.parent))
             copies |= {(Show().folder / new).parent / file.relative_to(place.parent): file for file in along}
         begin, end = node.start_mark.index, node.end_mark.index
-        final = final[:begin] + flow_style(new.as_posix()) + final[end:]
-        today = today[:begin] + flow_style(place.as_posix()) + today[end:]
+        final = final[:begin] + to_yaml(new.as_posix()) + final[end:]
+        today = today[:begin] + to_yaml(place.as_posix()) + today[end:]
     for file in sorted(there - {*copies.values()}):
         if not (keeps_files and file.is_relative_to(here)):
             raise UsageError(
@@ -79,13 +79,11 @@ def whole_text(path: Path) -> str:
 
     Entries that inherit nothing stay as they are written. Raises ShotError and MissingInputError.
     """
-    text = text_of(path)
-    if not (beside := inherited_files(path, text)):
+    text = YamlSource.read_text(path)
+    source, node = WrittenShot.read(path, text).source, YamlSource.tree(text)
+    if all(spot.file == str(path) for spot in source.places.values()) or not isinstance(node, MappingNode):
         return text
-    own, whole = YamlSource.read(path, text).data, inherited_source(path, text, (), beside).data
-    node = yaml_tree(text)
-    if not isinstance(node, MappingNode):
-        return text  # the reader reports it
+    own, whole = YamlSource.read(path, text).data, source.data
     begins = [name.start_mark.index for name, _ in node.value]
     entries = [text[begin:end] for begin, end in zip(begins, [*begins[1:], len(text)], strict=True)]
     written = {name.value: entry for (name, _), entry in zip(node.value, entries, strict=True)}
@@ -94,7 +92,7 @@ def whole_text(path: Path) -> str:
         entry = written.get(name, "")
         if name in INHERITED or own.get(name) != whole[name] or node.flow_style:
             comments = _COMMENTS.search(entry)
-            spelt_out = "" if name in INHERITED else f"{flow_style(name)}: {flow_style(whole[name])}\n"
+            spelt_out = "" if name in INHERITED else f"{to_yaml(name)}: {to_yaml(whole[name])}\n"
             entry = f"{spelt_out}{comments[0] if comments else ''}"
         lines.append(f"{entry}\n" if entry[-1:] not in ("", "\n") else entry)
     return "".join(lines)

@@ -19,7 +19,7 @@ import numpy as np
 
 from flowsculpt import FlowsculptError, PolygonMesh
 from flowsculpt.api.meshes import ModelFile
-from flowsculpt.api.shots import PRESETS, SOLIDS, Model
+from flowsculpt.api.shots import PRESETS, Model, Solid
 from flowsculpt.pipeline.plugins.authoring.first_frame import small_parts
 from flowsculpt.pipeline.plugins.authoring.shot_schemas import default_text, facts
 
@@ -323,7 +323,7 @@ def shot_of_flow(flow: str, name: str, model: ModelTemplate | None = None) -> st
     Raises UsageError for an unknown flow.
     """
     preset = preset_of(flow)
-    solids = " · ".join(f"{solid} {', '.join(kind.measures)}" for solid, kind in SOLIDS.items())
+    solids = " · ".join(f"{solid} {', '.join(kind.measures)}" for solid, kind in Solid.KINDS.items())
     about_subject = f"# Solids: {solids}.\n# A mesh file beside this one: {{model: bunny.obj, fit: 2}}."
     if model is not None:
         about_subject = "\n".join(f"# {line}" for line in model.facts)

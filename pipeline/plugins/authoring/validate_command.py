@@ -23,19 +23,7 @@ from flowsculpt.api.commands import (
 )
 from flowsculpt.api.frames import FinishedPictures, QualityName, Show
 from flowsculpt.api.options import Common, shared_option
-from flowsculpt.api.shots import (
-    Clock,
-    Motion,
-    Shot,
-    Where,
-    YamlSource,
-    dotted_path,
-    inherited_source,
-    outside_note,
-    read_film,
-    read_shot,
-    subject_views,
-)
+from flowsculpt.api.shots import Clock, Motion, Shot, WrittenShot, YamlSource, read_film, read_shot
 from flowsculpt.pipeline.plugins.authoring.first_frame import FirstFrame, FirstFrames
 from flowsculpt.pipeline.plugins.authoring.scene_rules import Finding, findings, loop_report
 
@@ -139,17 +127,16 @@ def _check(name: str, settings: tuple[str, ...], first_frames: FirstFrames) -> _
     check = _Check(name)
     try:
         path = Show().find_shot(name)
-        shot, source = read_shot(path, settings=settings), inherited_source(path, None, settings, None)
+        shot, written = read_shot(path, settings=settings), WrittenShot.read(path, settings=settings)
     except FlowsculptError as error:
         check.add_error(error)
         return check
-    outside = outside_note(source, shot.motion.clock)
-    check.warnings += [" ".join([outside, *_of_outer_keys(source, shot.motion.clock)])] if outside else []
+    outside = written.outside_note(shot.motion.clock)
+    if outside:
+        check.warnings.append(" ".join([outside, *_of_outer_keys(written.source, shot.motion.clock)]))
     check.notes += [f"{name}: {line}" for line in shot.notes if line != outside]
-    views = {view.name: view for view in subject_views(source)}
     for part in shot.parts:
-        view = views.get(part.subject)
-        _check_scene(check, part, first_frames, source, view.in_file if view else lambda where: where)
+        _check_scene(check, part, first_frames, written)
     check.notes = list(dict.fromkeys(check.notes))
     return check
 
@@ -165,7 +152,7 @@ def _of_outer_keys(source: YamlSource, clock: Clock) -> Iterator[str]:
         inside = any(clock.holds(time) or (of_flow and clock.flow_holds(time)) for time in times)
         is_one_side = min(times) > 0.0 or max(times) < 0.0
         held = mapping.get("before" if min(times) > 0.0 else "after") in (None, "hold")
-        still += [dotted_path(where)] if len(keys) > 1 and not inside and is_one_side and held else []
+        still += [".".join(map(str, where))] if len(keys) > 1 and not inside and is_one_side and held else []
         is_early |= of_flow and min(times) < 0.0
     if still:
         yield f"Nothing moves in {', '.join(still)}, whose keys are all outside. Move them into the shot."
@@ -196,14 +183,8 @@ def _light(common: Common, name: str, settings: tuple[str, ...]) -> list[str]:
     return FinishedPictures.light_notes({number: finished.pixels(number, 2) for number in looked_at})
 
 
-def _check_scene(
-    check: _Check,
-    shot: Shot,
-    first_frames: FirstFrames,
-    source: YamlSource,
-    in_file: Callable[[Where], Where],
-) -> None:
-    """Check the scene of a shot of one subject; `in_file` returns the place of its setting in the file."""
+def _check_scene(check: _Check, shot: Shot, first_frames: FirstFrames, written: WrittenShot) -> None:
+    """Check the scene of a shot of one subject, which a file may write with others."""
     try:
         first = check.firsts[shot.subject] = first_frames.of(shot.motion)
         found = [*findings(shot, first), *_of_flows(check, shot.motion)]
@@ -217,7 +198,7 @@ def _check_scene(
         place = ("resample", "max_edge_length") if isinstance(error, FrameError) else ("subject", "model")
         found = [Finding(place, str(error), is_error=True)]
     for finding in found:
-        line = f"{source.place(in_file(finding.where))}: {finding.text}"
+        line = f"{written.place_of(shot.subject, finding.where)}: {finding.text}"
         if finding.is_error:
             check.add_error(ShotError(line))
         elif line not in check.warnings:

@@ -6,19 +6,15 @@ from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 
 from flowsculpt.api.flows import Keyframes, Number, ParameterDoc
 from flowsculpt.api.shots import (
-    SOLIDS,
     Clock,
-    Degrees,
-    Ease,
     FlowParameters,
     OneOfSeveral,
     ParseContext,
     Positive,
+    Solid,
     Triple,
     WeightField,
-    as_finding,
-    bad_value,
-    curve_of,
+    one_of,
 )
 from flowsculpt.pipeline.plugins.become.become_flow import Become
 from flowsculpt.pipeline.plugins.become.stored_fits import PlacedShape
@@ -41,7 +37,7 @@ class BecomeDocument(OneOfSeveral, FlowParameters):
     )
     up: Annotated[Literal["y", "z"] | None, ParameterDoc("of the model: its axis that points up")] = None
     rotate: Annotated[
-        list[Degrees] | None,
+        list[Annotated[float, Field(ge=-3600, le=3600)]] | None,
         Field(min_length=3, max_length=3),
         ParameterDoc("of the model: about x, then y, then z", "degrees"),
     ] = None
@@ -59,7 +55,9 @@ class BecomeDocument(OneOfSeveral, FlowParameters):
         None
     )
     end: Annotated[Any, Field(alias="to"), ParameterDoc("frame, or seconds, when it arrives")] = None
-    ease: Annotated[Ease, ParameterDoc("how it leaves and arrives")] = "sine_in_out"
+    ease: Annotated[
+        str, one_of(Keyframes.EASE_NAMES, "easing"), ParameterDoc("how it leaves and arrives")
+    ] = "sine_in_out"
     progress: Annotated[
         WeightField | None, ParameterDoc("in place of from and to: share of the way, from 0 to 1, keyed")
     ] = None
@@ -81,31 +79,31 @@ class BecomeDocument(OneOfSeveral, FlowParameters):
             context = ParseContext.of(info)
             context.mesh(self.model)
             document = ModelDocument.model_validate({"model": self.model, **named})
-            subject: Any = as_finding(lambda: document.build(context.folder))
+            subject: Any = document.build(context.folder)
         else:
-            if self.solid is None or self.solid not in SOLIDS:
-                raise bad_value(f"{self.solid} is not a solid. Write one of {', '.join(SOLIDS)}.")
-            _require_known(named, SOLIDS[self.solid].measures, f"the {self.solid}")
+            if self.solid is None or self.solid not in Solid.KINDS:
+                raise ValueError(f"{self.solid} is not a solid. Write one of {', '.join(Solid.KINDS)}.")
+            _require_known(named, Solid.KINDS[self.solid].measures, f"the {self.solid}")
             subject = SolidDocument.model_validate({"solid": self.solid, **named}).build()
         x, y, z = map(float, self.place or [0.0, 0.0, 0.0])
         self._target = PlacedShape(subject, (x, y, z))
-        as_finding(lambda: self._target.mesh)
+        _ = self._target.mesh  # raises an error for one that is open
         return self
 
     def _require_times(self, info: ValidationInfo) -> None:
         clock: Clock | None = (info.context or {}).get("clock")
         if self.progress is not None:
             if self.begin is not None or self.end is not None:
-                raise bad_value("become has progress as well as from or to. Remove one.")
+                raise ValueError("become has progress as well as from or to. Remove one.")
             return
         if clock is None:
             return
         begin, end = (None if at is None else clock.seconds(at) for at in (self.begin, self.end))
         for name, at, seconds in (("from", self.begin, begin), ("to", self.end, end)):
             if at is not None and seconds is None:
-                raise bad_value(f"{name}: {at} is not a time. Write a frame, such as 24, or seconds as 1s.")
+                raise ValueError(f"{name}: {at} is not a time. Write a frame, such as 24, or seconds as 1s.")
         if self._times(clock)[0] >= self._times(clock)[1]:
-            raise bad_value("become arrives before it begins. Write from below to.")
+            raise ValueError("become arrives before it begins. Write from below to.")
         if self._times(clock)[0] < 0.0:
             ParseContext.of(info).notes.append(
                 f"become begins before frame {clock.frames.first}, in which the subject is at rest, so it "
@@ -121,7 +119,7 @@ class BecomeDocument(OneOfSeveral, FlowParameters):
     def own_values(self, clock: Clock) -> dict[str, Any]:
         if self.progress is not None:
             given = self.progress
-            progress: Number = float(given) if isinstance(given, int | float) else curve_of(given, clock)
+            progress: Number = float(given) if isinstance(given, int | float) else given.curve(clock)
         else:
             progress = Keyframes(self._times(clock), ((0.0,), (1.0,)), (self.ease, self.ease))
         return {"target": self._target, "progress": progress, "detail": self.detail}
@@ -131,4 +129,4 @@ def _require_known(named: dict[str, Any], known: Any, whose: str) -> None:
     """Refuse settings of the other kind of target."""
     for name in named:
         if name not in known:
-            raise bad_value(f"{name} is not a setting of {whose}. Remove it.")
+            raise ValueError(f"{name} is not a setting of {whose}. Remove it.")

@@ -20,10 +20,10 @@ import numpy as np
 from flowsculpt import MachineError, MeshError, Streamlines, TriangleMesh, UsageError, validate
 from flowsculpt.api import Progress
 from flowsculpt.api.files import CachedAnswer, atomic_write
-from flowsculpt.api.flows import Sampled
+from flowsculpt.api.flows import Sampled, Samples
 from flowsculpt.api.frames import Locks, StoredFiles
 from flowsculpt.api.meshes import Floats, connected_components
-from flowsculpt.api.shots import Model, PluginSurface, Solid, as_data
+from flowsculpt.api.shots import Model, Solid
 from flowsculpt.pipeline.plugins.become.fitting import THIN, Detail, Leg, Residual, State, fitted
 from flowsculpt.pipeline.plugins.become.target import PATCH, FittedSurface, face_vectors, lengths
 from flowsculpt.pipeline.plugins.become.velocity_path import KNOTS, STEPS, PathSpace
@@ -66,13 +66,14 @@ class PlacedShape:
 
     @property
     def name(self) -> str:
-        if isinstance(self.subject, PluginSurface):
-            return f"the {self.subject.name}"
-        return self.subject.path.name if isinstance(self.subject, Model) else f"the {self.subject.solid}"
+        if isinstance(self.subject, Solid):
+            return f"the {self.subject.solid}"
+        name = self.subject.path.name
+        return name if self.subject.files else f"the {name}"  # a surface of a plug-in has no files
 
     def data(self) -> Any:
         """Return what decides it, JSON-able."""
-        return [as_data(self.subject), list(self.place)]
+        return [self.subject.data(), list(self.place)]
 
     @cached_property
     def mesh(self) -> TriangleMesh:
@@ -150,15 +151,11 @@ class Fit:
         axis = side * np.arange(n + 1) / n
         knots = leg.space.knots(leg.z).transpose(0, 2, 3, 4, 1)
         velocity = side * np.pad(knots, ((0, 0), (0, 1), (0, 1), (0, 1), (0, 0)), mode="wrap")
-        return PathVelocity.on_grid(
-            (axis,) * 3,
-            np.linspace(0.0, 1.0, KNOTS),
-            velocity,
-            "become",
-            between="cubic",
-            outside="zero" if leg.space.is_windowed else "repeat",
-            centre=tuple((self.low + self.side * np.array(leg.low)).tolist()),
+        samples = Samples(
+            (axis,) * 3, np.linspace(0.0, 1.0, KNOTS), np.ascontiguousarray(velocity), ("become",)
         )
+        x, y, z = (self.low + self.side * np.array(leg.low)).tolist()
+        return PathVelocity(samples, "cubic", "zero" if leg.space.is_windowed else "repeat", (x, y, z))
 
     def displace(self, points: Floats, before: float, after: float) -> Floats:
         """Return where points (P, 3) are carried between two shares of the way."""

@@ -13,7 +13,7 @@ from flowsculpt.api import plural
 from flowsculpt.api.commands import print_result, progress_bars
 from flowsculpt.api.frames import Locks, Show
 from flowsculpt.api.options import Common, shared_option
-from flowsculpt.api.shots import Shot, is_edit, name_fault, read_shot
+from flowsculpt.api.shots import Shot, read_shot
 from flowsculpt.pipeline.plugins.breed.breeding import Litter
 from flowsculpt.pipeline.plugins.breed.generation import (
     CHILDREN,
@@ -96,7 +96,7 @@ def breed(
     if not 0.0 <= change <= 1.0:
         raise UsageError(f"--change {change:g} is out of range; it is from 0, nearly the same, to 1")
     folder = output or common.root / GENERATIONS / name
-    if fault := name_fault(name if output is None else folder.name):
+    if fault := Show.name_fault(name if output is None else folder.name):
         raise UsageError(fault if output is None else f"{folder}: {fault}")
     if len(folder.name) > LONGEST_NAME:
         raise UsageError(f"{folder.name} is too long for a generation; use at most {LONGEST_NAME} letters")
@@ -136,10 +136,7 @@ def _path(name: str) -> Path:
     """Return the path of a shot. Raises UsageError for an edit."""
     if Show().names_edit(name):
         raise UsageError(f"{name} is an edit; breed takes shots, one or two")
-    path = Show().find_shot(name)
-    if is_edit(path):
-        raise UsageError(f"{path} is an edit; breed takes shots, one or two")
-    return path
+    return Show().find_shot(name)
 
 
 def _family(paths: list[Path]) -> str:

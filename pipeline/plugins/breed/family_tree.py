@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from pydantic import AfterValidator, BaseModel, Field, ValidationError
 
 from flowsculpt import FlowsculptError, UsageError
+from flowsculpt.api.frames import Show
 from flowsculpt.api.pictures import Font, read_png
-from flowsculpt.api.shots import name_fault
 
 RECORD = "generation.json"
 """The file that says what a generation was bred from."""
@@ -55,7 +55,7 @@ class Row:
 
 def _checked(name: str) -> str:
     """Return a name from which paths are made. Raises ValueError for one that no shot can have."""
-    if fault := name_fault(name):
+    if fault := Show.name_fault(name):
         raise ValueError(fault)
     return name
 

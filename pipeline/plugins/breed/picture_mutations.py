@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from flowsculpt.api.shots import ALL_LOOKS, linear_of
+from flowsculpt.api.shots import PRESETS, linear_of
 from flowsculpt.pipeline.plugins.breed.colour_harmony import Lch, colour_words, lch, linear, stage_for
 from flowsculpt.pipeline.plugins.breed.flow_mutations import Draft, Idea
 from flowsculpt.pipeline.plugins.breed.gene_values import Chance, is_number, mapped, rounded, scaled
@@ -115,7 +115,7 @@ def other_look(draft: Draft) -> str:
     """Exchange the look; the stage is chosen to suit it."""
     old = look_name(draft.data.get("look", "clay"))
     if (
-        old not in ALL_LOOKS
+        old not in PRESETS["look"]
         or old in ("model", "symbolics_1990")
         or "subjects" in draft.data
         or _has_pattern(draft)
@@ -158,7 +158,8 @@ def recoloured(draft: Draft) -> str:
             if "seed" in pattern:
                 pattern["seed"] = chance.random.randrange(1, 1000)
     elif name in COLOURED and not (isinstance(look, dict) and {"measure", "bsdf"} & look.keys()):
-        own = ALL_LOOKS[name].colour if not isinstance(look, dict) or "colour" not in look else look["colour"]
+        has_colour = isinstance(look, dict) and "colour" in look
+        own = look["colour"] if has_colour else PRESETS["look"][name].colour
         if isinstance(own, str) and not own.startswith("#"):
             return ""
         old = list(_linear(own))
@@ -310,7 +311,7 @@ def _subject_colour(data: dict[str, Any]) -> Lch:
         return lch(look["colour"])
     if name in METALS or name in CLEAR:
         return Lch(0.85, 0.02, 80.0)  # shines before a dark stage
-    return lch(list(ALL_LOOKS[name].colour)) if name in ALL_LOOKS else Lch(0.6, 0.05, 80.0)
+    return lch(list(PRESETS["look"][name].colour)) if name in PRESETS["look"] else Lch(0.6, 0.05, 80.0)
 
 
 def _suit_stage(draft: Draft, turn: float = 0.0) -> None:

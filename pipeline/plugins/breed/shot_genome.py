@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from flowsculpt.api.shots import DOCUMENTS, FlowParameters, Shot, flow_style, inherited_source
+from flowsculpt.api.shots import DOCUMENTS, FlowParameters, Shot, WrittenShot, to_yaml
 
 INHERITED = ("extends", "looks", "rigs")
 """Entries whose effect is spelt out in a genome."""
@@ -52,7 +52,7 @@ class Genome:
     def of(cls, shot: Shot) -> Genome:
         """Return the genome of a shot that was read from a file. Raises the errors of its subject."""
         assert shot.path is not None, "it was read from a file"
-        data = inherited_source(shot.path, None, (), None).data
+        data = WrittenShot.read(shot.path).source.data
         data = {name: value for name, value in data.items() if name not in INHERITED}
         points = np.concatenate([part.motion.mesh_at_rest().vertices for part in shot.parts])
         low, high = points.min(axis=0), points.max(axis=0)
@@ -109,10 +109,10 @@ def text_of_shot(data: Mapping[str, Any]) -> str:
         elif name == "subjects":
             lines += [
                 "subjects:",
-                *(f"  {flow_style(key)}: {flow_style(item)}" for key, item in value.items()),
+                *(f"  {to_yaml(key)}: {to_yaml(item)}" for key, item in value.items()),
             ]
         else:
-            lines.append(f"{name}: {flow_style(value)}")
+            lines.append(f"{name}: {to_yaml(value)}")
     return "\n".join(lines) + "\n"
 
 
@@ -123,13 +123,13 @@ def _entries(flows: list[Any], indent: str) -> Iterator[str]:
         ((name, value),) = entry.items()
         inner: Any = value.get("flows") if isinstance(value, dict) else value
         if not (isinstance(inner, list) and inner and all(isinstance(item, dict) for item in inner)):
-            yield f"{indent}- {name}: {flow_style(value if value is not None else {})}"
+            yield f"{indent}- {name}: {to_yaml(value if value is not None else {})}"
         elif inner is value:
             yield f"{indent}- {name}:"
             yield from _entries(inner, f"{indent}    ")
         else:
             yield f"{indent}- {name}:"
-            yield from (f"{indent}    {key}: {flow_style(value[key])}" for key in value if key != "flows")
+            yield from (f"{indent}    {key}: {to_yaml(value[key])}" for key in value if key != "flows")
             yield f"{indent}    flows:"
             yield from _entries(inner, f"{indent}      ")
 

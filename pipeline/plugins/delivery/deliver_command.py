@@ -33,7 +33,6 @@ from flowsculpt.api.options import (
     shared_option,
 )
 from flowsculpt.api.pictures import HDR_DISPLAYS, AudioClip, BurnIn, Encode
-from flowsculpt.api.shots import is_edit
 from flowsculpt.pipeline.plugins.delivery.deliverables import (
     SLATES,
     DeliveredFile,
@@ -212,7 +211,7 @@ class _Wanted:
     def deliveries(self, order: DeliveryOptions, failed: Mapping[tuple[str, int], str]) -> list[Delivery]:
         store, made = self.project.store, []
         for name in self.names:
-            if _is_of_edit(name):
+            if Show().names_edit(name):
                 edit = self.project.edit(self.quality, Show().find_edit(name))[0]
                 source = film_source(edit, self._requests(name), store, failed, self.relit)
             else:
@@ -222,17 +221,12 @@ class _Wanted:
 
     def _requests(self, name: str) -> list[RenderRequest]:
         """Return the request of a shot or those of an edit's clips, with the layers of finished frames."""
-        if not _is_of_edit(name):
+        if not Show().names_edit(name):
             return [self.project.as_finished(self.project.find_request(name, self.quality, self.frames))]
         if self.frames is not None:
             raise UsageError(f"-f {self.frames} chooses frames of shots; {name} is an edit and names its own")
         _, requests = self.project.edit(self.quality, Show().find_edit(name))
         return [self.project.as_finished(each) for each in requests]
-
-
-def _is_of_edit(name: str) -> bool:
-    path = Path(name)
-    return is_edit(path) if path.suffix in (".yaml", ".yml") else name in Show().edits()
 
 
 def _facts(done: Sequence[DeliveredFile], lost: Sequence[str], seconds: float) -> dict[str, Any]:

@@ -25,10 +25,10 @@ from flowsculpt import FrameError, MissingInputError, UsageError
 from flowsculpt.api import plural, quote, suggest
 from flowsculpt.api.commands import print_error, print_result, progress_bars
 from flowsculpt.api.frames import (
+    FrameKeys,
     FrameRange,
     FrameRate,
     Locks,
-    PictureKeys,
     PictureSequence,
     PipelineStage,
     QualityName,
@@ -59,7 +59,7 @@ from flowsculpt.api.pictures import (
     write_finished,
     write_movie,
 )
-from flowsculpt.api.shots import NAME, in_yaml, inherited_source, linear_of
+from flowsculpt.api.shots import NAME_PATTERN, WrittenShot, linear_of, to_yaml
 from flowsculpt.pipeline.plugins.delivery.hdr_frames import Frame
 
 RELIGHT = PipelineStage("relight", version=1, packages=("OpenImageIO",), doing="relighting", makes="frame")
@@ -179,7 +179,7 @@ class RelitFrames:
         return self.request.pictures.framings(self.store) or {}
 
     @cached_property
-    def _keys(self) -> PictureKeys | None:
+    def _keys(self) -> Mapping[int, FrameKeys] | None:
         return self.request.keys.pictures(self.store, rendered=())
 
     def _source(self, number: int) -> str:
@@ -371,7 +371,7 @@ def permanent(path: Path, of_shot: Sequence[str], lights: LightRig, factors: Map
     written_factors = {name: factor for name, factor in factors.items() if name not in refused}
     words = []
     if any(members[name] for name in written_factors):
-        data: Any = inherited_source(path, None, tuple(of_shot), None).data
+        data: Any = WrittenShot.read(path, settings=of_shot).source.data
         written = data.get("lights")
         before = written.get("intensity", 1.0) if isinstance(written, dict) else 1.0
         if not isinstance(before, dict):
@@ -383,10 +383,10 @@ def permanent(path: Path, of_shot: Sequence[str], lights: LightRig, factors: Map
         }
         intensity = {**before, **after}
         if isinstance(written, dict):
-            words.append(f"write intensity: {in_yaml(intensity)} under lights in {path}")
+            words.append(f"write intensity: {to_yaml(intensity)} under lights in {path}")
         else:
             rig = {"rig": written or "studio", "intensity": intensity}
-            words.append(f"write lights: {in_yaml(rig)} in {path}")
+            words.append(f"write lights: {to_yaml(rig)} in {path}")
     if refused:
         words.append(
             f"{', '.join(refused)}: the colour of daylight and of an hdri cannot be set; write softboxes or "
@@ -465,7 +465,7 @@ def relight(
             f"light_groups: each in the file, and render it: {_command('render', request)}"
         )
     factors = given.by_group(request.name, lights)
-    if name is not None and not re.fullmatch(NAME, name):
+    if name is not None and not re.fullmatch(NAME_PATTERN, name):
         raise UsageError(f"--name {name}: a version has letters, digits, _, - and . in its name, as warm_key")
     version = name or version_name(factors)
     relit = RelitFrames(project.as_finished(request), project.store, factors, version)

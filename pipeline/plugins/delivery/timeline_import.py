@@ -13,6 +13,7 @@ from pathlib import Path
 from flowsculpt import FlowsculptError, MissingInputError, UsageError
 from flowsculpt.api import ShotError
 from flowsculpt.api.files import InputFile, Parser, ParserError, as_utf8
+from flowsculpt.api.shots import WrittenShot
 
 _ERRORS: tuple[type[FlowsculptError], ...] = (ShotError, MissingInputError, UsageError)
 
@@ -40,12 +41,10 @@ def _frames_of_movies(timeline: Path, shots: Collection[str], folder: Path) -> d
         content = as_utf8(InputFile(timeline).content())
         if b'"ExternalReference.' not in content:
             return {}
-        from flowsculpt.api.shots import inherited_source  # takes time
 
         for shot in shots:
             with suppress(FlowsculptError):  # the reader of the edit reports its faults
                 if shot.encode() in content:
-                    frames[shot] = str(
-                        inherited_source(folder / f"{shot}.yaml", None, (), None).get("frames")
-                    )
+                    written = WrittenShot.read(folder / f"{shot}.yaml")
+                    frames[shot] = str(written.source.get("frames"))
     return frames

@@ -17,16 +17,12 @@ from flowsculpt.api.meshes import (
     face_normals,
 )
 from flowsculpt.api.shots import (
-    SOLIDS,
-    Degrees,
     Document,
     OneOfSeveral,
     ParseContext,
     Positive,
     Solid,
     Triple,
-    as_finding,
-    bad_value,
     one_of,
 )
 
@@ -42,7 +38,7 @@ STEPS = 20_000
 FACES = 4
 """Faces of a surface for each copy, at least: places are even then."""
 
-_SOLIDS = [name for name in SOLIDS if name != "lattice"]
+_SOLIDS = [name for name in Solid.KINDS if name != "lattice"]
 
 Places = tuple[Floats, Floats]
 
@@ -82,7 +78,7 @@ class Around(Arrangement):
     @model_validator(mode="after")
     def _has_direction(self) -> Self:
         if not np.linalg.norm(self.axis) > 1e-9:
-            raise bad_value("axis has no length; it is a direction. Write one such as [0, 1, 0].")
+            raise ValueError("axis has no length; it is a direction. Write one such as [0, 1, 0].")
         return self
 
     def around(self, radius: Floats, angle: Floats, height: Floats) -> Places:
@@ -163,18 +159,18 @@ class SurfaceDocument(Arrangement):
     @model_validator(mode="after")
     def _is_there(self, info: ValidationInfo) -> Self:
         if (self.solid is None) == (self.model is None):
-            raise bad_value("copies are on a solid or on a model. Write one, such as solid: torus.")
+            raise ValueError("copies are on a solid or on a model. Write one, such as solid: torus.")
         given = self.model_dump(exclude_none=True, include={"size", "radius", "length", "tube_radius"})
-        known = SOLIDS[self.solid].measures if self.solid else {}
+        known = Solid.KINDS[self.solid].measures if self.solid else {}
         for name, value in given.items():
             if np.size(value) != np.size(known.get(name, ())):
                 whose = f"the {self.solid or 'model'}"
-                raise bad_value(f"{name} is not a measure of {whose}, or has other numbers. Leave it out.")
+                raise ValueError(f"{name} is not a measure of {whose}, or has other numbers. Leave it out.")
         if self.solid is not None:
-            self._mesh = as_finding(Solid.of(self.solid, given).build)
+            self._mesh = Solid.of(self.solid, given).build()
         elif self.model is not None:
             path = ParseContext.of(info).mesh(self.model)
-            self._mesh = as_finding(lambda: read_mesh(path))
+            self._mesh = read_mesh(path)
             self._digests = (ModelFile(path).files().digest,)
         return self
 
@@ -200,7 +196,9 @@ class OneLayout(CopyLayout, OneOfSeveral):
     disc: DiscDocument | None = Field(None, description="as seeds in a sunflower")
     spiral: SpiralDocument | None = Field(None, description="around an axis")
     surface: SurfaceDocument | None = Field(None, description="on a solid or a model")
-    lean: Degrees = Field(0.0, description="of copies, outwards, or along x (degrees)")
+    lean: Annotated[float, Field(ge=-3600, le=3600)] = Field(
+        0.0, description="of copies, outwards, or along x (degrees)"
+    )
     jitter: Triple = Field(
         ORIGIN, description="by how much places are moved by chance, at most, along x, y and z (units)"
     )

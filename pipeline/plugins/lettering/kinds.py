@@ -12,7 +12,7 @@ from pydantic_core import CoreSchema
 from flowsculpt import TriangleMesh, UsageError
 from flowsculpt.api import SubjectKind
 from flowsculpt.api.files import InputFile
-from flowsculpt.api.shots import Positive, bad_value
+from flowsculpt.api.shots import Positive
 
 if TYPE_CHECKING:  # the libraries of outlines take time to import, and most shots have none
     from flowsculpt.pipeline.plugins.lettering.outline_process import Outlines
@@ -38,7 +38,7 @@ class OutlineKind(SubjectKind):
     @classmethod
     def _bare(cls, value: Any) -> Any:
         if isinstance(value, int | float):
-            raise bad_value(f"{value} is a number, and text is in quotes. Write '{value}'.")
+            raise ValueError(f"{value} is a number, and text is in quotes. Write '{value}'.")
         return {cls.bare: value} if isinstance(value, str) else value
 
     @classmethod

@@ -14,7 +14,7 @@ from flowsculpt.api.commands import print_result
 from flowsculpt.api.files import atomic_write, disk_errors
 from flowsculpt.api.frames import Show
 from flowsculpt.api.options import Common
-from flowsculpt.api.shots import DOCUMENTS, name_fault
+from flowsculpt.api.shots import DOCUMENTS
 from flowsculpt.pipeline.plugins.lettering.kinds import TextKind
 
 if TYPE_CHECKING:
@@ -85,7 +85,7 @@ def letters(
     With `--from-drops` each begins as a drop, or rings with its holes, and the flow `become` carries it onto
     the letter, which is written to shots/models. Letters of several parts, such as i, cannot begin so.
     """
-    if fault := name_fault(name):
+    if fault := Show.name_fault(name):
         raise UsageError(fault)
     path = Show().folder / f"{name}.yaml"
     if path.exists():

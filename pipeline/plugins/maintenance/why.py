@@ -17,12 +17,10 @@ from typing import Any
 
 from flowsculpt import FlowsculptError
 from flowsculpt.api.frames import (
-    STAGES,
-    CorruptFileError,
+    FrameKeys,
     FrameRange,
-    History,
     KnownPictures,
-    PictureKeys,
+    PipelineStage,
     RenderRequest,
     Runs,
     ShotSource,
@@ -30,7 +28,7 @@ from flowsculpt.api.frames import (
     StoredFiles,
 )
 from flowsculpt.api.pictures import RenderError, read_header
-from flowsculpt.api.shots import Where, YamlSource, in_yaml, inherited_source
+from flowsculpt.api.shots import WrittenShot, YamlSource, to_yaml
 
 MISSING = object()
 """Stands for a value that one of two data does not have."""
@@ -43,7 +41,7 @@ DIGITS = 6
 class Difference:
     """The value at a path before and now; MISSING where there is none."""
 
-    path: Where
+    path: tuple[Any, ...]
     before: Any
     now: Any
 
@@ -54,7 +52,7 @@ class Difference:
         return f"{'.'.join(map(str, self.path))}: {before} → {now}"
 
 
-def differences(before: Any, now: Any, path: Where = ()) -> Iterator[Difference]:
+def differences(before: Any, now: Any, path: tuple[Any, ...] = ()) -> Iterator[Difference]:
     """Yield the smallest parts of plain data that differ, in the order of `now`.
 
     Lists are compared from both ends, so that an item added or removed is one difference.
@@ -109,7 +107,7 @@ def option_differences(before: ShotSource, now: ShotSource) -> Iterator[str]:
             yield f"--set {setting} is given now, and was not when it was made"
 
 
-def _items(before: list[Any], now: list[Any], path: Where) -> Iterator[Difference]:
+def _items(before: list[Any], now: list[Any], path: tuple[Any, ...]) -> Iterator[Difference]:
     """Yield the differences between two lists: equal items at both ends are left out."""
     shorter = min(len(before), len(now))
     first = next((i for i in range(shorter) if before[i] != now[i]), shorter)
@@ -123,7 +121,7 @@ def _shown(value: Any, digits: int | None = None) -> str:
     """Return a value in YAML, its numbers rounded to so many significant digits."""
     if value is MISSING:
         return "nothing"
-    text = in_yaml(_rounded(value, digits)) or "nothing"
+    text = "nothing" if value is None else to_yaml(_rounded(value, digits))
     return text if len(text) <= 60 else f"{text[:57]}…"
 
 
@@ -137,7 +135,7 @@ def _rounded(value: Any, digits: int | None) -> Any:
 
 def _read(source: ShotSource) -> YamlSource:
     """Return the shot files of a source, without the settings of the command line."""
-    return inherited_source(source.path, source.text, (), dict(source.beside))
+    return WrittenShot.read(source.path, source.text, beside=dict(source.beside)).source
 
 
 _NOT_COMPARED = ("key", "mesh_key", "normals_key", "inputs", "stages", "temporal_neighbours")
@@ -206,7 +204,7 @@ class _Frame:
         return KnownPictures(self.request, self.store)
 
     @property
-    def _keys(self) -> PictureKeys | None:
+    def _keys(self) -> Mapping[int, FrameKeys] | None:
         """The keys of its pictures; None where its cameras are not framed yet."""
         return self._known.keys if self._known.is_framed else None
 
@@ -283,7 +281,7 @@ class _Frame:
 
     def _stage_reasons(self, header: Mapping[str, Any]) -> Iterator[str]:
         for name, recipe in header.get("stages", {}).items():
-            now = STAGES[name].recipe if name in STAGES else {}
+            now = PipelineStage.all()[name].recipe if name in PipelineStage.all() else {}
             for difference in differences(recipe, now):
                 what, before, value = difference.path[-1], difference.before, difference.now
                 if what == "version":
@@ -329,7 +327,7 @@ class _Frame:
         """Return the first frame whose mesh is there and is not today's."""
         for number in sorted(self.request.source.surface_keys.meshes):
             for part in self.request.parts:
-                with contextlib.suppress(CorruptFileError, OSError):
+                with contextlib.suppress(*StoredFiles.DAMAGED, OSError):
                     if StoredFiles.key_in(self.store.root / part.place("mesh", number)) != part.keys.mesh(
                         number
                     ):
@@ -358,9 +356,11 @@ class _Frame:
     def _source_of_run(self) -> ShotSource | None:
         """Return the source from which the run that finished the frame read the shot, if its plan exists."""
         request = self.request
-        history = History.of(self.store.root)
-        made = history.stage("finish", request.folders.name, request.quality_name).made.get(self.number)
-        return None if made is None else _source_in(Runs(self.store.root).requests(made.run), request)
+        runs = Runs(self.store.root)
+        made = (
+            runs.history().stage("finish", request.folders.name, request.quality_name).made.get(self.number)
+        )
+        return None if made is None else _source_in(runs.requests(made.run), request)
 
 
 def _version(value: Any) -> str:

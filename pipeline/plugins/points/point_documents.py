@@ -11,20 +11,13 @@ from flowsculpt import MeshError, MissingInputError
 from flowsculpt.api import PointsKind, plural, quote
 from flowsculpt.api.files import InputFile
 from flowsculpt.api.meshes import Lattice
-from flowsculpt.api.shots import (
-    ByForm,
-    Document,
-    Positive,
-    SolidDocument,
-    Triple,
-    Where,
-    is_there,
-    one_of,
-    solid_faults,
-)
+from flowsculpt.api.shots import ByForm, Document, Positive, SolidDocument, Triple, is_file, one_of
 from flowsculpt.pipeline.plugins.points.clouds import MOST_POINTS, Cloud, CloudInSolid, CloudOfFile, radii_of
 from flowsculpt.pipeline.plugins.points.nets import NETS, ControlNet, NetOfFile, NetOfRows, NetOfSolid
 from flowsculpt.pipeline.plugins.points.point_files import read_net, read_points
+
+Where = tuple[Any, ...]
+"""The path to a value: names of mappings and indices of lists, from the top."""
 
 
 def _foreign_settings(
@@ -85,7 +78,7 @@ class CloudDocument(PointsKind):
             yield from _faults_of_cloud(folder / written, radius if _is_attribute(radius) else 1.0)
         elif isinstance(written, dict):
             yield from _foreign_settings(given, {"scale": "a file"}, "cloud", "a solid")
-            yield from solid_faults(("cloud",), written)
+            yield from SolidDocument.faults(("cloud",), written)
             if written.get("solid") == "sheet" and given.get("fill") in (None, "volume"):
                 yield ("cloud",), "a sheet encloses no volume to fill. Write fill: surface."
             if _is_attribute(radius):
@@ -95,7 +88,7 @@ class CloudDocument(PointsKind):
 
 def _faults_of_cloud(path: Path, radius: float | str) -> Iterator[tuple[Where, str]]:
     try:
-        if is_there(path):
+        if is_file(path):
             radii_of(read_points(path), radius, str(path))
     except MissingInputError:
         return  # is reported as such
@@ -152,7 +145,9 @@ class NetDocument(PointsKind):
         written = given.get("net")
         if isinstance(written, dict):
             yield from _foreign_settings(given, _OWNERS_BESIDE["a solid"], "net", "a solid")
-            yield from solid_faults(("net",), written, NETS, lambda *named: NetOfSolid.of(*named).build())
+            yield from SolidDocument.faults(
+                ("net",), written, NETS, lambda *named: NetOfSolid.of(*named).build()
+            )
         elif isinstance(written, list):
             yield from _foreign_settings(given, _OWNERS_BESIDE["rows"], "net", "rows")
             yield from _faults_of_rows(written)
@@ -173,7 +168,7 @@ _OWNERS_BESIDE = {
 
 def _faults_of_net(path: Path, columns: int | None) -> Iterator[tuple[Where, str]]:
     try:
-        if is_there(path):
+        if is_file(path):
             Lattice(*read_net(path, columns).shape[:2])
     except MissingInputError:
         return  # is reported as such

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+import types
 import typing
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
@@ -13,19 +14,8 @@ import numpy as np
 from pydantic import BaseModel
 
 from flowsculpt.api.meshes import Floats
-from flowsculpt.api.shots import (
-    PRESETS,
-    Clock,
-    FieldType,
-    ParseContext,
-    ShotDocument,
-    Where,
-    YamlSource,
-    curve_of,
-    inherited_source,
-    is_changing,
-    shot_clock,
-)
+from flowsculpt.api.shots import PRESETS, Changing, Clock, ShotDocument, WrittenShot, YamlSource
+from flowsculpt.pipeline.plugins.preview.text_edits import Where
 
 
 def flow_frames(document: ShotDocument, clock: Clock) -> dict[Where, list[float]]:
@@ -142,22 +132,19 @@ class SettableShot(NamedTuple):
     flow_frames: dict[Where, list[float]]
 
 
-def settable_values(
-    path: Path, text: str, settings: tuple[str, ...] = (), beside: Mapping[str, str] | None = None
-) -> SettableShot:
+def settable_values(path: Path, text: str, settings: tuple[str, ...] = ()) -> SettableShot:
     """Return the clock, the values and the times of flows of a valid shot file.
 
     Arguments are those of `read_shot`, which reports mistakes; raises pydantic's errors where there are any.
     """
-    source = inherited_source(path, text, settings, beside)
-    clock = shot_clock(source)
+    written = WrittenShot.read(path, text, settings)
+    clock = written.clock
     assert clock is not None, "read_shot has accepted the file"
-    context = {"clock": clock, "parse_context": ParseContext(path.parent)}
-    document = ShotDocument.model_validate(source.data, context=context)
+    document = written.document(clock)
     times = flow_frames(document, clock)
     ends = [clock.frames.first, clock.frames.last, *(frame for frames in times.values() for frame in frames)]
-    walk = _Walk(source, clock, math.floor(min(ends)), math.ceil(max(ends)))
-    fields = FieldType.of_fields(ShotDocument)
+    walk = _Walk(written.source, clock, math.floor(min(ends)), math.ceil(max(ends)))
+    fields = field_types(ShotDocument)
     values = [
         found
         for name in SECTIONS
@@ -180,9 +167,7 @@ class _Walk:
     first: int
     last: int
 
-    def values(
-        self, value: Any, where: Where, kind: FieldType | None, description: str
-    ) -> Iterator[SettableValue]:
+    def values(self, value: Any, where: Where, kind: Any, description: str) -> Iterator[SettableValue]:
         """Yield the values within a part of a document.
 
         kind         its annotation
@@ -200,7 +185,7 @@ class _Walk:
             yield found
 
     def _document(self, document: BaseModel, where: Where) -> Iterator[SettableValue]:
-        fields = FieldType.of_fields(type(document))
+        fields = field_types(type(document))
         units = {p.name: p.doc for p in getattr(document, "own", ())}
         for name, field in type(document).model_fields.items():
             word = field.alias or name
@@ -214,9 +199,7 @@ class _Walk:
             if is_given or (is_leaf and isinstance(self.source.get(*where), dict | None)):
                 yield from self.values(value, (*where, word), fields[word], description)
 
-    def _value(
-        self, value: Any, where: Where, kind: FieldType | None, description: str
-    ) -> SettableValue | None:
+    def _value(self, value: Any, where: Where, kind: Any, description: str) -> SettableValue | None:
         raw = self.source.get(*where)
         form = _form(value, kind)
         if form is None:
@@ -238,14 +221,14 @@ class _Walk:
             self._names(kind),
             raw is not None,
             file,
-            kind is not None and any(map(_has_keys, kind.members)),
+            any(map(_has_keys, members(kind))),
             form == "vector" or (curve is not None and len(curve.values[0]) == 3),
             curve,
         )
 
-    def _names(self, kind: FieldType | None) -> tuple[str, ...]:
+    def _names(self, kind: Any) -> tuple[str, ...]:
         """Return the names that a value can have, with those that the show gives to looks and light rigs."""
-        names = () if kind is None else kind.choices
+        names = choices(kind)
         for registry, own in ((PRESETS["look"], "looks"), (PRESETS["lights"], "rigs")):
             if names == tuple(registry):
                 return *names, *(name for name in map(str, self.source.mapping(own)) if name not in names)
@@ -255,7 +238,7 @@ class _Walk:
         """Return the samples of a curve, by its own clock."""
         first, last = self.first, self.last
         frames = np.linspace(first, last, min(MOST_SAMPLES, max(LEAST_SAMPLES, 2 * (last - first) + 1)))
-        curve = curve_of(value, self.clock)
+        curve = value.curve(self.clock)
         values = [list(curve.at(self.clock.time(float(frame)))) for frame in frames]
         keys = []
         if "keys" in type(value).model_fields:
@@ -285,26 +268,55 @@ class _Walk:
         return [round(seconds * float(self.clock.rate.fps), 6), offset]
 
 
-def _form(value: Any, kind: FieldType | None) -> str | None:
+def _form(value: Any, kind: Any) -> str | None:
     """Return the form of a value; None for one that is not listed."""
     if _is_curve(value):
         return "curve"
     if isinstance(value, bool):
         return "switch"
-    names = () if kind is None else kind.choices
+    names = choices(kind)
     if isinstance(value, str):
         return "axis" if names == ("x", "y", "z") else "name" if names else None
     if is_number(value):
-        is_whole = isinstance(value, int) and kind is not None and int in kind.members
+        is_whole = isinstance(value, int) and int in members(kind)
         return "whole" if is_whole else "number"
     if isinstance(value, list) and len(value) == 3 and all(map(is_number, value)):
         return "axis" if names == ("x", "y", "z") else "vector"
     return None
 
 
+def field_types(document: type[BaseModel]) -> dict[str, Any]:
+    """Return the annotations of the fields of a document, with their rules, by their names in files."""
+    return {
+        field.alias or name: Annotated[(field.annotation, *field.metadata)]
+        if field.metadata
+        else field.annotation
+        for name, field in document.model_fields.items()
+    }
+
+
+def members(kind: Any) -> list[Any]:
+    """Return the members of a union in their order, or the type itself; without rules."""
+    if typing.get_origin(kind) is Annotated:
+        return members(kind.__origin__)
+    if typing.get_origin(kind) in (typing.Union, types.UnionType):
+        return [each for member in typing.get_args(kind) for each in members(member)]
+    return [kind]
+
+
+def choices(kind: Any) -> tuple[str, ...]:
+    """Return the names that a value can be, if it is a name out of a registry."""
+    if typing.get_origin(kind) is Annotated:
+        own = next((part.names for part in kind.__metadata__ if hasattr(part, "names")), ())
+        return tuple(own) or choices(kind.__origin__)
+    if typing.get_origin(kind) in (typing.Union, types.UnionType):
+        return next((names for member in typing.get_args(kind) if (names := choices(member))), ())
+    return ()
+
+
 def _is_curve(value: Any) -> bool:
     """Tell whether a value is keys or a formula; what follows a sound has no curve to edit."""
-    return is_changing(value) and "audio" not in type(value).model_fields
+    return isinstance(value, Changing) and "audio" not in type(value).model_fields
 
 
 def _has_keys(kind: Any) -> bool:
@@ -322,10 +334,10 @@ def _seconds(duration: Any, clock: Clock) -> float:
     return clock.length(duration) or 0.0
 
 
-def _bounds(kind: FieldType | None) -> tuple[float, float]:
+def _bounds(kind: Any) -> tuple[float, float]:
     """Return the lowest and highest number of a setting; infinite where any number is allowed."""
     low, high = [-math.inf], [math.inf]
-    waiting: list[Any] = [] if kind is None else [kind.annotation]
+    waiting: list[Any] = [kind]
     while waiting:
         part = waiting.pop()
         if typing.get_origin(part) is Annotated:

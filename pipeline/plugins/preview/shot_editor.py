@@ -21,16 +21,12 @@ from flowsculpt import FlowsculptError, MissingInputError, UsageError
 from flowsculpt.api import ShotError
 from flowsculpt.api.files import ChangedFileError, InputFile, atomic_write
 from flowsculpt.api.shots import (
-    Where,
+    WrittenShot,
     YamlSource,
-    dotted_path,
-    inherited_files,
     read_shot,
-    shot_clock,
-    text_of,
 )
 from flowsculpt.pipeline.plugins.preview.settable_values import settable_values
-from flowsculpt.pipeline.plugins.preview.text_edits import ValueEdit, edited, parsed
+from flowsculpt.pipeline.plugins.preview.text_edits import ValueEdit, Where, edited, parsed, path_text
 
 MOST_STEPS = 200  # edits that can be undone
 
@@ -78,7 +74,7 @@ class ShotEditor:
         Raises ShotError and MissingInputError where the file is not a valid shot.
         """
         with self._lock:
-            text = text_of(self.path)
+            text = YamlSource.read_text(self.path)
             self._forget_others(text)
             return self.state_of(text)
 
@@ -118,7 +114,7 @@ class ShotEditor:
         source = parsed(self.path, text)
         for edit in edits:
             self._require_own(source, edit)
-        clock = shot_clock(source)
+        clock = WrittenShot(source).clock
         after = edited(self.path, text, edits, lambda key: clock.seconds(key) if clock else None, verify)
         if len(after.encode()) > YamlSource.MOST_BYTES:
             raise ShotError(
@@ -130,7 +126,7 @@ class ShotEditor:
 
     def _require_own(self, source: YamlSource, edit: ValueEdit) -> None:
         """Refuse an edit of a value that a setting replaces, or that another file gives in part."""
-        name = dotted_path(edit.where)
+        name = path_text(edit.where)
         for setting in self.settings:
             given = setting.partition("=")[0].strip()
             if name == given or name.startswith(f"{given}.") or given.startswith(f"{name}."):
@@ -140,15 +136,14 @@ class ShotEditor:
             if is_within and source.get(*edit.where[:depth]) is None:
                 place = source.place(edit.where[:depth])
                 raise ShotError(
-                    f"{place}: {dotted_path(edit.where[:depth])} comes from a file that this shot extends. "
+                    f"{place}: {path_text(edit.where[:depth])} comes from a file that this shot extends. "
                     "Edit it there, or write it here."
                 )
 
     def state_of(self, text: str) -> dict[str, Any]:
         """Return the state of a text. Raises ShotError where it is not a valid shot."""
-        beside = inherited_files(self.path, text)
-        read_shot(self.path, text, self.settings, beside, self.allow_code)
-        clock, values, flow_frames = settable_values(self.path, text, self.settings, beside)
+        read_shot(self.path, text, self.settings, allow_code=self.allow_code)
+        clock, values, flow_frames = settable_values(self.path, text, self.settings)
         return {
             "digest": digest_of(text),
             "shot": self.path.stem,
@@ -164,7 +159,7 @@ class ShotEditor:
         return {"can_undo": bool(self._done), "can_redo": bool(self._undone)}
 
     def _current(self, digest: str) -> str:
-        text = text_of(self.path)
+        text = YamlSource.read_text(self.path)
         self._forget_others(text)
         if digest_of(text) != digest:
             raise self._stale()
@@ -215,7 +210,7 @@ class ShotEditor:
 
         def is_same(path: Path) -> bool:
             with suppress(FlowsculptError):  # an editor is about to save it
-                return text_of(path) == before
+                return YamlSource.read_text(path) == before
             return False
 
         try:

@@ -19,7 +19,7 @@ from typing import Any, Literal
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 from flowsculpt.api import ShotError
-from flowsculpt.api.shots import Where, YamlSource, dotted_path, flow_style, yaml_tree
+from flowsculpt.api.shots import YamlSource, to_yaml
 
 
 def replaced(text: str, start: int, end: int, words: str) -> str:
@@ -120,6 +120,15 @@ class TextMapping:
         return len(self.text) if end < 0 else end
 
 
+Where = tuple[Any, ...]
+"""The path to a value: names of mappings and indices of lists, from the top."""
+
+
+def path_text(where: Where) -> str:
+    """Return a path as messages and `--set` have it: flows.0.vortex."""
+    return ".".join(map(str, where))
+
+
 TimeOf = Callable[[Any], float | None]
 """Returns the time of a key in seconds; None for what is not a time."""
 
@@ -168,7 +177,7 @@ def edited(path: Path, text: str, edits: Iterable[ValueEdit], time_of: TimeOf, v
 
 
 def _refused(source: YamlSource, where: Where, fact: str) -> ShotError:
-    return ShotError(f"{source.place(where)}: {dotted_path(where)} {fact}. Edit it in the file.")
+    return ShotError(f"{source.place(where)}: {path_text(where)} {fact}. Edit it in the file.")
 
 
 def _edited_data(source: YamlSource, edit: ValueEdit) -> Any:
@@ -200,7 +209,7 @@ def _edited_data(source: YamlSource, edit: ValueEdit) -> Any:
 
 
 def _missing(source: YamlSource, where: Where, depth: int) -> ShotError:
-    place, name = source.place(where[:depth]), dotted_path(where[:depth]) or "the file"
+    place, name = source.place(where[:depth]), path_text(where[:depth]) or "the file"
     return ShotError(f"{place}: {name} has no {where[depth]} that could be edited. Write it in the file.")
 
 
@@ -233,7 +242,7 @@ class _Editor:
     def _renamed(self, mapping: TextMapping, index: int, edit: ValueEdit) -> str:
         names = [name for i, name in enumerate(mapping.names) if i != index]
         if self._position(edit.where, names, edit.value) == index:
-            return replaced(self.text, *mapping.key_span(index), flow_style(edit.value))
+            return replaced(self.text, *mapping.key_span(index), to_yaml(edit.value))
         value = mapping.value_text(index)
         if "\n" in value:
             raise _refused(self.source, edit.where, "is written over several lines")
@@ -247,7 +256,7 @@ class _Editor:
             depth = len(nodes)  # of the first name that is not there
             for name in reversed(where[depth:]):
                 value = {name: value}
-            return self._inserted(where[:depth], flow_style(value))
+            return self._inserted(where[:depth], to_yaml(value))
         node = nodes[-1]
         if isinstance(node, MappingNode) and isinstance(value, dict) and value and node.value:
             return self._merged(where, node, value)
@@ -260,7 +269,7 @@ class _Editor:
         is_block = isinstance(node, MappingNode | SequenceNode) and not node.flow_style
         if is_block or ("\n" in former and ("#" in former or former[:1] in "|>")):
             raise _refused(self.source, where, "is written over several lines")
-        words = flow_style(value, former[:1])
+        words = to_yaml(value, former[:1])
         return replaced(self.text, start, end, f" {words}" if start == end else words)
 
     def _merged(self, where: Where, node: MappingNode, value: dict[Any, Any]) -> str:
@@ -278,7 +287,7 @@ class _Editor:
         """Return the text with a new entry in a mapping that is there, or in an empty value."""
         *parents, name = where
         nodes = self._nodes(tuple(parents))
-        node, entry = nodes[-1], f"{flow_style(name)}: {words}"
+        node, entry = nodes[-1], f"{to_yaml(name)}: {words}"
         if isinstance(node, MappingNode) and (node.value or node.flow_style):
             mapping = TextMapping(self.text, node)
             return mapping.with_entry(self._position(where, mapping.names, name), entry)
@@ -306,7 +315,7 @@ class _Editor:
 
     def _nodes(self, where: Where) -> list[Node]:
         """Return the nodes along a path from the top, as far as they are there."""
-        root = yaml_tree(self.text)
+        root = YamlSource.tree(self.text)
         assert root is not None, "a file that was read is not empty"
         nodes, node = [root], root
         for step in where:

@@ -25,11 +25,11 @@ from flowsculpt.api.frames import Framer, Framing, MeshAngle, MeshFrame, RenderR
 from flowsculpt.api.materials import Surface
 from flowsculpt.api.meshes import Floats
 from flowsculpt.api.pictures import Camera, jpeg_bytes
-from flowsculpt.api.shots import Motion, Solid, Where
+from flowsculpt.api.shots import Motion, Solid
 from flowsculpt.pipeline.plugins.preview.animatic import size_for
 from flowsculpt.pipeline.plugins.preview.live_session import Drawn, LiveSession, camera_data
 from flowsculpt.pipeline.plugins.preview.shot_editor import ShotEditor
-from flowsculpt.pipeline.plugins.preview.text_edits import ValueEdit
+from flowsculpt.pipeline.plugins.preview.text_edits import ValueEdit, Where
 
 MOST_STEPS = 24  # steps in which points are carried to a frame; each spans several frames in a long shot
 MOST_WEIGHTS = 1 << 21  # weights of carried points for vertices, at most, and with it their memory: 8 MiB

@@ -18,9 +18,9 @@ from flowsculpt.api.commands import (
     require_one_of,
     size_words,
 )
-from flowsculpt.api.frames import History, Locks, Show
+from flowsculpt.api.frames import Locks, Show
 from flowsculpt.api.options import QUALITIES, Common, Shot, ShotOptions, shared_option
-from flowsculpt.api.shots import NAME
+from flowsculpt.api.shots import NAME_PATTERN
 from flowsculpt.pipeline.plugins.review.measures import Crossings
 from flowsculpt.pipeline.plugins.review.review_notes import STATUSES, NotesFolder, ReviewNote, as_data, merged
 from flowsculpt.pipeline.plugins.review.review_page import ReviewPage, Search
@@ -79,7 +79,7 @@ def review(
         if each.endswith(".json"):
             raise UsageError(f"{each}: --notes takes one file; write it before each file, shots without")
     project = options.project(common)
-    search = Search(project, tuple(qualities or ()), History.of(common.root))
+    search = Search(project, tuple(qualities or ()))
     try:
         material = [search.shot(shot) for shot in dict.fromkeys(shots)]
     finally:
@@ -116,7 +116,7 @@ def _title(name: str | None, shots: list[str]) -> str:
     if name is None:
         whole = "+".join(shots)
         return whole if len(whole) <= 60 else f"{shots[0]}+{len(shots) - 1}"
-    if not re.fullmatch(NAME, name):
+    if not re.fullmatch(NAME_PATTERN, name):
         raise UsageError(f"--name {name}: a page has letters, digits, _, - and . in its name, as monday")
     return name
 

@@ -20,8 +20,8 @@ from pydantic import BaseModel, ConfigDict, Field, StringConstraints, Validation
 from flowsculpt import MachineError, MissingInputError, UsageError
 from flowsculpt.api import shorten
 from flowsculpt.api.files import ChangedFileError, atomic_write
-from flowsculpt.api.frames import Locks, RootFolders
-from flowsculpt.api.shots import NAME, is_there
+from flowsculpt.api.frames import Folders, Locks
+from flowsculpt.api.shots import NAME_PATTERN, is_file
 
 FORMAT = "flowsculpt notes"
 VERSION = 1
@@ -80,7 +80,7 @@ class NoteStroke(_Document):
 class NoteRevision(_Document):
     """One revision of a note: what it says from one moment on."""
 
-    shot: Annotated[str, Field(pattern=f"^{NAME}$")]
+    shot: Annotated[str, Field(pattern=f"^{NAME_PATTERN}$")]
     sequence: Annotated[Line, Field(description="The sequence's name on the page, as `v001 daily`.")]
     picture: Annotated[
         str,
@@ -173,7 +173,7 @@ def as_text(notes: Iterable[ReviewNote]) -> str:
 
 def read_notes(path: Path) -> list[ReviewNote]:
     """Return the notes of a file. Raises MissingInputError, UsageError, or MachineError if it is refused."""
-    if not is_there(path):
+    if not is_file(path):
         raise MissingInputError(f"{path}: no such file of notes; the page of flowsculpt review downloads one")
     try:
         content = path.read_bytes()
@@ -224,7 +224,7 @@ class NotesFolder:
     root: Path
 
     def path(self, shot: str) -> Path:
-        return RootFolders.of(self.root).notes / f"{shot}.json"
+        return Folders.of_root(self.root).notes / f"{shot}.json"
 
     def notes(self, shot: str) -> list[ReviewNote]:
         """Return the notes of a shot. Raises what `read_notes` raises."""
@@ -274,7 +274,7 @@ def notes_file(root: Path, shot: str) -> bytes:
 
 
 def _notes_in(path: Path) -> list[ReviewNote]:
-    return read_notes(path) if is_there(path) else []
+    return read_notes(path) if is_file(path) else []
 
 
 def _count(notes: Iterable[ReviewNote], before: Iterable[ReviewNote]) -> int:

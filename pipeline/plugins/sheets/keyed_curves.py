@@ -13,15 +13,7 @@ from pydantic import BaseModel
 
 from flowsculpt.api.flows import Keyframes
 from flowsculpt.api.meshes import Floats
-from flowsculpt.api.shots import (
-    Clock,
-    ParseContext,
-    ShotDocument,
-    curve_of,
-    inherited_source,
-    is_changing,
-    read_shot,
-)
+from flowsculpt.api.shots import Changing, Clock, WrittenShot, read_shot
 
 SAMPLES = 16
 """Samples of a curve in a frame."""
@@ -50,17 +42,15 @@ def curves_of(path: str | Path, settings: Iterable[str] = ()) -> list[KeyedCurve
     path, settings = Path(path), tuple(settings)
     shot = read_shot(path, settings=settings)
     clock = shot.motion.clock
-    source = inherited_source(path, None, settings, None)
-    context = {"clock": clock, "parse_context": ParseContext(path.parent)}
-    document = ShotDocument.model_validate(source.data, context=context)
-    order = list(source.data)
+    written = WrittenShot.read(path, settings=settings)
+    document, order = written.document(clock), list(written.source.data)
     curves = sorted(_changing(document, (), ""), key=lambda curve: order.index(curve[0][0]))
     return [_curve(names, unit, value, clock) for names, unit, value in curves]
 
 
 def _changing(value: Any, names: tuple[str, ...], unit: str) -> Iterator[tuple[tuple[str, ...], str, Any]]:
     """Yield path, unit and value of what changes over time within a part of a document."""
-    if is_changing(value):
+    if isinstance(value, Changing):
         yield names, unit, value
     elif isinstance(value, BaseModel):
         units = {p.name: p.doc.unit for p in getattr(value, "own", ())}
@@ -84,7 +74,7 @@ def _unit_of(description: str | None) -> str:
 
 
 def _curve(names: tuple[str, ...], unit: str, value: Any, clock: Clock) -> KeyedCurve:
-    curve = curve_of(value, clock)
+    curve = value.curve(clock)
     first, last = clock.frames.first, clock.frames.last
     frames = np.linspace(first, last, SAMPLES * (last - first) + 1)
     is_of_flow = names[0] == "flows" or (names[0], names[2:3]) == ("subjects", ("flows",))

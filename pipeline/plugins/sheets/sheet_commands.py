@@ -16,7 +16,7 @@ from flowsculpt.api.flows import MotionForecast
 from flowsculpt.api.frames import FinishedPictures, Folders, FrameRange, Plan, RenderRequest, Show, Store
 from flowsculpt.api.options import DEFAULT_QUALITY, Common, PictureOptions, Quality, Shot, shared_option
 from flowsculpt.api.pictures import ContactSheet, Curves, plot_panels, write_still
-from flowsculpt.api.shots import inherited_source, read_shot
+from flowsculpt.api.shots import WrittenShot, read_shot
 from flowsculpt.pipeline.plugins.sheets.keyed_curves import curves_of
 from flowsculpt.pipeline.plugins.sheets.wedge import MOST_CELLS, OPTION, Grid, Variation, Wedge
 
@@ -221,7 +221,7 @@ def _notes(made: Wedge) -> list[str]:
 
 def _remedied(made: Wedge, variation: Variation, text: str) -> str:
     """Return the text of a finding with a variation that moves something."""
-    value: Any = inherited_source(made.shot, None, made.project.settings, None).data
+    value: Any = WrittenShot.read(made.shot, settings=made.project.settings).source.data
     for step in variation.name.split("."):
         value = value[int(step)] if isinstance(value, list) else value.get(step, {})
     keys = value.get("keys") if isinstance(value, dict) else None

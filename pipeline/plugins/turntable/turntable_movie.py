@@ -42,7 +42,7 @@ from flowsculpt.api.options import (
     shared_option,
 )
 from flowsculpt.api.pictures import ContactSheet, prefetch, write_movie, write_still
-from flowsculpt.api.shots import ALL_LOOKS, DEFAULTS, NAME, YamlSource, inherited_source, is_there
+from flowsculpt.api.shots import NAME_PATTERN, PRESETS, WrittenShot, YamlSource, is_file
 from flowsculpt.pipeline.plugins.turntable.turntable_frames import REFERENCES, TURNS, Turntable
 
 TURNTABLE_SHEET = PipelineStage(
@@ -97,8 +97,9 @@ class TurntableRequest:
                 "shot file of a model, write up under subject."
             )
         for look in self.looks:
-            require_one_of(look, [*self._named_looks, *ALL_LOOKS], f"--look {look}: {look!r} is not a look.")
-            if not re.fullmatch(NAME, look):
+            known = [*self._named_looks, *PRESETS["look"]]
+            require_one_of(look, known, f"--look {look}: {look!r} is not a look.")
+            if not re.fullmatch(NAME_PATTERN, look):
                 raise UsageError(
                     f"--look {look}: {look!r} cannot name a folder of pictures; where the show names it, use "
                     "letters, digits, _ and -"
@@ -127,11 +128,12 @@ class TurntableRequest:
         if not self.looks:
             return {}
         if not self._is_of_file:
-            return inherited_source(
-                Show().find_shot(self.subject), None, self.project.settings, None
-            ).mapping("looks")
-        defaults = Show().folder / DEFAULTS
-        looks = YamlSource.read(defaults).mapping("looks") if is_there(defaults) else {}
+            written = WrittenShot.read(Show().find_shot(self.subject), settings=self.project.settings)
+            return written.source.mapping("looks")
+        try:
+            looks = YamlSource.read(Show().defaults).mapping("looks")
+        except MissingInputError:
+            looks = {}
         return cast(Mapping[str, Any], _with_absolute_files(looks, Show().folder))
 
     @property
@@ -391,8 +393,8 @@ def _with_absolute_files(settings: Any, folder: Path) -> Any:
         return {name: _with_absolute_files(value, folder) for name, value in settings.items()}
     if isinstance(settings, list):
         return [_with_absolute_files(value, folder) for value in settings]
-    is_file = isinstance(settings, str) and is_there(folder / settings)
-    return str((folder / settings).absolute()) if is_file else settings
+    names_file = isinstance(settings, str) and is_file(folder / settings)
+    return str((folder / settings).absolute()) if names_file else settings
 
 
 def _shot_around(mesh: Path, up: str, looks: Mapping[str, Any], is_painted: bool) -> str:

@@ -7,6 +7,7 @@ was rendered before, and nothing of these is touched.
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -16,17 +17,9 @@ import numpy as np
 from flowsculpt import MachineError, MissingInputError, UsageError
 from flowsculpt.api.commands import Project
 from flowsculpt.api.files import InputFile
-from flowsculpt.api.frames import (
-    FrameRange,
-    PictureKeys,
-    Plan,
-    RenderRequest,
-    RootFolders,
-    ShotSource,
-    Store,
-)
+from flowsculpt.api.frames import Folders, FrameKeys, FrameRange, Plan, RenderRequest, ShotSource, Store
 from flowsculpt.api.pictures import RenderError, read_exr
-from flowsculpt.api.shots import is_there
+from flowsculpt.api.shots import is_file
 from flowsculpt.pipeline.plugins.versions.provenance import Provenance
 
 
@@ -50,7 +43,7 @@ def restored(record: Provenance, allow_code: bool) -> ShotSource:
     """
     gone, changed = [], []
     for place, digest in record.source.inputs or ():
-        if not is_there(Path(place)):
+        if not is_file(Path(place)):
             gone.append(place)
         elif InputFile(Path(place)).digest() != digest:
             changed.append(place)
@@ -96,7 +89,7 @@ class Reproduction:
     @property
     def home(self) -> Path:
         """The root that it is made under."""
-        return RootFolders.of(self.project.root).repeated / f"{self.record.shot}.{self.record.version}"
+        return Folders.of_root(self.project.root).repeated / f"{self.record.shot}.{self.record.version}"
 
     @property
     def store(self) -> Store:
@@ -181,7 +174,7 @@ class Reproduction:
                 f"{reason}; --variant renders {self.record.version} with another variant; pixels will differ"
             ) from None
 
-    def _frame(self, number: int, keys: PictureKeys | None) -> Comparison:
+    def _frame(self, number: int, keys: Mapping[int, FrameKeys] | None) -> Comparison:
         what, then = f"frame {number}", self.record.frames[number]
         try:
             if keys is None:

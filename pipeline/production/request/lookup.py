@@ -18,8 +18,9 @@ from typing import NamedTuple
 from flowsculpt.pipeline.errors import MissingInputError, UsageError, suggest
 from flowsculpt.pipeline.plugin import plugins
 from flowsculpt.pipeline.shot.yaml.named_files import (
+    DEFAULTS,
     is_edit,
-    is_there,
+    is_file,
     name_fault,
     quote_name,
     shot_files,
@@ -221,7 +222,7 @@ class Show:
 
         Raises MissingInputError with the nearest names, UsageError for a name that no frames can have.
         """
-        if _is_model(name) and not is_there(self.folder / f"{name}.yaml"):
+        if _is_model(name) and not is_file(self.folder / f"{name}.yaml"):
             own = re.sub(r"[^A-Za-z0-9_-]", "_", Path(name).stem)
             raise UsageError(
                 f"{quote_name(name)} is a model, not a shot; flowsculpt new A010_{own} --model "
@@ -237,7 +238,7 @@ class Show:
             own = "" if path == self.film else f" {quote_name(name)}"
             raise UsageError(f"{quote_name(path)} is an edit, not a shot; flowsculpt film{own} renders it")
         _require_name(path, "shot")
-        if is_there(path):
+        if is_file(path):
             return path
         if kind := kind_of_path(path):
             raise MissingInputError(
@@ -262,7 +263,7 @@ class Show:
         path = self._path(name)
         _require_name(path, "edit")
         hint = _near(path.stem, self.edits(), "flowsculpt new --show writes shots/film.yaml")
-        if not is_there(path):
+        if not is_file(path):
             self._require_shots()
             raise MissingInputError(f"{quote_name(path)}: no such edit; {hint}")
         if path.stem in self.shots() and path.absolute() == (self.folder / path.name).absolute():
@@ -271,6 +272,16 @@ class Show:
                 f"and as for edits, {hint}"
             )
         return path
+
+    @property
+    def defaults(self) -> Path:
+        """The file that holds defaults for all shots."""
+        return self.folder / DEFAULTS
+
+    @staticmethod
+    def name_fault(name: str) -> str | None:
+        """Return rule and remedy for a name that a shot cannot have; None for a good one."""
+        return name_fault(name)
 
     def names_edit(self, name: str) -> bool:
         """Tell whether a name, or a path, is that of an edit."""

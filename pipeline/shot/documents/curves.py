@@ -2,15 +2,15 @@
 
 import math
 import re
+from abc import abstractmethod
 from pathlib import Path
-from typing import Annotated, Any, Generic, NamedTuple, Self, TypeGuard, TypeVar, cast, get_args
+from typing import Annotated, Any, Generic, NamedTuple, Self, TypeVar, cast, get_args
 
 from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr, ValidationInfo, model_validator
 
 from flowsculpt.pipeline.errors import UsageError, quote
 from flowsculpt.pipeline.flow.keyframes import (
     BEZIER,
-    EASINGS,
     Envelope,
     Extrapolation,
     FormulaCurve,
@@ -38,7 +38,7 @@ from flowsculpt.pipeline.shot.documents.field_types import (
     vector,
 )
 from flowsculpt.pipeline.shot.motion import TIME_PATTERN, Clock
-from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext, as_finding, bad_value
+from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext
 from flowsculpt.pipeline.shot.yaml.yaml_source import in_yaml
 
 T = TypeVar("T")
@@ -57,7 +57,7 @@ def _require_seconds(value: Any) -> Any:
     """Refuse a duration with a unit, with the seconds that it is."""
     if isinstance(value, str) and (match := re.fullmatch(r"\s*(\d+\.?\d*|\.\d+)\s*(m?)s\s*", value)):
         seconds = float(match[1]) * (0.001 if match[2] else 1.0)
-        raise bad_value(f"{value} has a unit; it is a number of seconds. Write {seconds:g}.")
+        raise ValueError(f"{value} has a unit; it is a number of seconds. Write {seconds:g}.")
     return value
 
 
@@ -74,7 +74,7 @@ def _require_band(value: Any) -> Any:
     if value != [low, high] or high - low < NARROWEST:
         meant = [low, high] if high - low >= NARROWEST else [max(0, low - 10), high + 10]
         rule = f"a band is [from, to] in Hz, {NARROWEST:g} Hz wide or more"
-        raise bad_value(f"{in_yaml(value)} is not a band; {rule}. Write {in_yaml(meant)}.")
+        raise ValueError(f"{in_yaml(value)} is not a band; {rule}. Write {in_yaml(meant)}.")
     return value
 
 
@@ -86,7 +86,15 @@ Band = Annotated[
 ]
 
 
-class _FollowsSound(Document):
+class Changing(Document):
+    """A parsed value that changes over time: keys, a formula or the level of a sound."""
+
+    @abstractmethod
+    def curve(self, clock: Clock, unit: float = 1.0) -> Curve:
+        """Return the curve over the seconds of a shot; `unit` converts the file's unit to the code's."""
+
+
+class _FollowsSound(Changing):
     """A value that follows the level of a sound; see `FromSound`."""
 
     example = "{audio: music.wav}"
@@ -118,7 +126,7 @@ class _FollowsSound(Document):
 
         path = context.file(self.audio)
         low, high = BANDS[self.band] if isinstance(self.band, str) else self.band
-        level = as_finding(lambda: band_level(path, context.digests[path], low, high))
+        level = band_level(path, context.digests[path], low, high)
         context.sounds.append((self.start, path, level.silence))
         envelope = Envelope(
             digest=context.digests[path],
@@ -154,8 +162,7 @@ class FromSound(_FollowsSound):
     gain: Real = Field(1.0, description="what the level 1 adds, in the unit of the value")
     base: Real = Field(0.0, description="the value in silence")
 
-    def curve(self, unit: float) -> SoundCurve:
-        """Return the curve; `unit` converts the file's unit to the code's."""
+    def curve(self, clock: Clock, unit: float = 1.0) -> Curve:
         return self._curve([self.base], [self.gain], unit)
 
 
@@ -167,15 +174,14 @@ class FromSoundTriple(_FollowsSound):
     gain: Triple = Field(description="what the level 1 adds along x, y and z, in the unit of the value")
     base: Triple = Field([0.0, 0.0, 0.0], description="the vector in silence")
 
-    def curve(self, unit: float) -> SoundCurve:
-        """Return the curve; `unit` converts the file's unit to the code's."""
+    def curve(self, clock: Clock, unit: float = 1.0) -> Curve:
         return self._curve(self.base, self.gain, unit)
 
 
 MOST_SAMPLES = 4000
 """Most times at which a curve is checked while the shot is read."""
 
-Ease = Annotated[str, one_of((*EASINGS, BEZIER), "easing")]
+Ease = Annotated[str, one_of(Keyframes.EASE_NAMES, "easing")]
 ExtrapolationName = Annotated[str, one_of(get_args(Extrapolation), "extrapolation")]
 
 
@@ -203,7 +209,7 @@ class KeyDocument(Document, Generic[T]):
 KeyValue = Annotated[T | KeyDocument[T], MAPPING_IS_SECOND]
 
 
-class Keyed(Document, Generic[T]):
+class Keyed(Changing, Generic[T]):
     """`{ease: sine_in_out, keys: {1: 0, 20: 4}, after: loop}`; `check_keys` checks the times."""
 
     keys: Annotated[dict[Any, KeyValue[T]], SchemaKeywords(propertyNames={"pattern": TIME_PATTERN})] = Field(
@@ -213,28 +219,50 @@ class Keyed(Document, Generic[T]):
     before: ExtrapolationName = Field("hold", description="values before the first key")
     after: ExtrapolationName = Field("hold", description="values after the last key")
 
+    def curve(self, clock: Clock, unit: float = 1.0) -> Curve:
+        def values(item: Any) -> Values:
+            return tuple(unit * float(part) for part in (item if isinstance(item, list) else [item]))
+
+        def handle(offset: list[Any] | None) -> Handle | None:
+            if offset is None:
+                return None
+            return Handle(known_seconds(clock.length(offset[0])), values(offset[1]))
+
+        items = self.keys.values()
+        keys = [item if isinstance(item, KeyDocument) else KeyDocument(value=item) for item in items]
+        with_handles = any(key.left or key.right for key in keys)
+        return Keyframes(
+            tuple(known_seconds(clock.seconds(time)) for time in self.keys),
+            tuple(values(key.value) for key in keys),
+            tuple(key.ease or (BEZIER if key.right else self.ease) for key in keys),
+            tuple(handle(key.left) for key in keys) if with_handles else (),
+            tuple(handle(key.right) for key in keys) if with_handles else (),
+            cast(Extrapolation, self.before),
+            cast(Extrapolation, self.after),
+        )
+
 
 FormulaText = Annotated[NumberOrText, formula_over(TIME)]
 
 
-class OverTime(Document):
+class OverTime(Changing):
     """`{formula: 4 * sin(2 * pi * t)}`"""
 
     formula: FormulaText = Field(description="over frame and t, seconds")
 
+    def curve(self, clock: Clock, unit: float = 1.0) -> Curve:
+        return FormulaCurve((self.formula,), float(clock.rate.fps), clock.frames.first, unit)
 
-class OverTimeTriple(Document):
+
+class OverTimeTriple(Changing):
     """`{formula: [cos(t), 0, sin(t)]}`"""
 
     formula: Annotated[list[FormulaText], Field(min_length=3, max_length=3)] = Field(
         description="three formulas over frame and t, seconds"
     )
 
-
-Changing = Keyed[Any] | OverTime | OverTimeTriple | FromSound | FromSoundTriple
-"""A parsed value that changes over time."""
-
-_CHANGING = (Keyed, OverTime, OverTimeTriple, FromSound, FromSoundTriple)
+    def curve(self, clock: Clock, unit: float = 1.0) -> Curve:
+        return FormulaCurve(tuple(self.formula), float(clock.rate.fps), clock.frames.first, unit)
 
 
 class Bounds(NamedTuple):
@@ -259,19 +287,14 @@ def within(bounds: Bounds) -> AfterValidator:
 
     def check(value: Any, info: ValidationInfo) -> Any:
         clock: Clock | None = (info.context or {}).get("clock")
-        if clock is None or not is_changing(value):
+        if clock is None or not isinstance(value, Changing):
             return value
         fault = _curve_fault(value, clock, bounds)
         if fault:
-            raise bad_value(fault)
+            raise ValueError(fault)
         return value
 
     return AfterValidator(check)
-
-
-def is_changing(value: Any) -> TypeGuard[Changing]:
-    """Tell whether a parsed value changes over time."""
-    return isinstance(value, _CHANGING)
 
 
 def sampled_frames(clock: Clock) -> list[float]:
@@ -284,7 +307,7 @@ def _curve_fault(value: Changing, clock: Clock, bounds: Bounds) -> str | None:
     """Return the message about the first half frame at which a curve is out of bounds or not finite."""
     if isinstance(value, Keyed) and (bounds is ANYWHERE or None in map(clock.seconds, value.keys)):
         return None
-    curve = curve_of(value, clock)
+    curve = value.curve(clock)
     if isinstance(curve, SoundCurve):
         times = curve.times(clock.duration)
     else:
@@ -316,18 +339,18 @@ def _require_form(value: Any) -> Any:
     """Refuse what is meant as keys, as a formula or as a place, with the form that it must have."""
     if isinstance(value, dict):
         if value and all(_is_time(name) for name in value):
-            raise bad_value(f"frames stand under keys. Write {{keys: {in_yaml(value)}}}.")
+            raise ValueError(f"frames stand under keys. Write {{keys: {in_yaml(value)}}}.")
         if isinstance(keys := value.get("keys"), list):
-            raise bad_value(f"keys are values by their frames. Write keys: {_by_frame(keys)}.")
+            raise ValueError(f"keys are values by their frames. Write keys: {_by_frame(keys)}.")
         if {"x", "y", "z"} == set(value):
-            raise bad_value(f"a place is a list. Write {in_yaml([value[name] for name in 'xyz'])}.")
+            raise ValueError(f"a place is a list. Write {in_yaml([value[name] for name in 'xyz'])}.")
         sound = next((value[word] for word in _SOUND_WORDS if isinstance(value.get(word), str)), None)
         if sound is not None and not {"keys", "formula", "audio"} & value.keys():
-            raise bad_value(f"a value that follows a sound has audio. Write {{audio: {sound}}}.")
+            raise ValueError(f"a value that follows a sound has audio. Write {{audio: {sound}}}.")
     elif isinstance(value, str) and Path(value).suffix.lower() in SUFFIXES:
-        raise bad_value(f"a value that follows a sound is a mapping. Write {{audio: {value}}}.")
+        raise ValueError(f"a value that follows a sound is a mapping. Write {{audio: {value}}}.")
     elif isinstance(value, str) and not is_written_number(value) and _is_formula(value):
-        raise bad_value(f"{quote(value)} is a formula. Write {{formula: {value}}}.")
+        raise ValueError(f"{quote(value)} is a formula. Write {{formula: {value}}}.")
     return value
 
 
@@ -372,8 +395,8 @@ PlaceField = Annotated[
 
 def number(parameter: float | Keyed[Any] | OverTime | FromSound, clock: Clock, unit: float = 1.0) -> Number:
     """Return a parsed scalar as flows take it; `unit` converts the file's unit to the code's."""
-    if isinstance(parameter, Keyed | OverTime | FromSound):
-        return curve_of(parameter, clock, unit)
+    if isinstance(parameter, Changing):
+        return parameter.curve(clock, unit)
     return float(parameter) * unit
 
 
@@ -381,41 +404,10 @@ def place(
     parameter: list[float] | Keyed[Any] | OverTimeTriple | FromSoundTriple, clock: Clock, unit: float = 1.0
 ) -> VectorParameter:
     """Return a parsed vector as flows take it."""
-    if isinstance(parameter, Keyed | OverTimeTriple | FromSoundTriple):
-        return curve_of(parameter, clock, unit)
+    if isinstance(parameter, Changing):
+        return parameter.curve(clock, unit)
     x, y, z = vector(parameter)
     return unit * x, unit * y, unit * z
-
-
-def curve_of(value: Changing, clock: Clock, unit: float = 1.0) -> Curve:
-    """Return keys, a formula or a sound as a curve; `unit` converts the file's unit to the code's."""
-    if isinstance(value, Keyed):
-        return _keyframes(value, clock, unit)
-    if isinstance(value, FromSound | FromSoundTriple):
-        return value.curve(unit)
-    texts = [value.formula] if isinstance(value, OverTime) else value.formula
-    return FormulaCurve(tuple(texts), float(clock.rate.fps), clock.frames.first, unit)
-
-
-def _keyframes(keyed: Keyed[Any], clock: Clock, unit: float) -> Keyframes:
-    def values(item: float | list[float]) -> Values:
-        return tuple(unit * float(part) for part in (item if isinstance(item, list) else [item]))
-
-    def handle(offset: list[Any] | None) -> Handle | None:
-        return None if offset is None else Handle(known_seconds(clock.length(offset[0])), values(offset[1]))
-
-    items = keyed.keys.values()
-    keys = [item if isinstance(item, KeyDocument) else KeyDocument(value=item) for item in items]
-    with_handles = any(key.left or key.right for key in keys)
-    return Keyframes(
-        tuple(known_seconds(clock.seconds(time)) for time in keyed.keys),
-        tuple(values(key.value) for key in keys),
-        tuple(key.ease or (BEZIER if key.right else keyed.ease) for key in keys),
-        tuple(handle(key.left) for key in keys) if with_handles else (),
-        tuple(handle(key.right) for key in keys) if with_handles else (),
-        cast(Extrapolation, keyed.before),
-        cast(Extrapolation, keyed.after),
-    )
 
 
 def known_seconds(seconds: float | None) -> float:

@@ -21,13 +21,14 @@ from pydantic import (
     model_validator,
 )
 from pydantic_core import CoreSchema, PydanticCustomError
+from pydantic_core.core_schema import no_info_wrap_validator_function
 
 from flowsculpt.pipeline.errors import quote, suggest
 from flowsculpt.pipeline.flow.parameters import Vector, X, Y, Z
 from flowsculpt.pipeline.flow.streamlines import MAX_SUBSTEPS
 from flowsculpt.pipeline.formula import Expression, FormulaError
 from flowsculpt.pipeline.plugin import plugins
-from flowsculpt.pipeline.shot.yaml.document_validation import bad_value, finding
+from flowsculpt.pipeline.shot.yaml.document_validation import as_finding, finding
 from flowsculpt.pipeline.shot.yaml.messages import number_in
 from flowsculpt.pipeline.shot.yaml.synonyms import value_meant
 from flowsculpt.pipeline.shot.yaml.yaml_source import in_yaml
@@ -44,6 +45,8 @@ SMALLEST, LARGEST = 1e-9, 1e12
 class Document(BaseModel):
     """A mapping in a shot file: no unknown keys, no silent conversions.
 
+    Its validators raise ValueError, or what reading files raises; messages name the place.
+
     what     the kind of file, for messages about its names at the top
     example  one that a shot can have, for messages; empty where its needed names are example enough
     """
@@ -52,6 +55,13 @@ class Document(BaseModel):
     example: ClassVar[str] = ""
 
     model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """Report errors of ours, which validators raise, at the place of the document."""
+        return no_info_wrap_validator_function(
+            lambda value, validate: as_finding(lambda: validate(value)), handler(source)
+        )
 
     @classmethod
     def model_rebuild(cls, **given: Any) -> bool | None:
@@ -115,7 +125,7 @@ def one_of(names: Iterable[str], kind: str) -> OneOf:
         if word not in known:
             meant = value_meant(word, known)
             hint = f"Did you mean {meant!r}?" if meant else plugins().lacking(word) or suggest(word, known)
-            raise bad_value(f"{quote(word)} is not {indefinite(kind)}. {hint}")
+            raise ValueError(f"{quote(word)} is not {indefinite(kind)}. {hint}")
         return word
 
     return OneOf(check, known)
@@ -148,13 +158,13 @@ class OneOfSeveral(Document):
         if len(self.named) != 1:
             fact = f"is one of {', '.join(self.several)}, and this has {' and '.join(self.named) or 'none'}"
             such_as = f", such as {self.example}" if self.example else ""
-            raise bad_value(f"{self.noun} {fact}. Write one{such_as}.")
+            raise ValueError(f"{self.noun} {fact}. Write one{such_as}.")
         return self
 
 
 def _check_smallest(value: float) -> float:
     if value < SMALLEST:
-        raise bad_value(
+        raise ValueError(
             f"{value:g} is too small to compute with; measures start at 1e-9. Write a larger one."
         )
     return value
@@ -164,7 +174,7 @@ def require_three(value: Any) -> Any:
     """Refuse what is no list of three, with a list that is."""
     if isinstance(value, list):
         if value and all(isinstance(item, list) for item in value):
-            raise bad_value(
+            raise ValueError(
                 "this is a list of places; a place that moves has keys. Write {keys: {1: "
                 f"{in_yaml(value[0])}, 24: {in_yaml(value[-1])}}}}}."
             )
@@ -172,11 +182,11 @@ def require_three(value: Any) -> Any:
             fact = (
                 f"{in_yaml(value)} has {plural(len(value), 'number')}; it must have three, along x, y and z."
             )
-            raise bad_value(f"{fact} Write {in_yaml(value[:3])}." if len(value) > 3 else fact)
+            raise ValueError(f"{fact} Write {in_yaml(value[:3])}." if len(value) > 3 else fact)
     elif is_number(value):
-        raise bad_value(f"{value} is one number; it must be three, along x, y and z. Write {[value] * 3}.")
+        raise ValueError(f"{value} is one number; it must be three, along x, y and z. Write {[value] * 3}.")
     elif isinstance(value, dict) and {"x", "y", "z"} == set(value):
-        raise bad_value(f"a place is a list. Write {in_yaml([value[name] for name in 'xyz'])}.")
+        raise ValueError(f"a place is a list. Write {in_yaml([value[name] for name in 'xyz'])}.")
     return value
 
 
@@ -184,9 +194,9 @@ def _require_axis(value: Any) -> Any:
     """Refuse numbers of axes and backward ones, with the vector that is meant."""
     if isinstance(value, str) and (match := re.fullmatch(r"(-?)\s*([xyzXYZ])", value)) and match[1]:
         vector_text = [-1 if name == match[2].lower() else 0 for name in "xyz"]
-        raise bad_value(f"an axis that points backwards is a vector. Write {vector_text}.")
+        raise ValueError(f"an axis that points backwards is a vector. Write {vector_text}.")
     if is_number(value):
-        raise bad_value(f"{value} is not an axis. Write x, y, z or a vector, such as [0, 1, 1].")
+        raise ValueError(f"{value} is not an axis. Write x, y, z or a vector, such as [0, 1, 1].")
     return value
 
 
@@ -318,11 +328,11 @@ def parsed_colour(value: Any) -> Any:
     return value
 
 
-def _not_a_colour(value: Any) -> PydanticCustomError:
+def _not_a_colour(value: Any) -> ValueError:
     meant = _meant_colour(value) or (in_yaml([value] * 3) if is_number(value) else None)
     rule = "it is red, green and blue from 0 to 1, linear and without alpha, or sRGB in quotes, as '#c04020'"
     fact = f"{quote(value) if isinstance(value, str) else in_yaml(value)} is not a colour"
-    return bad_value(f"{fact}; {rule}.{f' Write {meant}.' if meant else ''}")
+    return ValueError(f"{fact}; {rule}.{f' Write {meant}.' if meant else ''}")
 
 
 def _meant_colour(value: Any) -> str | None:

@@ -82,7 +82,7 @@ from flowsculpt.pipeline.shot.documents.field_types import (
 )
 from flowsculpt.pipeline.shot.documents.flow_documents import BARE, entries
 from flowsculpt.pipeline.shot.motion import SECONDS_PATTERN, Clock
-from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext, as_finding, bad_value, finding
+from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext, finding
 from flowsculpt.pipeline.shot.yaml.messages import models_in, needed_names
 from flowsculpt.pipeline.shot.yaml.yaml_source import in_yaml
 
@@ -163,7 +163,7 @@ class MeshDocument(Document):
     @model_validator(mode="after")
     def _is_closed(self, info: ValidationInfo) -> Self:
         path = ParseContext.of(info).mesh(self.file)
-        self._surface = as_finding(lambda: ClosedSurface.of(read_mesh(path), str(path)))
+        self._surface = ClosedSurface.of(read_mesh(path), str(path))
         return self
 
     def build(self, clock: Clock, **falloff: Any) -> Region:
@@ -208,7 +208,7 @@ Integrate = Callable[[VelocityField], Streamlines]
 def _positive_duration(value: Any) -> Any:
     length = Clock(FrameRange.of([1]), FrameRate.of(24)).length(value)
     if length is None or not 0 < length < math.inf:
-        raise bad_value(
+        raise ValueError(
             f"{quote(value)} is not a duration. Write frames, such as 24, or seconds, such as 1s."
         )
     return value
@@ -236,13 +236,13 @@ def _require_dashes(value: Any) -> Any:
         value = [value]
     elif isinstance(value, dict) and (joined := next((n for n in value if str(n)[1:] in names), None)):
         entry = _entry(joined[1:], value[joined])
-        raise bad_value(f"a space is missing after the dash of {joined}. Write {entry}.")
+        raise ValueError(f"a space is missing after the dash of {joined}. Write {entry}.")
     elif isinstance(value, dict) and (first := next((name for name in value if name in names), None)):
-        raise bad_value(f"each flow begins with a dash. Write {_entry(first, value[first])}.")
+        raise ValueError(f"each flow begins with a dash. Write {_entry(first, value[first])}.")
     for item in value if isinstance(value, list) else ():
         if isinstance(item, str) and item in names:
             needed = dict.fromkeys(needed_names(models_in([names[item].annotation])), "…")
-            raise bad_value(f"a flow is a name, a colon and its numbers. Write {_entry(item, needed)}.")
+            raise ValueError(f"a flow is a name, a colon and its numbers. Write {_entry(item, needed)}.")
     return value
 
 
@@ -382,7 +382,7 @@ class Entry(Document):
     def _names_one(self) -> Entry:
         named = sorted(self.model_fields_set)
         if len(named) != 1:
-            raise bad_value(
+            raise ValueError(
                 "a flow is one name and its parameters, and this entry has "
                 f"{' and '.join(named) or 'nothing'}. Start each flow with a dash of its own."
             )

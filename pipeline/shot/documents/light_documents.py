@@ -26,7 +26,7 @@ from flowsculpt.pipeline.shot.documents.field_types import (
     parsed_colour,
     vector,
 )
-from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext, as_finding, bad_value, finding
+from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext, as_finding, finding
 from flowsculpt.pipeline.shot.yaml.yaml_source import in_yaml
 from flowsculpt.render.scene.scene_lights import LIGHTS, LightRig, Sky, Softbox
 from flowsculpt.render.scene.scene_stage import STAGES, Stage
@@ -131,7 +131,7 @@ def _check_light_name(name: str) -> str:
     if re.fullmatch(LIGHT_NAME, name):
         return name
     meant = re.sub(r"\W+", "_", name).lstrip("_0123456789").rstrip("_")
-    raise bad_value(
+    raise ValueError(
         f"{quote(name)} is not a name of a light or group: letters, digits and _ after a first letter. "
         f"Write {meant or 'key'}."
     )
@@ -146,9 +146,9 @@ def _require_groups(value: Any) -> Any:
     if isinstance(value, dict):
         return {name: [lights] if isinstance(lights, str) else lights for name, lights in value.items()}
     if isinstance(value, list):
-        raise bad_value(f"a light group has a name. Write {{NAME: {in_yaml(value)}}}, or each.")
+        raise ValueError(f"a light group has a name. Write {{NAME: {in_yaml(value)}}}, or each.")
     if value not in ("off", "each"):
-        raise bad_value(f"{quote(value)} is not a light group. Write each, off, or {{NAME: [key, rim]}}.")
+        raise ValueError(f"{quote(value)} is not a light group. Write each, off, or {{NAME: [key, rim]}}.")
     return value
 
 
@@ -211,7 +211,7 @@ def _hours(value: Any) -> Any:
     """Refuse a time of day with minutes, with the hours that it means."""
     if isinstance(value, str) and (match := re.fullmatch(r"(\d{1,2}):([0-5]\d)(?::\d\d)?", value)):
         hours = int(match[1]) + int(match[2]) / 60
-        raise bad_value(f"{quote(value)} is not a number of hours. Write {hours:.4g}.")
+        raise ValueError(f"{quote(value)} is not a number of hours. Write {hours:.4g}.")
     return value
 
 
@@ -335,7 +335,7 @@ class LightsDocument(Document):
             raise finding(
                 "lights has visible, which is for hdri; sun and sky have their own. Move or remove it."
             )
-        as_finding(self.build)
+        self.build()
         return self
 
     def build(self) -> LightRig:
@@ -379,7 +379,7 @@ _SPELT_OUT = {
 def require_rig(value: Any) -> Any:
     """Refuse words that are no rig and mean lights that are spelt out."""
     if isinstance(value, str) and (meant := _SPELT_OUT.get(value)):
-        raise bad_value(f"{quote(value)} is not a light rig. Write lights: {meant}.")
+        raise ValueError(f"{quote(value)} is not a light rig. Write lights: {meant}.")
     return value
 
 

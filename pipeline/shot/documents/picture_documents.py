@@ -25,7 +25,7 @@ from flowsculpt.pipeline.shot.documents.field_types import (
 from flowsculpt.pipeline.shot.documents.light_documents import LightsDocument, require_rig
 from flowsculpt.pipeline.shot.documents.look_documents import LookField, look_of
 from flowsculpt.pipeline.shot.shot import FrameOverride
-from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext, as_finding, bad_value, finding
+from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext, finding
 from flowsculpt.pipeline.shot.yaml.yaml_source import in_yaml
 from flowsculpt.render.base.input_files import InputFile
 from flowsculpt.render.post.view import ACES, BUILT_IN, ColourView, view_of
@@ -61,7 +61,7 @@ def _aspect(value: Any) -> Any:
         width, height = map(int, sides)
         are_pixels = min(width, height) >= SMALLEST
         remedy = f"Write size: [{width}, {height}]." if are_pixels else f'Write "{width}:{height}".'
-    raise bad_value(f"{in_yaml(value)} is not an aspect, width to height from 1:5 to 5:1. {remedy}")
+    raise ValueError(f"{in_yaml(value)} is not an aspect, width to height from 1:5 to 5:1. {remedy}")
 
 
 def _size(value: Any) -> Any:
@@ -74,7 +74,7 @@ def _size(value: Any) -> Any:
     meant = list(map(even, sides)) if fits else [1080, 1920]
     if not fits or meant != value:
         rule = f"even width and height in pixels, {SMALLEST} to {LARGEST} each, and 1:5 to 5:1"
-        raise bad_value(f"{in_yaml(value)} is not a size: {rule}. Write {meant}.")
+        raise ValueError(f"{in_yaml(value)} is not a size: {rule}. Write {meant}.")
     return meant
 
 
@@ -133,7 +133,7 @@ class PictureShapeDocument(Document):
 
 def _check_samples(samples: int) -> int:
     if samples > BATCH_SAMPLES and samples % BATCH_SAMPLES:
-        raise bad_value(
+        raise ValueError(
             f"{samples} samples do not divide into batches of {BATCH_SAMPLES}. "
             f"Write up to {BATCH_SAMPLES}, or a multiple of it."
         )
@@ -267,7 +267,7 @@ class ViewDocument(Document):
         if not self.model_fields_set:  # the default needs no OpenColorIO, which takes time to import
             return self
         config, digest = self._locate(ParseContext.of(info))
-        self._view = as_finding(lambda: view_of(config, self.view, self.display, self.space, digest))
+        self._view = view_of(config, self.view, self.display, self.space, digest)
         return self
 
     def build(self) -> ColourView:
@@ -330,7 +330,7 @@ def tables(config: Path) -> list[Path]:
 
 
 def _text(path: Path) -> str:
-    content = as_finding(lambda: InputFile(path, MOST_CONFIG).content())
+    content = InputFile(path, MOST_CONFIG).content()
     try:
         return as_utf8(content).decode("utf-8", "replace")
     except ValueError as error:
@@ -341,7 +341,7 @@ def _require_plain(table: Path) -> None:
     """Refuse a table of colours that OpenColorIO would not read, or would read wrong."""
     if table.suffix.lower() not in _TEXT_TABLES:
         return
-    content = as_finding(lambda: InputFile(table, MOST_CONFIG).content())
+    content = InputFile(table, MOST_CONFIG).content()
     try:
         is_plain = as_utf8(content) == content and (b"\n" in content or b"\r" not in content)
     except ValueError:

@@ -50,7 +50,7 @@ from flowsculpt.pipeline.shot.documents.picture_documents import (
 from flowsculpt.pipeline.shot.documents.resampling import ResampleField
 from flowsculpt.pipeline.shot.documents.subject_documents import SubjectDocument, SubjectsField
 from flowsculpt.pipeline.shot.shot import SoundTrack
-from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext, as_finding, bad_value, finding
+from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext, finding
 from flowsculpt.pipeline.shot.yaml.messages import number_in
 from flowsculpt.pipeline.shot.yaml.synonyms import synonym
 from flowsculpt.pipeline.shot.yaml.yaml_source import in_yaml
@@ -73,7 +73,7 @@ StageField = Annotated[
 
 def _no_light_groups(name: Any) -> Any:
     if name == "light_groups":
-        raise bad_value("light groups are not an AOV. Write light_groups: each, at the top of the file.")
+        raise ValueError("light groups are not an AOV. Write light_groups: each, at the top of the file.")
     return name
 
 
@@ -96,7 +96,7 @@ def _pixels(value: Any) -> Any:
         return value
     match = re.match(_PIXELS, value)
     if not match:
-        raise bad_value(f"{quote(value)} is not a length in pixels. Write 2px.")
+        raise ValueError(f"{quote(value)} is not a length in pixels. Write 2px.")
     return float(match[1])
 
 
@@ -149,7 +149,7 @@ class SoundDocument(Document):
             from flowsculpt.render.movie.movie_sound import require_sound
 
             path = ParseContext.of(info).file(self.file)
-            as_finding(lambda: require_sound(path))
+            require_sound(path)
         return self
 
     def build(self, folder: Path) -> SoundTrack:
@@ -167,7 +167,7 @@ class SoundDocument(Document):
 def _require_mapping(value: Any) -> Any:
     """Refuse the name of a file alone, with the mapping that it belongs in."""
     if isinstance(value, str) and value != "off":
-        raise bad_value(f"a sound is a mapping, or off. Write {in_yaml({'file': value})}.")
+        raise ValueError(f"a sound is a mapping, or off. Write {in_yaml({'file': value})}.")
     return value
 
 
@@ -185,7 +185,7 @@ def _frame_count(value: Any) -> Any:
     if isinstance(value, str) and value.endswith("s"):
         seconds = number_in(value)
     if seconds and math.isfinite(seconds):
-        raise bad_value(
+        raise ValueError(
             f"{value} is not a count of frames. Write {round(24 * seconds)} for {seconds:g} s at 24 a second."
         )
     return value

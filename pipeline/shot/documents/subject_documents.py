@@ -44,8 +44,7 @@ from flowsculpt.pipeline.shot.documents.look_documents import LookField
 from flowsculpt.pipeline.shot.documents.resampling import ResampleField
 from flowsculpt.pipeline.shot.documents.subject_kinds import CopyLayout, PointsKind, SubjectKind
 from flowsculpt.pipeline.shot.motion import Clock
-from flowsculpt.pipeline.shot.subjects import SOLIDS, Measure, Model, PluginSurface, Solid
-from flowsculpt.pipeline.shot.yaml.document_validation import bad_value
+from flowsculpt.pipeline.shot.subjects import Measure, Model, PluginSurface, Solid
 from flowsculpt.pipeline.shot.yaml.yaml_source import Problem, Where
 from flowsculpt.render.base.input_files import joint_digest
 from flowsculpt.render.base.plural import indefinite, plural
@@ -53,13 +52,13 @@ from flowsculpt.render.base.plural import indefinite, plural
 
 def _measures_by_solid(schema: dict[str, Any]) -> None:
     """Add the measures of each solid to the JSON Schema, as `subject_checks.check_solid` checks them."""
-    every = {measure for kind in SOLIDS.values() for measure in kind.measures}
+    every = {measure for kind in Solid.KINDS.values() for measure in kind.measures}
     schema["allOf"] = [
         {
             "if": {"properties": {"solid": {"const": name}}, "required": ["solid"]},
             "then": {"properties": _of_solid(kind.measures, every)},
         }
-        for name, kind in SOLIDS.items()
+        for name, kind in Solid.KINDS.items()
     ]
 
 
@@ -70,6 +69,10 @@ def _of_solid(measures: Mapping[str, Any], every: set[str]) -> dict[str, Any]:
     return exact | dict.fromkeys(sorted(every - measures.keys()), False)
 
 
+def _coarsest(solid: str, given: Mapping[str, Any]) -> object:
+    return Solid.of(solid, given).build(100 * LARGEST)
+
+
 class SolidDocument(Document):
     """A solid; `subject_checks` checks that its measures are those of its kind."""
 
@@ -77,7 +80,7 @@ class SolidDocument(Document):
 
     model_config = ConfigDict(json_schema_extra=_measures_by_solid)
 
-    solid: Annotated[str, one_of(SOLIDS, "solid")] = Field(description="its name")
+    solid: Annotated[str, one_of(Solid.KINDS, "solid")] = Field(description="its name")
     size: list[Positive] | None = optional("its sides (units)", min_length=2, max_length=3)
     radius: Positive | None = optional(
         "from the middle to the surface, or of a torus to the middle of its tube (units)"
@@ -91,44 +94,44 @@ class SolidDocument(Document):
     def build(self, folder: Path = Path()) -> Solid:
         return Solid.of(self.solid, self.model_dump(exclude_none=True, include=_MEASURES))
 
+    @staticmethod
+    def faults(
+        where: Where,
+        given: Mapping[str, Any],
+        kinds: Mapping[str, Any] = Solid.KINDS,
+        build: Callable[[str, Mapping[str, Any]], object] = _coarsest,
+    ) -> Iterator[Problem]:
+        """Yield what is wrong with the measures of a solid, as a file has them: its place, and a message.
+
+        where  the place of the solid
+        kinds  solids by name, whose `measures` are their defaults by name
+        build  makes a solid of its name and measures. Raises UsageError where these contradict each other
+        """
+        name = given.get("solid")
+        if not isinstance(name, str) or name not in kinds:
+            return  # the document reports it
+        measures: Mapping[str, Measure] = kinds[name].measures
+        unknown = [m for m in given if m in _MEASURES and m not in measures]
+        yield from (
+            ((*where, m), f"{m} is not a measure of {indefinite(name)}. {suggest(m, measures)}")
+            for m in unknown
+        )
+        size, wanted = given.get("size"), np.size(measures.get("size", ()))
+        if wanted and (meant := _meant_size(size, wanted)):
+            yield (
+                (*where, "size"),
+                f"size of {indefinite(name)} has {plural(wanted, 'number')}. Write {meant}.",
+            )
+        elif not unknown:
+            known = {m: given[m] for m in measures if m in given}
+            if all(_has_form(value, measures[m]) for m, value in known.items()):
+                try:
+                    build(name, known)
+                except UsageError as error:
+                    yield where, f"{error}"
+
 
 _MEASURES = {name for name in SolidDocument.model_fields if name != "solid"}
-
-
-def _coarsest(solid: str, given: Mapping[str, Any]) -> object:
-    return Solid.of(solid, given).build(100 * LARGEST)
-
-
-def solid_faults(
-    where: Where,
-    given: Mapping[str, Any],
-    kinds: Mapping[str, Any] = SOLIDS,
-    build: Callable[[str, Mapping[str, Any]], object] = _coarsest,
-) -> Iterator[Problem]:
-    """Yield what is wrong with the measures of a solid, as a file has them: its place, and a message.
-
-    where  the place of the solid
-    kinds  solids by name, whose `measures` are their defaults by name
-    build  makes a solid of its name and measures. Raises UsageError where these contradict each other
-    """
-    name = given.get("solid")
-    if not isinstance(name, str) or name not in kinds:
-        return  # the document reports it
-    measures: Mapping[str, Measure] = kinds[name].measures
-    unknown = [m for m in given if m in _MEASURES and m not in measures]
-    yield from (
-        ((*where, m), f"{m} is not a measure of {indefinite(name)}. {suggest(m, measures)}") for m in unknown
-    )
-    size, wanted = given.get("size"), np.size(measures.get("size", ()))
-    if wanted and (meant := _meant_size(size, wanted)):
-        yield (*where, "size"), f"size of {indefinite(name)} has {plural(wanted, 'number')}. Write {meant}."
-    elif not unknown:
-        known = {m: given[m] for m in measures if m in given}
-        if all(_has_form(value, measures[m]) for m, value in known.items()):
-            try:
-                build(name, known)
-            except UsageError as error:
-                yield where, f"{error}"
 
 
 def _meant_size(size: Any, wanted: int) -> list[Any] | None:
@@ -152,7 +155,7 @@ def _has_form(value: Any, default: Measure) -> bool:
 
 def _require_angles(value: Any) -> Any:
     if is_number(value):
-        raise bad_value(
+        raise ValueError(
             f"{value} is one number; it must be three, about x, then y, then z. Write [0, {value}, 0]."
         )
     return value
@@ -304,7 +307,9 @@ class CopiesDocument(OneOfSeveral):
     @model_validator(mode="after")
     def _grows(self) -> Self:
         if self.size[0] > self.size[1]:
-            raise bad_value(f"size goes from {self.size[0]:g} to {self.size[1]:g}; write the smallest first.")
+            raise ValueError(
+                f"size goes from {self.size[0]:g} to {self.size[1]:g}; write the smallest first."
+            )
         return self
 
     def build(self, clock: Clock) -> Copies:

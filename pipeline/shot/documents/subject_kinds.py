@@ -12,7 +12,7 @@ from flowsculpt.pipeline.mesh import TriangleMesh, validate
 from flowsculpt.pipeline.plugin_contracts import ContractError
 from flowsculpt.pipeline.shot.documents.field_types import Document
 from flowsculpt.pipeline.shot.subjects import Subject
-from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext, as_finding
+from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext
 from flowsculpt.pipeline.shot.yaml.yaml_source import Where
 from flowsculpt.render.base.input_files import joint_digest
 
@@ -39,9 +39,9 @@ class SubjectKind(Document):
     @model_validator(mode="after")
     def _can_be_made(self, info: ValidationInfo) -> Self:
         context = ParseContext.of(info)
-        self._digests = [context.digests[context.file(str(file))] for file in as_finding(self.files)]
-        self._surface = as_finding(lambda: self.surface(context.folder))
-        as_finding(lambda: validate(self._surface).require())
+        self._digests = [context.digests[context.file(str(file))] for file in self.files()]
+        self._surface = self.surface(context.folder)
+        validate(self._surface).require()
         return self
 
     def made(self, origin: tuple[str, str]) -> tuple[str, TriangleMesh]:

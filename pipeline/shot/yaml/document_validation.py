@@ -20,7 +20,7 @@ from flowsculpt.pipeline.errors import FlowsculptError, MissingInputError, ShotE
 from flowsculpt.pipeline.mesh.read import ModelFile
 from flowsculpt.pipeline.plugin import fault_of_plugin
 from flowsculpt.pipeline.shot.yaml.messages import problems_of
-from flowsculpt.pipeline.shot.yaml.named_files import is_folder, is_there, quote_name
+from flowsculpt.pipeline.shot.yaml.named_files import is_file, is_folder, quote_name
 from flowsculpt.pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource
 from flowsculpt.render.base.input_files import InputFile, kind_of_path
 from flowsculpt.render.base.number_order import in_order
@@ -76,7 +76,7 @@ class ParseContext:
 
     def _path(self, name: str) -> Path:
         path = self.folder / name
-        if not is_there(path):
+        if not is_file(path):
             raise finding(missing_file(name, path))
         return path
 
@@ -92,7 +92,7 @@ class ParseContext:
             if "**" in name:  # from Python 3.13 on, glob takes it for one *
                 raise ValueError
             found = folder.glob(Path(name).name)  # hidden files are of other programs
-            paths = [path for path in found if is_there(path) and not path.name.startswith(".")]
+            paths = [path for path in found if is_file(path) and not path.name.startswith(".")]
         except (OSError, ValueError):
             raise finding(
                 f"file {quote_name(name)} is not a name of a sequence; each * stands for any letters. "
@@ -146,11 +146,6 @@ def _similar_file(name: str, path: Path) -> str | None:
 def finding(text: str) -> PydanticCustomError:
     """Return an error for pydantic with a whole message."""
     return PydanticCustomError("finding", "{text}", {"text": text})
-
-
-def bad_value(text: str) -> PydanticCustomError:
-    """Return an error for pydantic with a message that follows the value's path: `rate: …`."""
-    return PydanticCustomError("bad_value", "{text}", {"text": text})
 
 
 def as_finding(make: Callable[[], T]) -> T:

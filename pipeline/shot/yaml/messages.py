@@ -58,28 +58,6 @@ def _fields_of(model: type[BaseModel]) -> dict[str, Any]:
     }
 
 
-@dataclass(frozen=True)
-class FieldType:
-    """The type of a field of a document: an annotation, with the rules of its values."""
-
-    annotation: Any
-
-    @classmethod
-    def of_fields(cls, model: type[BaseModel]) -> dict[str, FieldType]:
-        """Return the types of a document's fields, by the names that a file has for them."""
-        return {name: cls(kind) for name, kind in field_names([model]).items()}
-
-    @property
-    def members(self) -> tuple[Any, ...]:
-        """The members of a union in their order, or the type itself; without rules."""
-        return tuple(members(self.annotation))
-
-    @property
-    def choices(self) -> tuple[str, ...]:
-        """The names that a value can be, if it is a name out of a registry."""
-        return choices(self.annotation)
-
-
 def needed_names(models: Models) -> list[str]:
     """Return the names that the first of some documents must have."""
     return [
@@ -400,6 +378,8 @@ def _message(details: ErrorDetails, where: Where, document: type[BaseModel], wri
     name = dotted_path(where) or "the file"
     if kind == "finding":
         return str(context["text"])
+    if kind == "value_error":
+        return f"{name}: {context['error']}"
     if kind == "missing":
         return f"{dotted_path((*where, details['loc'][-1]))}: missing; it has no default"
     if kind in _BOUNDS:

@@ -19,7 +19,7 @@ DEFAULTS = "defaults.yaml"
 MOST_BYTES = 300_000
 """Size of the largest shot file or edit that is read; its parser takes some seconds for as much."""
 
-NAME = r"[A-Za-z0-9][A-Za-z0-9_.-]{0,99}"
+NAME_PATTERN = r"[A-Za-z0-9][A-Za-z0-9_.-]{0,99}"
 """Names of shots and edits: they become part of file names, on any system.
 
 File systems allow some 250 letters with the numbers and suffixes of files.
@@ -33,7 +33,7 @@ _TOO_LARGE = (
 _EDIT, _SHOT = re.compile(r"^shots\s*:", re.MULTILINE), re.compile(r"^(subjects?|extends)\s*:", re.MULTILINE)
 
 
-def is_there(path: Path) -> bool:
+def is_file(path: Path) -> bool:
     """Tell whether a path names a file; a name too long for a file does not.
 
     Raises MachineError where the disk does not say.
@@ -69,7 +69,7 @@ def name_fault(name: str, kind: str = "shot") -> str | None:
     of_plugins = {command.folder for command in plugins().commands.values()}
     if name.lower() in {"edit", "film", *of_plugins} and not (kind == "edit" and name == "film"):
         return f"{name} is the name of a folder in renders/; choose another one, as A010_{name}"
-    if not re.fullmatch(NAME, name):
+    if not re.fullmatch(NAME_PATTERN, name):
         rule = f"use letters, digits, _ and -, as in {example}"
         return f"{quote(name)} cannot name {indefinite(kind)}; {rule}"
     return None

@@ -190,9 +190,25 @@ class YamlSource:
     """Size of the largest file that is read."""
 
     @staticmethod
+    @lru_cache(maxsize=32)
+    def tree(text: str) -> Node | None:
+        """Return the tree of nodes of a text, not to be changed: equal texts share one.
+
+        Raises YAMLError, and RecursionError for one too deep.
+        """
+        yaml = YAML()
+        yaml.Scanner = _Scanner
+        return yaml.compose(text)
+
+    @staticmethod
     def value_of(node: ScalarNode) -> Any:
-        """Return the value of a number, a word or a text in a tree of `composed`."""
+        """Return the value of a number, a word or a text in a `tree`."""
         return scalar(node)
+
+    @staticmethod
+    def read_text(path: Path) -> str:
+        """Return the text of a shot file or an edit. Raises MissingInputError and ShotError."""
+        return text_of(path)
 
     @classmethod
     def read(cls, path: Path, text: str | None = None) -> YamlSource:
@@ -202,7 +218,7 @@ class YamlSource:
         """
         text = text_of(path) if text is None else text
         try:
-            return cls._from_node(path, yaml_tree(text), text.splitlines())
+            return cls._from_node(path, cls.tree(text), text.splitlines())
         except YAMLError as error:
             raise ShotError(f"{path}:{syntax_fault(error, text)}") from None
         except RecursionError:
@@ -385,17 +401,6 @@ class _Scanner(RoundTripScanner):
         super().fetch_flow_collection_start(TokenClass, to_push)
 
 
-@lru_cache(maxsize=32)
-def yaml_tree(text: str) -> Node | None:
-    """Return the tree of nodes of a text, which is only read: a film's plan reads shots for its edit, too.
-
-    Raises YAMLError, and RecursionError for one too deep.
-    """
-    yaml = YAML()
-    yaml.Scanner = _Scanner
-    return yaml.compose(text)
-
-
 def scalar(node: ScalarNode) -> Any:
     """Convert a scalar by the core schema of YAML 1.2; quoted ones are text."""
     text = node.value.replace(_FOLD, "") if node.style == ">" else node.value
@@ -464,7 +469,7 @@ def shown(value: Any) -> str:
     return "empty" if value is None else quote(value)
 
 
-def flow_style(value: Any, quote: str = '"') -> str:
+def to_yaml(value: Any, quote: str = '"') -> str:
     """Return plain data as one line that reads back as the same values, YAML's flow style: `{axis: y}`.
 
     quote  the quotation mark around a text that needs one, where the text allows it
@@ -472,11 +477,9 @@ def flow_style(value: Any, quote: str = '"') -> str:
     Numbers are written in the fewest digits that read back as the same double.
     """
     if isinstance(value, dict):
-        return (
-            "{" + ", ".join(f"{flow_style(name)}: {flow_style(item)}" for name, item in value.items()) + "}"
-        )
+        return "{" + ", ".join(f"{to_yaml(name)}: {to_yaml(item)}" for name, item in value.items()) + "}"
     if isinstance(value, list):
-        return "[" + ", ".join(map(flow_style, value)) + "]"
+        return "[" + ", ".join(map(to_yaml, value)) + "]"
     if value is None:
         return "null"
     if isinstance(value, bool):

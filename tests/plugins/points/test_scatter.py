@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flowsculpt.pipeline.plugins.points.clouds import CloudInSolid, within
-from flowsculpt.pipeline.shot.subjects import SOLIDS, Solid
+from flowsculpt.pipeline.shot.subjects import Solid
 
 BOX = np.array([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]])
 
@@ -28,7 +28,7 @@ def nearest(points: np.ndarray) -> np.ndarray:
 
 
 @settings(max_examples=15, deadline=None)
-@given(st.sampled_from(sorted(set(SOLIDS) - {"sheet"})), st.integers(1, 300), st.integers(0, 99))
+@given(st.sampled_from(sorted(set(Solid.KINDS) - {"sheet"})), st.integers(1, 300), st.integers(0, 99))
 def test_points_fill_a_solid_and_none_lies_outside(solid: str, count: int, seed: int) -> None:
     points = cloud(solid, "volume", count, seed)
     surface = Solid.of(solid, {}).project
@@ -37,14 +37,14 @@ def test_points_fill_a_solid_and_none_lies_outside(solid: str, count: int, seed:
 
 
 @settings(max_examples=15, deadline=None)
-@given(st.sampled_from(sorted(SOLIDS)), st.integers(1, 300), st.integers(0, 99))
+@given(st.sampled_from(sorted(Solid.KINDS)), st.integers(1, 300), st.integers(0, 99))
 def test_points_on_a_solid_lie_on_its_true_surface(solid: str, count: int, seed: int) -> None:
     points = cloud(solid, "surface", count, seed)
     assert points.shape == (count, 3)
     assert Solid.of(solid, {}).project(points) == pytest.approx(points, abs=1e-12)
 
 
-@pytest.mark.parametrize("solid", sorted(set(SOLIDS) - {"sheet"}))
+@pytest.mark.parametrize("solid", sorted(set(Solid.KINDS) - {"sheet"}))
 def test_what_a_solid_encloses_agrees_with_its_normals(solid: str) -> None:
     surface = Solid.of(solid, {}).project
     points = np.random.default_rng(5).uniform(-1.6, 1.6, (400, 3))

@@ -10,7 +10,7 @@ import pytest
 
 from flowsculpt.pipeline.errors import ShotError
 from flowsculpt.pipeline.plugins.preview.text_edits import ValueEdit, edited
-from flowsculpt.pipeline.shot.yaml.yaml_source import YamlSource, flow_style
+from flowsculpt.pipeline.shot.yaml.yaml_source import YamlSource, to_yaml
 
 FILE = Path("A010_a.yaml")
 
@@ -140,4 +140,4 @@ PLAIN = (0, -1.5, 1e-7, 4.0, 1e300, True, None, [1, "a, b"], {"keys": {1: 0, 12.
 
 @pytest.mark.parametrize("value", [*TEXTS, *PLAIN])
 def test_values_written_in_one_line_read_back_as_the_same(value: Any) -> None:
-    assert YamlSource.read(FILE, f"a: {flow_style(value)}\n").data == {"a": value}
+    assert YamlSource.read(FILE, f"a: {to_yaml(value)}\n").data == {"a": value}
