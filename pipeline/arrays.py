@@ -20,5 +20,7 @@ Faces = NDArray[np.int32]
 """(F, 3) vertex indices, counter-clockwise seen from outside."""
 
 Indices = NDArray[np.int32]
+"""Indices of vertices, faces or edges, int32."""
 
 AnyArray = NDArray[Any]
+"""An array of any type."""

@@ -209,10 +209,14 @@ Real = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 Positive = Annotated[
     float, Field(gt=0, le=LARGEST), AfterValidator(_check_smallest), SchemaKeywords(minimum=SMALLEST)
 ]
+"""A number above 0, such as a length."""
+
 ZeroToOne = Annotated[float, Field(ge=0, le=1)]
 Count = Annotated[int, Field(ge=1, le=MAX_SUBSTEPS)]
 Degrees = Annotated[float, Field(ge=-3600, le=3600)]
 Triple = Annotated[list[Real], BeforeValidator(require_three), Field(min_length=3, max_length=3)]
+"""Three numbers along x, y and z: a place, a direction or a size."""
+
 AxisName = Annotated[str, one_of(("x", "y", "z"), "axis")]
 AxisVector = Annotated[Triple, SchemaKeywords(**{"not": {"const": [0, 0, 0]}})]
 Axis = Annotated[

@@ -344,7 +344,7 @@ _WRITTEN_OUT: dict[str, type[FlowParameters]] = {
     "python": PythonDocument,
 }
 
-DOCUMENTS: dict[str, type[FlowParameters]] = {
+FLOW_DOCUMENTS: dict[str, type[FlowParameters]] = {
     **{shot_name(flow): document_of(flow) for flow in catalogue.FLOWS},
     **{name: document_of(base.flow, base) for name, base in _WRITTEN_OUT.items()},
     **plugins().parts("flows", _document_of_plugin),
@@ -359,6 +359,6 @@ def entries(base: type) -> dict[str, Any]:
     """Return optional fields of a document, one for each flow that is a `base`."""
     return {
         name: (Annotated[document | None, BARE], Field(None, validate_default=False))
-        for name, document in DOCUMENTS.items()
+        for name, document in FLOW_DOCUMENTS.items()
         if issubclass(document.flow, base)
     }

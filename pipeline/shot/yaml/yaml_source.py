@@ -439,23 +439,13 @@ def listed(names: Iterable[Any], last: str = "and") -> str:
 
 def in_yaml(value: Any) -> str:
     """Return a value as a shot file writes it in one line: `{axis: y, amount: 80}`; long ones are cut."""
-    text = _written(value)
+    text = "" if value is None else to_yaml(value)
     if len(text) <= MOST_CHARACTERS:
         return text
     if isinstance(value, dict):
         names = "{" + ", ".join(f"{name}: …" for name in value) + "}"
         return names if len(names) <= 2 * MOST_CHARACTERS else f"{names[:MOST_CHARACTERS]}…}}"
     return f"{text[:MOST_CHARACTERS]}…"
-
-
-def _written(value: Any) -> str:
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{name}: {_written(item)}" for name, item in value.items()) + "}"
-    if isinstance(value, list):
-        return "[" + ", ".join(map(_written, value)) + "]"
-    if isinstance(value, bool):
-        return str(value).lower()
-    return "" if value is None else str(value)
 
 
 def shown(value: Any) -> str:
