@@ -155,10 +155,11 @@ class SurfaceDocument(Arrangement):
                 whose = f"the {self.solid or 'model'}"
                 raise ValueError(f"{name} is not a measure of {whose}, or has other numbers. Leave it out.")
         if self.solid is not None:
-            self._mesh = Solid.of(self.solid, given).build()
+            self._mesh = ParseContext.attempt(Solid.of(self.solid, given).build)
         elif self.model is not None:
-            path = ParseContext.of(info).mesh(self.model)
-            self._mesh = read_mesh(path)
+            context = ParseContext.of(info)
+            path = context.mesh(self.model)
+            self._mesh = context.attempt(lambda: read_mesh(path))
             self._digests = (model_files(path).digest,)
         return self
 

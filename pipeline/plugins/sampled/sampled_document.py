@@ -26,7 +26,7 @@ class SampledDocument(FlowParameters):
     def _are_readable(self, info: ValidationInfo) -> Self:
         context = ParseContext.of(info)
         paths = context.files(self.file)
-        self._samples = read_samples(paths, self.array, float(self.interval))
+        self._samples = context.attempt(lambda: read_samples(paths, self.array, float(self.interval)))
         context.digests.update(zip(paths, self._samples.digests, strict=True))
         return self
 

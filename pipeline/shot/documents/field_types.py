@@ -21,14 +21,13 @@ from pydantic import (
     model_validator,
 )
 from pydantic_core import CoreSchema, PydanticCustomError
-from pydantic_core.core_schema import no_info_wrap_validator_function
 
 from flowsculpt.pipeline.errors import quote, suggest
 from flowsculpt.pipeline.flow.parameters import Vector, X, Y, Z
 from flowsculpt.pipeline.flow.streamlines import MAX_SUBSTEPS
 from flowsculpt.pipeline.formula import Expression, FormulaError
 from flowsculpt.pipeline.plugin import plugins
-from flowsculpt.pipeline.shot.yaml.document_validation import as_finding, finding
+from flowsculpt.pipeline.shot.yaml.document_validation import finding
 from flowsculpt.pipeline.shot.yaml.messages import number_in
 from flowsculpt.pipeline.shot.yaml.synonyms import value_meant
 from flowsculpt.pipeline.shot.yaml.yaml_source import in_yaml
@@ -45,7 +44,7 @@ SMALLEST, LARGEST = 1e-9, 1e12
 class Document(BaseModel):
     """A mapping in a shot file: no unknown keys, no silent conversions.
 
-    Its validators raise ValueError, or what reading files raises; messages name the place.
+    Its validators raise ValueError; the message names the place.
 
     what     the kind of file, for messages about its names at the top
     example  one that a shot can have, for messages; empty where its needed names are example enough
@@ -55,13 +54,6 @@ class Document(BaseModel):
     example: ClassVar[str] = ""
 
     model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
-
-    @classmethod
-    def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """Report errors of ours, which validators raise, at the place of the document."""
-        return no_info_wrap_validator_function(
-            lambda value, validate: as_finding(lambda: validate(value)), handler(source)
-        )
 
     @classmethod
     def model_rebuild(cls, **given: Any) -> bool | None:

@@ -225,7 +225,7 @@ class FormulaDocument(FlowParameters):
     def _fits(self) -> Self:
         """Check that all numbers and `frame` fit the flow."""
         x, y, z = self.velocity
-        FormulaField((x, y, z), tuple((name, 0.0) for name in self.numbers))
+        ParseContext.attempt(lambda: FormulaField((x, y, z), tuple((name, 0.0) for name in self.numbers)))
         return self
 
 
@@ -262,7 +262,7 @@ class AttractionDocument(OneOfSeveral, FlowParameters):
             self._target = Target.curve(np.array(self.curve), self.closed)
         else:
             file = ParseContext.of(info).mesh(str(self.mesh))
-            self._target = Target.surface(read_mesh(file), float(self.scale))
+            self._target = ParseContext.attempt(lambda: Target.surface(read_mesh(file), float(self.scale)))
         return self
 
     def own_values(self, clock: Clock) -> dict[str, Any]:
@@ -321,7 +321,7 @@ class PythonDocument(FlowParameters):
         self._path, self._allowed = context.file(self.file), context.allow_code
         self._digest = context.digests[self._path]
         self._reads = {path: context.digests[path] for path in map(context.file, self.reads)}
-        code = read_input(self._path, MOST_CODE)
+        code = context.attempt(lambda: read_input(self._path, MOST_CODE))
         try:
             ast.parse(code, str(self._path))
         except (SyntaxError, ValueError, RecursionError, MemoryError) as error:

@@ -26,7 +26,7 @@ from flowsculpt.pipeline.shot.documents.field_types import (
     parsed_colour,
     vector,
 )
-from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext, as_finding, finding
+from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext, finding
 from flowsculpt.pipeline.shot.yaml.yaml_source import in_yaml
 from flowsculpt.render.scene.scene_lights import LIGHTS, LightRig, Sky, Softbox
 from flowsculpt.render.scene.scene_stage import STAGES, Stage
@@ -120,7 +120,7 @@ def _check_map(name: str, info: ValidationInfo) -> str:
     """Check that a file holds an environment map, and note its digest."""
     context = ParseContext.of(info)
     path = context.file(name)
-    as_finding(lambda: environment_of(str(path), context.digests[path]))
+    context.attempt(lambda: environment_of(str(path), context.digests[path]))
     return name
 
 
@@ -335,7 +335,7 @@ class LightsDocument(Document):
             raise finding(
                 "lights has visible, which is for hdri; sun and sky have their own. Move or remove it."
             )
-        self.build()
+        ParseContext.attempt(self.build)
         return self
 
     def build(self) -> LightRig:

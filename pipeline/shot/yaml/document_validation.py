@@ -54,6 +54,14 @@ class ParseContext:
         context = (info.context or {}).get("parse_context")
         return context if isinstance(context, cls) else cls()
 
+    @staticmethod
+    def attempt(make: Callable[[], T]) -> T:
+        """Return what `make` returns. Report an error of ours at the place of what is validated."""
+        try:
+            return make()
+        except FlowsculptError as error:
+            raise finding(str(error)) from None
+
     def file(self, name: str) -> Path:
         """Return the path of a file, and note its digest. Raises a finding where it is not there."""
         path = self._path(name)
@@ -62,7 +70,7 @@ class ParseContext:
 
     def note(self, path: Path) -> str:
         """Note the digest of a file that is read, and return it. Raises a finding where it cannot be read."""
-        self.digests[path] = as_finding(lambda: digest_of_file(path))
+        self.digests[path] = self.attempt(lambda: digest_of_file(path))
         return self.digests[path]
 
     def mesh(self, name: str) -> Path:
@@ -71,7 +79,7 @@ class ParseContext:
         Raises a finding where one is not there or cannot be read.
         """
         path = self._path(name)
-        self.digests.update(as_finding(lambda: model_files(path)).files)
+        self.digests.update(self.attempt(lambda: model_files(path)).files)
         return path
 
     def _path(self, name: str) -> Path:
@@ -146,14 +154,6 @@ def _similar_file(name: str, path: Path) -> str | None:
 def finding(text: str) -> PydanticCustomError:
     """Return an error for pydantic with a whole message."""
     return PydanticCustomError("finding", "{text}", {"text": text})
-
-
-def as_finding(make: Callable[[], T]) -> T:
-    """Return what `make` returns; turn an error of ours into a finding."""
-    try:
-        return make()
-    except FlowsculptError as error:
-        raise finding(str(error)) from None
 
 
 @contextmanager
