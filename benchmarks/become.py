@@ -32,7 +32,7 @@ from flowsculpt.pipeline.plugins.lettering.starts import starts
 from flowsculpt.pipeline.shot import read_shot
 from flowsculpt.pipeline.shot.subjects import Model, Solid
 from flowsculpt.pipeline.statistics import self_intersections
-from flowsculpt.render.base.input_files import digest_of_file
+from flowsculpt.render.base.input_files import InputFile
 
 ORIGIN = (0.0, 0.0, 0.0)
 FONTS = Path(matplotlib.get_data_path()) / "fonts" / "ttf"
@@ -73,7 +73,7 @@ def letter(folder: Path, text: str, font: str = "DejaVuSans-Bold") -> tuple[Path
 
 
 def model(file: Path, fit: float | None = 2.0) -> PlacedShape:
-    return PlacedShape(Model(digest_of_file(file), path=file, fit=fit), ORIGIN)
+    return PlacedShape(Model(InputFile(file).digest(), path=file, fit=fit), ORIGIN)
 
 
 def pair(name: str, folder: Path, ball: PlacedShape) -> tuple[PlacedShape, PlacedShape]:

@@ -16,7 +16,7 @@ from benchmarks.play import PLACEMENTS, Moment, play, warm, with_normals
 from benchmarks.report import Row, Target, keep, show
 from benchmarks.works import Film, enright
 from flowsculpt.pipeline.errors import MeshError
-from flowsculpt.pipeline.mesh import TriangleMesh, require
+from flowsculpt.pipeline.mesh import TriangleMesh, validate
 from flowsculpt.pipeline.resample import Curvature, Thresholds
 
 DENSITY = Thresholds(Curvature(4e-4, 0.0115, 0.05, hard_angle=math.pi), gradation=1.0)
@@ -51,7 +51,7 @@ def measure(film: Film, name: str, moments: Iterator[Moment]) -> list[Row]:
         if moment.number not in LOOKS:
             continue
         mesh = moment.after()
-        require(mesh, closed=True)
+        validate(mesh).require(closed=True)
         rows.append(
             {
                 **_look(film, name, moment.number, mesh, peak),
@@ -71,7 +71,7 @@ def measure_peer(film: Film, name: str, remesh: peers.Remesher) -> list[Row]:
         moved = mesh.with_vertices(film.follow(mesh.vertices, number - 1, number))
         try:
             mesh, more = remesh(moved, film.max_edge_length)
-            require(mesh)
+            validate(mesh).require()
         except (MeshError, RuntimeError) as error:
             rows.append({"placement": name, "frame": number, "ended by": str(error)[:60]})
             break

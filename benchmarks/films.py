@@ -15,7 +15,7 @@ from benchmarks.measures import creases_kept, exactness, pop, quality, volume
 from benchmarks.play import PLACEMENTS, play, warm, with_normals
 from benchmarks.report import Row, Target, keep, show
 from benchmarks.works import Film, cube, lorenz
-from flowsculpt.pipeline.mesh import require
+from flowsculpt.pipeline.mesh import validate
 from flowsculpt.pipeline.resample import Curvature, Thresholds
 from flowsculpt.pipeline.resample.thresholds import DEFAULT_ROUNDNESS
 
@@ -71,7 +71,7 @@ def measure(
         if moment.before is not None and nearest is not None:
             pops.append(pop(moment.before, moment.after(), nearest))
     mesh = moment.after()
-    require(mesh, closed=True)
+    validate(mesh).require(closed=True)
     kept = volume(mesh) / (volume(film.subject) * math.exp(film.swells))
     row: Row = {
         "film": film.name,

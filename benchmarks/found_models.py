@@ -32,7 +32,7 @@ from benchmarks.report import OUT, Row, Target, keep, show
 from benchmarks.sample_models import MODELS, UNUSABLE, UNUSUAL
 from flowsculpt.pipeline.errors import FlowsculptError
 from flowsculpt.pipeline.frames import FrameRange
-from flowsculpt.pipeline.mesh.read import read_polygons, surface_reader
+from flowsculpt.pipeline.mesh.read import ModelFile, read_polygons
 from flowsculpt.pipeline.plugins.authoring.first_frame import FirstFrames
 from flowsculpt.pipeline.plugins.authoring.scene_rules import findings
 from flowsculpt.pipeline.plugins.authoring.shot_templates import model_template, shot_of_flow
@@ -217,7 +217,7 @@ def main(arguments: list[str] | None = None) -> list[Target]:
         pictures.mkdir(parents=True, exist_ok=True)
         models = {model: write(folder / "shots") for model, write in MODELS.items()}
         for file in sorted(given.folder.iterdir()) if given.folder else ():
-            if surface_reader(file) is not None:
+            if ModelFile(file).reader is not None:
                 models[file.name] = Path(shutil.copy(file, folder / "shots"))
         models = {model: file for model, file in models.items() if not given.only or given.only in model}
         many = trials(folder, models, pictures, max(1, (os.cpu_count() or 1) // 2))

@@ -22,7 +22,7 @@ from benchmarks.measures import exactness, quality, volume
 from benchmarks.play import play, warm, with_normals
 from benchmarks.report import Row, keep, show
 from benchmarks.works import Film, abc, enright, lorenz, turned
-from flowsculpt.pipeline.mesh import require
+from flowsculpt.pipeline.mesh import validate
 from flowsculpt.pipeline.resample import Thresholds
 from flowsculpt.pipeline.statistics import self_intersections
 
@@ -96,7 +96,7 @@ def measure(work: Work, seed: int) -> dict[str, float]:
             }
     seconds = time.process_time() - started
     mesh = moment.after()
-    require(mesh, closed=True)
+    validate(mesh).require(closed=True)
     kept = volume(mesh) / (volume(film.subject) * math.exp(film.swells))
     exact = exactness(film, mesh, film.frames, ALL)
     return {

@@ -20,7 +20,7 @@ Faces = NDArray[np.int32]
 """(F, 3) vertex indices, counter-clockwise seen from outside."""
 
 Indices = NDArray[np.int32]
-"""Indices of vertices, faces or edges, int32."""
+"""int32: numbers of vertices, such as edges (E, 2)."""
 
 AnyArray = NDArray[Any]
 """An array of any type."""

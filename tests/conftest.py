@@ -207,7 +207,7 @@ class ProjectFolder:
 
     def run(self, *words: str, cores: int = 1) -> Run:
         """Run the command, by default on one core: on two, two renderers start for a few frames."""
-        command = python_process.command("flowsculpt", "--no-progress", "-j", str(cores), *words)
+        command = python_process.python_command("flowsculpt", "--no-progress", "-j", str(cores), *words)
         done = COMMANDS.run(command, self.path, timeout=900)
         assert "Traceback" not in done.stdout + done.stderr, done.stderr
         return Run(done.returncode, done.stdout, done.stderr)
@@ -256,7 +256,7 @@ class ProjectFolder:
 
         at_raw  a statement that the process which renders a frame executes when it shows the raw frame, once
         """
-        command = python_process.command("flowsculpt", "--no-progress", "-j", "2", *words)
+        command = python_process.python_command("flowsculpt", "--no-progress", "-j", "2", *words)
         environment = dict(os.environ)
         if at_raw is not None:
             number, statement = at_raw

@@ -8,14 +8,27 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Sequence
+import tomllib
+from collections.abc import Iterable, Sequence
 from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec
+from pathlib import Path
 from types import ModuleType
 
 import pytest
+from _pytest.mark import ParameterSet
 
 from flowsculpt.pipeline.plugin import plugins
+
+GALLERY = Path(__file__).parents[1] / "shots"
+
+ADDED = Path(__file__).parents[1] / "pipeline" / "plugins" / "added.toml"
+
+SHIPPED = (*tomllib.loads(ADDED.read_text(encoding="utf-8")),)
+"""The plug-ins that come with flowsculpt."""
+
+NEEDS = re.compile(r"# Needs the plug-ins? (.*)\.\n")
+"""The first line of a shot of the gallery that needs plug-ins."""
 
 OF_PLUGIN = re.compile(r"(?:flowsculpt\.pipeline|tests)\.plugins\.(\w+)")
 
@@ -68,3 +81,29 @@ def is_of_installed(path: str) -> bool:
     """Return whether a file of the project, by its path in it, is there as far as plug-ins decide it."""
     found = re.match(r"(?:pipeline|tests)/plugins/(\w+)/", path)
     return found is None or not missing(found[1])
+
+
+def needed_by(*shots: Path) -> list[str]:
+    """Return the plug-ins that shots of the gallery say in their first lines that they need."""
+    said = (NEEDS.match(shot.read_text(encoding="utf-8")) for shot in shots)
+    return sorted({name for found in said if found for name in re.split(", | and ", found[1])})
+
+
+def needed_by_gallery() -> list[str]:
+    """Return the plug-ins that any shot of the gallery needs."""
+    return needed_by(*GALLERY.glob("*.yaml"))
+
+
+def gallery_rows(paths: Iterable[Path]) -> list[ParameterSet]:
+    """Return rows of a table of the gallery's files, each skipped where a plug-in that it needs is missing.
+
+    Edits need what all shots need, except the film.
+    """
+    return [
+        pytest.param(
+            path,
+            marks=needs_plugins(*(needed_by_gallery() if path.stem == "showreel" else needed_by(path))),
+            id=path.stem,
+        )
+        for path in paths
+    ]

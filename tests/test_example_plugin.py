@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 
 from flowsculpt.render.post.image import read_exr
-from tests.plugins.remote.s3 import BUCKET, CREDENTIALS, serving
+from tests.needed_plugins import needs_plugins
 from tests.production.farm.test_clusters import SUBMIT, write_profile
 
 HERE = Path(__file__).parents[1]
@@ -97,6 +97,7 @@ def marbling(tmp_path_factory: pytest.TempPathFactory) -> Installed:
     return installed
 
 
+@needs_plugins("maintenance")
 @pytest.mark.renderer
 def test_the_example_goes_from_shot_file_to_film(marbling: Installed) -> None:
     home = marbling.show / "renders"
@@ -118,6 +119,7 @@ def test_the_example_goes_from_shot_file_to_film(marbling: Installed) -> None:
     shot.write_text(SHOT)
 
 
+@needs_plugins("authoring", "delivery")
 @pytest.mark.renderer
 def test_its_command_format_encode_and_schema_are_there(marbling: Installed) -> None:
     assert marbling.done("inks").splitlines()[0] == "0.840 0.800 0.710"
@@ -133,13 +135,18 @@ def test_its_command_format_encode_and_schema_are_there(marbling: Installed) -> 
 
 @pytest.fixture
 def s3() -> Iterator[dict[str, str]]:
+    from tests.plugins.remote.s3 import CREDENTIALS, serving
+
     with serving() as proxy:
         yield {**CREDENTIALS, "AWS_ENDPOINT_URL": proxy.url}
 
 
+@needs_plugins("farm", "remote")
 @pytest.mark.renderer
 @pytest.mark.soak
 def test_a_farm_does_its_stage_and_a_store_gives_the_film_to_others(marbling, s3, tmp_path) -> None:
+    from tests.plugins.remote.s3 import BUCKET
+
     stand_in = tmp_path / "bsub"
     answer = "Job <{}> is submitted to default queue <normal>."
     stand_in.write_text(SUBMIT.format(python=sys.executable, home=str(tmp_path), answer=answer))
@@ -187,6 +194,7 @@ def test_the_bound_of_the_examples_gradient_is_the_steepest_slope_across_its_tin
         assert np.abs(along_y - speed).max() < 1e-12
 
 
+@needs_plugins("authoring", "delivery", "preview")
 @pytest.mark.slow
 def test_the_commands_of_the_docs_lead_from_an_empty_folder_to_a_flow(tmp_path: Path) -> None:
     page = (HERE / "docs" / "plugins.md").read_text(encoding="utf-8")

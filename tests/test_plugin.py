@@ -13,6 +13,8 @@ import pytest
 
 from flowsculpt.pipeline.api_version import API
 from flowsculpt.pipeline.plugin import Plugin, Plugins, plugins
+from flowsculpt.pipeline.shot.documents.subject_documents import POINTS
+from tests.needed_plugins import needs_plugins
 
 ROOT = Path(__file__).parents[1]
 
@@ -81,12 +83,14 @@ PLUGIN = Plugin("meddler", "1", extras="meddler_extras:Odd")
 """
 
 
+@needs_plugins("maintenance")
 def test_a_plug_in_that_meddles_when_it_is_imported_changes_nothing(environment):
     environment.install("meddler", MEDDLING)
     done = environment.run("status", "--json")
     assert (done.returncode, done.stdout, done.stderr) == (0, "[]\n", "a greeting\n")
 
 
+@needs_plugins("authoring")
 def test_a_schema_that_is_a_function_is_refused_with_the_name_of_its_plug_in(environment):
     environment.install("meddler", MEDDLING)
     (environment.folder / "meddler_extras.py").write_text(
@@ -161,6 +165,7 @@ def marbling(environment):
     return environment
 
 
+@needs_plugins("maintenance")
 @pytest.mark.slow
 def test_a_shot_is_made_of_a_flow_of_a_plug_in_and_made_again_with_its_next_version(marbling):
     shot, setting = (
@@ -189,6 +194,7 @@ def test_the_version_of_a_plug_in_decides_nothing_of_shots_without_it(marbling):
     )
 
 
+@needs_plugins("authoring")
 @pytest.mark.slow
 def test_flows_and_looks_of_plug_ins_are_listed_completed_and_proposed(marbling):
     assert "marbling.swirl" in marbling.run("flows").stdout
@@ -202,6 +208,7 @@ def test_flows_and_looks_of_plug_ins_are_listed_completed_and_proposed(marbling)
     assert "look.material: 'marbling.inc' is not a look. Did you mean 'marbling.ink'?" in told
 
 
+@needs_plugins("authoring")
 @pytest.mark.slow
 def test_a_shot_whose_plug_in_is_missing_or_broken_is_refused_with_its_name(marbling):
     (marbling.folder / "marbling_parts.py").write_text("import no_such_module")
@@ -220,6 +227,7 @@ def test_a_shot_whose_plug_in_is_missing_or_broken_is_refused_with_its_name(marb
     assert f"look.material: 'marbling.ink' is not a look. {needs}" in refused.stderr
 
 
+@needs_plugins("authoring")
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("code", "wrong", "fault"),
@@ -241,6 +249,7 @@ def test_an_error_in_the_code_of_a_flow_is_told_in_a_line_with_its_place(marblin
         assert "Traceback" not in done.stderr
 
 
+@needs_plugins("authoring")
 @pytest.mark.slow
 def test_a_flow_that_lacks_a_method_is_left_out_with_the_name_of_the_method(marbling):
     (marbling.folder / "marbling_parts.py").write_text(PARTS.replace("def length_scale", "def scale"))
@@ -275,6 +284,7 @@ class Stone(SubjectKind):
 """
 
 
+@needs_plugins("authoring")
 @pytest.mark.slow
 def test_a_subject_of_a_plug_in_is_placed_keyed_by_its_files_and_refused_at_its_place(marbling):
     (marbling.folder / "marbling.py").write_text(
@@ -316,6 +326,7 @@ PLUGIN = Plugin("scanner", "1", formats=FORMATS)
 """
 
 
+@needs_plugins("interchange")
 def test_a_model_of_a_format_of_the_docs_is_read_by_every_command(environment):
     page = (Path(__file__).parents[1] / "docs" / "plugins.md").read_text(encoding="utf-8")
     (code,) = [code for code in re.findall(r"```python\n(.*?)```", page, re.DOTALL) if "TRIANGLES" in code]
@@ -462,6 +473,8 @@ def test_a_name_of_a_plug_in_that_is_not_there_says_which_one_it_needs():
     ("name", "needed"),
     [
         ("become", "become"),
+        ("cloud", "points"),
+        ("sampled", "sampled"),
         ("layout", "layout"),
         ("polyhedra", "polyhedra"),
         ("people.person", "people"),
@@ -489,9 +502,11 @@ def test_the_list_of_what_the_plug_ins_of_flowsculpt_add_is_complete():
             }
             added |= {*plugin.resamplers} | {name for door in doors for name in door if name == plugin.name}
             added |= {"--store"} if plugin.remote_stores else set()
+            added |= {word for word, kind in POINTS.items() if f".plugins.{plugin.name}." in kind.__module__}
             assert set(listed[plugin.name]) == added, plugin.name
 
 
+@needs_plugins("maintenance")
 def test_an_installation_older_than_the_code_is_told_with_its_remedy(environment):
     info = environment.folder / "flowsculpt-0.0.9.dist-info"  # comes before the one that is installed
     info.mkdir()

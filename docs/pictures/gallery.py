@@ -8,8 +8,10 @@ luminance at 200 of 255 or above, and at most half a percent of its pixels clipp
 from __future__ import annotations
 
 import argparse
+import re
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -60,7 +62,17 @@ def main() -> None:
         sys.exit(f"{', '.join(unknown)}: no such still; there are {', '.join(STILLS)}")
     HERE.mkdir(exist_ok=True)
     for shot in asked.shots:
+        if missing := _missing_plugins(shot):
+            print(f"{shot} is left out: it needs the plug-in {missing[0]}, which is not installed")
+            continue
         _draw(shot, STILLS[shot], asked.root, asked.quality)
+
+
+def _missing_plugins(shot: str) -> list[str]:
+    """Return those of the plug-ins that are named in a shot's first line which are not installed."""
+    named = re.match(r"# Needs the plug-ins? (.*)\.\n", Path("shots", f"{shot}.yaml").read_text())
+    names = re.split(", | and ", named[1]) if named else []
+    return [name for name in names if find_spec(f"flowsculpt.pipeline.plugins.{name}") is None]
 
 
 def _draw(shot: str, frame: int, root: Path, quality: str) -> None:

@@ -25,7 +25,6 @@ from flowsculpt.render.graphics.typesetting import lettering
 from flowsculpt.render.mitsuba.engine import choose
 from flowsculpt.render.post.colour import quantise, to_display
 from flowsculpt.render.post.denoise import denoise
-from flowsculpt.render.scene.patterns import SPEED
 from flowsculpt.render.scene.render_quality import QUALITIES
 from flowsculpt.render.scene.scene import Scene
 from flowsculpt.render.scene.scene_lights import LIGHTS
@@ -112,7 +111,7 @@ def _sculpture(shot: Shot) -> tuple[Surface, Framing]:
     }
     edges = outlines(fine.faces, shot.picture.tessellate)
     shading = Shading(frame, split, shot.picture.tessellate)
-    brought = {SPEED: shading.speeds(shot.motion)}
+    brought = {Surface.SPEED: shading.speeds(shot.motion)}
     return Surface(faces=fine.faces, edges=edges, attributes=brought, **arrays), framing
 
 

@@ -1,4 +1,4 @@
-"""Files: read within limits, written whole or not at all, kept between runs, parsed in own processes."""
+"""Files read within limits, written whole or not at all, kept or parsed apart, and pages for browsers."""
 
 from flowsculpt import lazy_names
 

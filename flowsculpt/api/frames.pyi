@@ -39,7 +39,6 @@ from flowsculpt.pipeline.production.store.paths import Folders as Folders
 from flowsculpt.pipeline.production.store.paths import RootFolders as RootFolders
 from flowsculpt.pipeline.production.store.readers import StoredFiles as StoredFiles
 from flowsculpt.pipeline.production.store.remote_store import use_store as use_store
-from flowsculpt.pipeline.production.store.store import Key as Key
 from flowsculpt.pipeline.production.store.store import Store as Store
 from flowsculpt.pipeline.production.store.store import key_of as key_of
 from flowsculpt.pipeline.production.store.store import upload_missed as upload_missed

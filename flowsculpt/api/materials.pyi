@@ -1,21 +1,15 @@
 """Looks as values: materials, their textures, and the lights and stage around them."""
 
-from flowsculpt.render.post.embedded_textures import EmbeddedPicture as EmbeddedPicture
-from flowsculpt.render.scene.materials import BrushedMetal as BrushedMetal
+from flowsculpt.render.scene.materials import LOOKS as LOOKS
 from flowsculpt.render.scene.materials import Diffuse as Diffuse
-from flowsculpt.render.scene.materials import Glass as Glass
-from flowsculpt.render.scene.materials import Glossy as Glossy
-from flowsculpt.render.scene.materials import Gouraud as Gouraud
-from flowsculpt.render.scene.materials import Metal as Metal
-from flowsculpt.render.scene.materials import MitsubaMaterial as MitsubaMaterial
+from flowsculpt.render.scene.materials import Material as Material
 from flowsculpt.render.scene.materials import Opacity as Opacity
-from flowsculpt.render.scene.materials import PatternedMaterial as PatternedMaterial
-from flowsculpt.render.scene.materials import Plastic as Plastic
+from flowsculpt.render.scene.materials import PreviewSurface as PreviewSurface
 from flowsculpt.render.scene.materials import Satin as Satin
-from flowsculpt.render.scene.materials import Smoke as Smoke
+from flowsculpt.render.scene.painted_faces import PaintedFaces as PaintedFaces
+from flowsculpt.render.scene.patterns import Pigment as Pigment
+from flowsculpt.render.scene.rgb_spaces import linear_of_srgb as linear_of_srgb
 from flowsculpt.render.scene.rgb_spaces import srgb_of_linear as srgb_of_linear
-from flowsculpt.render.scene.scene_lights import Softbox as Softbox
-from flowsculpt.render.scene.scene_lights import Sun as Sun
-from flowsculpt.render.scene.scene_stage import Stage as Stage
-from flowsculpt.render.scene.texture_projection import TextureProjection as TextureProjection
+from flowsculpt.render.scene.scene_lights import LightRig as LightRig
+from flowsculpt.render.scene.surface import Surface as Surface
 from flowsculpt.render.scene.textures import Texture as Texture

@@ -26,15 +26,4 @@ from flowsculpt.render.post.image import write_still as write_still
 from flowsculpt.render.raster import Shape as Shape
 from flowsculpt.render.raster import draw_preview as draw_preview
 from flowsculpt.render.scene.aovs import RenderedFrame as RenderedFrame
-from flowsculpt.render.scene.materials import LOOKS as LOOKS
-from flowsculpt.render.scene.materials import Material as Material
-from flowsculpt.render.scene.materials import Painted as Painted
-from flowsculpt.render.scene.painted_faces import PaintedFaces as PaintedFaces
-from flowsculpt.render.scene.patterns import SPEED as SPEED
-from flowsculpt.render.scene.patterns import Pigment as Pigment
 from flowsculpt.render.scene.render_camera import Camera as Camera
-from flowsculpt.render.scene.rgb_spaces import linear_of_srgb as linear_of_srgb
-from flowsculpt.render.scene.scene_lights import LightRig as LightRig
-from flowsculpt.render.scene.surface import Surface as Surface
-from flowsculpt.render.scene.textures import REPEATED as REPEATED
-from flowsculpt.render.scene.vertex_colours import vertex_colours as vertex_colours

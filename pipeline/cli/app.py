@@ -35,9 +35,9 @@ from flowsculpt.pipeline.cli.output import out, print_error, print_warning
 from flowsculpt.pipeline.cli.standard_streams import READER_LEFT, OutputError, discard_output
 from flowsculpt.pipeline.errors import FlowsculptError, MachineError
 from flowsculpt.pipeline.plugin import Command, fault_of_plugin, named, plugins
-from flowsculpt.render.base.atomic_write import REMEDIES, machine_error
 from flowsculpt.render.base.foreign_code import reason_of_foreign
 from flowsculpt.render.base.python_process import ENDING
+from flowsculpt.render.base.render_errors import REMEDIES
 
 HELP = """Films of shapes that flow like putty, from a shot file to a finished film.
 
@@ -268,7 +268,7 @@ def main() -> None:
         if error.errno not in REMEDIES:
             raise
         file = Path(os.fsdecode(error.filename or "a file"))  # closing one has no name
-        print_error(str(machine_error(file, error, "used")))
+        print_error(str(MachineError.of_path(file, error, "used")))
         sys.exit(MachineError.exit_code)
     except BaseException as error:
         if isinstance(error.__cause__, KeyboardInterrupt):  # which Python 3.11 wraps while it makes a class

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from flowsculpt.pipeline.cli.options import Common
-from flowsculpt.pipeline.cli.output import exit_with, print_result, print_warning, progress_bars
+from flowsculpt.pipeline.cli.output import print_result, print_warning, progress_bars
 from flowsculpt.pipeline.production.store.shared_kernels import fetch_kernels, note_all_compiled, send_kernels
 from flowsculpt.pipeline.production.store.store import Store
 from flowsculpt.render.base.kernel_build import build_kernels, kernel_calls
@@ -62,7 +62,7 @@ def doctor(
         "remote_store": None if remote is None else {"url": remote.url, "fault": remote.fault()},
     }
     print_result(_diagnosis(facts), facts, common.json)
-    exit_with(4 if renderer["renderer"] == "none" else 0)
+    raise typer.Exit(4 if renderer["renderer"] == "none" else 0)
 
 
 def _complete_environment() -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
+import typer
 from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskID, TextColumn, TimeElapsedColumn
 from rich.text import Text
 
@@ -17,13 +18,12 @@ from flowsculpt.pipeline.cli.options import Common
 from flowsculpt.pipeline.cli.output import (
     ProgressLines,
     done_words,
-    duration,
+    duration_words,
     err,
-    exit_with,
     print_error,
     print_result,
     print_warning,
-    size,
+    size_words,
 )
 from flowsculpt.pipeline.cli.run_observer import RunObserver
 from flowsculpt.pipeline.production.execution.run import PATIENCE, Outcome, run
@@ -117,7 +117,7 @@ class StageBars:
         share = self._time_left.share(parts)
         if share is not None:
             left = self._time_left.seconds(share)
-            words = f"about {duration(_rounded(left))} left" if share < 1.0 else ""
+            words = f"about {duration_words(_rounded(left))} left" if share < 1.0 else ""
             self._progress.update(self._whole, completed=share, now=words)
 
 
@@ -214,7 +214,7 @@ def execute_and_report(
         words = "\n".join([words, *filter(None, lines)])
     facts = {**_outcome_facts(outcome, seconds), **({"sheets": sheets} if draw else {})}
     print_result(words, facts, common.json)
-    exit_with(outcome.exit_code)
+    raise typer.Exit(outcome.exit_code)
 
 
 def report_plan(
@@ -236,8 +236,8 @@ def report_plan(
     expected = estimate(forecast.plan, common.root, common.cores)
     if not expected.fits:
         print_warning(
-            f"the run needs about {size(expected.bytes or 0.0)}, and the disk has "
-            f"{size(expected.free)} left; free some space, or choose another disk with --root"
+            f"the run needs about {size_words(expected.bytes or 0.0)}, and the disk has "
+            f"{size_words(expected.free)} left; free some space, or choose another disk with --root"
         )
     words = [*lines, forecast_words(forecast, expected) if plan.jobs else nothing]
     if plan.spared:
@@ -329,12 +329,16 @@ def estimate_words(expected: Estimate, about: str = "about") -> str:
     told = []
     if expected.core_seconds:
         by = f", by {expected.by}" if expected.by else ""
-        told.append(f"It takes {about} {duration(expected.seconds)} on {plural(expected.cores, 'core')}{by}.")
+        told.append(
+            f"It takes {about} {duration_words(expected.seconds)} on {plural(expected.cores, 'core')}{by}."
+        )
     if expected.unmeasured:
         stages = ", ".join(dict.fromkeys(STAGES[stage].doing for stage in expected.unmeasured))
         told.append(f"How long {stages} takes is not known: none was done here yet.")
     if expected.bytes:
-        told.append(f"It needs {size(expected.bytes)} of the {size(expected.free)} that are free.")
+        told.append(
+            f"It needs {size_words(expected.bytes)} of the {size_words(expected.free)} that are free."
+        )
     return " ".join(told)
 
 

@@ -21,7 +21,6 @@ from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
     Progress,
-    ProgressColumn,
     Task,
     TextColumn,
     TimeElapsedColumn,
@@ -128,7 +127,7 @@ class _ReadableTable(Table):
         super().add_row(*shown, **settings)
 
 
-def table(*headings: str) -> Table:
+def empty_table(*headings: str) -> Table:
     """Return an empty table with these columns."""
     empty = _ReadableTable(box=None, pad_edge=False)
     for heading in headings:
@@ -136,13 +135,7 @@ def table(*headings: str) -> Table:
     return empty
 
 
-def exit_with(code: int) -> None:
-    """End the command with an exit code; 0 lets it go on."""
-    if code:
-        raise typer.Exit(code)
-
-
-def duration(seconds: float) -> str:
+def duration_words(seconds: float) -> str:
     """Return a duration in words: `40 s`, `12 min`, `3 h 05 min`, `2 days 4 h`."""
     if seconds < 90.0:
         return f"{seconds:.0f} s"
@@ -156,7 +149,7 @@ def duration(seconds: float) -> str:
     return f"{plural(days, 'day')} {hours} h"
 
 
-def size(count: float) -> str:
+def size_words(count: float) -> str:
     """Return a number of bytes in words: `512 bytes`, `980 kB`, `1.2 GB`."""
     for unit, factor in (("TB", 1e12), ("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
         if count >= factor:
@@ -164,34 +157,36 @@ def size(count: float) -> str:
     return plural(round(count), "byte")
 
 
-def frame_progress(*more: ProgressColumn, wanted: bool = True) -> Progress:
-    """Return bars on standard error: frames done of all, time elapsed and time left; drawn if `wanted`.
+class ProgressBar:
+    """A bar of `progress_bars`. Calling it advances it by one."""
 
-    Where standard error is no terminal, they are lines of text.
+    def __init__(self, progress: Progress, name: str, total: int) -> None:
+        self.progress, self._task = progress, progress.add_task(name, total=total, now="")
+
+    def __call__(self) -> None:
+        self.progress.advance(self._task)
+
+    def show(self, done: float, now: str = "") -> None:
+        """Show how much of the total is done, and what is under way, beside the bar."""
+        self.progress.update(self._task, completed=done, now=now)
+
+
+@contextmanager
+def progress_bars(wanted: bool) -> Iterator[Callable[[str, int], ProgressBar]]:
+    """Yield a function that adds a bar to standard error, by name and total, and returns it.
+
+    A bar shows what is done of all, time elapsed and time left; where standard error is no terminal, it is
+    lines of text. Nothing is drawn unless `wanted`.
     """
-    if wanted and not err.is_terminal:
-        return ProgressLines(err)
-    return Progress(
+    columns = (
         TextColumn("{task.description:>16}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),
         TimeElapsedColumn(),
         TextColumn("left"),
         TimeRemainingColumn(),
-        *more,
-        console=err,
-        disable=not wanted,
+        TextColumn("{task.fields[now]}", style="dim", markup=False),
     )
-
-
-@contextmanager
-def progress_bars(wanted: bool) -> Iterator[Callable[[str, int], Callable[[], None]]]:
-    """Yield a function that adds a bar, by name and total, and returns what advances it by one.
-
-    Nothing is drawn unless `wanted`.
-    """
-    if not wanted:
-        yield lambda name, total: lambda: None
-        return
-    with frame_progress() as progress:
-        yield lambda name, total: partial(progress.advance, progress.add_task(name, total=total))
+    drawn = err.is_terminal or not wanted
+    with Progress(*columns, console=err, disable=not wanted) if drawn else ProgressLines(err) as progress:
+        yield partial(ProgressBar, progress)

@@ -20,7 +20,7 @@ from flowsculpt.pipeline.cli.options import (
     Shots,
     Variant,
 )
-from flowsculpt.pipeline.cli.output import duration, err
+from flowsculpt.pipeline.cli.output import duration_words, err
 from flowsculpt.pipeline.errors import UsageError
 from flowsculpt.pipeline.plugin import named, plugins
 from flowsculpt.pipeline.production.planning.estimate import Forecast, estimate, typical_seconds
@@ -184,5 +184,5 @@ def _cost(common: Common, plan: Plan) -> str:
     samples = f"{'at most ' if large.is_adaptive else ''}{plural(large.samples, 'sample')}"
     frames = f"{plural(count, 'frame')} of {width} × {height} pixels, {samples} each"
     about = "at most" if forecast.unframed else "about"
-    time = f"{about} {duration(seconds)} on {plural(common.cores, 'core')}, by {by}"
+    time = f"{about} {duration_words(seconds)} on {plural(common.cores, 'core')}, by {by}"
     return f"To be rendered: {frames}. That takes {time}."

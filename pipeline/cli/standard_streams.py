@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any
 
 from flowsculpt.pipeline.errors import MachineError
-from flowsculpt.render.base.atomic_write import machine_error
 
 READER_LEFT = 141
 """Exit code where the reader of a pipe has left, as shells have it: 128 and the number of SIGPIPE."""
@@ -34,7 +33,7 @@ class OutputError(MachineError):
     def __init__(self, error: OSError) -> None:
         closed = "standard output: cannot be written: it is closed; send it to a file, or to /dev/null"
         is_closed = error.errno == errno.EBADF
-        super().__init__(closed if is_closed else str(machine_error(Path("standard output"), error)))
+        super().__init__(closed if is_closed else str(MachineError.of_path(Path("standard output"), error)))
         if error.errno == errno.EPIPE:
             self.exit_code = READER_LEFT
 

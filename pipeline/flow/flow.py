@@ -26,7 +26,7 @@ import numpy as np
 from flowsculpt.pipeline.arrays import Points
 from flowsculpt.pipeline.errors import FrameError, UsageError
 from flowsculpt.pipeline.flow.parameters import Vector
-from flowsculpt.render.base.input_files import read_input
+from flowsculpt.render.base.input_files import InputFile
 
 _CODE = (".py", ".pyc", ".so", ".nbi", ".nbc", ".kernel", ".pth")
 """Modules, and what caches compile from them; keys do not hold imports."""
@@ -327,7 +327,7 @@ def _function(path: Path, digest: str, name: str) -> Displacement:
 @lru_cache(maxsize=64)
 def _module(path: Path, digest: str) -> ModuleType:
     """Run a file as a module in sys.modules, where dataclasses look up their own."""
-    source = read_input(path, MOST_CODE)
+    source = InputFile(path, MOST_CODE).content()
     if hashlib.sha256(source).hexdigest() != digest:
         raise FrameError(f"{path}: it was changed since the work was planned; run again")
     module = ModuleType(f"flowsculpt_flow_{digest}")

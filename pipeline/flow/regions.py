@@ -33,7 +33,7 @@ from flowsculpt.pipeline.flow.parameters import (
 )
 from flowsculpt.pipeline.flow.velocity import Instruction, StableProperty
 from flowsculpt.pipeline.mesh.meshes import TriangleMesh
-from flowsculpt.pipeline.mesh.validation import require
+from flowsculpt.pipeline.mesh.validation import validate
 
 LEAF = 6  # the most triangles in a leaf
 
@@ -143,7 +143,7 @@ class ClosedSurface:
 
         Raises MeshError, in one sentence that begins with `name`, where it is open or not manifold.
         """
-        require(mesh, closed=True, name=name)
+        validate(mesh).require(closed=True, name=name)
         return cls(mesh.vertices[mesh.faces].tobytes())
 
     @cached_property

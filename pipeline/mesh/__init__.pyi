@@ -16,5 +16,4 @@ from flowsculpt.pipeline.mesh.solids import rod as rod
 from flowsculpt.pipeline.mesh.solids import sheet as sheet
 from flowsculpt.pipeline.mesh.solids import torus as torus
 from flowsculpt.pipeline.mesh.validation import Soundness as Soundness
-from flowsculpt.pipeline.mesh.validation import require as require
 from flowsculpt.pipeline.mesh.validation import validate as validate

@@ -76,7 +76,7 @@ class FaceSoup(FaceLists):
         return mesh, origin
 
 
-def components(count: int, ends: AnyArray, others: AnyArray) -> AnyArray:
+def connected_components(count: int, ends: AnyArray, others: AnyArray) -> AnyArray:
     """Return for each of `count` nodes the lowest node that links (L,) between `ends` and `others` reach."""
     root = np.arange(count)
     while True:
@@ -270,7 +270,7 @@ def _walls(soup: FaceSoup, mate: AnyArray, counted: AnyArray) -> AnyArray:
     some = np.empty(len(others), np.int64)
     some[edge[inside]] = owner[inside]  # one of the doubled faces at each edge
     pairs = np.flatnonzero(doubled)
-    region = components(
+    region = connected_components(
         len(soup), np.append(owner[inside], pairs), np.append(some[edge[inside]], mate[pairs])
     )
     has_rim, has_free = np.zeros(len(soup), bool), np.zeros(len(soup), bool)

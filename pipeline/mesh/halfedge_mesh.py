@@ -26,7 +26,7 @@ from flowsculpt.pipeline.mesh.kernels.halfedge import (
 )
 from flowsculpt.pipeline.mesh.meshes import TriangleMesh, edge_keys, stable_order
 from flowsculpt.pipeline.mesh.normals import tagged_halfedges
-from flowsculpt.pipeline.mesh.validation import require
+from flowsculpt.pipeline.mesh.validation import validate
 
 IDENTITY = "identity"  # vertex attribute (V,), int64, that tells the vertices of a film apart
 _LARGEST = 1 << 53  # attributes are stored as float64, which has no larger odd integers
@@ -188,7 +188,7 @@ class HalfedgeMesh:
     """
 
     def __init__(self, mesh: TriangleMesh, register: Register | None = None) -> None:
-        self.euler = require(mesh).euler
+        self.euler = validate(mesh).require().euler
         self.register = register
         self._scratch: dict[str, AnyArray] = {}
         self._columns = _Columns.of(mesh.attributes)

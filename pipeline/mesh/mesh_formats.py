@@ -11,12 +11,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
 from flowsculpt.pipeline.arrays import AnyArray, Faces, Indices, Points
-from flowsculpt.render.base.input_files import joint_digest, read_input
+from flowsculpt.render.base.input_files import InputFile, joint_digest
 from flowsculpt.render.base.plural import plural
 from flowsculpt.render.scene.painted_faces import PaintedFaces
 
@@ -52,35 +52,36 @@ class FileSurface(NamedTuple):
     notes: tuple[str, ...] = ()
     unit: float | None = None
 
+    @classmethod
+    def of(
+        cls,
+        points: Points,
+        faces: Sequence[Sequence[int]] | AnyArray,
+        groups: Sequence[int] | None = None,
+        tagged: Sequence[tuple[int, int]] = (),
+        base: int | None = 0,
+        notes: tuple[str, ...] = (),
+        sides: Sequence[int] | AnyArray | None = None,
+    ) -> FileSurface:
+        """Return the surface of faces.
+
+        faces  one corner sequence a face; (F, n) where all faces have n corners; or, with their numbers of
+               `sides` (F,), the corners of all, int64 (C,), one face after another
+
+        Raises ValueError where a face names a missing vertex.
+        """
+        if sides is not None:
+            offsets, corners = offsets_of(sides), np.asarray(faces, np.int64)
+        elif isinstance(faces, np.ndarray):
+            offsets, corners = faces.shape[1] * np.arange(len(faces) + 1), faces.reshape(-1).astype(np.int64)
+        else:
+            offsets = offsets_of([len(face) for face in faces])
+            corners = np.fromiter(chain.from_iterable(faces), np.int64)
+        return polygon_surface(points, offsets, corners, groups, tagged, base, notes)
+
     @property
     def shares_vertices(self) -> bool:
         return self.base is not None
-
-
-def file_surface(
-    points: Points,
-    faces: Sequence[Sequence[int]] | AnyArray,
-    groups: Sequence[int] | None = None,
-    tagged: Sequence[tuple[int, int]] = (),
-    base: int | None = 0,
-    notes: tuple[str, ...] = (),
-    sides: Sequence[int] | AnyArray | None = None,
-) -> FileSurface:
-    """Return the surface of faces, as `FileSurface` describes the rest.
-
-    faces  one corner sequence a face; (F, n) where all faces have n corners; or, with their numbers of
-           `sides` (F,), the corners of all, int64 (C,), one face after another
-
-    Raises ValueError where a face names a missing vertex.
-    """
-    if sides is not None:
-        offsets, corners = offsets_of(sides), np.asarray(faces, np.int64)
-    elif isinstance(faces, np.ndarray):
-        offsets, corners = faces.shape[1] * np.arange(len(faces) + 1), faces.reshape(-1).astype(np.int64)
-    else:
-        offsets = offsets_of([len(face) for face in faces])
-        corners = np.fromiter(chain.from_iterable(faces), np.int64)
-    return polygon_surface(points, offsets, corners, groups, tagged, base, notes)
 
 
 def offsets_of(sides: Sequence[int] | AnyArray) -> AnyArray:
@@ -138,7 +139,7 @@ class ScenePart:
     time_code: float | None = None
 
 
-class ModelFiles(NamedTuple):
+class SourceFiles(NamedTuple):
     """The files that a model is read from.
 
     digest  SHA-256 of their contents
@@ -154,7 +155,7 @@ class ModelFiles(NamedTuple):
     @classmethod
     def of(
         cls, files: Sequence[tuple[Path, str]], up: str | None = None, readers: Sequence[str] = ()
-    ) -> ModelFiles:
+    ) -> SourceFiles:
         """Return files with the digest of all.
 
         readers  words for readers that earlier versions did not have, for files that they read otherwise
@@ -175,11 +176,21 @@ class SurfaceReader:
     """
 
     read: Callable[[Path], FileSurface]
-    files: Callable[[Path], ModelFiles] | None = None
+    files: Callable[[Path], SourceFiles] | None = None
     states_up: bool = False
     usual_up: str = "y"
     read_part: Callable[[Path, ScenePart], FileSurface] | None = None
     misread: re.Pattern[bytes] | None = None
+
+    @classmethod
+    def of_content(
+        cls,
+        parse: Callable[[bytes], FileSurface],
+        files: Callable[[Path], SourceFiles] | None = None,
+        **options: Any,
+    ) -> SurfaceReader:
+        """Return the reader of surfaces that `parse` makes of the content of a file; the rest as above."""
+        return cls(reader_of(parse), files, **options)
 
 
 class Paint(Protocol):
@@ -235,7 +246,7 @@ class PaintReader:
 
 def reader_of(parse: Callable[[bytes], T]) -> Callable[[Path], T]:
     """Return the reader of files whose content `parse` reads."""
-    return lambda path: parse(read_input(path, MOST_BYTES))
+    return lambda path: parse(InputFile(path, MOST_BYTES).content())
 
 
 def suffix_of(path: str | Path) -> str:

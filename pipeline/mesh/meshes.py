@@ -366,6 +366,19 @@ class PolygonMesh(FaceLists):
         keys = np.unique(low * len(self.vertices) + np.maximum(self.corners, self.heads))
         return np.column_stack(np.divmod(keys, max(len(self.vertices), 1))).astype(np.int32)
 
+    @property
+    def twins(self) -> AnyArray:
+        """For each corner, (C,) int64, the side that runs back along the side beginning there; else -1.
+
+        Where more than two sides run between two vertices, one of them is taken.
+        """
+        tails, heads, count = self.corners.astype(np.int64), self.heads.astype(np.int64), len(self.vertices)
+        sides, reverse = tails * count + heads, heads * count + tails
+        order = np.argsort(sides, kind="stable")
+        place = np.searchsorted(sides[order], reverse)
+        exists = np.append(sides[order], -1)[place] == reverse
+        return np.where(exists, np.append(order, -1)[place], -1)
+
     def with_vertices(self, vertices: ArrayLike) -> PolygonMesh:
         """Return the same surface with other positions."""
         return PolygonMesh.from_arrays(vertices, self.offsets, self.corners, self.attributes, self.creases)

@@ -36,7 +36,7 @@ from flowsculpt.pipeline.mesh.kernels.normal_kernels import (
     sum_normals,
 )
 from flowsculpt.pipeline.mesh.meshes import TriangleMesh, edge_keys
-from flowsculpt.pipeline.mesh.validation import require
+from flowsculpt.pipeline.mesh.validation import validate
 
 NORMAL = "normal"
 """Vertex attribute (V, 3): known normals, carried through a flow for example; unit, or zero where unknown."""
@@ -169,7 +169,7 @@ def twins_of(mesh: TriangleMesh) -> Indices:
     twin = np.empty(mesh.faces.size, np.int32)
     problem, _ = match_twins(mesh.faces.reshape(-1), len(mesh.vertices), twin)
     if problem != SOUND:
-        require(mesh)
+        validate(mesh).require()
         raise MeshError("mesh: it is not an oriented manifold")
     return twin
 

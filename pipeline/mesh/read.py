@@ -30,32 +30,24 @@ from flowsculpt.pipeline.mesh.face_soup import (
 )
 from flowsculpt.pipeline.mesh.mesh_formats import (
     FileSurface,
-    ModelFiles,
+    ModelMaterials,
+    Paint,
     PaintReader,
     ScenePart,
+    SourceFiles,
     SurfaceReader,
     suffix_of,
 )
 from flowsculpt.pipeline.mesh.meshes import PolygonMesh, TriangleMesh, edge_keys
-from flowsculpt.pipeline.mesh.validation import twin_corners, validate
+from flowsculpt.pipeline.mesh.validation import validate
 from flowsculpt.pipeline.mesh.winding import Winding, detached_corners, find_winding, link_sides
 from flowsculpt.pipeline.plugin import named, plugins
-from flowsculpt.render.base.input_files import (
-    digest_of_file,
-    open_input,
-    other_content,
-    require_input,
-)
+from flowsculpt.render.base.input_files import InputFile, other_content
 
 
 def mesh_suffixes() -> tuple[str, ...]:
     """Return the suffixes of readable mesh files."""
     return tuple(plugins().readers("surface"))
-
-
-def surface_reader(path: str | Path) -> SurfaceReader | None:
-    """Return the reader of a file's surface by its suffix; None where nothing reads it."""
-    return _reader_at(plugins().readers("surface").get(suffix_of(path)), SurfaceReader)
 
 
 def _reader_at(place: str | None, kind: type[T]) -> T | None:
@@ -64,12 +56,6 @@ def _reader_at(place: str | None, kind: type[T]) -> T | None:
     if not isinstance(found, kind | None):
         raise MachineError(f"{place}, which a plug-in names as a reader, is not a {kind.__name__}")
     return found
-
-
-def names_parts(path: str | Path) -> bool:
-    """Tell whether parts of scenes in a file's format have names, as prims of USD have."""
-    reader = surface_reader(path)
-    return reader is not None and reader.read_part is not None
 
 
 def read_mesh(path: str | Path) -> TriangleMesh:
@@ -87,9 +73,9 @@ def read_mesh(path: str | Path) -> TriangleMesh:
 def read_polygons(path: str | Path) -> PolygonMesh:
     """Read a surface as it is, with its polygons, repaired where needed.
 
-    Raises the errors of `read_surface`.
+    Raises the errors of `ModelFile.surface`.
     """
-    return read_surface(path).mesh
+    return ModelFile(Path(path)).surface().mesh
 
 
 @dataclass(frozen=True)
@@ -120,38 +106,93 @@ class ImportedSurface:
         return (*repaired, *(f"model: {line}" for line in self.notes))
 
 
-def read_surface(path: str | Path, repair: bool = True, part: ScenePart | None = None) -> ImportedSurface:
-    """Read a surface: scenes are joined, polygons kept, coincident vertices merged, faults repaired.
-
-    Merging joins the loose triangles of an STL and the seams of textured models into one surface; faces with
-    fewer than three corners left are dropped, and so are unused vertices. Creases are the edges that an OBJ
-    tags as such, and those between faces of different objects, groups, smoothing groups or materials (P31);
-    those of other formats as their readers say.
+@dataclass(frozen=True)
+class ModelFile:
+    """A file that holds a model, and what the readers of its suffix read of it.
 
     part  of a scene whose format names parts
 
-    Raises MissingInputError where there is no such file, MeshError where it cannot be read or is not a
-    finite, oriented manifold: without `repair` any such fault, with it those that cannot be repaired.
-    MachineError without the package that reads its format.
+    All that reads it raises MissingInputError where the file, or one that it names, is not there; MeshError
+    where it cannot be read; and MachineError without the package that reads its format.
     """
-    path = Path(path)
-    reader = surface_reader(path)
-    readers = {} if reader is None else {suffix_of(path): _reader(reader, part)}
-    loaded = read_by_suffix(path, readers, "a mesh format", mesh_suffixes())
-    if len(loaded.corners) == 0:
-        _require_own_content(path)
-        rest = "".join(f"; {note}" for note in loaded.notes)
-        raise MeshError(f"{path}: it has no faces; a surface needs at least one triangle{rest}")
-    _require_cuttable(path, loaded)
-    try:
-        mesh, repairs = repair_surface(loaded, repair)
-    except MeshError as error:
-        raise MeshError(f"{path}: {error}") from None
-    suffix = path.suffix.lstrip(".").upper()
-    vertices = len(loaded.points) if loaded.shares_vertices else len(mesh.vertices)
-    return ImportedSurface(
-        mesh, repairs, suffix, vertices, len(loaded.offsets) - 1, loaded.notes, loaded.unit
-    )
+
+    path: Path
+    part: ScenePart | None = None
+
+    @property
+    def reader(self) -> SurfaceReader | None:
+        """The reader of its surface; None where nothing reads it."""
+        return _reader_at(plugins().readers("surface").get(suffix_of(self.path)), SurfaceReader)
+
+    @property
+    def names_parts(self) -> bool:
+        """True if parts of scenes in its format have names, as prims of USD have."""
+        return self.reader is not None and self.reader.read_part is not None
+
+    def surface(self, repair: bool = True) -> ImportedSurface:
+        """Read the surface: scenes are joined, polygons kept, coincident vertices merged, faults repaired.
+
+        Merging joins the loose triangles of an STL and the seams of textured models into one surface; faces
+        with fewer than three corners left are dropped, and so are unused vertices. Creases are the edges that
+        an OBJ tags as such, and those between faces of different objects, groups, smoothing groups or
+        materials (P31); those of other formats as their readers say.
+
+        Raises MeshError also where it is not a finite, oriented manifold: without `repair` for any such
+        fault, with it for those that cannot be repaired.
+        """
+        path, reader = self.path, self.reader
+        readers = {} if reader is None else {suffix_of(path): _reader(reader, self.part)}
+        loaded = read_by_suffix(path, readers, "a mesh format", mesh_suffixes())
+        if len(loaded.corners) == 0:
+            _require_own_content(path)
+            rest = "".join(f"; {note}" for note in loaded.notes)
+            raise MeshError(f"{path}: it has no faces; a surface needs at least one triangle{rest}")
+        _require_cuttable(path, loaded)
+        try:
+            mesh, repairs = repair_surface(loaded, repair)
+        except MeshError as error:
+            raise MeshError(f"{path}: {error}") from None
+        suffix = path.suffix.lstrip(".").upper()
+        vertices = len(loaded.points) if loaded.shares_vertices else len(mesh.vertices)
+        return ImportedSurface(
+            mesh, repairs, suffix, vertices, len(loaded.offsets) - 1, loaded.notes, loaded.unit
+        )
+
+    def files(self) -> SourceFiles:
+        """Return the files of the model, and their digests."""
+        reader = self.reader
+        if reader is None or reader.files is None:
+            return _own_file(self.path, None if reader is None else reader.misread)
+        return read_by_suffix(self.path, {suffix_of(self.path): reader.files}, "a mesh format")
+
+    def up(self) -> str:
+        """Return the axis, y or z, that points up: what the file states, or what is usual in its format."""
+        if self.reader is None:
+            return "y"
+        return (self.files().up if self.reader.states_up else None) or self.reader.usual_up
+
+    def materials(self) -> ModelMaterials:
+        """Read the materials of the model."""
+        return self._painted(lambda reader: reader.materials)
+
+    def paint(self) -> Paint:
+        """Read the paint on its faces."""
+        return self._painted(lambda reader: reader.paint)
+
+    def paint_files(self) -> Mapping[Path, str]:
+        """Return the files that paint is read from besides those of the surface, and their SHA-256."""
+        return self._painted(lambda reader: reader.files)
+
+    def _painted(self, read: Callable[[PaintReader], Callable[[Path], T]]) -> T:
+        readers = plugins().readers("paint")
+        reader = _reader_at(readers.get(suffix_of(self.path)), PaintReader)
+        if reader is None:
+            known = ", ".join(readers) or "files by plug-ins alone"
+            fact = f"paint is read from {known}, not from {self.path.suffix}"
+            raise MeshError(f"{self.path}: {fact}. Write paint: off.")
+        if self.part is not None and reader.of_part is not None:
+            reader = reader.of_part(self.part)
+        return read_by_suffix(self.path, {suffix_of(self.path): read(reader)}, "a mesh format")
 
 
 _FEW_CORNERS, _MOST_WORK = 64, 1.2e9
@@ -177,54 +218,14 @@ def _reader(reader: SurfaceReader, part: ScenePart | None) -> Callable[[Path], F
     return lambda path: read_part(path, part)
 
 
-def usual_up(path: Path) -> str:
-    """Return the axis, y or z, that points up: what a file states, or what is usual in its format.
-
-    Raises as `model_files` where the format states it.
-    """
-    reader = surface_reader(path)
-    if reader is None:
-        return "y"
-    return (model_files(path).up if reader.states_up else None) or reader.usual_up
-
-
-def model_files(path: Path) -> ModelFiles:
-    """Return the files of a model, and their digests.
-
-    Raises MissingInputError where one is missing; in formats whose files name others or state their axes also
-    MeshError where it cannot be read, and MachineError without the package that reads it.
-    """
-    reader = surface_reader(path)
-    if reader is None or reader.files is None:
-        return _own_file(path, None if reader is None else reader.misread)
-    return read_by_suffix(path, {suffix_of(path): reader.files}, "a mesh format")
-
-
-def read_paint(
-    path: Path, read: Callable[[PaintReader], Callable[[Path], T]], part: ScenePart | None = None
-) -> T:
-    """Return what one function of the reader of paint of a model, or a part, which `read` picks, returns.
-
-    Raises as `read_by_suffix`, and MissingInputError where the model names a file that is not there.
-    """
-    readers = plugins().readers("paint")
-    reader = _reader_at(readers.get(suffix_of(path)), PaintReader)
-    if reader is None:
-        known = ", ".join(readers) or "files by plug-ins alone"
-        raise MeshError(f"{path}: paint is read from {known}, not from {path.suffix}. Write paint: off.")
-    if part is not None and reader.of_part is not None:
-        reader = reader.of_part(part)
-    return read_by_suffix(path, {suffix_of(path): read(reader)}, "a mesh format")
-
-
-def _own_file(path: Path, misread: re.Pattern[bytes] | None) -> ModelFiles:
+def _own_file(path: Path, misread: re.Pattern[bytes] | None) -> SourceFiles:
     """Return the files of a model that is read from one."""
-    digest = digest_of_file(path)
+    digest = InputFile(path).digest()
     reader = []
     if misread is not None:
-        with open_input(path) as (file, size):
+        with InputFile(path).open() as (file, size):
             reader = ["text reader 2"] * bool(misread.search(file.read(min(size, 1 << 14))))
-    return ModelFiles.of([(path, digest)], readers=reader)
+    return SourceFiles.of([(path, digest)], readers=reader)
 
 
 def read_by_suffix(
@@ -237,7 +238,7 @@ def read_by_suffix(
     Raises MissingInputError where there is no such file, MeshError for another suffix or an unreadable file,
     BadInputError for one that is too large.
     """
-    size, suffix = require_input(path), path.suffix.lstrip(".").lower()
+    size, suffix = InputFile(path).size(), path.suffix.lstrip(".").lower()
     if suffix not in readers:
         fact = f"{path}: {path.suffix or 'no suffix'} is not {kind}"
         if needed := plugins().lacking(f".{suffix}"):
@@ -461,7 +462,7 @@ def _between_groups(mesh: PolygonMesh, groups: AnyArray) -> AnyArray:
     """Return the edges (K, 2) whose two faces belong to different groups."""
     if not len(groups) or groups.min() == groups.max():
         return np.empty((0, 2), np.int64)
-    twin, mine = twin_corners(mesh), groups[mesh.owners]
+    twin, mine = mesh.twins, groups[mesh.owners]
     parting = (twin >= 0) & (mine != mine[twin])
     return np.column_stack([mesh.corners[parting], mesh.heads[parting]])
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from flowsculpt.pipeline.arrays import AnyArray, Indices, Points
 from flowsculpt.pipeline.errors import MeshError
-from flowsculpt.pipeline.mesh.face_soup import components
+from flowsculpt.pipeline.mesh.face_soup import connected_components
 from flowsculpt.pipeline.mesh.kernels.halfedge import CROWDED, SOUND, find_nonmanifold_vertex, match_twins
 from flowsculpt.pipeline.mesh.meshes import PolygonMesh, TriangleMesh
 
@@ -38,6 +38,17 @@ class Soundness:
     def euler(self) -> int:
         return self.vertices - self.edges + self.faces
 
+    def require(self, closed: bool = False, name: str = "mesh") -> Soundness:
+        """Return the result. Raises MeshError, a sentence that begins with `name`, at a broken rule."""
+        if self.problem is not None:
+            raise MeshError(f"{name}: {self.problem}")
+        if closed and not self.closed:
+            raise MeshError(
+                f"{name}: {self.boundary_edges} edges have a face on one side only; "
+                "a closed surface is needed: fill the holes"
+            )
+        return self
+
 
 def validate(mesh: TriangleMesh | PolygonMesh) -> Soundness:
     """Prove a mesh finite, oriented and manifold at every edge and vertex, or name the first fault.
@@ -58,31 +69,6 @@ def validate(mesh: TriangleMesh | PolygonMesh) -> Soundness:
         return Soundness(len(mesh.vertices), faces, problem=problem)
     boundary = int(np.count_nonzero(twin < 0))
     return Soundness(len(mesh.vertices), faces, (corners + boundary) // 2, boundary)
-
-
-def require(mesh: TriangleMesh | PolygonMesh, closed: bool = False, name: str = "mesh") -> Soundness:
-    """Return `validate(mesh)`. Raises MeshError, a sentence that begins with `name`, at a broken rule."""
-    result = validate(mesh)
-    if result.problem is not None:
-        raise MeshError(f"{name}: {result.problem}")
-    if closed and not result.closed:
-        raise MeshError(
-            f"{name}: {result.boundary_edges} edges have a face on one side only; "
-            "a closed surface is needed: fill the holes"
-        )
-    return result
-
-
-def twin_corners(mesh: PolygonMesh) -> AnyArray:
-    """Return for each corner, (C,) int64, the side that runs back along the side beginning there; else -1.
-
-    Where more than two sides run between two vertices, one of them is taken.
-    """
-    sides, reverse = _side_keys(mesh)
-    order = np.argsort(sides, kind="stable")
-    place = np.searchsorted(sides[order], reverse)
-    exists = np.append(sides[order], -1)[place] == reverse
-    return np.where(exists, np.append(order, -1)[place], -1)
 
 
 def _points_problem(mesh: TriangleMesh) -> str | None:
@@ -150,12 +136,12 @@ def _fans_problem(mesh: TriangleMesh, twin: Indices) -> str | None:
 
 
 def _polygon_problem(mesh: PolygonMesh) -> tuple[str | None, AnyArray]:
-    """Return the first fault of a polyhedron, or None, and its `twin_corners` if they are known."""
+    """Return the first fault of a polyhedron, or None, and its `twins` if they are known."""
     problem = _vertices_problem(mesh.vertices, len(mesh)) or _polygon_repeats_problem(mesh)
     problem = problem or _unused_problem(mesh.vertices, mesh.corners)
     if problem is not None:
         return problem, np.empty(0, np.int64)
-    twin = twin_corners(mesh)
+    twin = mesh.twins
     problem = _polygon_edges_problem(mesh) or _polygon_doubled_problem(mesh, twin)
     return problem or _polygon_fans_problem(mesh, twin), twin
 
@@ -170,13 +156,8 @@ def _polygon_repeats_problem(mesh: PolygonMesh) -> str | None:
     return f"face {owners[c]} names vertex {corners[c]} twice; split it in two there"
 
 
-def _side_keys(mesh: PolygonMesh) -> tuple[AnyArray, AnyArray]:
-    tails, heads = mesh.corners.astype(np.int64), mesh.heads.astype(np.int64)
-    return tails * len(mesh.vertices) + heads, heads * len(mesh.vertices) + tails
-
-
 def _polygon_edges_problem(mesh: PolygonMesh) -> str | None:
-    sides, _ = _side_keys(mesh)
+    sides = mesh.corners.astype(np.int64) * len(mesh.vertices) + mesh.heads
     order = np.argsort(sides, kind="stable")
     repeated = np.flatnonzero(np.diff(sides[order]) == 0)
     if not len(repeated):
@@ -211,7 +192,10 @@ def _polygon_fans_problem(mesh: PolygonMesh, twin: AnyArray) -> str | None:
     first = np.full(len(mesh.vertices), -1)
     first[mesh.corners[starts]] = starts
     onwards[ends] = first[mesh.corners[ends]]  # close open fans across their gaps
-    fan, any_fan = components(count, np.arange(count), onwards), np.empty(len(mesh.vertices), np.int64)
+    fan, any_fan = (
+        connected_components(count, np.arange(count), onwards),
+        np.empty(len(mesh.vertices), np.int64),
+    )
     any_fan[mesh.corners] = fan
     split = fan != any_fan[mesh.corners]
     return _two_parts(int(mesh.corners[_first(split)])) if split.any() else None

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flowsculpt.pipeline.arrays import AnyArray
-from flowsculpt.pipeline.mesh.face_soup import FaceSoup, components
+from flowsculpt.pipeline.mesh.face_soup import FaceSoup, connected_components
 from flowsculpt.pipeline.mesh.normals import unit
 
 _MOST_PAIRED = 32
@@ -53,7 +53,7 @@ def link_sides(soup: FaceSoup) -> SideLinks:
 def _pair(soup: FaceSoup, link: AnyArray, sides: AnyArray, edges: AnyArray) -> None:
     """Link the best pairs among `sides` (N,), which lie at crowded `edges` (N,) in ascending order."""
     linked = np.flatnonzero(link >= 0)
-    part = components(len(soup), soup.owners[linked], soup.owners[link[linked]])[soup.owners[sides]]
+    part = connected_components(len(soup), soup.owners[linked], soup.owners[link[linked]])[soup.owners[sides]]
     along = soup.corners[sides] < soup.heads[sides]
     inwards, angle = _directions(soup, sides, edges, along)
     around = np.lexsort([~along, np.floor(angle / _SAME_DIRECTION).astype(np.int64), edges])
@@ -215,7 +215,7 @@ def find_winding(soup: FaceSoup, link: AnyArray) -> Winding:
     across = link[side]
     ends, others = soup.owners[side], soup.owners[across]
     alike = soup.corners[side] == soup.corners[across]
-    part = components(len(soup), ends, others)
+    part = connected_components(len(soup), ends, others)
     against = np.zeros(len(soup), bool)
     cut = np.zeros(len(link), bool)
     if alike.any():
@@ -241,7 +241,7 @@ def _parities(count: int, ends: AnyArray, others: AnyArray, alike: AnyArray) -> 
     Each face is two nodes, 2f as it is and 2f + 1 reversed; links join those that agree.
     """
     turn = alike.astype(np.int64)
-    agree = components(
+    agree = connected_components(
         2 * count,
         np.concatenate([2 * ends, 2 * ends + 1]),
         np.concatenate([2 * others + turn, 2 * others + 1 - turn]),
@@ -257,7 +257,7 @@ def _spread(faces: AnyArray, ends: AnyArray, others: AnyArray, alike: AnyArray) 
     starts, links, turn = starts[order], links[order], np.concatenate([alike, alike])[order]
     first = np.searchsorted(starts, np.arange(len(faces) + 1))
     visited, turned = ~faces, np.zeros(len(faces), bool)
-    for seed in np.flatnonzero(components(len(faces), ends, others) == np.arange(len(faces))):
+    for seed in np.flatnonzero(connected_components(len(faces), ends, others) == np.arange(len(faces))):
         front = np.array([seed])[~visited[seed : seed + 1]]
         visited[front] = True
         while len(front):

@@ -20,7 +20,6 @@ from flowsculpt.pipeline.errors import UsageError
 from flowsculpt.pipeline.formula import PLACE, TIME, Expression, time_values
 from flowsculpt.pipeline.mesh.meshes import PolygonMesh, TriangleMesh
 from flowsculpt.pipeline.mesh.normals import NORMAL, angles_between, dihedral_angles, split_at_creases
-from flowsculpt.pipeline.mesh.validation import twin_corners
 from flowsculpt.pipeline.resample.kernels.edge_scans import edge_curvature, limit_gradation
 
 SHORT = 0.4  # share of the finest edge: shorter edges collapse (P12), and their curvature is noise
@@ -452,7 +451,7 @@ def _turns(mesh: Mesh) -> Floats:
     """Return the angle (C,) between the normals of the two faces at each side, radians; nan on a boundary."""
     if isinstance(mesh, TriangleMesh):
         return dihedral_angles(mesh)
-    twin, normals = twin_corners(mesh), mesh.normals
+    twin, normals = mesh.twins, mesh.normals
     return angles_between(normals[mesh.owners], normals[mesh.owners[twin]], twin)
 
 

@@ -16,7 +16,7 @@ from flowsculpt.pipeline.flow.parameters import ORIGIN
 from flowsculpt.pipeline.flow.streamlines import DEFAULT_TOLERANCE
 from flowsculpt.pipeline.frames import FrameRate
 from flowsculpt.pipeline.mesh.control_net import PIECES
-from flowsculpt.pipeline.mesh.read import read_paint
+from flowsculpt.pipeline.mesh.read import ModelFile
 from flowsculpt.pipeline.shot import motion_checks, picture_checks, subject_checks
 from flowsculpt.pipeline.shot.camera_path import Shutter
 from flowsculpt.pipeline.shot.documents.curves import NumberField, number
@@ -212,7 +212,7 @@ def _with_materials(shot: Shot, source: YamlSource, digests: dict[Path, str]) ->
         return shot
     place = source.place(("subjects", shot.subject, "model") if shot.subject else ("subject", "model"))
     try:
-        materials = read_paint(subject.path, lambda reader: reader.materials, subject.part)
+        materials = ModelFile(subject.path, subject.part).materials()
     except MissingInputError as error:
         raise MissingInputError(f"{place}: {error}") from None
     except (MeshError, BadInputError) as error:

@@ -8,15 +8,19 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from flowsculpt.pipeline.errors import MissingInputError, quote, suggest
-from flowsculpt.pipeline.mesh.read import names_parts
+from flowsculpt.pipeline.errors import (
+    MissingInputError,
+    quote,
+    suggest,
+)
+from flowsculpt.pipeline.mesh.read import ModelFile
 from flowsculpt.pipeline.shot.documents.camera_documents import FOCUS_WORDS
 from flowsculpt.pipeline.shot.documents.field_types import is_written_number
 from flowsculpt.pipeline.shot.documents.subject_documents import POINTS, SolidDocument, points_kind
 from flowsculpt.pipeline.shot.yaml.document_validation import missing_file
 from flowsculpt.pipeline.shot.yaml.named_files import is_file
 from flowsculpt.pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource
-from flowsculpt.render.base.input_files import digest_of_file
+from flowsculpt.render.base.input_files import InputFile
 
 SUBJECT_NAME = r"[A-Za-z][A-Za-z0-9_]{0,39}"
 """Names of subjects: they become part of file names, of mattes and of prims in USD."""
@@ -122,7 +126,7 @@ def check_files(source: YamlSource) -> Iterator[Problem]:
             yield ("subject", kind), missing_file(name, path, f"{kind} file")
             continue
         try:
-            digest_of_file(path)
+            InputFile(path).digest()
         except MissingInputError as error:
             yield ("subject", kind), str(error)
 
@@ -141,8 +145,10 @@ def check_solid_size(source: YamlSource) -> Iterator[Problem]:
 def check_stage(source: YamlSource) -> Iterator[Problem]:
     """Check that settings of USD stages are not given to models of other formats."""
     name = source.get("subject", "model")
+    if not isinstance(name, str) or ModelFile(Path(name)).names_parts:
+        return
     for setting in ("prim", "time_code"):
-        if isinstance(name, str) and not names_parts(name) and source.get("subject", setting) is not None:
+        if source.get("subject", setting) is not None:
             yield (
                 ("subject", setting),
                 f"{setting} is for models of USD; this one is {quote(Path(name).suffix)}. Leave it out.",

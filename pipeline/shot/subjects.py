@@ -38,7 +38,7 @@ from flowsculpt.pipeline.mesh.analytic_surfaces import (
 )
 from flowsculpt.pipeline.mesh.control_net import Lattice
 from flowsculpt.pipeline.mesh.mesh_formats import Paint, ScenePart
-from flowsculpt.pipeline.mesh.read import ImportedSurface, names_parts, read_paint, read_surface
+from flowsculpt.pipeline.mesh.read import ImportedSurface, ModelFile
 from flowsculpt.pipeline.mesh.solids import one_sided_sheet, six_sided_box
 from flowsculpt.render.base.serialise import NOT_PLAIN, OMIT_DEFAULT
 from flowsculpt.render.scene.painted_faces import PaintedFaces
@@ -348,7 +348,7 @@ class Model(Subject):
         """Return the surface as its file says. Raises MissingInputError or MeshError."""
         surface = _latest.get(self._read_from)
         if surface is None:
-            surface = read_surface(self.path, self.repair, self.part)
+            surface = ModelFile(self.path, self.part).surface(self.repair)
             _latest.clear()
             _latest[self._read_from] = surface
         return surface
@@ -356,7 +356,7 @@ class Model(Subject):
     @property
     def part(self) -> ScenePart | None:
         """The part of its scene that it is; None in formats whose parts have no names."""
-        return ScenePart(self.prim, self.time_code) if names_parts(self.path) else None
+        return ScenePart(self.prim, self.time_code) if ModelFile(self.path).names_parts else None
 
     @property
     def _read_from(self) -> tuple[Any, ...]:
@@ -418,7 +418,7 @@ class PluginSurface(Model):
 
 @lru_cache(maxsize=4)
 def _paint(model: Model) -> Paint:
-    return read_paint(model.path, lambda reader: reader.paint, model.part)
+    return ModelFile(model.path, model.part).paint()
 
 
 @lru_cache(maxsize=4)

@@ -1,5 +1,4 @@
-"use strict";
-// Drawn in lines of a 16 × 16 square, in the ink of the words around them.
+// Icons are drawn in lines of a 16 × 16 square, in the ink of the words around them.
 
 const ICONS = {
   first: "M3.5 3v10M13 3.5 6.5 8l6.5 4.5z",
@@ -11,6 +10,7 @@ const ICONS = {
   swap: "M4 5.500h9M10.500 3 13 5.500 10.500 8M12 10.500H3M5.500 8 3 10.500 5.500 13",
   loopIn: "M9.500 3h-4v10h4",
   loopOut: "M6.500 3h4v10h-4",
+  loopReset: "M3.500 4.500v7M12.500 4.500v7M6 6l4 4M10 6l-4 4",
   pen: "M3 13l.8-3.200L10.700 3.300a1.200 1.200 0 0 1 1.700 0l.3.3a1.200 1.200 0 0 1 0 1.700L5.800 12.200z",
   arrow: "M3 13 12.500 3.500M6.500 3.500h6v6",
   rectangle: "M2.500 4h11v8h-11z",
@@ -23,14 +23,6 @@ const ICONS = {
   erase: "M3 4.500h10M6.500 4.500v-2h3v2M4.500 4.500l.7 9h5.600l.7-9",
   onion: "M2.500 2.500h7v7h-7zM6.500 6.500h7v7h-7z",
   close: "M4 4l8 8M12 4l-8 8",
-  loopReset: "M3.500 4.500v7M12.500 4.500v7M6 6l4 4M10 6l-4 4",
 };
 
-function icon(name) {
-  const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
-  svg.setAttribute("viewBox", "0 0 16 16");
-  svg.setAttribute("aria-hidden", "true");
-  const path = svg.appendChild(document.createElementNS("http://www.w3.org/2000/svg", "path"));
-  path.setAttribute("d", ICONS[name]);
-  return svg;
-}
+function icon(name) { return svg("svg", { viewBox: "0 0 16 16", "aria-hidden": true }, svg("path", { d: ICONS[name] })); }

@@ -83,28 +83,8 @@ def _exchange(one: Path, other: Path) -> bool:
     raise OSError(number, os.strerror(number), str(other))
 
 
-PROBE = 65536
-"""Bytes that tell whether a disk takes more."""
-
 _LETTERS = 40
 """Letters of a file's name in the name of its draft: file systems limit names, mostly to 255 bytes."""
-
-REMEDIES = {
-    errno.ENOSPC: "the disk is full; free some space and run again; finished work is kept",
-    errno.EDQUOT: "the disk quota is used up; free some space or ask for more",
-    errno.EFBIG: "the file is larger than this process may write; raise `ulimit -f`",
-    errno.EROFS: "the file system is read-only; choose another folder (--root)",
-    errno.EACCES: "permission denied; choose another folder (--root) or change its owner",
-    errno.EPERM: "not permitted; choose another folder (--root) or change its owner",
-    errno.ENOTDIR: "a file stands where a folder should be; choose another folder",
-    errno.EEXIST: "a file stands where a folder should be; choose another folder",
-    errno.EISDIR: "a folder stands where a file should be; move it away",
-    errno.EIO: "the disk reports an error; check it, then run `flowsculpt verify`",
-    errno.ESTALE: "the network folder is no longer mounted; mount it again",
-    errno.ELOOP: "links point at each other; remove one of them",
-    errno.ENAMETOOLONG: "the name is too long for this file system; choose a shorter one",
-}
-"""Remedies by error number, for files that the operating system refuses."""
 
 
 @contextmanager
@@ -164,7 +144,7 @@ def disk_errors(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise machine_error(path, error) from error
+        raise MachineError.of_path(path, error) from error
 
 
 def make_folder(folder: Path) -> None:
@@ -189,28 +169,3 @@ def atomic_folder(place: Path, prefix: str) -> Iterator[Path]:
             draft.rename(home / place.name)
         finally:
             shutil.rmtree(draft, ignore_errors=True)
-
-
-def machine_error(path: Path, error: OSError, verb: str = "written") -> MachineError:
-    """Return the error of a path, which the operating system refused to have written, or read."""
-    fact = REMEDIES.get(error.errno or 0) or os.strerror(error.errno or errno.EIO)
-    if error.errno == errno.ENOENT:
-        fact = "its folder was removed meanwhile; run again to make it again"
-    fault = MachineError(f"{path}: cannot be {verb}: {fact}")
-    fault.full_disk = path if error.errno in (errno.ENOSPC, errno.EDQUOT) else None
-    return fault
-
-
-def cannot_write(path: Path, draft: Path, reason: str) -> MachineError:
-    """Return the error for a file that a library failed to write without an errno.
-
-    What the operating system refuses is found out by writing more to the draft.
-    """
-    try:
-        with draft.open("ab") as file:
-            file.write(bytes(PROBE))
-    except OSError as error:
-        return machine_error(path, error)
-    return MachineError(
-        f"{path}: cannot be written: {reason}; check the disk's free space and the folder's permissions"
-    )

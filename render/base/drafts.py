@@ -15,7 +15,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from flowsculpt.render.base.processes import is_at_work
-from flowsculpt.render.base.root_files import held, remove
+from flowsculpt.render.base.root_files import held, remove_file
 
 OLD_DRAFT = 24 * 3600.0
 """Seconds after which a draft of another host counts as left behind."""
@@ -59,7 +59,7 @@ def _sweep(folder: Path, drafts: list[Path]) -> None:
     now = disk_time(folder) if drafts else 0.0
     for path in drafts:
         if _is_left_behind(path, now):
-            remove(path)
+            remove_file(path)
 
 
 def _is_left_behind(draft: Path, now: float) -> bool:

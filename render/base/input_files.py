@@ -14,11 +14,17 @@ import shutil
 import stat
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import BinaryIO
 
-from flowsculpt.render.base.atomic_write import machine_error
-from flowsculpt.render.base.render_errors import BadInputError, FlowsculptError, MissingInputError, reason_of
+from flowsculpt.render.base.render_errors import (
+    BadInputError,
+    FlowsculptError,
+    MachineError,
+    MissingInputError,
+    reason_of,
+)
 
 MOST_BYTES = 8 << 30
 """Size of the largest file that is read."""
@@ -68,59 +74,75 @@ def kind_of_path(path: Path) -> str:
     return next((kind for is_kind, kind in _KINDS if is_kind(mode)), "")
 
 
-def require_input(path: Path, most: int = MOST_BYTES) -> int:
-    """Return the size of a regular file.
+@dataclass(frozen=True)
+class InputFile:
+    """A file from outside, of up to `most` bytes.
 
-    Raises MissingInputError where there is none, or a pointer of Git LFS, BadInputError where it has more
-    than `most` bytes, and MachineError where the disk fails.
+    All that reads it raises MissingInputError where there is no regular file, or a pointer of Git LFS;
+    BadInputError where it is larger; and MachineError where the disk fails.
     """
-    kind = kind_of_path(path)
-    if kind:
-        raise MissingInputError(f"{path}: it is {kind}; it must be a regular file. Name another.")
-    try:
-        size = path.stat().st_size
-        is_pointer = 0 < size <= _LARGEST_POINTER and path.read_bytes().startswith(_POINTERS)
-    except FileNotFoundError:
-        raise MissingInputError(f"{path}: file not found; check the path") from None
-    except (OSError, ValueError) as error:
-        raise _unreadable(path, error) from None
-    if is_pointer:
-        fact = "it is a pointer of Git LFS, and the file itself is not there"
-        raise MissingInputError(f"{path}: {fact}. Run git lfs pull.")
-    if size > most:
-        raise BadInputError(f"{path}: it has {size_of(size)}; files of up to {size_of(most)} are read")
-    return size
 
+    path: Path
+    most: int = MOST_BYTES
 
-@contextmanager
-def open_input(path: Path, most: int = MOST_BYTES) -> Iterator[tuple[BinaryIO, int]]:
-    """Open a regular file; yield it with the number of bytes to read of it. Raises as `require_input`.
+    def size(self) -> int:
+        """Return its number of bytes."""
+        path = self.path
+        kind = kind_of_path(path)
+        if kind:
+            raise MissingInputError(f"{path}: it is {kind}; it must be a regular file. Name another.")
+        try:
+            size = path.stat().st_size
+            is_pointer = 0 < size <= _LARGEST_POINTER and path.read_bytes().startswith(_POINTERS)
+        except FileNotFoundError:
+            raise MissingInputError(f"{path}: file not found; check the path") from None
+        except (OSError, ValueError) as error:
+            raise _unreadable(path, error) from None
+        if is_pointer:
+            fact = "it is a pointer of Git LFS, and the file itself is not there"
+            raise MissingInputError(f"{path}: {fact}. Run git lfs pull.")
+        if size > self.most:
+            limit = size_of(self.most)
+            raise BadInputError(f"{path}: it has {size_of(size)}; files of up to {limit} are read")
+        return size
 
-    An OSError of the block is a MissingInputError too: it reads the file.
-    """
-    require_input(path, most)
-    try:
-        file = open(path, "rb", opener=_without_waiting)  # noqa: SIM115  # Path.open takes no opener
-    except (OSError, ValueError) as error:
-        raise _unreadable(path, error) from None
-    try:
-        with file:
-            facts = os.fstat(file.fileno())
-            if not stat.S_ISREG(facts.st_mode) or facts.st_size > most:  # it was replaced in between
-                raise BadInputError(f"{path}: it was changed while it was opened; run again")
-            yield file, facts.st_size
-    except OSError as error:
-        raise _unreadable(path, error) from None
+    @contextmanager
+    def open(self) -> Iterator[tuple[BinaryIO, int]]:
+        """Open it; yield it with the number of bytes to read of it.
+
+        An OSError of the block is a MissingInputError too: it reads the file.
+        """
+        self.size()
+        try:
+            file = open(self.path, "rb", opener=_without_waiting)  # noqa: SIM115  # Path.open takes no opener
+        except (OSError, ValueError) as error:
+            raise _unreadable(self.path, error) from None
+        try:
+            with file:
+                facts = os.fstat(file.fileno())
+                if not stat.S_ISREG(facts.st_mode) or facts.st_size > self.most:  # replaced in between
+                    raise BadInputError(f"{self.path}: it was changed while it was opened; run again")
+                yield file, facts.st_size
+        except OSError as error:
+            raise _unreadable(self.path, error) from None
+
+    def content(self) -> bytes:
+        """Return all of it."""
+        with self.open() as (file, size):
+            return file.read(size)
+
+    def digest(self) -> str:
+        """Return the SHA-256 of its content, however large it is."""
+        digest = hashlib.sha256()
+        with replace(self, most=_MOST_HASHED).open() as (file, size):
+            while size > 0 and (block := file.read(min(size, 1 << 20))):
+                digest.update(block)
+                size -= len(block)
+        return digest.hexdigest()
 
 
 def _without_waiting(path: str, flags: int) -> int:
     return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))  # a named pipe would wait for its writer
-
-
-def read_input(path: Path, most: int = MOST_BYTES) -> bytes:
-    """Return the content of a regular file. Raises as `require_input`."""
-    with open_input(path, most) as (file, size):
-        return file.read(size)
 
 
 @contextmanager
@@ -139,20 +161,10 @@ def copied_to_memory(path: Path) -> Iterator[Path]:
         yield Path(f"/proc/self/fd/{copy.fileno()}")
 
 
-def digest_of_file(path: Path) -> str:
-    """Return the SHA-256 of the content of a regular file. Raises as `require_input`."""
-    digest = hashlib.sha256()
-    with open_input(path, _MOST_HASHED) as (file, size):
-        while size > 0 and (block := file.read(min(size, 1 << 20))):
-            digest.update(block)
-            size -= len(block)
-    return digest.hexdigest()
-
-
 def other_content(path: Path) -> str:
     """Return what the content of a file is where its suffix says otherwise: `an HTML page`; else nothing."""
     try:
-        with open_input(path) as (file, _):
+        with InputFile(path).open() as (file, _):
             head = file.read(_BEGINNING)
     except FlowsculptError:
         return ""
@@ -192,6 +204,6 @@ def size_of(count: int) -> str:
 def _unreadable(path: Path, error: Exception) -> FlowsculptError:
     """Return the error of a file that is there: of the machine where its disk fails, else of the input."""
     if isinstance(error, OSError) and error.errno in (errno.EIO, errno.ESTALE):
-        return machine_error(path, error, "read")
+        return MachineError.of_path(path, error, "read")
     reason = error.strerror if isinstance(error, OSError) else str(error)
     return MissingInputError(f"{path}: it cannot be read ({reason}); check its permissions")

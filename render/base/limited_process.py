@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import BinaryIO, ClassVar
 
 from flowsculpt.render.base import python_process
-from flowsculpt.render.base.input_files import require_input
+from flowsculpt.render.base.input_files import InputFile
 from flowsculpt.render.base.render_errors import MachineError, reason_of
 from flowsculpt.render.base.user_cache import CachedAnswer
 
@@ -57,10 +57,10 @@ class Parser:
         Raises ParserError where it refuses, crashes, or takes too long or too much memory; MachineError where
         no process can be started.
         """
-        seconds = SECONDS + require_input(path) / 2**20
+        seconds = SECONDS + InputFile(path).size() / 2**20
         try:
             done = subprocess.run(
-                python_process.command(self.module),
+                python_process.python_command(self.module),
                 input=json.dumps([seconds, str(path.absolute()), *options]).encode(),
                 env=python_process.environment(),
                 stdout=subprocess.PIPE,
@@ -98,7 +98,7 @@ class Parser:
         not print or import. Where there are no forks, a new process of its module answers. Raises what
         `answer` raises.
         """
-        seconds = SECONDS + require_input(path) / 2**20
+        seconds = SECONDS + InputFile(path).size() / 2**20
         if sys.platform != "linux" or multiprocessing.current_process().daemon:
             return Parser(answer.__module__).answer(path, *options)
         reading, writing = os.pipe()

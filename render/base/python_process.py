@@ -3,8 +3,8 @@
 A show is data: people get shows from each other. Python takes modules from the folder that it is started in
 (`python -m`), and from where a relative or empty entry of PYTHONPATH leads; programs are looked up in a PATH
 that holds `.`; numba reads its settings from the working folder. Here is the one place that starts Python:
-`command` and `environment` make a process that finds our packages and those of this process, and no module of
-a show. Source: https://docs.python.org/3/using/cmdline.html#cmdoption-P
+`python_command` and `environment` make a process that finds our packages and those of this process, and no
+module of a show. Source: https://docs.python.org/3/using/cmdline.html#cmdoption-P
 """
 
 from __future__ import annotations
@@ -37,14 +37,14 @@ SAFE_PATH = "PYTHONSAFEPATH"
 """The environment variable that means `-P` to every Python, also to one that others start."""
 
 
-def command(module: str, *words: str) -> list[str]:
+def python_command(module: str, *words: str) -> list[str]:
     """Return the command that runs an installed module, whatever the folder that it is started in holds."""
     return [sys.executable, "-P", "-m", module, *words]
 
 
 def command_line(module: str, *words: str) -> str:
-    """Return `command` as one types it into a shell."""
-    return shlex.join(command(module, *words))
+    """Return `python_command` as one types it into a shell."""
+    return shlex.join(python_command(module, *words))
 
 
 def environment() -> dict[str, str]:
@@ -221,14 +221,6 @@ def postpone_collection() -> None:
 
     gc.callbacks.append(restore)
     gc.set_threshold(LOADED_OBJECTS, *usual[1:])
-
-
-def user_environment() -> dict[str, str]:
-    """Return the environment for a program of the user, such as a Python script with modules next to it."""
-    given = {name: value for name, value in os.environ.items() if name != _OWN}
-    if not sys.flags.safe_path:
-        given.pop(SAFE_PATH, None)
-    return given
 
 
 def _added_to_search_path() -> list[str]:

@@ -5,6 +5,8 @@ A message says place, fact, rule and remedy, in that order and in one line.
 
 from __future__ import annotations
 
+import errno
+import os
 import re
 from collections.abc import Iterable
 from difflib import get_close_matches
@@ -12,6 +14,27 @@ from pathlib import Path
 
 MOST_QUOTED = 80
 """Most characters of a value that a message quotes."""
+
+PROBE = 65536
+"""Bytes that tell whether a disk takes more."""
+
+REMEDIES = {
+    errno.ENOSPC: "the disk is full; free some space and run again; finished work is kept",
+    errno.EDQUOT: "the disk quota is used up; free some space or ask for more",
+    errno.EFBIG: "the file is larger than this process may write; raise `ulimit -f`",
+    errno.EROFS: "the file system is read-only; choose another folder (--root)",
+    errno.EACCES: "permission denied; choose another folder (--root) or change its owner",
+    errno.EPERM: "not permitted; choose another folder (--root) or change its owner",
+    errno.ENOTDIR: "a file stands where a folder should be; choose another folder",
+    errno.EEXIST: "a file stands where a folder should be; choose another folder",
+    errno.EISDIR: "a folder stands where a file should be; move it away",
+    errno.EIO: "the disk reports an error; check it, then run `flowsculpt verify`",
+    errno.ESTALE: "the network folder is no longer mounted; mount it again",
+    errno.ELOOP: "links point at each other; remove one of them",
+    errno.ENAMETOOLONG: "the name is too long for this file system; choose a shorter one",
+}
+"""Remedies by error number, for files that the operating system refuses."""
+
 
 _LONGEST_WORD, _LONGEST_LINE = 250, 1500
 
@@ -36,6 +59,31 @@ class MachineError(FlowsculptError):
 
     exit_code = 4
     full_disk: Path | None = None
+
+    @classmethod
+    def of_path(cls, path: Path, error: OSError, verb: str = "written") -> MachineError:
+        """Return the error of a path, which the operating system refused to have written, or read."""
+        fact = REMEDIES.get(error.errno or 0) or os.strerror(error.errno or errno.EIO)
+        if error.errno == errno.ENOENT:
+            fact = "its folder was removed meanwhile; run again to make it again"
+        fault = cls(f"{path}: cannot be {verb}: {fact}")
+        fault.full_disk = path if error.errno in (errno.ENOSPC, errno.EDQUOT) else None
+        return fault
+
+    @classmethod
+    def of_draft(cls, path: Path, draft: Path, reason: str) -> MachineError:
+        """Return the error of a path whose draft a library failed to write without an errno.
+
+        What the operating system refuses is found out by writing more to the draft.
+        """
+        try:
+            with draft.open("ab") as file:
+                file.write(bytes(PROBE))
+        except OSError as error:
+            return cls.of_path(path, error)
+        return cls(
+            f"{path}: cannot be written: {reason}; check the disk's free space and the folder's permissions"
+        )
 
 
 class MissingInputError(FlowsculptError):

@@ -119,7 +119,7 @@ def set_time(path: Path, when: float) -> None:
         os.utime(folder / path.name, (when, when), follow_symlinks=follow)
 
 
-def remove(path: Path, prune: bool = False) -> None:
+def remove_file(path: Path, prune: bool = False) -> None:
     """Remove a file, or the link in its place, if there is one. Raises as `held` does.
 
     prune  remove folders that are empty then, too

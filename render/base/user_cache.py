@@ -131,7 +131,10 @@ def _warn(message: str) -> None:
 
 @dataclass(frozen=True)
 class CachedAnswer:
-    """A file of the user's cache, for what takes long to find out again."""
+    """A file of JSON, mostly in the user's cache, for what takes long to find out again.
+
+    What cannot be used, because it is damaged or of another version, counts as none.
+    """
 
     path: Path
 
@@ -140,6 +143,11 @@ class CachedAnswer:
         """Return the file of an answer. Its name is a hash of all that the answer depends on."""
         name = hashlib.blake2b("\n".join(depends_on).encode(), digest_size=12).hexdigest()
         return cls(readable_cache() / kind / f"{name}{suffix}")
+
+    @staticmethod
+    def home() -> Path:
+        """Return the folder for files of any kind: the user's cache, or another one if that is read-only."""
+        return writable_cache()
 
     def load(self, reader: Callable[[dict[str, Any]], T]) -> T | None:
         """Return what `reader`, as `read_state` takes it, makes of JSON; None where there is none."""

@@ -9,7 +9,11 @@ from __future__ import annotations
 import os
 import sys
 import time
+from contextlib import suppress
+from pathlib import Path
 from typing import NamedTuple
+
+CONTROL_GROUPS = Path("/sys/fs/cgroup")
 
 
 def cpu_seconds() -> float:
@@ -28,6 +32,21 @@ def peak_memory() -> int:
         return int(psutil.Process().memory_info().peak_wset) >> 20
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return int(peak) >> (20 if sys.platform == "darwin" else 10)  # which counts bytes, others KiB
+
+
+def free_memory() -> float:
+    """Return the memory that this process may still take, in MB: of the machine or, where it has less, of the
+    control group in which a container or a farm's scheduler has put it."""
+    import psutil  # which most processes never need
+
+    free = float(psutil.virtual_memory().available)
+    with suppress(OSError, ValueError):  # not Linux, or groups of version 1
+        name = Path("/proc/self/cgroup").read_text().rpartition("::/")[2].partition("\n")[0]
+        group = CONTROL_GROUPS / name
+        for folder in (group, *group.parents):
+            if (most := folder / "memory.max").exists() and (limit := most.read_text().strip()).isdecimal():
+                free = min(free, float(limit) - float((folder / "memory.current").read_text()))
+    return free / 1e6
 
 
 class Timing(NamedTuple):

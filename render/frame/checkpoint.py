@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from flowsculpt.render.base.atomic_write import atomic_write
 from flowsculpt.render.base.render_errors import MachineError
-from flowsculpt.render.base.root_files import remove
+from flowsculpt.render.base.root_files import remove_file
 from flowsculpt.render.base.state_files import UNUSABLE
 
 SECONDS = 10.0
@@ -86,4 +86,4 @@ class Checkpoint:
     def remove(self) -> None:
         """Remove the file. One that cannot be removed is left to the next run."""
         with contextlib.suppress(OSError):
-            remove(self.path)
+            remove_file(self.path)

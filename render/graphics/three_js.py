@@ -46,7 +46,9 @@ def fetch() -> None:
     if installed_file().exists():
         return
     with tempfile.TemporaryDirectory() as work:
-        pip = python_process.command("pip") if find_spec("pip") else ["uv", "pip"]  # uv makes venvs without
+        pip = (
+            python_process.python_command("pip") if find_spec("pip") else ["uv", "pip"]
+        )  # uv makes venvs without
         words = ["install", "--quiet", "--no-deps", "--require-hashes", "--target", work]
         try:
             done = subprocess.run(

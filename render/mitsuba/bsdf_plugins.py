@@ -116,7 +116,7 @@ def _ask_process(bsdf: Bsdf) -> Any:
     question = json.dumps({"text": bsdf.text, "files": [file.path for file in bsdf.files]})
     try:
         done = subprocess.run(
-            python_process.command("flowsculpt.render.mitsuba.bsdf_plugins"),
+            python_process.python_command("flowsculpt.render.mitsuba.bsdf_plugins"),
             input=question,
             env=python_process.environment(),
             capture_output=True,

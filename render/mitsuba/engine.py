@@ -214,7 +214,7 @@ def _probe(variant: str, library: LibLlvm | None) -> bool | None:
     files = [library.path, *library.dependencies] if library is not None else []
     try:
         done = subprocess.run(
-            python_process.command("flowsculpt.render.mitsuba.engine", variant, *map(str, files)),
+            python_process.python_command("flowsculpt.render.mitsuba.engine", variant, *map(str, files)),
             env=python_process.environment(),
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,

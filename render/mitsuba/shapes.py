@@ -24,8 +24,8 @@ from flowsculpt.render.scene.reference_objects import CHROME, GREY
 from flowsculpt.render.scene.rgb_spaces import converted_pixels
 from flowsculpt.render.scene.scene import Scene
 from flowsculpt.render.scene.scene_stage import WITH_REFERENCES
+from flowsculpt.render.scene.shaded_colours import shaded_colours
 from flowsculpt.render.scene.surface import Surface
-from flowsculpt.render.scene.vertex_colours import shaded_colours
 
 BACKGROUND = ((0.012, 0.016, 0.10), (0.05, 0.05, 0.22), (0.42, 0.20, 0.34))
 """Colours behind the subject, from the top of the picture to the bottom."""

@@ -34,7 +34,6 @@ from flowsculpt.render.scene.patterns import Pigment
 from flowsculpt.render.scene.surface import Surface
 from flowsculpt.render.scene.texture_projection import TextureProjection, project_texture
 from flowsculpt.render.scene.textures import BLACK, MIRROR, REPEAT, REPEATED
-from flowsculpt.render.scene.vertex_colours import vertex_phases
 
 Floats = NDArray[np.float64]
 
@@ -89,7 +88,7 @@ def texture_coordinates(surface: Surface, material: Material) -> tuple[Surface, 
                 "spots, chips, and heights and roughness of a pigment need a compiled variant of Mitsuba. "
                 "Take another pigment, or see what flowsculpt doctor says about libLLVM"
             )
-    phases = vertex_phases(surface, material)
+    phases = material.phases(surface)
     first = np.zeros(len(surface.vertices)) if phases is None else phases
     return surface, ScaledCoordinates(np.stack([first, np.full(len(first), SUBJECT)], axis=1))
 

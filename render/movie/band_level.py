@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from flowsculpt.render.base.input_files import require_input
+from flowsculpt.render.base.input_files import InputFile
 from flowsculpt.render.base.limited_process import Parser, ParserError
 from flowsculpt.render.base.render_errors import BadInputError
 from flowsculpt.render.movie.movie_sound import (
@@ -61,7 +61,7 @@ def band_level(file: Path, digest: str, low: float, high: float) -> BandLevel:
     Raises MissingInputError where there is no such file, BadInputError where it cannot be read to its end, or
     where the band lies above half of its sample rate.
     """
-    require_input(file, MOST_BYTES)
+    InputFile(file, MOST_BYTES).size()
     try:
         text = Parser("flowsculpt.render.movie.band_level").answer_about_content(
             file, digest, "av", repr(low), repr(high), TIMED

@@ -15,7 +15,7 @@ import av
 import numpy as np
 from numpy.typing import NDArray
 
-from flowsculpt.render.base.input_files import digest_of_file, require_input
+from flowsculpt.render.base.input_files import InputFile
 from flowsculpt.render.base.limited_process import Parser, ParserError
 from flowsculpt.render.base.render_errors import BadInputError, reason_of
 from flowsculpt.render.movie.announced_sizes import WithCorrectedSizes, corrected_sizes
@@ -81,7 +81,7 @@ def silence_in(file: Path) -> float:
 
 def _counts(file: Path) -> tuple[int, float]:
     """Return the samples of a file, and the seconds without sound among them."""
-    require_input(file, MOST_BYTES)
+    InputFile(file, MOST_BYTES).size()
     facts = file.stat()
     return _measured(file, facts.st_mtime_ns, facts.st_size)
 
@@ -241,7 +241,7 @@ def _measured(file: Path, _modified: int, _size: int) -> tuple[int, float]:
     """Return what `_counted` answers, asked once for each content."""
     try:
         answer = Parser("flowsculpt.render.movie.movie_sound").answer_about_content(
-            file, digest_of_file(file), "av", TIMED
+            file, InputFile(file).digest(), "av", TIMED
         )
     except ParserError as error:
         raise unreadable(file, error) from None

@@ -19,8 +19,8 @@ from typing import BinaryIO
 
 import av
 
-from flowsculpt.render.base.atomic_write import atomic_write, cannot_write
-from flowsculpt.render.base.render_errors import CorruptImageError
+from flowsculpt.render.base.atomic_write import atomic_write
+from flowsculpt.render.base.render_errors import CorruptImageError, MachineError
 from flowsculpt.render.movie.codecs import MATROSKA
 from flowsculpt.render.scene.render_camera import Projection
 
@@ -246,7 +246,7 @@ def _tag_matroska(path: Path, projection: Projection) -> None:
         with atomic_write(path, flush=False) as draft:
             _copy_with_track_of(sample, path, draft)
     except av.error.FFmpegError as error:
-        raise cannot_write(path, path, error.strerror) from None
+        raise MachineError.of_draft(path, path, error.strerror) from None
     finally:
         sample.unlink(missing_ok=True)
 

@@ -20,9 +20,14 @@ import OpenEXR
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
-from flowsculpt.render.base.atomic_write import atomic_write, cannot_write, machine_error
+from flowsculpt.render.base.atomic_write import atomic_write
 from flowsculpt.render.base.input_files import copied_to_memory
-from flowsculpt.render.base.render_errors import BadInputError, CorruptImageError, MissingImageError
+from flowsculpt.render.base.render_errors import (
+    BadInputError,
+    CorruptImageError,
+    MachineError,
+    MissingImageError,
+)
 from flowsculpt.render.post.exr_names import CRYPTO, ExrAttributes, channels_of
 from flowsculpt.render.scene.aovs import AOVS, COMPUTED, COPIES, Pixels, RenderedFrame
 from flowsculpt.render.scene.picture_file import last_message
@@ -297,7 +302,7 @@ def _read_copy(path: Path, read: Callable[[Any, Path], T]) -> T:
         with copied_to_memory(path) as copy, _opened(copy, path) as file:
             return read(file, copy)
     except OSError as error:
-        raise machine_error(path, error, "read") from error
+        raise MachineError.of_path(path, error, "read") from error
 
 
 @contextmanager
@@ -406,7 +411,7 @@ def _write(path: Path, kind: str, spec: Any, pixels: NDArray[Any]) -> None:
         written = output.open(str(temporary), spec) and output.write_image(pixels)
         reason = "" if written else last_message(output)
         if not (output.close() and written):
-            raise cannot_write(path, temporary, reason or last_message(output))
+            raise MachineError.of_draft(path, temporary, reason or last_message(output))
         _check_whole(temporary, path)
 
 
@@ -416,4 +421,4 @@ def _check_whole(temporary: Path, path: Path) -> None:
         _read(temporary, lambda file, _: _pixels(file, path, oiio.UNKNOWN))
     except (CorruptImageError, MissingImageError) as error:
         reason = str(error).removeprefix(f"{path}: ").removesuffix("; make it again")
-        raise cannot_write(path, temporary, f"the written file {reason}") from error
+        raise MachineError.of_draft(path, temporary, f"the written file {reason}") from error

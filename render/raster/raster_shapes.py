@@ -30,7 +30,6 @@ from flowsculpt.render.scene.render_camera import Camera
 from flowsculpt.render.scene.scene_lights import LightRig
 from flowsculpt.render.scene.scene_stage import Stage, StagePlacement
 from flowsculpt.render.scene.surface import Surface
-from flowsculpt.render.scene.vertex_colours import vertex_colours
 
 Array = NDArray[Any]
 
@@ -149,7 +148,7 @@ Floats = NDArray[np.float64]
 class Shape(NamedTuple):
     """A surface: vertices (V, 3), normals (V, 3), faces (F, 3) and its material.
 
-    colours (V, 3) replace the material's colour (see `render.scene.vertex_colours`). Of a closed surface only
+    colours (V, 3) replace the material's colour (see `Material.vertex_colours`). Of a closed surface only
     faces towards the camera are drawn, which is faster. A pigment is drawn where there are rest positions
     (V, 3); previews show no relief and one roughness.
     """
@@ -168,7 +167,7 @@ class Shape(NamedTuple):
         mesh = surface.vertices, surface.normals, surface.faces
         if isinstance(material.pattern, Pigment):
             return cls(*mesh, material, rest=material.pattern.places(surface))
-        return cls(*mesh, material, vertex_colours(surface, material))
+        return cls(*mesh, material, material.vertex_colours(surface))
 
     @property
     def pigment(self) -> Pigment | None:

@@ -253,9 +253,6 @@ Visualization*, 2009) is for numbers on both sides of a middle."""
 
 _MAP_COLOURS = 256
 
-SPEED = "speed"
-"""Name of the vertex attribute (V, 1) that the measure "speed" shows."""
-
 
 class MeasureKind(NamedTuple):
     """Unit, default colour map and default range of a measure. `is_logarithmic`: equal steps are factors."""
@@ -333,9 +330,9 @@ class Measure:
     def values(self, surface: Surface) -> Floats:
         """Return the measured numbers (V,). Raises BadInputError where the surface lacks what they need."""
         if self.of == "speed":
-            if SPEED not in surface.attributes:
+            if Surface.SPEED not in surface.attributes:
                 raise BadInputError("look shows speed, but the surface has no velocities")
-            return np.asarray(surface.attributes[SPEED], dtype=np.float64).reshape(-1)
+            return np.asarray(surface.attributes[Surface.SPEED], dtype=np.float64).reshape(-1)
         rest = surface.require_rest(f"look shows {self.of}")
         if not len(surface.faces):
             raise BadInputError(f"look shows {self.of}, which needs triangles; clouds support only speed")

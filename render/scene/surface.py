@@ -15,6 +15,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +47,11 @@ class Surface:
                 Patterns and textures need them
     edges       int32 (E, 2), edges that a wireframe shows; None for all edges of the faces
     paint       what a model's file has on the faces, or None
+
+    SPEED       name of the attribute (V, 1) that the measure "speed" shows
     """
+
+    SPEED: ClassVar[str] = "speed"
 
     vertices: NDArray[np.float32]
     normals: NDArray[np.float32]

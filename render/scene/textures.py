@@ -17,7 +17,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from flowsculpt.render.base.input_files import require_input
+from flowsculpt.render.base.input_files import InputFile
 from flowsculpt.render.base.limited_process import Parser, ParserError
 from flowsculpt.render.base.render_errors import BadInputError
 from flowsculpt.render.base.serialise import NOT_PLAIN, OMIT_DEFAULT, Triple
@@ -297,7 +297,7 @@ def require_decodable(path: str, digest: str) -> None:
 
     digest  of the file's content
     """
-    require_input(Path(path), MOST_BYTES)
+    InputFile(Path(path), MOST_BYTES).size()
     try:
         Parser("flowsculpt.render.scene.textures").answer_about_content(Path(path), digest, "OpenImageIO")
     except ParserError as error:

@@ -12,7 +12,7 @@ from flowsculpt.pipeline.animation import animate
 from flowsculpt.pipeline.animation.loop import at_rest
 from flowsculpt.pipeline.arrays import Points
 from flowsculpt.pipeline.flow import Flow
-from flowsculpt.pipeline.mesh import TriangleMesh, require
+from flowsculpt.pipeline.mesh import TriangleMesh, validate
 from flowsculpt.pipeline.resample.placement import NORMAL, Exact
 from flowsculpt.pipeline.shot import Motion, read_shot
 
@@ -69,7 +69,7 @@ def test_no_face_looks_against_its_normals_where_the_flow_asks_for_it(
     )
     assert sum(map(opposed, some)) > 0, "without asking there are some"
     assert sum(map(opposed, none)) == 0
-    assert require(none[-1], closed=True).euler == 2
+    assert validate(none[-1]).require(closed=True).euler == 2
 
 
 def test_where_creases_are_far_sharper_than_edges_a_third_of_such_faces_is_left_at_most() -> None:

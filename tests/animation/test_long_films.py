@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flowsculpt.pipeline.animation import animate
-from flowsculpt.pipeline.mesh import require
+from flowsculpt.pipeline.mesh import validate
 from flowsculpt.pipeline.resample import Report
 from flowsculpt.pipeline.shot import read_shot
 
@@ -53,7 +53,7 @@ def test_ten_thousand_frames_with_exact_placement_keep_every_promise(tmp_path: P
     )
     seen = 0
     for frame in animate(read_shot(file)):
-        found = require(frame.mesh, closed=True, name=f"frame {frame.number}")
+        found = validate(frame.mesh).require(closed=True, name=f"frame {frame.number}")
         assert found.euler == 2, frame.number
         assert np.abs(frame.mesh.vertices).max() < 3, frame.number
         report = frame.report.resampling

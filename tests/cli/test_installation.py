@@ -17,6 +17,7 @@ import pytest
 
 from flowsculpt.pipeline.mesh import icosphere
 from tests.mesh_files import write_ply
+from tests.needed_plugins import needed_by, needed_by_gallery, needs_plugins
 
 ROOT = Path(__file__).parents[2]
 
@@ -66,11 +67,13 @@ def environment(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Enviro
     return made
 
 
+@needs_plugins("authoring")
 def test_the_wheel_begins_and_checks_a_show_outside_of_any_checkout(environment, tmp_path):
     environment.run("new", "--show", "show", cwd=tmp_path)
     assert "A010_first" in environment.run("validate", "A010_first", cwd=tmp_path / "show")
 
 
+@needs_plugins("authoring", *needed_by_gallery())
 def test_the_wheel_brings_the_gallery(environment, tmp_path):
     environment.run("new", "--show", "my", "--gallery", cwd=tmp_path)
     planned = environment.run("--dry-run", "film", "showreel", cwd=tmp_path / "my")
@@ -79,6 +82,7 @@ def test_the_wheel_brings_the_gallery(environment, tmp_path):
     assert "Bloom" not in (tmp_path / "my/shots/A040.yaml").read_text()
 
 
+@needs_plugins("authoring", *needed_by(ROOT / "shots/B190_moon.yaml"))
 def test_a_show_around_the_environment_gets_copies_of_models_in_it(environment):
     environment.run("new", "A040", "--from", "B190_moon", cwd=environment.folder)
     shots = environment.folder / "shots"
@@ -93,6 +97,7 @@ def test_the_wheel_adds_one_name_to_those_that_python_can_import(wheel):
     assert {top for top in tops if not top.endswith(".dist-info")} == {"flowsculpt"}
 
 
+@needs_plugins("authoring")
 def test_packages_of_others_that_are_called_pipeline_and_render_stay_theirs(environment, tmp_path):
     for package in ("pipeline", "render"):
         (environment.packages / package).mkdir()
@@ -166,6 +171,7 @@ def test_an_environment_keeps_its_python_where_make_is_given_none(tmp_path):
     assert make("setup", cwd=tmp_path).stderr.startswith(".venv has a Python that is gone, and python3 is ")
 
 
+@needs_plugins("authoring", "review", "turntable")
 @pytest.mark.soak
 def test_the_wheel_and_its_locked_packages_render_in_an_empty_environment(wheel, tmp_path):
     made = Environment(tmp_path / "environment")
@@ -183,6 +189,7 @@ def test_the_wheel_and_its_locked_packages_render_in_an_empty_environment(wheel,
     assert [*(show / "renders/review").rglob("index.html")]
 
 
+@needs_plugins("authoring")
 @pytest.mark.soak
 @pytest.mark.parametrize("installer", ["uv", "pipx"])
 def test_a_film_can_be_made_from_an_empty_folder_with(installer, wheel, tmp_path):

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from flowsculpt.pipeline.cli.output import err, frame_progress, out
-from flowsculpt.pipeline.cli.output import table as empty_table
+from flowsculpt.pipeline.cli.output import empty_table as empty_table
+from flowsculpt.pipeline.cli.output import err, out, progress_bars
 from flowsculpt.pipeline.errors import UsageError
 from flowsculpt.pipeline.production.request.lookup import Show
 from flowsculpt.render.base.atomic_write import atomic_write
@@ -22,7 +22,7 @@ OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 def test_a_root_whose_name_breaks_the_line_is_refused(
     project: ProjectFolder, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    done = project.call("--root", "two\nlines", "status")
+    done = project.call("--root", "two\nlines", "simulate", "T010_tiny")
     said = done.err + capfd.readouterr().err
     assert done.code == 2 and "two\\nlines': a line break" in said and said.count("\n") == 1
 
@@ -36,10 +36,8 @@ def test_brackets_in_names_are_no_markup(capfd: pytest.CaptureFixture[str]) -> N
             console.print("[red] alone")
         assert "part [red] v2" in captured.get() and "[b]head" in captured.get() and "[/]" in captured.get()
         assert "[red] alone" in captured.get()
-    with frame_progress(wanted=False) as progress:
-        progress.add_task("making [red]")
-        with err.capture() as captured:
-            err.print(progress.get_renderable())
+    with progress_bars(wanted=False) as bar, err.capture() as captured:
+        err.print(bar("making [red]", 1).progress.get_renderable())
     assert "making [red]" in captured.get()
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from flowsculpt.render.base import python_process
+from tests.needed_plugins import needs_plugins
 
 LACKING = """
 import builtins, os, pkgutil, signal, sys
@@ -63,7 +64,7 @@ def test_every_module_is_imported_where_modules_of_posix_are_missing(tmp_path: P
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (["validate"], "With warnings: A"),
+        pytest.param(["validate"], "With warnings: A", marks=needs_plugins("authoring")),
         (["--nice", "5", "--dry-run", "render", "A"], "To be done: simulating 2 frames"),
     ],
 )

@@ -13,8 +13,10 @@ from typer.main import get_command
 
 from flowsculpt.pipeline.cli.app import command_line, command_named, command_words
 from flowsculpt.pipeline.mesh import icosphere
+from flowsculpt.pipeline.plugin import plugins
 from flowsculpt.pipeline.production.request.lookup import QualityName
 from tests.conftest import commanded
+from tests.needed_plugins import SHIPPED, needs_plugins
 
 ROOT = Path(__file__).parents[2]
 FROM_OTHERS = sorted((ROOT / "docs").glob("from-*.md"))
@@ -34,6 +36,9 @@ AS_WRITTEN = {"new", "validate", "flows", "status", "versions", "doctor", "resam
 
 OF_A_SAMPLE = {"greet", "export txt", "export"}
 """Commands of the plug-in in docs/plugins.md, which tests/test_plugin.py calls; and the group alone."""
+
+EVERYTHING = needs_plugins(*SHIPPED)
+"""Marks what follows whole pages, whose commands are of most plug-ins."""
 
 WIND = f"""\
 <VTKFile type="ImageData"><ImageData WholeExtent="0 2 0 2 0 2" Origin="-2 -2 -2" Spacing="2 2 2">
@@ -56,7 +61,10 @@ def commands_of(text: str) -> list[str]:
 
 
 def require_parsed(line: str) -> None:
-    """Parse a line as the command line does. Raises its errors for unknown commands, options and words."""
+    """Parse a line as the command line does, unless the plug-in of its command is missing.
+
+    Raises errors of the command line for unknown commands, options and words.
+    """
     words = [PLACEHOLDERS.get(word, word) for word in shlex.split(line)[1:]]
     group = get_command(command_line())
     context = group.context_class(group, info_name="flowsculpt")
@@ -66,6 +74,8 @@ def require_parsed(line: str) -> None:
     count = 2 if rest[0] == "export" else 1
     called = " ".join(rest[:count])
     if called in OF_A_SAMPLE:
+        return
+    if plugins().lacking(f"flowsculpt {called}"):
         return
     assert called in ALL, f"{line}: there is no command {called!r}"
     command = command_named(called)
@@ -158,18 +168,21 @@ def beside(tmp_path: Path) -> Path:
     return tmp_path
 
 
+@EVERYTHING
 @pytest.mark.slow
 def test_a_show_can_be_begun_as_its_page_says(beside):
     Reader(beside, quick=True).follow(YOUR_SHOW.read_text())
     assert sorted(path.name for path in (beside / "my_show/renders/A010_first/preview").iterdir())
 
 
+@EVERYTHING
 @pytest.mark.slow
 def test_the_tutorial_can_be_begun_as_its_page_says(tmp_path):
     Reader(tmp_path, quick=True).follow(TUTORIAL.read_text())
     assert "wrung" in (tmp_path / "first_film/shots/A010_first.yaml").read_text()
 
 
+@EVERYTHING
 @pytest.mark.slow
 @pytest.mark.parametrize("page", FROM_OTHERS, ids=lambda page: page.stem)
 def test_the_way_from_another_program_can_be_begun_as_its_page_says(beside, page):
@@ -182,12 +195,14 @@ def test_the_way_from_another_program_can_be_begun_as_its_page_says(beside, page
     assert code == 0, said
 
 
+@EVERYTHING
 @pytest.mark.soak
 @pytest.mark.parametrize("page", FROM_OTHERS, ids=lambda page: page.stem)
 def test_the_way_from_another_program_and_back_works_as_its_page_says(beside, page):
     Reader(beside, quick=False).follow(page.read_text())
 
 
+@EVERYTHING
 @pytest.mark.soak
 def test_the_tutorial_ends_with_its_film_and_nothing_left_to_do(tmp_path):
     Reader(tmp_path, quick=False).follow(TUTORIAL.read_text())
@@ -196,6 +211,7 @@ def test_the_tutorial_ends_with_its_film_and_nothing_left_to_do(tmp_path):
         assert "Nothing to be done" in commanded(Path(), "film", "--dry-run")[1]
 
 
+@EVERYTHING
 @pytest.mark.soak
 def test_a_show_can_be_rendered_and_published_as_its_page_says(beside):
     Reader(beside, quick=False).follow(YOUR_SHOW.read_text())
@@ -203,6 +219,7 @@ def test_a_show_can_be_rendered_and_published_as_its_page_says(beside):
     assert (beside / "my_show/renders/film/draft/film.mp4").is_file()
 
 
+@EVERYTHING
 @pytest.mark.slow
 def test_the_readme_shows_commands_that_can_be_planned_in_the_clone(tmp_path, monkeypatch):
     monkeypatch.chdir(ROOT)
@@ -217,6 +234,7 @@ def test_the_readme_shows_commands_that_can_be_planned_in_the_clone(tmp_path, mo
         assert code == 0, (line, said)
 
 
+@EVERYTHING
 @pytest.mark.soak
 def test_the_first_frame_of_every_shot_of_the_clone_is_good(tmp_path, monkeypatch):
     """Takes 20 CPU seconds; tests/shot/test_gallery.py reads them all in the default suite."""

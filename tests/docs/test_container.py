@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.needed_plugins import needs_plugins
+
 ROOT = Path(__file__).parents[2]
 HOME = "/opt/flowsculpt"
 
@@ -35,6 +37,7 @@ def test_the_container_runs_as_a_user_whose_number_clusters_can_check_and_nobody
     assert not [words for _, words in instructions() if re.search("a[+]rwX|777 \\$XDG_CACHE_HOME ", words)]
 
 
+@needs_plugins("authoring")
 @pytest.mark.soak
 def test_the_steps_of_the_container_make_a_flowsculpt_that_renders(tmp_path: Path) -> None:
     """Steps run in a clone in place of /opt/flowsculpt; the packages of the system are those of this one."""

@@ -19,6 +19,7 @@ from ruamel.yaml import YAML
 
 import flowsculpt
 from tests.chromium import LIMIT
+from tests.needed_plugins import SHIPPED, needs_plugins
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -117,6 +118,7 @@ def page_from_the_code(name: str) -> tuple[str, str]:
     return script.page(), (DOCS / f"{name}.md").read_text()
 
 
+@needs_plugins(*SHIPPED)
 def test_the_page_of_commands_says_what_the_code_says() -> None:
     new, old = page_from_the_code("commands")
     assert new == old, "`make reference` rewrites the page"

@@ -9,7 +9,7 @@ import pytest
 
 from examples import figure_a, figure_d, figure_e, figure_f
 from examples.film import edge_lengths, sphericity
-from flowsculpt.pipeline.mesh import TriangleMesh, box, icosphere, require
+from flowsculpt.pipeline.mesh import TriangleMesh, box, icosphere, validate
 
 Cubes = tuple[TriangleMesh, TriangleMesh]
 
@@ -21,7 +21,7 @@ def cubes() -> Cubes:
 
 def test_resampling_holds_every_edge_of_figure_a_and_without_it_they_grow(cubes: Cubes) -> None:
     static, adaptive = cubes
-    require(adaptive)
+    validate(adaptive).require()
     at_rest = edge_lengths(box(edge_length=figure_a.EDGE)).max()
     assert edge_lengths(adaptive).max() <= figure_a.LONGEST
     assert edge_lengths(static).max() > 2.5 * at_rest
@@ -61,7 +61,7 @@ def test_an_end_on_a_crease_keeps_its_place() -> None:
 
 def test_the_sculpture_of_figure_f_is_a_sound_closed_surface() -> None:
     mesh = figure_f.sculpture(frame=6)
-    require(mesh)
+    validate(mesh).require()
     assert sphericity(mesh) < 0.82
 
 

@@ -12,6 +12,7 @@ import pytest
 from examples import film_music as music
 from flowsculpt.pipeline.shot import read_film
 from flowsculpt.render.movie.movie_sound import Sound, blocks
+from tests.needed_plugins import needed_by_gallery, needs_plugins
 
 PROJECT = Path(__file__).parents[2]
 FILE = PROJECT / "shots" / "film_music.opus"
@@ -33,6 +34,7 @@ def test_it_swells_from_quiet_over_build_to_burst_and_rests_without_clipping() -
     assert FILE.stat().st_size < 700_000
 
 
+@needs_plugins(*needed_by_gallery())
 def test_the_showreel_is_as_long_as_its_music_and_cuts_on_beats() -> None:
     reel = read_film(PROJECT / "shots" / "showreel.yaml")
     assert reel.seconds == pytest.approx(music.SECONDS)

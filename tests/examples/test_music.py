@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from examples import music
-from flowsculpt.render.base.input_files import digest_of_file
+from flowsculpt.render.base.input_files import InputFile
 from flowsculpt.render.movie.band_level import band_level
 from flowsculpt.render.movie.movie_sound import Sound, blocks
 
@@ -19,7 +19,7 @@ BAR = 4 * music.BEAT
 
 def mean_level(low: float, high: float, bar: int) -> float:
     """Return the mean level of a band in a bar, over that of the fourth bar."""
-    level = band_level(FILE, digest_of_file(FILE), low, high)
+    level = band_level(FILE, InputFile(FILE).digest(), low, high)
     first, fourth = (
         slice(int(b * BAR / level.interval), int((b + 0.9) * BAR / level.interval)) for b in (bar, 3)
     )

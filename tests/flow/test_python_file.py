@@ -12,14 +12,14 @@ import pytest
 from flowsculpt.pipeline.errors import FrameError, UsageError
 from flowsculpt.pipeline.flow import Sequence, checked_displacement
 from flowsculpt.pipeline.flow.flow import PythonFlow, python_flows, require_permission
-from flowsculpt.render.base.input_files import digest_of_file
+from flowsculpt.render.base.input_files import InputFile
 
 POINTS = np.random.default_rng(0).normal(size=(5, 3))
 
 
 def flow_of(file: Path, code: str, function: str = "f", allowed: bool = True) -> PythonFlow:
     file.write_text(code)
-    return PythonFlow(function, digest_of_file(file), file, allowed)
+    return PythonFlow(function, InputFile(file).digest(), file, allowed)
 
 
 def test_a_function_of_a_file_moves_points(tmp_path: Path) -> None:

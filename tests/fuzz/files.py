@@ -54,7 +54,7 @@ def _model(path: Path) -> None:
 def _scene(path: Path) -> None:
     """Read glTF as `read_gltf` does, but in this process."""
     from flowsculpt.pipeline.errors import MeshError
-    from flowsculpt.pipeline.mesh.mesh_formats import file_surface
+    from flowsculpt.pipeline.mesh.mesh_formats import FileSurface
     from flowsculpt.pipeline.mesh.read import repair_surface
     from flowsculpt.pipeline.plugins.interchange.gltf_document import GltfDocument
     from flowsculpt.pipeline.plugins.interchange.gltf_files import SceneArrays
@@ -62,7 +62,7 @@ def _scene(path: Path) -> None:
     from flowsculpt.render.base.input_files import parsing
 
     with parsing(path, "a scene", ""):
-        surface = file_surface(*SceneArrays(DefaultScene.of(GltfDocument.read(path))).surface(), base=None)
+        surface = FileSurface.of(*SceneArrays(DefaultScene.of(GltfDocument.read(path))).surface(), base=None)
         if not len(surface.corners):
             raise MeshError("it has no faces")
         repair_surface(surface).mesh.triangulated()
@@ -89,7 +89,7 @@ def _paint(path: Path) -> None:
 
 
 def _stage(path: Path) -> None:
-    """Read USD as `read_surface` does, but in this process; a crash there is a message to users."""
+    """Read USD as `ModelFile.surface` does, but in this process; a crash there is a message to users."""
 
     from flowsculpt.pipeline.mesh.read import repair_surface
     from flowsculpt.pipeline.plugins.interchange.scene_readers import content_of, unpacked_surface
@@ -103,7 +103,7 @@ def _stage(path: Path) -> None:
 
 
 def _fbx(path: Path) -> None:
-    """Read FBX as `read_surface` does, but in this process; a crash there is a message to users."""
+    """Read FBX as `ModelFile.surface` does, but in this process; a crash there is a message to users."""
 
     from flowsculpt.pipeline.errors import MeshError
     from flowsculpt.pipeline.mesh.read import repair_surface
@@ -141,10 +141,10 @@ def _decodable(path: Path, answer: Callable[[str], bytes], module: str, library:
     """Ask in this process what `answer_about_content` asks in another, and store the answer."""
     from importlib.metadata import version
 
-    from flowsculpt.render.base.input_files import digest_of_file, parsing
+    from flowsculpt.render.base.input_files import InputFile, parsing
     from flowsculpt.render.base.user_cache import CachedAnswer
 
-    digest = digest_of_file(path)
+    digest = InputFile(path).digest()
     with parsing(path, "a file of its kind", ""):
         answered = answer(str(path))
     cached = CachedAnswer.of("parsed", [module, library, version(library), digest, *options])

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from flowsculpt.pipeline.mesh import PolygonMesh
-from flowsculpt.pipeline.mesh.read import ImportedSurface, read_surface
+from flowsculpt.pipeline.mesh.read import ImportedSurface, ModelFile
 
 SIZE = (2.0, 3.0, 1.0)
 POINTS = [(x, y, z) for x in (0, 2) for y in (0, 3) for z in (0, 1)]
@@ -26,7 +26,7 @@ OBJ = rows(POINTS, "v {}") + rows([tuple(v + 1 for v in quad) for quad in QUADS]
 def read(path: Path, content: bytes | str) -> ImportedSurface:
     """Return the surface of a file with this content."""
     path.write_bytes(content.encode() if isinstance(content, str) else content)
-    return read_surface(path)
+    return ModelFile(path).surface()
 
 
 def require_brick(surface: ImportedSurface) -> PolygonMesh:

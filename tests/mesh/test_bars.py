@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flowsculpt.pipeline.errors import ShotError, UsageError
-from flowsculpt.pipeline.mesh import TriangleMesh, dihedral_angles, face_normals, require
+from flowsculpt.pipeline.mesh import TriangleMesh, dihedral_angles, face_normals, validate
 from flowsculpt.pipeline.mesh.analytic_surfaces import MAX_CROSSINGS, BarLattice, lattice
 from flowsculpt.pipeline.shot import Solid, read_shot
 
@@ -49,7 +49,7 @@ def test_it_is_closed_and_oriented_with_a_hole_for_each_circuit(
     shape = of(bars)
     assert shape.crossings == bars
     mesh = meshed(shape, edge_length)
-    require(mesh, closed=True)
+    validate(mesh).require(closed=True)
     edges = len(mesh.faces) * 3 // 2
     assert len(mesh.vertices) - edges + len(mesh.faces) == 2 - 2 * holes(bars)
     bar, gap = shape.thickness, 0.6 - shape.thickness
@@ -77,7 +77,7 @@ def test_spacing_gives_way_so_that_the_outer_bars_end_where_the_size_does() -> N
 def test_bars_never_meet_however_the_spacing_gives_way() -> None:
     shape = BarLattice((2.5, 1.0, 1.0), 1.0, 0.9 / 2)
     assert (shape.pitch > shape.thickness).all()
-    require(meshed(shape), closed=True)
+    validate(meshed(shape)).require(closed=True)
 
 
 @settings(max_examples=20, deadline=None)

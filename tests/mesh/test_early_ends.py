@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flowsculpt.pipeline.errors import MeshError
-from flowsculpt.pipeline.mesh.read import read_surface
+from flowsculpt.pipeline.mesh.read import ModelFile
 
 BALL = trimesh.creation.icosphere(1)
 
@@ -42,7 +42,7 @@ def told(folder: Path, name: str, size: int) -> str:
     path = folder / name
     path.write_bytes(FILES[name][:size])
     with pytest.raises(MeshError) as error:
-        read_surface(path)
+        ModelFile(path).surface()
     return str(error.value).replace(f"{folder}/", "")
 
 

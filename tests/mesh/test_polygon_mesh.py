@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from flowsculpt.pipeline.arrays import Points
 from flowsculpt.pipeline.errors import MeshError
-from flowsculpt.pipeline.mesh import PolygonMesh, box, icosphere, require, rod, sheet, torus, validate
+from flowsculpt.pipeline.mesh import PolygonMesh, box, icosphere, rod, sheet, torus, validate
 from flowsculpt.pipeline.mesh.kernels.triangulation import FORBIDDEN, triangulate_polygon
 
 POINTS = [(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)]
@@ -125,7 +125,7 @@ def test_two_faces_never_share_a_diagonal() -> None:
     """The two caps of a lens meet in all four corners; each must take the other diagonal."""
     points = [(1, 0, 0), (0, 0, 1), (-1, 0, 0), (0, 0, -1), (0, 1, 0)]
     lens = PolygonMesh(points, [(0, 1, 2, 3), (1, 0, 4), (2, 1, 4), (3, 2, 4), (0, 3, 4)])
-    assert require(lens.triangulated(), closed=True).euler == 2
+    assert validate(lens.triangulated()).require(closed=True).euler == 2
     pillow = PolygonMesh(points[:4], [(0, 1, 2, 3), (3, 2, 1, 0)])
     edges = [frozenset(edge) for face in pillow.triangulated().faces.tolist() for edge in _pairs(face)]
     assert max(edges.count(edge) for edge in edges) == 2
@@ -154,6 +154,6 @@ def test_a_face_without_a_free_diagonal_takes_a_vertex_in_its_middle() -> None:
 
 
 def test_a_closed_surface_is_required_where_it_is_asked_for() -> None:
-    assert require(CUBE, closed=True).euler == 2
+    assert validate(CUBE).require(closed=True).euler == 2
     with pytest.raises(MeshError, match="4 edges have a face on one side only"):
-        require(PolygonMesh(POINTS, [CUBE.face(f) for f in range(5)]), closed=True)
+        validate(PolygonMesh(POINTS, [CUBE.face(f) for f in range(5)])).require(closed=True)

@@ -7,8 +7,8 @@ import pytest
 
 from flowsculpt.pipeline.errors import MeshError, MissingInputError
 from flowsculpt.pipeline.mesh import read_mesh
-from flowsculpt.pipeline.mesh.read import mesh_suffixes, model_files
-from flowsculpt.render.base.input_files import digest_of_file
+from flowsculpt.pipeline.mesh.read import ModelFile, mesh_suffixes
+from flowsculpt.render.base.input_files import InputFile
 
 
 def _of_formats(*rows: tuple[str, Any, Any]) -> list[tuple[str, Any, Any]]:
@@ -60,9 +60,9 @@ def test_the_digest_of_a_model_moves_only_where_an_earlier_reader_misread_it(
     tmp_path: Path, name: str, content: bytes, was_misread: bool
 ) -> None:
     (tmp_path / name).write_bytes(content)
-    files = model_files(tmp_path / name)
-    assert files.files == ((tmp_path / name, digest_of_file(tmp_path / name)),)
-    assert (files.digest != digest_of_file(tmp_path / name)) == was_misread
+    files = ModelFile(tmp_path / name).files()
+    assert files.files == ((tmp_path / name, InputFile(tmp_path / name).digest()),)
+    assert (files.digest != InputFile(tmp_path / name).digest()) == was_misread
 
 
 _POINTER = f"version https://git-lfs.github.com/spec/v1\noid sha256:{7:064}\nsize 12345\n".encode()
@@ -72,7 +72,7 @@ _POINTER = f"version https://git-lfs.github.com/spec/v1\noid sha256:{7:064}\nsiz
 def test_a_pointer_of_git_lfs_is_named_as_such_in_place_of_any_model(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"m.{suffix}"
     path.write_bytes(_POINTER)
-    for read in read_mesh, model_files:
+    for read in read_mesh, lambda file: ModelFile(file).files():
         with pytest.raises(MissingInputError, match=r"pointer of Git LFS.*git lfs pull"):
             read(path)
 

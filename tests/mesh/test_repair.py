@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 
 from flowsculpt.pipeline.arrays import AnyArray
 from flowsculpt.pipeline.errors import MeshError
-from flowsculpt.pipeline.mesh import PolygonMesh, TriangleMesh, icosphere, require, torus, validate
+from flowsculpt.pipeline.mesh import PolygonMesh, TriangleMesh, icosphere, torus, validate
 from flowsculpt.pipeline.mesh.face_soup import merge_coincident
-from flowsculpt.pipeline.mesh.mesh_formats import FileSurface, file_surface
-from flowsculpt.pipeline.mesh.read import RepairedSurface, read_surface, repair_surface
+from flowsculpt.pipeline.mesh.mesh_formats import FileSurface
+from flowsculpt.pipeline.mesh.read import ModelFile, RepairedSurface, repair_surface
 
 CUBE = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
 QUADS = np.array([(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)])
@@ -22,13 +22,13 @@ BALL = icosphere(4)
 
 def surface(points: AnyArray, *faces: Sequence[Sequence[int]] | AnyArray) -> FileSurface:
     every = [list(face) for part in faces for face in part]
-    return file_surface(np.asarray(points, float), every, base=1)
+    return FileSurface.of(np.asarray(points, float), every, base=1)
 
 
 def repaired(points: AnyArray, *faces: Sequence[Sequence[int]] | AnyArray) -> RepairedSurface:
     result = repair_surface(surface(points, *faces))
-    require(result.mesh)
-    require(result.mesh.triangulated())
+    validate(result.mesh).require()
+    validate(result.mesh.triangulated()).require()
     return result
 
 
@@ -39,7 +39,7 @@ def volume(mesh: PolygonMesh) -> float:
 
 def pieces(mesh: PolygonMesh) -> int:
     """Return the number of closed pieces with the topology of a sphere."""
-    return require(mesh, closed=True).euler // 2
+    return validate(mesh).require(closed=True).euler // 2
 
 
 def shifted(along: Sequence[float]) -> AnyArray:
@@ -91,7 +91,7 @@ def test_a_small_face_that_hangs_at_an_edge_is_dropped_and_a_larger_one_separate
 def test_mixed_winding_is_made_consistent_and_outward(solid: TriangleMesh) -> None:
     faces = np.where(np.arange(len(solid.faces))[:, None] % 3, solid.faces[:, ::-1], solid.faces)
     result = repaired(solid.vertices, faces)
-    assert require(result.mesh, closed=True).faces == len(faces)
+    assert validate(result.mesh).require(closed=True).faces == len(faces)
     assert volume(result.mesh) > 0
     assert "wound against their neighbours" in result.repairs[0]
 
@@ -148,7 +148,7 @@ def test_duplicates_repeats_and_leftovers_are_removed_and_told() -> None:
 
 def test_creases_and_polygons_survive_repair() -> None:
     wrong = [face[::-1] if k == 1 else face for k, face in enumerate(QUADS.tolist())]
-    mesh = repair_surface(file_surface(CUBE, wrong, [0, 0, 0, 1, 0, 0], [(0, 1)], base=1)).mesh
+    mesh = repair_surface(FileSurface.of(CUBE, wrong, [0, 0, 0, 1, 0, 0], [(0, 1)], base=1)).mesh
     assert mesh.sides.tolist() == [4] * 6
     assert mesh.creases.tolist() == [[0, 1], [2, 3], [2, 6], [3, 7], [6, 7]]
 
@@ -158,9 +158,9 @@ def test_repair_off_refuses_with_the_files_own_numbers_and_the_remedy(tmp_path: 
     second = [[7 if v == 0 else v + 7 for v in face] for face in QUADS.tolist()]
     lines += ["f " + " ".join(str(v + 1) for v in face) for face in QUADS.tolist() + second]
     (tmp_path / "two.obj").write_text("\n".join(lines))
-    assert len(read_surface(tmp_path / "two.obj").repairs) == 1
+    assert len(ModelFile(tmp_path / "two.obj").surface().repairs) == 1
     with pytest.raises(MeshError, match=r"point only, at \(1, 1, 1\), vertex 8\. Write repair: on") as error:
-        read_surface(tmp_path / "two.obj", repair=False)
+        ModelFile(tmp_path / "two.obj").surface(repair=False)
     assert str(error.value).startswith(str(tmp_path / "two.obj"))
 
 
@@ -169,7 +169,7 @@ def test_small_large_and_distant_models_are_not_merged_too_far(size: float, offs
     points = size * BALL.vertices + offset
     result = repaired(points[BALL.faces].reshape(-1, 3), np.arange(BALL.faces.size).reshape(-1, 3))
     assert len(result.mesh.vertices) == len(BALL.vertices)
-    assert require(result.mesh, closed=True).euler == 2
+    assert validate(result.mesh).require(closed=True).euler == 2
 
 
 @st.composite
@@ -180,7 +180,7 @@ def soups(draw: st.DrawFn) -> FileSurface:
     face = st.lists(st.integers(0, count - 1), min_size=2, max_size=5)
     faces = draw(st.lists(face, min_size=1, max_size=12))
     groups = draw(st.lists(st.integers(0, 2), min_size=len(faces), max_size=len(faces)))
-    return file_surface(np.array(points, float), faces, groups, [(0, 1), (1, 2)], base=1)
+    return FileSurface.of(np.array(points, float), faces, groups, [(0, 1), (1, 2)], base=1)
 
 
 @settings(max_examples=150, deadline=None)
@@ -191,8 +191,8 @@ def test_any_faces_become_a_sound_surface_or_are_refused(soup: FileSurface) -> N
     except MeshError as error:
         assert "degenerate" in str(error)
         return
-    require(result.mesh)
-    require(result.mesh.triangulated())
+    validate(result.mesh).require()
+    validate(result.mesh.triangulated()).require()
     plain, _ = merge_coincident(soup).soup.to_mesh()
     if validate(plain).sound and not any("face inwards" in line for line in result.repairs):
         assert np.array_equal(plain.vertices, result.mesh.vertices)

@@ -7,7 +7,7 @@ import pytest
 
 from flowsculpt.pipeline.arrays import Floats
 from flowsculpt.pipeline.errors import UsageError
-from flowsculpt.pipeline.mesh import TriangleMesh, box, face_normals, icosphere, require, rod, sheet, torus
+from flowsculpt.pipeline.mesh import TriangleMesh, box, face_normals, icosphere, rod, sheet, torus, validate
 
 
 def volume(mesh: TriangleMesh) -> float:
@@ -55,7 +55,7 @@ def test_a_geodesic_sphere_has_ten_n_squared_plus_two_vertices(frequency: int) -
 def test_curved_solids_are_closed_face_outwards_and_hold_their_volume(
     mesh: TriangleMesh, exact: float
 ) -> None:
-    require(mesh, closed=True)
+    validate(mesh).require(closed=True)
     assert 0.98 * exact < volume(mesh) < exact
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flowsculpt.pipeline.errors import MeshError
-from flowsculpt.pipeline.mesh import TriangleMesh, box, icosphere, require, rod, sheet, torus, validate
+from flowsculpt.pipeline.mesh import TriangleMesh, box, icosphere, rod, sheet, torus, validate
 
 TETRAHEDRON = [(0, 2, 1), (0, 1, 3), (1, 2, 3), (2, 0, 3)]
 CORNERS = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
@@ -24,7 +24,7 @@ CORNERS = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
     ids=["tetrahedron", "box", "icosphere", "rod", "torus", "sheet", "triangle"],
 )
 def test_sound_surfaces_are_sound_and_counted(mesh: TriangleMesh, euler: int, closed: bool) -> None:
-    found = require(mesh)
+    found = validate(mesh).require()
     assert found.sound
     assert found.euler == euler
     assert found.closed is closed
@@ -53,11 +53,11 @@ def test_every_fault_is_named(fault: str) -> None:
     mesh = TriangleMesh(*FAULTS[fault])
     assert not validate(mesh).sound
     with pytest.raises(MeshError, match=fault) as error:
-        require(mesh, name="statue.obj")
+        validate(mesh).require(name="statue.obj")
     assert str(error.value).startswith("statue.obj: ")
     assert "\n" not in str(error.value)
 
 
 def test_a_sheet_is_refused_where_a_closed_surface_is_needed() -> None:
     with pytest.raises(MeshError, match="8 edges have a face on one side only"):
-        require(sheet(edge_length=1.0), closed=True)
+        validate(sheet(edge_length=1.0)).require(closed=True)

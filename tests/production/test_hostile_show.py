@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.plugins.versions.hooks import user_environment
 from flowsculpt.pipeline.production.execution.snakemake import DEPLOYMENTS, running
 from flowsculpt.pipeline.production.planning.plan import Plan
 from flowsculpt.pipeline.production.planning.profile import Profile
@@ -106,4 +107,4 @@ def test_every_python_is_started_in_one_place() -> None:
 
 def test_a_hook_of_the_user_finds_the_modules_beside_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(python_process.SAFE_PATH, "1")
-    assert python_process.SAFE_PATH not in python_process.user_environment()
+    assert python_process.SAFE_PATH not in user_environment()

@@ -23,7 +23,7 @@ from flowsculpt.pipeline.production.request.shot_source import (
     ShotSource,
 )
 from flowsculpt.render.base import user_cache
-from flowsculpt.render.base.input_files import digest_of_file
+from flowsculpt.render.base.input_files import InputFile
 from flowsculpt.render.base.serialise import from_plain, to_plain
 
 pytestmark = pytest.mark.quick
@@ -262,6 +262,6 @@ def test_work_that_was_planned_for_another_file_is_told_as_before(shot: Path) ->
     take_of(shot)
     late = replace(from_plain(ShotSource, to_plain(planned.source)), cache=PlanningCache(shot.parent))
     assert late.inputs == input_digests([(shot.parent / "wedge.obj", planned.source.inputs[0][1])])
-    assert late.inputs[0][1] != digest_of_file(shot.parent / "wedge.obj")
+    assert late.inputs[0][1] != InputFile(shot.parent / "wedge.obj").digest()
     with pytest.raises(Exception, match="changed since the work was planned"):
         assert late.manifest

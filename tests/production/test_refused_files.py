@@ -18,7 +18,7 @@ from flowsculpt.pipeline.production.store.digests import Digests
 from flowsculpt.pipeline.production.store.paths import DIGESTS
 from tests.conftest import QUALITY, ProjectFolder, Run, commanded
 from tests.full_disk import disk_of
-from tests.needed_plugins import installed
+from tests.needed_plugins import installed, needs_plugins
 
 NAME, SIZE = "T010_tiny", ("-q", QUALITY)
 
@@ -86,6 +86,7 @@ def is_one_line(done: Run, *says: str) -> bool:
     return done.code == 4 and done.err.count("\n") == 1 and all(words in done.err for words in says)
 
 
+@needs_plugins("maintenance")
 def test_a_read_only_root_can_be_looked_at_and_whatever_writes_says_so(finished: ProjectFolder) -> None:
     shutil.rmtree(finished.path / ".flowsculpt/store/frame")
     with mode(finished.path, "a-w"):
@@ -97,14 +98,21 @@ def test_a_read_only_root_can_be_looked_at_and_whatever_writes_says_so(finished:
 @pytest.mark.parametrize(
     ("folder", "change", "words"),
     [
-        (".flowsculpt/store", "000", ["status"]),
+        pytest.param(".flowsculpt/store", "000", ["status"], marks=needs_plugins("maintenance")),
         pytest.param(".flowsculpt/store", "a-w", ["render", NAME, *SIZE], marks=pytest.mark.soak),
-        pytest.param(".flowsculpt", "000", ["status"], marks=pytest.mark.soak),
+        pytest.param(
+            ".flowsculpt", "000", ["status"], marks=[pytest.mark.soak, needs_plugins("maintenance")]
+        ),
         pytest.param(".flowsculpt/locks", "a-w", ["render", NAME, *SIZE], marks=pytest.mark.soak),
         pytest.param(".flowsculpt/events", "a-w", ["render", NAME, *SIZE], marks=pytest.mark.soak),
         pytest.param(".flowsculpt/plans", "a-w", ["render", NAME, *SIZE], marks=pytest.mark.soak),
         pytest.param(".flowsculpt/logs", "a-w", ["render", NAME, *SIZE], marks=pytest.mark.soak),
-        pytest.param("renders", "a-w", ["preview", NAME, "--at", "2"], marks=pytest.mark.soak),
+        pytest.param(
+            "renders",
+            "a-w",
+            ["preview", NAME, "--at", "2"],
+            marks=[pytest.mark.soak, needs_plugins("preview")],
+        ),
     ],
 )
 def test_files_of_another_user_are_named_with_what_can_be_done(
@@ -154,6 +162,7 @@ def test_a_record_of_digests_that_a_full_disk_cut_short_loses_that_line_alone(tm
     assert [digests.check(file) for file in files] == [True, False, True]
 
 
+@needs_plugins("maintenance")
 @pytest.mark.parametrize(
     ("place", "whole"),
     [
@@ -179,6 +188,7 @@ def test_verify_names_what_it_may_not_read_and_takes_none_of_it_for_damaged(
     assert finished.call("verify").code == 0
 
 
+@needs_plugins("maintenance")
 def test_status_names_a_log_and_a_summary_that_it_cannot_read_and_lists_all_the_same(
     finished: ProjectFolder,
 ) -> None:

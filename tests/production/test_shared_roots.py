@@ -15,6 +15,7 @@ import pytest
 
 from flowsculpt.render.base.kernel_cache import cache_folder
 from tests.conftest import QUALITY, ProjectFolder, Run, new_project
+from tests.needed_plugins import needs_plugins
 
 NAME, SIZE = "T010_tiny", ("-q", QUALITY)
 ONE, OTHER, GROUP = 2001, 2002, 3000
@@ -77,6 +78,7 @@ def run_as(user: int, mask: int, project: ProjectFolder, caches: Path, *words: s
     return Run(done.returncode, done.stdout, done.stderr)
 
 
+@needs_plugins("maintenance")
 def test_what_one_user_makes_another_goes_on_with_repairs_and_cleans(
     shared: ProjectFolder, caches: Path
 ) -> None:

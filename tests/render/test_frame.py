@@ -23,7 +23,6 @@ from flowsculpt.render.mitsuba.engine import DEFAULT_ORDER, Engine
 from flowsculpt.render.post.denoise import denoise
 from flowsculpt.render.scene.aovs import RenderedFrame
 from flowsculpt.render.scene.materials import LOOKS, Diffuse
-from flowsculpt.render.scene.patterns import SPEED
 from flowsculpt.render.scene.render_camera import Camera
 from flowsculpt.render.scene.render_quality import QUALITIES, Quality
 from flowsculpt.render.scene.scene import MotionSample, Scene
@@ -133,7 +132,7 @@ def test_a_lamp_in_the_picture_shows_in_no_layer(rendered: Rendered, picture: Re
 @pytest.mark.parametrize("name", LOOKS)
 def test_every_look_renders(name: str, rendered: Rendered, sphere: Surface) -> None:
     speed = np.abs(sphere.vertices[:, :1])
-    brought = replace(sphere, rest=sphere.vertices, attributes={SPEED: speed})
+    brought = replace(sphere, rest=sphere.vertices, attributes={Surface.SPEED: speed})
     layers = rendered(look=LOOKS[name], surface=brought)
     inside = layers["matte"] == 1.0
     assert np.isfinite(layers["beauty"]).all()

@@ -22,8 +22,8 @@ from flowsculpt.render.scene.render_camera import Camera
 from flowsculpt.render.scene.render_quality import Quality
 from flowsculpt.render.scene.scene_lights import LIGHTS
 from flowsculpt.render.scene.scene_stage import STAGES, StagePlacement
+from flowsculpt.render.scene.shaded_colours import shaded_colours
 from flowsculpt.render.scene.surface import Surface, Wireframe, outlines, ribbons
-from flowsculpt.render.scene.vertex_colours import shaded_colours
 
 Rendered = Callable[..., RenderedFrame]
 

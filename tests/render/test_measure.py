@@ -23,7 +23,6 @@ from flowsculpt.render.scene.patterns import (
     principal_stretches,
 )
 from flowsculpt.render.scene.surface import Surface
-from flowsculpt.render.scene.vertex_colours import vertex_colours as colours
 
 Rendered = Callable[..., RenderedFrame]
 
@@ -72,8 +71,8 @@ def test_what_has_grown_threefold_is_shown_as_that(sphere: Surface) -> None:
 
 def test_the_same_speed_has_the_same_colour_whatever_else_moves(sphere: Surface) -> None:
     speeds = np.linspace(0.0, 9.0, len(sphere.vertices), dtype=np.float32)[:, None]
-    shown = colours(replace(sphere, attributes={"speed": speeds}), LOOKS["speed"])
-    slower = colours(replace(sphere, attributes={"speed": np.minimum(speeds, 1.0)}), LOOKS["speed"])
+    shown = LOOKS["speed"].vertex_colours(replace(sphere, attributes={"speed": speeds}))
+    slower = LOOKS["speed"].vertex_colours(replace(sphere, attributes={"speed": np.minimum(speeds, 1.0)}))
     assert shown is not None and slower is not None
     same = speeds[:, 0] <= 1.0
     assert np.array_equal(shown[same], slower[same])

@@ -21,7 +21,6 @@ from flowsculpt.render.scene.scene_stage import STAGES
 from flowsculpt.render.scene.surface import Surface
 from flowsculpt.render.scene.texture_projection import MODEL, TextureProjection
 from flowsculpt.render.scene.textures import Texture
-from flowsculpt.render.scene.vertex_colours import vertex_colours
 from tests.render.test_textures import BLUE, GREEN, RED, WHITE, quarters, write
 
 Rendered = Callable[..., RenderedFrame]
@@ -70,7 +69,7 @@ def test_each_material_is_on_its_own_faces(tmp_path: Path, rendered: Rendered) -
     layers = rendered(surface=surface, look=look, camera=FRONT, quality=Quality(96, 54, 4, depth=2))
     assert albedo_at(layers, -0.5, 1.5) == pytest.approx(RED, abs=0.02)
     assert albedo_at(layers, 0.5, 0.5) == pytest.approx(GREEN, abs=0.02)
-    colours = vertex_colours(surface, look)
+    colours = look.vertex_colours(surface)
     assert colours is not None
     assert colours[1] == pytest.approx(GREEN) and colours[3] == pytest.approx(RED, abs=0.01)
 

@@ -18,7 +18,6 @@ from flowsculpt.render.scene.render_camera import Camera
 from flowsculpt.render.scene.scene_lights import LIGHTS
 from flowsculpt.render.scene.scene_stage import STAGES, StagePlacement
 from flowsculpt.render.scene.surface import Surface
-from flowsculpt.render.scene.vertex_colours import vertex_colours as colours
 
 CAMERA = Camera((0.0, 0.0, 6.0), (0.0, 0.0, 0.0), field_of_view=math.radians(30))
 SIZE = (64, 36)
@@ -103,9 +102,9 @@ def test_a_pigment_colours_the_surface_where_its_points_came_from():
     plain = square(0.0)
     material = np.float32([(0, 0.5, 0), (0, 0.5, 0), (0, 1.5, 0), (0, 1.5, 0)])
     surface = Surface(plain.vertices, plain.normals, plain.faces, rest=material)
-    found = colours(surface, look)
+    found = look.vertex_colours(surface)
     np.testing.assert_allclose(found, np.float64([(1, 0, 0), (1, 0, 0), (0, 0, 1), (0, 0, 1)]), atol=1e-3)
-    assert colours(surface, LOOKS["clay"]) is None
+    assert LOOKS["clay"].vertex_colours(surface) is None
     shape = plain._replace(material=look, colours=found)
     picture = preview(shape, BARE, CAMERA, SIZE, "srgb").picture
     low, high = picture[23, 32], picture[13, 32]

@@ -45,9 +45,9 @@ def contents(folder: Path) -> list[tuple[str, int, bytes]]:
 
 
 CHANGES: dict[str, Callable[[Path], object]] = {
-    "remove": lambda folder: root_files.remove(folder / "a.txt"),
+    "remove": lambda folder: root_files.remove_file(folder / "a.txt"),
     "remove_tree": lambda folder: root_files.remove_tree(folder / "2010"),
-    "remove_and_prune": lambda folder: root_files.remove(folder / "2010" / "a.txt", prune=True),
+    "remove_and_prune": lambda folder: root_files.remove_file(folder / "2010" / "a.txt", prune=True),
     "set_time": lambda folder: root_files.set_time(folder / "a.txt", 5.0),
     "touch": lambda folder: root_files.touch(folder / "b.txt"),
     "make_folder": lambda folder: make_folder(folder / "2011"),
@@ -93,7 +93,7 @@ def test_a_link_in_place_of_a_file_is_replaced_or_removed_itself(folders: Folder
     root, elsewhere = folders
     before, path = contents(elsewhere), root / "renders/A/a.txt"
     path.parent.mkdir(parents=True)
-    for change in (written, root_files.remove, root_files.remove_tree):
+    for change in (written, root_files.remove_file, root_files.remove_tree):
         path.unlink(missing_ok=True)
         path.symlink_to(elsewhere / "a.txt")
         change(path)

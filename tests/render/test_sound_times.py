@@ -11,7 +11,7 @@ import pytest
 
 from flowsculpt.pipeline.flow.keyframes import Envelope
 from flowsculpt.pipeline.production.request.audio import AudioTrack
-from flowsculpt.render.base.input_files import digest_of_file
+from flowsculpt.render.base.input_files import InputFile
 from flowsculpt.render.base.serialise import to_plain
 from flowsculpt.render.movie.band_level import band_level
 from flowsculpt.render.movie.movie_sound import RATE, Sound, blocks, require_sound, silence_in
@@ -73,7 +73,7 @@ def test_a_sound_begins_where_its_file_has_it_beside_the_pictures(
     near = 0.022 if codec == "aac" else 0.003  # its encoder begins with a block of silence
     assert heard(path)[0] == pytest.approx(start, abs=near)
     assert silence_in(path) == pytest.approx(start, abs=near)
-    level = band_level(path, digest_of_file(path), 20.0, 24000.0)
+    level = band_level(path, InputFile(path).digest(), 20.0, 24000.0)
     assert (level.seconds, level.silence) == (pytest.approx(require_sound(path)), silence_in(path))
     if start:
         assert level.levels[round(0.4 / level.interval)] < 1e-3 < level.levels[round(0.8 / level.interval)]

@@ -21,7 +21,6 @@ from flowsculpt.render.scene.render_camera import Camera
 from flowsculpt.render.scene.surface import Surface
 from flowsculpt.render.scene.texture_projection import MODEL, PROJECTIONS, TextureProjection, project_texture
 from flowsculpt.render.scene.textures import Texture
-from flowsculpt.render.scene.vertex_colours import vertex_colours as colours
 
 Rendered = Callable[..., RenderedFrame]
 
@@ -130,7 +129,7 @@ def test_a_slide_lies_upright_and_moves_with_the_material(
     x = again["position"][..., 0] - 0.3
     albedo = again["albedo"][(again["matte"] == 1.0) & (x < -0.2) & (again["position"][..., 1] > 1.2)]
     assert albedo.mean(axis=0) == pytest.approx(RED, abs=0.02)
-    shown = colours(looked(sphere), look)
+    shown = look.vertex_colours(looked(sphere))
     assert shown is not None
     white = shown[(sphere.vertices[:, 0] > 0.2) & (sphere.vertices[:, 1] < 0.8)]
     assert np.abs(white - WHITE).max() < 1e-6

@@ -17,7 +17,7 @@ import pytest
 
 from flowsculpt.pipeline.arrays import Points
 from flowsculpt.pipeline.errors import VertexBudgetError
-from flowsculpt.pipeline.mesh import TriangleMesh, require
+from flowsculpt.pipeline.mesh import TriangleMesh, validate
 from flowsculpt.pipeline.mesh.halfedge_mesh import with_identities
 from flowsculpt.pipeline.resample import Chord, Curved, Exact, Placement, Resampler, Thresholds
 from tests.resample.battery import FLOWS, MESHES
@@ -73,7 +73,7 @@ class Case:
         """Run the case; return how many times the budget stopped it."""
         rest = MESHES[self.mesh]()
         rest = with_identities(rest.with_vertices(rest.vertices * self.scale))
-        euler, stops = require(rest).euler, 0
+        euler, stops = validate(rest).require().euler, 0
         settings = (self.placed(), self.min_roundness, self.splits)
         resampler = Resampler(rest, self.thresholds(self.budget), *settings)
         saved_at, copy = int(self.rng.integers(frames - RESUMED)), None
@@ -104,7 +104,7 @@ class Case:
         try:
             report = resampler.resample()
         except VertexBudgetError as error:
-            found = require(resampler.mesh, name=f"{self.name}, stopped at frame {frame}")
+            found = validate(resampler.mesh).require(name=f"{self.name}, stopped at frame {frame}")
             counted = _COUNTED.search(str(error))
             if counted:
                 now, more, budget = map(int, counted.groups())
@@ -121,7 +121,7 @@ class Case:
         return True
 
     def _holds(self, mesh: TriangleMesh, euler: int, frame: int) -> None:
-        found = require(mesh, name=f"{self.name}, frame {frame}")
+        found = validate(mesh).require(name=f"{self.name}, frame {frame}")
         assert found.euler == euler, f"{self.name}, frame {frame}"
         assert len(np.unique(mesh.attributes["identity"])) == found.vertices
 

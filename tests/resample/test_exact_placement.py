@@ -9,7 +9,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flowsculpt.pipeline.arrays import Floats, Points
-from flowsculpt.pipeline.mesh import TriangleMesh, box, dihedral_angles, icosphere, require, rod, sheet, torus
+from flowsculpt.pipeline.mesh import (
+    TriangleMesh,
+    box,
+    dihedral_angles,
+    icosphere,
+    rod,
+    sheet,
+    torus,
+    validate,
+)
 from flowsculpt.pipeline.mesh.analytic_surfaces import AnalyticSurface, SphereSurface, TorusSurface
 from flowsculpt.pipeline.resample import Chord, Curved, Exact, Placement, Resampler, Thresholds, resample
 from flowsculpt.pipeline.resample.placement import ASTRAY, NORMAL, REST
@@ -72,7 +81,7 @@ def test_all_vertices_lie_where_their_rest_points_are_carried_and_these_on_the_t
     assert off[exact].max() < 1e-12
     assert np.count_nonzero(~exact) <= report.on_chord
     assert edge_lengths(mesh).max() <= 0.3
-    assert require(mesh, closed=True).euler == require(subject).euler
+    assert validate(mesh).require(closed=True).euler == validate(subject).require().euler
 
 
 def turned_aside(points: Points) -> Points:
@@ -97,7 +106,7 @@ def test_what_would_fold_stays_on_its_chord_and_is_counted() -> None:
     assert np.allclose(mesh.vertices[born & ~astray], carried[born & ~astray])
     assert np.linalg.norm(mesh.vertices[astray], axis=1).max() < 1, "chords are inside a ball"
     assert report.longest <= 0.2
-    assert require(mesh, closed=True).euler == 2
+    assert validate(mesh).require(closed=True).euler == 2
 
 
 def test_vertices_left_off_the_surface_return_to_it_when_they_can() -> None:
@@ -293,7 +302,7 @@ def test_a_spike_in_compression_keeps_its_length() -> None:
         resampler.vertices[:] = carry(resampler.mesh.attributes[REST])
         resampler.resample()
     assert np.ptp(resampler.vertices[:, 1]) > 0.99 * 24
-    assert require(resampler.mesh, closed=True).euler == 2
+    assert validate(resampler.mesh).require(closed=True).euler == 2
 
 
 def squeezed(shape: float) -> float:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from flowsculpt.pipeline.arrays import Points
-from flowsculpt.pipeline.mesh import dihedral_angles, require, rod, sheet
+from flowsculpt.pipeline.mesh import dihedral_angles, rod, sheet, validate
 from flowsculpt.pipeline.resample import Chord, Exact, Resampler, Thresholds
 from flowsculpt.pipeline.resample.placement import REST
 
@@ -51,7 +51,7 @@ def test_p32_a_tendril_keeps_its_length_and_stays_a_tube_with_hard_edges_and_wit
     mesh = resampler.mesh
     assert (np.nan_to_num(dihedral_angles(mesh)) > math.radians(40)).mean() > 0.1
     assert ("feature" in report.refused) != exact
-    assert require(mesh, closed=True).euler == 2
+    assert validate(mesh).require(closed=True).euler == 2
     assert np.ptp(mesh.vertices[:, 1]) > 0.97 * 40
     ends = mesh.vertices[mesh.faces][:, :, 1]
     heights = np.linspace(-19, 19, 77)

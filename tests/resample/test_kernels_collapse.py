@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flowsculpt.pipeline.arrays import AnyArray, Points
-from flowsculpt.pipeline.mesh import HalfedgeMesh, TriangleMesh, box, icosphere, require, rod, sheet, torus
+from flowsculpt.pipeline.mesh import HalfedgeMesh, TriangleMesh, box, icosphere, rod, sheet, torus, validate
 from flowsculpt.pipeline.mesh.halfedge_mesh import CREASE
 from flowsculpt.pipeline.resample.kernels.collapse import (
     AT_END,
@@ -241,7 +241,7 @@ def test_a_collapse_joins_the_tags_of_the_edges_that_fall_together(seed: int, me
     }
     assert {frozenset(pair) for pair in live.tagged_edges(CREASE).tolist()} == new_numbers
     assert consistent(live)
-    assert require(live.snapshot(), closed=True).euler == require(mesh).euler
+    assert validate(live.snapshot()).require(closed=True).euler == validate(mesh).require().euler
 
 
 def slow_fold(live: HalfedgeMesh, v: int, place: Points, cosine: float) -> bool:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flowsculpt.pipeline.mesh import HalfedgeMesh, TriangleMesh, icosphere, require
+from flowsculpt.pipeline.mesh import HalfedgeMesh, TriangleMesh, icosphere, validate
 from flowsculpt.pipeline.mesh.halfedge_mesh import with_identities
 from flowsculpt.pipeline.resample import Resampler, Thresholds
 from flowsculpt.pipeline.resample.resampler import in_memory_order
@@ -83,4 +83,4 @@ def test_a_surface_is_sorted_when_a_third_of_its_vertices_is_new(monkeypatch: py
         assert resampler.unsorted == new
         is_sorted = (np.diff(resampler.mesh.faces.min(axis=1)) >= 0).all()
         assert is_sorted == (new == 0)
-        require(resampler.mesh, closed=True)
+        validate(resampler.mesh).require(closed=True)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from flowsculpt.pipeline.arrays import Points
-from flowsculpt.pipeline.mesh import icosphere, require
+from flowsculpt.pipeline.mesh import icosphere, validate
 from flowsculpt.pipeline.resample import Resampler, Thresholds
 
 FRAMES = 500
@@ -30,7 +30,7 @@ def test_five_hundred_frames_of_lorenz_keep_every_promise() -> None:
     for frame in range(FRAMES):
         resampler.vertices[:] = advected(resampler.vertices, 1 / 960)
         report = resampler.resample()
-        found = require(resampler.mesh, closed=True, name=f"frame {frame}")
+        found = validate(resampler.mesh).require(closed=True, name=f"frame {frame}")
         assert found.euler == 2
         assert report.longest <= thresholds.max_edge_length
         assert sum(report.refused.values()) == report.too_short

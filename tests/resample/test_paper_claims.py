@@ -7,7 +7,7 @@ import pytest
 
 from flowsculpt.pipeline.arrays import Floats
 from flowsculpt.pipeline.errors import UsageError
-from flowsculpt.pipeline.mesh import TriangleMesh, box, dihedral_angles, icosphere, require, rod, sheet
+from flowsculpt.pipeline.mesh import TriangleMesh, box, dihedral_angles, icosphere, rod, sheet, validate
 from flowsculpt.pipeline.resample import Report, Resampler, Thresholds, resample
 
 
@@ -25,7 +25,7 @@ def agrees(mesh: TriangleMesh, report: Report, thresholds: Thresholds) -> None:
     assert report.longest == pytest.approx(lengths.max())
     assert report.shortest == pytest.approx(lengths.min())
     assert sum(report.refused.values()) == report.too_short
-    closed = require(mesh)
+    closed = validate(mesh).require()
     assert (report.vertices, report.faces, report.edges) == (closed.vertices, closed.faces, closed.edges)
     if closed.closed:
         assert np.count_nonzero(lengths < thresholds.min_edge_length) == 2 * report.too_short
@@ -45,7 +45,7 @@ def test_p8_p25_one_frame_that_stretches_manyfold_leaves_no_long_edge() -> None:
     for stretch in ([40, 1, 1], [1, 25, 25], [0.01, 60, 0.1]):
         mesh, report = resample(ball.with_vertices(ball.vertices * stretch), thresholds)
         agrees(mesh, report, thresholds)
-        assert require(mesh, closed=True).euler == 2
+        assert validate(mesh).require(closed=True).euler == 2
         assert report.passes < 40
 
 
@@ -183,7 +183,7 @@ def test_two_creases_are_never_merged_across_the_surface_between_them() -> None:
     mesh, report = resample(blade, Thresholds(0.4, 0.15))
     assert report.refused["feature"] > 0
     assert np.allclose(mesh.bounds, blade.bounds)
-    assert require(mesh, closed=True).euler == 2
+    assert validate(mesh).require(closed=True).euler == 2
     assert np.allclose(np.sort(np.unique(np.abs(mesh.vertices[:, 2]))), [0.005])
 
 
@@ -195,7 +195,7 @@ def test_p32_a_tendril_survives_as_a_tube_of_triangular_section() -> None:
         report = resampler.resample()
         assert report.too_long == 0
     mesh = resampler.mesh
-    assert require(mesh, closed=True).euler == 2
+    assert validate(mesh).require(closed=True).euler == 2
     assert np.ptp(mesh.vertices[:, 1]) > 0.97 * 40
     ends = mesh.vertices[mesh.faces][:, :, 1]
     through = [
@@ -224,7 +224,7 @@ def test_p32_a_tube_of_triangular_section_keeps_its_length() -> None:
     mesh, report = resample(tube, Thresholds(0.5))
     assert report.collapses > 0
     assert np.ptp(mesh.vertices[:, 1]) == pytest.approx(2.9)
-    assert require(mesh, closed=True).euler == 2
+    assert validate(mesh).require(closed=True).euler == 2
 
 
 def test_boundaries_are_kept_and_corners_stay() -> None:
@@ -233,7 +233,7 @@ def test_boundaries_are_kept_and_corners_stay() -> None:
     mesh, report = resample(flat, thresholds)
     agrees(mesh, report, thresholds)
     assert np.allclose(mesh.bounds, flat.bounds)
-    assert require(mesh).euler == 1
+    assert validate(mesh).require().euler == 1
     area = np.linalg.norm(
         np.cross(*(mesh.vertices[mesh.faces[:, i]] - mesh.vertices[mesh.faces[:, 0]] for i in (1, 2))), axis=1
     )

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from flowsculpt.pipeline.arrays import Floats, Points
 from flowsculpt.pipeline.errors import FrameError
-from flowsculpt.pipeline.mesh import TriangleMesh, box, icosphere, require, rod, sheet, torus
+from flowsculpt.pipeline.mesh import TriangleMesh, box, icosphere, rod, sheet, torus, validate
 from flowsculpt.pipeline.resample import Resampler, Thresholds
 
 SURFACES = {
@@ -49,7 +49,7 @@ def edge_lengths(mesh: TriangleMesh) -> Floats:
 def test_every_surface_survives_every_motion(
     name: str, seed: int, smooth: float, rough: float, longest: float, ratio: float, hard_angle: float
 ) -> None:
-    rng, before = np.random.default_rng(seed), require(SURFACES[name])
+    rng, before = np.random.default_rng(seed), validate(SURFACES[name]).require()
     thresholds = Thresholds(longest, ratio * longest, hard_angle, max_vertices=20_000)
     resampler = Resampler(SURFACES[name], thresholds)
     for _ in range(4):
@@ -58,9 +58,9 @@ def test_every_surface_survives_every_motion(
             report = resampler.resample()
         except FrameError as error:
             assert "budget" in str(error)
-            assert require(resampler.mesh).euler == before.euler
+            assert validate(resampler.mesh).require().euler == before.euler
             return
-        after = require(resampler.mesh)
+        after = validate(resampler.mesh).require()
         assert (after.euler, after.closed) == (before.euler, before.closed)
         assert report.too_long == 0
         assert report.longest <= longest

@@ -14,9 +14,9 @@ from flowsculpt.pipeline.mesh import (
     box,
     dihedral_angles,
     icosphere,
-    require,
     sheet,
     torus,
+    validate,
 )
 from flowsculpt.pipeline.mesh.analytic_surfaces import SphereSurface
 from flowsculpt.pipeline.mesh.normals import vertex_normals
@@ -139,7 +139,7 @@ def test_untangling_leaves_fewer_faces_that_look_inwards_at_rest_and_a_sound_sur
     turned, left = untangle(live.arrays, np.arange(len(mesh.faces), dtype=np.int32), limits, changes)
     after = live.snapshot()
     assert inwards() <= min(before - turned, left + turned)
-    assert require(after).euler == require(mesh).euler
+    assert validate(after).require().euler == validate(mesh).require().euler
     assert (dihedral_angles(after) > math.radians(170)).sum() == 0, "nothing folds now"
 
 

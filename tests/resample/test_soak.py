@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from flowsculpt.pipeline.arrays import Floats, Points
 from flowsculpt.pipeline.errors import FrameError
-from flowsculpt.pipeline.mesh import TriangleMesh, box, icosphere, require, rod, sheet, torus
+from flowsculpt.pipeline.mesh import TriangleMesh, box, icosphere, rod, sheet, torus, validate
 from flowsculpt.pipeline.resample import Chord, Curved, Exact, Placement, Report, Resampler, Thresholds
 
 SUBJECTS = {
@@ -57,7 +57,7 @@ def edge_lengths(mesh: TriangleMesh) -> Floats:
 
 def holds(mesh: TriangleMesh, report: Report, longest: float, shortest: float, euler: int) -> None:
     """All that a frame promises of a surface."""
-    found = require(mesh)
+    found = validate(mesh).require()
     assert found.euler == euler
     lengths = edge_lengths(mesh)
     assert lengths.max() <= longest
@@ -78,7 +78,7 @@ def run(placement: Placement, frames: int) -> Report:
         assert report.longest <= 0.25, frame
         assert report.too_short == sum(report.refused.values()), frame
         assert report.vertices - report.edges + report.faces == 2, frame
-        require(resampler.mesh, closed=True, name=f"frame {frame}")
+        validate(resampler.mesh).require(closed=True, name=f"frame {frame}")
         holds(resampler.mesh, report, 0.25, 0.1, 2)
     return report
 
@@ -114,7 +114,7 @@ def any_surface_any_operations(
         return points
 
     placement = {"chord": Chord(), "curved": Curved(), "exact": Exact(carry)}[placement_name]
-    before = require(subject)
+    before = validate(subject).require()
     thresholds = Thresholds(longest, ratio * longest, hard, max_vertices=6000)
     edges = np.sort(subject.faces[:, :2], axis=1)
     tagged = subject.with_creases(edges[rng.random(len(edges)) < rng.choice([0.0, 0.1])])
@@ -134,7 +134,7 @@ def any_surface_any_operations(
             report = resampler.resample()
         except FrameError as error:
             assert "budget" in str(error)
-            require(resampler.mesh)
+            validate(resampler.mesh).require()
             return
         assert report.too_long == 0
         assert report.too_short == sum(report.refused.values())

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from flowsculpt.pipeline.errors import FrameError, UsageError
-from flowsculpt.pipeline.mesh import TriangleMesh, icosphere, require
+from flowsculpt.pipeline.mesh import TriangleMesh, icosphere, validate
 from flowsculpt.pipeline.resample import Exact, Resampler, Thresholds
 
 THRESHOLDS = Thresholds(0.2)
@@ -106,7 +106,7 @@ def test_a_frame_over_the_budget_stops_and_leaves_the_surface_sound() -> None:
     resampler.vertices[:] *= 100
     with pytest.raises(FrameError, match=r"exceeds the budget of 5000; raise max_vertices"):
         resampler.resample()
-    assert require(resampler.mesh, closed=True).euler == 2
+    assert validate(resampler.mesh).require(closed=True).euler == 2
     assert len(resampler.vertices) <= 5000
 
 

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from flowsculpt.pipeline.animation import MeshFrame, animate
 from flowsculpt.pipeline.errors import UsageError
-from flowsculpt.pipeline.mesh import read_mesh, read_polygons, require, validate
+from flowsculpt.pipeline.mesh import read_mesh, read_polygons, validate
 from flowsculpt.pipeline.resample import PolygonReport
 from flowsculpt.pipeline.shot import Motion, read_shot
 
@@ -211,7 +211,7 @@ def test_polygons_stay_a_surface_in_the_bracket_and_shown_by_triangles(settings_
     for frame in frames_of(POLYHEDRA + settings_):
         polygons, mesh = frame.polygons, frame.mesh
         assert polygons is not None
-        assert require(polygons, closed=True).euler == 2 and validate(mesh).closed
+        assert validate(polygons).require(closed=True).euler == 2 and validate(mesh).closed
         np.testing.assert_array_equal(mesh.vertices[: len(polygons.vertices)], polygons.vertices)
         np.testing.assert_array_equal(mesh.creases, polygons.creases)
         ends = polygons.vertices[polygons.edges]

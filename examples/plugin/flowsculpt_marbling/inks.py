@@ -2,7 +2,8 @@
 
 from dataclasses import replace
 
-from flowsculpt.api.pictures import ENCODES, LOOKS, Pigment
+from flowsculpt.api.materials import LOOKS, Pigment
+from flowsculpt.api.pictures import ENCODES
 
 MILK, INDIGO, OCHRE, MADDER = (
     (0.84, 0.80, 0.71),

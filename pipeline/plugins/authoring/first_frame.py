@@ -12,7 +12,7 @@ import numpy as np
 from flowsculpt import FrameError, PolygonMesh
 from flowsculpt.api.flows import MotionForecast
 from flowsculpt.api.frames import animate
-from flowsculpt.api.meshes import Points, components
+from flowsculpt.api.meshes import Floats, connected_components
 from flowsculpt.api.shots import Model, Motion, Solid
 
 LARGEST_COMPUTED = 3_000_000
@@ -41,7 +41,7 @@ class FirstFrame:
     """
 
     vertices: int
-    points: Points
+    points: Floats
     faces: np.ndarray[Any, Any]
     memory: int
     longest: float | None
@@ -51,7 +51,7 @@ class FirstFrame:
     notes: tuple[str, ...] = ()
 
     @cached_property
-    def middle(self) -> Points:
+    def middle(self) -> Floats:
         """The middle of the bounding box (3,)."""
         return np.asarray(0.5 * (self.points.min(axis=0) + self.points.max(axis=0)), np.float64)
 
@@ -134,7 +134,7 @@ LARGER = 1.1  # size of the whole surface over that of its other parts from whic
 
 def small_parts(mesh: PolygonMesh) -> str:
     """Say which small parts decide the size of a model; an empty text if it is as large without them."""
-    part = components(len(mesh.vertices), mesh.corners, mesh.heads)
+    part = connected_components(len(mesh.vertices), mesh.corners, mesh.heads)
     of_face = part[mesh.corners[mesh.offsets[:-1]]]
     area, faces = np.bincount(of_face, mesh.areas, len(part)), np.bincount(of_face, minlength=len(part))
     is_small = (faces > 0) & (area < SMALL * area.sum())

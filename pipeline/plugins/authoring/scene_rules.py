@@ -19,7 +19,7 @@ import numpy as np
 from flowsculpt import Flow, FrameError, VelocityField
 from flowsculpt.api.flows import MotionForecast, number_at, vector_at
 from flowsculpt.api.frames import Framer
-from flowsculpt.api.meshes import Points
+from flowsculpt.api.meshes import Floats
 from flowsculpt.api.shots import Model, Motion, Shot
 from flowsculpt.pipeline.plugins.authoring.first_frame import FirstFrame, small_parts
 
@@ -161,10 +161,10 @@ def grows(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
         yield Finding(_where(warning.growth.place), str(warning))
 
 
-def _lengths(corners: Points) -> Points:
+def _lengths(corners: Floats) -> Floats:
     """Return the lengths of the edges of triangles, whose corners stand one after another."""
     triangles = corners.reshape(-1, 3, 3)
-    lengths: Points = np.linalg.norm(triangles - np.roll(triangles, -1, axis=1), axis=2) + 1e-300
+    lengths: Floats = np.linalg.norm(triangles - np.roll(triangles, -1, axis=1), axis=2) + 1e-300
     return lengths
 
 
@@ -199,7 +199,7 @@ def _seconds(shot: Shot, number: int, first: FirstFrame, substeps: float) -> flo
     return (perf_counter() - started) * moved / len(sample) / numba.get_num_threads()
 
 
-def _offsets(flow: Any, point: Points, time: float) -> Iterator[tuple[str, Points]]:
+def _offsets(flow: Any, point: Floats, time: float) -> Iterator[tuple[str, Floats]]:
     """Yield the name of each flow with a centre, and the vector from it to a point; fields: across the axis.
 
     Flows in a coordinate frame of their own are left out.
@@ -457,7 +457,7 @@ def _coordinates(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
         yield from (Finding(("subject", "model"), line) for line in subject.rounded_coordinates())
 
 
-def is_inside(point: Points, first: FirstFrame) -> bool:
+def is_inside(point: Floats, first: FirstFrame) -> bool:
     """Tell whether a point (3,) is inside of a closed surface: by the solid angle that its faces fill."""
     low, high = first.points.min(axis=0), first.points.max(axis=0)
     if not len(first.faces) or not ((point > low) & (point < high)).all():

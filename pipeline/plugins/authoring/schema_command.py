@@ -14,7 +14,7 @@ from rich.text import Text
 
 from flowsculpt import FlowsculptError, MachineError
 from flowsculpt.api import ShotExtras
-from flowsculpt.api.commands import print_result, require_one_of, table
+from flowsculpt.api.commands import empty_table, print_result, require_one_of
 from flowsculpt.api.files import atomic_write
 from flowsculpt.api.frames import Show
 from flowsculpt.api.options import Common, shared_option
@@ -125,14 +125,14 @@ def flows(
         _report_one({**facts(name), "strength": usual_strength(name)}, common.json)
         return
     flows = [facts(flow) for flow in FLOW_DOCUMENTS]
-    listing = table("flow", "is a", "what it does")
+    listing = empty_table("flow", "is a", "what it does")
     for flow in flows:
         listing.add_row(flow["name"], flow["kind"], flow["description"])
     print_result(markdown() if as_markdown else listing, flows, common.json)
 
 
 def _report_one(flow: dict[str, Any], as_json: bool) -> None:
-    listing = table("parameter", "default", "unit", "what it is")
+    listing = empty_table("parameter", "default", "unit", "what it is")
     for parameter in flow["parameters"]:
         choices = f": {', '.join(parameter['choices'])}" if parameter["choices"] else ""
         keyed = ", may be keyed" if parameter["keyed"] else ""

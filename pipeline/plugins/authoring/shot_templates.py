@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from flowsculpt import FlowsculptError, PolygonMesh
-from flowsculpt.api.meshes import read_paint, surface_reader, usual_up
+from flowsculpt.api.meshes import ModelFile
 from flowsculpt.api.shots import PRESETS, Model, Solid
 from flowsculpt.pipeline.plugins.authoring.first_frame import small_parts
 from flowsculpt.pipeline.plugins.authoring.shot_schemas import default_text, facts
@@ -237,7 +237,7 @@ class ModelTemplate:
 def _is_painted(file: Path, is_copy: bool) -> bool:
     """Tell whether a shot can show a model's paint: a copy of the file alone lacks those that it names."""
     try:
-        materials, files, _ = read_paint(file, lambda reader: reader.materials)
+        materials, files, _ = ModelFile(file).materials()
     except FlowsculptError:
         return False
     has_textures = any(each.colour_texture or each.colour_from for each in materials)
@@ -252,8 +252,8 @@ def model_template(file: Path, reference: str, is_copy: bool = False) -> ModelTe
     Raises MissingInputError or MeshError for a file that is not a model.
     """
     imported = Model("", path=file).imported()
-    mesh, up = imported.mesh, usual_up(file)
-    reader = surface_reader(file)
+    mesh, up = imported.mesh, ModelFile(file).up()
+    reader = ModelFile(file).reader
     assert reader is not None, "it has read the file"
     is_z_up = up == "z" and not reader.states_up
     size = mesh.bounds[1] - mesh.bounds[0]

@@ -14,13 +14,12 @@ from flowsculpt import FlowsculptError, FrameError, UsageError
 from flowsculpt.api import Progress, ShotError
 from flowsculpt.api.commands import (
     Project,
-    exit_with,
+    empty_table,
     print_error,
     print_result,
     print_warning,
     progress_bars,
-    size,
-    table,
+    size_words,
 )
 from flowsculpt.api.frames import FinishedPictures, QualityName, Show
 from flowsculpt.api.options import Common, shared_option
@@ -63,7 +62,7 @@ def validate(
             checks.append(check)
             advance()
     _report(common, checks)
-    exit_with(max(check.exit_code for check in checks))
+    raise typer.Exit(max(check.exit_code for check in checks))
 
 
 LOOKED_AT = 8
@@ -240,10 +239,10 @@ def _report(common: Common, checks: list[_Check]) -> None:
 
 def _first_frames(checks: list[_Check]) -> Iterator[Table]:
     """Yield a table of first frames where there are any."""
-    rows = table("shot", "subject", "units", "vertices", "memory")
+    rows = empty_table("shot", "subject", "units", "vertices", "memory")
     for check in checks:
         for name, first in check.firsts.items():
-            facts = f"{first.extent:.3g}", f"{first.vertices:,}", size(first.memory)
+            facts = f"{first.extent:.3g}", f"{first.vertices:,}", size_words(first.memory)
             rows.add_row(check.name, f"{name}: {first.subject}" if name else first.subject, *facts)
     if rows.row_count:
         yield rows

@@ -10,7 +10,7 @@ import numpy as np
 
 from flowsculpt import Flow, FrameError, UsageError
 from flowsculpt.api.flows import Keyframes, Number, number_at
-from flowsculpt.api.meshes import Points
+from flowsculpt.api.meshes import Floats
 from flowsculpt.api.shots import Model, Solid
 from flowsculpt.pipeline.plugins.become.fitting import Detail
 from flowsculpt.pipeline.plugins.become.stored_fits import (
@@ -49,7 +49,7 @@ class Become(Flow):
     start: PlacedShape | None = None
     others: tuple[str, ...] = ()
 
-    def displace(self, points: Points, time: float, dt: float) -> Points:
+    def displace(self, points: Floats, time: float, dt: float) -> Floats:
         """Carry points along the path. Raises FrameError where they are outside of the cube of the fit."""
         before, after = self._shares(time, dt)
         if before == after:

@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from flowsculpt.api.flows import kernel
-from flowsculpt.api.meshes import AnyArray, Floats, Points
+from flowsculpt.api.meshes import Floats
 
 Four = tuple[float, float, float, float]
 
@@ -42,7 +42,7 @@ def slopes(s: float) -> Four:
 
 
 @kernel("void(f8[::1], i8, f8[:, ::1], f8[:, ::1])")
-def velocities(grid: Floats, n: int, points: Points, out: Floats) -> None:
+def velocities(grid: Floats, n: int, points: Floats, out: Floats) -> None:
     """Compute the velocities (P, 3) of a padded grid of n³ cells at points (P, 3)."""
     m = n + 3
     for p in range(len(points)):
@@ -63,7 +63,7 @@ def velocities(grid: Floats, n: int, points: Points, out: Floats) -> None:
 
 
 @kernel("void(f8[::1], i8, f8[:, ::1], f8[:, ::1], f8[:, :, ::1])")
-def gradients(grid: Floats, n: int, points: Points, out: Floats, gradient: Floats) -> None:
+def gradients(grid: Floats, n: int, points: Floats, out: Floats, gradient: Floats) -> None:
     """Compute velocities (P, 3) and their gradients (P, 3, 3) by cells: row c is that of component c."""
     m = n + 3
     for p in range(len(points)):
@@ -91,7 +91,7 @@ def gradients(grid: Floats, n: int, points: Points, out: Floats, gradient: Float
 
 
 @kernel("void(f8[::1], i8, f8[:, ::1], f8[:, ::1], f8[::1], f8[:, ::1])")
-def pull_back(grid: Floats, n: int, points: Points, force: Floats, spread: Floats, out: Floats) -> None:
+def pull_back(grid: Floats, n: int, points: Floats, force: Floats, spread: Floats, out: Floats) -> None:
     """Compute the derivatives of Σ force · velocity.
 
     grid, spread  padded grids; the derivatives by the nodes are added to `spread`
@@ -135,7 +135,7 @@ def pull_back(grid: Floats, n: int, points: Points, force: Floats, spread: Float
 
 
 @kernel("void(f8[:, ::1], f8[:, ::1], i8[::1])")
-def nearest_rows(rows: Floats, queries: Floats, out: AnyArray) -> None:
+def nearest_rows(rows: Floats, queries: Floats, out: np.ndarray) -> None:
     """Compute the index of the nearest of rows (R, C) to each query (Q, C), the first of equally near ones.
 
     Only rows whose first number is near enough are looked at: they ascend by it.
@@ -208,7 +208,7 @@ def arrival(a: float, b: float, c: float, h: float) -> float:
 
 
 @kernel("void(f8[:, :, ::1], b1[:, :, ::1], f8)")
-def sweep(u: Floats, is_open: AnyArray, h: float) -> None:
+def sweep(u: Floats, is_open: np.ndarray, h: float) -> None:
     """Lower u (N, N, N) at open nodes to the distance, through open nodes, from where it is lower already."""
     n = u.shape[0]
     idle = 0
@@ -236,7 +236,7 @@ def sweep(u: Floats, is_open: AnyArray, h: float) -> None:
 
 
 @kernel("b1(b1[::1])")
-def is_simple(filled: AnyArray) -> bool:
+def is_simple(filled: np.ndarray) -> bool:
     """Tell whether a node can be taken from a solid without a change of the solid's topology.
 
     filled  (27,) of the node's neighbours, i · 9 + j · 3 + k; they are connected by faces, edges and corners,
@@ -278,7 +278,7 @@ def is_simple(filled: AnyArray) -> bool:
 
 
 @kernel("void(f8[:, :, ::1], b1[:, :, ::1])")
-def thin(depth: Floats, filled: AnyArray) -> None:
+def thin(depth: Floats, filled: np.ndarray) -> None:
     """Take nodes from a solid, the least deep ones first, as long as its topology stays.
 
     What is left of a solid without holes is one node, of others loops around the holes.
@@ -313,7 +313,7 @@ def thin(depth: Floats, filled: AnyArray) -> None:
 
 
 @kernel("void(f8[:, :, :, ::1], f8[:, :, ::1], i8[::1])")
-def extend(values: Floats, signed: Floats, order: AnyArray) -> None:
+def extend(values: Floats, signed: Floats, order: np.ndarray) -> None:
     """Copy values (N, N, N, K) to nodes, in this order, from the neighbour with the least signed distance."""
     n = signed.shape[0]
     for at in order:

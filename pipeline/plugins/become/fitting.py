@@ -33,7 +33,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from flowsculpt.api.meshes import AnyArray, Floats, Points
+from flowsculpt.api.meshes import Floats
 from flowsculpt.pipeline.plugins.become import fit_kernels as kernels
 from flowsculpt.pipeline.plugins.become.target import (
     PATCH,
@@ -164,7 +164,7 @@ class Leg:
     def _grids(self) -> Floats:
         return padded(self.space.knots(self.z))
 
-    def carry(self, points: Points, steps: int = STEPS, backwards: bool = False) -> Points:
+    def carry(self, points: Floats, steps: int = STEPS, backwards: bool = False) -> Floats:
         """Return where the path carries points (P, 3)."""
         x, here = self._local(points)
         out = points.copy()
@@ -172,7 +172,7 @@ class Leg:
         out[here] = self.low + self.side * arrived
         return out
 
-    def carry_with_jacobians(self, points: Points) -> tuple[Points, Floats]:
+    def carry_with_jacobians(self, points: Floats) -> tuple[Floats, Floats]:
         """Return where points (P, 3) are carried, and the determinants (P,) of the mapping's gradient."""
         x, here = self._local(points)
         out, determinants = points.copy(), np.ones(len(points))
@@ -180,7 +180,7 @@ class Leg:
         out[here] = self.low + self.side * arrived
         return out, determinants
 
-    def _local(self, points: Points) -> tuple[Points, AnyArray]:
+    def _local(self, points: Floats) -> tuple[Floats, np.ndarray]:
         """Return points (P, 3) in the coordinates of the cube, and which of them the path can move."""
         x = (points - self.low) / self.side
         if not self.space.is_windowed:
@@ -278,8 +278,8 @@ def _after_pass(
 
 
 def _matched(
-    carried_points: tuple[Points, Points], there: tuple[Points, Points], target: FittedSurface
-) -> AnyArray:
+    carried_points: tuple[Floats, Floats], there: tuple[Floats, Floats], target: FittedSurface
+) -> np.ndarray:
     """Return the indices of carried points (P, 3) that belong to those of the target (Q, 3), with normals."""
     scale = NORMAL * target.diagonal
     apart = APART if target.thin_share(THIN_GROWTH.n) <= THIN else 0.0
@@ -290,13 +290,13 @@ def _matched(
     return _nearest(rows, queries)
 
 
-def _spread(areas: Floats, most: int) -> AnyArray:
+def _spread(areas: Floats, most: int) -> np.ndarray:
     """Return at most `most` of vertices with these shares of the area, evenly by area."""
     reached = np.cumsum(areas)
     return np.unique(np.searchsorted(reached, (np.arange(most) + 0.5) / most * reached[-1]))
 
 
-def _nearest(rows: Floats, queries: Floats) -> AnyArray:
+def _nearest(rows: Floats, queries: Floats) -> np.ndarray:
     """Return the index of the nearest of rows (R, C) to each of queries (Q, C)."""
     order = np.argsort(rows[:, 0], kind="stable")
     found = np.empty(len(queries), np.int64)
@@ -341,12 +341,12 @@ class Planes:
     along    weight of squared distances along the plane over those across
     """
 
-    points: Points
-    normals: Points
+    points: Floats
+    normals: Floats
     weights: Floats
     along: float
 
-    def __call__(self, x: Points) -> tuple[float, Floats]:
+    def __call__(self, x: Floats) -> tuple[float, Floats]:
         away = x - self.points
         across = np.einsum("ij,ij->i", away, self.normals)
         squares = (1.0 - self.along) * across**2 + self.along * np.einsum("ij,ij->i", away, away)
@@ -361,7 +361,7 @@ class Front:
     part: GrownPart
     weights: Floats
 
-    def __call__(self, x: Points) -> tuple[float, Floats]:
+    def __call__(self, x: Floats) -> tuple[float, Floats]:
         distance, gradient = self.part.residual(x)
         force = 2.0 * (self.weights * distance)[:, None] * gradient
         return float(np.sum(self.weights * distance**2)), force
@@ -370,7 +370,7 @@ class Front:
 def joined(*terms: tuple[float, Data, int]) -> Data:
     """Return the sum of data, each with a factor and how many of the points are its own, in order."""
 
-    def data(x: Points) -> tuple[float, Floats]:
+    def data(x: Floats) -> tuple[float, Floats]:
         total, force, first = 0.0, np.empty_like(x), 0
         for factor, term, count in terms:
             value, part = term(x[first : first + count])

@@ -17,12 +17,12 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from flowsculpt import MachineError, MeshError, Streamlines, TriangleMesh, UsageError
+from flowsculpt import MachineError, MeshError, Streamlines, TriangleMesh, UsageError, validate
 from flowsculpt.api import Progress
-from flowsculpt.api.files import CachedAnswer, atomic_write, usable, writable_cache
+from flowsculpt.api.files import CachedAnswer, atomic_write
 from flowsculpt.api.flows import Sampled, Samples
-from flowsculpt.api.frames import CorruptFileError, Locks, StoredFiles
-from flowsculpt.api.meshes import AnyArray, Floats, Points, components, require
+from flowsculpt.api.frames import Locks, StoredFiles
+from flowsculpt.api.meshes import Floats, connected_components
 from flowsculpt.api.shots import Model, Solid
 from flowsculpt.pipeline.plugins.become.fitting import THIN, Detail, Leg, Residual, State, fitted
 from flowsculpt.pipeline.plugins.become.target import PATCH, FittedSurface, face_vectors, lengths
@@ -80,9 +80,9 @@ class PlacedShape:
         """The closed mesh of one part that is fitted. Raises MeshError for any other."""
         extent = float(np.ptp(self.subject.build().vertices, axis=0).max())
         mesh = self.subject.build(extent / EDGES)
-        require(mesh, closed=True, name=self.name)
+        validate(mesh).require(closed=True, name=self.name)
         ends = np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1)], axis=-1).reshape(-1, 2)
-        parts = len(np.unique(components(len(mesh.vertices), ends[:, 0], ends[:, 1])))
+        parts = len(np.unique(connected_components(len(mesh.vertices), ends[:, 0], ends[:, 1])))
         if parts > 1:
             raise MeshError(f"{self.name}: it has {parts} parts; become needs one. Use a model of one part.")
         return mesh.with_vertices(mesh.vertices + self.place)
@@ -90,7 +90,7 @@ class PlacedShape:
     @cached_property
     def holes(self) -> int:
         """The genus."""
-        return 1 - require(self.mesh).euler // 2
+        return 1 - validate(self.mesh).require().euler // 2
 
     @cached_property
     def roundness(self) -> float:
@@ -157,7 +157,7 @@ class Fit:
         x, y, z = (self.low + self.side * np.array(leg.low)).tolist()
         return PathVelocity(samples, "cubic", "zero" if leg.space.is_windowed else "repeat", (x, y, z))
 
-    def displace(self, points: Points, before: float, after: float) -> Points:
+    def displace(self, points: Floats, before: float, after: float) -> Floats:
         """Return where points (P, 3) are carried between two shares of the way."""
         if self.is_reversed:
             before, after = 1.0 - before, 1.0 - after
@@ -168,7 +168,7 @@ class Fit:
                 points = path.displace(points, here, there - here)
         return points
 
-    def holds(self, points: Points) -> bool:
+    def holds(self, points: Floats) -> bool:
         """Tell whether points (P, 3) lie in the cube."""
         return bool(((points >= self.low) & (points <= self.low + self.side)).all())
 
@@ -193,7 +193,7 @@ def fit_between(start: PlacedShape, target: PlacedShape, detail: Detail) -> Fit:
         FittedSurface((shape.mesh.vertices - low) / side, shape.mesh.faces.astype(np.int64)) for shape in ends
     )
     path = path_of(start, target, detail)
-    with Locks(writable_cache()).hold_key(path.stem, lambda: None):  # one of several processes computes it
+    with Locks(CachedAnswer.home()).hold_key(path.stem, lambda: None):  # one of several processes computes it
         stored = _loaded(path, _Solution.of)
         if stored is None:
             activity = f"fitting {target.name} once, {DURATIONS[detail]} of a core"
@@ -270,16 +270,16 @@ class _Solution(NamedTuple):
     thin: float
 
     @classmethod
-    def of(cls, arrays: Mapping[str, AnyArray]) -> _Solution:
-        """Return the fit of stored arrays. Raises one of UNUSABLE where they are not of one."""
+    def of(cls, arrays: Mapping[str, np.ndarray]) -> _Solution:
+        """Return the fit of stored arrays. Raises any error where they are not of one."""
         legs, shares = _legs(arrays), arrays["shares"].tolist()
         if len(shares) != len(legs) or not min(shares) > 0.0:
             raise ValueError("it has no share of each leg")
         return cls(legs, shares, Residual(*map(float, arrays["residual"].tolist())), float(arrays["thin"]))
 
 
-def _state_of(arrays: Mapping[str, AnyArray]) -> State:
-    """Return the state of stored arrays. Raises one of UNUSABLE or MeshError where they are not of one."""
+def _state_of(arrays: Mapping[str, np.ndarray]) -> State:
+    """Return the state of stored arrays. Raises any error where they are not of one."""
     points, faces = arrays["points"], arrays["faces"]
     TriangleMesh(points, faces.astype(np.int32))  # refuses anything but a mesh
     return State(int(arrays["done"]), _legs(arrays), FittedSurface(points, faces))
@@ -308,7 +308,7 @@ def _computed(
     return _Solution.of(fit)
 
 
-def _arrays(legs: Sequence[Leg]) -> dict[str, AnyArray]:
+def _arrays(legs: Sequence[Leg]) -> dict[str, np.ndarray]:
     """Return arrays to store legs as."""
     spaces = {
         "n": [leg.space.n for leg in legs],
@@ -322,7 +322,7 @@ def _arrays(legs: Sequence[Leg]) -> dict[str, AnyArray]:
     }
 
 
-def _legs(arrays: Mapping[str, AnyArray]) -> tuple[Leg, ...]:
+def _legs(arrays: Mapping[str, np.ndarray]) -> tuple[Leg, ...]:
     """Return the legs that `_arrays` made arrays of. Raises one of UNUSABLE for arrays of others."""
     names = ("n", "length", "is_windowed", "low", "side")
     legs = tuple(
@@ -363,11 +363,12 @@ def residual_of(
     return Residual(mean, most, returning, far, patch, float(determinants.min())), shares
 
 
-def _loaded(path: Path, reader: Callable[[Mapping[str, AnyArray]], T]) -> T | None:
+def _loaded(path: Path, reader: Callable[[Mapping[str, np.ndarray]], T]) -> T | None:
     """Return what a reader makes of the arrays of a file; None where there are none that it can use."""
-    with suppress(CorruptFileError):
-        return usable(lambda: reader(StoredFiles.read_arrays(path)))
-    return None
+    try:
+        return reader(StoredFiles.read_arrays(path))
+    except Exception:  # a damaged file, or one of another version, raises all kinds
+        return None
 
 
 def _store(path: Path, arrays: Mapping[str, Any]) -> None:

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from flowsculpt.api.flows import TriangleTree
-from flowsculpt.api.meshes import AnyArray, Faces, Floats, Points, Vectors
+from flowsculpt.api.meshes import Floats, Indices
 from flowsculpt.pipeline.plugins.become import fit_kernels as kernels
 
 PATCH = 50
@@ -18,17 +18,17 @@ NODES = 96
 """Nodes along each axis of the grid that distances stand on."""
 
 
-def face_vectors(points: Points, faces: Faces) -> Vectors:
+def face_vectors(points: Floats, faces: Indices) -> Floats:
     """Return vectors (F, 3) along the normals of triangles, as long as their areas."""
     a, b, c = (points[faces[:, k]] for k in range(3))
     return 0.5 * np.cross(b - a, c - a)
 
 
-def lengths(vectors: Vectors) -> Floats:
+def lengths(vectors: Floats) -> Floats:
     return np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
 
 
-def within_cube(points: Points) -> AnyArray:
+def within_cube(points: Floats) -> np.ndarray:
     """Return whether points (P, 3) are in the unit cube, (P,)."""
     return np.asarray(((points > 0.0) & (points < 1.0)).all(axis=1))
 
@@ -37,8 +37,8 @@ def within_cube(points: Points) -> AnyArray:
 class FittedSurface:
     """A closed surface: points (V, 3) and faces (F, 3)."""
 
-    points: Points
-    faces: Faces
+    points: Floats
+    faces: Indices
 
     @cached_property
     def tree(self) -> TriangleTree:
@@ -66,7 +66,7 @@ class FittedSurface:
         return 1 - (len(self.points) - len(self.faces) // 2) // 2
 
     @cached_property
-    def vertex_normals(self) -> tuple[Vectors, Floats]:
+    def vertex_normals(self) -> tuple[Floats, Floats]:
         """Unit normals (V, 3), by the areas of the faces around each vertex, and its shares (V,) of them."""
         vectors, sums = face_vectors(self.points, self.faces), np.zeros_like(self.points)
         areas = np.zeros(len(sums))
@@ -77,17 +77,17 @@ class FittedSurface:
         return sums / np.maximum(lengths(sums), 1e-300)[:, None], areas
 
     @cached_property
-    def face_normals(self) -> Vectors:
+    def face_normals(self) -> Floats:
         vectors = face_vectors(self.points, self.faces)
         return vectors / np.maximum(lengths(vectors), 1e-300)[:, None]
 
-    def nearest(self, points: Points) -> tuple[Points, Vectors]:
+    def nearest(self, points: Floats) -> tuple[Floats, Floats]:
         """Return the nearest points (P, 3) of the surface, and the normals of their faces (P, 3)."""
         face, shares = self.tree.nearest(points)
         a, b, c = self.points[self.faces[face]].swapaxes(0, 1)
         return a + shares[:, :1] * (b - a) + shares[:, 1:] * (c - a), self.face_normals[face]
 
-    def samples(self, count: int) -> tuple[Points, Vectors]:
+    def samples(self, count: int) -> tuple[Floats, Floats]:
         """Return points (count, 3), evenly by area, and the normals of their faces.
 
         They are evenly spaced along the areas of faces in the order of the tree, where neighbours are near.
@@ -101,7 +101,7 @@ class FittedSurface:
         a, b, c = (self.points[self.faces[face, k]] for k in range(3))
         return a + s[:, None] * (b - a) + r[:, None] * (c - a), self.face_normals[face]
 
-    def distances(self, other: FittedSurface, count: int) -> tuple[Points, Floats]:
+    def distances(self, other: FittedSurface, count: int) -> tuple[Floats, Floats]:
         """Return samples (count, 3), and their distances (count,) from another surface."""
         points = self.samples(count)[0]
         return points, lengths(points - other.nearest(points)[0])
@@ -132,7 +132,7 @@ class SurfaceInBox(FittedSurface):
         """Of what lies in the cube."""
         return float(np.sqrt((np.ptp(self.samples(1000)[0], axis=0) ** 2).sum()))
 
-    def samples(self, count: int) -> tuple[Points, Vectors]:
+    def samples(self, count: int) -> tuple[Floats, Floats]:
         points, normals = self._seen.samples(count)
         here = within_cube(points)
         return points[here], normals[here]
@@ -197,7 +197,7 @@ class SolidGrowth:
     def _grids(self) -> list[Floats]:
         return [_padded(self.through[..., k : k + 3]) for k in range(1, 1 + LANDMARKS, 3)]
 
-    def landmarks_at(self, points: Points) -> Floats:
+    def landmarks_at(self, points: Floats) -> Floats:
         """Return distances (P, LANDMARKS) through the solid from its landmarks."""
         values, gradient = np.empty((2, *points.shape)), np.empty((len(points), 3, 3))
         for grid, into in zip(self._grids, values, strict=True):
@@ -229,12 +229,12 @@ class GrownPart:
     grid: Floats
     until: float
 
-    def residual(self, points: Points) -> tuple[Floats, Vectors]:
+    def residual(self, points: Floats) -> tuple[Floats, Floats]:
         """Return signed distances (P,) from the part, about, and their gradients."""
         values, ways = self._values(points)
         return values[:, 2], ways[2]
 
-    def places(self, points: Points, normals: Vectors) -> tuple[Points, Vectors]:
+    def places(self, points: Floats, normals: Floats) -> tuple[Floats, Floats]:
         """Return where points (P, 3) of a surface should be on the part, and normals there.
 
         Points within it whose normals point where it grows go on that way, and others to the nearest place.
@@ -259,11 +259,11 @@ class GrownPart:
             x -= np.where(grows[:, None], 0.0, far)
         return x, self.residual(x)[1]
 
-    def holds(self, points: Points) -> AnyArray:
+    def holds(self, points: Floats) -> np.ndarray:
         """Return True for points (P, 3) on the surface of the solid that belong to the part."""
         return self._values(points)[0][:, 1] <= self.until
 
-    def _values(self, points: Points) -> tuple[Floats, list[Vectors]]:
+    def _values(self, points: Floats) -> tuple[Floats, list[Floats]]:
         """Return the numbers (P, 3) of the grid, and the directions in which each grows."""
         values, gradient = np.empty_like(points), np.empty((len(points), 3, 3))
         kernels.gradients(self.grid, NODES, points * NODES, values, gradient)
@@ -280,7 +280,7 @@ def _padded(values: Floats) -> Floats:
     return np.pad(values, ((1, 2), (1, 2), (1, 2), (0, 0)), mode="edge").ravel()
 
 
-def _from_core(signed: Floats, inside: AnyArray, holes: int) -> tuple[Floats, float, float]:
+def _from_core(signed: Floats, inside: np.ndarray, holes: int) -> tuple[Floats, float, float]:
     """Return distances u from the core of a solid, FAR in cells out of reach, and its radius and length."""
     if holes:
         core = inside.copy()
@@ -297,7 +297,7 @@ def _from_core(signed: Floats, inside: AnyArray, holes: int) -> tuple[Floats, fl
     return u, radius, length
 
 
-def _middle(signed: Floats, inside: AnyArray) -> int:
+def _middle(signed: Floats, inside: np.ndarray) -> int:
     """Return the flat index of a deep node from which the farthest one through the solid is near."""
     deep = np.flatnonzero(signed <= DEEP * signed.min())
     far = _distances_from(int(np.argmin(signed)), inside)
@@ -308,7 +308,7 @@ def _middle(signed: Floats, inside: AnyArray) -> int:
     return int(deep[np.argmin(most)])
 
 
-def _distances_from(node: int, is_open: AnyArray) -> Floats:
+def _distances_from(node: int, is_open: np.ndarray) -> Floats:
     """Return distances (N, N, N) through open nodes from the one with this flat index."""
     far = np.full(is_open.shape, FAR)
     far.flat[node] = 0.0
@@ -316,7 +316,7 @@ def _distances_from(node: int, is_open: AnyArray) -> Floats:
     return far
 
 
-def _through(u: Floats, reached: AnyArray, signed: Floats) -> Floats:
+def _through(u: Floats, reached: np.ndarray, signed: Floats) -> Floats:
     """Return distances (N, N, N, 1 + LANDMARKS) through a solid from its core, u, and from landmarks."""
     found, least = [u.copy()], np.where(reached, u, -1.0)
     for _ in range(LANDMARKS):

@@ -9,7 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from flowsculpt import FlowsculptError
-from flowsculpt.api.files import writable_cache
+from flowsculpt.api.files import CachedAnswer
 from flowsculpt.api.frames import RenderRequest
 from flowsculpt.pipeline.plugins.become.become_flow import Become
 from flowsculpt.pipeline.plugins.become.stored_fits import path_of
@@ -21,7 +21,7 @@ KEPT_DAYS = 30
 def unneeded_fits(root: Path, requests: Iterable[RenderRequest]) -> tuple[str, list[Path]]:
     """Return the fits, and what is left of interrupted ones, that were not used for KEPT_DAYS."""
     oldest = time.time() - 86400.0 * KEPT_DAYS
-    found = writable_cache().joinpath("fits").glob("*.npz")
+    found = CachedAnswer.home().joinpath("fits").glob("*.npz")
     old = [path for path in found if _last_use(path) < oldest]
     needed = {path.name for request in requests for path in _needed(request)} if old else ()
     return "fits of become", [path for path in sorted(old) if path.name not in needed]

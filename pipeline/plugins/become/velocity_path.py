@@ -26,7 +26,7 @@ from functools import cached_property
 
 import numpy as np
 
-from flowsculpt.api.meshes import AnyArray, Floats, Points
+from flowsculpt.api.meshes import Floats
 from flowsculpt.pipeline.plugins.become import fit_kernels as kernels
 
 KNOTS = 5
@@ -44,7 +44,7 @@ WINDOW = 0.04, 0.2
 BAND = 0.42
 """The highest frequency over the number of cells: a spline through fewer nodes a wave is none of its own."""
 
-Data = Callable[[Points], tuple[float, Floats]]
+Data = Callable[[Floats], tuple[float, Floats]]
 """D of carried points (P, 3), and its derivatives (P, 3)."""
 
 
@@ -66,7 +66,7 @@ class PathSpace:
         return int(BAND * self.n) + 1
 
     @cached_property
-    def _modes(self) -> tuple[AnyArray, AnyArray, Floats]:
+    def _modes(self) -> tuple[np.ndarray, np.ndarray, Floats]:
         """Flat indices (M,) into the half spectrum, wave numbers (M, 3), and factors (M,) from û to v̂."""
         n = self.n
         wave = np.fft.fftfreq(n, 1.0 / n)
@@ -101,7 +101,7 @@ class PathSpace:
         waves = self._modes[1]
         return np.ascontiguousarray((waves / np.sqrt(np.maximum((waves**2).sum(axis=1), 1.0))[:, None]).T)
 
-    def _less_squeezed(self, spectrum: AnyArray) -> AnyArray:
+    def _less_squeezed(self, spectrum: np.ndarray) -> np.ndarray:
         """Return a spectrum (KNOTS, 3, M) with less of its parts along the waves: û of z."""
         along = (spectrum * self._headings).sum(axis=1, keepdims=True)
         along *= (1.0 + SQUEEZE) ** -0.5 - 1.0
@@ -181,7 +181,7 @@ def _blended(grids: Floats, time: float, memory: Floats) -> Floats:
     return memory
 
 
-def carried(grids: Floats, n: int, points: Points, steps: int = STEPS, backwards: bool = False) -> Points:
+def carried(grids: Floats, n: int, points: Floats, steps: int = STEPS, backwards: bool = False) -> Floats:
     """Return where padded grids (T, …) carry points (P, 3) from time 0 to 1, or from 1 to 0."""
     x = points * n
     v, h = np.empty_like(x), (-n if backwards else n) / steps
@@ -197,8 +197,8 @@ def carried(grids: Floats, n: int, points: Points, steps: int = STEPS, backwards
 
 
 def carried_with_jacobians(
-    grids: Floats, n: int, points: Points, steps: int = 4 * STEPS
-) -> tuple[Points, Floats]:
+    grids: Floats, n: int, points: Floats, steps: int = 4 * STEPS
+) -> tuple[Floats, Floats]:
     """Return where points (P, 3) are carried, and the determinants (P,) of the mapping's gradient there."""
     x, jacobian = points * n, np.tile(np.eye(3), (len(points), 1, 1))
     v, gradient, h = np.empty_like(x), np.empty((len(x), 3, 3)), n / steps
@@ -212,7 +212,7 @@ def carried_with_jacobians(
 
 
 def energy(
-    space: PathSpace, z: Floats, points: Points, data: Data, weight: float, steps: int = STEPS
+    space: PathSpace, z: Floats, points: Floats, data: Data, weight: float, steps: int = STEPS
 ) -> tuple[float, Floats]:
     """Return E of a path, and its derivatives by z.
 
@@ -235,7 +235,7 @@ def energy(
     force = force / n
     by_knots = np.zeros_like(grids)
 
-    def pull(time: float, at: Points, push: Points) -> Points:
+    def pull(time: float, at: Floats, push: Floats) -> Floats:
         out = np.empty_like(at)
         kernels.pull_back(_blended(grids, time, memory), n, at, push, spread, out)
         k, share = _knot_before(len(grids), time)

@@ -9,9 +9,7 @@ and saves as a file; `breed --from-page` takes either:
 from __future__ import annotations
 
 import base64
-import html
 import json
-import re
 import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -24,6 +22,7 @@ from numpy.typing import NDArray
 
 from flowsculpt import UsageError
 from flowsculpt.api import quote
+from flowsculpt.api.files import single_page
 from flowsculpt.api.pictures import jpeg_bytes
 from flowsculpt.pipeline.plugins.breed.family_tree import RECORD, read_record
 
@@ -50,7 +49,6 @@ def page_text(
     parents: Sequence[tuple[str, NDArray[np.uint8]]],
 ) -> str:
     """Return the page of a generation; `folder` is its path as commands name it."""
-    part = files("flowsculpt.pipeline.plugins.breed")
     facts = {
         "folder": folder,
         "name": record["name"],
@@ -64,14 +62,9 @@ def page_text(
         ],
         "parents": [{"name": name, "pictures": _encoded(pictures)} for name, pictures in parents],
     }
-    values = {
-        "title": html.escape(f"{record['name']}: generation {record['generation']}"),
-        "style": part.joinpath("breed_page.css").read_text(encoding="utf-8"),
-        "script": part.joinpath("breed_page.js").read_text(encoding="utf-8"),
-        "facts": json.dumps(facts).replace("</", "<\\/"),
-    }
-    text = part.joinpath("breed_page.html").read_text(encoding="utf-8")
-    return re.sub(r"\[\[(\w+)\]\]", lambda match: values[match[1]], text)
+    title = f"{record['name']}: generation {record['generation']}"
+    page = files("flowsculpt.pipeline.plugins.breed") / "page"
+    return single_page(page, title, {"facts": json.dumps(facts)})
 
 
 def next_name(name: str) -> str:

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flowsculpt.api.materials import linear_of_srgb
 from flowsculpt.api.meshes import Floats
-from flowsculpt.api.pictures import linear_of_srgb
 from flowsculpt.pipeline.plugins.breed.colour_harmony import lab
 from flowsculpt.pipeline.plugins.breed.trials import SHOWN, Trial
 

@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 from flowsculpt import Curvature, FrameError, icosphere
 from flowsculpt.api.flows import MotionForecast
 from flowsculpt.api.frames import BoundingSpheres, Framer, Framing, MeshFrame, Shading, animate
-from flowsculpt.api.meshes import AnyArray, Floats, Points
-from flowsculpt.api.pictures import SPEED, Shape, Surface, draw_preview
+from flowsculpt.api.materials import Surface
+from flowsculpt.api.meshes import Floats
+from flowsculpt.api.pictures import Shape, draw_preview
 from flowsculpt.api.shots import Motion, Shot
 
-Extent = AnyArray | BoundingSpheres
+Extent = np.ndarray | BoundingSpheres
 """Points (N, 3), or spheres, that a picture shows."""
 
 SHOWN = 9
@@ -69,12 +70,12 @@ class Trial:
     covered: Floats
     change: Floats
 
-    def arrays(self) -> dict[str, AnyArray]:
+    def arrays(self) -> dict[str, np.ndarray]:
         """Return all as named arrays, from which `of` makes the same."""
         return {field.name: np.asarray(getattr(self, field.name)) for field in fields(self)}
 
     @classmethod
-    def of(cls, arrays: Mapping[str, AnyArray]) -> Trial:
+    def of(cls, arrays: Mapping[str, np.ndarray]) -> Trial:
         """Return the trial that `arrays` describes.
 
         Raises KeyError where one is missing, TypeError or ValueError for one of another shape or kind.
@@ -112,7 +113,7 @@ def tried(shot: Shot) -> Trial:
     return _drawn(shot, motions, kept, framings, growth, [[*kept].index(number) for number in shown])
 
 
-def _require_speed(motion: Motion, points: Points) -> None:
+def _require_speed(motion: Motion, points: Floats) -> None:
     """Raise FrameError where the sub-steps of a frame in the middle would take too long in all frames."""
     numbers = list(motion.frames)
     costs = MotionForecast(motion).costs(numbers[len(numbers) // 2], points) if len(numbers) > 1 else ()
@@ -201,11 +202,11 @@ def _picture(
 def _shape(part: Shot, motion: Motion, frame: MeshFrame) -> Shape:
     look = part.picture.look
     shading = Shading.of(frame, motion.thresholds_at(frame.number), max(1, min(2, part.picture.tessellate)))
-    arrays: dict[str, AnyArray] = shading.arrays()
+    arrays: dict[str, np.ndarray] = shading.arrays()
     pattern = look.pattern
     attributes = motion.copy_places(pattern, arrays["material"].astype(np.float64))
     if look.measures_speed:
-        attributes[SPEED] = shading.speeds(motion)
+        attributes[Surface.SPEED] = shading.speeds(motion)
     vertices = arrays["vertices"]
     if "radii" in arrays:
         vertices, arrays, attributes = _balls(arrays, attributes)
@@ -216,8 +217,8 @@ def _shape(part: Shot, motion: Motion, frame: MeshFrame) -> Shape:
 
 
 def _balls(
-    arrays: Mapping[str, AnyArray], attributes: Mapping[str, AnyArray]
-) -> tuple[AnyArray, dict[str, AnyArray], dict[str, AnyArray]]:
+    arrays: Mapping[str, np.ndarray], attributes: Mapping[str, np.ndarray]
+) -> tuple[np.ndarray, dict[str, np.ndarray], dict[str, np.ndarray]]:
     """Return the vertices, arrays and attributes of a small ball for each point of a cloud, or of a part."""
     ball = icosphere(1)
     count, normals = len(ball.vertices), ball.vertices / np.linalg.norm(ball.vertices, axis=1)[:, None]

@@ -14,9 +14,8 @@ from flowsculpt import FrameError, UsageError
 from flowsculpt.api import RunObserver, plugins, plural
 from flowsculpt.api.commands import (
     Project,
-    duration,
+    duration_words,
     execute,
-    exit_with,
     print_error,
     print_result,
     print_warning,
@@ -153,7 +152,7 @@ def deliver(
     for observer in RunObserver.of_plugins():
         observer.delivered(common, facts)
     _report(common, done, facts)
-    exit_with(outcome.exit_code or (FrameError.exit_code if faults else 0))
+    raise typer.Exit(outcome.exit_code or (FrameError.exit_code if faults else 0))
 
 
 @dataclass(frozen=True)
@@ -242,4 +241,4 @@ def _facts(done: Sequence[DeliveredFile], lost: Sequence[str], seconds: float) -
 
 def _report(common: Common, done: Sequence[DeliveredFile], facts: dict[str, Any]) -> None:
     lines = [f"{f.path}: {plural(f.frames, 'frame')}{', up to date' if f.reused else ''}" for f in done]
-    print_result("\n".join([*lines, f"Done in {duration(facts['seconds'])}."]), facts, common.json)
+    print_result("\n".join([*lines, f"Done in {duration_words(facts['seconds'])}."]), facts, common.json)

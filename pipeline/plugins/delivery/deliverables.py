@@ -26,7 +26,6 @@ from flowsculpt.api.frames import (
     FrameRange,
     FrameRate,
     History,
-    Key,
     PictureKeys,
     PipelineStage,
     RenderRequest,
@@ -421,7 +420,7 @@ class Delivery:
             return self.source.sounds
         return (replace(self.options.audio, frames=self.source.count),)
 
-    def _key(self, encode: Encode, part: str) -> Key:
+    def _key(self, encode: Encode, part: str) -> str:
         """Return the key of a file: everything but its path."""
         source, options = self.source, self.options
         facts = [list(fact) for fact in source.facts]

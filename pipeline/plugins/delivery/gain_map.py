@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flowsculpt import MachineError, UsageError
-from flowsculpt.api.files import atomic_write, command
+from flowsculpt.api.files import atomic_write, python_command
 from flowsculpt.api.pictures import ENCODES, HDR_DISPLAYS, Encode
 from flowsculpt.pipeline.plugins.delivery.hdr_frames import GRAPHICS_WHITE, Frame
 
@@ -54,7 +54,7 @@ def require_gain_maps(frames: int) -> None:
         raise MachineError(
             "gain-map needs the package imagecodecs (79 MB), which is not installed; install the extra "
             "[gain-maps], or only the package, for the Python of flowsculpt: "
-            f"{shlex.join(command('pip', 'install', 'imagecodecs'))}"
+            f"{shlex.join(python_command('pip', 'install', 'imagecodecs'))}"
         )
 
 

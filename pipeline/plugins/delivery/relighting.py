@@ -23,11 +23,10 @@ from numpy.typing import NDArray
 
 from flowsculpt import FrameError, MissingInputError, UsageError
 from flowsculpt.api import plural, quote, suggest
-from flowsculpt.api.commands import exit_with, print_error, print_result, progress_bars
+from flowsculpt.api.commands import print_error, print_result, progress_bars
 from flowsculpt.api.frames import (
     FrameRange,
     FrameRate,
-    Key,
     Locks,
     PictureKeys,
     PictureSequence,
@@ -40,6 +39,7 @@ from flowsculpt.api.frames import (
     StoredFiles,
     key_of,
 )
+from flowsculpt.api.materials import LightRig
 from flowsculpt.api.options import (
     DEFAULT_QUALITY,
     Common,
@@ -51,7 +51,6 @@ from flowsculpt.api.options import (
     shared_option,
 )
 from flowsculpt.api.pictures import (
-    LightRig,
     RenderedFrame,
     RenderError,
     loop_frames,
@@ -131,7 +130,7 @@ class RelitFrames:
         self.store.link("frame", key, self.place(number))
         return mixes
 
-    def _write(self, number: int, key: Key, path: Path) -> None:
+    def _write(self, number: int, key: str, path: Path) -> None:
         finished, header = self._read(self._source(number), self.request.place("frame", number))
         light = self._mixed(finished)
         stages = {**header.get("stages", {}), RELIGHT.name: RELIGHT.recipe}
@@ -171,7 +170,7 @@ class RelitFrames:
             yield self.request.shot.picture.display.pixels(light)
             passed()
 
-    def _read(self, key: Key, place: Path) -> tuple[RenderedFrame, dict[str, Any]]:
+    def _read(self, key: str, place: Path) -> tuple[RenderedFrame, dict[str, Any]]:
         reader = StoredFiles("frame").reader(key, size=self.request.pictures.quality.rendered_size)
         return self.store.read("frame", key, place, reader)
 
@@ -183,7 +182,7 @@ class RelitFrames:
     def _keys(self) -> PictureKeys | None:
         return self.request.keys.pictures(self.store, rendered=())
 
-    def _source(self, number: int) -> Key:
+    def _source(self, number: int) -> str:
         """Return the key of a finished frame."""
         assert self._keys is not None, "finished frames have keys"
         return self._keys[number].frame
@@ -192,7 +191,7 @@ class RelitFrames:
         """Tell whether the store holds a frame."""
         return self._keys is not None and self.store.holds("frame", self.key(number))
 
-    def key(self, number: int) -> Key:
+    def key(self, number: int) -> str:
         """Return the key of a frame, whose finished frame has one."""
         return key_of(RELIGHT.recipe, self._source(number), {n: list(f) for n, f in self.factors.items()})
 
@@ -493,7 +492,7 @@ def relight(
         words = f"{relit.movie_path}: {count}, {made} relit in {seconds:.0f} s.\n{facts['permanent']}"
     facts |= {"relit": made, "failed": faults, "seconds": round(seconds, 2)}
     print_result(words, facts, common.json)
-    exit_with(FrameError.exit_code if faults else 0)
+    raise typer.Exit(FrameError.exit_code if faults else 0)
 
 
 def _command(command: str, request: RenderRequest) -> str:

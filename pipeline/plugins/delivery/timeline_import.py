@@ -12,7 +12,7 @@ from pathlib import Path
 
 from flowsculpt import FlowsculptError, MissingInputError, UsageError
 from flowsculpt.api import ShotError
-from flowsculpt.api.files import Parser, ParserError, as_utf8, read_input
+from flowsculpt.api.files import InputFile, Parser, ParserError, as_utf8
 from flowsculpt.api.shots import WrittenShot
 
 _ERRORS: tuple[type[FlowsculptError], ...] = (ShotError, MissingInputError, UsageError)
@@ -38,7 +38,7 @@ def _frames_of_movies(timeline: Path, shots: Collection[str], folder: Path) -> d
     """Return what shots write as their frames that a timeline names, if it has movies or sounds at all."""
     frames: dict[str, str] = {}
     with suppress(ValueError):  # the reader of the timeline reports its faults
-        content = as_utf8(read_input(timeline))
+        content = as_utf8(InputFile(timeline).content())
         if b'"ExternalReference.' not in content:
             return {}
 

@@ -13,7 +13,7 @@ from ruamel.yaml import YAML
 
 from flowsculpt import UsageError
 from flowsculpt.api import plural
-from flowsculpt.api.commands import exit_with, print_result, report_notes
+from flowsculpt.api.commands import print_result, print_warning
 from flowsculpt.api.files import atomic_write, disk_errors
 from flowsculpt.api.frames import FrameRange, Plan, Store
 from flowsculpt.api.options import DEFAULT_QUALITY, Common, PictureOptions, Quality, shared_option
@@ -133,7 +133,8 @@ def _plan(
     """Return the plan of all that shots or an edit need, as if nothing was rendered."""
     project = options.project(common)
     made = project.whole(names, options.quality(quality, project, names), frames)
-    report_notes(made, set())
+    for note in dict.fromkeys(made.notes):
+        print_warning(note)
     return made
 
 
@@ -205,4 +206,4 @@ def task(
         f"{plan}: {', '.join(tasks)} done." if code == 0 else f"{plan}: some of {', '.join(tasks)} failed."
     )
     print_result(words, {"tasks": tasks, "exit_code": code}, common.json)
-    exit_with(code)
+    raise typer.Exit(code)

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from flowsculpt import FlowsculptError
-from flowsculpt.api.files import command
+from flowsculpt.api.files import python_command
 from flowsculpt.api.frames import FrameRange, Plan, use_store
 from flowsculpt.pipeline.plugins.farm.farm_steps import FarmStep, steps_of
 from flowsculpt.pipeline.plugins.farm.task_runner import do
@@ -72,7 +72,7 @@ def template(
             {
                 "name": "Python",
                 "type": "STRING",
-                "default": command("")[0],
+                "default": python_command("")[0],
                 "description": "The Python that flowsculpt is installed for on the workers.",
             },
         ],
@@ -91,7 +91,7 @@ def _step(step: FarmStep, number: int, names: Sequence[str], threads: int) -> di
     given = ["{{Param.Root}}", "{{Param.Plan}}", "{{Param.Store}}"]
     action = {
         "command": "{{Param.Python}}",
-        "args": command("flowsculpt.pipeline.plugins.farm.openjd", *given, *tasks)[1:],
+        "args": python_command("flowsculpt.pipeline.plugins.farm.openjd", *given, *tasks)[1:],
         "timeout": seconds,
         "cancelation": {"mode": "NOTIFY_THEN_TERMINATE", "notifyPeriodInSeconds": NOTICE_SECONDS},
     }

@@ -12,7 +12,7 @@ from typing import IO
 import numpy as np
 
 from flowsculpt import MachineError
-from flowsculpt.api.files import command, environment
+from flowsculpt.api.files import python_command
 from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh, even_step
 from flowsculpt.pipeline.plugins.interchange.refining import Began
 from flowsculpt.pipeline.plugins.interchange.scene_readers import require_package
@@ -46,9 +46,9 @@ def write_alembic(path: Path, title: str, meshes: Sequence[OneMesh], began: Bega
         for mesh in meshes
     ]
     facts = {"title": title, "rate": float(meshes[0].rate.fps), "meshes": described}
-    words = command("flowsculpt.pipeline.plugins.interchange.alembic_writer", str(path))
+    words = python_command("flowsculpt.pipeline.plugins.interchange.alembic_writer", str(path))
     pipe = subprocess.PIPE
-    with subprocess.Popen(words, stdin=pipe, stderr=pipe, env=environment()) as writer:
+    with subprocess.Popen(words, stdin=pipe, stderr=pipe) as writer:
         assert writer.stdin is not None and writer.stderr is not None
         try:
             writer.stdin.write(json.dumps(facts).encode() + b"\n")

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flowsculpt.api.meshes import AnyArray, Floats
-from flowsculpt.api.pictures import Material
+from flowsculpt.api.materials import Material
+from flowsculpt.api.meshes import Floats
 from flowsculpt.pipeline.plugins.interchange.drawn_mesh import KeyPoses
 from flowsculpt.pipeline.plugins.interchange.gltf_content import FLOAT, SHORT, GltfContent
 from flowsculpt.pipeline.plugins.interchange.meshopt_encoder import exponential_elements
@@ -101,7 +101,7 @@ class _Animation(GltfContent):
         target = {"node": node, "path": "weights"}
         self.channels.append({"sampler": len(self.channel_samplers) - 1, "target": target})
 
-    def _pose(self, place: AnyArray, normal: AnyArray, keys: KeyPoses, base: bool) -> dict[str, int]:
+    def _pose(self, place: np.ndarray, normal: np.ndarray, keys: KeyPoses, base: bool) -> dict[str, int]:
         """Add positions and normals of a pose, or of the difference between two."""
         if self.plain:
             offset = keys.centre if base else 0.0

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from flowsculpt.api import plural
-from flowsculpt.api.commands import execute, exit_with, print_result, progress_bars, report_plan, size
+from flowsculpt.api.commands import execute, print_result, progress_bars, report_plan, size_words
 from flowsculpt.api.frames import Locks
 from flowsculpt.api.options import DEFAULT_QUALITY, Common, Shot
 from flowsculpt.pipeline.plugins.interchange.alembic_export import require_alembic
@@ -107,7 +107,7 @@ def web(common: Common, shot: Shot, options: OneMeshOptions) -> None:
         return
     outcome = execute(common, lambda: project.geometry(asked))
     _export(common, [WebExport(asked, project.store, folder, parts)])
-    exit_with(outcome.exit_code)
+    raise typer.Exit(outcome.exit_code)
 
 
 def _export(common: Common, exports: list[AnimationExport]) -> None:
@@ -127,7 +127,7 @@ def _export(common: Common, exports: list[AnimationExport]) -> None:
                 shown = "; ".join([*map(_mesh_in_words, meshes), held])
                 known = {"subjects": [_mesh_facts(mesh) for mesh in meshes], "held": held}
             seconds = time.monotonic() - started
-            words.append(f"{export.path}: {shown}, {size(export.bytes)}, in {seconds:.0f} s.")
+            words.append(f"{export.path}: {shown}, {size_words(export.bytes)}, in {seconds:.0f} s.")
             words += [export.readers] if export.readers else []
             known |= {"path": str(export.path), "written": export.files.written, "bytes": export.bytes}
             facts.append(known | {"seconds": round(seconds, 2)})

@@ -13,8 +13,8 @@ from typing import Any, ClassVar
 
 from flowsculpt import FrameError
 from flowsculpt.api import Animation, plural
-from flowsculpt.api.files import to_plain
-from flowsculpt.api.frames import Framing, Key, RenderRequest, Store, key_of
+from flowsculpt.api.files import page_script, page_style, to_plain
+from flowsculpt.api.frames import Framing, RenderRequest, Store, key_of
 from flowsculpt.api.materials import Diffuse
 from flowsculpt.pipeline.plugins.interchange.alembic_export import write_alembic
 from flowsculpt.pipeline.plugins.interchange.animated_gltf import (
@@ -29,7 +29,7 @@ from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh, even_step
 from flowsculpt.pipeline.plugins.interchange.refining import Began
 from flowsculpt.pipeline.plugins.interchange.unifying import Unification
 from flowsculpt.pipeline.plugins.interchange.vertex_textures import VertexTextures
-from flowsculpt.pipeline.plugins.interchange.web_player import PARTS, WebPage, require_three_js
+from flowsculpt.pipeline.plugins.interchange.web_player import PAGE, WebPage, require_three_js
 
 _VERSION = 2  # of the formats as they are written here
 
@@ -89,7 +89,7 @@ class AnimationExport(ABC):
         return KeyedFiles(self.folder, f"{self.name}.{self.form}.keys.json", self.store)
 
     @cached_property
-    def key(self) -> Key:
+    def key(self) -> str:
         """The key of the files."""
         looks = [part.request.shot.picture.look for part in self.parts]
         keys, plain = [part.key for part in self.parts], [to_plain(look) for look in looks]
@@ -274,12 +274,12 @@ class WebExport(AnimationExport):
     @property
     def facts(self) -> list[Any]:
         picture = self.request.shot.picture
-        player = [(PARTS / f"web_player.{end}").read_bytes() for end in ("html", "css", "js")]
+        player = (PAGE / "index.html").read_text(encoding="utf-8") + page_style(PAGE) + page_script(PAGE)
         return [
             *(self.request.shot.heading, self.request.pictures.aspect, to_plain(picture.lights)),
             *(to_plain(picture.stage), picture.view.recipe, self.request.loop),
             {str(number): to_plain(self._framings[number]) for number in self.request.requested},
-            hashlib.sha256(b"".join([*player, require_three_js().encode()])).hexdigest(),
+            hashlib.sha256((player + require_three_js()).encode()).hexdigest(),
         ]
 
     def write_files(self, meshes: list[OneMesh], began: Began) -> str:

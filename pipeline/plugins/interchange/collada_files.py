@@ -7,14 +7,15 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
+from pathlib import Path
 from urllib.parse import unquote
 
 import numpy as np
 
 from flowsculpt import MeshError
 from flowsculpt.api import quote, shorten
-from flowsculpt.api.files import number_fault
-from flowsculpt.api.meshes import AnyArray, FileSurface, Floats, Points, SurfaceReader, reader_of
+from flowsculpt.api.files import InputFile, number_fault
+from flowsculpt.api.meshes import FileSurface, Floats, SurfaceReader
 from flowsculpt.pipeline.plugins.interchange.scene_readers import (
     PlacedMeshes,
     Polygons,
@@ -59,7 +60,7 @@ def read_geometry(mesh: Element, left_out: Counter[str]) -> Polygons:
     return Polygons(points, np.concatenate(sides), np.concatenate(corners), groups=np.concatenate(groups))
 
 
-def _points(mesh: Element, sources: dict[str, Element]) -> Points:
+def _points(mesh: Element, sources: dict[str, Element]) -> Floats:
     """Return the positions (V, 3) that the vertices of a mesh name; none where it has none."""
     vertices = mesh.first("vertices")
     named = [] if vertices is None else [i for i in vertices.all("input") if _semantic(i) == "POSITION"]
@@ -87,7 +88,7 @@ def _points(mesh: Element, sources: dict[str, Element]) -> Points:
     return values[offset : offset + count * stride].reshape(count, stride)[:, columns]
 
 
-def _vertices(element: Element, text: Element) -> AnyArray:
+def _vertices(element: Element, text: Element) -> np.ndarray:
     """Return the vertices (C,) that a `p` element names, without the other inputs of its corners."""
     inputs = [(_number(i, "offset", 0), _semantic(i)) for i in element.all("input")]
     offsets = [offset for offset, semantic in inputs if semantic == "VERTEX"]
@@ -104,7 +105,7 @@ def _vertices(element: Element, text: Element) -> AnyArray:
     return numbers.reshape(-1, stride)[:, offsets[0]]
 
 
-def _require_count(element: Element, sides: AnyArray, numbers: list[AnyArray]) -> None:
+def _require_count(element: Element, sides: np.ndarray, numbers: list[np.ndarray]) -> None:
     """Raise MeshError where a set of faces has another number of them than it says."""
     promised = _number(element, "count", -1)
     present = len(numbers) if element.name in ("tristrips", "trifans") else len(sides)
@@ -112,14 +113,14 @@ def _require_count(element: Element, sides: AnyArray, numbers: list[AnyArray]) -
         raise MeshError(f"line {element.line}: its {element.name} promise {promised}; there are {present}")
 
 
-def _triangles(element: Element, lists: list[AnyArray]) -> tuple[AnyArray, AnyArray]:
+def _triangles(element: Element, lists: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     corners = _joined(lists)
     if len(corners) % 3:
         raise MeshError(f"line {element.line}: its triangles have {len(corners)} corners in all")
     return np.full(len(corners) // 3, 3), corners
 
 
-def _polylist(element: Element, lists: list[AnyArray]) -> tuple[AnyArray, AnyArray]:
+def _polylist(element: Element, lists: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     given = element.first("vcount")
     sides = np.empty(0, np.int64) if given is None else _numbers(given, int)
     corners = _joined(lists)
@@ -128,18 +129,18 @@ def _polylist(element: Element, lists: list[AnyArray]) -> tuple[AnyArray, AnyArr
     return sides, corners
 
 
-def _polygons(element: Element, lists: list[AnyArray]) -> tuple[AnyArray, AnyArray]:
+def _polygons(element: Element, lists: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     return np.array([len(corners) for corners in lists], np.int64), _joined(lists)
 
 
-def _strips(element: Element, lists: list[AnyArray]) -> tuple[AnyArray, AnyArray]:
+def _strips(element: Element, lists: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     strips = [np.column_stack([strip[:-2], strip[1:-1], strip[2:]]) for strip in lists]
     for rows in strips:
         rows[1::2] = rows[1::2, [1, 0, 2]]  # every other one runs the other way round
     return _triangles(element, [rows.reshape(-1) for rows in strips])
 
 
-def _fans(element: Element, lists: list[AnyArray]) -> tuple[AnyArray, AnyArray]:
+def _fans(element: Element, lists: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     fans = [np.column_stack([np.repeat(f[:1], max(len(f) - 2, 0)), f[1:-1], f[2:]]) for f in lists]
     return _triangles(element, [rows.reshape(-1) for rows in fans])
 
@@ -153,7 +154,7 @@ _PRIMITIVES = {
 }
 
 
-def _joined(lists: list[AnyArray]) -> AnyArray:
+def _joined(lists: list[np.ndarray]) -> np.ndarray:
     return np.concatenate([np.empty(0, np.int64), *lists])
 
 
@@ -170,7 +171,7 @@ def _number(element: Element, name: str, default: int) -> int:
         raise MeshError(f"line {element.line}: its {name} {quote(text)} is not an integer") from None
 
 
-def _numbers(element: Element, kind: type[float] | type[int]) -> AnyArray:
+def _numbers(element: Element, kind: type[float] | type[int]) -> np.ndarray:
     """Return the numbers (N,) of an element's text. Raises MeshError, with its line, for other words."""
     words = element.text.split()
     try:
@@ -212,9 +213,11 @@ def up_of_collada(content: bytes) -> str:
     return "z" if _up_axis(parse_elements(content, until="asset")) == "Z_UP" else "y"
 
 
-_up_of = reader_of(up_of_collada)
+def _up_of(path: Path, digest: str) -> str:
+    return up_of_collada(InputFile(path, 1 << 30).content())
 
-COLLADA = SurfaceReader(reader_of(read_collada), one_file(lambda path, digest: _up_of(path)), states_up=True)
+
+COLLADA = SurfaceReader.of_content(read_collada, one_file(_up_of), states_up=True)
 
 
 def _up_axis(root: Element) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 
 from flowsculpt import UsageError
 from flowsculpt.api.frames import MeshFrame, Shading
-from flowsculpt.api.meshes import AnyArray, Floats, Placements, Points, Vectors
+from flowsculpt.api.meshes import Floats, Placements
 from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh
 from flowsculpt.pipeline.plugins.interchange.unifying import Unification
 
@@ -21,8 +21,8 @@ class PlacedCopies(NamedTuple):
     """The copies of a frame, and their velocities (N, 3) and angular velocities (N, 3), per second."""
 
     placements: Placements
-    velocities: Vectors
-    turning: Vectors
+    velocities: Floats
+    turning: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +48,7 @@ class Instances:
         vertices, faces = len(mesh.rest) // count, mesh.faces[: len(mesh.faces) // count]
         corners = mesh.corner_normals[: len(faces)]
 
-        def shared(values: AnyArray | None) -> AnyArray | None:
+        def shared(values: np.ndarray | None) -> np.ndarray | None:
             """Return what the first copy has, if all have the same."""
             if values is None:
                 return None
@@ -109,7 +109,7 @@ def placed(frame: MeshFrame) -> Placements:
     return frame.copies
 
 
-def rigid_velocities(points: AnyArray, moved: AnyArray, origins: Points) -> tuple[Vectors, Vectors]:
+def rigid_velocities(points: np.ndarray, moved: np.ndarray, origins: Floats) -> tuple[Floats, Floats]:
     """Return velocities (N, 3) at origins (N, 3) and angular velocities (N, 3), radians, of rigid bodies.
 
     points, moved  vertices (N, V, 3) and their velocities

@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
-from flowsculpt.api.meshes import AnyArray, Faces, Floats, Indices, Points, Vectors, edge_keys, morton_order
+from flowsculpt.api.meshes import Floats, Indices, edge_keys, morton_order
 from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh
 
 MOST_ERROR = 0.25
@@ -27,8 +27,8 @@ _LARGEST = 32767  # of int16
 
 
 def split_corners(
-    corner_normals: Faces, texture: Floats | None, colours: AnyArray | None = None
-) -> tuple[Indices, Faces]:
+    corner_normals: Indices, texture: Floats | None, colours: np.ndarray | None = None
+) -> tuple[Indices, Indices]:
     """Return vertices (W,), each a corner of a face, and faces (F, 3) of them.
 
     Corners with the same normal, and so the same vertex, the same texture coordinates and the same colour
@@ -60,10 +60,10 @@ class DrawnMesh:
     mesh: OneMesh
     source: Indices
     row: Indices
-    faces: Faces
+    faces: Indices
     texture: Floats | None
-    painted: AnyArray | None = None
-    materials: AnyArray | None = None
+    painted: np.ndarray | None = None
+    materials: np.ndarray | None = None
 
     @classmethod
     def of(cls, mesh: OneMesh) -> DrawnMesh:
@@ -101,7 +101,7 @@ class DrawnMesh:
         edges = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
         return bool((np.unique(edge_keys(edges), return_counts=True)[1] == 2).all())
 
-    def frame(self, number: int) -> tuple[Points, Vectors]:
+    def frame(self, number: int) -> tuple[Floats, Floats]:
         """Return positions (W, 3) and unit normals (W, 3) at a frame."""
         frame = self.mesh.frame(number)
         return frame.points[self.source], frame.normals[self.row]
@@ -115,7 +115,7 @@ class DrawnMesh:
             low, high = np.minimum(low, points.min(axis=0)), np.maximum(high, points.max(axis=0))
         return low, high
 
-    def edge_at(self, number: int, points: Points) -> float:
+    def edge_at(self, number: int, points: Floats) -> float:
         """Return the maximum edge length of a frame; where there is none, the mean length of the edges."""
         longest = self.mesh.longest_at(number)
         if math.isfinite(longest):
@@ -137,8 +137,8 @@ class KeyPoses:
 
     drawn: DrawnMesh
     numbers: tuple[int, ...]
-    places: AnyArray
-    normals: AnyArray
+    places: np.ndarray
+    normals: np.ndarray
     centre: Floats
     step: float
     error: float
@@ -167,7 +167,7 @@ class KeyPoses:
             normals.append(normal.astype(np.float32))
         return cls(drawn, numbers, np.stack(places), np.stack(normals), centre, step, error + rounding)
 
-    def points_at(self, number: float) -> Points:
+    def points_at(self, number: float) -> Floats:
         """Return positions (W, 3) at a frame or between frames, as players show them."""
         index = min(int(np.searchsorted(self.numbers, number, side="right")), len(self.numbers) - 1)
         before, after = self.numbers[max(index - 1, 0)], self.numbers[index]
@@ -176,7 +176,7 @@ class KeyPoses:
         return np.asarray(self.centre + self.step * place)
 
 
-_Pose = tuple[int, AnyArray, float]
+_Pose = tuple[int, np.ndarray, float]
 
 
 def _frames(mesh: OneMesh, edges: dict[int, float], passed: Callable[[], None]) -> Iterator[_Pose]:

@@ -15,7 +15,6 @@ from flowsculpt.api import plural
 from flowsculpt.api.commands import (
     Project,
     execute,
-    exit_with,
     print_error,
     print_result,
     progress_bars,
@@ -136,7 +135,7 @@ def _one_mesh_stage(
         stage = kind(asked, project.store, folder, parts, bar)
         stage.write(bar("exporting", len(stage.stale())))
     print_result(*_report(stage, [], time.monotonic() - started), common.json)
-    exit_with(outcome.exit_code)
+    raise typer.Exit(outcome.exit_code)
 
 
 def ply(common: Common, shot: Shot, options: ModelOptions) -> None:
@@ -224,7 +223,7 @@ def _export(
     words = "\n".join(words for words, _ in reports)
     facts: Any = reports[0][1] if len(reports) == 1 else [facts for _, facts in reports]
     print_result(words, facts, common.json)
-    exit_with(outcome.exit_code or (FrameError.exit_code if faults else 0))
+    raise typer.Exit(outcome.exit_code or (FrameError.exit_code if faults else 0))
 
 
 def _report(

@@ -14,9 +14,8 @@ from typing import Any
 import numpy as np
 
 from flowsculpt import FrameError
-from flowsculpt.api.files import read_state, sweep_hidden_drafts, to_plain
+from flowsculpt.api.files import CachedAnswer, sweep_hidden_drafts, to_plain
 from flowsculpt.api.frames import (
-    Key,
     Locks,
     MeshFrame,
     PipelineStage,
@@ -26,12 +25,8 @@ from flowsculpt.api.frames import (
     StoredFiles,
     key_of,
 )
-from flowsculpt.api.materials import (
-    PatternedMaterial,
-    Texture,
-)
-from flowsculpt.api.meshes import AnyArray, Faces, Floats, Indices, Points, Vectors
-from flowsculpt.api.pictures import SPEED, Material, Painted, PaintedFaces, Surface, vertex_colours
+from flowsculpt.api.materials import Material, PaintedFaces, Surface
+from flowsculpt.api.meshes import Floats, Indices
 from flowsculpt.api.shots import Model, Shot, Solid
 
 EXPORT = PipelineStage("export", version=3, doing="exporting", makes="geometry", per_quality=False)
@@ -56,7 +51,7 @@ class KeyedFiles:
     @cached_property
     def _noted(self) -> dict[str, dict[str, Any]]:
         """The content of the JSON file; empty if it is missing or damaged: all is then written again."""
-        noted = read_state(self.folder / self.name, dict) or {}
+        noted = CachedAnswer(self.folder / self.name).load(dict) or {}
         return {name: entry for name, entry in noted.items() if isinstance(entry, dict)}
 
     def is_whole(self, name: str) -> bool:
@@ -68,17 +63,17 @@ class KeyedFiles:
                 self._found[name] = StoredFiles.digest_of(self.folder / name)
         return noted is not None and self._found[name] == noted
 
-    def is_current(self, name: str, key: Key) -> bool:
+    def is_current(self, name: str, key: str) -> bool:
         """Tell whether a file is there, whole, and made from what `key` says."""
         return self._noted.get(name, {}).get("key") == key and self.is_whole(name)
 
-    def write(self, name: str, key: Key, write: Callable[[Path], object]) -> None:
+    def write(self, name: str, key: str, write: Callable[[Path], object]) -> None:
         """Write a file by `write(draft)`, whole or not at all. Raises MachineError where the disk refuses."""
         self._found[name] = digest = self.store.write(self.folder / name, write, flush=False)
         self._noted[name] = {"key": key, "digest": digest}
         self.written.append(name)
 
-    def update(self, name: str, key: Key, write: Callable[[Path], object]) -> None:
+    def update(self, name: str, key: str, write: Callable[[Path], object]) -> None:
         """Write a file as `write` does, unless it is current."""
         if not self.is_current(name, key):
             self.write(name, key, write)
@@ -134,19 +129,19 @@ class ExportedFrame:
     copies          int32 (V,): the number of the copy, from 1 on, as in mattes; None without copies
     """
 
-    points: Points
-    faces: Faces
-    normals: Vectors
-    corner_normals: Faces
-    velocities: Vectors
-    rest: Points
+    points: Floats
+    faces: Indices
+    normals: Floats
+    corner_normals: Indices
+    velocities: Floats
+    rest: Floats
     creases: Indices = field(default_factory=lambda: np.empty((0, 2), np.int32))
     colours: Floats | None = None
     texture: Floats | None = None
     paint: PaintedFaces | None = None
     radii: Floats | None = None
-    numbers: AnyArray | None = None
-    copies: AnyArray | None = None
+    numbers: np.ndarray | None = None
+    copies: np.ndarray | None = None
 
     @property
     def bounds(self) -> tuple[Floats, Floats]:
@@ -180,12 +175,12 @@ def _exported_mesh(shot: Shot, frame: MeshFrame, shading: Shading) -> ExportedFr
     surface = rendered_surface(split.vertices, split.normals, split.faces, rest[source], velocities[source])
     places = {n: v[source] for n, v in shot.motion.copy_places(look.pattern, rest).items()}
     surface = replace(surface, attributes={**surface.attributes, **places})
-    colours = vertex_colours(replace(surface, paint=paint), look)
+    colours = look.vertex_colours(replace(surface, paint=paint))
     return ExportedFrame(
         *(mesh.vertices, mesh.faces, split.normals, split.faces, velocities, rest, mesh.creases),
         colours=None if colours is None else colours[: len(rest)],  # the mesh's own vertices come first
         texture=texture_coordinates(look, rest, mesh.faces, paint),
-        paint=paint if isinstance(look, Painted) else None,
+        paint=paint if look.is_of_model else None,
         copies=_copies(shot, rest),
     )
 
@@ -198,7 +193,7 @@ def _exported_net(shot: Shot, shading: Shading) -> ExportedFrame:
     surface = rendered_surface(points, normals, faces, rest, velocities)
     return ExportedFrame(
         *(points, faces, normals, faces, velocities, rest),
-        colours=vertex_colours(surface, shot.picture.look),
+        colours=shot.picture.look.vertex_colours(surface),
         texture=texture_coordinates(shot.picture.look, rest, faces),
     )
 
@@ -212,14 +207,14 @@ def _exported_cloud(shot: Shot, frame: MeshFrame) -> ExportedFrame:
     surface = replace(surface, attributes={**surface.attributes, **places})
     return ExportedFrame(
         *(points, faces, nothing, faces, velocities, rest),
-        colours=vertex_colours(surface, shot.picture.look),
+        colours=shot.picture.look.vertex_colours(surface),
         radii=frame.radii,
         numbers=np.arange(len(points)) if numbers is None else numbers,
         copies=_copies(shot, rest),
     )
 
 
-def _copies(shot: Shot, rest: Points) -> AnyArray | None:
+def _copies(shot: Shot, rest: Floats) -> np.ndarray | None:
     """Return the number of the copy (V,) of vertices by their rest positions (V, 3); None without copies."""
     if shot.motion.copies is None:
         return None
@@ -227,28 +222,21 @@ def _copies(shot: Shot, rest: Points) -> AnyArray | None:
 
 
 def rendered_surface(
-    points: Points, normals: Vectors, faces: Faces, rest: Points, velocities: Vectors
+    points: Floats, normals: Floats, faces: Indices, rest: Floats, velocities: Floats
 ) -> Surface:
     """Return the surface as it is rendered, float32, with the speed of its vertices."""
     vertices, shading, material = (values.astype(np.float32) for values in (points, normals, rest))
     speeds = np.linalg.norm(velocities, axis=1, keepdims=True).astype(np.float32)
-    return Surface(vertices, shading, faces, {SPEED: speeds}, material)
+    return Surface(vertices, shading, faces, {Surface.SPEED: speeds}, material)
 
 
 def has_colours(look: Material) -> bool:
     """Tell whether the colour of a look varies over the surface, so that vertices have colours."""
-    return look.pattern is not None or colour_texture(look) is not None or isinstance(look, Painted)
-
-
-def colour_texture(look: Material) -> Texture | None:
-    """Return the picture that colours a look, or None; of a model's materials, if there is one alone."""
-    if isinstance(look, Painted) and len(look.parts) == 1:
-        return look.parts[0].colour_texture
-    return look.colour_texture if isinstance(look, PatternedMaterial) else None
+    return look.is_of_model or look.pattern is not None or look.texture("colour") is not None
 
 
 def texture_coordinates(
-    look: Material, rest: Points, faces: Faces, paint: PaintedFaces | None = None
+    look: Material, rest: Floats, faces: Indices, paint: PaintedFaces | None = None
 ) -> Floats | None:
     """Return texture coordinates (F, 3, 2) of the corners of faces, 0 to 1 to the right and upwards.
 
@@ -259,13 +247,13 @@ def texture_coordinates(
         return None if paint is None else paint.near_origin()
     coordinates, _ = projection.coordinates(rest, faces, paint)
     height = width = 1
-    if projection.keeps_shape and (texture := colour_texture(look)) is not None:
+    if projection.keeps_shape and (texture := look.texture("colour")) is not None:
         height, width = texture.pixels().shape[:2]
     right, up = projection.offset
     return np.asarray(coordinates * (1.0, width / height) + (0.5 - right, 0.5 - up))
 
 
-def frame_key(request: RenderRequest, number: int) -> Key:
+def frame_key(request: RenderRequest, number: int) -> str:
     """Return the key of an exported frame: its mesh, the flow around it, and what colours its vertices."""
     motion = request.shot.motion
     return key_of(

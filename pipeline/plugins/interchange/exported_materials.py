@@ -5,21 +5,12 @@ A picture of numbers has roughness in green and metalness in blue, as glTF has t
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from flowsculpt.api.materials import (
-    EmbeddedPicture,
-    Opacity,
-    PatternedMaterial,
-    Satin,
-    Texture,
-)
-from flowsculpt.api.meshes import AnyArray
-from flowsculpt.api.pictures import Material, Painted, PaintedFaces
-from flowsculpt.pipeline.plugins.interchange.preview_surfaces import PreviewSurface, preview_surface
+from flowsculpt.api.materials import Material, PaintedFaces, PreviewSurface, Satin, Texture
+from flowsculpt.pipeline.plugins.interchange.embedded_pictures import EmbeddedPicture
 
 COMPACT = 2048
 """The most pixels along a side of pictures in compressed files; finer ones are averaged."""
@@ -60,23 +51,22 @@ def exported_materials(look: Material, widest: int = Texture.WIDEST) -> tuple[Ex
 
     Raises as `read_picture`.
     """
-    return tuple(_exported(part, isinstance(look, Painted), widest) for part in parts_of(look))
+    return tuple(_exported(part, look.is_of_model, widest) for part in look.parts_by_number)
 
 
 def pictures_recipe(look: Material) -> list[str]:
     """Return what keys of files with pictures, or several materials, hold; nothing for other looks."""
-    names = ("colour_texture", "roughness_texture", "metallic_texture", "normal_texture", "opacity")
-    parts = parts_of(look)
-    held = len(parts) > 1 or any(getattr(part, name, None) for part in parts for name in names)
+    names, parts = ("colour", "roughness", "metallic", "normal"), look.parts_by_number
+    held = len(parts) > 1 or any(part.opacity or any(map(part.texture, names)) for part in parts)
     return ["pictures"] if held else []
 
 
-def number_planes(part: Material) -> dict[str, AnyArray]:
+def number_planes(part: Material) -> dict[str, np.ndarray]:
     """Return the pictures (H, W, 1) of roughness and metalness of a material as preview surfaces have them,
     by name. Raises as `read_picture`."""
-    planes: dict[str, AnyArray] = {}
+    planes: dict[str, np.ndarray] = {}
     for name in ("roughness", "metallic"):
-        texture: Texture | None = getattr(part, f"{name}_texture", None)
+        texture = part.texture(name)
         if texture is not None and _fits(part):
             planes[name] = np.clip(texture.numbers(), 0.0, 1.0)
     if "roughness" in planes and not isinstance(part, Satin):  # that of others is the width of the lobe
@@ -84,15 +74,10 @@ def number_planes(part: Material) -> dict[str, AnyArray]:
     return planes
 
 
-def parts_of(look: Material) -> tuple[Material, ...]:
-    """Return the materials of a model by their numbers; of other looks, the look."""
-    return look.parts or (look,) if isinstance(look, Painted) else (look,)
-
-
 def _exported(part: Material, is_of_model: bool, widest: int) -> ExportedMaterial:
-    numbers, surface = _numbers(part, preview_surface(part), widest)
-    texture: Texture | None = getattr(part, "colour_texture", None)
-    bumps: Texture | None = getattr(part, "normal_texture", None)
+    numbers, surface = _numbers(part, part.preview_surface(), widest)
+    texture = part.texture("colour")
+    bumps = part.texture("normal")
     picture = normals = None
     is_coloured = not is_of_model or getattr(part, "colour_from", None) == PaintedFaces.COLOURS
     if texture is not None:
@@ -101,7 +86,7 @@ def _exported(part: Material, is_of_model: bool, widest: int) -> ExportedMateria
     if bumps is not None:
         normals = EmbeddedPicture.of_texture(bumps, widest, is_colour=False)
     bump = 1.0 if bumps is None else bumps.factor[0]
-    opacity: Opacity | None = getattr(part, "opacity", None)
+    opacity = part.opacity
     if opacity is None:
         return ExportedMaterial(surface, picture, numbers, is_coloured, normals, bump)
     if opacity.texture is not None:
@@ -113,20 +98,16 @@ def _exported(part: Material, is_of_model: bool, widest: int) -> ExportedMateria
 
 def _with_alpha(part: Material, mask: Texture, widest: int) -> EmbeddedPicture:
     """Return the colours of a material, white without a picture, with an alpha."""
-    colours = np.ones((1, 1, 3), np.float32)
-    if isinstance(part, PatternedMaterial) and part.colour_texture is not None:
-        plain = replace(part.colour_texture, factor=(1.0, 1.0, 1.0))
-        colours = replace(part, colour_texture=plain).colour_pixels()
-    wrap = (getattr(part, "colour_texture", None) or mask).wrap
-    return EmbeddedPicture.with_alpha(colours, mask.numbers(), widest, wrap)
+    wrap = (part.texture("colour") or mask).wrap
+    return EmbeddedPicture.with_alpha(part.colour_pixels(with_factor=False), mask.numbers(), widest, wrap)
 
 
 def _numbers(
     part: Material, surface: PreviewSurface, widest: int
 ) -> tuple[EmbeddedPicture | None, PreviewSurface]:
     """Return the picture of roughness and metalness, if there is one, and the surface with factors on it."""
-    rough: Texture | None = getattr(part, "roughness_texture", None)
-    metal: Texture | None = getattr(part, "metallic_texture", None)
+    rough = part.texture("roughness")
+    metal = part.texture("metallic")
     planes = number_planes(part)
     if not planes:
         return None, surface
@@ -149,8 +130,8 @@ def _fits(part: Material) -> bool:
     projection = part.texture_projection
     if projection is None or not projection.keeps_shape:
         return True
-    colour: Texture | None = getattr(part, "colour_texture", None)
+    colour = part.texture("colour")
     shape = (1, 1) if colour is None else colour.pixels().shape[:2]
-    held = (getattr(part, name, None) for name in ("roughness_texture", "metallic_texture"))
+    held = (part.texture(name) for name in ("roughness", "metallic"))
     shapes = [texture.numbers().shape[:2] for texture in held if texture is not None]
     return all(shape[0] * width == shape[1] * height for height, width in shapes)

@@ -19,8 +19,8 @@ import numpy as np
 
 from flowsculpt import MeshError
 from flowsculpt.api import plural, quote
-from flowsculpt.api.files import Parser, read_input, require_input, text_content
-from flowsculpt.api.meshes import AnyArray, FileSurface, Floats, Points, SurfaceReader
+from flowsculpt.api.files import InputFile, Parser, text_content
+from flowsculpt.api.meshes import FileSurface, Floats, SurfaceReader
 from flowsculpt.pipeline.plugins.interchange.scene_readers import (
     PlacedMeshes,
     Polygons,
@@ -92,8 +92,8 @@ def uncollected() -> Iterator[None]:
 
 def answer(path: str, question: str) -> bytes:
     """Return the answer to `up` or `surface` about the file at a path."""
-    Parser.allow_memory(Parser.MEMORY + 40 * require_input(Path(path), MOST_BYTES))
-    content = read_input(Path(path), MOST_BYTES)
+    Parser.allow_memory(Parser.MEMORY + 40 * InputFile(Path(path), MOST_BYTES).size())
+    content = InputFile(Path(path), MOST_BYTES).content()
     if question == "up":
         return up_axis(content).encode()
     return answered(lambda: packed_surface(visible_surface(content)))
@@ -216,7 +216,7 @@ def _polygons(mesh: ufbx.Mesh, name: str) -> Polygons:
     return polygons.without(holes) if holes.any() else polygons
 
 
-def faces_of(mesh: ufbx.Mesh, name: str) -> tuple[Points, AnyArray, AnyArray]:
+def faces_of(mesh: ufbx.Mesh, name: str) -> tuple[Floats, np.ndarray, np.ndarray]:
     """Return the points (V, 3), numbers of corners (F,) and corners (C,) of a mesh, in its coordinates.
 
     Raises MeshError, with its name, where they contradict each other.
@@ -233,7 +233,7 @@ def faces_of(mesh: ufbx.Mesh, name: str) -> tuple[Points, AnyArray, AnyArray]:
     return points, sides, corners
 
 
-def _groups(mesh: ufbx.Mesh, faces: int) -> AnyArray:
+def _groups(mesh: ufbx.Mesh, faces: int) -> np.ndarray:
     """Return a number (F,) for each face: those of one material and smoothing have the same."""
     columns = [numbers_of(mesh.face_material, np.uint32), numbers_of(mesh.face_smoothing, np.bool_)]
     known = [column.astype(np.int64) for column in columns if len(column) == faces]
@@ -242,7 +242,7 @@ def _groups(mesh: ufbx.Mesh, faces: int) -> AnyArray:
     return np.unique(np.column_stack(known), axis=0, return_inverse=True)[1].reshape(-1)
 
 
-def _creases(mesh: ufbx.Mesh, points: Points, corners: AnyArray, sides: AnyArray) -> AnyArray:
+def _creases(mesh: ufbx.Mesh, points: Floats, corners: np.ndarray, sides: np.ndarray) -> np.ndarray:
     """Return the edges (K, 2) that have a crease weight, and the hard ones amid smooth ones.
 
     Which are hard is said by smoothing of edges, or where a file has none, by its normals.
@@ -261,7 +261,7 @@ def _creases(mesh: ufbx.Mesh, points: Points, corners: AnyArray, sides: AnyArray
 _SAME_NORMAL = 0.999  # cosine between normals, from which they are the same: 2.6 degrees
 
 
-def _parted_edges(mesh: ufbx.Mesh, points: Points, corners: AnyArray, sides: AnyArray) -> AnyArray:
+def _parted_edges(mesh: ufbx.Mesh, points: Floats, corners: np.ndarray, sides: np.ndarray) -> np.ndarray:
     """Return the edges (K, 2) where the normals of two faces differ; none of a mesh that is shaded flat."""
     given = mesh.vertex_normal
     values, index = numbers_of(given.values, np.float64, 3), numbers_of(given.indices, np.uint32)
@@ -291,15 +291,15 @@ def _parted_edges(mesh: ufbx.Mesh, points: Points, corners: AnyArray, sides: Any
     return ends[a[is_bent & is_parted]]
 
 
-def _unit_vectors(vectors: Points) -> Points:
+def _unit_vectors(vectors: Floats) -> Floats:
     return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), np.finfo(float).tiny)
 
 
-def _dot(a: Points, b: Points) -> AnyArray:
+def _dot(a: Floats, b: Floats) -> np.ndarray:
     return np.einsum("ij,ij->i", a, b)
 
 
-def numbers_of(values: Any, kind: Any, columns: int = 1) -> AnyArray:
+def numbers_of(values: Any, kind: Any, columns: int = 1) -> np.ndarray:
     """Return a list of ufbx as an array (N,) or (N, columns). Its lists of uint32 have no buffers."""
     if kind is np.uint32 and columns == 1:
         return np.fromiter(values, kind, len(values))

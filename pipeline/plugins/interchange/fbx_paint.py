@@ -17,10 +17,9 @@ import numpy as np
 
 from flowsculpt import MeshError
 from flowsculpt.api import quote, shorten
-from flowsculpt.api.files import Parser, digest_of_file, read_input, require_input
-from flowsculpt.api.materials import Opacity, PatternedMaterial, Texture
-from flowsculpt.api.meshes import AnyArray, Floats, ModelMaterials, PaintReader
-from flowsculpt.api.pictures import linear_of_srgb
+from flowsculpt.api.files import InputFile, Parser
+from flowsculpt.api.materials import Opacity, Texture, linear_of_srgb
+from flowsculpt.api.meshes import Floats, ModelMaterials, PaintReader
 from flowsculpt.pipeline.plugins.interchange.fbx_files import (
     MOST_BYTES,
     counted,
@@ -34,6 +33,7 @@ from flowsculpt.pipeline.plugins.interchange.fbx_files import (
 from flowsculpt.pipeline.plugins.interchange.model_paint import ModelPaint, PaintParts, packed
 from flowsculpt.pipeline.plugins.interchange.painted_materials import (
     GREY,
+    FileMaterial,
     mask_of,
     opacity_of,
     painted,
@@ -85,14 +85,14 @@ def _materials(path: Path) -> ModelMaterials:
     Raises MissingInputError where one is not there, MeshError for what is not read.
     """
     require_ufbx()
-    answer = Parser(_MODULE).answer_about_content(path, digest_of_file(path), "ufbx", MATERIALS)
+    answer = Parser(_MODULE).answer_about_content(path, InputFile(path).digest(), "ufbx", MATERIALS)
     files: dict[Path, str] = {}
     found = json.loads(content_of(answer.encode(), path))
     notes = (f"material {shorten(facts['name'])}: its glow is not shown" for facts in found if facts["glows"])
     return ModelMaterials(tuple(_material(path, facts, files) for facts in found), files, tuple(notes))
 
 
-def _material(path: Path, facts: dict[str, Any], files: dict[Path, str]) -> PatternedMaterial:
+def _material(path: Path, facts: dict[str, Any], files: dict[Path, str]) -> FileMaterial:
     """Return the material of what `_facts_of` found; note the files of its pictures."""
     textures = {}
     for name, found in facts["pictures"].items():
@@ -153,8 +153,8 @@ FBX_PAINT = PaintReader(_materials, _read)
 
 def answer(path: str, question: str) -> bytes:
     """Return the answer to `paint`, to the question for materials, or the picture with a SHA-256."""
-    Parser.allow_memory(Parser.MEMORY + 40 * require_input(Path(path), MOST_BYTES))
-    content = read_input(Path(path), MOST_BYTES)
+    Parser.allow_memory(Parser.MEMORY + 40 * InputFile(Path(path), MOST_BYTES).size())
+    content = InputFile(Path(path), MOST_BYTES).content()
     if question == "paint":
         return answered(lambda: _packed_paint(content))
     if question == MATERIALS:
@@ -219,12 +219,12 @@ class _PaintedScene:
             found.parts.add(polygons.points, *arrays)
         return found
 
-    def arrays(self) -> dict[str, AnyArray]:
+    def arrays(self) -> dict[str, np.ndarray]:
         """Return the arguments of `ModelPaint.of`."""
         return self.parts.arrays(lambda: np.array([_facts_of(each)["colour"] for each in self.materials]))
 
 
-def _colours(mesh: ufbx.Mesh, corners: AnyArray, name: str) -> Floats | None:
+def _colours(mesh: ufbx.Mesh, corners: np.ndarray, name: str) -> Floats | None:
     """Return the linear colours (K, 3) of corners of a mesh from its first set; None where it has none."""
     given = counted(mesh.vertex_color)
     if not given.exists:
@@ -232,7 +232,7 @@ def _colours(mesh: ufbx.Mesh, corners: AnyArray, name: str) -> Floats | None:
     return linear_of_srgb(np.clip(_values(given, 4, corners, f"{name}: its vertex colours")[:, :3], 0.0, 1.0))
 
 
-def _coordinates(mesh: ufbx.Mesh, material: ufbx.Material | None, corners: AnyArray, name: str) -> Floats:
+def _coordinates(mesh: ufbx.Mesh, material: ufbx.Material | None, corners: np.ndarray, name: str) -> Floats:
     """Return the coordinates (K, 2) of corners of a mesh in the pictures of a material."""
     sets = [counted(given) for given in mesh.uv_sets]
     if not sets:
@@ -256,7 +256,7 @@ def _coordinates(mesh: ufbx.Mesh, material: ufbx.Material | None, corners: AnyAr
 
 
 def _values(
-    given: Any, columns: int, corners: AnyArray, place: str, otherwise: float | None = None
+    given: Any, columns: int, corners: np.ndarray, place: str, otherwise: float | None = None
 ) -> Floats:
     """Return the values (K, columns) of an attribute at corners; `otherwise` where a corner has none."""
     values, index = numbers_of(given.values, np.float64, columns), numbers_of(given.indices, np.uint32)

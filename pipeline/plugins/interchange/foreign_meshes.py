@@ -10,15 +10,7 @@ from numpy.typing import ArrayLike
 
 from flowsculpt import MeshError, PolygonMesh, TriangleMesh, UsageError
 from flowsculpt.api import plural
-from flowsculpt.api.meshes import (
-    AnyArray,
-    Paint,
-    Points,
-    file_surface,
-    find_coincident,
-    read_paint,
-    repair_surface,
-)
+from flowsculpt.api.meshes import FileSurface, Floats, ModelFile, Paint, find_coincident, repair_surface
 from flowsculpt.pipeline.plugins.interchange.mesh_writers import UV
 from flowsculpt.pipeline.plugins.interchange.model_paint import ModelPaint
 
@@ -37,7 +29,7 @@ def repair_mesh(mesh: TriangleMesh | PolygonMesh) -> tuple[TriangleMesh, tuple[s
     with its count and the coordinates of the first. Raises MeshError where nothing sound can be made of it.
     """
     faces = mesh if isinstance(mesh, PolygonMesh) else PolygonMesh.from_triangles(mesh)
-    surface = file_surface(faces.vertices, faces.corners.astype(np.int64), sides=np.diff(faces.offsets))
+    surface = FileSurface.of(faces.vertices, faces.corners.astype(np.int64), sides=np.diff(faces.offsets))
     surface = surface._replace(tagged=faces.creases.astype(np.int64))
     repaired, changes = repair_surface(surface)
     first, source = _first_vertices(mesh.vertices, repaired.vertices)
@@ -46,7 +38,7 @@ def repair_mesh(mesh: TriangleMesh | PolygonMesh) -> tuple[TriangleMesh, tuple[s
     return repaired.triangulated().with_attributes(**attributes), (*changes, *lost)
 
 
-def _lost_values(attributes: Mapping[str, AnyArray], first: AnyArray) -> Iterator[str]:
+def _lost_values(attributes: Mapping[str, np.ndarray], first: np.ndarray) -> Iterator[str]:
     """Yield a line for each attribute that differs between vertices and the `first` (V,) at their place."""
     for name, values in attributes.items():
         count = int((values != values[first]).reshape(len(values), -1).any(axis=1).sum())
@@ -55,7 +47,7 @@ def _lost_values(attributes: Mapping[str, AnyArray], first: AnyArray) -> Iterato
             yield f"attribute {name!r} of {places} differs from that of others there: dropped"
 
 
-def _first_vertices(vertices: Points, places: Points) -> tuple[AnyArray, AnyArray]:
+def _first_vertices(vertices: Floats, places: Floats) -> tuple[np.ndarray, np.ndarray]:
     """Return the first vertex at each vertex (V,) and at each place (N,), V or more where there is none.
 
     The tolerance is a share of the extent of the places.
@@ -113,7 +105,7 @@ class TextureCoordinates:
         Raises MissingInputError and MeshError as `read_mesh`, also where the file has none.
         """
         found = cls.__new__(cls)
-        found._paint = read_paint(Path(path), lambda reader: reader.paint)
+        found._paint = ModelFile(Path(path)).paint()
         if isinstance(found._paint, ModelPaint) and not np.ptp(found._paint.coordinates, axis=(0, 1)).any():
             raise MeshError(f"{path}: it has no texture coordinates. Export it with them.")
         return found

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 from flowsculpt import UsageError
 from flowsculpt.api.files import disk_errors
-from flowsculpt.api.materials import EmbeddedPicture, Texture
-from flowsculpt.api.meshes import AnyArray, Faces
-from flowsculpt.api.pictures import Material
+from flowsculpt.api.materials import Material, Texture
+from flowsculpt.api.meshes import Indices
+from flowsculpt.pipeline.plugins.interchange.embedded_pictures import EmbeddedPicture
 from flowsculpt.pipeline.plugins.interchange.exported_materials import (
     COMPACT,
     ExportedMaterial,
@@ -90,8 +90,8 @@ class GltfContent:
     def primitives(
         self,
         attributes: dict[str, int],
-        faces: Faces,
-        materials: AnyArray | None,
+        faces: Indices,
+        materials: np.ndarray | None,
         look: Material,
         is_closed: bool | None = None,
     ) -> list[dict[str, Any]]:
@@ -143,18 +143,18 @@ class GltfContent:
             document["animations"] = [animation | {"extras": self.timing}]
         return document
 
-    def colours(self, colours: AnyArray) -> int:
+    def colours(self, colours: np.ndarray) -> int:
         """Add colours, linear, with 16 bits a component."""
         rows = np.full((len(colours), 4), 65535, "<u2")
         rows[:, :3] = np.rint(65535.0 * np.clip(colours, 0.0, 1.0))
         return self.accessor(self.vertices(rows), rows, "VEC4", UNSIGNED, normalized=True)
 
-    def floats(self, values: AnyArray, kind: str, bounded: bool = False) -> int:
+    def floats(self, values: np.ndarray, kind: str, bounded: bool = False) -> int:
         """Add the values of an attribute, float32."""
         rows = values.astype("<f4")
         return self.accessor(self.vertices(rows), rows, kind, FLOAT, bounded=bounded)
 
-    def indices(self, faces: AnyArray) -> int:
+    def indices(self, faces: np.ndarray) -> int:
         """Add the corners of faces (F, 3)."""
         indices = faces.reshape(-1).astype("<u4")
         if self.compresses:
@@ -163,20 +163,20 @@ class GltfContent:
             view = self.raw(indices, target=_INDICES)
         return self.accessor(view, indices, "SCALAR", WIDE)
 
-    def vertices(self, rows: AnyArray) -> int:
+    def vertices(self, rows: np.ndarray) -> int:
         """Add the rows of an attribute, each a multiple of four bytes long; return the view's number."""
         if not self.compresses:
             stride = rows.itemsize * rows.shape[1]
             return self.raw(rows, target=_VERTICES, byteStride=stride)
         return self.compressed(np.ascontiguousarray(rows).view(np.uint8))
 
-    def raw(self, values: AnyArray, **more: int) -> int:
+    def raw(self, values: np.ndarray, **more: int) -> int:
         """Add values without compression; return the number of their view."""
         content = np.ascontiguousarray(values).tobytes()
         view = {"buffer": 0, "byteOffset": self._store(content), "byteLength": len(content), **more}
         return self.append("bufferViews", view)
 
-    def compressed(self, elements: AnyArray, *filters: str) -> int:
+    def compressed(self, elements: np.ndarray, *filters: str) -> int:
         """Add elements, uint8 (N, stride), compressed; return the number of their view."""
         count, stride = elements.shape
         content = encode_attributes(elements)
@@ -207,7 +207,7 @@ class GltfContent:
     def accessor(
         self,
         view: int,
-        values: AnyArray,
+        values: np.ndarray,
         kind: str,
         component: int,
         bounded: bool = False,

@@ -18,7 +18,7 @@ from urllib.parse import unquote, unquote_to_bytes
 
 from flowsculpt import MeshError
 from flowsculpt.api import shorten
-from flowsculpt.api.files import open_input, read_input
+from flowsculpt.api.files import InputFile
 from flowsculpt.pipeline.plugins.interchange.scene_readers import early_end
 
 _LARGEST = float_info.max
@@ -222,7 +222,7 @@ class GltfDocument:
     @classmethod
     def read(cls, path: Path) -> GltfDocument:
         """Read a .gltf or .glb, by its content. Raises ValueError where it is neither, or ends early."""
-        with open_input(path, MOST_BYTES) as (file, size):
+        with InputFile(path, MOST_BYTES).open() as (file, size):
             head = file.read(min(size, 12))
             if head[:4] == b"glTF":
                 promised = max(int.from_bytes(head[8:12], "little"), 12)
@@ -233,7 +233,7 @@ class GltfDocument:
                 return cls._parsed(path, file.read(length).rstrip(b"\0"), binary)
         if path.suffix.lower() == ".glb":
             raise ValueError("it has no GLB header")
-        return cls._parsed(path, read_input(path, MOST_BYTES), None)
+        return cls._parsed(path, InputFile(path, MOST_BYTES).content(), None)
 
     @classmethod
     def _parsed(cls, path: Path, text: bytes, binary: tuple[int, int] | None) -> GltfDocument:
@@ -287,13 +287,13 @@ class GltfDocument:
         buffer = self.item("buffers", index, "a buffer view")
         file = self.buffer_file(index)
         if file is not None:
-            return read_input(file, MOST_BYTES)
+            return InputFile(file, MOST_BYTES).content()
         if "uri" in buffer:
             return self.embedded_content(buffer)
         if index > 0 or self.binary is None:
             raise ValueError(f"{buffer.place} has no address, and is not the binary chunk of a GLB")
         offset, size = self.binary
-        with open_input(self.path, MOST_BYTES) as (opened, _):
+        with InputFile(self.path, MOST_BYTES).open() as (opened, _):
             opened.seek(offset)
             return opened.read(size)
 

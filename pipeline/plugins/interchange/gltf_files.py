@@ -13,15 +13,12 @@ import numpy as np
 
 from flowsculpt import MissingInputError
 from flowsculpt.api import plural, reason_of, shorten
-from flowsculpt.api.files import Parser, digest_of_file, require_input
+from flowsculpt.api.files import InputFile, Parser
 from flowsculpt.api.meshes import (
-    AnyArray,
     FileSurface,
     Floats,
-    ModelFiles,
-    Points,
+    SourceFiles,
     SurfaceReader,
-    file_surface,
 )
 from flowsculpt.pipeline.plugins.interchange.gltf_document import (
     MESHOPT,
@@ -57,8 +54,8 @@ _MOST_ZEROS = 50_000_000  # most elements of a sparse accessor that has nothing 
 class Triangles(NamedTuple):
     """Points float64 (V, 3), and triangles int64 (F, 3) of them."""
 
-    points: Points
-    faces: AnyArray
+    points: Floats
+    faces: np.ndarray
 
 
 class SceneArrays:
@@ -67,7 +64,7 @@ class SceneArrays:
     def __init__(self, scene: DefaultScene) -> None:
         self.scene, self.document = scene, scene.document
         self._buffers: dict[int, bytes] = {}
-        self._views: dict[int, AnyArray] = {}
+        self._views: dict[int, np.ndarray] = {}
         self._known: dict[int, Triangles] = {}
 
     def surface(self) -> Triangles:
@@ -108,7 +105,7 @@ class SceneArrays:
             raise ValueError(f"face {face} of {part.place} names vertex {wrong} of {len(points)}, from 0")
         return Triangles(self._skinned(part, points, others) if part.is_skinned else points, faces)
 
-    def _positions(self, part: PlacedPrimitive) -> Points:
+    def _positions(self, part: PlacedPrimitive) -> Floats:
         index = part.primitive.entry("attributes").values["POSITION"]
         values, accessor = self._elements(index, part.place, "VEC3")
         if values.dtype == np.uint32:  # floats under a wrong name, or no positions
@@ -118,7 +115,7 @@ class SceneArrays:
             )
         return _as_floats(values, accessor)
 
-    def _corners(self, part: PlacedPrimitive, vertices: int) -> AnyArray:
+    def _corners(self, part: PlacedPrimitive, vertices: int) -> np.ndarray:
         """Return the vertices (C,) that the mode of a part joins; -1 where a strip or fan begins again."""
         if "indices" not in part.primitive:
             return np.arange(vertices)
@@ -132,7 +129,7 @@ class SceneArrays:
 
     def _from_draco(
         self, part: PlacedPrimitive, draco: JsonObject
-    ) -> tuple[Points, AnyArray, dict[str, AnyArray]]:
+    ) -> tuple[Floats, np.ndarray, dict[str, np.ndarray]]:
         """Return points, triangles, and other attributes by name. Raises ValueError."""
         import DracoPy
 
@@ -153,7 +150,7 @@ class SceneArrays:
             raise ValueError(f"the Draco data of {part.place} has no positions")
         return values["POSITION"], faces, values
 
-    def _skinned(self, part: PlacedPrimitive, points: Points, decoded: dict[str, AnyArray]) -> Points:
+    def _skinned(self, part: PlacedPrimitive, points: Floats, decoded: dict[str, np.ndarray]) -> Floats:
         """Return points (V, 3) where the joints of their skin take them, in the coordinates of the scene."""
         joints, skin = self.scene.joints_of(part)
         matrices = np.array([self.scene.matrix(joint) for joint in joints]).reshape(-1, 4, 4)
@@ -214,7 +211,7 @@ class SceneArrays:
         """Return an accessor as float64 (N, k), divided where it is normalized. Raises ValueError."""
         return _as_floats(*self._elements(index, place, kind))
 
-    def _elements(self, index: object, place: str, kind: str) -> tuple[AnyArray, JsonObject]:
+    def _elements(self, index: object, place: str, kind: str) -> tuple[np.ndarray, JsonObject]:
         """Return the elements (N, k) of an accessor as the file has them. Raises ValueError."""
         accessor = self.document.item("accessors", index, place)
         if accessor.text("type") != kind:
@@ -237,7 +234,7 @@ class SceneArrays:
             values[at] = self._strided(sparse.entry("values"), accessor, exceptions, _SIZES[kind])
         return values, accessor
 
-    def _strided(self, source: JsonObject, typed: JsonObject, count: int, size: int) -> AnyArray:
+    def _strided(self, source: JsonObject, typed: JsonObject, count: int, size: int) -> np.ndarray:
         """Return `count` elements (N, size) of a buffer view; `typed` names the type of their numbers."""
         dtype = np.dtype(_component(typed))
         index = source.whole("bufferView")
@@ -253,7 +250,7 @@ class SceneArrays:
         rows = np.lib.stride_tricks.as_strided(data[start:], (count, width), (stride, 1), writeable=False)
         return np.ascontiguousarray(rows).view(dtype)
 
-    def _view(self, index: int, place: str) -> AnyArray:
+    def _view(self, index: int, place: str) -> np.ndarray:
         """Return the bytes of a buffer view as uint8 (N,), decompressed. Raises ValueError."""
         if index not in self._views:
             if index not in self.scene.views:
@@ -282,14 +279,14 @@ def _component(accessor: JsonObject) -> str:
     return _COMPONENTS[kind]
 
 
-def _as_floats(values: AnyArray, accessor: JsonObject) -> Floats:
+def _as_floats(values: np.ndarray, accessor: JsonObject) -> Floats:
     """Return values as float64; normalized whole numbers are then from -1 or 0 to 1."""
     if values.dtype.kind == "f" or not accessor.values.get("normalized"):
         return values.astype(np.float64)
     return np.maximum(values / np.iinfo(values.dtype).max, -1.0)
 
 
-def _unpacked(data: bytes, packed: JsonObject, place: str) -> AnyArray:
+def _unpacked(data: bytes, packed: JsonObject, place: str) -> np.ndarray:
     """Return the bytes of a buffer view that meshoptimizer compressed. Raises ValueError."""
     mode, name = packed.text("mode"), packed.text("filter", "NONE")
     if mode not in MODES:
@@ -303,7 +300,7 @@ def _unpacked(data: bytes, packed: JsonObject, place: str) -> AnyArray:
         raise ValueError(f"{place}, compressed by meshoptimizer, is damaged: {error}") from None
 
 
-def _faces(corners: AnyArray, part: PlacedPrimitive) -> AnyArray:
+def _faces(corners: np.ndarray, part: PlacedPrimitive) -> np.ndarray:
     """Return the triangles (F, 3) that the mode of a part makes of its corners (C,). Raises ValueError."""
     if part.mode == TRIANGLES:
         if len(corners) % 3:
@@ -316,13 +313,13 @@ def _faces(corners: AnyArray, part: PlacedPrimitive) -> AnyArray:
     return faces[(a != b) & (b != c) & (c != a)]  # a strip turns corners by triangles without area
 
 
-def _strip(run: AnyArray) -> AnyArray:
+def _strip(run: np.ndarray) -> np.ndarray:
     faces = np.stack([run[:-2], run[1:-1], run[2:]], axis=1)
     faces[1::2] = faces[1::2, ::-1].copy()
     return faces
 
 
-def _fan(run: AnyArray) -> AnyArray:
+def _fan(run: np.ndarray) -> np.ndarray:
     return np.stack([run[1:-1], run[2:], np.repeat(run[:1], max(len(run) - 2, 0))], axis=1)
 
 
@@ -359,12 +356,12 @@ def read_gltf(path: Path) -> FileSurface:
     return surface._replace(notes=tuple(_notes(scene)))
 
 
-def _files(path: Path) -> ModelFiles:
+def _files(path: Path) -> SourceFiles:
     """Return a file and the buffers that its surface is read from. Raises as `read_gltf`."""
     scene = DefaultScene.of(GltfDocument.read(path))
-    files = [(file, digest_of_file(file)) for file in (path, *files_of_buffers(scene))]
+    files = [(file, InputFile(file).digest()) for file in (path, *files_of_buffers(scene))]
     reader = ["glTF reader 2"] if scene.was_misread else []  # an earlier one read this file otherwise
-    return ModelFiles.of(files, readers=reader)
+    return SourceFiles.of(files, readers=reader)
 
 
 def files_of_buffers(scene: DefaultScene) -> tuple[Path, ...]:
@@ -374,7 +371,7 @@ def files_of_buffers(scene: DefaultScene) -> tuple[Path, ...]:
     for index, file in files.items():
         try:
             if file is not None:
-                require_input(file, MOST_BYTES)
+                InputFile(file, MOST_BYTES).size()
         except MissingInputError as error:
             raise MissingInputError(f"{document.path}: its buffer {index} refers to {error}") from None
     return tuple(dict.fromkeys(file for file in files.values() if file is not None))
@@ -401,9 +398,9 @@ def _answer(path: str) -> bytes:
     """Return the surface of a file, packed."""
     scene = DefaultScene.of(GltfDocument.read(Path(path)))
     files = (Path(path), *files_of_buffers(scene))
-    Parser.allow_memory(Parser.MEMORY + 40 * sum(require_input(file, MOST_BYTES) for file in files))
+    Parser.allow_memory(Parser.MEMORY + 40 * sum(InputFile(file, MOST_BYTES).size() for file in files))
     points, faces = SceneArrays(scene).surface()
-    return packed_surface(file_surface(points, faces, base=None))
+    return packed_surface(FileSurface.of(points, faces, base=None))
 
 
 if __name__ == "__main__":

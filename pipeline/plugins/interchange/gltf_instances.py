@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from flowsculpt.api import plural
-from flowsculpt.api.meshes import AnyArray, Floats
-from flowsculpt.api.pictures import Material
+from flowsculpt.api.materials import Material
+from flowsculpt.api.meshes import Floats
 from flowsculpt.pipeline.plugins.interchange.animation_export import AnimationExport
 from flowsculpt.pipeline.plugins.interchange.copy_instances import Instances
 from flowsculpt.pipeline.plugins.interchange.drawn_mesh import DrawnMesh
@@ -108,7 +108,7 @@ def quaternions(turns: Floats) -> Floats:
     return np.asarray(rows / np.linalg.norm(rows, axis=1, keepdims=True))
 
 
-def _in_order(turns: AnyArray) -> AnyArray:
+def _in_order(turns: np.ndarray) -> np.ndarray:
     """Return quaternions (K, N, 4) of frames, signed so that none goes the long way to the next."""
     signs = np.sign((turns[1:] * turns[:-1]).sum(axis=2, keepdims=True) + 1e-30)
     return np.concatenate([turns[:1], turns[1:] * np.cumprod(signs, axis=0)])

@@ -19,9 +19,9 @@ import numpy as np
 
 from flowsculpt import MeshError
 from flowsculpt.api import shorten
-from flowsculpt.api.files import Parser, digest_of_file, require_input
-from flowsculpt.api.materials import PatternedMaterial, Texture
-from flowsculpt.api.meshes import AnyArray, Floats, ModelMaterials, PaintReader
+from flowsculpt.api.files import InputFile, Parser
+from flowsculpt.api.materials import Texture
+from flowsculpt.api.meshes import Floats, ModelMaterials, PaintReader
 from flowsculpt.pipeline.plugins.interchange.gltf_document import MOST_BYTES, GltfDocument, JsonObject
 from flowsculpt.pipeline.plugins.interchange.gltf_files import (
     SceneArrays,
@@ -33,6 +33,7 @@ from flowsculpt.pipeline.plugins.interchange.gltf_scene import DefaultScene, Pla
 from flowsculpt.pipeline.plugins.interchange.model_paint import ModelPaint, PaintParts, packed
 from flowsculpt.pipeline.plugins.interchange.painted_materials import (
     GREY,
+    FileMaterial,
     alpha_of,
     opacity_of,
     painted,
@@ -122,7 +123,7 @@ def _textures_of(material: JsonObject) -> Iterator[JsonObject]:
 class PaintArrays(SceneArrays):
     """Reads what the parts of a scene have on their faces."""
 
-    def paint(self) -> dict[str, AnyArray]:
+    def paint(self) -> dict[str, np.ndarray]:
         """Return the arguments of `ModelPaint.of`. Raises ValueError."""
         scene = self.scene
         assert isinstance(scene, PaintedScene)
@@ -228,7 +229,7 @@ def _numbers_of(material: JsonObject, name: str, otherwise: list[float]) -> list
 
 
 def _files(path: Path) -> Mapping[Path, str]:
-    return {file: digest_of_file(file) for file in files_of_buffers(PaintedScene.read(path))}
+    return {file: InputFile(file).digest() for file in files_of_buffers(PaintedScene.read(path))}
 
 
 def _materials(path: Path) -> ModelMaterials:
@@ -238,7 +239,7 @@ def _materials(path: Path) -> ModelMaterials:
     """
     scene, files, notes = PaintedScene.read(path), dict[Path, str](), dict[str, None]()
     count = len(scene.document.root.items("materials")) + 1
-    found: list[PatternedMaterial] = [painted(GREY, None)] * count
+    found: list[FileMaterial] = [painted(GREY, None)] * count
     for part in scene.parts:
         number, material = scene.material_of(part)
         has_colours = "COLOR_0" in part.primitive.entry("attributes")
@@ -250,7 +251,7 @@ def _materials(path: Path) -> ModelMaterials:
 
 def _material(
     document: GltfDocument, material: JsonObject, files: dict[Path, str], has_colours: bool
-) -> PatternedMaterial:
+) -> FileMaterial:
     """Return a material. Raises MeshError where vertex colours and a texture are to be multiplied."""
     surface, texture_of = _surface_of(material), partial(_texture, document, files=files)
     red, green, blue, alpha = _factor(material)
@@ -329,7 +330,7 @@ def _content_of_view(document: GltfDocument, image: JsonObject, files: dict[Path
     number = view.whole("buffer")
     file = document.buffer_file(number)
     if file is not None:
-        files[file] = digest_of_file(file)
+        files[file] = InputFile(file).digest()
     start = view.whole("byteOffset", 0)
     return document.buffer(number)[start : start + view.whole("byteLength")]
 
@@ -346,7 +347,7 @@ def _answer(path: str) -> bytes:
     """Return the arrays of a file's paint."""
     scene = PaintedScene.read(Path(path))
     files = (Path(path), *files_of_buffers(scene))
-    Parser.allow_memory(Parser.MEMORY + 40 * sum(require_input(file, MOST_BYTES) for file in files))
+    Parser.allow_memory(Parser.MEMORY + 40 * sum(InputFile(file, MOST_BYTES).size() for file in files))
     return packed(PaintArrays(scene).paint())
 
 

@@ -11,7 +11,6 @@ import numpy as np
 
 from flowsculpt import MeshError
 from flowsculpt.api import shorten
-from flowsculpt.api.meshes import AnyArray
 from flowsculpt.pipeline.plugins.interchange.gltf_document import MESHOPT, GltfDocument, JsonObject
 
 DRACO, INSTANCING = "KHR_draco_mesh_compression", "EXT_mesh_gpu_instancing"
@@ -76,7 +75,7 @@ class DefaultScene:
     skipped: int = 0
     morphed: int = 0
     _parents: dict[int, int | None] = field(default_factory=dict)
-    _locals: dict[int, AnyArray] = field(default_factory=dict)
+    _locals: dict[int, np.ndarray] = field(default_factory=dict)
 
     @classmethod
     def of(cls, document: GltfDocument) -> DefaultScene:
@@ -143,12 +142,12 @@ class DefaultScene:
                 raise ValueError(f"{skin.place} has a joint that is not in the scene, {shorten(repr(joint))}")
         return joints, skin
 
-    def matrix(self, number: int) -> AnyArray:
+    def matrix(self, number: int) -> np.ndarray:
         """Return the matrix (4, 4) that takes columns of a node's coordinates to the scene's.
 
         A nearly rigid one is made rigid: files have rotations in single precision.
         """
-        chain: list[AnyArray] = []
+        chain: list[np.ndarray] = []
         at: int | None = number
         while at is not None:
             local = self._local(at)
@@ -157,7 +156,7 @@ class DefaultScene:
             at = self._parents[at]
         return _rigid(reduce(lambda below, above: np.dot(above, below), chain)) if chain else np.eye(4)
 
-    def _local(self, number: int) -> AnyArray:
+    def _local(self, number: int) -> np.ndarray:
         if number not in self._locals:
             node = self.document.item("nodes", number, "the scene")
             matrix = np.eye(4)
@@ -250,14 +249,14 @@ class DefaultScene:
         return any("sparse" in accessor or "bufferView" not in accessor for accessor in used)
 
 
-def translations(vectors: AnyArray) -> AnyArray:
+def translations(vectors: np.ndarray) -> np.ndarray:
     """Return matrices (N, 4, 4) of vectors (N, 3)."""
     matrices = np.tile(np.eye(4), (len(vectors), 1, 1))
     matrices[:, :3, 3] = vectors
     return matrices
 
 
-def rotations(quaternions: AnyArray) -> AnyArray:
+def rotations(quaternions: np.ndarray) -> np.ndarray:
     """Return matrices (N, 4, 4) of quaternions (N, 4), x y z w, of any length; length 0 turns nothing."""
     q = quaternions[:, [3, 0, 1, 2]].astype(np.float64)
     squares = np.dot(q * q, np.ones(4))
@@ -274,7 +273,7 @@ def rotations(quaternions: AnyArray) -> AnyArray:
     return matrices
 
 
-def _rigid(matrix: AnyArray) -> AnyArray:
+def _rigid(matrix: np.ndarray) -> np.ndarray:
     """Return a matrix whose 3 × 3 part is orthogonal where it almost was."""
     turn = matrix[:3, :3]
     error = np.abs(np.dot(turn, turn.T) - np.eye(3)).max()

@@ -13,7 +13,7 @@ import numpy as np
 
 from flowsculpt import MeshError, PolygonMesh, TriangleMesh, vertex_normals
 from flowsculpt.api.files import atomic_write
-from flowsculpt.api.meshes import AnyArray, Floats, Indices, face_normals
+from flowsculpt.api.meshes import Floats, Indices, face_normals
 from flowsculpt.pipeline.plugins.interchange.stl_files import TRIANGLE
 
 _PLY_TYPES = {"f8": "double", "f4": "float", "i4": "int", "i2": "short", "i1": "char", "u1": "uchar"}
@@ -100,14 +100,14 @@ def _face_lists(mesh: Mesh) -> Iterator[list[int]]:
         yield corners[start:end].tolist()
 
 
-def _ply_type(values: AnyArray) -> str:
+def _ply_type(values: np.ndarray) -> str:
     """Return the type of a property: its own if the format has it, otherwise the next that holds it."""
     own = values.dtype.str[1:]
     kept = own if own in _PLY_TYPES else "u1" if values.dtype.kind == "b" else "f8"
     return f"<{kept}" if kept[1] != "1" else kept
 
 
-def _scalars(attributes: Mapping[str, AnyArray]) -> Iterator[tuple[str, AnyArray]]:
+def _scalars(attributes: Mapping[str, np.ndarray]) -> Iterator[tuple[str, np.ndarray]]:
     """Yield attributes one number a vertex at a time, since readers of PLY do not understand lists."""
     for name, values in attributes.items():
         word = "_".join(name.split()) or "attribute"

@@ -10,8 +10,6 @@ from typing import TypeVar
 
 import numpy as np
 
-from flowsculpt.api.meshes import AnyArray
-
 T = TypeVar("T")
 
 _GROUP = 16  # elements whose deltas take the same number of bits
@@ -23,7 +21,7 @@ _ALL_ZERO, _LITERAL = 2, 3
 """Control modes of bytes that are all 0, and that are stored one by one."""
 
 
-def decode_attributes(data: bytes, count: int, stride: int) -> AnyArray:
+def decode_attributes(data: bytes, count: int, stride: int) -> np.ndarray:
     """Decode `count` elements of `stride` bytes; return them as uint8 (count, stride).
 
     Raises ValueError where the stream is damaged.
@@ -51,7 +49,7 @@ def _ended() -> ValueError:
     return ValueError("it ends early")
 
 
-def _deltas(data: bytes, end: int, count: int, stride: int, has_control: bool) -> AnyArray:
+def _deltas(data: bytes, end: int, count: int, stride: int, has_control: bool) -> np.ndarray:
     """Return the stored deltas as uint8 (stride, count rounded up to whole groups)."""
     stream = np.frombuffer(data, np.uint8)
     row = -(-count // _GROUP)
@@ -102,7 +100,7 @@ def _deltas(data: bytes, end: int, count: int, stride: int, has_control: bool) -
     return deltas
 
 
-def _fields(stream: AnyArray, bits: int) -> AnyArray:
+def _fields(stream: np.ndarray, bits: int) -> np.ndarray:
     """Return the deltas of `bits` bits in each byte, uint8 (…, 8 / bits), in the order of the elements."""
     shifts = np.arange(0, 8, bits, dtype=np.uint8)
     if bits > 1:
@@ -110,7 +108,7 @@ def _fields(stream: AnyArray, bits: int) -> AnyArray:
     return (stream[..., None] >> shifts) & np.uint8((1 << bits) - 1)
 
 
-def _running_count(stream: AnyArray, bits: int) -> memoryview:
+def _running_count(stream: np.ndarray, bits: int) -> memoryview:
     """Return how many deltas with all bits set the bytes before each byte hold; their values follow."""
     of_byte = (_fields(np.arange(256, dtype=np.uint8), bits) == (1 << bits) - 1).sum(axis=1)
     running = np.zeros(len(stream) + 1, np.int64)
@@ -118,7 +116,7 @@ def _running_count(stream: AnyArray, bits: int) -> memoryview:
     return memoryview(running.data)
 
 
-def _unpacked(stream: AnyArray, starts: AnyArray, bits: int) -> AnyArray:
+def _unpacked(stream: np.ndarray, starts: np.ndarray, bits: int) -> np.ndarray:
     """Return the deltas of groups, uint8 (G, 16)."""
     packed = stream[starts[:, None] + np.arange(2 * bits)]
     if bits == 8:
@@ -130,7 +128,7 @@ def _unpacked(stream: AnyArray, starts: AnyArray, bits: int) -> AnyArray:
     return values
 
 
-def _summed(deltas: AnyArray, baseline: AnyArray, mode: int) -> AnyArray:
+def _summed(deltas: np.ndarray, baseline: np.ndarray, mode: int) -> np.ndarray:
     """Return the bytes (count, 4) of a channel from its deltas (4, count) and the element before them."""
     kind, rotation = mode & 15, mode >> 4
     if kind > 2 or (rotation and kind != 2):
@@ -148,7 +146,7 @@ def _summed(deltas: AnyArray, baseline: AnyArray, mode: int) -> AnyArray:
     return summed.astype(width).view(np.uint8)
 
 
-def decode_indices(data: bytes, count: int, stride: int) -> AnyArray:
+def decode_indices(data: bytes, count: int, stride: int) -> np.ndarray:
     """Decode a sequence of indices; return uint16 or uint32 (count,). Raises ValueError."""
     if data[:1] not in (b"\xd0", b"\xd1"):
         raise ValueError("it does not begin like a compressed sequence of indices")
@@ -161,7 +159,7 @@ def decode_indices(data: bytes, count: int, stride: int) -> AnyArray:
     return _of_stride(indices, stride)
 
 
-def decode_triangles(data: bytes, count: int, stride: int) -> AnyArray:
+def decode_triangles(data: bytes, count: int, stride: int) -> np.ndarray:
     """Decode the `count` indices of triangles; return uint16 or uint32 (count,). Raises ValueError."""
     if count % 3:
         raise ValueError(f"it has {count} indices; those of triangles come in threes")
@@ -177,10 +175,10 @@ def decode_triangles(data: bytes, count: int, stride: int) -> AnyArray:
     return _of_stride(np.array(indices, np.int64), stride)
 
 
-def _of_stride(indices: AnyArray, stride: int) -> AnyArray:
+def _of_stride(indices: np.ndarray, stride: int) -> np.ndarray:
     if stride not in (2, 4):
         raise ValueError(f"its indices have {stride} bytes; they may have 2 or 4")
-    kept: AnyArray = indices.astype(np.uint16 if stride == 2 else np.uint32)
+    kept: np.ndarray = indices.astype(np.uint16 if stride == 2 else np.uint32)
     if (kept != indices).any():
         raise ValueError(f"an index is {int(indices[kept != indices][0])}, too large for {stride} bytes")
     return kept
@@ -287,21 +285,21 @@ class _TriangleDecoder:
         self._edge = self._edge + 1 & 15
 
 
-MODES: dict[str, Callable[[bytes, int, int], AnyArray]] = {
+MODES: dict[str, Callable[[bytes, int, int], np.ndarray]] = {
     "ATTRIBUTES": decode_attributes,
     "TRIANGLES": decode_triangles,
     "INDICES": decode_indices,
 }
 
 
-def exponential(elements: AnyArray) -> AnyArray:
+def exponential(elements: np.ndarray) -> np.ndarray:
     """Return the floats of the filter EXPONENTIAL: 24 bits of mantissa and 8 of exponent, as bytes."""
     packed = np.ascontiguousarray(elements).view("<i4")
     values = np.ldexp((packed << 8 >> 8).astype(np.float32), packed >> 24)
     return values.astype("<f4").view(np.uint8)
 
 
-def quaternions(elements: AnyArray) -> AnyArray:
+def quaternions(elements: np.ndarray) -> np.ndarray:
     """Return the rotations of the filter QUATERNION, normalized int16 (N, 4), as bytes."""
     packed = np.ascontiguousarray(elements).view("<i2").astype(np.int32)
     one = (packed[:, 3:] | 3).astype(np.float32)
@@ -315,7 +313,7 @@ def quaternions(elements: AnyArray) -> AnyArray:
     return turned.view(np.uint8)
 
 
-FILTERS: dict[str, Callable[[AnyArray], AnyArray]] = {
+FILTERS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     "NONE": lambda elements: elements,
     "EXPONENTIAL": exponential,
     "QUATERNION": quaternions,

@@ -7,14 +7,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from flowsculpt.api.meshes import AnyArray, Floats, Indices
+from flowsculpt.api.meshes import Floats, Indices
 
 _GROUP = 16  # elements whose deltas take the same number of bits
 
 _TAIL = 32  # bytes that decoders may read beyond the blocks
 
 
-def encode_attributes(elements: AnyArray) -> bytes:
+def encode_attributes(elements: np.ndarray) -> bytes:
     """Encode elements, uint8 (N, S), S a multiple of 4 up to 256, each like its predecessor.
 
     Each byte is stored as its difference from that of the preceding element, in groups of 16 elements of 0,
@@ -47,12 +47,12 @@ def encode_attributes(elements: AnyArray) -> bytes:
     return b"\xa0" + content.tobytes() + padding + elements[0].tobytes()
 
 
-def _cost(deltas: AnyArray, bits: int) -> AnyArray:
+def _cost(deltas: np.ndarray, bits: int) -> np.ndarray:
     """Return the bytes that groups of deltas (…, 16) take with so many bits a delta."""
     return 2 * bits + (deltas >= (1 << bits) - 1).sum(axis=-1)
 
 
-def _write_heads(content: AnyArray, codes: AnyArray, starts: AnyArray, lengths: AnyArray) -> None:
+def _write_heads(content: np.ndarray, codes: np.ndarray, starts: np.ndarray, lengths: np.ndarray) -> None:
     """Write the codes of groups, four in a byte, the first in the lowest bits."""
     padded = np.zeros((*codes.shape[:2], -(-codes.shape[2] // 4), 4), np.uint8)
     padded.reshape(*codes.shape[:2], -1)[..., : codes.shape[2]] = codes
@@ -62,7 +62,7 @@ def _write_heads(content: AnyArray, codes: AnyArray, starts: AnyArray, lengths: 
     content[(starts[..., None] + column)[held]] = packed[held]
 
 
-def _write_groups(content: AnyArray, deltas: AnyArray, places: AnyArray, bits: int) -> None:
+def _write_groups(content: np.ndarray, deltas: np.ndarray, places: np.ndarray, bits: int) -> None:
     """Write groups of deltas (N, 16) at places (N,) with so many bits a delta."""
     if bits == 8:
         content[places[:, None] + np.arange(_GROUP)] = deltas
@@ -94,7 +94,7 @@ def encode_indices(indices: Indices) -> bytes:
     return bytes(content) + bytes(4)
 
 
-def exponential_elements(values: Floats, exponent: int) -> AnyArray:
+def exponential_elements(values: Floats, exponent: int) -> np.ndarray:
     """Return values (N, C) as multiples of 2 to an exponent, as the filter EXPONENTIAL has them, uint8."""
     mantissa = np.rint(np.ldexp(values, -exponent)).astype(np.int32)
     return np.ascontiguousarray((mantissa & 0xFFFFFF) | (exponent << 24), "<i4").view(np.uint8)

@@ -21,11 +21,10 @@ import numpy as np
 from flowsculpt import FrameError, MeshError, TriangleMesh, UsageError, validate
 from flowsculpt.api.files import disk_errors, to_plain
 from flowsculpt.api.flows import TriangleTree
-from flowsculpt.api.frames import Key, RenderRequest, Store, key_of
-from flowsculpt.api.materials import srgb_of_linear
-from flowsculpt.api.meshes import AnyArray, Floats, Points, Vectors, face_normals, self_intersections, unit
+from flowsculpt.api.frames import RenderRequest, Store, key_of
+from flowsculpt.api.materials import Material, srgb_of_linear
+from flowsculpt.api.meshes import Floats, face_normals, self_intersections
 from flowsculpt.api.options import Frames
-from flowsculpt.api.pictures import Material
 from flowsculpt.pipeline.plugins.interchange.drawn_mesh import split_corners
 from flowsculpt.pipeline.plugins.interchange.exported_frame import (
     ExportedFrame,
@@ -51,7 +50,7 @@ def wall_thickness(mesh: TriangleMesh, rays: int = RAYS) -> Floats:
     return _distances(TriangleTree.of(corners), corners[starts].mean(axis=1), -normals[starts], starts)
 
 
-def _distances(tree: TriangleTree, origins: Points, directions: Vectors, starts: AnyArray) -> Floats:
+def _distances(tree: TriangleTree, origins: Floats, directions: Floats, starts: np.ndarray) -> Floats:
     """Return how far rays go until they meet a triangle, (R,), infinite where they meet none.
 
     starts  (R,) the triangle that each starts on, which does not count
@@ -79,7 +78,7 @@ def _distances(tree: TriangleTree, origins: Points, directions: Vectors, starts:
     return nearest
 
 
-def _entries(origins: Points, directions: Vectors, boxes: Floats) -> Floats:
+def _entries(origins: Floats, directions: Floats, boxes: Floats) -> Floats:
     """Return where rays (N,) enter their boxes, infinite where they miss them."""
     with np.errstate(divide="ignore", invalid="ignore"):
         low = (boxes[:, :3] - origins) / directions
@@ -89,7 +88,7 @@ def _entries(origins: Points, directions: Vectors, boxes: Floats) -> Floats:
     return np.where((last >= first) & (last >= 0.0), first, np.inf)
 
 
-def _hits(triangles: Floats, origins: Points, directions: Vectors) -> Floats:
+def _hits(triangles: Floats, origins: Floats, directions: Floats) -> Floats:
     """Return where rays (N,) meet their triangles (N, 3, 3), infinite where they miss them."""
     a, b, c = triangles.transpose(1, 0, 2)
     from_corner, across = origins - a, np.cross(directions, c - a)
@@ -181,7 +180,7 @@ def print_model(frame: ExportedFrame, longest: float, name: str) -> TriangleMesh
     return TriangleMesh(points, faces)
 
 
-def volume_of(points: Points, mesh: TriangleMesh) -> float:
+def volume_of(points: Floats, mesh: TriangleMesh) -> float:
     """Return the volume that a closed mesh encloses with vertices at points (V, 3); below 0 if inside out."""
     a, b, c = points[mesh.faces].transpose(1, 0, 2)
     return float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6.0
@@ -200,7 +199,7 @@ def write_ply(path: Path, frame: ExportedFrame) -> None:
 
     Raises MachineError where the disk refuses.
     """
-    attributes: dict[str, AnyArray] = {} if frame.radii is not None else {NORMAL: point_normals(frame)}
+    attributes: dict[str, np.ndarray] = {} if frame.radii is not None else {NORMAL: point_normals(frame)}
     attributes["velocity"] = frame.velocities.astype(np.float32)
     attributes["rest"] = frame.rest.astype(np.float32)
     if frame.colours is not None:
@@ -257,7 +256,7 @@ def write_glb(path: Path, frame: ExportedFrame, look: Material) -> None:
         "_VELOCITY": content.floats(frame.velocities[source], "VEC3"),
         "_REST": content.floats(frame.rest[source], "VEC3"),
     }
-    colours: AnyArray | None = None if frame.colours is None else frame.colours[source]
+    colours: np.ndarray | None = None if frame.colours is None else frame.colours[source]
     if painted is not None:
         colours = painted.reshape(-1, 3)[corner]
     if colours is not None:
@@ -272,16 +271,17 @@ def write_glb(path: Path, frame: ExportedFrame, look: Material) -> None:
     content.write(path, "sculpture")
 
 
-def point_normals(frame: ExportedFrame) -> Vectors:
+def point_normals(frame: ExportedFrame) -> Floats:
     """Return unit normals (V, 3) of the vertices: the mean of the sides of a crease."""
     vertex = np.zeros(len(frame.normals), np.int32)
     vertex[frame.corner_normals.reshape(-1)] = frame.faces.reshape(-1)
     sums = np.zeros_like(frame.points)
     np.add.at(sums, vertex, frame.normals)
-    return unit(sums)
+    lengths = np.linalg.norm(sums, axis=1, keepdims=True)
+    return sums / np.where(lengths > 0.0, lengths, 1.0)
 
 
-def _lines(form: str, rows: AnyArray) -> str:
+def _lines(form: str, rows: np.ndarray) -> str:
     """Return a line of text for each row of numbers, float32 or whole."""
     held = rows.astype(np.float32) if rows.dtype.kind == "f" else rows
     values: Iterable[Any] = map(tuple, held.tolist())
@@ -377,7 +377,7 @@ class ModelExport:
         write = {"ply": write_ply, "obj": write_obj}[self.form]
         return lambda path: write(path, frame)
 
-    def _key(self, number: int) -> Key:
+    def _key(self, number: int) -> str:
         look = self.request.shot.picture.look
         more = {"stl": self.longest, "glb": to_plain(look)}.get(self.form)
         pictures = pictures_recipe(look) if self.form == "glb" else []

@@ -21,17 +21,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flowsculpt import PolygonMesh
-from flowsculpt.api.meshes import (
-    AnyArray,
-    Faces,
-    Floats,
-    Indices,
-    Points,
-    components,
-    edge_keys,
-    find_coincident,
-)
-from flowsculpt.api.pictures import PaintedFaces
+from flowsculpt.api.materials import PaintedFaces
+from flowsculpt.api.meshes import Floats, Indices, connected_components, edge_keys, find_coincident
 
 if TYPE_CHECKING:
     from flowsculpt.api.flows import TriangleTree
@@ -55,23 +46,23 @@ class ModelPaint:
     place        float64 (V, 3): the points where the shot has them at rest
     """
 
-    points: Points
-    corners: AnyArray
+    points: Floats
+    corners: np.ndarray
     coordinates: Floats
-    materials: AnyArray
-    colours: AnyArray | None
-    charts: AnyArray
-    place: Points
+    materials: np.ndarray
+    colours: np.ndarray | None
+    charts: np.ndarray
+    place: Floats
 
     @classmethod
     def of(
         cls,
-        points: Points,
-        sides: AnyArray,
-        corners: AnyArray,
+        points: Floats,
+        sides: np.ndarray,
+        corners: np.ndarray,
         coordinates: Floats,
-        materials: AnyArray,
-        colours: AnyArray | None = None,
+        materials: np.ndarray,
+        colours: np.ndarray | None = None,
     ) -> ModelPaint:
         """Cut polygons into triangles and charts.
 
@@ -99,11 +90,11 @@ class ModelPaint:
         with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
             return cls.of(**arrays)
 
-    def placed(self, place: Points) -> ModelPaint:
+    def placed(self, place: Floats) -> ModelPaint:
         """Return the paint with its points (V, 3) where a shot has them at rest."""
         return replace(self, place=place)
 
-    def seams(self, vertices: Points, edges: Indices) -> Indices:
+    def seams(self, vertices: Floats, edges: Indices) -> Indices:
         """Return those edges (of E, 2) between charts of a surface whose vertices are points of the file."""
         both = np.concatenate([self.points, vertices])
         joined = find_coincident(both, np.ones(len(both), bool))
@@ -113,7 +104,7 @@ class ModelPaint:
         at_seam = keys[order][1:][differs]
         return edges[np.isin(edge_keys(joined[len(self.points) :][edges]), at_seam)]
 
-    def on_faces(self, rest: Points, faces: Faces) -> PaintedFaces:
+    def on_faces(self, rest: Floats, faces: Indices) -> PaintedFaces:
         """Return the paint of faces (F, 3) of vertices with rest positions (V, 3)."""
         middles = np.ascontiguousarray(rest[faces].mean(axis=1), np.float64)
         triangle, _ = self._nearest(middles, np.full(len(faces), len(self._trees) - 1))
@@ -132,7 +123,7 @@ class ModelPaint:
         return PaintedFaces(coordinates, chart, self.materials[triangle], colours)
 
     @cached_property
-    def _trees(self) -> list[tuple[AnyArray, TriangleTree]]:
+    def _trees(self) -> list[tuple[np.ndarray, TriangleTree]]:
         """The triangles (T,) of each chart, and at last all of them, with their trees."""
         from flowsculpt.api.flows import TriangleTree  # processes that read files need no numba
 
@@ -140,7 +131,7 @@ class ModelPaint:
         parts = [*by_chart, np.arange(len(self.charts))]
         return [(part, TriangleTree.of(self.place[self.corners[part]])) for part in parts]
 
-    def _nearest(self, points: Points, wanted: AnyArray) -> tuple[AnyArray, Floats]:
+    def _nearest(self, points: Floats, wanted: np.ndarray) -> tuple[np.ndarray, Floats]:
         """Return the nearest triangles (N,) of the trees with numbers `wanted` (N,), and shares (N, 2).
 
         The shares are those of their last two corners.
@@ -161,8 +152,8 @@ class PaintParts:
     def __init__(self) -> None:
         self.has_colours = False
         self._vertices = 0
-        self._colours: list[AnyArray | None] = []
-        self._arrays: dict[str, list[AnyArray]] = {
+        self._colours: list[np.ndarray | None] = []
+        self._arrays: dict[str, list[np.ndarray]] = {
             "points": [np.empty((0, 3))],
             "sides": [np.empty(0, np.int64)],
             "corners": [np.empty(0, np.int64)],
@@ -172,11 +163,11 @@ class PaintParts:
 
     def add(
         self,
-        points: Points,
-        sides: AnyArray,
-        corners: AnyArray,
+        points: Floats,
+        sides: np.ndarray,
+        corners: np.ndarray,
         coordinates: Floats,
-        materials: AnyArray,
+        materials: np.ndarray,
         colours: Floats | None,
     ) -> None:
         """Add a mesh, by the arguments of `ModelPaint.of`; its corners count its own points."""
@@ -187,7 +178,7 @@ class PaintParts:
         self._colours.append(colours)
         self.has_colours |= colours is not None
 
-    def arrays(self, plain: Callable[[], AnyArray]) -> dict[str, AnyArray]:
+    def arrays(self, plain: Callable[[], np.ndarray]) -> dict[str, np.ndarray]:
         """Return the arguments of `ModelPaint.of`.
 
         plain  returns the colours (M, 3) of materials, for meshes without colours where others have some
@@ -195,27 +186,27 @@ class PaintParts:
         found = {name: np.concatenate(parts) for name, parts in self._arrays.items()}
         if not self.has_colours:
             return found
-        of_materials, colours = plain(), list[AnyArray]()
+        of_materials, colours = plain(), list[np.ndarray]()
         meshes = zip(self._arrays["sides"][1:], self._arrays["materials"][1:], self._colours, strict=True)
         for sides, materials, own in meshes:
             colours.append(of_materials[np.repeat(materials, sides)] if own is None else own)
         return {**found, "colours": np.concatenate(colours)}
 
 
-def packed(arrays: dict[str, AnyArray]) -> bytes:
+def packed(arrays: dict[str, np.ndarray]) -> bytes:
     """Return arrays as bytes, for the answer of a process."""
     file = io.BytesIO()
     np.savez(file, allow_pickle=False, **arrays)
     return file.getvalue()
 
 
-def _sides(corners: AnyArray, values: AnyArray) -> tuple[AnyArray, AnyArray]:
+def _sides(corners: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the edge keys (3T,) of the sides of triangles, and the values (T,) of their triangles."""
     ends = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2)
     return edge_keys(ends), np.repeat(values, 3)
 
 
-def _charts(corners: AnyArray, alike: AnyArray, coordinates: Floats, materials: AnyArray) -> AnyArray:
+def _charts(corners: np.ndarray, alike: np.ndarray, coordinates: Floats, materials: np.ndarray) -> np.ndarray:
     """Return the charts (T,) of triangles, numbered from 0.
 
     corners  (T, 3): positions of corners, by number
@@ -229,11 +220,13 @@ def _charts(corners: AnyArray, alike: AnyArray, coordinates: Floats, materials: 
     order = np.lexsort(rows.T[::-1])
     same = (np.diff(rows[order], axis=0) == 0).all(axis=1)
     owner = order // 3
-    charts = components(len(corners), owner[:-1][same], owner[1:][same])
+    charts = connected_components(len(corners), owner[:-1][same], owner[1:][same])
     return _without_touching(charts, corners, alike, coordinates)
 
 
-def _without_touching(charts: AnyArray, corners: AnyArray, alike: AnyArray, coordinates: Floats) -> AnyArray:
+def _without_touching(
+    charts: np.ndarray, corners: np.ndarray, alike: np.ndarray, coordinates: Floats
+) -> np.ndarray:
     """Cut charts in which a position is painted in several ways, until none is left.
 
     Where a position has more than two, as the pole of a globe, its triangles become charts of their own.

@@ -17,7 +17,7 @@ import numpy as np
 from flowsculpt import MeshError
 from flowsculpt.api import plural
 from flowsculpt.api.files import number_fault, text_content
-from flowsculpt.api.meshes import FileSurface, SurfaceReader, file_surface, reader_of
+from flowsculpt.api.meshes import FileSurface, SurfaceReader
 
 _PARTING = (b"o", b"g", b"s", b"usemtl")
 """Statements that begin another object, group, smoothing group or material."""
@@ -215,7 +215,7 @@ class _Wavefront:
         notes = (f"{' and '.join(counts)} left out: only faces (f) make a surface",) if counts else ()
         points = np.array(self.coordinates, np.float64).reshape(-1, 3)
         corners = np.array(self.corners, np.int64) - 1
-        return file_surface(points, corners, self.groups, self.tagged, 1, notes, self.sides)
+        return FileSurface.of(points, corners, self.groups, self.tagged, 1, notes, self.sides)
 
 
 def _creases(words: list[bytes]) -> list[tuple[int, int]]:
@@ -228,8 +228,8 @@ def _creases(words: list[bytes]) -> list[tuple[int, int]]:
     return list(pairwise(chain)) if any(sharpness) else []
 
 
-OBJ = SurfaceReader(
-    reader_of(read_wavefront),
+OBJ = SurfaceReader.of_content(
+    read_wavefront,
     # a reader lost the first vertex after a byte order mark, and statements after names that end in \
     misread=re.compile(
         rb"\A\xef\xbb\xbf|^[ \t]*(?:o|g|usemtl|mtllib)[ \t][^\r\n]*\\[ \t]*[\r\n]", re.MULTILINE

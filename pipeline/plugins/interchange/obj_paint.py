@@ -18,14 +18,14 @@ import numpy as np
 
 from flowsculpt import MeshError
 from flowsculpt.api import shorten
-from flowsculpt.api.files import digest_of_file, number_fault, read_input, text_content
-from flowsculpt.api.materials import Opacity, PatternedMaterial, Texture
+from flowsculpt.api.files import InputFile, number_fault, text_content
+from flowsculpt.api.materials import Opacity, Texture, linear_of_srgb
 from flowsculpt.api.meshes import ModelMaterials, PaintReader
-from flowsculpt.api.pictures import linear_of_srgb
 from flowsculpt.pipeline.plugins.interchange.model_paint import ModelPaint
 from flowsculpt.pipeline.plugins.interchange.obj_files import statements
 from flowsculpt.pipeline.plugins.interchange.painted_materials import (
     GREY,
+    FileMaterial,
     file_beside,
     found_beside,
     mask_of,
@@ -45,7 +45,7 @@ _PLACES = {b"-o": "0", b"-s": "1", b"-t": "0"}
 def _read_paint(path: Path) -> ModelPaint:
     """Read the paint of an OBJ file. Raises ValueError, with its line, for unreadable input."""
     reader = _Paint()
-    for line, words in statements(text_content(read_input(path, _MOST_BYTES)), 1):
+    for line, words in statements(text_content(InputFile(path, _MOST_BYTES).content()), 1):
         try:
             reader.add(words)
         except (ValueError, IndexError) as error:
@@ -112,7 +112,7 @@ def _materials(path: Path) -> ModelMaterials:
 
     Raises MissingInputError where none of the files that it names is there, MeshError for damaged numbers.
     """
-    content = text_content(read_input(path, _MOST_BYTES))
+    content = text_content(InputFile(path, _MOST_BYTES).content())
     used: dict[bytes, None] = {}
     libraries: dict[bytes, None] = {}
     current, at = b"", 0
@@ -131,7 +131,7 @@ def _materials(path: Path) -> ModelMaterials:
     files: dict[Path, str] = {}
     found, missing = _libraries(path, [name.decode("utf-8", "replace") for name in libraries])
     for library in found:
-        files[library] = digest_of_file(library)
+        files[library] = InputFile(library).digest()
         for material, entries in _entries(library):
             known.setdefault(material, (library, entries))
     notes = [f"it names its materials {shorten(name)}, which is not there" for name in missing]
@@ -184,7 +184,7 @@ def _entries(library: Path) -> Iterator[tuple[bytes, dict[bytes, list[bytes]]]]:
     """Yield the materials of an MTL file: names, and the words of each statement by its first, in small
     letters, as programs write them in both ways."""
     entries: dict[bytes, list[bytes]] = {}
-    for _, words in statements(text_content(read_input(library, _MOST_BYTES)), 1):
+    for _, words in statements(text_content(InputFile(library, _MOST_BYTES).content()), 1):
         if words[0] == b"newmtl":
             entries = {}
             yield b" ".join(words[1:]), entries
@@ -208,7 +208,7 @@ def _notes(entries: dict[bytes, list[bytes]]) -> Iterator[str]:
 
 def _material(
     library: Path, name: str, entries: dict[bytes, list[bytes]], files: dict[Path, str], has_colours: bool
-) -> PatternedMaterial:
+) -> FileMaterial:
     """Return the material of the statements of an MTL file; note the pictures that it names.
 
     Raises MeshError for numbers with commas.

@@ -12,15 +12,7 @@ import numpy as np
 
 from flowsculpt import MeshError
 from flowsculpt.api.files import number_fault, text_content
-from flowsculpt.api.meshes import (
-    AnyArray,
-    FileSurface,
-    Floats,
-    Points,
-    SurfaceReader,
-    file_surface,
-    reader_of,
-)
+from flowsculpt.api.meshes import FileSurface, Floats, SurfaceReader
 from flowsculpt.pipeline.plugins.interchange.scene_readers import early_end
 
 _KEYWORD = re.compile(rb"((?:ST|C|N|4|n)*)OFF(\d*)")
@@ -59,7 +51,7 @@ class _Layout(NamedTuple):
         """The number of coordinates of its position."""
         return self.dimension + self.weighted
 
-    def points(self, positions: Floats) -> Points:
+    def points(self, positions: Floats) -> Floats:
         """Return points (V, 3) of positions (V, numbers). Raises MeshError for points at infinity."""
         if not self.weighted:
             return positions
@@ -156,7 +148,7 @@ def _read_rows(rows: Iterator[Row], layout: _Layout, vertices: int, faces: int) 
         sides.append(count)
     _require_faces(faces, len(sides), sum(1 for _ in rows), "row")
     points = layout.points(np.array(positions, np.float64).reshape(-1, width))
-    return file_surface(points, np.array(corners, np.int64), sides=sides)
+    return FileSurface.of(points, np.array(corners, np.int64), sides=sides)
 
 
 def _require_faces(promised: int, present: int, more: int, item: str) -> None:
@@ -190,12 +182,12 @@ def _read_words(rows: list[Row], layout: _Layout, vertices: int, faces: int) -> 
             at += 1
     _require_faces(faces, len(sides), len(words) - at, "number")
     points = layout.points(table[:, : layout.numbers])
-    return file_surface(points, np.array(corners, np.int64), sides=sides)
+    return FileSurface.of(points, np.array(corners, np.int64), sides=sides)
 
 
 def _read_binary(body: bytes, prefixes: bytes) -> FileSurface:
     """Read big-endian numbers of four bytes; a face has its corners and then the numbers of its colour."""
-    numbers: AnyArray = np.frombuffer(body, ">i4", len(body) // 4)
+    numbers: np.ndarray = np.frombuffer(body, ">i4", len(body) // 4)
     wanted = 4 if b"n" in prefixes else 3
     if len(numbers) < wanted:
         raise ValueError("it ends within its header")
@@ -223,10 +215,10 @@ def _read_binary(body: bytes, prefixes: bytes) -> FileSurface:
         raise early_end(faces, "face", len(sides) - 1)
     _require_faces(faces, len(sides), 4 * (len(words) - at), "byte")
     points = layout.points(table[:, : layout.numbers])
-    return file_surface(points, np.array(corners, np.int64), sides=sides)
+    return FileSurface.of(points, np.array(corners, np.int64), sides=sides)
 
 
-OFF = SurfaceReader(
-    reader_of(read_object_file),
+OFF = SurfaceReader.of_content(
+    read_object_file,
     misread=re.compile(rb"^[ \t]*(?:ST|C|N)*4n?OFF", re.MULTILINE),  # a reader divided by no w
 )

@@ -13,9 +13,9 @@ from functools import cached_property
 import numpy as np
 
 from flowsculpt import TriangleMesh, UsageError
-from flowsculpt.api.frames import FrameRange, FrameRate, Key
-from flowsculpt.api.meshes import Faces, Floats, Indices, Points, Vectors, corner_normals, split_at_creases
-from flowsculpt.api.pictures import PaintedFaces
+from flowsculpt.api.frames import FrameRange, FrameRate
+from flowsculpt.api.materials import PaintedFaces
+from flowsculpt.api.meshes import Floats, Indices, corner_normals, split_at_creases
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,12 +26,12 @@ class OneMeshFrame:
     normals  (N, 3) unit; `OneMesh.corner_normals` says which corner has which
     """
 
-    points: Points
-    normals: Vectors
-    _velocities: Callable[[], Vectors]
+    points: Floats
+    normals: Floats
+    _velocities: Callable[[], Floats]
 
     @cached_property
-    def velocities(self) -> Vectors:
+    def velocities(self) -> Floats:
         """(V, 3) scene units per second. They take two evaluations of the flow."""
         return self._velocities()
 
@@ -75,14 +75,14 @@ class OneMesh:
     name: str
     frames: tuple[int, ...]
     rate: FrameRate
-    faces: Faces
-    corner_normals: Faces
+    faces: Indices
+    corner_normals: Indices
     creases: Indices
-    rest: Points
-    key: Key
-    points_at: Callable[[int], Points]
-    velocities_at: Callable[[int], Vectors]
-    normals_at: Callable[[int], Vectors] | None = None
+    rest: Floats
+    key: str
+    points_at: Callable[[int], Floats]
+    velocities_at: Callable[[int], Floats]
+    normals_at: Callable[[int], Floats] | None = None
     longest_at: Callable[[int], float] = lambda number: math.inf
     colours: Floats | None = None
     texture: Floats | None = None
@@ -96,9 +96,9 @@ class OneMesh:
         frames: tuple[int, ...],
         rate: FrameRate,
         surface: TriangleMesh,
-        key: Key,
-        points_at: Callable[[int], Points],
-        velocities_at: Callable[[int], Vectors],
+        key: str,
+        points_at: Callable[[int], Floats],
+        velocities_at: Callable[[int], Floats],
     ) -> OneMesh:
         """Return the mesh of a surface at rest, whose tagged edges are its creases, without colours.
 

@@ -7,12 +7,17 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from flowsculpt import MissingInputError
+from flowsculpt import FlowsculptError, MissingInputError
 from flowsculpt.api import shorten
-from flowsculpt.api.files import atomic_write, digest_of_file, usable, writable_cache
-from flowsculpt.api.materials import Diffuse, Opacity, PatternedMaterial, Satin, Texture, TextureProjection
-from flowsculpt.api.pictures import PaintedFaces, RenderError
-from flowsculpt.pipeline.plugins.interchange.preview_surfaces import Colour
+from flowsculpt.api.files import CachedAnswer, InputFile, atomic_write
+from flowsculpt.api.materials import Diffuse, Opacity, PaintedFaces, Satin, Texture
+from flowsculpt.api.pictures import RenderError
+
+Colour = tuple[float, float, float]
+"""Linear Rec.709 red, green and blue."""
+
+FileMaterial = Diffuse | Satin
+"""A material of a model's file."""
 
 GREY = (0.604, 0.604, 0.604)
 """The colour of what a file leaves white: linear Rec.709 of sRGB 0.8, as Blender's."""
@@ -26,7 +31,7 @@ def painted(
     has_colours: bool = False,
     opacity: Opacity | None = None,
     **textures: Any,
-) -> PatternedMaterial:
+) -> FileMaterial:
     """Return a material with the texture coordinates of its model.
 
     roughness    0 to 1, as in glTF; None for a matt material
@@ -34,14 +39,13 @@ def painted(
     opacity      where the surface has holes, or None
     textures     of normals, roughness and metalness, by the names of `Satin`
     """
-    held = (texture, opacity and opacity.texture, *textures.values())
-    placed = TextureProjection("model", keeps_place=not all(each.repeats for each in held if each))
-    source: dict[str, Any] = {"colour_texture": texture, "projection": placed, "opacity": opacity}
+    source: dict[str, Any] = {"colour_texture": texture, "opacity": opacity}
     if texture is None and has_colours:
         source["colour_from"] = PaintedFaces.COLOURS
     if roughness is None:
-        return Diffuse(colour, **source, **textures)
-    return Satin(colour, roughness=roughness, metallic=metallic, coat=0.0, **source, **textures)
+        return Diffuse(colour, **source, **textures).on_model()
+    satin = Satin(colour, roughness=roughness, metallic=metallic, coat=0.0, **source, **textures)
+    return satin.on_model()
 
 
 def opacity_of(factor: float, texture: Texture | None = None, cutoff: float | None = None) -> Opacity | None:
@@ -87,8 +91,16 @@ def file_beside(model: Path, name: str, kind: str) -> Path:
 def picture(model: Path, name: str, files: dict[Path, str], space: str | None = None) -> Texture:
     """Return the picture that a model names, and note it. Raises MissingInputError, and as `read_picture`."""
     path = file_beside(model, name, "texture")
-    files[path] = digest_of_file(path)
+    files[path] = InputFile(path).digest()
     return Texture.of(str(path), files[path], space)
+
+
+def _holds(path: Path, digest: str) -> bool:
+    """Tell whether a file is there with content of a digest."""
+    try:
+        return InputFile(path).digest() == digest
+    except FlowsculptError:
+        return False
 
 
 def picture_within(
@@ -103,8 +115,8 @@ def picture_within(
     Raises as `read_picture`, with the model and the name.
     """
     suffix = Path(name.replace("\\", "/")).suffix.lower()
-    cached = writable_cache() / "textures" / f"{digest}{suffix if suffix[1:].isalnum() else '.png'}"
-    if usable(lambda: digest_of_file(cached)) != digest:  # missing, or damaged
+    cached = CachedAnswer.home() / "textures" / f"{digest}{suffix if suffix[1:].isalnum() else '.png'}"
+    if not _holds(cached, digest):
         with atomic_write(cached, flush=False) as draft:
             draft.write_bytes(content())
     try:

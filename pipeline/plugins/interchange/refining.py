@@ -31,15 +31,8 @@ import numpy as np
 from flowsculpt import FrameError, Thresholds, TriangleMesh, UsageError, vertex_normals
 from flowsculpt.api import VertexBudgetError
 from flowsculpt.api.flows import FlowMap
-from flowsculpt.api.frames import (
-    Key,
-    PipelineStage,
-    RenderRequest,
-    Store,
-    StoredFiles,
-    key_of,
-)
-from flowsculpt.api.meshes import AnyArray, Floats, Indices, Points, RefinableSurface, Vectors, edges_by_angle
+from flowsculpt.api.frames import PipelineStage, RenderRequest, Store, StoredFiles, key_of
+from flowsculpt.api.meshes import Floats, Indices, RefinableSurface, edges_by_angle
 from flowsculpt.api.shots import Motion
 from flowsculpt.pipeline.plugins.interchange.birth_values import mix_births
 
@@ -87,7 +80,7 @@ class _Sweep(NamedTuple):
     counts  of the vertices whose points the files of a frame hold, those of earlier sweeps included
     """
 
-    keys: dict[int, Key]
+    keys: dict[int, str]
     counts: dict[int, int]
 
 
@@ -104,16 +97,16 @@ class Refined:
     start: TriangleMesh
     births: Indices
     born: Floats
-    points_at: Callable[[int], Points]
+    points_at: Callable[[int], Floats]
     lengths_at: Callable[[int], Floats]
 
-    def normals_at_rest(self, motion: Motion) -> Vectors:
+    def normals_at_rest(self, motion: Motion) -> Floats:
         """Return normals (V, 3) at rest: those of the analytic surface, if it is known."""
         if (analytic := motion.analytic_surface()) is not None:
             return analytic.normals(np.concatenate([self.start.vertices, self.born[:, :3]]))
         return np.concatenate([vertex_normals(self.start), self.born[:, 3:]])
 
-    def surface(self, kept: AnyArray | None = None) -> tuple[TriangleMesh, Indices]:
+    def surface(self, kept: np.ndarray | None = None) -> tuple[TriangleMesh, Indices]:
         """Return the refined surface at rest, and the corners (N, 2) opposite the births' edges.
 
         kept  flags (N,) of births: those that all kept ones need must be among them
@@ -141,12 +134,12 @@ class Refiner:
         self.frames = range(first, max(request.requested) + 1)
 
     @cached_property
-    def key(self) -> Key:
+    def key(self) -> str:
         """The key of the refined surface."""
         return self._first_keys[self.frames[-1]]
 
     @cached_property
-    def _first_keys(self) -> dict[int, Key]:
+    def _first_keys(self) -> dict[int, str]:
         return {n: key_of(UNIFY.recipe, self._request.keys.mesh(n)) for n in self.frames}
 
     @property
@@ -232,7 +225,7 @@ class Refiner:
             history.add(self._motion.step_into(self._motion.flow, number))
         return history
 
-    def _stepped(self, points: Points, number: int, first: int, history: FlowMap) -> Points:
+    def _stepped(self, points: Floats, number: int, first: int, history: FlowMap) -> Floats:
         """Return points of the frame before moved into a frame, and add the step to the history.
 
         Raises FrameError where a point alone moves elsewhere than together with others.
@@ -279,7 +272,7 @@ class Refiner:
 
     def _split(
         self, surface: RefinableSurface, number: int, history: FlowMap, held: int, limits: Thresholds | None
-    ) -> dict[str, AnyArray]:
+    ) -> dict[str, np.ndarray]:
         """Split the edges that are too long in a frame; return the arrays of its file."""
         try:
             births = surface.split(limits, history.carry, self._motion.analytic_surface())
@@ -292,7 +285,7 @@ class Refiner:
         except FrameError as error:
             raise error.of(number) from None
         points = surface.points[held:].copy()
-        arrays: dict[str, AnyArray] = {"births": births.parents, "born": births.rest, "points": points}
+        arrays: dict[str, np.ndarray] = {"births": births.parents, "born": births.rest, "points": points}
         return arrays if births.longest is None or held else {**arrays, "longest": births.longest}
 
     @cached_property
@@ -305,15 +298,15 @@ class Refiner:
             return with_hard_edges(mesh, angles)
         return resampling.tag_creases(mesh, angles)
 
-    def _rest(self, born: Sequence[Floats]) -> Points:
+    def _rest(self, born: Sequence[Floats]) -> Floats:
         """Return the positions (V, 3) at rest of the vertices born so far."""
         return np.concatenate([self._start.vertices, *(rows[:, :3] for rows in born)])
 
-    def _read(self, key: Key) -> dict[str, AnyArray]:
+    def _read(self, key: str) -> dict[str, np.ndarray]:
         place = self._store.path(KIND, key).relative_to(self._store.root)
         return self._store.read(KIND, key, place, StoredFiles(KIND).reader(key))
 
-    def _points(self, sweeps: Sequence[_Sweep], number: int) -> Points:
+    def _points(self, sweeps: Sequence[_Sweep], number: int) -> Floats:
         """Return the points that sweeps have stored of a frame."""
         return np.concatenate([np.empty((0, 3)), *(self._read(s.keys[number])["points"] for s in sweeps)])
 

@@ -25,13 +25,14 @@ from flowsculpt import (
 from flowsculpt import (
     resample as resample_triangles,
 )
-from flowsculpt.api import plural
-from flowsculpt.api.commands import print_result, print_warning, require_one_of, table
-from flowsculpt.api.meshes import polygon_methods, read_surface
+from flowsculpt.api import PolygonMethod, plugins, plural
+from flowsculpt.api.commands import empty_table, print_result, print_warning, require_one_of
+from flowsculpt.api.meshes import ModelFile
 from flowsculpt.api.options import Common
 from flowsculpt.pipeline.plugins.interchange.mesh_writers import WRITERS, write_mesh
 
-METHODS = ("triangles", *polygon_methods())
+_POLYGON_METHODS = plugins().classes("resamplers", PolygonMethod)
+METHODS = ("triangles", *_POLYGON_METHODS)
 PLACEMENTS = {"chord": Chord(), "curved": Curved()}
 SPLITS = ("edges", "faces")
 
@@ -108,7 +109,7 @@ def resample(
     if not 0 < hard_angle_degrees <= 180:
         raise UsageError(f"--hard-angle-degrees {hard_angle_degrees:g} must be above 0 and at most 180")
     thresholds = Thresholds(max_edge_length, min_edge_length, math.radians(hard_angle_degrees))
-    imported = read_surface(source)
+    imported = ModelFile(source).surface()
     before = imported.mesh
     for line in imported.warnings:
         print_warning(f"{source}: {line}")
@@ -123,7 +124,7 @@ def resample(
     after: TriangleMesh | PolygonMesh
     report: Report
     if method != "triangles":
-        slicer = polygon_methods()[method]().begin(before, thresholds)
+        slicer = _POLYGON_METHODS[method]().begin(before, thresholds)
         report = slicer.resample()
         after = slicer.mesh
     else:
@@ -175,7 +176,7 @@ def _listing(before: PolygonMesh, report: Report) -> Table:
     ]
     for reason, count in report.refused.items():
         rows.append(("kept though short", f"{count}: {REFUSALS[reason]}"))
-    listing = table("", "")
+    listing = empty_table("", "")
     listing.show_header = False
     for row in rows:
         listing.add_row(*row)

@@ -16,8 +16,8 @@ import numpy as np
 
 from flowsculpt import FlowsculptError, MachineError, MeshError, MissingInputError
 from flowsculpt.api import plural, shorten
-from flowsculpt.api.files import Parser, command, digest_of_file
-from flowsculpt.api.meshes import AnyArray, FileSurface, Floats, ModelFiles, Points
+from flowsculpt.api.files import InputFile, Parser, python_command
+from flowsculpt.api.meshes import FileSurface, Floats, SourceFiles
 
 MOST_MESHES, MOST_CORNERS = 20_000, 20_000_000
 """Meshes that are placed, and corners of faces of all; instances count each time."""
@@ -33,11 +33,11 @@ class Polygons(NamedTuple):
     groups   int64 (F,): edges between faces with different numbers are creases; None for one group
     """
 
-    points: Points
-    sides: AnyArray
-    corners: AnyArray
-    creases: AnyArray = np.empty((0, 2), np.int64)
-    groups: AnyArray | None = None
+    points: Floats
+    sides: np.ndarray
+    corners: np.ndarray
+    creases: np.ndarray = np.empty((0, 2), np.int64)
+    groups: np.ndarray | None = None
 
     def placed(self, matrix: Floats) -> Polygons:
         """Return the mesh transformed by a matrix (4, 4) of row vectors; a mirror turns its faces over."""
@@ -49,7 +49,7 @@ class Polygons(NamedTuple):
             corners = reversed_faces(corners, self.sides)
         return self._replace(points=points, corners=corners)
 
-    def without(self, dropped: AnyArray) -> Polygons:
+    def without(self, dropped: np.ndarray) -> Polygons:
         """Return the mesh without the faces where `dropped` (F,) is True."""
         kept = ~dropped
         groups = None if self.groups is None else self.groups[kept]
@@ -57,7 +57,7 @@ class Polygons(NamedTuple):
         return self._replace(sides=self.sides[kept], corners=corners, groups=groups)
 
 
-def reversed_faces(corners: AnyArray, sides: AnyArray) -> AnyArray:
+def reversed_faces(corners: np.ndarray, sides: np.ndarray) -> np.ndarray:
     """Return the corners (C,) of faces the other way round; each face keeps its first."""
     ends = np.cumsum(sides)
     place = np.arange(len(corners)) - np.repeat(ends - sides, sides)
@@ -65,7 +65,7 @@ def reversed_faces(corners: AnyArray, sides: AnyArray) -> AnyArray:
     return corners[np.repeat(ends - sides, sides) + (count - place) % np.maximum(count, 1)]
 
 
-def require_vertices(corners: AnyArray, sides: AnyArray, count: int, place: str) -> None:
+def require_vertices(corners: np.ndarray, sides: np.ndarray, count: int, place: str) -> None:
     """Raise MeshError where the corners (C,) of faces name a vertex that a mesh of so many lacks."""
     wrong = np.flatnonzero((corners < 0) | (corners >= count))
     if len(wrong):
@@ -151,12 +151,12 @@ def bound_note(count: int) -> str:
     )
 
 
-def one_file(up_of: Callable[[Path, str], str]) -> Callable[[Path], ModelFiles]:
+def one_file(up_of: Callable[[Path, str], str]) -> Callable[[Path], SourceFiles]:
     """Return a function that returns the one file of a model and the axis that it says is up."""
 
-    def files(path: Path) -> ModelFiles:
-        digest = digest_of_file(path)
-        return ModelFiles.of([(path, digest)], up_of(path, digest))
+    def files(path: Path) -> SourceFiles:
+        digest = InputFile(path).digest()
+        return SourceFiles.of([(path, digest)], up_of(path, digest))
 
     return files
 
@@ -165,9 +165,10 @@ def require_package(files: str, module: str, package: str, extra: str) -> None:
     """Raise MachineError where the package that reads some files is not installed; `extra` installs it."""
     if find_spec(module) is None:
         name = package.partition(" ")[0]
+        installing = shlex.join(python_command("pip", "install", name))
         raise MachineError(
             f"{files} need the package {package}, which is not installed; install the extra [{extra}], or "
-            f"only the package, for the Python of flowsculpt: {shlex.join(command('pip', 'install', name))}"
+            f"only the package, for the Python of flowsculpt: {installing}"
         )
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from flowsculpt.api import plural
 from flowsculpt.api.files import as_utf8, number_fault, text_content
-from flowsculpt.api.meshes import FileSurface, Points, SurfaceReader, file_surface, reader_of
+from flowsculpt.api.meshes import FileSurface, Floats, SurfaceReader
 from flowsculpt.pipeline.plugins.interchange.scene_readers import early_end
 
 _HEADER = 84  # bytes before the triangles of a binary file; the last four are their number
@@ -40,7 +40,7 @@ def read_stl(content: bytes) -> FileSurface:
     has no numbers where coordinates belong.
     """
     points = _text_points(text_content(content).lower()) if _is_text(content) else _binary_points(content)
-    return file_surface(points, np.arange(len(points)).reshape(-1, 3), base=None)
+    return FileSurface.of(points, np.arange(len(points)).reshape(-1, 3), base=None)
 
 
 def _is_text(content: bytes) -> bool:
@@ -55,7 +55,7 @@ def _is_text(content: bytes) -> bool:
     return start.lstrip().startswith(b"solid") and (b"facet" in start or b"\0" not in start)
 
 
-def _binary_points(content: bytes) -> Points:
+def _binary_points(content: bytes) -> Floats:
     if len(content) < _HEADER:
         size = plural(len(content), "byte")
         raise ValueError(f"it ends early: it has {size}, and its header alone needs {_HEADER}")
@@ -72,7 +72,7 @@ def _binary_points(content: bytes) -> Points:
     return triangles["corners"].reshape(-1, 3).astype(np.float64)
 
 
-def _text_points(content: bytes) -> Points:
+def _text_points(content: bytes) -> Floats:
     spans, is_closed = _spans_without_names(content)
     if not is_closed:
         present = plural(content.count(b"endfacet"), "triangle")
@@ -112,7 +112,7 @@ def _blocks(content: bytes, spans: list[tuple[int, int]]) -> Iterator[bytes]:
             start = last
 
 
-def _block_points(block: bytes, first: int) -> Points:
+def _block_points(block: bytes, first: int) -> Floats:
     """Return the corners of the triangles of a block; `first` is the number of the first one in the file."""
     words = block.split()
     count, rest = divmod(len(words), len(_FACET))
@@ -153,4 +153,4 @@ def _regular(words: list[bytes], first: int) -> list[bytes]:
     return regular
 
 
-STL = SurfaceReader(reader_of(read_stl), usual_up="z")  # most come from printing and construction
+STL = SurfaceReader.of_content(read_stl, usual_up="z")  # most come from printing and construction

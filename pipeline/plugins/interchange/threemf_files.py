@@ -20,7 +20,7 @@ import numpy as np
 
 from flowsculpt import MeshError
 from flowsculpt.api import quote, shorten
-from flowsculpt.api.meshes import FileSurface, Floats, ModelFiles, SurfaceReader, reader_of
+from flowsculpt.api.meshes import FileSurface, Floats, SourceFiles, SurfaceReader
 from flowsculpt.pipeline.plugins.interchange.scene_readers import (
     PlacedMeshes,
     Polygons,
@@ -132,16 +132,16 @@ def read_threemf(content: bytes) -> FileSurface:
     return joined(package.placed.parts, package.notes())._replace(unit=_UNITS[part.unit])
 
 
-def _files(path: Path) -> ModelFiles:
+def _files(path: Path) -> SourceFiles:
     """Return the one file of a model. A reader once took all parts of those with settings of a slicer."""
     found = one_file(lambda path, digest: "z")(path)
     with suppress(OSError, ValueError, zipfile.BadZipFile), zipfile.ZipFile(path) as archive:
         if any(name in (_BAMBU, _PRUSA) or name.startswith("Cura/") for name in archive.namelist()):
-            return ModelFiles.of(found.files, found.up, ["parts of slicers"])
+            return SourceFiles.of(found.files, found.up, ["parts of slicers"])
     return found
 
 
-THREEMF = SurfaceReader(reader_of(read_threemf), _files, states_up=True)
+THREEMF = SurfaceReader.of_content(read_threemf, _files, states_up=True)
 
 
 @dataclass

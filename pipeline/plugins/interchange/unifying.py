@@ -17,7 +17,6 @@ import numpy as np
 
 from flowsculpt import TriangleMesh, UsageError
 from flowsculpt.api.frames import (
-    Key,
     MeshFrame,
     RenderRequest,
     Shading,
@@ -26,8 +25,7 @@ from flowsculpt.api.frames import (
     animate,
     key_of,
 )
-from flowsculpt.api.meshes import AnyArray, Floats, Indices, Points, Vectors, carried_normals
-from flowsculpt.api.pictures import Painted, vertex_colours
+from flowsculpt.api.meshes import Floats, Indices, carried_normals
 from flowsculpt.api.shots import Motion
 from flowsculpt.pipeline.plugins.interchange.birth_values import raise_to_dependents
 from flowsculpt.pipeline.plugins.interchange.exported_frame import (
@@ -83,7 +81,7 @@ class Unification:
         return self.request.motion_folders.part_name
 
     @cached_property
-    def key(self) -> Key:
+    def key(self) -> str:
         """The key of the mesh, known before it is computed."""
         shot = self.request.shot
         return key_of(
@@ -120,10 +118,10 @@ class Unification:
         rows = np.concatenate([np.ones(len(refined.start.vertices), bool), kept])
         motion = self.request.shot.motion
 
-        def points_at(number: int) -> Points:
+        def points_at(number: int) -> Floats:
             return refined.points_at(number)[rows]
 
-        def velocities_at(number: int) -> Vectors:
+        def velocities_at(number: int) -> Floats:
             return _velocities(motion, number, points_at(number), surface)
 
         mesh = OneMesh.of(
@@ -164,7 +162,7 @@ class Unification:
         first = frames[motion.frames.first]
         own = with_hard_edges(first.own, motion.thresholds_at(first.number).hard_angles(first.own))
 
-        def points_at(number: int) -> Points:
+        def points_at(number: int) -> Floats:
             copies = frames[number].copies
             assert copies is not None, "rigid copies have placements"
             return copies.points(frames[number].own.vertices)
@@ -185,7 +183,7 @@ class Unification:
     def _refiner(self) -> Refiner:
         return Refiner(self.request, self.store)
 
-    def _normals(self, refined: Refined, whole: TriangleMesh, number: int) -> Vectors:
+    def _normals(self, refined: Refined, whole: TriangleMesh, number: int) -> Floats:
         """Return the normals (V, 3) of a frame, carried from frame to frame from the last that is stored.
 
         They are zero at creases. Each frame's are stored, float32.
@@ -206,7 +204,7 @@ class Unification:
             normals = carried.astype(np.float64)
         return normals
 
-    def _read(self, key: Key) -> dict[str, AnyArray]:
+    def _read(self, key: str) -> dict[str, np.ndarray]:
         place = self.store.path(KIND, key).relative_to(self.store.root)
         return self.store.read(KIND, key, place, StoredFiles(KIND).reader(key))
 
@@ -226,11 +224,11 @@ class Unification:
         surface = replace(surface, attributes={**surface.attributes, **places})
         return replace(
             mesh,
-            colours=vertex_colours(replace(surface, paint=paint), look),
-            paint=paint if isinstance(look, Painted) else None,
+            colours=look.vertex_colours(replace(surface, paint=paint)),
+            paint=paint if look.is_of_model else None,
         )
 
-    def _reduced(self, refined: Refined, began: Began) -> tuple[AnyArray, Reduction | None]:
+    def _reduced(self, refined: Refined, began: Began) -> tuple[np.ndarray, Reduction | None]:
         """Return flags (N,) of the births to keep, and what is left out."""
         start, births = len(refined.start.vertices), len(refined.births)
         kept = np.ones(births, bool)
@@ -273,7 +271,7 @@ class Unification:
         return found
 
 
-def _velocities(motion: Motion, number: int, points: Points, surface: TriangleMesh) -> Vectors:
+def _velocities(motion: Motion, number: int, points: Floats, surface: TriangleMesh) -> Floats:
     """Return the velocities (V, 3) of points at a frame, scene units per second."""
     frame = MeshFrame(number, TriangleMesh(points, surface.faces))
     return Shading.vertex_motion(motion, frame).velocity()

@@ -24,24 +24,21 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdShade, Vt
 
-from flowsculpt import FrameError
-from flowsculpt.api.files import cannot_write, to_plain
-from flowsculpt.api.frames import Framing, Key, RenderRequest, Store, key_of
-from flowsculpt.api.materials import Diffuse, Opacity, Satin, Stage
-from flowsculpt.api.meshes import AnyArray
-from flowsculpt.api.pictures import Material, PaintedFaces
+from flowsculpt import FrameError, MachineError
+from flowsculpt.api.files import to_plain
+from flowsculpt.api.frames import Framing, RenderRequest, Store, key_of
+from flowsculpt.api.materials import Diffuse, Material, PaintedFaces, Satin
 from flowsculpt.api.shots import Shot
 from flowsculpt.pipeline.plugins.interchange.exported_frame import (
     EXPORT,
     ExportedFrame,
     KeyedFiles,
-    colour_texture,
     frame_key,
     has_colours,
     has_coordinates,
     stored_frame,
 )
-from flowsculpt.pipeline.plugins.interchange.exported_materials import number_planes, parts_of
+from flowsculpt.pipeline.plugins.interchange.exported_materials import number_planes
 from flowsculpt.pipeline.plugins.interchange.usd_materials import (
     MATERIALX,
     add_material,
@@ -80,7 +77,7 @@ class SampledAttribute(NamedTuple):
 
     name: str
     kind: str
-    values: Callable[[ExportedFrame], AnyArray | None]
+    values: Callable[[ExportedFrame], np.ndarray | None]
     interpolation: str = ""
     subset: str = ""
 
@@ -149,7 +146,7 @@ def subset_name(number: int) -> str:
 def _faces_of(number: int) -> SampledAttribute:
     """Return the faces of one material of a model, by their numbers."""
 
-    def faces(frame: ExportedFrame) -> AnyArray:
+    def faces(frame: ExportedFrame) -> np.ndarray:
         assert frame.paint is not None, "a model of several materials is painted"
         return np.flatnonzero(frame.paint.materials == number)
 
@@ -213,12 +210,12 @@ def write_layer(path: Path, layer: Sdf.Layer) -> None:
     try:
         is_written = layer.Export(str(path))
     except Tf.ErrorException as error:
-        raise cannot_write(path, path, "USD reports an error") from error
+        raise MachineError.of_draft(path, path, "USD reports an error") from error
     if not is_written:
-        raise cannot_write(path, path, "USD reports an error")
+        raise MachineError.of_draft(path, path, "USD reports an error")
 
 
-def usd_array(kind: str, values: AnyArray) -> Any:
+def usd_array(kind: str, values: np.ndarray) -> Any:
     """Return values as an array of USD's of a value type."""
     components = {"Point3f": "Vec3f", "Vector3f": "Vec3f", "Normal3f": "Vec3f", "Color3f": "Vec3f"}
     components |= {"Float3": "Vec3f", "TexCoord2f": "Vec2f"}
@@ -284,7 +281,7 @@ class SculptureFiles:
     @property
     def parts(self) -> tuple[Material, ...]:
         """The materials: of a model, by their numbers."""
-        return parts_of(self.look)
+        return self.look.parts_by_number
 
     def pictures(self, number: int) -> dict[str, str]:
         """Return the names of the pictures of a material by the inputs of its preview surface."""
@@ -292,16 +289,16 @@ class SculptureFiles:
         words = {name: "colour" if name == "diffuseColor" else name for name in self._pixels(number)}
         return {name: f"{self._name}{between}.{word}.exr" for name, word in words.items()}
 
-    def _pixels(self, number: int) -> dict[str, Callable[[], AnyArray]]:
+    def _pixels(self, number: int) -> dict[str, Callable[[], np.ndarray]]:
         """Return what reads the pictures (H, W, 3) of a material, by the inputs of its preview surface."""
         part = self.parts[number]
-        texture, bumps = colour_texture(part), getattr(part, "normal_texture", None)
+        texture, bumps = part.texture("colour"), part.texture("normal")
         found = {} if texture is None else {"diffuseColor": texture.pixels}
         for name, plane in number_planes(part).items():
             found[name] = partial(np.repeat, plane, 3, axis=2)
         if bumps is not None:
             found["normal"] = lambda: 0.5 + 0.5 * bumps.normals()
-        opacity: Opacity | None = getattr(part, "opacity", None)
+        opacity = part.opacity
         if opacity is not None and opacity.texture is not None:
             whole = replace(opacity, cutoff=None)
             found["opacity"] = lambda: np.repeat(whole.fractions(), 3, axis=2)
@@ -358,7 +355,7 @@ class SculptureFiles:
             names = self.pictures(number)
             for name, pixels in self._pixels(number).items():
                 recipe = (
-                    [to_plain(colour_texture(part))] if name == "diffuseColor" else [name, to_plain(part)]
+                    [to_plain(part.texture("colour"))] if name == "diffuseColor" else [name, to_plain(part)]
                 )
                 key = key_of(EXPORT.recipe, *recipe)
                 self.files.update(names[name], key, partial(_write_pixels, read=pixels))
@@ -374,14 +371,14 @@ class SculptureFiles:
         }
         prim.SetInfo("clips", {"default": clips})
 
-    def _key(self, number: int) -> Key:
+    def _key(self, number: int) -> str:
         if number not in self._keys:
             key = frame_key(self.request, number)
             self._keys[number] = key_of(key, "subsets") if len(self.parts) > 1 else key
         return self._keys[number]
 
     @cached_property
-    def _keys(self) -> dict[int, Key]:
+    def _keys(self) -> dict[int, str]:
         return {}
 
     @property
@@ -389,7 +386,7 @@ class SculptureFiles:
         return self.request.motion_folders.part_name
 
 
-def _write_pixels(path: Path, read: Callable[[], AnyArray]) -> None:
+def _write_pixels(path: Path, read: Callable[[], np.ndarray]) -> None:
     write_picture(path, read())
 
 
@@ -469,11 +466,12 @@ def _add_set(stage: Usd.Stage, home: str, shot: Shot, framings: Mapping[int, Fra
     picture = shot.picture
     add_lights(stage, home, f"{home}/set/lights", picture.lights, sizes, sky)
     if picture.stage.kind != "none" and not picture.stage.shadow_catcher:
-        add_floor(stage, home, picture.stage)
+        add_floor(stage, home, shot)
 
 
-def add_floor(stage: Usd.Stage, home: str, floor: Stage) -> None:
-    """Add floor, wall and plinth, without reference objects."""
+def add_floor(stage: Usd.Stage, home: str, shot: Shot) -> None:
+    """Add floor, wall and plinth of a shot, without reference objects."""
+    floor = shot.picture.stage
     vertices, normals, faces = floor.mesh()
     mesh = UsdGeom.Mesh.Define(stage, f"{home}/set/floor")
     mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(vertices))
@@ -582,7 +580,7 @@ class UsdExport:
             lambda draft: write_root(draft, request, self._sculptures, of_shown, sky),
         )
 
-    def _root_key(self, framings: Mapping[int, Framing]) -> Key:
+    def _root_key(self, framings: Mapping[int, Framing]) -> str:
         shot, picture = self.request.shot, self.request.shot.picture
         several = [[each.prim, to_plain(each.look)] for each in self._sculptures]
         return key_of(

@@ -16,18 +16,19 @@ from pathlib import Path
 from typing import Any
 
 from flowsculpt import MissingInputError
-from flowsculpt.api.files import CachedAnswer, Parser, digest_of_file
-from flowsculpt.api.materials import PatternedMaterial, Texture
+from flowsculpt.api.files import CachedAnswer, InputFile, Parser
+from flowsculpt.api.materials import Texture
 from flowsculpt.api.meshes import (
     FileSurface,
-    ModelFiles,
     ModelMaterials,
     PaintReader,
     ScenePart,
+    SourceFiles,
     SurfaceReader,
 )
 from flowsculpt.pipeline.plugins.interchange.model_paint import ModelPaint
 from flowsculpt.pipeline.plugins.interchange.painted_materials import (
+    FileMaterial,
     opacity_of,
     painted,
     picture,
@@ -54,23 +55,23 @@ def require_usd() -> None:
     require_package("USD files", "pxr", "usd-core (209 MB)", "usd")
 
 
-def stage_files(path: Path) -> ModelFiles:
+def stage_files(path: Path) -> SourceFiles:
     """Return the stage's own file, and all that it names by references, payloads and so on.
 
     The disk cache keeps their names while their contents are the same. Raises MachineError without usd-core,
     MissingInputError where a file is missing, ParserError or MeshError where USD cannot read one.
     """
     require_usd()
-    own, name = digest_of_file(path), str(path.absolute())
+    own, name = InputFile(path).digest(), str(path.absolute())
     cached = CachedAnswer.of("parsed", ["usd", str(_VERSION), version("usd-core"), name, own])
     known = cached.load(_known_files)
     if known is None:
         facts = json.loads(_asked("facts", path, _WHOLE))
-        known = facts["up"], {name: own, **{file: digest_of_file(Path(file)) for file in facts["files"]}}
+        known = facts["up"], {name: own, **{file: InputFile(Path(file)).digest() for file in facts["files"]}}
         cached.store(dict(zip(("up", "digests"), known, strict=True)))
     up, digests = known
     others = [(Path(file), digest) for file, digest in digests.items() if file != name]
-    return ModelFiles.of(((path, own), *others), up)
+    return SourceFiles.of(((path, own), *others), up)
 
 
 def _known_files(answer: dict[str, Any]) -> tuple[Any, dict[str, str]]:
@@ -120,7 +121,7 @@ def _materials(path: Path, part: ScenePart = _WHOLE) -> ModelMaterials:
     return made(answer)
 
 
-def _material(path: Path, facts: dict[str, Any], files: dict[Path, str]) -> PatternedMaterial:
+def _material(path: Path, facts: dict[str, Any], files: dict[Path, str]) -> FileMaterial:
     """Return the material of what the process found; note the files of its pictures."""
     textures = {
         name: replace(_texture(path, found, files), wrap=_wrap(found["wrap"], name, facts["is_beyond"]))
@@ -178,7 +179,7 @@ USD_PAINT = PaintReader(_materials, _paint, of_part=_paint_of_part)
 def _digest(path: Path) -> str:
     """Return the digest of a file; empty where it cannot be read."""
     try:
-        return digest_of_file(path)
+        return InputFile(path).digest()
     except MissingInputError:
         return ""
 

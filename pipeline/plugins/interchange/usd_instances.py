@@ -18,7 +18,7 @@ import numpy as np
 from pxr import Gf, Sdf, UsdGeom, Vt
 
 from flowsculpt.api.frames import key_of
-from flowsculpt.api.meshes import AnyArray, Points
+from flowsculpt.api.meshes import Floats
 from flowsculpt.pipeline.plugins.interchange.copy_instances import Instances, PlacedCopies
 from flowsculpt.pipeline.plugins.interchange.exported_frame import EXPORT, KeyedFiles
 from flowsculpt.pipeline.plugins.interchange.usd_export import write_layer
@@ -73,7 +73,7 @@ def write_instances(path: Path, prim: str, copies: Instances, passed: Callable[[
     write_layer(path, layer)
 
 
-def _samples(copies: PlacedCopies, points: Points) -> Iterator[tuple[str, Any]]:
+def _samples(copies: PlacedCopies, points: Floats) -> Iterator[tuple[str, Any]]:
     """Yield the attributes of a frame."""
     placements, sizes = copies.placements, copies.placements.sizes
     turns = placements.rotations.swapaxes(1, 2)  # USD multiplies rows
@@ -88,7 +88,7 @@ def _samples(copies: PlacedCopies, points: Points) -> Iterator[tuple[str, Any]]:
     yield "extent", _triples(np.stack([points.min(axis=0), points.max(axis=0)]))
 
 
-def _triples(values: AnyArray) -> Vt.Vec3fArray:
+def _triples(values: np.ndarray) -> Vt.Vec3fArray:
     return Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(values, np.float32))
 
 

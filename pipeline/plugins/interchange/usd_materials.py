@@ -12,12 +12,11 @@ from typing import Any
 
 from pxr import Gf, Sdf, Usd, UsdShade
 
-from flowsculpt.api.materials import PatternedMaterial, Texture
-from flowsculpt.api.pictures import Material
-from flowsculpt.pipeline.plugins.interchange.exported_materials import parts_of
-from flowsculpt.pipeline.plugins.interchange.openpbr import LENGTHS, openpbr_inputs
-from flowsculpt.pipeline.plugins.interchange.preview_surfaces import preview_surface
+from flowsculpt.api.materials import Material
 from flowsculpt.pipeline.plugins.interchange.usd_prims import sample
+
+LENGTHS = ("transmission_depth", "subsurface_radius")
+"""Inputs in halves of the subject's size, which a stage needs in scene units."""
 
 _ADDRESSES = {"repeat": "periodic", "clamp": "clamp", "mirror": "mirror", "black": "constant"}
 """What is shown beyond the sides of a picture, as MaterialX names it."""
@@ -57,11 +56,11 @@ def add_material(
 
 def _wrap_of(look: Material, name: str) -> tuple[str, str]:
     """Return what is shown beyond the sides of the picture for an input of the preview surface of a look."""
-    (part, *_) = parts_of(look)
+    (part, *_) = look.parts_by_number
     if name == "opacity":
-        texture: Texture | None = getattr(getattr(part, "opacity", None), "texture", None)
+        texture = None if part.opacity is None else part.opacity.texture
     else:
-        texture = getattr(part, f"{'colour' if name == 'diffuseColor' else name}_texture", None)
+        texture = part.texture("colour" if name == "diffuseColor" else name)
     return ("repeat", "repeat") if texture is None else texture.wrap
 
 
@@ -74,7 +73,7 @@ def _add_preview_surface(
 ) -> None:
     path = str(material.GetPath())
     shader = _shader(stage, f"{path}/surface", "UsdPreviewSurface")
-    surface = preview_surface(look)
+    surface = look.preview_surface()
     _set(shader, "diffuseColor", "Color3f", surface.colour)
     for name, value in (
         ("roughness", surface.roughness),
@@ -87,7 +86,7 @@ def _add_preview_surface(
     if surface.is_matt:
         _set(shader, "useSpecularWorkflow", "Int", 1)
         _set(shader, "specularColor", "Color3f", (0.0, 0.0, 0.0))
-    if isinstance(look, PatternedMaterial) and look.opacity and look.opacity.cutoff is not None:
+    if look.opacity and look.opacity.cutoff is not None:
         _set(shader, "opacityThreshold", "Float", look.opacity.cutoff)
     for name, file in pictures.items():
         output = "rgb" if name in ("diffuseColor", "normal") else "r"
@@ -116,7 +115,7 @@ def _add_openpbr(
 ) -> None:
     path = f"{material.GetPath()}/openpbr"
     shader = _shader(stage, path, "ND_open_pbr_surface_surfaceshader")
-    for name, value in openpbr_inputs(look).items():
+    for name, value in look.openpbr().items():
         if isinstance(value, tuple):
             _set(shader, name, "Color3f", value)
         elif name in LENGTHS:
@@ -166,7 +165,7 @@ def _turning(stage: Usd.Stage, path: str, image: UsdShade.Shader) -> UsdShade.Sh
 
 def _cut_out(stage: Usd.Stage, path: str, look: Material, opacity: UsdShade.Shader) -> UsdShade.Shader:
     """Add the node that rounds opacities to 0 and 1 where a look has a cutoff."""
-    held = look.opacity if isinstance(look, PatternedMaterial) else None
+    held = look.opacity
     if held is None or held.cutoff is None:
         return opacity
     rounded = _shader(stage, path, "ND_ifgreatereq_float")

@@ -17,7 +17,7 @@ from pxr import Ar, Usd, UsdGeom, UsdShade
 from flowsculpt import MeshError
 from flowsculpt.api import shorten
 from flowsculpt.api.materials import Texture
-from flowsculpt.api.meshes import AnyArray, Floats
+from flowsculpt.api.meshes import Floats
 from flowsculpt.pipeline.plugins.interchange.model_paint import PaintParts, packed
 from flowsculpt.pipeline.plugins.interchange.painted_materials import GREY
 from flowsculpt.pipeline.plugins.interchange.scene_readers import Polygons
@@ -94,9 +94,9 @@ class _Mesh(NamedTuple):
     """
 
     polygons: Polygons
-    corners: AnyArray
-    faces: AnyArray
-    materials: AnyArray
+    corners: np.ndarray
+    faces: np.ndarray
+    materials: np.ndarray
     coordinates: Floats
     colours: Floats | None
 
@@ -124,7 +124,7 @@ class PaintedStage(StageMeshes):
         self.placed.add(self._known[key].polygons, to_stage)
         self._painted.append(self._known[key])
 
-    def arrays(self) -> dict[str, AnyArray]:
+    def arrays(self) -> dict[str, np.ndarray]:
         """Return the arguments of `ModelPaint.of`."""
         found = PaintParts()
         for polygons, mesh in zip(self.placed.parts, self._painted, strict=True):
@@ -177,7 +177,7 @@ class PaintedStage(StageMeshes):
             self.surfaces[path] = _Reader(material, self.time).surface() if path else _bare()
         return list(self.surfaces).index(path)
 
-    def _coordinates(self, prim: Usd.Prim, surface: _Surface, index: dict[str, AnyArray]) -> Floats:
+    def _coordinates(self, prim: Usd.Prim, surface: _Surface, index: dict[str, np.ndarray]) -> Floats:
         """Return the coordinates (K, 2) of corners in the pictures of a material."""
         wanted = surface.coordinates
         if wanted is None:
@@ -191,7 +191,9 @@ class PaintedStage(StageMeshes):
             )
         return wanted.transformed(values)
 
-    def _primvar(self, prim: Usd.Prim, name: str, columns: int, index: dict[str, AnyArray]) -> Floats | None:
+    def _primvar(
+        self, prim: Usd.Prim, name: str, columns: int, index: dict[str, np.ndarray]
+    ) -> Floats | None:
         """Return the values (K, columns) of a primvar at corners; None where there is none.
 
         index  places of the corners among its values, by its interpolation

@@ -18,10 +18,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdLux
 
-from flowsculpt.api.materials import Softbox, Sun
-from flowsculpt.api.meshes import AnyArray, Floats
-from flowsculpt.api.pictures import Camera, LightRig, RenderedFrame, write_exr
-from flowsculpt.pipeline.plugins.interchange.preview_surfaces import Colour
+from flowsculpt.api.materials import LightRig
+from flowsculpt.api.meshes import Floats
+from flowsculpt.api.pictures import Camera, RenderedFrame, write_exr
+from flowsculpt.pipeline.plugins.interchange.painted_materials import Colour
 
 
 class CameraSettings(NamedTuple):
@@ -95,7 +95,7 @@ def _focus(camera: Camera) -> float:
     return camera.focus_distance if camera.has_depth_of_field else math.dist(camera.origin, camera.target)
 
 
-def sky_map(lights: LightRig) -> AnyArray | None:
+def sky_map(lights: LightRig) -> np.ndarray | None:
     """Return the radiance (H, W, 3) around the scene, linear Rec.709, or None where it needs no map.
 
     A sun and sky of daylight becomes a gradient. Raises BadInputError where an environment map cannot be
@@ -107,7 +107,7 @@ def sky_map(lights: LightRig) -> AnyArray | None:
     return None if sky.is_uniform else sky.pixels()
 
 
-def write_picture(path: Path, pixels: AnyArray) -> None:
+def write_picture(path: Path, pixels: np.ndarray) -> None:
     """Write linear pixels (H, W, 3) to an EXR of floats. Raises MachineError where the disk refuses."""
     write_exr(path, RenderedFrame({"beauty": pixels}), {}, {"beauty": "float"})
 
@@ -124,34 +124,40 @@ def add_lights(
     """
     names: set[str] = set()
     for index, box in enumerate(lights.softboxes, 1):
-        _add_softbox(stage, f"{turned}/{_free(box.name or f'softbox{index}', names)}", box, sizes)
+        path = f"{turned}/{_free(box.name or f'softbox{index}', names)}"
+        light = UsdLux.RectLight.Define(stage, path)
+        light.CreateWidthAttr(box.width)
+        light.CreateHeightAttr(box.height)
+        light.CreateNormalizeAttr(True)
+        brightest = _set_colour(light, box.radiance)
+        area = box.width * box.height
+        sample(light.GetIntensityAttr(), {n: brightest * area * size**2 for n, size in sizes.items()})
+        matrix = facing(box.position, np.subtract(box.target, box.position))
+        UsdGeom.Xformable(light).AddTransformOp().Set(Gf.Matrix4d(matrix.tolist()))
     for sun in lights.suns:
-        _add_sun(stage, f"{turned}/{_free('sun', names)}", sun)
+        path = f"{turned}/{_free('sun', names)}"
+        _add_sun(stage, path, sun.direction, sun.irradiance, sun.WIDTH)
     if lights.daylight is not None:
         for sun in lights.without_maps().suns[len(lights.suns) :]:
-            _add_sun(stage, f"{home}/{_free('sun', names)}", sun, lights.daylight.width)
+            path = f"{home}/{_free('sun', names)}"
+            _add_sun(stage, path, sun.direction, sun.irradiance, lights.daylight.width)
     _add_dome(stage, f"{home}/sky", lights, map_name)
 
 
-def _add_softbox(stage: Usd.Stage, path: str, box: Softbox, sizes: Mapping[int, float]) -> None:
-    light = UsdLux.RectLight.Define(stage, path)
-    light.CreateWidthAttr(box.width)
-    light.CreateHeightAttr(box.height)
-    light.CreateNormalizeAttr(True)
-    brightest = _set_colour(light, box.radiance)
-    area = box.width * box.height
-    sample(light.GetIntensityAttr(), {n: brightest * area * size**2 for n, size in sizes.items()})
-    matrix = facing(box.position, np.subtract(box.target, box.position))
-    UsdGeom.Xformable(light).AddTransformOp().Set(Gf.Matrix4d(matrix.tolist()))
+Axis = tuple[float, float, float]
 
 
-def _add_sun(stage: Usd.Stage, path: str, sun: Sun, width: float = Sun.WIDTH) -> None:
-    """Add a distant light. `width` is its angular diameter, radians."""
+def _add_sun(stage: Usd.Stage, path: str, direction: Axis, irradiance: Colour, width: float) -> None:
+    """Add a distant light.
+
+    direction  of its rays, (x, y, z)
+    width      angular diameter, radians
+    """
     light = UsdLux.DistantLight.Define(stage, path)
     light.CreateAngleAttr(math.degrees(width))
     light.CreateNormalizeAttr(True)  # its colour is then irradiance, whatever its width
-    _set_colour(light, sun.irradiance)
-    matrix = facing((0.0, 0.0, 0.0), np.array(sun.direction))
+    _set_colour(light, irradiance)
+    matrix = facing((0.0, 0.0, 0.0), np.array(direction))
     UsdGeom.Xformable(light).AddTransformOp().Set(Gf.Matrix4d(matrix.tolist()))
 
 

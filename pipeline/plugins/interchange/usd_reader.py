@@ -17,8 +17,8 @@ from pxr import Ar, Sdf, Usd, UsdGeom
 
 from flowsculpt import FlowsculptError, MeshError, MissingInputError
 from flowsculpt.api import plural, shorten, suggest
-from flowsculpt.api.files import Parser, require_input
-from flowsculpt.api.meshes import AnyArray, Floats
+from flowsculpt.api.files import InputFile, Parser
+from flowsculpt.api.meshes import Floats
 from flowsculpt.pipeline.plugins.interchange.scene_readers import (
     PlacedMeshes,
     Polygons,
@@ -182,7 +182,7 @@ def polygons_of(mesh: UsdGeom.Mesh, time: Usd.TimeCode, path: str, are_numbered:
     return polygons.without(np.isin(np.arange(len(sides)), holes)) if len(holes) else polygons
 
 
-def _creases(mesh: UsdGeom.Mesh, time: Usd.TimeCode, path: str, points: int) -> AnyArray:
+def _creases(mesh: UsdGeom.Mesh, time: Usd.TimeCode, path: str, points: int) -> np.ndarray:
     """Return the edges (K, 2) of a mesh that have a sharpness. Raises MeshError."""
     chain = numbers_at(mesh.GetCreaseIndicesAttr(), time, path, "iu").astype(np.int64)
     lengths = numbers_at(mesh.GetCreaseLengthsAttr(), time, path, "iu").astype(np.int64)
@@ -200,7 +200,7 @@ def _creases(mesh: UsdGeom.Mesh, time: Usd.TimeCode, path: str, points: int) -> 
     return np.column_stack([chain[starts], chain[starts + 1]])[each > 0.0]
 
 
-def numbers_at(attribute: Any, time: Usd.TimeCode, path: str, kinds: str, columns: int = 1) -> AnyArray:
+def numbers_at(attribute: Any, time: Usd.TimeCode, path: str, kinds: str, columns: int = 1) -> np.ndarray:
     """Return the values (N,) or (N, columns) of an attribute; none where it has no value.
 
     Raises MeshError for values of another type; `kinds` are the letters of numpy for the right ones.
@@ -216,7 +216,7 @@ def numbers_at(attribute: Any, time: Usd.TimeCode, path: str, kinds: str, column
 
 def open_stage(path: str) -> tuple[Usd.Stage, list[str]]:
     """Return a stage and the files of its layers. Raises MissingInputError or MeshError."""
-    Parser.allow_memory(Parser.MEMORY // 4 + 40 * require_input(Path(path), MOST_BYTES))
+    Parser.allow_memory(Parser.MEMORY // 4 + 40 * InputFile(Path(path), MOST_BYTES).size())
     layers = StageLayers(path)
     layers.open_all()
     Parser.allow_memory(Parser.MEMORY + 40 * layers.size)
@@ -259,7 +259,7 @@ class StageLayers:
 
     def open_all(self) -> None:
         """Find all layers. Raises MissingInputError, or MeshError for too many of them."""
-        self.size = require_input(Path(self.root), MOST_BYTES)
+        self.size = InputFile(Path(self.root), MOST_BYTES).size()
         seen, waiting = {self.root}, [self.root]
         while waiting:
             name = waiting.pop()
@@ -279,7 +279,7 @@ class StageLayers:
         if file == self.root or file in self.files:
             return
         try:
-            self.size += require_input(Path(file), MOST_BYTES)
+            self.size += InputFile(Path(file), MOST_BYTES).size()
         except FlowsculptError as error:
             raise MissingInputError(f"its layer {Path(named_in).name} refers to {error}") from None
         self.files[file] = None

@@ -24,8 +24,9 @@ import numpy as np
 
 from flowsculpt import UsageError
 from flowsculpt.api.files import disk_errors
-from flowsculpt.api.meshes import AnyArray, Floats
-from flowsculpt.api.pictures import Material, RenderedFrame, write_exr, write_still
+from flowsculpt.api.materials import Material
+from flowsculpt.api.meshes import Floats
+from flowsculpt.api.pictures import RenderedFrame, write_exr, write_still
 from flowsculpt.pipeline.plugins.interchange.animated_gltf import Moving, write_animated_gltf
 from flowsculpt.pipeline.plugins.interchange.drawn_mesh import DrawnMesh, KeyPoses
 from flowsculpt.pipeline.plugins.interchange.one_mesh import even_step
@@ -84,7 +85,7 @@ class Layout:
         """The rows of a frame, counted from 0, one in each block."""
         return slice(frame, None, self.frames)
 
-    def spread(self, values: AnyArray) -> AnyArray:
+    def spread(self, values: np.ndarray) -> np.ndarray:
         """Return values (V, 3) of a frame as its rows (blocks, width, 3); what is left over is 0."""
         padded = np.zeros((self.blocks * self.width, 3), values.dtype)
         padded[: self.vertices] = values
@@ -102,8 +103,8 @@ class VertexTextures:
 
     drawn: DrawnMesh
     layout: Layout
-    positions: AnyArray
-    normals: AnyArray
+    positions: np.ndarray
+    normals: np.ndarray
     centre: Floats
     extent: Floats
     precision: str

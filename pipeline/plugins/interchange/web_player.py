@@ -8,7 +8,6 @@ softboxes cast shadows and are seen in reflections, and light becomes display va
 from __future__ import annotations
 
 import base64
-import html
 import json
 import math
 import zlib
@@ -21,13 +20,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flowsculpt.api.files import disk_errors
+from flowsculpt.api.files import disk_errors, single_page
 from flowsculpt.api.frames import Framing
-from flowsculpt.api.materials import EmbeddedPicture, Glass, Smoke, Softbox, Stage
-from flowsculpt.api.meshes import AnyArray, Floats
-from flowsculpt.api.pictures import Camera, LightRig, Material, three_js
+from flowsculpt.api.materials import LightRig, Material
+from flowsculpt.api.meshes import Floats
+from flowsculpt.api.pictures import Camera, three_js
 from flowsculpt.api.shots import Shot
 from flowsculpt.pipeline.plugins.interchange.animated_gltf import Moving, closes
+from flowsculpt.pipeline.plugins.interchange.embedded_pictures import EmbeddedPicture
 from flowsculpt.pipeline.plugins.interchange.exported_materials import (
     COMPACT,
     ExportedMaterial,
@@ -35,7 +35,7 @@ from flowsculpt.pipeline.plugins.interchange.exported_materials import (
 )
 from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh
 
-PARTS = files("flowsculpt.pipeline.plugins.interchange")
+PAGE = files("flowsculpt.pipeline.plugins.interchange") / "player"
 
 _TABLE = 33  # colours along each side of the view's table
 
@@ -70,16 +70,8 @@ class WebPage:
         """Write the page. Raises MissingInputError without three.js, MachineError where the disk refuses."""
         blobs = _Blobs()
         script = blobs.add(require_three_js().encode())
-        facts = self._facts(blobs)
-        text = _part("web_player.html")
-        for name, content in (
-            ("title", html.escape(self.shot.heading)),
-            ("style", _part("web_player.css")),
-            ("facts", json.dumps({**facts, "three": script}).replace("<", "\\u003c")),
-            ("blobs", json.dumps(blobs.packed)),
-            ("script", _part("web_player.js")),
-        ):
-            text = text.replace(f"[[{name}]]", content)
+        data = {"facts": {**self._facts(blobs), "three": script}, "blobs": blobs.packed}
+        text = single_page(PAGE, self.shot.heading, {name: json.dumps(part) for name, part in data.items()})
         with disk_errors(path):
             path.write_text(text, encoding="utf-8")
 
@@ -102,7 +94,7 @@ class WebPage:
             "aspect": self.aspect,
             "cameras": [_camera(framing) for framing in framed],
             "placements": [[*f.placement.origin, f.placement.size, f.placement.turn] for f in framed],
-            "lights": _lights(picture.lights, picture.stage),
+            "lights": _lights(self.shot),
             "stage": _stage(self.shot, blobs),
             "view": {
                 "table": blobs.add(np.rint(255.0 * np.clip(table, 0.0, 1.0)).astype(np.uint8)),
@@ -146,15 +138,11 @@ class _Blobs:
             self._pictures[picture] = self.add(picture.content)
         return picture.kind, self._pictures[picture], *picture.wrap
 
-    def add(self, content: AnyArray | bytes) -> int:
+    def add(self, content: np.ndarray | bytes) -> int:
         """Add an array, little-endian, or text; return its number."""
         held = content if isinstance(content, bytes) else np.ascontiguousarray(content).tobytes()
         self.packed.append(base64.b64encode(zlib.compress(held, 9)).decode("ascii"))
         return len(self.packed) - 1
-
-
-def _part(name: str) -> str:
-    return (PARTS / name).read_text(encoding="utf-8")
 
 
 def _camera(framing: Framing) -> list[float] | None:
@@ -193,7 +181,7 @@ def _sculpture(part: Moving, blobs: _Blobs) -> dict[str, Any]:
     }
 
 
-def differences(values: AnyArray) -> AnyArray:
+def differences(values: np.ndarray) -> np.ndarray:
     """Return whole numbers (K, W, 3) or (W, 1) as differences along the first and the second axis.
 
     The last axis stays as it is.
@@ -204,14 +192,14 @@ def differences(values: AnyArray) -> AnyArray:
     return changed
 
 
-def planes(values: AnyArray) -> AnyArray:
+def planes(values: np.ndarray) -> np.ndarray:
     """Return the bytes of numbers (…, W, C), plane by plane: for each component the lowest bytes first."""
     moved = np.ascontiguousarray(np.moveaxis(values, -1, -2))
     parts = moved.view(np.uint8).reshape(*moved.shape, moved.itemsize)
     return np.ascontiguousarray(np.moveaxis(parts, -1, -2))
 
 
-def folded(normals: AnyArray) -> AnyArray:
+def folded(normals: np.ndarray) -> np.ndarray:
     """Return unit normals (…, 3) as whole numbers (…, 2) on an octahedron folded to a square of ±FOLD.
 
     They are right to 0.12 degrees, 0.04 on average. Bytes are to 0.4, which shows in reflections.
@@ -224,7 +212,7 @@ def folded(normals: AnyArray) -> AnyArray:
     return np.rint(FOLD * np.where(flat[..., 2:] < 0.0, lower, x_y)).astype(np.int32)
 
 
-def _groups(materials: AnyArray) -> list[tuple[int, int, int]]:
+def _groups(materials: np.ndarray) -> list[tuple[int, int, int]]:
     """Return runs of faces of one material (F,), ascending: first index, number of indices and material."""
     numbers, first, counts = np.unique(materials, return_index=True, return_counts=True)
     return [(3 * start, 3 * count, n) for n, start, count in np.stack([numbers, first, counts], 1).tolist()]
@@ -242,8 +230,8 @@ def _material(part: ExportedMaterial, look: Material, has_colours: bool, blobs: 
         "bump": part.bump,
         "is_cut_out": part.is_cut_out,
         "cutoff": part.cutoff,
-        "is_clear": isinstance(look, Glass),
-        "is_smoke": isinstance(look, Smoke),
+        "is_clear": look.model == "glass",
+        "is_smoke": look.model == "smoke",
     }
 
 
@@ -278,8 +266,9 @@ class _Emitter(NamedTuple):
     power: Floats
 
 
-def _emitters(box: Softbox, across: int) -> list[_Emitter]:
-    """Return a softbox as across × across points."""
+def _emitters(lights: LightRig, index: int, across: int) -> list[_Emitter]:
+    """Return a softbox, by its index, as across × across points."""
+    box = lights.softboxes[index]
     position, target = np.array(box.position), np.array(box.target)
     forward = (target - position) / np.linalg.norm(target - position)
     right = np.cross(
@@ -296,15 +285,15 @@ def _emitters(box: Softbox, across: int) -> list[_Emitter]:
     ]
 
 
-def irradiance(lights: LightRig, points: AnyArray, normals: AnyArray) -> Floats:
+def irradiance(lights: LightRig, points: np.ndarray, normals: np.ndarray) -> Floats:
     """Return the light (N, 3) that falls on points (N, 3) of the stage with normals (N, 3), unshadowed.
 
     Softboxes are points in their middles, skies are as bright as their horizon.
     """
     rig = lights.without_maps()
     falling = math.pi * np.tile(np.array(rig.sky.horizon, np.float64), (len(points), 1))
-    for box in rig.softboxes:
-        for each in _emitters(box, 2):
+    for index in range(len(rig.softboxes)):
+        for each in _emitters(rig, index, 2):
             away = each.position - points
             distance = np.linalg.norm(away, axis=1, keepdims=True)
             away = away / distance
@@ -317,25 +306,27 @@ def irradiance(lights: LightRig, points: AnyArray, normals: AnyArray) -> Floats:
     return np.asarray(falling)
 
 
-def _lights(lights: LightRig, stage: Stage) -> dict[str, Any]:
+def _lights(shot: Shot) -> dict[str, Any]:
     """Return softboxes, suns and sky in stage units, and the points that cast shadows.
 
     The strongest softbox is four points, each as wide as a quarter of it: the wider a light, the less true is
     a soft shadow from one depth map.
     """
+    lights, stage = shot.picture.lights, shot.picture.stage
     rig = lights.without_maps()
     middle, up = np.array([[0.0, 1.0, 0.0]]), np.array([[0.0, 1.0, 0.0]])
-    strength = {
-        index: float(irradiance(LightRig((box,)), middle, _towards(box)).sum())
-        for index, box in enumerate(rig.softboxes)
-    }
+    strength = {}
+    for index, box in enumerate(rig.softboxes):
+        away = np.array([box.position]) - middle
+        alone = irradiance(LightRig((box,)), middle, away / np.linalg.norm(away))
+        strength[index] = float(alone.sum())
     ranked = sorted(strength, key=lambda index: -strength[index])
     left = _SHADOWS - 3 if len(ranked) else 0
     spots = []
     for rank, index in enumerate(ranked):
         box, across = rig.softboxes[index], 2 if rank == 0 else 1
         radius = math.sqrt(box.width * box.height / math.pi) / across  # of a disc as large
-        for each in _emitters(box, across):
+        for each in _emitters(rig, index, across):
             spot = {"position": each.position.tolist(), "target": list(box.target), "radius": radius}
             spots.append({**spot, "power": each.power.tolist(), "casts": rank < left})
     ground = irradiance(lights, np.zeros((1, 3)), up)[0] * np.array(stage.colour) / math.pi
@@ -347,8 +338,3 @@ def _lights(lights: LightRig, stage: Stage) -> dict[str, Any]:
         "spots": spots,
         "ground": (np.zeros(3) if stage.kind == "none" else ground).tolist(),
     }
-
-
-def _towards(box: Softbox) -> Floats:
-    away = np.array([box.position]) - (0.0, 1.0, 0.0)
-    return np.asarray(away / np.linalg.norm(away))

@@ -11,7 +11,11 @@ from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 
 from flowsculpt import TriangleMesh, UsageError, read_mesh
 from flowsculpt.api import CopyLayout, plural
-from flowsculpt.api.meshes import Floats, Points, Vectors, face_normals, model_files, unit
+from flowsculpt.api.meshes import (
+    Floats,
+    ModelFile,
+    face_normals,
+)
 from flowsculpt.api.shots import Document, OneOfSeveral, ParseContext, Positive, Solid, Triple, one_of
 
 ORIGIN, UP = [0.0, 0.0, 0.0], [0.0, 1.0, 0.0]
@@ -28,7 +32,7 @@ FACES = 4
 
 _SOLIDS = [name for name in Solid.KINDS if name != "lattice"]
 
-Places = tuple[Points, Floats]
+Places = tuple[Floats, Floats]
 
 
 class Arrangement(Document):
@@ -157,10 +161,9 @@ class SurfaceDocument(Arrangement):
         if self.solid is not None:
             self._mesh = ParseContext.attempt(Solid.of(self.solid, given).build)
         elif self.model is not None:
-            context = ParseContext.of(info)
-            path = context.mesh(self.model)
-            self._mesh = context.attempt(lambda: read_mesh(path))
-            self._digests = (model_files(path).digest,)
+            path = ParseContext.of(info).mesh(self.model)
+            self._mesh = ParseContext.attempt(lambda: read_mesh(path))
+            self._digests = (ModelFile(path).files().digest,)
         return self
 
     def digests(self) -> tuple[str, ...]:
@@ -204,12 +207,17 @@ class OneLayout(CopyLayout, OneOfSeveral):
         return places + moves, turns @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
-def frames(up: Vectors, ahead: Vectors) -> Floats:
+def frames(up: Floats, ahead: Floats) -> Floats:
     """Return rotations (N, 3, 3) that turn y to `up` (N, 3), and x as near to `ahead` (N, 3) as can be."""
-    y = unit(np.asarray(up, np.float64))
+    y = _unit(np.asarray(up, np.float64))
     along = np.abs((y * ahead).sum(axis=1)) > 0.999
-    z = unit(np.cross(np.where(along[:, None], (0.0, 0.0, -1.0), ahead), y))
+    z = _unit(np.cross(np.where(along[:, None], (0.0, 0.0, -1.0), ahead), y))
     return np.stack([np.cross(y, z), y, z], axis=2)
+
+
+def _unit(vectors: Floats) -> Floats:
+    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return vectors / np.where(lengths > 0.0, lengths, 1.0)
 
 
 def refined(mesh: TriangleMesh, faces: int) -> TriangleMesh:

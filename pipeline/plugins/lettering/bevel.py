@@ -15,7 +15,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from flowsculpt import UsageError
-from flowsculpt.api.meshes import AnyArray
 
 
 class TooWideError(UsageError):
@@ -51,7 +50,7 @@ class Bevel:
         return self.levels[-1] if self.levels else list(range(self.count))
 
 
-def bevelled(ring: AnyArray, distances: Sequence[float]) -> Bevel:
+def bevelled(ring: np.ndarray, distances: Sequence[float]) -> Bevel:
     """Return the bevel of a ring (N, 2), whose inside is on the left, with a level at each distance.
 
     Raises TooWideError where the ring vanishes before the last.
@@ -64,7 +63,7 @@ NOTCH, PIECE = math.radians(100.0), math.radians(45.0)
 a mitre would reach far into the strokes."""
 
 
-def _with_notches_cut(ring: AnyArray) -> tuple[AnyArray, AnyArray]:
+def _with_notches_cut(ring: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return tails and directions (M, 2) of a ring's edges, with edges of no length in its notches."""
     along = np.roll(ring, -1, axis=0) - ring
     angles = np.arctan2(along[:, 1], along[:, 0])
@@ -81,7 +80,7 @@ def _with_notches_cut(ring: AnyArray) -> tuple[AnyArray, AnyArray]:
 class _Wavefront:
     """The ring as it moves. Edge e starts at vertex `tail[e]`, and `after[e]` follows it."""
 
-    def __init__(self, ring: AnyArray) -> None:
+    def __init__(self, ring: np.ndarray) -> None:
         ring, self.direction = _with_notches_cut(ring)
         count = len(ring)
         self.bevel = Bevel(count, [(float(x), float(y)) for x, y in ring], [0.0] * count)
@@ -106,7 +105,7 @@ class _Wavefront:
             self._level(distance)
         return self.bevel
 
-    def _speed(self, e: int) -> AnyArray:
+    def _speed(self, e: int) -> np.ndarray:
         """Return the velocity (2,) of the vertex between an edge and the one before it."""
         (ux, uy), (vx, vy) = self.direction[self.before[e]], self.direction[e]
         cosine = 1.0 + ux * vx + uy * vy
@@ -114,7 +113,7 @@ class _Wavefront:
             raise TooWideError("its strokes are narrower than the bevel on both sides")
         return np.array([-(uy + vy), ux + vx]) / cosine
 
-    def _at(self, e: int, moved: float) -> AnyArray:
+    def _at(self, e: int, moved: float) -> np.ndarray:
         """Return where the tail of an edge is by then."""
         tail = self.tail[e]
         return np.array(self.bevel.points[tail]) + (moved - self.bevel.moved[tail]) * self.speed[e]
@@ -128,7 +127,7 @@ class _Wavefront:
             length = float((self._at(following, now) - self._at(e, now)) @ self.direction[e])
             heapq.heappush(self.events, (now + max(length, 0.0) / closing, e, self.round[e]))
 
-    def _add(self, point: AnyArray, moved: float) -> int:
+    def _add(self, point: np.ndarray, moved: float) -> int:
         self.bevel.points.append((float(point[0]), float(point[1])))
         self.bevel.moved.append(moved)
         return len(self.bevel.points) - 1

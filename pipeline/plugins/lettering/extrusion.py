@@ -12,7 +12,6 @@ import numpy as np
 import shapely
 
 from flowsculpt import PolygonMesh, TriangleMesh, UsageError
-from flowsculpt.api.meshes import AnyArray, twin_corners
 from flowsculpt.pipeline.plugins.lettering.bevel import TooWideError, bevelled
 from flowsculpt.pipeline.plugins.lettering.outlines import OutlineShape, polygons_of, rings_of
 
@@ -52,10 +51,10 @@ class Section:
         angles = [0.5 * math.pi * (i + 1) / steps for i in range(steps)]
         return [(self.bevel * (1.0 - math.cos(a)), self.bevel * math.sin(a)) for a in angles]
 
-    def height(self, moved: AnyArray) -> AnyArray:
+    def height(self, moved: np.ndarray) -> np.ndarray:
         """Return z in front of points that have moved inwards so far; behind it is the opposite."""
         inwards, up = np.array([(0.0, 0.0), *self.levels]).T
-        height: AnyArray = 0.5 * self.depth - self.bevel + np.interp(moved, inwards, up)
+        height: np.ndarray = 0.5 * self.depth - self.bevel + np.interp(moved, inwards, up)
         return height
 
 
@@ -125,7 +124,7 @@ def extruded(polygon: Any, profile: Section) -> TriangleMesh:
     return creased(mesh, sides[kept])
 
 
-def _cap(flat: AnyArray, rims: Sequence[Sequence[int]]) -> list[list[int]]:
+def _cap(flat: np.ndarray, rims: Sequence[Sequence[int]]) -> list[list[int]]:
     """Return the triangles of the flat face within rims, counter-clockwise.
 
     Raises TooWideError where the rims meet.
@@ -140,19 +139,19 @@ def _cap(flat: AnyArray, rims: Sequence[Sequence[int]]) -> list[list[int]]:
     return [[number[tuple(point)] for point in triangle] for triangle in corners]
 
 
-def _require_flat(faces: Sequence[Sequence[int]], flat: AnyArray, area: float) -> None:
+def _require_flat(faces: Sequence[Sequence[int]], flat: np.ndarray, area: float) -> None:
     """Raise TooWideError where faces, seen from the front, do not cover the polygon once."""
     areas = [_area(flat[list(face)]) for face in faces]
     if min(areas) < -1e-9 * area or abs(sum(areas) - area) > 1e-6 * area:
         raise TooWideError("its strokes are narrower than the bevel on both sides")
 
 
-def _area(points: AnyArray) -> float:
+def _area(points: np.ndarray) -> float:
     x, y = (points - points[0]).T
     return 0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
 
 
-def contracted(vertices: AnyArray, faces: Sequence[Sequence[int]]) -> tuple[PolygonMesh, AnyArray]:
+def contracted(vertices: np.ndarray, faces: Sequence[Sequence[int]]) -> tuple[PolygonMesh, np.ndarray]:
     """Return a mesh without edges that are shorter than SHORTEST, and which of the faces it keeps."""
     root = np.arange(len(vertices))
     shortest = SHORTEST * float(np.ptp(vertices, axis=0).max())
@@ -173,7 +172,7 @@ def contracted(vertices: AnyArray, faces: Sequence[Sequence[int]]) -> tuple[Poly
     return PolygonMesh.from_arrays(vertices[used], offsets, numbers), kept
 
 
-def creased(mesh: PolygonMesh, sides: AnyArray) -> TriangleMesh:
+def creased(mesh: PolygonMesh, sides: np.ndarray) -> TriangleMesh:
     """Return the triangles of a closed mesh, with creases and seams.
 
     Creases are edges that turn by more than HARD, and the borders of caps and walls. Those between pieces of
@@ -181,7 +180,7 @@ def creased(mesh: PolygonMesh, sides: AnyArray) -> TriangleMesh:
 
     sides  (F,) what each face belongs to: a piece of a bevel from 0, CAP or WALL
     """
-    normals, twin, side = mesh.normals[mesh.owners], twin_corners(mesh), sides[mesh.owners]
+    normals, twin, side = mesh.normals[mesh.owners], mesh.twins, sides[mesh.owners]
     is_border = side != side[twin]
     hard = (normals * normals[twin]).sum(axis=1) < math.cos(HARD)
     hard |= is_border & (np.minimum(side, side[twin]) < 0)

@@ -11,7 +11,7 @@ from pydantic_core import CoreSchema
 
 from flowsculpt import TriangleMesh, UsageError
 from flowsculpt.api import SubjectKind
-from flowsculpt.api.files import digest_of_file
+from flowsculpt.api.files import InputFile
 from flowsculpt.api.shots import Positive
 
 if TYPE_CHECKING:  # the libraries of outlines take time to import, and most shots have none
@@ -98,7 +98,7 @@ class TextKind(OutlineKind):
         if not self.font:
             from flowsculpt.pipeline.plugins.lettering.fonts import font_file
 
-            self._digests.append(digest_of_file(Path(font_file(self.font))))
+            self._digests.append(InputFile(Path(font_file(self.font))).digest())
         elif face := self._face:
             self._digests.append(f"face {face}")
         return self

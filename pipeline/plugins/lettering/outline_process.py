@@ -19,7 +19,7 @@ import shapely
 
 from flowsculpt import TriangleMesh, UsageError
 from flowsculpt.api import plural
-from flowsculpt.api.files import Parser, ParserError, digest_of_file
+from flowsculpt.api.files import InputFile, Parser, ParserError
 from flowsculpt.pipeline.plugins.lettering.extrusion import Section, extruded, solids
 from flowsculpt.pipeline.plugins.lettering.outlines import OutlineShape
 from flowsculpt.pipeline.plugins.lettering.starts import starts
@@ -71,7 +71,7 @@ class Outlines(NamedTuple):
 
     @property
     def _key(self) -> Key:
-        return self.path, digest_of_file(self.path), json.dumps(self.settings)
+        return self.path, InputFile(self.path).digest(), json.dumps(self.settings)
 
     def _ask(self, wanted: Mapping[str, Any]) -> TriangleMesh:
         """Have the outlines, and a mesh of them if one is wanted, made in a process of its own."""

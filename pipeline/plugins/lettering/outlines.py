@@ -11,8 +11,6 @@ import numpy as np
 import shapely
 from fontTools.pens.basePen import BasePen
 
-from flowsculpt.api.meshes import AnyArray
-
 FillRule = Literal["nonzero", "evenodd"]
 
 Transform = tuple[float, float, float, float, float, float]
@@ -52,7 +50,7 @@ class PolylinePen(BasePen):  # type: ignore[misc]  # fontTools has no types
     def __init__(self, transform: Transform, tolerance: float, glyphs: Any = None) -> None:
         super().__init__(glyphs)
         self._transform, self.tolerance = transform, tolerance
-        self.contours: list[AnyArray] = []
+        self.contours: list[np.ndarray] = []
         self.closed: list[bool] = []
         self._points: list[tuple[float, float]] = []
 
@@ -93,7 +91,7 @@ class PolylinePen(BasePen):  # type: ignore[misc]  # fontTools has no types
         self.closed.append(is_closed)
 
 
-def filled(contours: Sequence[AnyArray], rule: FillRule) -> Any:
+def filled(contours: Sequence[np.ndarray], rule: FillRule) -> Any:
     """Return the region, a shapely Polygon or MultiPolygon, that contours (N, 2) fill; it may be empty.
 
     The contours may cross themselves and each other. All are cut where they cross, and each piece of the
@@ -111,12 +109,12 @@ def filled(contours: Sequence[AnyArray], rule: FillRule) -> Any:
     return shapely.unary_union(pieces[is_in])
 
 
-def _grid(points: AnyArray) -> float:
+def _grid(points: np.ndarray) -> float:
     """Return the grid of a region: a power of two, so that rounding to it is exact."""
     return 2.0 ** round(math.log2(max(GRID * float(np.ptp(points, axis=0).max()), 1e-300)))
 
 
-def _winding(points: AnyArray, ring: AnyArray) -> AnyArray:
+def _winding(points: np.ndarray, ring: np.ndarray) -> np.ndarray:
     """Return how often a ring (N, 2), closed, winds around points: crossings of a ray, signed."""
     if len(ring) < 2:
         return np.zeros(len(points), int)
@@ -124,7 +122,7 @@ def _winding(points: AnyArray, ring: AnyArray) -> AnyArray:
     (x0, y0), (x1, y1) = ring[:-1].T, ring[1:].T
     side = (x1 - x0) * (y - y0) - (x - x0) * (y1 - y0)
     up, down = (y0 <= y) & (y1 > y) & (side > 0), (y0 > y) & (y1 <= y) & (side < 0)
-    winding: AnyArray = up.sum(axis=1) - down.sum(axis=1)
+    winding: np.ndarray = up.sum(axis=1) - down.sum(axis=1)
     return winding
 
 
@@ -135,7 +133,7 @@ def polygons_of(region: Any) -> list[Any]:
     return sorted(parts, key=lambda part: part.bounds)
 
 
-def rings_of(polygon: Any) -> list[AnyArray]:
+def rings_of(polygon: Any) -> list[np.ndarray]:
     """Return the rings of a polygon (N, 2) with its inside on the left: the shell, then the holes."""
     rings = [polygon.exterior, *polygon.interiors]
     ccw = [shapely.get_coordinates(ring)[:-1] for ring in rings]
@@ -146,7 +144,7 @@ def rings_of(polygon: Any) -> list[AnyArray]:
     return [without_straight(points) for points in turned]
 
 
-def without_straight(points: AnyArray) -> AnyArray:
+def without_straight(points: np.ndarray) -> np.ndarray:
     """Return a ring (N, 2) without the points that lie on the line between their neighbours."""
     before, after = points - np.roll(points, 1, axis=0), np.roll(points, -1, axis=0) - points
     cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]

@@ -10,7 +10,6 @@ import numpy as np
 import shapely
 
 from flowsculpt import TriangleMesh, icosphere
-from flowsculpt.api.meshes import AnyArray
 from flowsculpt.pipeline.plugins.lettering.extrusion import Section, extruded, joined
 from flowsculpt.pipeline.plugins.lettering.outlines import OutlineShape, polygons_of
 
@@ -39,7 +38,7 @@ def _start(polygon: Any, depth: float) -> TriangleMesh:
     return TriangleMesh(mesh.vertices + middle, mesh.faces)
 
 
-def _direction(polygon: Any) -> AnyArray:
+def _direction(polygon: Any) -> np.ndarray:
     """Return the direction (2,) from the first hole of a polygon to the last; x for one hole."""
     holes = [shapely.Polygon(ring).centroid for ring in polygon.interiors]
     middles = shapely.get_coordinates(holes)
@@ -48,7 +47,7 @@ def _direction(polygon: Any) -> AnyArray:
     return along / length if length else np.array([1.0, 0.0])
 
 
-def _rings(holes: int, radius: float, direction: AnyArray) -> TriangleMesh:
+def _rings(holes: int, radius: float, direction: np.ndarray) -> TriangleMesh:
     """Return rings around the z axis that share their tubes, side by side: one, a lying eight, and so on."""
     tube = TUBE * radius
     places = 2.0 * radius * np.outer(np.arange(holes) - 0.5 * (holes - 1), direction)

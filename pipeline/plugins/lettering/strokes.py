@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import shapely
 
-from flowsculpt.api.meshes import AnyArray
 from flowsculpt.pipeline.plugins.lettering.outlines import PolylinePen
 
 CAPS = {"butt": "flat", "round": "round", "square": "square"}
@@ -45,7 +44,7 @@ def stroked(pen: PolylinePen, stroke: Stroke) -> Any:
     return shapely.unary_union(parts)
 
 
-def _stroke(points: AnyArray, is_closed: bool, stroke: Stroke, tolerance: float) -> Iterator[Any]:
+def _stroke(points: np.ndarray, is_closed: bool, stroke: Stroke, tolerance: float) -> Iterator[Any]:
     half = stroke.half
     quarter = math.ceil(0.25 * math.pi / math.acos(1.0 - min(max(tolerance / half, FINEST), 0.5)))
     cap, join = CAPS.get(stroke.cap, "flat"), JOINS.get(stroke.join, "mitre")
@@ -80,7 +79,7 @@ def _stroke(points: AnyArray, is_closed: bool, stroke: Stroke, tolerance: float)
             )
 
 
-def _sharp(points: AnyArray, is_closed: bool, limit: float) -> AnyArray:
+def _sharp(points: np.ndarray, is_closed: bool, limit: float) -> np.ndarray:
     """Return the points (N, 2) whose mitre, 1 / sin(angle / 2) widths long, is longer than the limit."""
     before, after = points - np.roll(points, 1, axis=0), np.roll(points, -1, axis=0) - points
     before /= np.linalg.norm(before, axis=1)[:, None]
@@ -92,19 +91,19 @@ def _sharp(points: AnyArray, is_closed: bool, limit: float) -> AnyArray:
     return np.flatnonzero(is_sharp)
 
 
-def _normal(start: AnyArray, end: AnyArray, half: float) -> AnyArray:
+def _normal(start: np.ndarray, end: np.ndarray, half: float) -> np.ndarray:
     along = (end - start) * (half / np.linalg.norm(end - start))
     return np.array([-along[1], along[0]])
 
 
-def _bevelled(before: AnyArray, at: AnyArray, after: AnyArray, half: float) -> Any:
+def _bevelled(before: np.ndarray, at: np.ndarray, after: np.ndarray, half: float) -> Any:
     """Return the triangles between the sides of two segments; one of them lies in the stroke anyway."""
     first, second = _normal(before, at, half), _normal(at, after, half)
     sides = [shapely.Polygon([at, at + s * first, at + s * second]) for s in (1.0, -1.0)]
     return shapely.unary_union(sides)
 
 
-def _square(inner: AnyArray, end: AnyArray, half: float) -> Any:
+def _square(inner: np.ndarray, end: np.ndarray, half: float) -> Any:
     side = _normal(inner, end, half)
     out = np.array([side[1], -side[0]])
     return shapely.Polygon([end + side, end + side + out, end - side + out, end - side])

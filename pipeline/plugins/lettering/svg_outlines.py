@@ -28,8 +28,7 @@ from shapely import affinity
 
 from flowsculpt import UsageError
 from flowsculpt.api import quote
-from flowsculpt.api.files import read_input
-from flowsculpt.api.meshes import AnyArray
+from flowsculpt.api.files import InputFile
 from flowsculpt.pipeline.plugins.lettering.outlines import OutlineShape, PolylinePen, filled
 from flowsculpt.pipeline.plugins.lettering.strokes import Stroke, stroked
 from flowsculpt.pipeline.plugins.lettering.style_sheets import StyleSheets
@@ -138,7 +137,7 @@ class DrawnPath:
         self.draw(pen)
         return pen
 
-    def require_near(self, contours: Sequence[AnyArray]) -> None:
+    def require_near(self, contours: Sequence[np.ndarray]) -> None:
         """Raise UsageError where contours have numbers that are not finite, or too large."""
         if not all(np.abs(points).max(initial=0.0) <= LARGEST for points in contours):
             raise UsageError(f"{self.name} reaches beyond {LARGEST:g} units. Scale it down.")
@@ -396,7 +395,7 @@ class SvgDrawing:
 
 def _root(path: Path) -> Element:
     """Return the root of a drawing, which gzip may have compressed. Raises UsageError where it is not SVG."""
-    content = read_input(path, MOST_BYTES)
+    content = InputFile(path, MOST_BYTES).content()
     try:
         if content.startswith(b"\x1f\x8b"):
             with gzip.GzipFile(fileobj=io.BytesIO(content)) as file:

@@ -16,7 +16,7 @@ from fontTools.ttLib.sfnt import SFNTReader
 
 from flowsculpt import UsageError
 from flowsculpt.api import quote, reason_of
-from flowsculpt.api.files import read_input
+from flowsculpt.api.files import InputFile
 from flowsculpt.pipeline.plugins.lettering.outlines import OutlineShape, PolylinePen, filled
 from flowsculpt.pipeline.plugins.lettering.text_direction import visual_runs
 
@@ -121,7 +121,7 @@ def _require_characters(text: str) -> None:
 
 
 def _face(path: Path, number: int) -> Any:
-    content = read_input(path, MOST_BYTES)
+    content = InputFile(path, MOST_BYTES).content()
     for start, fact in FOREIGN:
         if content.startswith(start):
             raise UsageError(f"font {path.name} {fact}.")

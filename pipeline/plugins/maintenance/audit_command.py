@@ -14,7 +14,7 @@ import typer
 
 from flowsculpt import MachineError, MissingInputError, UsageError
 from flowsculpt.api import plural
-from flowsculpt.api.commands import Project, execute, exit_with, print_result, report_plan
+from flowsculpt.api.commands import Project, execute, print_result, report_plan
 from flowsculpt.api.files import remove_tree
 from flowsculpt.api.frames import (
     FrameKeys,
@@ -78,7 +78,7 @@ def audit(
         "kept": None if is_same else str(audited.home),
     }
     print_result(_report(audited, compared), facts, common.json)
-    exit_with(outcome.exit_code if outcome.exit_code == MachineError.exit_code else int(not is_same))
+    raise typer.Exit(outcome.exit_code if outcome.exit_code == MachineError.exit_code else int(not is_same))
 
 
 @dataclass(frozen=True)

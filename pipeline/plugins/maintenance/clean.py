@@ -10,8 +10,8 @@ from pathlib import Path
 
 from flowsculpt import FlowsculptError, MachineError
 from flowsculpt.api import ShotExtras
-from flowsculpt.api.files import remove, sweep_hidden_drafts
-from flowsculpt.api.frames import Key, RenderRequest, RootFolders, Runs, Store
+from flowsculpt.api.files import remove_file, sweep_hidden_drafts
+from flowsculpt.api.frames import RenderRequest, RootFolders, Runs, Store
 from flowsculpt.pipeline.plugins.maintenance.store_repair import FORMS, by_digest, last_requests
 from flowsculpt.pipeline.plugins.maintenance.verify import inode, shown_files
 
@@ -75,13 +75,13 @@ def _others(root: Path, requests: Iterable[RenderRequest], dry_run: bool) -> dic
             with contextlib.suppress(FileNotFoundError):  # another root's `clean` was faster
                 sizes.append(path.stat().st_size)
             if not dry_run:
-                remove(path, prune=True)
+                remove_file(path, prune=True)
         if sizes:
             others[what] = (len(sizes), sum(sizes))
     return others
 
 
-def _needs(request: RenderRequest, store: Store) -> Iterator[tuple[str, Key]]:
+def _needs(request: RenderRequest, store: Store) -> Iterator[tuple[str, str]]:
     """Yield kind and key of every file on the way to the pictures of a request."""
     with contextlib.suppress(FlowsculptError):  # a shot that cannot be read any more needs nothing
         for angle in request.angles.values():
@@ -100,7 +100,7 @@ def _needs(request: RenderRequest, store: Store) -> Iterator[tuple[str, Key]]:
             yield "movie", part.keys.movie([keys[n].frame for n in sorted(part.requested)])
 
 
-def _shown_copies(store: Store) -> dict[Path, tuple[str, Key]]:
+def _shown_copies(store: Store) -> dict[Path, tuple[str, str]]:
     """Return the files in renders/ that are copies of stored files, with the kind and key of each.
 
     Disks without links have such copies, and a store that was moved to another disk leaves them.
@@ -116,7 +116,7 @@ def _shown_copies(store: Store) -> dict[Path, tuple[str, Key]]:
     return copies
 
 
-def _link_copies(store: Store, copies: Mapping[Path, tuple[str, Key]]) -> tuple[int, int]:
+def _link_copies(store: Store, copies: Mapping[Path, tuple[str, str]]) -> tuple[int, int]:
     """Replace copies by links, unless the disk has none; return how many, and the bytes freed."""
     freed = []
     for place, name in copies.items():

@@ -16,12 +16,11 @@ from flowsculpt import FlowsculptError
 from flowsculpt.api import plural
 from flowsculpt.api.commands import (
     Project,
-    duration,
-    exit_with,
+    duration_words,
+    empty_table,
     print_error,
     print_result,
     print_warning,
-    table,
 )
 from flowsculpt.api.frames import FrameRange, FrameStates, History, RenderRequest, Show
 from flowsculpt.api.options import (
@@ -69,7 +68,7 @@ def status(
             print_error(str(error))
     if rows or common.json or not errors:
         _report(rows, common.json)
-    exit_with(max((error.exit_code for error in errors), default=0))
+    raise typer.Exit(max((error.exit_code for error in errors), default=0))
 
 
 def states(project: Project, shot: RenderRequest, history: History) -> list[FrameStates]:
@@ -97,9 +96,9 @@ def _report(rows: list[FrameStates], as_json: bool) -> None:
         *(name for name in rare if any(getattr(row, name) for row in rows)),
     ]
     timed = any(row.seconds_left for row in rows)
-    listing = table("shot", "what", *columns, *(["time left"] if timed else []))
+    listing = empty_table("shot", "what", *columns, *(["time left"] if timed else []))
     for row in rows:
-        left = [] if not timed else ["–" if row.seconds_left is None else duration(row.seconds_left)]
+        left = [] if not timed else ["–" if row.seconds_left is None else duration_words(row.seconds_left)]
         listing.add_row(row.shot, row.what, *(str(getattr(row, name)) or "–" for name in columns), *left)
     words = listing if rows else "No shots here; flowsculpt new makes one."
     print_result(words, [row.as_data() for row in rows], as_json)
@@ -122,7 +121,7 @@ def report(
     wall time on all threads, is marked with ≤.
     """
     spending = RunReport.of(common.root, named_run(common.root, run), common.cores)
-    listing = table("", "CPU seconds", "of all", "waiting", "frames")
+    listing = empty_table("", "CPU seconds", "of all", "waiting", "frames")
     for column in listing.columns[1:]:
         column.justify = "right"
     mark = "" if spending.is_counted else "≤ "
@@ -135,7 +134,7 @@ def report(
 
 def _title(spending: RunReport) -> str:
     """Return how long a run took, and how much of the cores it had."""
-    length, share = f"{spending.run}: {duration(spending.seconds)}", spending.share_of_cores
+    length, share = f"{spending.run}: {duration_words(spending.seconds)}", spending.share_of_cores
     if spending.on_farm:
         return f"{length} on a farm"
     title = f"{length} on {plural(spending.cores, 'core')}"

@@ -14,7 +14,14 @@ import typer
 
 from flowsculpt import MachineError
 from flowsculpt.api import plural
-from flowsculpt.api.commands import execute, print_error, print_result, print_warning, progress_bars, size
+from flowsculpt.api.commands import (
+    execute,
+    print_error,
+    print_result,
+    print_warning,
+    progress_bars,
+    size_words,
+)
 from flowsculpt.api.frames import Locks, Runs, Store
 from flowsculpt.api.options import Common, ShotOptions, shared_option
 from flowsculpt.pipeline.plugins.maintenance.clean import collect_garbage
@@ -64,10 +71,10 @@ def clean(
     with nullcontext() if common.dry_run else Locks(common.root).hold_alone():
         done = collect_garbage(project.store, requests, keep, common.dry_run)
     verb = "Would free" if common.dry_run else "Freed"
-    freed = f"{size(done.freed)} in {plural(len(done.removed), 'file')}"
+    freed = f"{size_words(done.freed)} in {plural(len(done.removed), 'file')}"
     words = f"{verb} {freed}, and {'keep' if common.dry_run else 'kept'} {plural(done.kept, 'file')}."
     for what, (count, space) in done.others.items():
-        words += f" {verb} {size(space)} in {plural(count, 'file')}: {what}."
+        words += f" {verb} {size_words(space)} in {plural(count, 'file')}: {what}."
     if done.linked:
         words += f" {plural(done.linked, 'copy', 'copies')} in renders/ became links to the store."
     facts = {

@@ -17,12 +17,11 @@ from typing import Any
 
 from flowsculpt import FlowsculptError
 from flowsculpt.api.commands import Project
-from flowsculpt.api.files import remove
+from flowsculpt.api.files import remove_file
 from flowsculpt.api.frames import (
     STAGES,
     Edit,
     FrameRange,
-    Key,
     PictureKeys,
     Plan,
     QualityName,
@@ -88,7 +87,7 @@ def _qualities(folder: Path) -> list[str]:
     )
 
 
-Names = Collection[tuple[str, Key]]
+Names = Collection[tuple[str, str]]
 """Kinds and keys of stored files."""
 
 
@@ -125,7 +124,7 @@ def evict(store: Store, damaged: Sequence[StoredFile], shown: Sequence[ShownFile
         is_link = inode(path) in inodes
         if is_link or digests & set(known):
             if is_link or path in faulty:
-                remove(path)
+                remove_file(path)
             lost.append(path.relative_to(store.root))
         elif path in faulty:
             place = path.relative_to(store.root)
@@ -133,7 +132,7 @@ def evict(store: Store, damaged: Sequence[StoredFile], shown: Sequence[ShownFile
             if name := next((links[digest] for digest in reversed(known) if digest in links), None):
                 store.link(*name, place, replace=True)
             elif folder is not None and folder[0].command is None:
-                remove(path)
+                remove_file(path)
             else:
                 altered.append(place)
     for file in damaged:
@@ -141,7 +140,7 @@ def evict(store: Store, damaged: Sequence[StoredFile], shown: Sequence[ShownFile
     return Evicted({(file.kind, file.key) for file in damaged}, tuple(lost), tuple(altered))
 
 
-def by_digest(store: Store, damaged: Iterable[StoredFile] = ()) -> dict[str, tuple[str, Key]]:
+def by_digest(store: Store, damaged: Iterable[StoredFile] = ()) -> dict[str, tuple[str, str]]:
     """Return kind and key of the whole files of the store, by their digests."""
     bad = {file.path for file in damaged}
     in_folder = cache(store.digests.in_folder)
@@ -237,7 +236,7 @@ class _Repairs:
         request: RenderRequest,
         kind: str,
         numbers: Sequence[int],
-        key_of: Callable[[int], Key],
+        key_of: Callable[[int], str],
         stage: str = "",
     ) -> tuple[int, ...]:
         """Return the numbers whose lost files the request makes, and take these from those left.
@@ -249,18 +248,18 @@ class _Repairs:
             n for n, place in places if place in self.left and self._claim_one(place, kind, key_of(n))
         )
 
-    def _claim_one(self, place: Path, kind: str, key: Key) -> bool:
+    def _claim_one(self, place: Path, kind: str, key: str) -> bool:
         if place not in self.left or (kind, key) not in self.names:
             return False
         self.left.discard(place)
         return True
 
 
-def _staged_key(keys: PictureKeys, stage: str, number: int) -> Key:
+def _staged_key(keys: PictureKeys, stage: str, number: int) -> str:
     return keys[number].staged[stage]
 
 
-def _still_key(request: RenderRequest, keys: PictureKeys, form: str, number: int) -> Key:
+def _still_key(request: RenderRequest, keys: PictureKeys, form: str, number: int) -> str:
     return request.keys.still(form, keys[number].frame)
 
 

@@ -13,13 +13,12 @@ from functools import cache
 from itertools import groupby
 from pathlib import Path
 
-from flowsculpt import MissingInputError
+from flowsculpt import MachineError, MissingInputError
 from flowsculpt.api import ShotExtras
-from flowsculpt.api.files import digest_of_file, machine_error
+from flowsculpt.api.files import InputFile
 from flowsculpt.api.frames import (
     CorruptFileError,
     FrameRange,
-    Key,
     PublishedVersion,
     RootFolders,
     Store,
@@ -38,7 +37,7 @@ class StoredFile:
     """
 
     kind: str
-    key: Key
+    key: str
     path: Path
     fault: str | None
     has_digest: bool = True
@@ -63,7 +62,7 @@ def _refusal(path: Path, error: Exception) -> str | None:
     """Return in words why the operating system refuses a file; None for errors that mean damage."""
     if not isinstance(error, OSError) or error.errno in _DAMAGE:
         return None
-    return str(machine_error(Path(error.filename or path), error, "read"))
+    return str(MachineError.of_path(Path(error.filename or path), error, "read"))
 
 
 def refused_folders(root: Path) -> Iterator[str]:
@@ -84,7 +83,7 @@ def verify(store: Store, threads: int) -> Iterator[StoredFile]:
         yield from pool.map(lambda entry: verify_stored(store, *entry), store.entries())
 
 
-def verify_stored(store: Store, kind: str, key: Key, path: Path) -> StoredFile:
+def verify_stored(store: Store, kind: str, key: str, path: Path) -> StoredFile:
     """Check a stored file by its digest; one without, made before there were digests, is decoded."""
     try:
         has_digest = store.digests.check(path)
@@ -214,7 +213,7 @@ def _fault_of_record(store: Store, path: Path) -> str | None:
     except CorruptFileError as error:
         return str(error).removeprefix(f"{path}: ")
     except OSError as error:
-        return str(machine_error(path, error, "read")).removeprefix(f"{path}: ")
+        return str(MachineError.of_path(path, error, "read")).removeprefix(f"{path}: ")
     return None
 
 
@@ -250,11 +249,11 @@ def remedies(faulty: Iterable[PublishedFile], root: Path) -> Iterator[str]:
 def _fault(file: PublishedFile) -> str | None:
     try:
         file.path.stat()
-        digest = digest_of_file(file.path)
+        digest = InputFile(file.path).digest()
     except FileNotFoundError:
         return "is gone, and was published"
     except OSError as error:
-        return str(machine_error(file.path, error, "read")).removeprefix(f"{file.path}: ")
+        return str(MachineError.of_path(file.path, error, "read")).removeprefix(f"{file.path}: ")
     except MissingInputError as error:
         return str(error).removeprefix(f"{file.path}: ")
     return (

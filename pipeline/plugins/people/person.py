@@ -20,7 +20,7 @@ from pydantic_core import CoreSchema
 
 from flowsculpt import TriangleMesh
 from flowsculpt.api import SubjectKind
-from flowsculpt.api.meshes import AnyArray, Faces, Floats, Points
+from flowsculpt.api.meshes import Floats, Indices
 from flowsculpt.api.shots import Positive
 
 BLEND = 0.016
@@ -33,7 +33,7 @@ STRIDE, SWING, BEND = math.radians(24.0), math.radians(20.0), math.radians(14.0)
 """Angles of a walking person: of the legs and of the arms from the vertical, and of knees and elbows."""
 
 Joint = tuple[float, float, float]
-Field3D = Callable[[Points], Floats]
+Field3D = Callable[[Floats], Floats]
 
 
 Pose = Literal["standing", "walking"]
@@ -73,7 +73,7 @@ def person(pose: str) -> TriangleMesh:
     return TriangleMesh(points / points[:, 1].max(), faces)
 
 
-def distance(points: Points, limbs: Sequence[Floats]) -> Floats:
+def distance(points: Floats, limbs: Sequence[Floats]) -> Floats:
     """Return the distance (N,) of points (N, 3) to the blended surface, below 0 inside.
 
     limbs  (C, 8) each: cones one after another, by their ends and the radii there
@@ -129,7 +129,7 @@ def _onward(start: Joint, angle: float, length: float, aside: float) -> Joint:
     return x + aside, y - length * math.cos(angle), z + length * math.sin(angle)
 
 
-def surface_net(field: Field3D, low: Points, high: Points, cell: float) -> tuple[Points, Faces]:
+def surface_net(field: Field3D, low: Floats, high: Floats, cell: float) -> tuple[Floats, Indices]:
     """Return vertices (V, 3) and triangles (F, 3), seen from outside, of the zero of a field.
 
     field      returns values (N,) at points (N, 3), below 0 inside
@@ -169,14 +169,14 @@ def surface_net(field: Field3D, low: Points, high: Points, cell: float) -> tuple
     return points, faces
 
 
-def _relaxed(points: Points, quads: AnyArray) -> Points:
+def _relaxed(points: Floats, quads: np.ndarray) -> Floats:
     """Return the means (V, 3) of the middles of the quadrilaterals (Q, 4) around each point."""
     middles = points[quads].mean(axis=1)
     sums = [np.bincount(quads.ravel(), np.repeat(middles[:, k], 4)) for k in range(3)]
     return np.stack(sums, axis=1) / np.bincount(quads.ravel())[:, None]
 
 
-def _fill_crossings(inside: AnyArray) -> None:
+def _fill_crossings(inside: np.ndarray) -> None:
     """Fill faces of cells of which two opposite corners alone are inside: the surface would cross itself."""
     while True:
         count = inside.sum()
@@ -190,7 +190,7 @@ def _fill_crossings(inside: AnyArray) -> None:
             return
 
 
-def _nearer(field: Field3D, points: Points) -> Points:
+def _nearer(field: Field3D, points: Floats) -> Floats:
     """Return points moved by a Newton step towards the zero of a field."""
     step = 1e-4
     values = field(points)

@@ -13,7 +13,7 @@ import numpy as np
 from flowsculpt import MeshError, TriangleMesh, UsageError
 from flowsculpt.api import quote, suggest
 from flowsculpt.api.files import NOT_PLAIN
-from flowsculpt.api.meshes import AnyArray, Floats, Points
+from flowsculpt.api.meshes import Floats
 from flowsculpt.api.shots import Solid, Subject
 from flowsculpt.pipeline.plugins.points.point_files import PointSet, read_points
 
@@ -27,7 +27,7 @@ _GOLDEN = 1.2207440846057596  # the root of g⁴ = g + 1
 _PROBES = 4096
 
 
-def within(bounds: Floats, inside: Callable[[Points], AnyArray], count: int, seed: int) -> Points:
+def within(bounds: Floats, inside: Callable[[Floats], np.ndarray], count: int, seed: int) -> Floats:
     """Return points (count, 3) of the box `bounds` (2, 3) that are inside.
 
     inside  returns flags (N,) for points (N, 3); some of the box must be inside
@@ -40,13 +40,13 @@ def within(bounds: Floats, inside: Callable[[Points], AnyArray], count: int, see
     low, extent = bounds[0], bounds[1] - bounds[0]
     shift, step = random.random(3), _GOLDEN ** -np.arange(1.0, 4.0)
 
-    def places(first: int, last: int) -> Points:
+    def places(first: int, last: int) -> Floats:
         return low + extent * ((shift + np.arange(first, last)[:, None] * step) % 1.0)
 
     share = max(float(inside(places(0, _PROBES)).mean()), 1.0 / _PROBES)
     reach = 0.4 * float((extent.prod() * share / count) ** (1.0 / 3.0))
     batch = int(count / share) + _PROBES
-    accepted: list[Points] = []
+    accepted: list[Floats] = []
     taken = 0
     while sum(map(len, accepted)) < count:
         tried = places(taken, taken + batch) + random.uniform(-reach, reach, (batch, 3))
@@ -63,7 +63,7 @@ class Cloud(Subject):
         return False
 
     @abstractmethod
-    def points(self) -> tuple[Points, Floats]:
+    def points(self) -> tuple[Floats, Floats]:
         """Return positions (N, 3) and radii (N,) at rest."""
 
     def build(self, max_edge_length: float | None = None) -> TriangleMesh:
@@ -89,7 +89,7 @@ class CloudInSolid(Cloud):
     def body(self) -> Solid:
         return self.solid
 
-    def points(self) -> tuple[Points, Floats]:
+    def points(self) -> tuple[Floats, Floats]:
         """Return positions and radii. Raises UsageError for the volume of a sheet, which encloses none."""
         mesh, surface = self.solid.build(), self.solid.project
         if self.fill == "surface":
@@ -123,7 +123,7 @@ class CloudOfFile(Cloud):
     def files(self) -> tuple[tuple[Path, str], ...]:
         return ((self.path, self.digest),)
 
-    def points(self) -> tuple[Points, Floats]:
+    def points(self) -> tuple[Floats, Floats]:
         """Return positions and radii. Raises what `read_points` and `radii_of` raise."""
         file = read_points(self.path)
         radii = radii_of(file, self.radius, str(self.path))

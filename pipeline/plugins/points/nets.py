@@ -13,11 +13,11 @@ import numpy as np
 
 from flowsculpt import TriangleMesh, UsageError
 from flowsculpt.api.files import NOT_PLAIN
-from flowsculpt.api.meshes import Floats, Lattice, Points
+from flowsculpt.api.meshes import Floats, Lattice
 from flowsculpt.api.shots import Subject
 from flowsculpt.pipeline.plugins.points.point_files import read_net
 
-Net = tuple[Points, Lattice]
+Net = tuple[Floats, Lattice]
 Size = float | tuple[float, ...]
 
 
@@ -182,5 +182,5 @@ def _size(given: Any) -> Size:
 
 def _net(grid: Floats, closed: tuple[bool, bool]) -> Net:
     rows, columns, _ = grid.shape
-    points: Points = grid.reshape(-1, 3)
+    points: Floats = grid.reshape(-1, 3)
     return points, Lattice(rows, columns, closed)

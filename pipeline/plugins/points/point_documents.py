@@ -9,7 +9,7 @@ from pydantic import Field
 
 from flowsculpt import MeshError, MissingInputError
 from flowsculpt.api import PointsKind, plural, quote
-from flowsculpt.api.files import digest_of_file
+from flowsculpt.api.files import InputFile
 from flowsculpt.api.meshes import Lattice
 from flowsculpt.api.shots import ByForm, Document, Positive, SolidDocument, Triple, is_file, one_of
 from flowsculpt.pipeline.plugins.points.clouds import MOST_POINTS, Cloud, CloudInSolid, CloudOfFile, radii_of
@@ -64,7 +64,7 @@ class CloudDocument(PointsKind):
         radius = self.radius if isinstance(self.radius, str) else float(self.radius)
         if isinstance(self.cloud, str):
             path = folder / self.cloud
-            return CloudOfFile(digest_of_file(path), radius, float(self.scale), path)
+            return CloudOfFile(InputFile(path).digest(), radius, float(self.scale), path)
         assert not isinstance(radius, str), "checked: only files have attributes"
         fill: Literal["volume", "surface"] = "surface" if self.fill == "surface" else "volume"
         return CloudInSolid(self.cloud.build(), self.count, fill, self.seed, radius)
@@ -131,7 +131,9 @@ class NetDocument(PointsKind):
     def build(self, folder: Path) -> ControlNet:
         if isinstance(self.net, str):
             path = folder / self.net
-            return NetOfFile(digest_of_file(path), self.columns, CLOSED[self.closed], float(self.scale), path)
+            return NetOfFile(
+                InputFile(path).digest(), self.columns, CLOSED[self.closed], float(self.scale), path
+            )
         if isinstance(self.net, list):
             rows = tuple(tuple(tuple(float(x) for x in point) for point in row) for row in self.net)
             return NetOfRows(rows, CLOSED[self.closed])

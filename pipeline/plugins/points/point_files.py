@@ -11,19 +11,13 @@ import numpy as np
 
 from flowsculpt import MeshError
 from flowsculpt.api import plural, suggest
-from flowsculpt.api.files import Archive, number_fault, text_content
-from flowsculpt.api.meshes import (
-    AnyArray,
-    Floats,
-    Points,
-    read_by_suffix,
-    read_ply_vertices,
-    reader_of,
-    surface_reader,
-)
+from flowsculpt.api.files import Archive, InputFile, number_fault, text_content
+from flowsculpt.api.meshes import Floats, ModelFile, read_by_suffix, read_ply_vertices
 
 _POINTS = ("points", "vertices")
 _ATTRIBUTE = "attribute:"
+
+MOST_BYTES = 1 << 30  # of a file
 
 LARGEST = 1e12
 """The limit of coordinates, as of any number in a shot file."""
@@ -32,8 +26,8 @@ LARGEST = 1e12
 class PointSet(NamedTuple):
     """points: float64 (N, 3); attributes: by name, one number a point, (N,)."""
 
-    points: Points
-    attributes: Mapping[str, AnyArray]
+    points: Floats
+    attributes: Mapping[str, np.ndarray]
 
 
 def read_points(path: str | Path) -> PointSet:
@@ -141,15 +135,15 @@ def _arrays(content: bytes) -> PointSet:
 
 def _vertices(path: Path) -> PointSet:
     """Return the vertices of a file of a plug-in's mesh format."""
-    form = surface_reader(path)
+    form = ModelFile(path).reader
     if form is None:
         raise MeshError("the plug-in that reads it is missing. Install flowsculpt again.")
     return PointSet(form.read(path).points, {})
 
 
 _READERS: Mapping[str, Callable[[Path], PointSet]] = {
-    "ply": reader_of(lambda content: PointSet(*read_ply_vertices(content))),
-    "xyz": reader_of(_xyz),
-    "npz": reader_of(_arrays),
+    "ply": lambda path: PointSet(*read_ply_vertices(InputFile(path, MOST_BYTES).content())),
+    "xyz": lambda path: _xyz(InputFile(path, MOST_BYTES).content()),
+    "npz": lambda path: _arrays(InputFile(path, MOST_BYTES).content()),
     "obj": _vertices,
 }

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any
 
+import numpy as np
 from pydantic import Field
 
 from flowsculpt import PolygonMesh, Thresholds
 from flowsculpt.api import PolygonMethod, PolygonResampler
-from flowsculpt.api.meshes import AnyArray
 from flowsculpt.api.shots import one_of
 
 
@@ -28,7 +28,7 @@ class Polyhedra(PolygonMethod):
 
         return PolyhedralResampler(mesh, thresholds, **self._settings)
 
-    def resume(self, state: Mapping[str, AnyArray], thresholds: Thresholds) -> PolygonResampler:
+    def resume(self, state: Mapping[str, np.ndarray], thresholds: Thresholds) -> PolygonResampler:
         from flowsculpt.pipeline.plugins.polyhedra.polyhedral_resampler import PolyhedralResampler
 
         return PolyhedralResampler.from_state(state, thresholds, **self._settings)

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from flowsculpt import PolygonMesh, Thresholds, UsageError
+from flowsculpt import FrameError, PolygonMesh, Thresholds, UsageError
 from flowsculpt.api import PolygonReport, PolygonResampler
-from flowsculpt.api.meshes import AnyArray, Floats, Points, not_finite
+from flowsculpt.api.meshes import Floats
 from flowsculpt.pipeline.plugins.polyhedra.polyhedron import (
     OUTSIDE,
     Collapse,
@@ -55,7 +55,7 @@ class PolyhedralResampler(PolygonResampler):
         self._attributes, self._vertices = mesh.attributes, np.array(mesh.vertices)
 
     @property
-    def vertices(self) -> Points:
+    def vertices(self) -> Floats:
         """(V, 3) float64: write the moved positions into it. `resample` replaces the array."""
         return self._vertices
 
@@ -65,7 +65,7 @@ class PolyhedralResampler(PolygonResampler):
         offsets, corners, creases = self._mesh.offsets, self._mesh.corners, self._mesh.creases
         return PolygonMesh.from_arrays(self._vertices, offsets, corners, self._attributes, creases)
 
-    def state(self) -> dict[str, AnyArray]:
+    def state(self) -> dict[str, np.ndarray]:
         """Return copies of all that later frames depend on; keep them by ``numpy.savez(file, **state)``."""
         mesh = self.mesh
         named = {_ATTRIBUTE + name: values for name, values in mesh.attributes.items()}
@@ -75,7 +75,7 @@ class PolyhedralResampler(PolygonResampler):
     @classmethod
     def from_state(
         cls,
-        state: Mapping[str, AnyArray],
+        state: Mapping[str, np.ndarray],
         thresholds: Thresholds,
         cutting: Cutting = "slice",
         collapse: Collapse = "edges",
@@ -98,7 +98,12 @@ class PolyhedralResampler(PolygonResampler):
         then still sound.
         """
         if not (np.abs(self._vertices) < _LARGEST).all():
-            raise not_finite(self._vertices)
+            sizes = np.abs(self._vertices).max(axis=1)
+            worst = int(np.argmax(np.where(np.isnan(sizes), np.inf, sizes)))
+            raise FrameError(
+                f"vertex {worst} is at {self._vertices[worst]}, which is not finite or too far away; "
+                "lower the flow's strength there or raise its substeps"
+            )
         mesh = self.mesh
         self._surface.points = [(x, y, z) for x, y, z in mesh.vertices.tolist()]
         this_pass = _Pass(self._surface, mesh, self.thresholds)
@@ -187,7 +192,7 @@ def wide_faces(mesh: PolygonMesh, limits: LengthLimits) -> list[int]:
     return np.flatnonzero(mesh.extents > (1 - _SLACK) * largest).tolist()
 
 
-def _measured(surface: Polyhedron, limit: Floats) -> tuple[AnyArray, Floats, Floats]:
+def _measured(surface: Polyhedron, limit: Floats) -> tuple[np.ndarray, Floats, Floats]:
     """Return first half-edges, lengths, and the geometric means of the limits at their ends."""
     ends = np.array(surface.origin).reshape(-1, 2)
     edges = np.flatnonzero(ends[:, 0] != OUTSIDE)

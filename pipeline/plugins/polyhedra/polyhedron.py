@@ -12,9 +12,9 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from flowsculpt import PolygonMesh, Thresholds
+from flowsculpt import PolygonMesh, Thresholds, validate
 from flowsculpt.api import VertexBudgetError
-from flowsculpt.api.meshes import AnyArray, Floats, edge_keys, require, twin_corners
+from flowsculpt.api.meshes import Floats, edge_keys
 
 Cutting = Literal["slice", "recurse"]
 Collapse = Literal["edges", "areas"]
@@ -52,8 +52,8 @@ class Polyhedron:
     points: list[Point]
 
     def __init__(self, mesh: PolygonMesh) -> None:
-        require(mesh)
-        self._load(mesh, twin_corners(mesh))
+        validate(mesh).require()
+        self._load(mesh, mesh.twins)
 
     def split_edge(self, h: int, points: Sequence[Point]) -> list[int]:
         """Insert vertices into the edge of h, in order along h, and return them; h keeps its origin."""
@@ -144,7 +144,7 @@ class Polyhedron:
         mesh, _ = self._gathered()
         return mesh
 
-    def renumber(self) -> tuple[PolygonMesh, AnyArray]:
+    def renumber(self) -> tuple[PolygonMesh, np.ndarray]:
         """Drop the numbers of removed elements; return the surface and the old vertex numbers (V,)."""
         kept = np.flatnonzero(np.array(self.leaving) != OUTSIDE)
         mesh, twin = self._gathered()
@@ -193,7 +193,7 @@ class Polyhedron:
     def _remove_edge(self, h: int) -> None:
         self.origin[h] = self.origin[h ^ 1] = OUTSIDE
 
-    def _gathered(self) -> tuple[PolygonMesh, AnyArray]:
+    def _gathered(self) -> tuple[PolygonMesh, np.ndarray]:
         """Return the surface without gaps, and for each of its sides the one that runs back along it."""
         sides, offsets = [], [0]
         for first in self.side:
@@ -213,7 +213,7 @@ class Polyhedron:
         mesh = PolygonMesh.from_arrays(points, offsets, number[origin[at]], creases=creases)
         return mesh, corner[at ^ 1]
 
-    def _load(self, mesh: PolygonMesh, twin: AnyArray) -> None:
+    def _load(self, mesh: PolygonMesh, twin: np.ndarray) -> None:
         """Fill the lists; `twin` gives for each corner the side that runs back along its own, or -1."""
         count = len(mesh.corners)
         corner = np.arange(count)
@@ -241,7 +241,7 @@ class Polyhedron:
         self.points = [(x, y, z) for x, y, z in mesh.vertices.tolist()]
 
     @staticmethod
-    def _tagged(mesh: PolygonMesh, origin: AnyArray) -> list[bool]:
+    def _tagged(mesh: PolygonMesh, origin: np.ndarray) -> list[bool]:
         if not len(mesh.creases):
             return [False] * (len(origin) // 2)
         return np.isin(edge_keys(origin.reshape(-1, 2)), edge_keys(mesh.creases)).tolist()
@@ -302,8 +302,8 @@ class Inheritance(NamedTuple):
 
 
 def inherited(
-    attributes: Mapping[str, AnyArray], inheritance: Sequence[Inheritance], kept: AnyArray
-) -> dict[str, AnyArray]:
+    attributes: Mapping[str, np.ndarray], inheritance: Sequence[Inheritance], kept: np.ndarray
+) -> dict[str, np.ndarray]:
     """Return the attributes after a frame for the vertices `kept`, by applying the inheritances in order.
 
     Floating-point numbers mix; integers and flags are those of the nearer parent, `a` on a tie.

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from flowsculpt import FrameError
 from flowsculpt.api.frames import BoundingSpheres, Edit, Framer, Framing, RenderRequest, Store
-from flowsculpt.api.meshes import AnyArray, Indices
+from flowsculpt.api.meshes import Indices
 from flowsculpt.api.pictures import ENCODES, AudioClip, loop_frames, write_movie, write_still
 from flowsculpt.api.shots import Motion
 from flowsculpt.pipeline.plugins.preview.sketch import Sketch, is_closed
@@ -37,7 +37,7 @@ PLAYBLAST = replace(
 """Encoded soon, and stepped through quickly."""
 
 Picture = NDArray[Any]
-Extent = AnyArray | BoundingSpheres
+Extent = np.ndarray | BoundingSpheres
 """Points (N, 3), or spheres, that a picture shows."""
 
 Framed = tuple[int, Framing]
@@ -243,7 +243,7 @@ def framing_of_still(
     return framing.with_stage_in_view(request.shot.picture.stage, request.pictures.flat_aspect)
 
 
-def _extent(arrays: dict[str, AnyArray]) -> Extent:
+def _extent(arrays: dict[str, np.ndarray]) -> Extent:
     points = arrays["vertices"]
     return BoundingSpheres(points, arrays["radii"]) if "radii" in arrays else points
 
@@ -262,7 +262,7 @@ def _moved(motion: Motion, extent: Extent, numbers: Sequence[int]) -> list[Exten
     return later
 
 
-def outline(points: AnyArray) -> Indices:
+def outline(points: np.ndarray) -> Indices:
     """Return the indices of points spread over all, and of the outermost in many directions."""
     spread = np.arange(0, len(points), -(-len(points) // MOST_SAMPLED))
     height = (2.0 * np.arange(DIRECTIONS) + 1.0) / DIRECTIONS - 1.0

@@ -13,7 +13,7 @@ from typing import IO
 
 from flowsculpt.api import RunObserver
 from flowsculpt.api.commands import print_warning
-from flowsculpt.api.files import command, environment
+from flowsculpt.api.files import python_command
 from flowsculpt.api.frames import Plan, RenderRequest
 from flowsculpt.api.options import Common
 
@@ -59,9 +59,8 @@ def _is_new(root: Path, request: RenderRequest) -> bool:
 def _process(root: Path, *words: str) -> Iterator[None]:
     """Have a process make the pictures, and print its lines; end it with the context."""
     process = subprocess.Popen(
-        command("flowsculpt.pipeline.plugins.preview.first_pictures", *words),
+        python_command("flowsculpt.pipeline.plugins.preview.first_pictures", *words),
         cwd=root,
-        env=environment(),
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,

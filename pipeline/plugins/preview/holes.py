@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from flowsculpt.api.meshes import AnyArray, Floats
-from flowsculpt.api.pictures import Painted, PaintedFaces, Surface
+from flowsculpt.api.materials import Material, PaintedFaces, Surface
+from flowsculpt.api.meshes import Floats
 
 
 def _pieces(across: int) -> Floats:
@@ -24,14 +24,14 @@ _THRESHOLDS = (np.arange(len(PIECES)) * 25 % len(PIECES) + 0.5) / len(PIECES)
 """The fraction from which on each piece is there: all pieces in turn, spread over the face."""
 
 
-def without_holes(surface: Surface, look: Painted, paint: PaintedFaces) -> Surface:
+def without_holes(surface: Surface, look: Material, paint: PaintedFaces) -> Surface:
     """Return the pieces of a surface that are there: faces at the borders of holes are cut into PIECES.
 
     Of a fraction so many pieces are there.
     """
     middles = np.einsum("pc,fcx->fpx", PIECES.mean(axis=1), paint.coordinates)
-    is_there: AnyArray = np.ones(middles.shape[:2], bool)
-    for number, part in enumerate(look.parts):
+    is_there: np.ndarray = np.ones(middles.shape[:2], bool)
+    for number, part in enumerate(look.parts_by_number):
         which = paint.materials == number
         if part.opacity is not None and which.any():
             across, up = np.moveaxis(middles[which], 2, 0)
@@ -40,11 +40,11 @@ def without_holes(surface: Surface, look: Painted, paint: PaintedFaces) -> Surfa
     face, piece = np.nonzero(is_there & ~np.asarray(whole)[:, None])
     weights = PIECES[piece]
 
-    def cut(of_corners: AnyArray) -> AnyArray:
+    def cut(of_corners: np.ndarray) -> np.ndarray:
         """Return the values (K, 3, …) at the corners of pieces, of those of faces (F, 3, …)."""
         return np.einsum("kic,kcx->kix", weights, of_corners[face]).astype(of_corners.dtype)
 
-    def with_pieces(values: AnyArray) -> AnyArray:
+    def with_pieces(values: np.ndarray) -> np.ndarray:
         return np.concatenate([values, cut(values[surface.faces]).reshape(-1, values.shape[1])])
 
     pieces = np.arange(3 * len(face), dtype=np.int32).reshape(-1, 3) + len(surface.vertices)

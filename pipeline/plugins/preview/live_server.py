@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from flowsculpt import FlowsculptError, MachineError, UsageError
-from flowsculpt.api.files import machine_error
+from flowsculpt.api.files import page_script, page_style
 from flowsculpt.pipeline.plugins.preview.live_session import LiveFeed, LiveSession
 from flowsculpt.pipeline.plugins.preview.shot_editor import (
     MOST_REQUEST_BYTES,
@@ -37,24 +37,14 @@ from flowsculpt.pipeline.plugins.preview.trial_pictures import TrialPictures
 
 ADDRESS = "127.0.0.1"
 
-SCRIPTS = (
-    *("api.js", "shot.js", "projection.js", "film.js", "follow.js", "fields.js", "values.js", "timeline.js"),
-    *("curve_plot.js", "placement.js", "handles.js", "orbit.js", "keys.js", "main.js"),
-)
+PAGE = files("flowsculpt.pipeline.plugins.preview") / "page"
 
-SCRIPT, STYLE = "text/javascript; charset=utf-8", "text/css; charset=utf-8"
-
-OWN, SHARED = files("flowsculpt.pipeline.plugins.preview") / "page", files("flowsculpt.pipeline") / "web"
-"""Folders of files of the page: colours, type and icons are those of all pages."""
-
-PAGE = {
-    "": (OWN, "page.html", "text/html; charset=utf-8"),
-    "style.css": (SHARED, "style.css", STYLE),
-    "icons.js": (SHARED, "icons.js", SCRIPT),
-    "page.css": (OWN, "page.css", STYLE),
-    **{name: (OWN, name, SCRIPT) for name in SCRIPTS},
+FILES: dict[str, tuple[str, Callable[[], str]]] = {
+    "": ("text/html; charset=utf-8", lambda: (PAGE / "index.html").read_text(encoding="utf-8")),
+    "page.css": ("text/css; charset=utf-8", lambda: page_style(PAGE)),
+    "page.js": ("text/javascript; charset=utf-8", lambda: page_script(PAGE)),
 }
-"""Folder, file and type by the paths below the token."""
+"""Types and texts of the page's files, by their paths below the token."""
 
 _PICTURE = re.compile(r"frames/(\d{1,9})/(\d{1,9})\.jpg(?:\?\d+)?")
 
@@ -169,9 +159,9 @@ class _Handler(BaseHTTPRequestHandler):
         if name is None:
             return
         self.server.waiting.pop(self.connection, None)
-        if name in PAGE:
-            folder, file, kind = PAGE[name]
-            self._send(folder.joinpath(file).read_bytes(), kind)
+        if name in FILES:
+            kind, text = FILES[name]
+            self._send(text().encode(), kind)
         elif name == "events":
             self._stream()
         elif (match := _PICTURE.fullmatch(name)) and (
@@ -240,7 +230,10 @@ class _Handler(BaseHTTPRequestHandler):
             status = 409 if isinstance(error, StaleError) else 507 if isinstance(error, MachineError) else 422
             answer = {"error": str(error)}
         except OSError as error:
-            status, answer = 507, {"error": str(machine_error(Path(error.filename or "."), error, "used"))}
+            status, answer = (
+                507,
+                {"error": str(MachineError.of_path(Path(error.filename or "."), error, "used"))},
+            )
         self._send(json.dumps(answer, allow_nan=False).encode(), "application/json", status)
 
     def log_message(self, *arguments: object) -> None:

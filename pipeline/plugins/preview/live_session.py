@@ -12,8 +12,7 @@ from pathlib import Path
 from threading import Event
 from typing import Any
 
-from flowsculpt import FlowsculptError
-from flowsculpt.api.files import machine_error
+from flowsculpt import FlowsculptError, MachineError
 from flowsculpt.api.frames import FrameProgress, Framing, ShotSource
 from flowsculpt.api.pictures import Camera, jpeg_bytes
 from flowsculpt.pipeline.plugins.preview.animatic import SIZES, FramedSurfaces, framings_of, size_for
@@ -158,7 +157,7 @@ class LiveSession:
             except FlowsculptError as error:
                 self.feed.say(str(error), trouble=True)
             except OSError as error:
-                said = machine_error(Path(error.filename or "."), error, "used")
+                said = MachineError.of_path(Path(error.filename or "."), error, "used")
                 self.feed.say(f"{said}. Save the shot to try again.", trouble=True)
             wait_for_edit(self.watched, self._before, self._edited)
 

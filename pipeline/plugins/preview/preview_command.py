@@ -12,7 +12,7 @@ import typer
 
 from flowsculpt import FlowsculptError, UsageError
 from flowsculpt.api import Progress, plural
-from flowsculpt.api.commands import frame_progress, print_error, print_result, print_warning
+from flowsculpt.api.commands import print_error, print_result, print_warning, progress_bars
 from flowsculpt.api.files import make_folder
 from flowsculpt.api.flows import MotionForecast
 from flowsculpt.api.frames import Edit, FrameProgress, FrameRange, RenderRequest, Show, Store
@@ -246,21 +246,19 @@ def _bars(
 
     The first bar moves within frames that take long, and what makes a frame slow is printed.
     """
-    from rich.progress import TextColumn  # takes time to import
-
-    with frame_progress(TextColumn("{task.fields[now]}", style="dim"), wanted=common.progress) as progress:
-        tasks = {stage: progress.add_task(stage, total=total, now="") for stage, total in totals.items()}
+    with progress_bars(common.progress) as bar:
+        bars = {stage: bar(stage, total) for stage, total in totals.items()}
         done = dict.fromkeys(totals, 0)
 
         def frame_done(stage: str, number: int) -> None:
             done[stage] += 1
-            progress.update(tasks[stage], completed=done[stage], now="")
+            bars[stage].show(done[stage])
 
         def report(within: FrameProgress) -> None:
             if within.slow:
                 print_warning(within.slow)
             now = f"frame {within.frame} ({within.share:.0%}, {within.work})"
-            progress.update(tasks["simulating"], completed=done["simulating"] + within.share, now=now)
+            bars["simulating"].show(done["simulating"] + within.share, now)
 
         def report_once(made: Progress) -> None:
             if made.is_once:  # such as a fit, before the first frame

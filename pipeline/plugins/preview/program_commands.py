@@ -16,7 +16,7 @@ from typing import Annotated, Any
 import typer
 
 from flowsculpt import FlowsculptError, UsageError
-from flowsculpt.api.commands import Project, execute, exit_with
+from flowsculpt.api.commands import Project, execute
 from flowsculpt.api.frames import STAGES, FrameStates, History, Plan, RenderRequest, Show, Store
 from flowsculpt.api.options import DEFAULT_QUALITY, Common, Frames, Shot, ShotOptions, shared_option
 from flowsculpt.pipeline.plugins.preview.shot_editor import (
@@ -94,7 +94,7 @@ def frames(
         request = project.request(path, name, frames, variant)
         failed = [_failure(event) for event in outcome.failures] if outcome else []
         _answer({**_listing(project, request, quality is not None), "failed": failed})
-    exit_with(outcome.exit_code if outcome else 0)
+    raise typer.Exit(outcome.exit_code if outcome else 0)
 
 
 def _answer_progress(plan: Plan) -> Callable[[dict[str, Any]], None]:

@@ -19,7 +19,7 @@ from typing import Any
 
 from flowsculpt import FlowsculptError, MissingInputError, UsageError
 from flowsculpt.api import ShotError
-from flowsculpt.api.files import ChangedFileError, atomic_write, read_input
+from flowsculpt.api.files import ChangedFileError, InputFile, atomic_write
 from flowsculpt.api.shots import WrittenShot, YamlSource, read_shot
 from flowsculpt.pipeline.plugins.preview.settable_values import settable_values
 from flowsculpt.pipeline.plugins.preview.text_edits import ValueEdit, Where, edited, parsed, path_text
@@ -210,7 +210,7 @@ class ShotEditor:
             return False
 
         try:
-            newline = "\r\n" if b"\r\n" in read_input(target) else "\n"
+            newline = "\r\n" if b"\r\n" in InputFile(target).content() else "\n"
             with atomic_write(target, is_same=is_same) as draft:
                 draft.write_text(text, encoding="utf-8", newline=newline)
                 with suppress(FileNotFoundError):

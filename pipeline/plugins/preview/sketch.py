@@ -13,17 +13,9 @@ from numpy.typing import NDArray
 
 from flowsculpt import TriangleMesh, icosphere
 from flowsculpt.api.frames import Framing, RenderRequest
-from flowsculpt.api.meshes import AnyArray, Floats, Points, Vectors
-from flowsculpt.api.pictures import (
-    BurnIn,
-    Material,
-    Painted,
-    PaintedFaces,
-    Shape,
-    Surface,
-    draw_preview,
-    vertex_colours,
-)
+from flowsculpt.api.materials import Material, PaintedFaces, Surface
+from flowsculpt.api.meshes import Floats
+from flowsculpt.api.pictures import BurnIn, Shape, draw_preview
 from flowsculpt.api.shots import Motion
 from flowsculpt.pipeline.plugins.preview.holes import without_holes
 
@@ -67,7 +59,7 @@ class Sketch:
     def picture(
         self,
         number: int,
-        surfaces: Sequence[Mapping[str, AnyArray]],
+        surfaces: Sequence[Mapping[str, np.ndarray]],
         framing: Framing,
         size: tuple[int, int],
         display: str,
@@ -107,7 +99,7 @@ class Sketch:
         file = f"{name}{part}{mark}.mp4" if at is None else f"{name}.{at:04d}{mark}.png"
         return request.folders.home / "preview" / file
 
-    def _streamlines(self, number: int, surfaces: Sequence[Mapping[str, AnyArray]]) -> StreamlineSet:
+    def _streamlines(self, number: int, surfaces: Sequence[Mapping[str, np.ndarray]]) -> StreamlineSet:
         """Return the streamlines around the surfaces of all subjects."""
         each = [
             streamlines(part.shot.motion, number, arrays["vertices"].astype(np.float64))
@@ -122,33 +114,33 @@ class Sketch:
         return {**facts, "quality": "preview", "key": key}
 
 
-def _paint(part: RenderRequest, number: int, arrays: Mapping[str, AnyArray]) -> PaintedFaces | None:
+def _paint(part: RenderRequest, number: int, arrays: Mapping[str, np.ndarray]) -> PaintedFaces | None:
     """Return what a subject has on its faces, where its look shows it."""
     if not part.pictures.of(number).look.shows_paint or "faces" not in arrays:
         return None
     return part.shot.motion.painted(arrays["material"].astype(np.float64), arrays["faces"])
 
 
-def _copy_places(part: RenderRequest, number: int, arrays: Mapping[str, AnyArray]) -> dict[str, AnyArray]:
+def _copy_places(part: RenderRequest, number: int, arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Return the vertex attribute of a subject that a colour for each copy needs."""
     rest = arrays["material"].astype(np.float64)
     return part.shot.motion.copy_places(part.pictures.of(number).look.pattern, rest)
 
 
 def shape_of(
-    arrays: Mapping[str, AnyArray], look: Material, quick: bool = False, paint: PaintedFaces | None = None
+    arrays: Mapping[str, np.ndarray], look: Material, quick: bool = False, paint: PaintedFaces | None = None
 ) -> Shape:
     """Return the shape of a frame's arrays; of a cloud, a ball for each point, which is coarse if `quick`."""
     attributes = {name: values for name, values in arrays.items() if name not in OF_SURFACE}
     vertices, no_faces = arrays["vertices"], np.empty((0, 3), np.int32)
     normals, faces = arrays.get("normals", vertices), arrays.get("faces", no_faces)
     surface = Surface(vertices, normals, faces, attributes, arrays["material"], paint=paint)
-    if isinstance(look, Painted) and look.has_opacity and paint is not None:
+    if look.is_of_model and look.has_opacity and paint is not None:
         surface = without_holes(surface, look, paint)
         vertices, normals, faces = surface.vertices, surface.normals, surface.faces
     if "radii" not in arrays:
         return Shape.of(surface, look)
-    colours = vertex_colours(surface, look)
+    colours = look.vertex_colours(surface)
     step = -(-len(vertices) // MOST_BALLS)
     points, radii = vertices[::step], arrays["radii"][::step] * step ** (1 / 3)
     ball = _quick_ball(len(points)) if quick else icosphere(2)
@@ -174,7 +166,7 @@ def _quick_ball(count: int) -> TriangleMesh:
     return ball.with_vertices(ball.vertices * (4.0 * np.pi / area) ** 0.5)
 
 
-def is_closed(arrays: Mapping[str, AnyArray]) -> bool:
+def is_closed(arrays: Mapping[str, np.ndarray]) -> bool:
     """Tell whether every edge of a surface has two faces, which then holds for every frame of a shot."""
     if "faces" not in arrays:
         return True
@@ -212,7 +204,7 @@ class StreamlineSet(NamedTuple):
     speeds: Floats
 
 
-def streamlines(motion: Motion, frame: int, vertices: Points) -> StreamlineSet:
+def streamlines(motion: Motion, frame: int, vertices: Floats) -> StreamlineSet:
     """Trace streamlines of all flows of a shot together, held still at a frame, around vertices (V, 3).
 
     Raises FrameError where the flow fails.
@@ -234,16 +226,16 @@ def streamlines(motion: Motion, frame: int, vertices: Points) -> StreamlineSet:
     return StreamlineSet(points, np.concatenate([speeds[:, :1], speeds], axis=1))
 
 
-def _velocity(motion: Motion, frame: int, points: Points) -> Vectors:
+def _velocity(motion: Motion, frame: int, points: Floats) -> Floats:
     """Return velocities (N, 3), units per second of the film's time."""
     moved = motion.carry(points, frame, frame + STEP)
     return (moved - points) / motion.rate.seconds(STEP)
 
 
-def _trace(motion: Motion, frame: int, points: Points, step: float, limit: float) -> Floats:
+def _trace(motion: Motion, frame: int, points: Floats, step: float, limit: float) -> Floats:
     """Trace points by the midpoint method at most at speed `limit`; returns (PIECES / 2 + 1, N, 3)."""
 
-    def velocity(points: Points) -> Vectors:
+    def velocity(points: Floats) -> Floats:
         vectors = _velocity(motion, frame, points)
         speed = np.linalg.norm(vectors, axis=1, keepdims=True)
         return np.asarray(vectors * np.minimum(1.0, limit / np.maximum(speed, 1e-300)))

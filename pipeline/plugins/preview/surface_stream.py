@@ -27,7 +27,6 @@ from flowsculpt import FrameError
 from flowsculpt.api.files import atomic_write, disk_errors
 from flowsculpt.api.frames import (
     FrameProgress,
-    Key,
     MeshFrame,
     RenderRequest,
     Shading,
@@ -36,8 +35,7 @@ from flowsculpt.api.frames import (
     animate,
     key_of,
 )
-from flowsculpt.api.meshes import AnyArray
-from flowsculpt.api.pictures import SPEED
+from flowsculpt.api.materials import Surface
 
 SLOW = 0.25  # core-seconds from which on a simulated frame is stored
 
@@ -53,7 +51,7 @@ DICED = 100_000  # vertices, about, of a previewed surface that renders dice
 
 T = TypeVar("T")
 
-Arrays = Mapping[str, AnyArray]
+Arrays = Mapping[str, np.ndarray]
 
 
 @dataclass(eq=False)
@@ -61,15 +59,15 @@ class MeshCache:
     """Mesh frames by key, from which a simulation can resume; `room` is the memory left, in bytes."""
 
     room: float = field(default_factory=lambda: MEMORY_SHARE * psutil.virtual_memory().available)
-    frames: dict[Key, MeshFrame] = field(default_factory=dict)
+    frames: dict[str, MeshFrame] = field(default_factory=dict)
 
-    def remember(self, key: Key, frame: MeshFrame) -> None:
+    def remember(self, key: str, frame: MeshFrame) -> None:
         """Keep a frame if there is room for it."""
         if _size(frame) <= self.room:
             self.room -= _size(frame)
             self.frames[key] = frame
 
-    def keep_only(self, keys: set[Key]) -> None:
+    def keep_only(self, keys: set[str]) -> None:
         """Forget all frames but those of these keys."""
         for key in self.frames.keys() - keys:
             self.room += _size(self.frames.pop(key))
@@ -133,7 +131,7 @@ class SpillCache:
 
     def __init__(self, room: float | None = None) -> None:
         self._room = MEMORY_SHARE * psutil.virtual_memory().available if room is None else room
-        self._held: dict[Key, Arrays] = {}
+        self._held: dict[str, Arrays] = {}
         self._counting = Lock()
         with disk_errors(Path(tempfile.gettempdir())):
             self._folder = tempfile.TemporaryDirectory(prefix="flowsculpt-")
@@ -142,10 +140,10 @@ class SpillCache:
         self._held.clear()
         self._folder.cleanup()
 
-    def __contains__(self, key: Key) -> bool:
+    def __contains__(self, key: str) -> bool:
         return key in self._held or self._file(key).exists()
 
-    def put(self, key: Key, arrays: Arrays) -> None:
+    def put(self, key: str, arrays: Arrays) -> None:
         """Keep arrays under a key. Raises MachineError if neither memory nor disk has room."""
         size = sum(values.nbytes for values in arrays.values())
         with self._counting:
@@ -158,24 +156,24 @@ class SpillCache:
             with atomic_write(self._file(key), flush=False) as draft, draft.open("wb") as file:
                 np.savez(file, **named)
 
-    def get(self, key: Key) -> Arrays:
+    def get(self, key: str) -> Arrays:
         if key in self._held:
             return self._held[key]
         with self._file(key).open("rb") as file, np.load(file, allow_pickle=False) as stored:
             return dict(stored)
 
-    def drop(self, key: Key) -> None:
+    def drop(self, key: str) -> None:
         """Forget the arrays of a key."""
         with self._counting:
             self._room += sum(values.nbytes for values in self._held.pop(key, {}).values())
         self._file(key).unlink(missing_ok=True)
 
-    def keep_only(self, keys: set[Key]) -> None:
+    def keep_only(self, keys: set[str]) -> None:
         """Forget all arrays but those of these keys."""
         for key in {*self._held, *(file.stem for file in Path(self._folder.name).iterdir())} - keys:
             self.drop(key)
 
-    def _file(self, key: Key) -> Path:
+    def _file(self, key: str) -> Path:
         return Path(self._folder.name) / f"{key}.npz"
 
 
@@ -258,11 +256,11 @@ class SurfaceStream:
         """Tell whether the surfaces of a frame are there without simulation."""
         return all(_key(part, number) in self.surfaces for part in request.parts)
 
-    def arrays(self, request: RenderRequest, number: int) -> dict[str, AnyArray]:
+    def arrays(self, request: RenderRequest, number: int) -> dict[str, np.ndarray]:
         """Return the arrays of a frame that was played, of a request of one subject."""
         return Shading.of_all_copies(self.surfaces.get(_key(request, number)))
 
-    def each(self, request: RenderRequest, number: int) -> list[dict[str, AnyArray]]:
+    def each(self, request: RenderRequest, number: int) -> list[dict[str, np.ndarray]]:
         """Return the arrays of each subject of a frame that was played."""
         return [self.arrays(part, number) for part in request.parts]
 
@@ -297,11 +295,11 @@ class SurfaceStream:
         shading = Shading.of(frame, request.shot.motion.thresholds_at(frame.number), _pieces(request, frame))
         arrays = shading.stored()
         if request.pictures.measures_speed:
-            arrays[SPEED] = shading.speeds(request.shot.motion)
+            arrays[Surface.SPEED] = shading.speeds(request.shot.motion)
         self.surfaces.put(_key(request, frame.number), arrays)
 
 
-def _key(request: RenderRequest, number: int) -> Key:
+def _key(request: RenderRequest, number: int) -> str:
     """The key of a previewed frame: its normals, and speeds where colours show them."""
     speeds_from = request.keys.speed_data(number)
     return key_of(request.keys.normals(number), speeds_from) if speeds_from else request.keys.normals(number)

@@ -22,8 +22,9 @@ import numpy as np
 
 from flowsculpt import TriangleMesh, UsageError, vertex_normals
 from flowsculpt.api.frames import Framer, Framing, MeshAngle, MeshFrame, RenderRequest, Shading, animate
-from flowsculpt.api.meshes import AnyArray, Floats, Points, Vectors
-from flowsculpt.api.pictures import SPEED, Camera, jpeg_bytes
+from flowsculpt.api.materials import Surface
+from flowsculpt.api.meshes import Floats
+from flowsculpt.api.pictures import Camera, jpeg_bytes
 from flowsculpt.api.shots import Motion, Solid
 from flowsculpt.pipeline.plugins.preview.animatic import size_for
 from flowsculpt.pipeline.plugins.preview.live_session import Drawn, LiveSession, camera_data
@@ -40,7 +41,7 @@ MOST_BUILT = 3000
 """Approximate vertices of a subject that is rebuilt, and of one whose vertices are carried individually."""
 
 
-def carried_to(motion: Motion, points: Points, number: int) -> Points:
+def carried_to(motion: Motion, points: Floats, number: int) -> Floats:
     """Carry points (S, 3) of the first frame to another, in at most MOST_STEPS steps. Raises FrameError."""
     first = motion.frames.first
     stops = np.unique(np.linspace(first, number, min(MOST_STEPS, number - first) + 1).round()).tolist()
@@ -60,18 +61,18 @@ class CarriedPoints:
     normals  (V, 3), those of its faces around each vertex; None for points
     """
 
-    start: Points
-    end: Points
-    weights: AnyArray
-    arrays: Mapping[str, AnyArray]
-    normals: Vectors | None
+    start: Floats
+    end: Floats
+    weights: np.ndarray
+    arrays: Mapping[str, np.ndarray]
+    normals: Floats | None
 
     @classmethod
     def of(
         cls,
         motion: Motion,
-        at_first: AnyArray,
-        arrays: Mapping[str, AnyArray],
+        at_first: np.ndarray,
+        arrays: Mapping[str, np.ndarray],
         number: int,
         subjects: int = 1,
     ) -> CarriedPoints:
@@ -85,7 +86,7 @@ class CarriedPoints:
         normals = _normals(arrays, vertices) if "normals" in arrays else None
         return cls(start, end, _weights(vertices, end), arrays, normals)
 
-    def moved(self, motion: Motion, number: int) -> dict[str, AnyArray]:
+    def moved(self, motion: Motion, number: int) -> dict[str, np.ndarray]:
         """Return the arrays of the frame, moved by the difference between this flow and another one.
 
         Raises FrameError where that flow fails.
@@ -99,7 +100,7 @@ class CarriedPoints:
         return moved
 
 
-def built(motion: Motion, number: int, tessellate: int) -> dict[str, AnyArray]:
+def built(motion: Motion, number: int, tessellate: int) -> dict[str, np.ndarray]:
     """Build the subject coarsely, a net cut as `tessellate` says, and return its arrays in a frame.
 
     Raises FrameError where the flow fails, and the errors of `Subject.build`.
@@ -126,12 +127,12 @@ STEP = 1 / 64
 """Frames over which points are moved to measure speed."""
 
 
-def with_speeds(arrays: Mapping[str, AnyArray], motion: Motion, number: int) -> dict[str, AnyArray]:
+def with_speeds(arrays: Mapping[str, np.ndarray], motion: Motion, number: int) -> dict[str, np.ndarray]:
     """Return arrays with the speed of their vertices, (V, 1) float32, scene units per second."""
     points = arrays["vertices"].astype(np.float64)
     moved = motion.carry(points, number, number + STEP)
     speed = np.linalg.norm(moved - points, axis=1, keepdims=True) / motion.rate.seconds(STEP)
-    return {**arrays, SPEED: speed.astype(np.float32)}
+    return {**arrays, Surface.SPEED: speed.astype(np.float32)}
 
 
 def _coarse(motion: Motion) -> TriangleMesh:
@@ -153,12 +154,12 @@ def _points_for(count: int) -> int:
     return max(LEAST_CARRIED, min(MOST_CARRIED, MOST_WEIGHTS // max(1, count)))
 
 
-def _spread(points: AnyArray, count: int) -> AnyArray:
+def _spread(points: np.ndarray, count: int) -> np.ndarray:
     """Return about `count` of points (N, 3), spread evenly over their order."""
     return points[:: -(-len(points) // count)]
 
 
-def _weights(vertices: AnyArray, points: Points) -> AnyArray:
+def _weights(vertices: np.ndarray, points: Floats) -> np.ndarray:
     """Return the weight (V, S) of each point for each vertex, float32: the inverse fourth power of their
     distance.
     """
@@ -167,24 +168,26 @@ def _weights(vertices: AnyArray, points: Points) -> AnyArray:
     least = np.float32((0.02 * (float(np.ptp(near, axis=0).max()) or 1.0)) ** 2)
     of_points = np.column_stack([-2.0 * near, (near**2).sum(axis=1) + least, np.ones_like(near[:, 0])])
     of_vertices = np.column_stack([places, np.ones_like(places[:, 0]), (places**2).sum(axis=1)])
-    weights: AnyArray = of_vertices @ of_points.T  # squared distances; every step in place: they are millions
+    weights: np.ndarray = (
+        of_vertices @ of_points.T
+    )  # squared distances; every step in place: they are millions
     np.maximum(weights, least, out=weights)
     np.multiply(weights, weights, out=weights)
     return np.reciprocal(weights, out=weights)
 
 
-def _blended(weights: AnyArray, offsets: Floats) -> AnyArray:
+def _blended(weights: np.ndarray, offsets: Floats) -> np.ndarray:
     """Return the offset (V, 3) float32 of each vertex: the mean of offsets (S, 3) by weights (V, S)."""
     summed = weights @ np.column_stack([offsets, np.ones(len(offsets))]).astype(np.float32)
     return np.asarray(summed[:, :3] / summed[:, 3:])
 
 
-def _normals(arrays: Mapping[str, AnyArray], vertices: AnyArray) -> Vectors:
+def _normals(arrays: Mapping[str, np.ndarray], vertices: np.ndarray) -> Floats:
     """Return the normals (V, 3) of the faces around vertices (V, 3)."""
     return vertex_normals(TriangleMesh(vertices.astype(np.float64), arrays["faces"]))
 
 
-def _turned(normals: AnyArray, before: Vectors, now: Vectors) -> AnyArray:
+def _turned(normals: np.ndarray, before: Floats, now: Floats) -> np.ndarray:
     """Return normals (V, 3) float32, turned as those of the faces around them turn."""
     turned = normals + (now - before)
     lengths = np.linalg.norm(turned, axis=1, keepdims=True)
@@ -229,7 +232,7 @@ class TrialPictures:
     session: LiveSession
     _lock: Lock = field(default_factory=Lock)
     _carried: dict[str, tuple[Drawn, CarriedPoints]] = field(default_factory=dict)
-    _extents: dict[tuple[int, str], AnyArray] = field(default_factory=dict)
+    _extents: dict[tuple[int, str], np.ndarray] = field(default_factory=dict)
 
     def picture(self, digest: str, edits: Sequence[ValueEdit], number: int) -> dict[str, Any]:
         """Return a JPEG in base64, its camera, and words about how exact it is.
@@ -279,7 +282,7 @@ class TrialPictures:
 
     def _surface(
         self, drawn: Drawn, before: RenderRequest, after: RenderRequest, change: Change, number: int
-    ) -> dict[str, AnyArray]:
+    ) -> dict[str, np.ndarray]:
         """Return the arrays of one subject, whose requests before and after the edit are given."""
         motion = after.shot.motion
         if change == Change.SUBJECT or (change == Change.FLOW and motion.is_rigid):
@@ -288,7 +291,7 @@ class TrialPictures:
             arrays = self._carry(drawn, before, number).moved(motion, number)
         else:
             arrays = self.session.stream.arrays(before, number)
-        if after.pictures.measures_speed and (change >= Change.FLOW or SPEED not in arrays):
+        if after.pictures.measures_speed and (change >= Change.FLOW or Surface.SPEED not in arrays):
             arrays = with_speeds(arrays, motion, number)
         return arrays
 
@@ -302,7 +305,7 @@ class TrialPictures:
             self._carried[name] = drawn, carried
         return carried
 
-    def _at_first(self, part: RenderRequest) -> AnyArray:
+    def _at_first(self, part: RenderRequest) -> np.ndarray:
         """Return the vertices of a subject in the first frame."""
         first = part.shot.motion.frames.first
         if not self.session.stream.knows(part, first):
@@ -335,12 +338,12 @@ class TrialPictures:
         return _corrected(framed(request), framed(drawn.sketch.request), drawn.framing, request, number)
 
     def _framing_of_subject(
-        self, drawn: Drawn, request: RenderRequest, surfaces: Sequence[Mapping[str, AnyArray]], number: int
+        self, drawn: Drawn, request: RenderRequest, surfaces: Sequence[Mapping[str, np.ndarray]], number: int
     ) -> Framing:
         """Return the framing of a frame for another subject: it moves as one by this frame alone would."""
         known = [self.session.stream.arrays(part, number) for part in drawn.sketch.request.parts]
 
-        def framed(asked: RenderRequest, seen: Sequence[Mapping[str, AnyArray]]) -> Framing:
+        def framed(asked: RenderRequest, seen: Sequence[Mapping[str, np.ndarray]]) -> Framing:
             points = np.concatenate([arrays["vertices"] for arrays in seen])
             views, follow = [asked.pictures.view(number)], asked.shot.picture.camera.follow
             return Framer(views, lambda i: points, asked.pictures.aspect, follow).all()[0]
@@ -348,7 +351,7 @@ class TrialPictures:
         before = framed(drawn.sketch.request, known)
         return _corrected(framed(request, surfaces), before, drawn.framing, request, number)
 
-    def _extent(self, number: int) -> AnyArray:
+    def _extent(self, number: int) -> np.ndarray:
         """Return a part of a frame's points (N, 3)."""
         drawn = self.session.drawn(number)
         assert drawn is not None, "only frames that are drawn are asked for"

@@ -15,7 +15,7 @@ from typing import Any
 from zipfile import ZipFile
 
 from flowsculpt.api.files import from_plain
-from flowsculpt.api.frames import Key, StoredFiles
+from flowsculpt.api.frames import StoredFiles
 
 KERNELS = "kernels"
 """The kind of archives of compiled kernels, which stores of roots do not have."""
@@ -38,7 +38,7 @@ def suffix_of(kind: str) -> str:
     return ".zip" if kind == KERNELS else StoredFiles(kind).suffix
 
 
-def fault_of(kind: str, key: Key, path: Path) -> str | None:
+def fault_of(kind: str, key: str, path: Path) -> str | None:
     """Return what is wrong with a fetched file, in words; None where it can be what was asked for."""
     suffix = suffix_of(kind)
     try:
@@ -73,19 +73,19 @@ def _key_of_picture(path: Path) -> object:
     return read_header(path).get("key")
 
 
-def _key_of_arrays(path: Path) -> Key:
+def _key_of_arrays(path: Path) -> str:
     from flowsculpt.api.frames import StoredFiles
 
     return StoredFiles.key_in(path)
 
 
-def _reader_of(kind: str, key: Key) -> Callable[[Path], Any]:
+def _reader_of(kind: str, key: str) -> Callable[[Path], Any]:
     from flowsculpt.api.frames import StoredFiles  # takes a moment
 
     return StoredFiles(kind).reader(key)
 
 
-def _require_surface(kind: str, key: Key, path: Path) -> None:
+def _require_surface(kind: str, key: str, path: Path) -> None:
     """Read a file of arrays to its end. Raises any error where it is not what its kind says."""
     arrays = _reader_of("shading" if kind == "normals" else kind, key)(path)
     if kind != "normals":

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from functools import cache
 
+import typer
+
 from flowsculpt import MachineError, UsageError
 from flowsculpt.api import plural
-from flowsculpt.api.commands import exit_with, print_result
-from flowsculpt.api.frames import Key, Locks, Store, upload_missed
+from flowsculpt.api.commands import print_result
+from flowsculpt.api.frames import Locks, Store, upload_missed
 from flowsculpt.api.options import Common
 
 
@@ -37,10 +39,10 @@ def push(common: Common) -> None:
     if unsent:
         words += f" It did not take {unsent}; run again."
     print_result(words, {"uploaded": sent, "refused": unsent}, common.json)
-    exit_with(MachineError.exit_code if unsent else 0)
+    raise typer.Exit(MachineError.exit_code if unsent else 0)
 
 
-def lacking_names(store: Store) -> list[tuple[str, Key]]:
+def lacking_names(store: Store) -> list[tuple[str, str]]:
     """Return kind and key of the stored files that the remote store lacks, without reading them."""
     if store.remote is None:
         return []

@@ -27,8 +27,8 @@ from dataclasses import dataclass, field
 from functools import lru_cache, partial
 from pathlib import Path
 
+from flowsculpt import MachineError
 from flowsculpt.api import RemoteStores
-from flowsculpt.api.files import machine_error
 from flowsculpt.api.frames import StoredFiles
 from flowsculpt.pipeline.plugins.remote.fetched_content import fault_of, suffix_of
 from flowsculpt.pipeline.plugins.remote.remote_requests import (
@@ -173,7 +173,7 @@ class RemoteFiles:
             return False
         except OSError as error:
             if error.errno in _LOCAL_FAULTS:
-                raise machine_error(draft, error) from error
+                raise MachineError.of_path(draft, error) from error
             raise
         return True
 

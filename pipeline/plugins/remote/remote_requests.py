@@ -26,7 +26,7 @@ from urllib.parse import urlsplit
 
 from flowsculpt import MachineError, UsageError
 from flowsculpt.api import suggest
-from flowsculpt.api.files import command
+from flowsculpt.api.files import python_command
 
 LOG = logging.getLogger("flowsculpt.store")
 """Its warnings are passed on to the user."""
@@ -63,7 +63,7 @@ def checked_url(typed: str) -> str:
     if find_spec(module) is None:
         raise MachineError(
             f"{where}: {scheme}:// needs the package {module}, which is not installed; install it "
-            f"for the Python of flowsculpt: {shlex.join(command('pip', 'install', module))}"
+            f"for the Python of flowsculpt: {shlex.join(python_command('pip', 'install', module))}"
         )
     return text
 

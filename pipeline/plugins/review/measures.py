@@ -13,10 +13,9 @@ import typer
 from numpy.typing import NDArray
 
 from flowsculpt import TriangleMesh
-from flowsculpt.api.files import read_state
+from flowsculpt.api.files import CachedAnswer
 from flowsculpt.api.frames import (
     CorruptFileError,
-    Key,
     MeshFrame,
     PipelineStage,
     RenderRequest,
@@ -188,7 +187,7 @@ def _of_frame(
     try:
         store.bring("measures", key)
         store.digests.check(known)
-        if (measured := read_state(known, dict)) is not None:
+        if (measured := CachedAnswer(known).load(dict)) is not None:
             return measured
     except (CorruptFileError, OSError):
         pass
@@ -202,7 +201,7 @@ def _of_frame(
     return found
 
 
-def simulated(request: RenderRequest, store: Store, number: int, kind: str) -> tuple[Path, Key] | None:
+def simulated(request: RenderRequest, store: Store, number: int, kind: str) -> tuple[Path, str] | None:
     """Return path and key of the `mesh` or the `normals` of a frame; None if it is not simulated.
 
     The file in renders/, from which pictures were rendered, goes first, even if the shot has changed since.

@@ -10,7 +10,14 @@ import typer
 
 from flowsculpt import UsageError
 from flowsculpt.api import plural
-from flowsculpt.api.commands import print_result, print_warning, progress_bars, require_one_of, size, table
+from flowsculpt.api.commands import (
+    empty_table,
+    print_result,
+    print_warning,
+    progress_bars,
+    require_one_of,
+    size_words,
+)
 from flowsculpt.api.frames import History, Locks, Show
 from flowsculpt.api.options import QUALITIES, Common, Shot, ShotOptions, shared_option
 from flowsculpt.api.shots import NAME_PATTERN
@@ -95,9 +102,8 @@ def review(
     live = sum(not note.deleted for note in written)
     shown += f", {plural(live, 'note')}" if live else ""
     if counts.get("frames_with_layers"):
-        shown += (
-            f", layers of {plural(counts['frames_with_layers'], 'frame')} ({size(counts['layer_bytes'])})"
-        )
+        held = size_words(counts["layer_bytes"])
+        shown += f", layers of {plural(counts['frames_with_layers'], 'frame')} ({held})"
     words = f"{page.index}:{verb} {shown}."
     missing = {f"{s.shot} {s.label}": sorted(s.states()) for s in page.sequences if s.states()}
     about_notes = {"notes": live, "notes_added": added}
@@ -139,7 +145,7 @@ def notes(
     added = folder.add(add or (), common.dry_run)
     found = [note for note in folder.notes(name) if status in (None, note.status)]
     live = sorted((note for note in found if not note.deleted), key=lambda note: (note.sequence, note.first))
-    listing = table("sequence", "frames", "status", "by", "time (UTC)", "note")
+    listing = empty_table("sequence", "frames", "status", "by", "time (UTC)", "note")
     for note in live:
         listing.add_row(*_row(note))
     kind = f"{status} notes" if status else "notes"

@@ -17,9 +17,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError, model_validator
 
-from flowsculpt import MissingInputError, UsageError
+from flowsculpt import MachineError, MissingInputError, UsageError
 from flowsculpt.api import shorten
-from flowsculpt.api.files import ChangedFileError, atomic_write, machine_error
+from flowsculpt.api.files import ChangedFileError, atomic_write
 from flowsculpt.api.frames import Locks, RootFolders
 from flowsculpt.api.shots import NAME_PATTERN, is_file
 
@@ -178,7 +178,7 @@ def read_notes(path: Path) -> list[ReviewNote]:
     try:
         content = path.read_bytes()
     except OSError as error:
-        raise machine_error(path, error, "read") from None
+        raise MachineError.of_path(path, error, "read") from None
     try:
         return merged(NotesDocument.model_validate_json(content).notes)
     except ValidationError as error:

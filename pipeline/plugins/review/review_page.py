@@ -22,7 +22,7 @@ from typing import Any
 from flowsculpt import MissingInputError
 from flowsculpt.api import ShotExtras
 from flowsculpt.api.commands import Project
-from flowsculpt.api.files import disk_errors, make_folder, remove
+from flowsculpt.api.files import disk_errors, make_folder, page_script, page_style, remove_file
 from flowsculpt.api.frames import (
     History,
     LatestTimings,
@@ -86,7 +86,7 @@ def _order(sequence: PictureSequence) -> int:
     return KINDS.index(sequence.kind) if sequence.kind in KINDS else len(KINDS)
 
 
-SOURCES = (files("flowsculpt.pipeline.plugins.review") / "page", files("flowsculpt.pipeline") / "web")
+PAGE = files("flowsculpt.pipeline.plugins.review") / "page"
 
 Tell = Callable[[], None]
 
@@ -165,9 +165,9 @@ class ReviewPage:
             "three": "three.js" if script else None,
             "hint": hint,
         }
-        for source in (file for folder in SOURCES for file in folder.iterdir()):
-            path = self.index if source.name == self.index.name else self.folder / "page" / source.name
-            self._write(path, source.read_bytes())
+        self._write(self.index, (PAGE / "index.html").read_bytes())
+        self._write(self.folder / "page" / "page.css", page_style(PAGE).encode())
+        self._write(self.folder / "page" / "page.js", page_script(PAGE).encode())
         if script:
             self._write(self.folder / "three.js", f"window.reviewThree = {_json(script)};\n".encode())
         self._write(self.folder / "data.js", f"window.reviewData = {_json(data)};\n".encode())
@@ -182,6 +182,7 @@ class ReviewPage:
             ("scopes", scopes),
             ("models", models | moving),
             ("layers", layers),
+            ("page", {"page.css", "page.js"}),
         ):
             _keep(self.folder / folder, names)
         return {
@@ -285,7 +286,7 @@ def _keep(folder: Path, names: set[str]) -> None:
     """Remove all other files from a folder of the page."""
     for path in folder.iterdir():
         if path.name not in names and path.is_file():
-            remove(path)
+            remove_file(path)
 
 
 _OMITTED = frozenset({"frame"})  # entries that differ between frames by definition

@@ -19,8 +19,14 @@ import numpy as np
 
 from flowsculpt import FlowsculptError
 from flowsculpt.api import ShotExtras
-from flowsculpt.api.frames import CorruptFileError, FrameRange, Key, RenderRequest, Store, StoredFiles, key_of
-from flowsculpt.api.meshes import AnyArray
+from flowsculpt.api.frames import (
+    CorruptFileError,
+    FrameRange,
+    RenderRequest,
+    Store,
+    StoredFiles,
+    key_of,
+)
 from flowsculpt.pipeline.plugins.review.measures import simulated
 
 FORMAT = 2
@@ -101,18 +107,18 @@ class PageMeshes:
         self.store.write(self.folder / name, lambda draft: draft.write_text(script, encoding="utf-8"))
 
     @cached_property
-    def _simulated(self) -> dict[int, list[tuple[Path, Key]]]:
+    def _simulated(self) -> dict[int, list[tuple[Path, str]]]:
         """Path and key of the normals of each subject, of the frames of which all are simulated."""
         return {n: found for n in sorted(self.request.angles) if (found := self._files(n))}
 
-    def _files(self, number: int) -> list[tuple[Path, Key]]:
+    def _files(self, number: int) -> list[tuple[Path, str]]:
         """Return path and key of the normals of each subject of a frame; none unless all are simulated."""
         files = [simulated(part, self.store, number, "normals") for part in self.request.parts]
         found = [file for file in files if file is not None]
         return found if len(found) == len(files) else []
 
 
-def joined(subjects: Sequence[dict[str, AnyArray]]) -> dict[str, AnyArray]:
+def joined(subjects: Sequence[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
     """Join the surfaces of a frame to one, and its clouds to one.
 
     Returns `vertices`, `normals` and `faces` of the surfaces, and `centres` and `radii` of the clouds. A
@@ -120,7 +126,7 @@ def joined(subjects: Sequence[dict[str, AnyArray]]) -> dict[str, AnyArray]:
     """
     surfaces = [arrays for arrays in subjects if "faces" in arrays]
     clouds = [arrays for arrays in subjects if "faces" not in arrays]
-    together: dict[str, AnyArray] = {}
+    together: dict[str, np.ndarray] = {}
     if surfaces:
         starts = np.cumsum([0, *(len(arrays["vertices"]) for arrays in surfaces[:-1])])
         faces = [arrays["faces"] + start for arrays, start in zip(surfaces, starts, strict=True)]
@@ -132,7 +138,7 @@ def joined(subjects: Sequence[dict[str, AnyArray]]) -> dict[str, AnyArray]:
     return together
 
 
-def as_script(name: str, arrays: dict[str, AnyArray]) -> str:
+def as_script(name: str, arrays: dict[str, np.ndarray]) -> str:
     """Return a call of the page's `reviewModel` with the arrays of `joined` in base64, little-endian.
 
     positions, centres  uint16 (V, 3), over the box from `low` to `high`, scene units
@@ -143,7 +149,7 @@ def as_script(name: str, arrays: dict[str, AnyArray]) -> str:
     low, high = _bounds(arrays)
     extent = np.where(high > low, high - low, 1.0)
 
-    def packed(points: AnyArray) -> str:
+    def packed(points: np.ndarray) -> str:
         return _encoded(np.rint((np.asarray(points, np.float64) - low) / extent * 65535.0), "<u2")
 
     data: dict[str, Any] = {
@@ -172,7 +178,7 @@ def _call(name: str, data: dict[str, Any]) -> str:
     return f"reviewModel({json.dumps(name)}, {json.dumps(data)});\n"
 
 
-def _bounds(arrays: dict[str, AnyArray]) -> tuple[AnyArray, AnyArray]:
+def _bounds(arrays: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """Return the least and the greatest coordinates (3,) of the vertices, and of the balls around centres."""
     ends = [np.asarray(arrays["vertices"], np.float64)] if "faces" in arrays else []
     if "centres" in arrays:
@@ -182,5 +188,5 @@ def _bounds(arrays: dict[str, AnyArray]) -> tuple[AnyArray, AnyArray]:
     return points.min(axis=0), points.max(axis=0)
 
 
-def _encoded(values: AnyArray | Sequence[float], kind: str) -> str:
+def _encoded(values: np.ndarray | Sequence[float], kind: str) -> str:
     return base64.b64encode(np.ascontiguousarray(values).astype(kind).tobytes()).decode("ascii")

@@ -19,9 +19,9 @@ import numpy as np
 
 from flowsculpt import FlowsculptError, UsageError
 from flowsculpt.api import reason_of, shorten, suggest
-from flowsculpt.api.files import Archive, read_input
+from flowsculpt.api.files import Archive, InputFile
 from flowsculpt.api.flows import Samples
-from flowsculpt.api.meshes import AnyArray, Floats
+from flowsculpt.api.meshes import Floats
 
 MAX_BYTES = 8 << 30  # memory for the samples of a field, or of a sequence
 
@@ -40,7 +40,9 @@ def _size(count: int) -> str:
 NAMES = ("x", "y", "z", "t", "velocity")
 
 
-def read_npz(file: Path, content: bytes, most: int = MAX_BYTES) -> tuple[list[AnyArray], AnyArray, AnyArray]:
+def read_npz(
+    file: Path, content: bytes, most: int = MAX_BYTES
+) -> tuple[list[np.ndarray], np.ndarray, np.ndarray]:
     """Return arrays x, y, z; times; and velocity (T, X, Y, Z, 3), (X, Y, Z, 3) in a file without t.
 
     most  bytes of all arrays as float64; checked by their headers before anything is unpacked
@@ -172,7 +174,7 @@ class _Grid:
             raise UsageError(f"{self.file}: there is {what} three components at its points.{hint}")
         return matches[0]
 
-    def numbers(self, element: ElementTree.Element, most: int) -> AnyArray:
+    def numbers(self, element: ElementTree.Element, most: int) -> np.ndarray:
         """Return the values of a DataArray, flat; of compressed ones hardly more than `most` are unpacked."""
         kind = _TYPES.get(element.get("type", ""))
         if kind is None:
@@ -276,7 +278,7 @@ _LAST: dict[tuple[tuple[Path, ...], str | None, float], Samples] = {}
 
 
 def _is_unchanged(file: Path, digest: str) -> bool:
-    return hashlib.sha256(read_input(file, MAX_BYTES)).hexdigest() == digest
+    return hashlib.sha256(InputFile(file, MAX_BYTES).content()).hexdigest() == digest
 
 
 def _read(files: tuple[Path, ...], array: str | None, interval: float) -> Samples:
@@ -305,7 +307,7 @@ def _read_file(file: Path, array: str | None) -> tuple[tuple[Floats, Floats, Flo
         raise UsageError(
             f"{file}: {file.suffix or 'no suffix'} is not a format of fields; use {', '.join(FORMATS)}"
         )
-    content, times, is_npz = read_input(file, MAX_BYTES), np.zeros(1), file.suffix.lower() == ".npz"
+    content, times, is_npz = InputFile(file, MAX_BYTES).content(), np.zeros(1), file.suffix.lower() == ".npz"
     if is_npz and array is not None:
         raise UsageError(
             f"{file}: array {array} does not apply; in .npz the array is velocity. Leave out array."
@@ -343,7 +345,7 @@ def reading(file: Path, kind: str) -> Iterator[None]:
         raise UsageError(f"{file}: it cannot be read as {kind} ({reason_of(error)})") from error
 
 
-def require_valid(file: Path, axes: list[AnyArray], times: AnyArray, velocity: AnyArray) -> None:
+def require_valid(file: Path, axes: list[np.ndarray], times: np.ndarray, velocity: np.ndarray) -> None:
     """Raise UsageError unless axes and times ascend, and velocities fit them and are finite numbers."""
     for name, axis in zip("xyzt", [*axes, times], strict=True):
         least = 1 if name == "t" else 2

@@ -10,7 +10,7 @@ import typer
 
 from flowsculpt import UsageError
 from flowsculpt.api import plural
-from flowsculpt.api.commands import execute, exit_with, print_result, print_warning, report_plan
+from flowsculpt.api.commands import execute, print_result, print_warning, report_plan
 from flowsculpt.api.files import make_folder
 from flowsculpt.api.flows import MotionForecast
 from flowsculpt.api.frames import FinishedPictures, Folders, FrameRange, Plan, RenderRequest, Show, Store
@@ -144,7 +144,7 @@ def sheet(
     many = len(made.request.requested)
     facts = {"path": str(path), "frames": list(made.request.requested), "rendered": outcome.made("render")}
     print_result(f"{path}: {plural(many, 'frame')}, {outcome.made('render')} rendered.", facts, common.json)
-    exit_with(outcome.exit_code)
+    raise typer.Exit(outcome.exit_code)
 
 
 def wedge(
@@ -200,7 +200,7 @@ def wedge(
     }
     rendered = f"{plural(len(grid), 'cell')}, {plural(outcome.made('render'), 'frame')} rendered"
     print_result(f"{', '.join(path.as_posix() for path in sheets)}: {rendered}.", facts, common.json)
-    exit_with(outcome.exit_code)
+    raise typer.Exit(outcome.exit_code)
 
 
 def _notes(made: Wedge) -> list[str]:

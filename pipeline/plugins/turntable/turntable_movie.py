@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from flowsculpt import MissingInputError, UsageError
 from flowsculpt.api import plural, suggest
 from flowsculpt.api.commands import Project, execute_and_report, progress_bars, require_one_of
-from flowsculpt.api.files import require_input
+from flowsculpt.api.files import InputFile
 from flowsculpt.api.frames import (
     FinishedPictures,
     Folders,
@@ -32,7 +32,7 @@ from flowsculpt.api.frames import (
     Store,
     key_of,
 )
-from flowsculpt.api.meshes import surface_reader, usual_up
+from flowsculpt.api.meshes import ModelFile
 from flowsculpt.api.options import (
     DEFAULT_QUALITY,
     Common,
@@ -113,7 +113,7 @@ class TurntableRequest:
     def requests(self) -> list[RenderRequest]:
         """Return the request of each look. Raises MissingInputError or UsageError."""
         mesh, of_file = Path(self.subject), self._is_of_file
-        up = self.up or usual_up(mesh)
+        up = self.up or ModelFile(mesh).up()
         if of_file:
             path = mesh.absolute().with_name(re.sub(r"[^\w.-]", "_", mesh.stem) + ".yaml")
             shot = _shot_around(mesh, up, self._named_looks, PAINTED in self.looks)
@@ -138,7 +138,7 @@ class TurntableRequest:
 
     @property
     def _is_of_file(self) -> bool:
-        return surface_reader(self.subject) is not None
+        return ModelFile(Path(self.subject)).reader is not None
 
     def _take(self, path: Path, of_file: bool, look: str | None) -> RenderRequest:
         subjects = self.project.request(path, self.quality).manifest.subjects if look else ()
@@ -407,7 +407,7 @@ def _shot_around(mesh: Path, up: str, looks: Mapping[str, Any], is_painted: bool
     """
     if not mesh.exists():
         raise MissingInputError(f"{mesh}: no such mesh file; check the path")
-    require_input(mesh)
+    InputFile(mesh).size()
     shot = {
         "title": mesh.stem,
         "frames": "1-1",

@@ -13,10 +13,12 @@ A profile holds commands anyway, and is used only where it is named.
 from __future__ import annotations
 
 import json
+import os
 import platform
 import shlex
 import shutil
 import subprocess
+import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,7 +30,6 @@ from ruamel.yaml.error import YAMLError
 from flowsculpt import FlowsculptError, MachineError, MissingInputError, UsageError
 from flowsculpt.api import RunObserver, suggest
 from flowsculpt.api.commands import print_warning
-from flowsculpt.api.files import user_environment
 from flowsculpt.api.frames import Runs
 from flowsculpt.api.options import Common
 from flowsculpt.pipeline.plugins.versions.provenance import FILE
@@ -91,6 +92,14 @@ class Hook:
             ) from None
         if ended.returncode != 0:
             raise MachineError(f"{self.source} {self.text}: it ended with {ended.returncode}. {after}")
+
+
+def user_environment() -> dict[str, str]:
+    """Return the environment of a program of the user, such as a Python script with modules next to it."""
+    given = {name: value for name, value in os.environ.items() if name != "FLOWSCULPT_PROCESS"}
+    if not sys.flags.safe_path:
+        given.pop("PYTHONSAFEPATH", None)
+    return given
 
 
 def tell_published(hook: Hook, done: Published) -> None:

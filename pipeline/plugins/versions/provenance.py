@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import platform
 import re
@@ -15,7 +14,7 @@ from typing import Any
 import psutil
 
 from flowsculpt import MissingInputError, UsageError
-from flowsculpt.api.files import from_plain, to_plain, usable
+from flowsculpt.api.files import CachedAnswer, InputFile, from_plain, to_plain
 from flowsculpt.api.frames import STAGES, PublishedVersion, QualityName, RootFolders, ShotSource
 from flowsculpt.api.shots import NAME_PATTERN, is_file
 
@@ -127,13 +126,8 @@ class Provenance:
             raise MissingInputError(
                 f"{path}: no such file; flowsculpt versions lists the published versions; each has a {FILE}"
             )
-        try:
-            text = path.read_bytes()
-        except OSError as error:
-            raise MissingInputError(
-                f"{path}: cannot be read ({error.strerror}); check its permissions"
-            ) from None
-        record = usable(lambda: cls.from_data(json.loads(text.decode("utf-8"))))
+        InputFile(path).content()  # raises MissingInputError where it cannot be read
+        record = CachedAnswer(path).load(cls.from_data)
         if record is None:
             raise UsageError(
                 f"{path}: not the provenance of a published version, or cut short; use the one that "

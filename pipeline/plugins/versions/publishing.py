@@ -31,12 +31,11 @@ from numpy.typing import NDArray
 
 from flowsculpt import FlowsculptError, FrameError, MissingInputError, UsageError
 from flowsculpt.api import ShotExtras
-from flowsculpt.api.files import atomic_folder, digest_of_file, remove_tree
+from flowsculpt.api.files import InputFile, atomic_folder, remove_tree
 from flowsculpt.api.frames import (
     STAGES,
     FrameKeys,
     FrameRange,
-    Key,
     LatestTimings,
     Locks,
     PictureKeys,
@@ -227,7 +226,7 @@ class Release:
         assert keys is not None, "frames that are shown have keys"
         return keys
 
-    def _movie_key(self, keys: Mapping[int, FrameKeys]) -> Key:
+    def _movie_key(self, keys: Mapping[int, FrameKeys]) -> str:
         return self.request.whole().keys.movie([keys[n].frame for n in sorted(self.request.angles)])
 
     def _require(self, missing: str, stale: str) -> None:
@@ -282,11 +281,11 @@ class Release:
             frame=found.frame,
             seed=request.seed(number),
             pixels=pixels,
-            sha256=digest_of_file(file),
+            sha256=InputFile(file).digest(),
             seconds=_seconds_of_render(request, self.store.root, number, found.raw),
         )
 
-    def _whole_movie(self, key: Key) -> str:
+    def _whole_movie(self, key: str) -> str:
         """Return the digest of the movie. Raises FrameError if it cannot be decoded to its end."""
         file = self.store.path("movie", key)
         try:
@@ -297,9 +296,9 @@ class Release:
             whole = False
         if not whole:
             raise self._evicted("movie", key, self.request.movie_path.name)
-        return digest_of_file(file)
+        return InputFile(file).digest()
 
-    def _evicted(self, kind: str, key: Key, what: str) -> FrameError:
+    def _evicted(self, kind: str, key: str, what: str) -> FrameError:
         """Evict a damaged file, so that the next run makes it again, and return the error."""
         self.store.discard(kind, key)
         return FrameError(
@@ -345,13 +344,13 @@ def published_sequences(query: SequenceQuery) -> Iterator[PictureSequence]:
             yield sequence
 
 
-def _seconds_of_render(request: RenderRequest, root: Path, number: int, raw: Key) -> dict[str, float]:
+def _seconds_of_render(request: RenderRequest, root: Path, number: int, raw: str) -> dict[str, float]:
     """Return the seconds of one render, in parts; empty where the picture of this key has none."""
     statistics = LatestTimings(root).of_picture(request.place("statistics", number))
     return dict(statistics.seconds) if statistics is not None and statistics.key == raw else {}
 
 
-def _total_seconds(request: RenderRequest, root: Path, raws: Mapping[int, Key]) -> dict[str, float]:
+def _total_seconds(request: RenderRequest, root: Path, raws: Mapping[int, str]) -> dict[str, float]:
     """Return the seconds of all frames of a request by stage; `raws` are the keys of its renders."""
     shared = sorted(name for name, stage in STAGES.items() if not stage.per_quality)
     stages = (*shared, "finish", "assemble")
@@ -423,18 +422,18 @@ class Patch(Release):
 
     def _record(self, version: str, keys: Mapping[int, FrameKeys], notes: bytes) -> Provenance:
         record = super()._record(version, keys, notes)
-        frames, digest = str(FrameRange.of(self._numbers)), digest_of_file(self._folder / FILE)
+        frames, digest = str(FrameRange.of(self._numbers)), InputFile(self._folder / FILE).digest()
         return replace(record, patch={"version": self.base, "frames": frames, "sha256": digest})
 
     def _frame(self, number: int, keys: Mapping[int, FrameKeys]) -> FrameRecord:
         if number in self._numbers:
             return super()._frame(number, keys)
         frame, file = self._before.frames[number], self._files()[number]
-        if not file.is_file() or digest_of_file(file) != frame.sha256:
+        if not file.is_file() or InputFile(file).digest() != frame.sha256:
             raise FrameError(f"--patch {self.base}: {file} is damaged or missing; see flowsculpt verify")
         return frame
 
-    def _whole_movie(self, key: Key) -> str:
+    def _whole_movie(self, key: str) -> str:
         """Encode the movie unless the store has it, and return its digest."""
         request, numbers = self.request.whole(), sorted(self.request.angles)
         rate, encode = request.shot.rate, request.pictures.movie_encode

@@ -15,7 +15,7 @@ import numpy as np
 
 from flowsculpt import MachineError, MissingInputError, UsageError
 from flowsculpt.api.commands import Project
-from flowsculpt.api.files import digest_of_file
+from flowsculpt.api.files import InputFile
 from flowsculpt.api.frames import (
     FrameRange,
     PictureKeys,
@@ -52,7 +52,7 @@ def restored(record: Provenance, allow_code: bool) -> ShotSource:
     for place, digest in record.source.inputs or ():
         if not is_file(Path(place)):
             gone.append(place)
-        elif digest_of_file(Path(place)) != digest:
+        elif InputFile(Path(place)).digest() != digest:
             changed.append(place)
     of = f"{record.shot} {record.version}"
     if gone:
@@ -197,7 +197,7 @@ class Reproduction:
         file = self.home / self.request.movie_path
         if not file.exists():
             return Comparison("movie", None, "was not made")
-        return Comparison("movie", digest_of_file(file) == self.record.movie["sha256"])
+        return Comparison("movie", InputFile(file).digest() == self.record.movie["sha256"])
 
 
 def _difference(file: Path, before: Path) -> str:

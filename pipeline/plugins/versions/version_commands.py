@@ -13,13 +13,12 @@ import typer
 from flowsculpt import MissingInputError, UsageError
 from flowsculpt.api import plural
 from flowsculpt.api.commands import (
+    empty_table,
     execute,
-    exit_with,
     print_error,
     print_result,
     print_warning,
     report_plan,
-    table,
 )
 from flowsculpt.api.frames import FrameRange, RootFolders, Show, use_store
 from flowsculpt.api.options import (
@@ -138,11 +137,11 @@ def versions(
                 errors.append(record)
                 print_error(str(record))
     _report(provenances, common.json)
-    exit_with(max((error.exit_code for error in errors), default=0))
+    raise typer.Exit(max((error.exit_code for error in errors), default=0))
 
 
 def _report(provenances: Sequence[tuple[Path, Provenance]], as_json: bool) -> None:
-    listing = table("shot", "version", "quality", "frames", "published (UTC)", "by", "note")
+    listing = empty_table("shot", "version", "quality", "frames", "published (UTC)", "by", "note")
     for _, record in provenances:
         when = record.published.replace("T", " ").removesuffix("Z")
         what = record.shot, record.version, record.quality, str(FrameRange.of(record.frames))
@@ -201,7 +200,7 @@ def reproduce(
         "not_made": [each.what for each in unlike if each.same is None],
     }
     print_result(_compared(record, again.home, comparisons), facts, common.json)
-    exit_with(outcome.exit_code or (1 if unlike else 0))
+    raise typer.Exit(outcome.exit_code or (1 if unlike else 0))
 
 
 def _compared(record: Provenance, home: Path, comparisons: Sequence[Comparison]) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 
 from snakemake_interface_executor_plugins.registry import ExecutorPluginRegistry
 
-from flowsculpt.render.base.python_process import command
+from flowsculpt.render.base.python_process import python_command
 
 UnfitHosts = Callable[[Any], set[str]]
 """Returns the hosts that are not to get a job of Snakemake."""
@@ -29,7 +29,7 @@ def _with_our_python(executor: Any) -> Any:
 
     class FarmExecutor(executor):  # type: ignore[misc]  # Snakemake has no types
         def get_python_executable(self) -> str:
-            python, ours = str(super().get_python_executable()), command("snakemake")[:2]
+            python, ours = str(super().get_python_executable()), python_command("snakemake")[:2]
             return shlex.join(ours) if python == ours[0] else python
 
     return FarmExecutor

@@ -32,8 +32,9 @@ from flowsculpt.pipeline.production.stages import STILLS
 from flowsculpt.pipeline.production.store.paths import LOGS, STATE
 from flowsculpt.pipeline.production.tasks.worker_pool import WorkerPool
 from flowsculpt.render.base import python_process
-from flowsculpt.render.base.atomic_write import PROBE, REMEDIES, disk_errors, machine_error
+from flowsculpt.render.base.atomic_write import disk_errors
 from flowsculpt.render.base.python_process import ForkedProcess
+from flowsculpt.render.base.render_errors import PROBE, REMEDIES
 from flowsculpt.render.base.root_files import forbid_links, guard, held, open_file, require_own_folders
 from flowsculpt.render.base.user_cache import user_number
 
@@ -83,7 +84,7 @@ def refusal(root: Path, log: Path) -> str | None:
         return refused[1]
     for number, path in re.findall(r"Error: \[Errno (\d+)\] [^\n:]+: '([^'\n]+)'", _said(log)):
         if int(number) in REMEDIES:
-            return str(machine_error(root / path, OSError(int(number), "")))
+            return str(MachineError.of_path(root / path, OSError(int(number), "")))
     for folder in (root / STATE, Path(gettempdir())):
         try:
             require_own_folders(root)
@@ -130,7 +131,7 @@ def _start(root: Path, output: int, words: list[str], is_local: bool) -> ForkedP
     if is_local and ForkedProcess.may_start():
         return ForkedProcess(lambda: main(words), output, root)
     return Popen(
-        python_process.command("flowsculpt.pipeline.production.execution.snakemake", *words),
+        python_process.python_command("flowsculpt.pipeline.production.execution.snakemake", *words),
         cwd=root,
         env=python_process.environment(),
         stdin=subprocess.DEVNULL,

@@ -38,7 +38,7 @@ from flowsculpt.pipeline.production.store.remote_store import remote_stores, sto
 from flowsculpt.pipeline.production.store.shared_kernels import send_kernels
 from flowsculpt.pipeline.production.store.store import Key, Store
 from flowsculpt.render.base.atomic_write import atomic_write
-from flowsculpt.render.base.root_files import remove, set_time
+from flowsculpt.render.base.root_files import remove_file, set_time
 from flowsculpt.render.base.serialise import NOT_PLAIN, from_plain, to_plain
 from flowsculpt.render.base.state_files import read_state, usable
 
@@ -76,7 +76,7 @@ def check_done_files(plan: Plan, store: Store) -> None:
         if job.output in plan.manifests or (is_motion and _is_true(job, path, store)):
             set_time(path, 1.0)
         else:
-            remove(path)
+            remove_file(path)
 
 
 def _is_true(job: Job, path: Path, store: Store) -> bool:

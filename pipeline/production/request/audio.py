@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from flowsculpt.pipeline.errors import FrameError
 from flowsculpt.pipeline.frames import FrameRate
-from flowsculpt.render.base.input_files import digest_of_file
+from flowsculpt.render.base.input_files import InputFile
 from flowsculpt.render.base.serialise import OMIT_DEFAULT, to_plain
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ class AudioTrack:
     @property
     def is_unchanged(self) -> bool:
         path = Path(self.file)
-        return path.is_file() and digest_of_file(path) == self.digest
+        return path.is_file() and InputFile(path).digest() == self.digest
 
     @property
     def seconds(self) -> float:
@@ -91,7 +91,7 @@ class AudioClip:
         from flowsculpt.render.movie.movie_sound import silence_in
 
         silence = silence_in(file)
-        return cls((AudioTrack(str(file.absolute()), digest_of_file(file), silence=silence),), 0, frames)
+        return cls((AudioTrack(str(file.absolute()), InputFile(file).digest(), silence=silence),), 0, frames)
 
     @property
     def content(self) -> list[Any]:

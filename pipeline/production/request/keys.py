@@ -156,11 +156,11 @@ class RequestKeys:
         """Return what decides the colours of a picture that shows speeds; nothing of others."""
         if not self.request.pictures.measures_speed:
             return []
-        from flowsculpt.render.scene.patterns import SPEED
+        from flowsculpt.render.scene.surface import Surface
 
         mesh, shot = self.request.angles[number].mesh, self.request.shot
         data = [part.motion.velocity_data(mesh) for part in shot.parts]
-        return [[SPEED, data if shot.subjects else data[0]]]
+        return [[Surface.SPEED, data if shot.subjects else data[0]]]
 
     def _flow_data(self, mesh: int, offsets: tuple[float, ...]) -> list[Any]:
         """Return the cache data of the flow around a mesh frame; of several subjects, a list of them."""

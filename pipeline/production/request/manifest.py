@@ -18,7 +18,7 @@ from flowsculpt.pipeline.production.request.audio import AudioTrack
 from flowsculpt.pipeline.production.stages import PLUGIN_STAGES, SIMULATE, SMOOTH_NORMALS
 from flowsculpt.pipeline.production.store.paths import STATE
 from flowsculpt.pipeline.production.store.store import Key, key_of
-from flowsculpt.render.base.input_files import digest_of_file
+from flowsculpt.render.base.input_files import InputFile
 from flowsculpt.render.scene.render_quality import Quality, flat_qualities
 
 if TYPE_CHECKING:  # reading shots takes a second; planning spares it where the cache holds all
@@ -218,7 +218,7 @@ def changed_inputs(inputs: InputDigests) -> Iterator[str]:
     """Yield the paths of the files that are not as they were."""
     for path, digest in inputs:
         try:
-            now = digest_of_file(Path(path))
+            now = InputFile(Path(path)).digest()
         except MissingInputError:
             now = ""
         if now != digest:

@@ -39,7 +39,7 @@ from flowsculpt.pipeline.production.store.store import Store, key_of
 from flowsculpt.pipeline.shot.yaml.named_files import DEFAULTS, is_file, text_of
 from flowsculpt.render.base.atomic_write import atomic_write, make_folder
 from flowsculpt.render.base.render_errors import BadInputError
-from flowsculpt.render.base.root_files import remove, set_time
+from flowsculpt.render.base.root_files import remove_file, set_time
 from flowsculpt.render.base.serialise import NOT_PLAIN, from_plain, to_plain
 from flowsculpt.render.base.user_cache import writable_cache
 
@@ -159,7 +159,7 @@ def _prune(folder: str) -> None:
         for entry in entries:
             with contextlib.suppress(OSError):
                 if entry.stat().st_mtime < oldest:
-                    remove(Path(entry.path))
+                    remove_file(Path(entry.path))
 
 
 def _digest(text: str) -> str:

@@ -20,7 +20,7 @@ from pathlib import Path
 
 from flowsculpt.pipeline.production.store.paths import DIGESTS
 from flowsculpt.render.base.atomic_write import atomic_write, disk_errors
-from flowsculpt.render.base.root_files import appended, remove
+from flowsculpt.render.base.root_files import appended, remove_file
 
 SUFFIX = ".b2"
 
@@ -110,7 +110,7 @@ class Digests:
                 last = {line[DIGITS + 2 :]: line for line in lines}
                 kept = [line for name, line in last.items() if (folder / os.fsdecode(name)).is_file()]
                 if not kept:
-                    remove(record)
+                    remove_file(record)
                 elif len(kept) < len(lines):
                     with atomic_write(record, flush=False) as draft:
                         draft.write_bytes(b"".join(line + b"\n" for line in kept))

@@ -36,7 +36,7 @@ from pathlib import Path
 from typing import Any
 
 from flowsculpt.pipeline.production.store.paths import EVENTS
-from flowsculpt.render.base.atomic_write import machine_error
+from flowsculpt.render.base.render_errors import MachineError
 from flowsculpt.render.base.root_files import appended
 from flowsculpt.render.base.state_files import plain_data
 
@@ -159,7 +159,9 @@ def poll(seconds: float, read: Callable[[], object], warn: Callable[[str], objec
                 if refusals >= MOST_REFUSALS and not is_warned:
                     is_warned = True
                     with contextlib.suppress(OSError):  # of a closed standard error
-                        warn(str(machine_error(Path(error.filename or "standard error"), error, "used")))
+                        warn(
+                            str(MachineError.of_path(Path(error.filename or "standard error"), error, "used"))
+                        )
 
     thread = threading.Thread(target=follow, daemon=True)
     thread.start()

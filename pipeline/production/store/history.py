@@ -28,9 +28,9 @@ from flowsculpt.pipeline.production.store.event_log import RUNS, Event, EventRea
 from flowsculpt.pipeline.production.store.locks import Locks
 from flowsculpt.pipeline.production.store.paths import LOGS, STATE
 from flowsculpt.pipeline.production.store.remote_store import LOG
-from flowsculpt.render.base.atomic_write import atomic_write, machine_error
+from flowsculpt.render.base.atomic_write import atomic_write
 from flowsculpt.render.base.processes import command_of, is_at_work
-from flowsculpt.render.base.root_files import remove, remove_tree
+from flowsculpt.render.base.root_files import remove_file, remove_tree
 from flowsculpt.render.base.state_files import UNUSABLE, mapping, plain_data, read_state, usable
 
 HISTORY = STATE / "history"
@@ -200,7 +200,7 @@ class History:
 
     def _leave_out(self, path: Path, error: OSError) -> None:
         self.is_whole = False
-        _warn(f"{machine_error(path, error, 'read')}; {LEFT_OUT}")
+        _warn(f"{MachineError.of_path(path, error, 'read')}; {LEFT_OUT}")
 
     def works_on(self, place: Place, stage: str) -> dict[tuple[str, int], Worker]:
         """Return jobs and frames that are worked on, with the processes; `add` keeps them."""
@@ -335,7 +335,7 @@ def _rotated(root: Path, logs: Sequence[Path]) -> Iterator[Path]:
             yield log
             continue
         for path in log.parent.glob(f"{log.stem}.*jsonl"):
-            remove(path)
+            remove_file(path)
         remove_tree(root / LOGS / log.stem)
 
 

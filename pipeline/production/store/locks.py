@@ -23,7 +23,7 @@ from pathlib import Path
 from flowsculpt.pipeline.errors import MachineError
 from flowsculpt.pipeline.production.store.paths import STATE
 from flowsculpt.render.base.atomic_write import disk_errors
-from flowsculpt.render.base.root_files import open_file, remove, require_own_folders
+from flowsculpt.render.base.root_files import open_file, remove_file, require_own_folders
 from flowsculpt.render.base.state_files import read_state
 from flowsculpt.render.base.user_cache import user_number
 
@@ -159,7 +159,7 @@ def _held(
             _OPEN.remove(descriptor)
             if not shared and path.name != ROOT.name:
                 with suppress(PermissionError):  # Windows keeps files that are open; it holds nobody up
-                    remove(path)
+                    remove_file(path)
             os.close(descriptor)
 
 

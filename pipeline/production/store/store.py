@@ -50,7 +50,7 @@ from flowsculpt.render.base.atomic_write import atomic_write, disk_errors
 from flowsculpt.render.base.drafts import disk_time, draft_name, sweep_drafts
 from flowsculpt.render.base.plural import plural
 from flowsculpt.render.base.render_errors import CorruptImageError, FlowsculptError, MissingImageError
-from flowsculpt.render.base.root_files import guard, held, remove, touch
+from flowsculpt.render.base.root_files import guard, held, remove_file, touch
 
 if TYPE_CHECKING:
     from flowsculpt.render.frame.checkpoint import Checkpoint
@@ -344,7 +344,7 @@ class Store:
     def discard(self, kind: str, key: Key) -> None:
         """Evict a damaged file; the next run that needs it makes it again."""
         with disk_errors(self.path(kind, key)):
-            remove(self.path(kind, key))
+            remove_file(self.path(kind, key))
 
 
 def _draft_beside(store: Store, path: Path) -> Path:
@@ -414,7 +414,7 @@ def sweep(store: Store) -> None:
     for path in _checkpoints(store):
         with contextlib.suppress(OSError):
             if store.is_here("raw", path.stem.rpartition(".")[2]) or path.stat().st_mtime < oldest:
-                remove(path)
+                remove_file(path)
 
 
 def checkpoint_of(
@@ -438,7 +438,7 @@ def remove_checkpoints(store: Store, targets: Iterable[Path], keep: Path | None 
     for path in paths:
         if path != keep and path.stem.rpartition(".")[0] in names:
             with contextlib.suppress(OSError):
-                remove(path)
+                remove_file(path)
 
 
 def _checkpoints(store: Store) -> list[Path]:
@@ -477,7 +477,7 @@ def upload(store: Store, name: Name, digest: str, replace: bool = False) -> bool
         touch(mark)
     sent = store.remote.send(*name, store.path(*name), digest, replace)
     if sent:
-        remove(mark)
+        remove_file(mark)
     return sent
 
 
@@ -503,7 +503,7 @@ def upload_missed(store: Store, others: Iterable[Name] = ()) -> Uploaded:
         except OSError:
             digest = ""
         if digest not in store.digests.known(path):
-            remove(_mark(store.root, name))
+            remove_file(_mark(store.root, name))
             return None
         return upload(store, name, digest)
 

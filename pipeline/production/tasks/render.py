@@ -29,7 +29,7 @@ from flowsculpt.render.mitsuba.engine import Engine, choose
 from flowsculpt.render.post.image import write_exr
 from flowsculpt.render.scene.aovs import COPY, RenderedFrame
 from flowsculpt.render.scene.painted_faces import PaintedFaces
-from flowsculpt.render.scene.patterns import SPEED, Pigment
+from flowsculpt.render.scene.patterns import Pigment
 from flowsculpt.render.scene.scene import SUBJECT, Geometry, MotionSample, Scene, SceneSubject
 from flowsculpt.render.scene.surface import Spheres, Surface, outlines
 
@@ -213,7 +213,7 @@ class _ShownSubject:
         if not request.pictures.measures_speed:
             return attributes
 
-        return {**attributes, SPEED: self._shading.speeds(request.shot.motion)}
+        return {**attributes, Surface.SPEED: self._shading.speeds(request.shot.motion)}
 
     @cached_property
     def _paint(self) -> PaintedFaces | None:

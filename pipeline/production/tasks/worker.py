@@ -50,7 +50,6 @@ from flowsculpt.pipeline.production.tasks.worker_end import (
     verdict,
 )
 from flowsculpt.render.base import python_process
-from flowsculpt.render.base.atomic_write import machine_error
 from flowsculpt.render.base.foreign_code import is_of_user
 from flowsculpt.render.base.python_process import ENDING, ForkedProcess, postpone_collection
 from flowsculpt.render.base.root_files import open_file
@@ -95,7 +94,7 @@ def _child(context: Context, plan_path: str, insist: bool, after: int) -> Forked
         return ForkedProcess(lambda: _exit_code(work))
     job = context.job
     words = [plan_path, job.name, "--threads", str(job.threads), "--after", str(after)]
-    command = python_process.command(__spec__.name, *words, *(["--insist"] if insist else []))
+    command = python_process.python_command(__spec__.name, *words, *(["--insist"] if insist else []))
     return Popen(command, env=python_process.environment(), stdin=subprocess.DEVNULL)
 
 
@@ -207,7 +206,11 @@ def _bring_kernels(context: Context) -> None:
 
 
 def _as_failure(error: FlowsculptError | OSError, root: Path) -> FlowsculptError:
-    return error if isinstance(error, FlowsculptError) else machine_error(Path(error.filename or root), error)
+    return (
+        error
+        if isinstance(error, FlowsculptError)
+        else MachineError.of_path(Path(error.filename or root), error)
+    )
 
 
 def task_of(stage: str) -> Callable[[Context], bool]:

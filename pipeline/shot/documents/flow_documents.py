@@ -65,7 +65,7 @@ from flowsculpt.pipeline.shot.documents.field_types import (
 )
 from flowsculpt.pipeline.shot.motion import Clock
 from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext, finding
-from flowsculpt.render.base.input_files import read_input
+from flowsculpt.render.base.input_files import InputFile
 
 
 class FlowParameters(Document):
@@ -321,7 +321,7 @@ class PythonDocument(FlowParameters):
         self._path, self._allowed = context.file(self.file), context.allow_code
         self._digest = context.digests[self._path]
         self._reads = {path: context.digests[path] for path in map(context.file, self.reads)}
-        code = context.attempt(lambda: read_input(self._path, MOST_CODE))
+        code = ParseContext.attempt(lambda: InputFile(self._path, MOST_CODE).content())
         try:
             ast.parse(code, str(self._path))
         except (SyntaxError, ValueError, RecursionError, MemoryError) as error:

@@ -46,7 +46,7 @@ from flowsculpt.pipeline.shot.documents.look_parts import (
 from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext, finding, missing_file
 from flowsculpt.pipeline.shot.yaml.named_files import is_file
 from flowsculpt.pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource, listed
-from flowsculpt.render.base.input_files import digest_of_file
+from flowsculpt.render.base.input_files import InputFile
 from flowsculpt.render.base.render_errors import RenderError
 from flowsculpt.render.mitsuba.bsdf_plugins import refusal
 from flowsculpt.render.scene.materials import LOOKS, Material, MitsubaMaterial, PatternedMaterial
@@ -188,7 +188,7 @@ def _file(plugin: dict[str, Any], where: Where, folder: Path) -> Iterator[Proble
         elif plugin["type"] == "bitmap":
             space = plugin.get("space")
             try:
-                read_picture(str(path), digest_of_file(path), space if isinstance(space, str) else None)
+                read_picture(str(path), InputFile(path).digest(), space if isinstance(space, str) else None)
             except RenderError as error:
                 yield (*where, "space" if "space" in str(error)[:6] else "filename"), f"{error}"
 

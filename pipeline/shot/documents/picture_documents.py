@@ -27,7 +27,7 @@ from flowsculpt.pipeline.shot.documents.look_documents import LookField, look_of
 from flowsculpt.pipeline.shot.shot import FrameOverride
 from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext, finding
 from flowsculpt.pipeline.shot.yaml.yaml_source import in_yaml
-from flowsculpt.render.base.input_files import read_input
+from flowsculpt.render.base.input_files import InputFile
 from flowsculpt.render.post.view import ACES, BUILT_IN, ColourView, view_of
 from flowsculpt.render.scene.render_quality import (
     BATCH_SAMPLES,
@@ -332,7 +332,7 @@ def tables(config: Path) -> list[Path]:
 
 
 def _text(path: Path) -> str:
-    content = ParseContext.attempt(lambda: read_input(path, MOST_CONFIG))
+    content = ParseContext.attempt(lambda: InputFile(path, MOST_CONFIG).content())
     try:
         return as_utf8(content).decode("utf-8", "replace")
     except ValueError as error:
@@ -343,7 +343,7 @@ def _require_plain(table: Path) -> None:
     """Refuse a table of colours that OpenColorIO would not read, or would read wrong."""
     if table.suffix.lower() not in _TEXT_TABLES:
         return
-    content = ParseContext.attempt(lambda: read_input(table, MOST_CONFIG))
+    content = ParseContext.attempt(lambda: InputFile(table, MOST_CONFIG).content())
     try:
         is_plain = as_utf8(content) == content and (b"\n" in content or b"\r" not in content)
     except ValueError:

@@ -54,7 +54,7 @@ from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext, find
 from flowsculpt.pipeline.shot.yaml.messages import number_in
 from flowsculpt.pipeline.shot.yaml.synonyms import synonym
 from flowsculpt.pipeline.shot.yaml.yaml_source import in_yaml
-from flowsculpt.render.base.input_files import digest_of_file
+from flowsculpt.render.base.input_files import InputFile
 from flowsculpt.render.scene.aovs import AOVS
 from flowsculpt.render.scene.render_quality import CONVENTIONS
 from flowsculpt.render.scene.rgb_spaces import REC709, WORKING_SPACES
@@ -161,7 +161,7 @@ class SoundDocument(Document):
 
         file = (folder / self.file).absolute()
         values = {name: float(value) for name, value in self.model_dump(exclude={"file"}).items()}
-        return SoundTrack(file, digest_of_file(file), **values, silence=silence_in(file))
+        return SoundTrack(file, InputFile(file).digest(), **values, silence=silence_in(file))
 
 
 def _require_mapping(value: Any) -> Any:

@@ -20,7 +20,7 @@ from pydantic import (
 )
 
 from flowsculpt.pipeline.errors import UsageError, suggest
-from flowsculpt.pipeline.mesh.read import model_files, read_paint
+from flowsculpt.pipeline.mesh.read import ModelFile
 from flowsculpt.pipeline.plugin import Plugin, plugins
 from flowsculpt.pipeline.plugin_contracts import require_class
 from flowsculpt.pipeline.shot.copies import MOST_COPIES, Copies, OrderedPlaces
@@ -197,8 +197,8 @@ class ModelDocument(SizedDocument):
 
     def build(self, folder: Path) -> Model:
         path, paint = folder / self.model, self.paint == "on"
-        files = model_files(path)
-        painted = tuple(read_paint(path, lambda reader: reader.files).items()) if paint else ()
+        files = ModelFile(path).files()
+        painted = tuple(ModelFile(path).paint_files().items()) if paint else ()
         digests = ["seams 2", files.digest, *dict(painted).values()]
         return Model(
             digest=joint_digest(digests) if paint else files.digest,

@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Self
 from pydantic import PrivateAttr, ValidationInfo, model_validator
 
 from flowsculpt.pipeline.arrays import Floats, Points
-from flowsculpt.pipeline.mesh import TriangleMesh, require
+from flowsculpt.pipeline.mesh import TriangleMesh, validate
 from flowsculpt.pipeline.plugin_contracts import ContractError
 from flowsculpt.pipeline.shot.documents.field_types import Document
 from flowsculpt.pipeline.shot.subjects import Subject
@@ -41,7 +41,7 @@ class SubjectKind(Document):
         context = ParseContext.of(info)
         self._digests = [context.digests[context.file(str(file))] for file in context.attempt(self.files)]
         self._surface = context.attempt(lambda: self.surface(context.folder))
-        context.attempt(lambda: require(self._surface))
+        context.attempt(lambda: validate(self._surface).require())
         return self
 
     def made(self, origin: tuple[str, str]) -> tuple[str, TriangleMesh]:

@@ -17,12 +17,12 @@ from pydantic import BaseModel, ValidationError, ValidationInfo
 from pydantic_core import PydanticCustomError
 
 from flowsculpt.pipeline.errors import FlowsculptError, MissingInputError, ShotError, reason_of
-from flowsculpt.pipeline.mesh.read import model_files
+from flowsculpt.pipeline.mesh.read import ModelFile
 from flowsculpt.pipeline.plugin import fault_of_plugin
 from flowsculpt.pipeline.shot.yaml.messages import problems_of
 from flowsculpt.pipeline.shot.yaml.named_files import is_file, is_folder, quote_name
 from flowsculpt.pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource
-from flowsculpt.render.base.input_files import digest_of_file, kind_of_path
+from flowsculpt.render.base.input_files import InputFile, kind_of_path
 from flowsculpt.render.base.number_order import in_order
 
 MOST_PROBLEMS = 50
@@ -70,7 +70,7 @@ class ParseContext:
 
     def note(self, path: Path) -> str:
         """Note the digest of a file that is read, and return it. Raises a finding where it cannot be read."""
-        self.digests[path] = self.attempt(lambda: digest_of_file(path))
+        self.digests[path] = self.attempt(lambda: InputFile(path).digest())
         return self.digests[path]
 
     def mesh(self, name: str) -> Path:
@@ -79,7 +79,7 @@ class ParseContext:
         Raises a finding where one is not there or cannot be read.
         """
         path = self._path(name)
-        self.digests.update(self.attempt(lambda: model_files(path)).files)
+        self.digests.update(self.attempt(lambda: ModelFile(path).files()).files)
         return path
 
     def _path(self, name: str) -> Path:

@@ -194,6 +194,8 @@ class _Mapping:
 def _hint(mapping: _Mapping, name: Any, found: UnknownNames) -> str:
     """Return a did-you-mean, or the names there are; note what it explains."""
     if (sentence := plugins().lacking(str(name))) is not None:
+        found.covered.update({mapping.where} - {()})
+        found.supplied.add(("resample",))  # points need none
         return sentence
     fields = field_names(mapping.models)
     if owners := [own for m in mapping.models if (own := getattr(m, "names_within", {}).get(name))]:

@@ -9,10 +9,9 @@ from pathlib import Path
 from flowsculpt.pipeline.errors import MissingInputError, ShotError, quote
 from flowsculpt.pipeline.file_contents import as_utf8
 from flowsculpt.pipeline.plugin import plugins
-from flowsculpt.render.base.atomic_write import machine_error
-from flowsculpt.render.base.input_files import read_input
+from flowsculpt.render.base.input_files import InputFile
 from flowsculpt.render.base.plural import indefinite
-from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.base.render_errors import BadInputError, MachineError
 
 DEFAULTS = "defaults.yaml"
 """The file beside shots that holds defaults for all of them."""
@@ -43,7 +42,7 @@ def is_file(path: Path) -> bool:
         return path.is_file()
     except OSError as error:
         if error.errno in (errno.EIO, errno.ESTALE):
-            raise machine_error(path, error, "read") from None
+            raise MachineError.of_path(path, error, "read") from None
         return False
     except ValueError:
         return False
@@ -83,7 +82,7 @@ def text_of(path: Path) -> str:
     file can be read, ShotError for other text and for files over MOST_BYTES.
     """
     try:
-        content = read_input(path, MOST_BYTES)
+        content = InputFile(path, MOST_BYTES).content()
     except BadInputError:
         raise ShotError(f"{path}:1:1: {_TOO_LARGE}") from None
     try:

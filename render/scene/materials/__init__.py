@@ -5,6 +5,7 @@ from flowsculpt.render.scene.materials.material import (
     Material,
     Opacity,
     PatternedMaterial,
+    PreviewSurface,
     Relief,
     Subsurface,
 )
@@ -40,6 +41,7 @@ __all__ = [
     "Painted",
     "PatternedMaterial",
     "Plastic",
+    "PreviewSurface",
     "Relief",
     "Satin",
     "Smoke",

@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field, fields, replace
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flowsculpt.render.base.render_errors import BadInputError
 from flowsculpt.render.base.serialise import OMIT_DEFAULT, Colour, Triple
-from flowsculpt.render.scene.patterns import SPEED, Measure, Pigment
+from flowsculpt.render.scene.patterns import Measure, Pigment, looked_up
 from flowsculpt.render.scene.picture_file import Pixels
-from flowsculpt.render.scene.surface import Wireframe
+from flowsculpt.render.scene.surface import Surface, Wireframe
 from flowsculpt.render.scene.texture_projection import MODEL, TextureProjection
-from flowsculpt.render.scene.textures import REPEATED, Texture, continued, texels_at
+from flowsculpt.render.scene.textures import REPEATED, WHOLE, Texture, continued, texels_at
 
 M = TypeVar("M", bound="Material")
+P = TypeVar("P", bound="PatternedMaterial")
+Floats = NDArray[np.float64]
 
 _REFUSALS = {
     "roughness_texture": "has one roughness; those of plastic, metal and satin vary",
@@ -28,6 +31,25 @@ _REFUSALS = {
     "colour_texture": "has one colour; leave its picture out",
 }
 """Messages about a field that a model does not have."""
+
+
+CLEAR_OPACITY = 0.3
+"""Opacity of clear bodies in previews. Readers do not refract there; at 0 some would show nothing."""
+
+
+class PreviewSurface(NamedTuple):
+    """Inputs of a UsdPreviewSurface. `colour` is linear Rec.709; the others lie between 0 and 1.
+
+    Roughness is the root of the width of GGX lobes, as UsdPreviewSurface and glTF have it.
+    """
+
+    colour: Colour
+    roughness: float
+    metallic: float = 0.0
+    clearcoat: float = 0.0
+    opacity: float = 1.0
+    refraction: float = 1.5
+    is_matt: bool = False
 
 
 @dataclass(frozen=True)
@@ -42,6 +64,9 @@ class Material:
 
     is_lit: ClassVar[bool] = True
     """False if the material brings its own light and background."""
+
+    is_of_model: ClassVar[bool] = False
+    """True for the materials of a model's file, each on its own faces."""
 
     _min_path_depth: ClassVar[int] = 0
     _stage_colour: ClassVar[Triple | None] = None
@@ -84,7 +109,66 @@ class Material:
     @property
     def measures_speed(self) -> bool:
         """True if its colours are the speed of the surface."""
-        return isinstance(self.pattern, Measure) and self.pattern.of == SPEED
+        return isinstance(self.pattern, Measure) and self.pattern.of == Surface.SPEED
+
+    @property
+    def parts_by_number(self) -> tuple[Material, ...]:
+        """The materials of a model by their numbers; of other looks, the look itself."""
+        return (self,)
+
+    def texture(self, name: str) -> Texture | None:
+        """Return the texture of its colour, roughness, metallic or normal; None where it has none."""
+        found: Texture | None = getattr(self, f"{name}_texture", None)
+        return found
+
+    @property
+    def opacity(self) -> Opacity | None:
+        """Where the surface has holes, or None."""
+        return None
+
+    def colour_pixels(self, with_factor: bool = True) -> Pixels:
+        """Return the pixels (H, W, 3) of the texture of its colour; a white one where it has none."""
+        return np.ones((1, 1, 3), np.float32)
+
+    def phases(self, surface: Surface) -> Floats | None:
+        """Return the phases (V,) of its pattern at vertices, or None for a material without one.
+
+        Raises BadInputError where the surface lacks what the pattern needs.
+        """
+        if self.pattern is None:
+            return None
+        if isinstance(self.pattern, Measure):
+            return self.pattern.phases(surface)
+        return self.pattern.phases(self.pattern.places(surface))
+
+    def vertex_colours(self, surface: Surface) -> Floats | None:
+        """Return linear Rec.709 reflectances (V, 3) of vertices, or None for a material of one colour.
+
+        They are for pictures without a path tracer, which looks up colours per sample. Raises BadInputError
+        where the surface lacks what the colours need.
+        """
+        phases = self.phases(surface)
+        return None if phases is None or self.pattern is None else looked_up(self.pattern, phases)
+
+    def preview_surface(self) -> PreviewSurface:
+        """Return the preview surface that is nearest to the material, for other programs."""
+        return PreviewSurface(self.colour, 1.0)
+
+    def openpbr(self) -> dict[str, float | Colour]:
+        """Return inputs of OpenPBR 1.1 (Academy Software Foundation, 2024) without those at their defaults.
+
+        Unlike a preview surface, OpenPBR refracts, absorbs, and scatters light below a surface and inside a
+        body. `transmission_depth` and `subsurface_radius` are in halves of the subject's size. Roughness is
+        the root of the width of GGX lobes.
+        """
+        surface = self.preview_surface()
+        inputs: dict[str, float | Colour] = {
+            "base_color": surface.colour,
+            "base_metalness": surface.metallic,
+            "specular_roughness": surface.roughness,
+            "geometry_opacity": surface.opacity,
+        }
+        return inputs | {"specular_weight": 0.0} if surface.is_matt or not self.is_lit else inputs
 
     @property
     def texture_projection(self) -> TextureProjection | None:
@@ -189,11 +273,45 @@ class PatternedMaterial(Material):
     def has_opacity(self) -> bool:
         return self.opacity is not None
 
-    def colour_pixels(self) -> Pixels:
+    def on_model(self: P) -> P:
+        """Return the material with its textures where the model's file puts them."""
+        names = ("colour", "roughness", "metallic", "normal")
+        held = [*map(self.texture, names), self.opacity and self.opacity.texture]
+        keeps_place = not all(each.repeats for each in held if each)
+        return replace(self, projection=TextureProjection(MODEL, keeps_place=keeps_place))
+
+    def vertex_colours(self, surface: Surface) -> Floats | None:
+        """Return the texels at vertices; a vertex with two texture coordinates takes one of them."""
+        if self.colour_texture is None:
+            return super().vertex_colours(surface)
+        rest = surface.require_rest("look has a picture")
+        points = np.repeat(np.arange(len(rest), dtype=np.int32)[:, None], 3, axis=1)
+        faces = surface.faces if len(surface.faces) else points
+        corners, _ = self.projection.coordinates(rest, faces, surface.paint)
+        coordinates = np.zeros((len(rest), 2))
+        coordinates[faces.reshape(-1)] = corners.reshape(-1, 2)
+        pixels = self.colour_pixels()
+        height, width = pixels.shape[:2]
+        right, up = self.projection.offset
+        across = coordinates[:, 0] + 0.5 - right
+        down = 0.5 + up - coordinates[:, 1] * (width / height if self.projection.keeps_shape else 1.0)
+        return texels_at(pixels, across, down, self.colour_texture.wrap).astype(np.float64)
+
+    def preview_surface(self) -> PreviewSurface:
+        surface = self._whole_surface()
+        return surface if self.opacity is None else surface._replace(opacity=self.opacity.factor)
+
+    def _whole_surface(self) -> PreviewSurface:
+        """Return the preview surface where it has no holes."""
+        return super().preview_surface()
+
+    def colour_pixels(self, with_factor: bool = True) -> Pixels:
         """Return the pixels of the colour texture (H, W, 3), where it is cut out with those around the holes
         continued into them: lookups blend neighbours. Raises as `read_picture`."""
-        assert self.colour_texture is not None
-        pixels = self.colour_texture.pixels()
+        if self.colour_texture is None:
+            return super().colour_pixels()
+        texture = self.colour_texture if with_factor else replace(self.colour_texture, factor=WHOLE)
+        pixels = texture.pixels()
         if self.opacity is None or self.opacity.texture is None:
             return pixels
         known = self.opacity.texture.numbers() > 0.0
@@ -269,6 +387,12 @@ class Absorption:
         return red, green, blue
 
 
+def of_parts(colour: Colour, function: Callable[[float], float]) -> Colour:
+    """Return a colour whose parts are values of a function of the parts of another."""
+    red, green, blue = map(function, colour)
+    return red, green, blue
+
+
 @dataclass(frozen=True)
 class Subsurface:
     """Scattering below the surface.
@@ -284,3 +408,13 @@ class Subsurface:
             raise BadInputError(
                 f"subsurface has radius {self.radius}; each number lies between 0.0001 and 100"
             )
+
+    def openpbr(self, colour: Colour) -> dict[str, float | Colour]:
+        """Return the inputs of OpenPBR for an opaque body of a colour."""
+        longest = max(self.radius)
+        return {
+            "subsurface_weight": 1.0,
+            "subsurface_color": colour,
+            "subsurface_radius": longest,
+            "subsurface_radius_scale": of_parts(self.radius, lambda part: part / longest),
+        }

@@ -10,16 +10,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flowsculpt.render.base.render_errors import BadInputError
-from flowsculpt.render.base.serialise import OMIT_DEFAULT, Triple
+from flowsculpt.render.base.serialise import OMIT_DEFAULT, Colour, Triple
 from flowsculpt.render.scene.materials.material import (
+    CLEAR_OPACITY,
     Absorption,
+    Floats,
     Material,
     PatternedMaterial,
+    PreviewSurface,
     Relief,
     Subsurface,
+    of_parts,
 )
 from flowsculpt.render.scene.materials.mitsuba_bsdf import Bsdf
+from flowsculpt.render.scene.painted_faces import PaintedFaces
 from flowsculpt.render.scene.patterns import Measure, Pigment
+from flowsculpt.render.scene.surface import Surface
 from flowsculpt.render.scene.texture_projection import MODEL, TextureProjection
 from flowsculpt.render.scene.textures import Texture
 
@@ -29,6 +35,10 @@ one, lights stand out as reflections."""
 
 _POLISHED = 1e-3
 """Roughness up to which glass refracts like a perfectly smooth surface."""
+
+_COAT = {"coat_ior": 1.5, "coat_roughness": 0.16, "coat_darkening": 0.0}
+_COAT_WEIGHT, _SHEEN_TINT = 0.25, 0.5
+"""The clear coat and the sheen of the principled BSDF that draws satin (Burley 2012, section 5.3)."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +52,13 @@ class Diffuse(PatternedMaterial):
     relief: Relief | None = field(default=None, kw_only=True)
     subsurface: Subsurface | None = field(default=None, kw_only=True)
     model: str = field(default="diffuse", init=False)
+
+    def _whole_surface(self) -> PreviewSurface:
+        return PreviewSurface(self.colour, 1.0, is_matt=True)
+
+    def openpbr(self) -> dict[str, float | Colour]:
+        below = {} if self.subsurface is None else self.subsurface.openpbr(self.colour)
+        return super().openpbr() | below
 
 
 @dataclass(frozen=True)
@@ -59,6 +76,9 @@ class Glossy(PatternedMaterial):
     def has_varied_roughness(self) -> bool:
         """True if a texture or a pigment gives the roughness."""
         return self.roughness_texture is not None or bool(self.pigment and self.pigment.roughness)
+
+    def _whole_surface(self) -> PreviewSurface:
+        return PreviewSurface(self.colour, math.sqrt(self.roughness))
 
 
 @dataclass(frozen=True)
@@ -79,6 +99,10 @@ class Plastic(Glossy):
                 "a number"
             )
 
+    def openpbr(self) -> dict[str, float | Colour]:
+        below = {} if self.subsurface is None else self.subsurface.openpbr(self.colour)
+        return super().openpbr() | below
+
 
 @dataclass(frozen=True)
 class Metal(Glossy):
@@ -87,6 +111,9 @@ class Metal(Glossy):
     _stage_colour: ClassVar = _DIM
 
     model: str = field(default="metal", init=False)
+
+    def _whole_surface(self) -> PreviewSurface:
+        return super()._whole_surface()._replace(metallic=1.0)
 
 
 @dataclass(frozen=True)
@@ -109,6 +136,15 @@ class Satin(Glossy):
     def __post_init__(self) -> None:
         super().__post_init__()
         self._require_fractions("sheen", "metallic", "coat")
+
+    def _whole_surface(self) -> PreviewSurface:
+        return PreviewSurface(self.colour, self.roughness, self.metallic, self.coat)
+
+    def openpbr(self) -> dict[str, float | Colour]:
+        brightest = max(*self.colour, 1e-9)
+        layers = {"coat_weight": _COAT_WEIGHT * self.coat, "fuzz_weight": self.sheen} | _COAT
+        hue = of_parts(self.colour, lambda part: 1.0 - _SHEEN_TINT + _SHEEN_TINT * part / brightest)
+        return super().openpbr() | layers | {"fuzz_color": hue}
 
 
 @dataclass(frozen=True)
@@ -134,6 +170,9 @@ class BrushedMetal(Material):
         grain = np.array(self.grain) / math.hypot(*self.grain)
         other = np.eye(3)[int(np.abs(grain).argmin())]
         return np.stack([np.cross(grain, other), grain])
+
+    def preview_surface(self) -> PreviewSurface:
+        return PreviewSurface(self.colour, math.sqrt(self.roughness), metallic=1.0)
 
 
 @dataclass(frozen=True)
@@ -171,6 +210,38 @@ class Glass(Material):
         red, green, blue = (part * share for part, share in zip(self.colour, left, strict=True))
         return red, green, blue
 
+    def preview_surface(self) -> PreviewSurface:
+        colour, roughness = self.auxiliary_colour, math.sqrt(self.roughness)
+        return PreviewSurface(colour, roughness, opacity=CLEAR_OPACITY, refraction=self.refraction)
+
+    def openpbr(self) -> dict[str, float | Colour]:
+        """Return the inputs of a clear body.
+
+        OpenPBR colours either its surface or its inside. Where there is a medium, the colours of the two
+        passages through the surface become absorption along the subject's size, which is two halves.
+        """
+        inputs: dict[str, float | Colour] = {
+            "base_color": self.auxiliary_colour,
+            "specular_roughness": math.sqrt(self.roughness),
+            "specular_ior": self.refraction,
+            "transmission_weight": 1.0,
+        }
+        if self.absorption is None and self.subsurface is None:
+            return inputs | {"transmission_color": self.colour}
+        absorbed = self.absorption.rate if self.absorption is not None else (0.0, 0.0, 0.0)
+        surface = of_parts(self.colour, lambda part: -math.log(max(part, 1e-6)))
+        scattered = (0.0, 0.0, 0.0)
+        depth = self.absorption.depth if self.absorption is not None else 1.0
+        if self.subsurface is not None:
+            scattered = of_parts(self.subsurface.radius, lambda part: 1.0 / part)
+            depth = min(self.subsurface.radius)  # so that no part of `transmission_scatter` is above 1
+        lost = [sum(parts) for parts in zip(absorbed, surface, scattered, strict=True)]
+        red, green, blue = (math.exp(-rate * depth) for rate in lost)
+        inputs |= {"transmission_color": (red, green, blue), "transmission_depth": depth}
+        if self.subsurface is not None:
+            inputs["transmission_scatter"] = of_parts(scattered, lambda part: part * depth)
+        return inputs
+
 
 @dataclass(frozen=True)
 class Smoke(Material):
@@ -190,6 +261,23 @@ class Smoke(Material):
         if not 0.0 < self.density <= 1000.0:
             raise BadInputError(f"look has density {self.density}; it lies above 0 and up to 1000")
 
+    def preview_surface(self) -> PreviewSurface:
+        return PreviewSurface(self.colour, 1.0, opacity=CLEAR_OPACITY, is_matt=True)
+
+    def openpbr(self) -> dict[str, float | Colour]:
+        """Return the inputs of a cloud: a body whose surface neither reflects nor refracts."""
+        left = math.exp(-1.0)  # of light that went one mean distance between two scattering events
+        return {
+            "base_color": self.colour,
+            "specular_weight": 0.0,
+            "specular_ior": 1.0,
+            "specular_roughness": 0.0,
+            "transmission_weight": 1.0,
+            "transmission_color": (left, left, left),
+            "transmission_depth": 1.0 / self.density,
+            "transmission_scatter": self.colour,
+        }
+
 
 @dataclass(frozen=True)
 class Painted(Material):
@@ -197,6 +285,8 @@ class Painted(Material):
 
     parts  by their numbers; without any, the material is matt and has one colour
     """
+
+    is_of_model: ClassVar = True
 
     parts: tuple[PatternedMaterial, ...] = field(default=(), kw_only=True)
     model: str = field(default="painted", init=False)
@@ -220,10 +310,42 @@ class Painted(Material):
             raise BadInputError(f"look model has the {name} of the model's file; leave {name} out")
         return replace(self, **values)
 
+    @property
+    def parts_by_number(self) -> tuple[Material, ...]:
+        return self.parts or (self,)
+
+    def texture(self, name: str) -> Texture | None:
+        return self.parts[0].texture(name) if len(self.parts) == 1 else None
+
+    def vertex_colours(self, surface: Surface) -> Floats | None:
+        """Return the colours of the materials at vertices; one with several takes that of some face."""
+        colours, paint = np.empty((len(surface.vertices), 3)), surface.paint
+        if paint is None:
+            return None
+        for number, part in enumerate(self.parts):
+            which = paint.materials == number
+            if not which.any():
+                continue
+            faces, own = surface.faces[which], paint.of_faces(which)
+            if part.colour_texture is not None:
+                texels = part.vertex_colours(replace(surface, faces=faces, paint=own))
+                assert texels is not None, "it has a texture"
+                colours[faces] = texels[faces]
+            else:
+                dyed = own.colours is not None and part.colour_from == PaintedFaces.COLOURS
+                colours[faces] = own.colours if dyed else part.colour
+        return colours
+
+    def preview_surface(self) -> PreviewSurface:
+        return self.parts[0].preview_surface() if len(self.parts) == 1 else super().preview_surface()
+
+    def openpbr(self) -> dict[str, float | Colour]:
+        return self.parts[0].openpbr() if len(self.parts) == 1 else super().openpbr()
+
 
 @dataclass(frozen=True)
 class Gouraud(PatternedMaterial):
-    """A surface drawn as in 1990, by vertex colours, without light transport (`scene.vertex_colours`)."""
+    """A surface drawn as in 1990, by vertex colours, without light transport (`scene.shaded_colours`)."""
 
     is_lit: ClassVar[bool] = False
 
@@ -258,6 +380,9 @@ class MitsubaMaterial(Material):
     @property
     def texture_projection(self) -> TextureProjection:
         return self.projection
+
+    def preview_surface(self) -> PreviewSurface:
+        return PreviewSurface(self.colour, self.roughness)
 
 
 _MARBLE = Pigment(

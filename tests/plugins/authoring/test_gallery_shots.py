@@ -14,6 +14,9 @@ from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.shot import read_shot
 from tests.conftest import ProjectFolder
 from tests.full_disk import disk_of
+from tests.needed_plugins import needed_by, needed_by_gallery, needs_plugins
+
+MOON = GALLERY / "B190_moon.yaml"
 
 
 def keys(root: Path, shots: dict[str, str]) -> dict[str, list[str]]:
@@ -45,6 +48,7 @@ def show(tmp_path_factory):
     return ProjectFolder(folder / "my gallery")
 
 
+@needs_plugins(*needed_by_gallery())
 @pytest.mark.slow
 def test_a_show_of_the_gallery_holds_its_files_and_has_its_keys(show, keys_of_gallery):
     assert all(filecmp.cmp(file, show.path / name, shallow=False) for name, file in gallery_files().items())
@@ -52,6 +56,7 @@ def test_a_show_of_the_gallery_holds_its_files_and_has_its_keys(show, keys_of_ga
     assert not (show.path / "shots/defaults.yaml").exists(), "the gallery has none"
 
 
+@needs_plugins(*needed_by_gallery())
 @pytest.mark.slow
 def test_a_shot_of_the_gallery_has_its_keys_also_under_another_name(tmp_path, keys_of_gallery, monkeypatch):
     folder = ProjectFolder(tmp_path)
@@ -67,6 +72,7 @@ def test_a_shot_of_the_gallery_has_its_keys_also_under_another_name(tmp_path, ke
     assert keys(moved, names) == keys_of_gallery, "it reads nothing from elsewhere"
 
 
+@needs_plugins(*needed_by(MOON))
 def test_models_and_sounds_of_the_gallery_come_along_once(tmp_path):
     folder = ProjectFolder(tmp_path)
     first, again, sound = (
@@ -94,7 +100,12 @@ def test_a_copy_that_the_defaults_of_the_show_change_is_told(tmp_path):
 @pytest.mark.parametrize(
     ("words", "taken", "says"),
     [
-        (("A020", "--from", "B190_moon"), "models/B190_person.ply", "with other contents; rename it"),
+        pytest.param(
+            ("A020", "--from", "B190_moon"),
+            "models/B190_person.ply",
+            "with other contents; rename it",
+            marks=needs_plugins(*needed_by(MOON)),
+        ),
         (
             ("--show", "--gallery"),
             "models/B190_person.ply",
@@ -112,6 +123,7 @@ def test_a_file_of_the_show_is_never_replaced_by_one_of_the_gallery(tmp_path, wo
     assert [file.read_text() for file in tmp_path.rglob("*") if file.is_file()] == ["mine"]
 
 
+@needs_plugins(*needed_by(MOON))
 def test_a_full_disk_leaves_no_half_file_and_no_shot_without_its_model(tmp_path):
     folder, words = ProjectFolder(tmp_path), ("new", "A020", "--from", "B190_moon")
     folder.call("new", "A010")  # writes the schemas

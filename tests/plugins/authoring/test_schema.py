@@ -20,6 +20,7 @@ from flowsculpt.pipeline.shot import read_shot
 from flowsculpt.pipeline.shot.documents.flow_documents import FLOW_DOCUMENTS
 from flowsculpt.pipeline.shot.yaml.yaml_source import YamlSource
 from tests.conftest import new_project
+from tests.needed_plugins import gallery_rows
 
 COMMAND = [sys.executable, "-m", "flowsculpt", "--no-progress"]
 
@@ -53,7 +54,7 @@ def accepts(text: str, kind: str = "shot") -> bool:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("path", SHOTS, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", gallery_rows(SHOTS))
 def test_every_file_of_shots_is_valid(path: Path) -> None:
     kind = "film" if path in FILMS else "defaults" if path.stem == "defaults" else "shot"
     checker(kind).validate(as_json(YamlSource.read(path).data))

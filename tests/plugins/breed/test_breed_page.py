@@ -11,6 +11,7 @@ import pytest
 from playwright.sync_api import Browser
 
 from flowsculpt.pipeline.plugins.breed.generation_page import PageChild, next_name, page_text, read_choice
+from tests.page_flaws import flaws
 
 RECORD = {"name": "cube_1", "generation": 1, "seed": 4, "change": 0.3, "parents": [{}], "children": []}
 
@@ -58,6 +59,17 @@ def test_favourites_and_parents_that_are_clicked_become_a_choice(browser: Browse
     assert choice.parents == (Path("bred/cube_1/cube_1_03.yaml"), Path("bred/cube_1/cube_1_04.yaml"))
     assert choice.favourites == ("cube_1_02",)
     assert (choice.change, choice.seed, choice.name) == (0.3, 12, "very_calm_rm_")
+
+
+def test_the_page_is_used_in_light_and_dark_on_a_phone_and_by_keys_alone(
+    browser: Browser, folder: Path
+) -> None:
+    tab = browser.new_page(offline=True)
+    tab.goto(f"file://{folder}/index.html")
+    assert flaws(tab) == []
+    tab.keyboard.press("2")
+    assert tab.locator("article.favourite").count() == 1
+    tab.close()
 
 
 def test_generations_are_counted_by_their_names() -> None:

@@ -26,6 +26,7 @@ from flowsculpt.pipeline.plugins.breed.picture_mutations import (
 from flowsculpt.pipeline.plugins.breed.shot_genome import Genome, flow_lists, leaves_of, text_of_shot
 from flowsculpt.pipeline.shot import read_shot
 from flowsculpt.pipeline.shot.yaml.yaml_source import YamlSource
+from tests.needed_plugins import missing, needed_by
 
 SHOTS = Path("shots")
 BREEDABLE = [
@@ -37,6 +38,7 @@ BREEDABLE = [
     "B080_motes",
     "B120_pillars",
 ]
+BREEDABLE = [name for name in BREEDABLE if not missing(*needed_by(SHOTS / f"{name}.yaml"))]
 GENOMES: dict[str, Genome] = {}
 
 

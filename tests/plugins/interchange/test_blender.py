@@ -15,7 +15,7 @@ from pxr import Usd, UsdGeom
 
 from flowsculpt.pipeline.frames import FrameRange
 from flowsculpt.pipeline.mesh.mesh_formats import ScenePart
-from flowsculpt.pipeline.mesh.read import read_surface, usual_up
+from flowsculpt.pipeline.mesh.read import ModelFile
 from flowsculpt.pipeline.plugins.interchange.unifying import one_mesh
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.store.readers import read_npz
@@ -221,8 +221,8 @@ def test_a_stage_that_blender_wrote_is_read_as_it_stands_there(tmp_path: Path) -
     assert result.is_file(), done.stdout + done.stderr
     with np.load(result) as arrays:
         points, faces = arrays["points"], int(arrays["faces"])
-    torus = read_surface(stage, part=ScenePart("/scene/torus"))
-    assert usual_up(stage) == "z" and torus.faces == faces and torus.repairs == ()
+    torus = ModelFile(stage, ScenePart("/scene/torus")).surface()
+    assert ModelFile(stage).up() == "z" and torus.faces == faces and torus.repairs == ()
     assert np.allclose(torus.mesh.vertices, points, atol=1e-6)
-    both = read_surface(stage)
+    both = ModelFile(stage).surface()
     assert (both.vertices, both.faces, len(both.mesh.creases)) == (len(points) + 8, faces + 6, 1)

@@ -9,7 +9,7 @@ import pytest
 
 from flowsculpt.pipeline.errors import MeshError
 from flowsculpt.pipeline.mesh import PolygonMesh
-from flowsculpt.pipeline.mesh.read import model_files, read_surface, repair_surface, usual_up
+from flowsculpt.pipeline.mesh.read import ModelFile, repair_surface
 from flowsculpt.pipeline.plugins.interchange.collada_files import read_collada
 
 CORNERS = " ".join(f"{x} {y} {z}" for x in (-1, 1) for y in (-1, 1) for z in (-1, 1))
@@ -59,9 +59,9 @@ def test_polygons_unit_and_axis_are_those_of_the_file(
     path.write_bytes(
         text.replace('version="1.0"', f'version="1.0" encoding="{encoding[:6]}"').encode(encoding)
     )
-    read = read_surface(path)
+    read = ModelFile(path).surface()
     assert read.faces == 6 and np.diff(read.mesh.offsets).tolist() == [4] * 6 and read.repairs == ()
-    assert read.unit == 0.0254 and usual_up(path) == model_files(path).up == up
+    assert read.unit == 0.0254 and ModelFile(path).up() == ModelFile(path).files().up == up
     assert read.mesh.bounds.mean(axis=0).tolist() == list(turned) and volume(read.mesh) == pytest.approx(8.0)
 
 
@@ -161,5 +161,5 @@ def test_what_contradicts_itself_or_is_not_read_is_told_with_its_line(
     path = tmp_path / "a.dae"
     path.write_text(text)
     with pytest.raises(MeshError, match=says) as told:
-        read_surface(path)
+        ModelFile(path).surface()
     assert str(told.value).startswith(str(path)) and "\n" not in str(told.value)

@@ -15,6 +15,7 @@ from flowsculpt.pipeline.animation import animate
 from flowsculpt.pipeline.arrays import AnyArray
 from flowsculpt.pipeline.plugins.interchange.animated_gltf import Moving, write_animated_gltf
 from flowsculpt.pipeline.plugins.interchange.drawn_mesh import DrawnMesh, KeyPoses
+from flowsculpt.pipeline.plugins.interchange.embedded_pictures import EmbeddedPicture
 from flowsculpt.pipeline.plugins.interchange.exported_frame import exported_frame
 from flowsculpt.pipeline.plugins.interchange.exported_materials import exported_materials, pictures_recipe
 from flowsculpt.pipeline.plugins.interchange.gltf_document import GltfDocument
@@ -25,8 +26,7 @@ from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.request.shot_source import ShotSource
 from flowsculpt.pipeline.production.store.store import Store
 from flowsculpt.pipeline.shot import Shot
-from flowsculpt.render.base.input_files import digest_of_file
-from flowsculpt.render.post.embedded_textures import EmbeddedPicture
+from flowsculpt.render.base.input_files import InputFile
 from flowsculpt.render.scene.materials import LOOKS, Painted, Plastic
 from flowsculpt.render.scene.textures import Texture
 from tests.plugins.interchange.node_programs import gltf_messages
@@ -52,7 +52,7 @@ def noise(height: int = 12, width: int = 20, channels: int = 3) -> AnyArray:
 
 
 def texture(path: Path, space: str | None = None) -> Texture:
-    return Texture.of(str(path), digest_of_file(path), space)
+    return Texture.of(str(path), InputFile(path).digest(), space)
 
 
 @pytest.mark.parametrize(("name", "channels"), [("a.png", 3), ("a.png", 1), ("a.png", 4), ("a.jpg", 3)])

@@ -11,7 +11,8 @@ import pytest
 
 from flowsculpt.pipeline.errors import MachineError, MeshError
 from flowsculpt.pipeline.mesh import PolygonMesh
-from flowsculpt.pipeline.mesh.read import model_files, read_surface, repair_surface, usual_up
+from flowsculpt.pipeline.mesh.read import ModelFile, repair_surface
+from flowsculpt.pipeline.plugins.authoring.shot_templates import model_template
 from flowsculpt.pipeline.plugins.interchange import scene_readers
 from flowsculpt.pipeline.plugins.interchange.fbx_files import up_axis, visible_surface
 from tests.plugins.interchange.fbx_writer import (
@@ -48,17 +49,15 @@ def volume(mesh: PolygonMesh) -> float:
 @pytest.mark.slow
 @pytest.mark.parametrize("form", [text, binary])
 def test_quads_stay_quads_in_text_and_binary_files(tmp_path: Path, form: Any) -> None:
-    from flowsculpt.pipeline.plugins.authoring.shot_templates import model_template
-
     box = scene([box_geometry(1), model(2, "box")], LINKED, UpAxis=2, FrontAxis=1, FrontAxisSign=-1,
                 CoordAxis=0, CoordAxisSign=1, UnitScaleFactor=2.54)  # fmt: skip
     path = write(tmp_path / "box.fbx", box, form)
-    read = read_surface(path)
+    read = ModelFile(path).surface()
     assert read.faces == 6 and read.vertices == 8 and read.repairs == ()
     assert np.diff(read.mesh.offsets).tolist() == [4] * 6
     assert read.mesh.bounds.tolist() == [[-1.0] * 3, [1.0] * 3], "coordinates are those of the file"
     assert volume(read.mesh) == pytest.approx(8.0)
-    assert read.unit == pytest.approx(0.0254) and usual_up(path) == "z" == model_files(path).up
+    assert read.unit == pytest.approx(0.0254) and ModelFile(path).up() == "z" == ModelFile(path).files().up
     template = model_template(path, "box.fbx")
     assert "of 0.0254 m" in template.facts[0] and "z points up, which is heeded" in template.facts[1]
     assert "up:" not in template.subject, "the file states it"
@@ -75,8 +74,8 @@ def test_text_of_other_systems_is_read_and_an_impossible_unit_is_none(
         nodes,
         lambda given: text(given).decode().replace("\n", line_end).encode(encoding),
     )
-    read = read_surface(path)
-    assert read.faces == 6 and read.unit is None and usual_up(path) == "y"
+    read = ModelFile(path).surface()
+    assert read.faces == 6 and read.unit is None and ModelFile(path).up() == "y"
 
 
 def test_nodes_pivots_and_geometric_transforms_place_a_mesh() -> None:
@@ -169,7 +168,7 @@ def test_a_file_that_contradicts_itself_or_holds_no_mesh_is_refused(tmp_path: Pa
     with pytest.raises(ValueError, match="its numbers contradict each other"):
         visible_surface(binary(scene(bad, LINKED)))
     with pytest.raises(MeshError, match=r"empty\.fbx: it has no visible mesh"):
-        read_surface(write(tmp_path / "empty.fbx", scene([model(2, "a", "Null")], [(2, 0)])))
+        ModelFile(write(tmp_path / "empty.fbx", scene([model(2, "a", "Null")], [(2, 0)]))).surface()
 
 
 @pytest.mark.slow
@@ -179,7 +178,7 @@ def test_a_file_that_is_not_fbx_or_ends_early_is_refused(tmp_path: Path) -> None
         path = tmp_path / f"{number}.fbx"
         path.write_bytes(damaged)
         with pytest.raises(MeshError, match="cannot be read as FBX"):
-            read_surface(path)
+            ModelFile(path).surface()
 
 
 def test_without_ufbx_one_line_says_how_to_install_it(
@@ -187,6 +186,6 @@ def test_without_ufbx_one_line_says_how_to_install_it(
 ) -> None:
     path = write(tmp_path / "box.fbx", scene([box_geometry(1), model(2, "box")], LINKED))
     monkeypatch.setattr(scene_readers, "find_spec", lambda name: None)
-    for read in (read_surface, model_files):
+    for read in (ModelFile.surface, ModelFile.files):
         with pytest.raises(MachineError, match=r"install the extra \[models\].*pip install ufbx"):
-            read(path)
+            read(ModelFile(path))

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from flowsculpt.pipeline.arrays import AnyArray
 from flowsculpt.pipeline.errors import MachineError, MeshError, MissingInputError
 from flowsculpt.pipeline.mesh import box, icosphere
-from flowsculpt.pipeline.mesh.read import model_files, read_surface
+from flowsculpt.pipeline.mesh.read import ModelFile
 from flowsculpt.pipeline.plugins.interchange import scene_readers
 from flowsculpt.pipeline.plugins.interchange.gltf_document import GltfDocument
 from flowsculpt.pipeline.plugins.interchange.gltf_files import SceneArrays, Triangles
@@ -166,7 +166,7 @@ def test_points_and_lines_are_left_out_with_a_note(tmp_path: Path) -> None:
     scene = box_scene(box())
     lines = {"attributes": {"POSITION": scene.accessor(box().vertices)}, "mode": 1}
     scene.node(mesh=scene.mesh(lines, lines | {"mode": 0}))
-    read = read_surface(scene.glb(tmp_path / "a.glb"))
+    read = ModelFile(scene.glb(tmp_path / "a.glb")).surface()
     assert (read.faces, read.notes) == (12, ("2 primitives of points or lines are left out",))
 
 
@@ -174,7 +174,7 @@ def test_morph_targets_are_not_applied_and_the_user_is_told(tmp_path: Path) -> N
     scene = GltfScene()
     mesh = scene.triangles(box(2.0), targets=[{"POSITION": scene.accessor(box(2.0).vertices)}])
     scene.node(mesh=mesh, weights=[1.0])
-    read = read_surface(scene.glb(tmp_path / "a.glb"))
+    read = ModelFile(scene.glb(tmp_path / "a.glb")).surface()
     assert np.ptp(read.mesh.vertices, axis=0).tolist() == [2.0, 2.0, 2.0]
     assert read.notes[0].startswith("the morph targets of 1 primitive are not applied")
 
@@ -219,7 +219,7 @@ def test_a_plain_scene_is_read_to_the_last_bit_as_trimesh_reads_it(
     other, read = trimesh.load(path, force="mesh", process=False, maintain_order=True), surface(path)
     assert np.array_equal(np.reshape(other.vertices, (-1, 3)), read.points), "keys of older frames stay right"
     assert np.array_equal(np.reshape(other.faces, (-1, 3)), read.faces)
-    assert len(model_files(path).digest) == 64
+    assert len(ModelFile(path).files().digest) == 64
     assert not DefaultScene.of(GltfDocument.read(path)).was_misread
 
 
@@ -312,7 +312,7 @@ def test_of_a_scene_that_shows_none_of_the_meshes_this_is_said(tmp_path: Path) -
     scene = box_scene(box())
     scene.json["scenes"][0]["nodes"] = []
     with pytest.raises(MeshError, match=r"it has no faces.*; no node of its default scene has a mesh"):
-        read_surface(scene.glb(tmp_path / "a.glb"))
+        ModelFile(scene.glb(tmp_path / "a.glb")).surface()
 
 
 def test_meshes_that_nodes_multiply_beyond_reason_are_refused(
@@ -345,7 +345,7 @@ def test_draco_data_is_read(tmp_path: Path) -> None:
         del accessor["bufferView"]
     scene.node(mesh=mesh, scale=[2, 2, 2])
     scene.require("KHR_draco_mesh_compression")
-    read = read_surface(scene.glb(tmp_path / "a.glb"))
+    read = ModelFile(scene.glb(tmp_path / "a.glb")).surface()
     assert (len(read.mesh.vertices), read.faces) == (len(BALL.vertices), len(BALL.faces))
     assert np.ptp(read.mesh.vertices, axis=0) == pytest.approx(2.0 * np.ptp(BALL.vertices, axis=0), abs=1e-3)
 
@@ -357,12 +357,14 @@ def test_draco_data_without_its_package_is_the_environments_fault(
     draco = {"bufferView": scene.view(b"DRACO"), "attributes": {"POSITION": 0}}
     scene.node(mesh=scene.triangles(box(), extensions={"KHR_draco_mesh_compression": draco}))
     path = scene.glb(tmp_path / "a.glb")
-    assert read_surface(path).faces == 12, "where the file has the same data uncompressed, that is read"
+    assert ModelFile(path).surface().faces == 12, (
+        "where the file has the same data uncompressed, that is read"
+    )
     del scene.json["accessors"][0]["bufferView"]
     assert "the Draco data of primitive 0 of mesh 0 is damaged" in refusal(scene.glb(path))
     monkeypatch.setattr(scene_readers, "find_spec", lambda _: None)
     with pytest.raises(MachineError, match=r"need the package DracoPy.*\[models\]"):
-        read_surface(path)
+        ModelFile(path).surface()
 
 
 def meshopt_scene(extension: str, stream: str) -> tuple[GltfScene, AnyArray]:
@@ -412,7 +414,7 @@ def test_other_modes_and_filters_are_refused_by_name(
 def test_extensions_that_are_required_and_unknown_are_refused_by_name(tmp_path: Path) -> None:
     scene = box_scene(box())
     scene.require("KHR_texture_transform", "KHR_materials_unlit", "EXT_texture_webp")
-    assert read_surface(scene.glb(tmp_path / "a.glb")).faces == 12
+    assert ModelFile(scene.glb(tmp_path / "a.glb")).surface().faces == 12
     scene.require("KHR_texture_transform", "ACME_subdivision")
     message = "it requires the extension ACME_subdivision, which is not read. Export without."
     assert refusal(scene.glb(tmp_path / "b.glb")) == message
@@ -440,7 +442,7 @@ def test_buffers_are_found_at_addresses_as_programs_write_them(
     (tmp_path / "show").mkdir()
     path = box_scene(box()).gltf(tmp_path / "show" / "a.gltf", address, file)
     assert extents(surface(path)) == [2, 2, 2]
-    files = [other.resolve() for other, _ in model_files(path).files]
+    files = [other.resolve() for other, _ in ModelFile(path).files().files]
     assert files == [path, (path.parent / file).resolve()]
 
 
@@ -456,11 +458,11 @@ def test_addresses_that_are_not_relative_are_refused(tmp_path: Path, address: st
 def test_a_missing_buffer_is_a_missing_input(tmp_path: Path) -> None:
     path = box_scene(box()).gltf(tmp_path / "a.gltf", "data.bin")
     (tmp_path / "data.bin").unlink()
-    for read in (read_surface, model_files):
+    for read in (ModelFile.surface, ModelFile.files):
         with pytest.raises(
             MissingInputError, match=r"a\.gltf: its buffer 0 refers to .*data\.bin: file not found"
         ):
-            read(path)
+            read(ModelFile(path))
 
 
 def test_a_buffer_that_ends_early_is_named(tmp_path: Path) -> None:
@@ -477,7 +479,7 @@ def test_data_within_the_file_is_read_in_every_encoding_of_json(tmp_path: Path, 
     path = box_scene(box()).gltf(tmp_path / "A.GLTF")
     path.write_bytes(path.read_text().encode(encoding))
     assert extents(surface(path)) == [2, 2, 2]
-    assert len(model_files(path).files) == 1
+    assert len(ModelFile(path).files().files) == 1
 
 
 def test_a_glb_may_name_more_buffers_than_its_own(tmp_path: Path) -> None:
@@ -489,7 +491,7 @@ def test_a_glb_may_name_more_buffers_than_its_own(tmp_path: Path) -> None:
     scene.json["buffers"] = [{}, {"byteLength": indices["byteLength"], "uri": "indices.bin"}]
     path = scene.glb(tmp_path / "A.GLB")
     assert extents(surface(path)) == [2, 2, 2]
-    assert [file.name for file, _ in model_files(path).files] == ["A.GLB", "indices.bin"]
+    assert [file.name for file, _ in ModelFile(path).files().files] == ["A.GLB", "indices.bin"]
 
 
 def test_what_the_surface_does_not_rest_on_is_not_opened(tmp_path: Path) -> None:
@@ -499,17 +501,17 @@ def test_what_the_surface_does_not_rest_on_is_not_opened(tmp_path: Path) -> None
     scene.json["images"] = [{"uri": "gone.png"}]
     scene.json["buffers"] = [{}, {"byteLength": 4, "uri": "gone.bin"}]
     path = scene.gltf(tmp_path / "a.gltf", "data.bin")
-    assert read_surface(path).faces == 12
-    assert [file.name for file, _ in model_files(path).files] == ["a.gltf", "data.bin"]
+    assert ModelFile(path).surface().faces == 12
+    assert [file.name for file, _ in ModelFile(path).files().files] == ["a.gltf", "data.bin"]
 
 
 def test_files_that_were_misread_once_have_other_digests(tmp_path: Path) -> None:
     plain = box_scene(box()).glb(tmp_path / "plain.glb")
-    own = model_files(plain)
+    own = ModelFile(plain).files()
     assert own.digest == own.files[0][1], "the key of a file that was read right stays"
     scene = box_scene(box())
     scene.json["accessors"][0]["normalized"] = True
-    normalized = model_files(scene.glb(tmp_path / "normalized.glb"))
+    normalized = ModelFile(scene.glb(tmp_path / "normalized.glb")).files()
     assert normalized.digest != normalized.files[0][1]
 
 
@@ -582,7 +584,7 @@ def test_version_1_is_read_from_a_glb_and_beside_its_buffer(tmp_path: Path) -> N
     named = VERSION_1 | {"buffers": {"mine": buffers["binary_glTF"]}, "bufferViews": views}
     (tmp_path / "a.gltf").write_text(json.dumps(named))
     assert np.array_equal(surface(tmp_path / "a.gltf").points, read.points)
-    assert [file.name for file, _ in model_files(tmp_path / "a.gltf").files] == ["a.gltf", "data.bin"]
+    assert [file.name for file, _ in ModelFile(tmp_path / "a.gltf").files().files] == ["a.gltf", "data.bin"]
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from _pytest.mark import ParameterSet
 from pxr import Usd, UsdGeom, UsdUtils
 
 from flowsculpt.pipeline.mesh import box
-from flowsculpt.pipeline.mesh.read import mesh_suffixes, model_files, read_surface
+from flowsculpt.pipeline.mesh.read import ModelFile, mesh_suffixes
 from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.shot import Shot, read_shot
@@ -99,9 +99,9 @@ def test_every_format_of_models_is_watched() -> None:
 def test_every_file_that_a_reader_opens_decides_the_digest_of_its_model(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"model.{suffix}"
     MODELS[suffix](path, 1.0)
-    first = model_files(path)
+    first = ModelFile(path).files()
     with opened_below(tmp_path) as opened:
-        read_surface(path)
+        ModelFile(path).surface()
     assert opened == {file.resolve() for file, _ in first.files}
     before = {file: file.read_bytes() for file in opened}
     MODELS[suffix](path, 2.0)
@@ -110,9 +110,9 @@ def test_every_file_that_a_reader_opens_decides_the_digest_of_its_model(tmp_path
     for file, content in after.items():
         for other, old in before.items():
             other.write_bytes(content if other == file else old)
-        assert model_files(path).digest != first.digest, file
+        assert ModelFile(path).files().digest != first.digest, file
     file.write_bytes(before[file])
-    assert model_files(path).digest == first.digest
+    assert ModelFile(path).files().digest == first.digest
 
 
 def test_every_file_that_paint_is_read_from_decides_the_keys_of_its_shot(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ import pytest
 import trimesh
 
 from flowsculpt.pipeline.errors import MachineError, MeshError
-from flowsculpt.pipeline.mesh import PolygonMesh, TriangleMesh, box, icosphere, read_mesh, require
+from flowsculpt.pipeline.mesh import PolygonMesh, TriangleMesh, box, icosphere, read_mesh, validate
 from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
 
 
@@ -39,7 +39,7 @@ def test_these_formats_keep_float32(tmp_path: Path, suffix: str) -> None:
     mesh = ball()
     write_mesh(mesh, tmp_path / f"a.{suffix}")
     again = read_mesh(tmp_path / f"a.{suffix}")
-    assert require(again, closed=True).euler == 2
+    assert validate(again).require(closed=True).euler == 2
     np.testing.assert_array_equal(
         again.vertices[again.faces].astype(np.float32), mesh.vertices[mesh.faces].astype(np.float32)
     )
@@ -142,7 +142,7 @@ def test_a_written_mesh_is_read_back_whole(tmp_path: Path, suffix: str) -> None:
     mesh = icosphere(5)
     write_mesh(mesh, tmp_path / f"ball.{suffix}")
     again = read_mesh(tmp_path / f"ball.{suffix}")
-    assert require(again, closed=True).euler == 2
+    assert validate(again).require(closed=True).euler == 2
     assert len(again.vertices) == len(mesh.vertices)
     assert np.allclose(np.sort(again.vertices, axis=0), np.sort(mesh.vertices, axis=0), atol=1e-6)
 
@@ -161,7 +161,7 @@ def test_polygons_are_triangulated_and_objects_joined(tmp_path: Path) -> None:
 def test_a_scene_is_joined_into_one_mesh(tmp_path: Path) -> None:
     scene = trimesh.Scene([trimesh.Trimesh(m.vertices, m.faces) for m in (box(), box(1.0, centre=(9, 0, 0)))])
     scene.export(tmp_path / "two.glb")
-    assert require(read_mesh(tmp_path / "two.glb"), closed=True).euler == 4
+    assert validate(read_mesh(tmp_path / "two.glb")).require(closed=True).euler == 4
 
 
 def test_a_format_that_is_not_known_is_not_written(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from flowsculpt.pipeline.errors import MeshError, MissingInputError, ShotError
 from flowsculpt.pipeline.mesh.mesh_formats import ModelMaterials
-from flowsculpt.pipeline.mesh.read import read_paint
+from flowsculpt.pipeline.mesh.read import ModelFile
 from flowsculpt.pipeline.plugins.interchange.exported_materials import exported_materials
 from flowsculpt.pipeline.plugins.interchange.gltf_content import GltfContent
 from flowsculpt.render.scene.materials import Painted, PatternedMaterial, Satin
@@ -22,7 +22,7 @@ GLOSS = "KHR_materials_pbrSpecularGlossiness"
 
 
 def materials(path: Path) -> ModelMaterials:
-    return read_paint(path, lambda reader: reader.materials)
+    return ModelFile(path).materials()
 
 
 def gltf_materials(folder: Path, **material: Any) -> ModelMaterials:

@@ -23,7 +23,6 @@ from flowsculpt.render.base.serialise import to_plain
 from flowsculpt.render.scene.materials import Diffuse, Painted, Satin
 from flowsculpt.render.scene.painted_faces import PaintedFaces
 from flowsculpt.render.scene.surface import Surface
-from flowsculpt.render.scene.vertex_colours import vertex_colours
 from tests.plugins.interchange.gltf_scenes import GltfScene
 from tests.plugins.interchange.test_gltf_files import version_1
 
@@ -378,7 +377,7 @@ def test_vertex_colours_of_a_gltf_file_are_linear_and_multiply_its_factor(tmp_pa
     assert paint.colours == pytest.approx(np.broadcast_to([0.2, 0.1, 1.0], paint.colours.shape))
     flat = np.zeros_like(frame.mesh.vertices, np.float32)
     surface = Surface(flat, flat, frame.mesh.faces, rest=flat, paint=paint)
-    found = vertex_colours(surface, shot.picture.look)
+    found = shot.picture.look.vertex_colours(surface)
     assert found == pytest.approx(np.broadcast_to([0.2, 0.1, 1.0], flat.shape))
 
 

@@ -21,7 +21,7 @@ from flowsculpt.pipeline.arrays import Floats
 from flowsculpt.pipeline.errors import MeshError
 from flowsculpt.pipeline.mesh import TriangleMesh, box, icosphere
 from flowsculpt.pipeline.mesh.normals import split_at_creases
-from flowsculpt.pipeline.mesh.read import read_mesh, read_surface
+from flowsculpt.pipeline.mesh.read import ModelFile, read_mesh
 from flowsculpt.pipeline.plugins.interchange.exported_frame import ExportedFrame
 from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
 from flowsculpt.pipeline.plugins.interchange.model_export import (
@@ -229,7 +229,7 @@ def test_models_read_what_was_exported_to_the_last_bit_of_float32(
         write_mesh(TriangleMesh(frame.points, frame.faces), path)
     else:
         (write_ply if form == "ply" else write_obj)(path, frame)
-    read = read_surface(path)
+    read = ModelFile(path).surface()
     assert read.repairs == ()
     mesh = read.mesh.triangulated()
     assert np.array_equal(single(mesh.vertices[mesh.faces]), single(frame.points[frame.faces]))
@@ -259,7 +259,7 @@ def test_a_glb_is_read_as_the_surface_before_its_vertices_were_split(
 ) -> None:
     path = place / "again.glb"
     write_glb(path, frame, LOOKS["clay"])
-    read = read_surface(path)
+    read = ModelFile(path).surface()
     mesh = read.mesh.triangulated()
     assert len(mesh.vertices) == len(frame.points) and read.repairs == ()
     assert np.array_equal(single(mesh.vertices[mesh.faces]), single(frame.points[frame.faces]))

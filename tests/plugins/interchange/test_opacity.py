@@ -11,7 +11,7 @@ from pxr import UsdShade
 
 from flowsculpt.pipeline.animation import animate
 from flowsculpt.pipeline.errors import MeshError
-from flowsculpt.pipeline.mesh.read import read_paint
+from flowsculpt.pipeline.mesh.read import ModelFile
 from flowsculpt.pipeline.plugins.interchange.exported_frame import exported_frame
 from flowsculpt.pipeline.plugins.interchange.exported_materials import exported_materials, pictures_recipe
 from flowsculpt.pipeline.plugins.interchange.fbx_paint import FBX_PAINT
@@ -39,7 +39,7 @@ def leaf(path: Path, channels: int = 4) -> Path:
 
 
 def first_of(path: Path) -> PatternedMaterial:
-    return read_paint(path, lambda reader: reader.materials)[0][0]
+    return ModelFile(path).materials()[0][0]
 
 
 def obj(folder: Path, *lines: str) -> PatternedMaterial:
@@ -97,10 +97,10 @@ def test_alpha_of_vertex_colours_is_refused_where_it_shows(tmp_path: Path) -> No
         scene.json["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = colours
         path = scene.glb(tmp_path / "a.glb")
         if mode == "OPAQUE":
-            read_paint(path, lambda reader: reader.paint)
+            ModelFile(path).paint()
             continue
         with pytest.raises(MeshError, match="has vertex colours with alpha"):
-            read_paint(path, lambda reader: reader.paint)
+            ModelFile(path).paint()
 
 
 def test_usd_has_a_channel_and_a_threshold(tmp_path: Path) -> None:

@@ -12,7 +12,6 @@ from MaterialX.PyMaterialXGenGlsl import GlslShaderGenerator
 from MaterialX.PyMaterialXGenShader import GenContext
 from pxr import Sdf, Usd, UsdShade
 
-from flowsculpt.pipeline.plugins.interchange.openpbr import openpbr_inputs
 from flowsculpt.pipeline.plugins.interchange.usd_materials import add_material, connect_opacity
 from flowsculpt.render.scene.materials import (
     LOOKS,
@@ -120,7 +119,7 @@ def test_all_looks_have_inputs_that_openpbr_knows(name, library):
 
 def test_light_that_crosses_a_body_of_glass_loses_as_much_as_in_renders():
     glass = Glass((1.0, 0.8, 0.36), absorption=Absorption((0.96, 0.72, 0.3), 0.4))
-    inputs = openpbr_inputs(glass)
+    inputs = glass.openpbr()
     crossed = np.array(inputs["transmission_color"]) ** (2.0 / inputs["transmission_depth"])
     rendered = np.array(glass.colour) ** 2 * np.array(glass.absorption.colour) ** (2.0 / 0.4)
     np.testing.assert_allclose(crossed, rendered, rtol=1e-9)
@@ -128,14 +127,14 @@ def test_light_that_crosses_a_body_of_glass_loses_as_much_as_in_renders():
 
 def test_milky_glass_scatters_once_in_each_radius():
     radius = (0.5, 0.25, 0.2)
-    inputs = openpbr_inputs(Glass((1.0, 1.0, 1.0), subsurface=Subsurface(radius)))
+    inputs = Glass((1.0, 1.0, 1.0), subsurface=Subsurface(radius)).openpbr()
     rate = np.array(inputs["transmission_scatter"]) / inputs["transmission_depth"]
     np.testing.assert_allclose(rate, 1.0 / np.array(radius))
     assert max(inputs["transmission_scatter"]) <= 1.0
 
 
 def test_smoke_scatters_as_often_as_its_density_says():
-    inputs = openpbr_inputs(Smoke((0.9, 0.8, 0.7), density=4.0))
+    inputs = Smoke((0.9, 0.8, 0.7), density=4.0).openpbr()
     lost = -np.log(inputs["transmission_color"]) / inputs["transmission_depth"]
     np.testing.assert_allclose(lost, 4.0)
     scattered = np.array(inputs["transmission_scatter"]) / inputs["transmission_depth"]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flowsculpt.pipeline.errors import MeshError
-from flowsculpt.pipeline.mesh import PolygonMesh, icosphere, read_mesh, read_polygons, require
+from flowsculpt.pipeline.mesh import PolygonMesh, icosphere, read_mesh, read_polygons, validate
 from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
 
 POINTS = [(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)]
@@ -41,7 +41,7 @@ def test_polygons_are_read_as_they_were_written(tmp_path: Path, suffix: str) -> 
 @pytest.mark.parametrize("suffix", ["stl", "glb"])
 def test_a_format_of_triangles_gives_polygons_of_three_sides(tmp_path: Path, suffix: str) -> None:
     write_mesh(icosphere(3), tmp_path / f"ball.{suffix}")
-    assert require(read_polygons(tmp_path / f"ball.{suffix}"), closed=True).euler == 2
+    assert validate(read_polygons(tmp_path / f"ball.{suffix}")).require(closed=True).euler == 2
 
 
 def test_a_concave_polygon_of_a_file_is_cut_into_triangles_that_do_not_overlap(tmp_path: Path) -> None:
@@ -153,5 +153,5 @@ def test_what_is_wrong_with_a_polygon_file_is_said(
 def test_a_file_of_triangles_is_read_alike_as_polygons_and_triangles(tmp_path: Path) -> None:
     write_mesh(icosphere(6), tmp_path / "ball.ply")
     mesh, cut = read_polygons(tmp_path / "ball.ply"), read_mesh(tmp_path / "ball.ply")
-    assert require(cut, closed=True).faces == len(mesh)
+    assert validate(cut).require(closed=True).faces == len(mesh)
     assert np.array_equal(mesh.corners.reshape(-1, 3), cut.faces)

@@ -17,7 +17,7 @@ from flowsculpt.pipeline.errors import FrameError, UsageError
 from flowsculpt.pipeline.flow.flow_map import FlowMap
 from flowsculpt.pipeline.mesh import TriangleMesh
 from flowsculpt.pipeline.mesh.normals import split_at_creases
-from flowsculpt.pipeline.mesh.validation import require
+from flowsculpt.pipeline.mesh.validation import validate
 from flowsculpt.pipeline.plugins.interchange.exported_frame import exported_frame
 from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh
 from flowsculpt.pipeline.plugins.interchange.refining import KIND, Refined, Refiner
@@ -59,8 +59,8 @@ def test_a_refined_flat_surface_is_the_same_surface_at_rest_with_no_long_edge_in
         refined = Refiner(request, Store(Path(folder))).refined()
         surface, _ = refined.surface()
         assert np.array_equal(surface.vertices[: len(refined.start.vertices)], refined.start.vertices)
-        assert require(surface).euler == require(refined.start).euler
-        assert require(surface).boundary_edges >= require(refined.start).boundary_edges
+        assert validate(surface).require().euler == validate(refined.start).require().euler
+        assert validate(surface).require().boundary_edges >= validate(refined.start).require().boundary_edges
         assert area(surface) == pytest.approx(area(refined.start), rel=1e-12)
         assert crease_length(surface) == pytest.approx(crease_length(refined.start), rel=1e-12)
         require_fine(request, refined)
@@ -170,7 +170,7 @@ def test_a_reduced_mesh_is_a_sound_surface_with_the_vertices_asked_for(share: in
         wanted = least + share * (len(whole.rest) - least) // 100
         reduced = one_mesh(request, store, vertices=wanted)
         assert len(reduced.rest) == wanted
-        assert require(at_rest(reduced)).euler == 2
+        assert validate(at_rest(reduced)).require().euler == 2
         assert is_subset(reduced.rest, whole.rest)
         if subject == BOX:
             assert area(at_rest(reduced)) == pytest.approx(24.0, rel=1e-12)
@@ -216,8 +216,8 @@ flows: [twist: {axis: y, amount: {ease: linear, keys: {1: 0, 3: 150}}}]
     request, store = of_text(tmp_path, text), Store(tmp_path)
     post, beads = (one_mesh(part, store) for part in request.parts)
     assert (post.name, beads.name) == ("post", "beads")
-    assert require(at_rest(post)).euler == 2
-    assert require(at_rest(beads)).euler == 6
+    assert validate(at_rest(post)).require().euler == 2
+    assert validate(at_rest(beads)).require().euler == 6
 
 
 def test_the_mesh_of_rigid_copies_is_that_of_their_frames(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flowsculpt.pipeline.mesh import TriangleMesh, box, icosphere, read_mesh, read_polygons, require
+from flowsculpt.pipeline.mesh import TriangleMesh, box, icosphere, read_mesh, read_polygons, validate
 from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
 from flowsculpt.pipeline.plugins.interchange.resample_command import REFUSALS
 from flowsculpt.pipeline.resample.kernels.collapse import REASONS
@@ -25,7 +25,7 @@ def test_a_file_is_resampled_and_its_table_tells_what_was_done(project):
     assert done.code == 0, done.err
     mesh = read_mesh(project.path / "out" / "box.ply")
     assert lengths(mesh).max() <= 0.2
-    assert require(mesh, closed=True).euler == 2
+    assert validate(mesh).require(closed=True).euler == 2
     assert f"98 → {len(mesh.vertices)}" in done.out
     assert "100.00%" in done.out
 

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from flowsculpt.pipeline.errors import MeshError
-from flowsculpt.pipeline.mesh.read import model_files, read_surface, usual_up
+from flowsculpt.pipeline.mesh.read import ModelFile
 from flowsculpt.pipeline.plugins.interchange.threemf_files import read_threemf
-from flowsculpt.render.base.input_files import digest_of_file
+from flowsculpt.render.base.input_files import InputFile
 
 RELATIONS = '<Relationships><Relationship Target="/3D/a.model" Type="http://x/3dmodel"/></Relationships>'
 CORNERS = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
@@ -52,7 +52,7 @@ def package(path: Any, settings: tuple[str, str] | None = None, **parts: str) ->
 
 
 def volume(path: Path) -> float:
-    mesh = read_surface(path).mesh.triangulated()
+    mesh = ModelFile(path).surface().mesh.triangulated()
     a, b, c = mesh.vertices[mesh.faces].transpose(1, 0, 2)
     return float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6.0
 
@@ -60,9 +60,9 @@ def volume(path: Path) -> float:
 @pytest.mark.parametrize(("given", "unit"), [("", 0.001), ('unit="inch"', 0.0254), ('unit="micron"', 1e-6)])
 def test_triangles_unit_and_axis_are_those_of_the_package(tmp_path: Path, given: str, unit: float) -> None:
     path = package(tmp_path / "a.3mf", a=model_part(corner(1), given=given))
-    read = read_surface(path)
+    read = ModelFile(path).surface()
     assert (read.vertices, read.faces, read.repairs, read.unit) == (4, 4, (), unit)
-    assert usual_up(path) == model_files(path).up == "z" and volume(path) == pytest.approx(1 / 6)
+    assert ModelFile(path).up() == ModelFile(path).files().up == "z" and volume(path) == pytest.approx(1 / 6)
 
 
 def test_items_and_components_of_other_parts_are_placed_and_mirrored(tmp_path: Path) -> None:
@@ -77,20 +77,20 @@ def test_items_and_components_of_other_parts_are_placed_and_mirrored(tmp_path: P
         a=model_part(pair + corner(3), items, 'requiredextensions="p"'),
         b=model_part(corner(1) + corner(7), items=""),
     )
-    assert read_surface(path).faces == 12 and volume(path) == pytest.approx((1 + 8 + 1) / 6)
-    low, high = read_surface(path).mesh.bounds
+    assert ModelFile(path).surface().faces == 12 and volume(path) == pytest.approx((1 + 8 + 1) / 6)
+    low, high = ModelFile(path).surface().mesh.bounds
     assert np.allclose((low, high), ((-2, -2, 0), (100, 11, 7))), "x becomes y, y becomes -x"
 
 
 def test_edges_between_materials_are_creases_and_supports_are_left_out(tmp_path: Path) -> None:
     plain, painted = corner(1), corner(1, last='pid="5" p1="2"')
-    assert len(read_surface(package(tmp_path / "a.3mf", a=model_part(plain))).mesh.creases) == 0
-    assert len(read_surface(package(tmp_path / "b.3mf", a=model_part(painted))).mesh.creases) == 3
+    assert len(ModelFile(package(tmp_path / "a.3mf", a=model_part(plain))).surface().mesh.creases) == 0
+    assert len(ModelFile(package(tmp_path / "b.3mf", a=model_part(painted))).surface().mesh.creases) == 3
     support = corner(2).replace('id="2"', 'id="2" type="support"')
     path = package(
         tmp_path / "c.3mf", a=model_part(plain + support, '<item objectid="1"/><item objectid="2"/>')
     )
-    read = read_surface(path)
+    read = ModelFile(path).surface()
     assert read.faces == 4 and "1 support" in read.notes[0]
 
 
@@ -112,10 +112,10 @@ def test_parts_of_bambu_studio_that_are_no_part_of_the_shape_are_left_out(
     listed = f'<object id="3"><part id="1" subtype="normal_part"/><part id="2" subtype="{setting}"/></object>'
     content = model_part(corner(1) + corner(2) + _TWO, '<item objectid="3"/>')
     path = package(tmp_path / "a.3mf", ("model_settings", listed), a=content)
-    read = read_surface(path)
+    read = ModelFile(path).surface()
     assert read.faces == 4 and f"1 {word}" in read.notes[0]
     assert ("not subtracted" in read.notes[-1]) == (setting == "negative_part")
-    assert model_files(path).digest != digest_of_file(path), "its meshes were stored with all parts"
+    assert ModelFile(path).files().digest != InputFile(path).digest(), "its meshes were stored with all parts"
 
 
 @pytest.mark.parametrize(
@@ -160,7 +160,7 @@ def test_vertices_of_slices_and_lattices_are_no_vertices_of_the_mesh(tmp_path: P
     path = package(
         tmp_path / "a.3mf", a=model_part(slices + corner(1, more="<b:beamlattice xmlns:b='http://x/b'/>"))
     )
-    read = read_surface(path)
+    read = ModelFile(path).surface()
     assert (read.vertices, read.faces) == (4, 4) and "1 beam lattice" in read.notes[0]
 
 
@@ -237,7 +237,7 @@ def test_what_is_not_read_is_told_with_its_part_and_line(
 ) -> None:
     path = package(tmp_path / "a.3mf", **parts)
     with pytest.raises(MeshError, match=says) as told:
-        read_surface(path)
+        ModelFile(path).surface()
     assert str(told.value).startswith(str(path)) and "\n" not in str(told.value)
 
 
@@ -255,4 +255,4 @@ def test_a_file_that_is_no_package_is_refused(tmp_path: Path) -> None:
     for content in (b"a chair", whole[:-30], whole[:200], empty.getvalue()):
         (tmp_path / "b.3mf").write_bytes(content)
         with pytest.raises(MeshError, match=r"b\.3mf: (cannot be read as 3MF|it has no part)"):
-            read_surface(tmp_path / "b.3mf")
+            ModelFile(tmp_path / "b.3mf").surface()

@@ -22,7 +22,6 @@ from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.store.readers import read_npz
 from flowsculpt.pipeline.shot import read_shot
 from flowsculpt.render.post.image import read_exr, write_png
-from flowsculpt.render.scene.scene_stage import Stage
 from tests.conftest import commanded
 from tests.full_disk import disk_of
 from tests.simulated_show import simulated
@@ -189,11 +188,14 @@ def test_rest_positions_and_colours_lie_at_the_vertices(root, stage):
 
 
 def test_ground_that_fades_has_an_opacity_at_each_vertex(tmp_path):
-    stage, floor = Usd.Stage.CreateInMemory(), Stage("ground", horizon_fade=0.1)
+    text = "title: a\nframes: 1-1\nsubject: {solid: icosphere}\nresample: off\n"
+    stage = Usd.Stage.CreateInMemory()
+    shot = read_shot(tmp_path / "a.yaml", f"{text}stage: {{kind: ground, horizon_fade: 0.2}}\n")
+    floor = shot.picture.stage
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
     stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/a").GetPrim())
     UsdGeom.Scope.Define(stage, "/a/materials")
-    add_floor(stage, "/a", floor)
+    add_floor(stage, "/a", shot)
     opacity = np.array(UsdGeom.Mesh(stage.GetPrimAtPath("/a/set/floor")).GetDisplayOpacityAttr().Get())
     assert np.array_equal(opacity, floor.opacity_at(floor.mesh()[0])) and np.ptp(opacity) == 1.0
     source = (

@@ -14,7 +14,8 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdUtils
 from flowsculpt.pipeline.errors import FlowsculptError, MachineError, MeshError, MissingInputError, ShotError
 from flowsculpt.pipeline.mesh import PolygonMesh, read_mesh
 from flowsculpt.pipeline.mesh.mesh_formats import ScenePart
-from flowsculpt.pipeline.mesh.read import model_files, read_surface, repair_surface, usual_up
+from flowsculpt.pipeline.mesh.read import ModelFile, repair_surface
+from flowsculpt.pipeline.plugins.authoring.shot_templates import model_template
 from flowsculpt.pipeline.plugins.interchange import scene_readers
 from flowsculpt.pipeline.plugins.interchange.scene_readers import joined
 from flowsculpt.pipeline.plugins.interchange.usd_reader import StageMeshes
@@ -132,13 +133,13 @@ def test_only_active_visible_meshes_for_rendering_are_read(tmp_path: Path) -> No
     stage.OverridePrim("/World/over")
     UsdGeom.Sphere.Define(stage, "/World/ball")
     stage.Save()
-    read = read_surface(tmp_path / "a.usda")
+    read = ModelFile(tmp_path / "a.usda").surface()
     assert (read.vertices, read.faces, read.format) == (8, 6, "USDA")
     assert read.notes == ("left out, as they are not meshes: 1 Sphere",)
     with pytest.raises(MeshError, match=r"its prim /World/hidden holds no mesh that is active, visible"):
-        read_surface(tmp_path / "a.usda", part=ScenePart("/World/hidden"))
+        ModelFile(tmp_path / "a.usda", ScenePart("/World/hidden")).surface()
     with pytest.raises(MeshError, match=r"no prim /World/sean. Did you mean '/World/seen'"):
-        read_surface(tmp_path / "a.usda", part=ScenePart("/World/sean"))
+        ModelFile(tmp_path / "a.usda", ScenePart("/World/sean")).surface()
 
 
 def test_holes_are_left_out_and_sharp_edges_are_creases() -> None:
@@ -164,7 +165,7 @@ def test_a_moving_stage_is_read_at_its_start_or_the_time_asked_for(tmp_path: Pat
     stage.Save()
 
     def height(part: ScenePart | None = None) -> float:
-        return float(read_surface(tmp_path / "a.usdc", part=part).mesh.bounds.mean(axis=0)[1])
+        return float(ModelFile(tmp_path / "a.usdc", part).surface().mesh.bounds.mean(axis=0)[1])
 
     assert height() == 10.0
     stage.SetStartTimeCode(12.0)
@@ -175,7 +176,6 @@ def test_a_moving_stage_is_read_at_its_start_or_the_time_asked_for(tmp_path: Pat
 
 @pytest.mark.slow
 def test_a_shot_heeds_the_axis_and_follows_every_layer(tmp_path: Path) -> None:
-    from flowsculpt.pipeline.plugins.authoring.shot_templates import model_template
 
     part, path = stage_at(tmp_path / "part.usda"), tmp_path / "a.usda"
     add_box(part, "/World/box").AddScaleOp().Set(Gf.Vec3f(1.0, 2.0, 3.0))
@@ -187,7 +187,7 @@ def test_a_shot_heeds_the_axis_and_follows_every_layer(tmp_path: Path) -> None:
     (tmp_path / "a.yaml").write_text(SHOT % "a.usda, prim: /World/chair")
     shot = read_shot(tmp_path / "a.yaml")
     assert np.ptp(shot.motion.mesh_at_rest().vertices, axis=0) == pytest.approx([2.0, 6.0, 4.0])
-    assert [file.name for file, _ in shot.files] == ["a.usda", "part.usda"] and usual_up(path) == "z"
+    assert [file.name for file, _ in shot.files] == ["a.usda", "part.usda"] and ModelFile(path).up() == "z"
     lying = read_shot(tmp_path / "a.yaml", settings=("subject.up=y",)).motion.mesh_at_rest()
     assert np.ptp(lying.vertices, axis=0) == pytest.approx([2.0, 4.0, 6.0])
     add_box(part, "/World/more")
@@ -231,12 +231,12 @@ def test_every_form_of_stage_holds_the_same_model(tmp_path: Path) -> None:
     first.Save()
     first.GetRootLayer().Export(str(tmp_path / "b.usd"))  # binary
     assert UsdUtils.CreateNewUsdzPackage(Sdf.AssetPath(str(tmp_path / "a.usda")), str(tmp_path / "b.usdz"))
-    meshes = [read_surface(tmp_path / name) for name in ("a.usda", "b.usd", "b.usdz")]
+    meshes = [ModelFile(tmp_path / name).surface() for name in ("a.usda", "b.usd", "b.usdz")]
     for read in meshes:
         assert np.array_equal(read.mesh.vertices, meshes[0].mesh.vertices)
         assert np.array_equal(read.mesh.corners, meshes[0].mesh.corners)
         assert read.notes[0].startswith("1 mesh asks to be subdivided by subdivisionScheme")
-    assert [file.name for file, _ in model_files(tmp_path / "b.usdz").files] == ["b.usdz"]
+    assert [file.name for file, _ in ModelFile(tmp_path / "b.usdz").files().files] == ["b.usdz"]
 
 
 def test_without_usd_core_the_message_names_the_extra(

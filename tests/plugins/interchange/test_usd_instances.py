@@ -10,7 +10,7 @@ import pytest
 from pxr import Usd, UsdGeom
 
 from flowsculpt.pipeline.mesh.mesh_formats import ScenePart
-from flowsculpt.pipeline.mesh.read import read_surface
+from flowsculpt.pipeline.mesh.read import ModelFile
 from flowsculpt.pipeline.plugins.interchange.copy_instances import Instances, rigid_velocities
 from flowsculpt.pipeline.plugins.interchange.unifying import Unification, one_mesh
 from flowsculpt.pipeline.production.execution.project import Project
@@ -105,7 +105,7 @@ def test_each_copy_has_the_colour_of_its_vertices(root: Path, stage: Path) -> No
 
 
 def test_our_own_reader_finds_the_copies(root: Path, stage: Path) -> None:
-    read = read_surface(stage, part=ScenePart(PRIM, 3.0)).mesh
+    read = ModelFile(stage, ScenePart(PRIM, 3.0)).surface().mesh
     mesh = one_mesh(part(root).request, Project(root, 1).store)
     assert len(read.vertices) == len(mesh.rest)
     nearest = np.linalg.norm(read.vertices[:, None] - mesh.points_at(3)[None], axis=2).min(axis=1)

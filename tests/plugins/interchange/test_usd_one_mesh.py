@@ -10,7 +10,7 @@ import pytest
 from pxr import Usd, UsdGeom, UsdShade
 
 from flowsculpt.pipeline.mesh.mesh_formats import ScenePart
-from flowsculpt.pipeline.mesh.read import read_paint
+from flowsculpt.pipeline.mesh.read import ModelFile
 from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh
 from flowsculpt.pipeline.plugins.interchange.unifying import one_mesh
 from flowsculpt.pipeline.plugins.interchange.usd_materials import add_material
@@ -162,13 +162,13 @@ def test_faces_of_each_material_of_a_model_are_a_subset_with_its_pictures(tmp_pa
     held, _ = read_exr(stage.parent / picture.path)
     assert np.abs(srgb_of_linear(held.arrays["beauty"]) * 255.0 - pixels).max() < 0.1
     part = ScenePart(f"/{NAME}/sculpture", 6.0)  # our own reader finds what was written
-    first, second = read_paint(stage, lambda reader: reader.materials, part)[0]
+    first, second = ModelFile(stage, part).materials()[0]
     assert first.colour_texture is not None and second.normal_texture is not None
     expected = (2.0 * pixels[0, 0] / 255.0 - 1.0) * (0.5, 0.5, 1.0)
     assert second.normal_texture.normals()[0, 0] == pytest.approx(
         np.maximum(expected, (-1, -1, 1e-3)), abs=1e-3
     )
-    paint = read_paint(stage, lambda reader: reader.paint, part)
+    paint = ModelFile(stage, part).paint()
     assert np.bincount(paint.materials).tolist() == [len(each) for each in faces]  # type: ignore[attr-defined]
 
 

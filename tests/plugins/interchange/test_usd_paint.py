@@ -12,7 +12,8 @@ from pxr import UsdUtils
 from flowsculpt.pipeline.animation import animate, material_of
 from flowsculpt.pipeline.errors import MeshError, MissingInputError
 from flowsculpt.pipeline.mesh.mesh_formats import ScenePart
-from flowsculpt.pipeline.mesh.read import read_paint
+from flowsculpt.pipeline.mesh.read import ModelFile
+from flowsculpt.pipeline.plugins.authoring.shot_templates import model_template
 from flowsculpt.pipeline.plugins.interchange.usd_files import USD_PAINT
 from flowsculpt.render.base.render_errors import BadInputError
 from flowsculpt.render.scene.materials import Diffuse, Painted, Satin
@@ -117,7 +118,6 @@ def test_corners_of_a_stage_take_the_texture_coordinates_of_their_place_at_rest(
 
 
 def test_a_new_shot_of_a_painted_stage_shows_its_paint(tmp_path: Path) -> None:
-    from flowsculpt.pipeline.plugins.authoring.shot_templates import model_template
 
     template = model_template(painted_box(tmp_path), "box.usda")
     assert template.look == "model" and "paint: on" in template.subject
@@ -242,7 +242,7 @@ def test_a_part_of_a_stage_has_the_paint_of_that_part(tmp_path: Path) -> None:
     one = material("one", "color3f inputs:diffuseColor = (0, 1, 0)")
     red = material("red", "color3f inputs:diffuseColor = (1, 0, 0)")
     path = write(tmp_path, box(BIND), second, one, red)
-    (found,), _, _ = read_paint(path, lambda reader: reader.materials, ScenePart("/world/second"))
+    (found,), _, _ = ModelFile(path, ScenePart("/world/second")).materials()
     assert found.colour == (1.0, 0.0, 0.0)
 
 

@@ -27,7 +27,7 @@ from flowsculpt.pipeline.plugins.interchange.web_player import (
 )
 from flowsculpt.pipeline.production.request.framing import Framing
 from flowsculpt.pipeline.shot import read_shot
-from flowsculpt.render.base.input_files import digest_of_file
+from flowsculpt.render.base.input_files import InputFile
 from flowsculpt.render.graphics.three_js import installed_file
 from flowsculpt.render.post.image import read_png, write_png
 from flowsculpt.render.scene.materials import Diffuse, Painted
@@ -38,6 +38,7 @@ from flowsculpt.render.scene.scene_stage import StagePlacement
 from flowsculpt.render.scene.texture_projection import TextureProjection
 from flowsculpt.render.scene.textures import Texture
 from tests.chromium import LIMIT, wait_for
+from tests.page_flaws import flaws
 from tests.plugins.interchange.moving_meshes import moving, painted
 
 SHOT = """\
@@ -101,7 +102,7 @@ def opened(browser: Browser, page: Path) -> Iterator[Tab]:
     tab.on("pageerror", lambda error: complaints.append(str(error)))
     tab.on("request", lambda request: asked.append(request.url))
     tab.goto(page.as_uri())
-    wait_for(tab, "window.flowsculpt || document.getElementById('message').textContent")
+    wait_for(tab, "window.flowsculpt || document.getElementById('wait').textContent")
     yield tab
     context.close()
     assert [each for each in complaints if "GPU stall" not in each] == []
@@ -110,9 +111,9 @@ def opened(browser: Browser, page: Path) -> Iterator[Tab]:
 
 def picture(tab: Tab, place: Path, number: float, playing: bool = False) -> NDArray[np.uint8]:
     """What the page shows of a frame, or when it is played there, without its bar."""
-    play = "const { transport } = flowsculpt; transport.second = 0; transport.playing = true;"
-    tick = f"{play} transport.tick((number - transport.first) / facts.rate); transport.play(false);"
-    tab.evaluate(f"(number) => {{ {tick if playing else 'flowsculpt.transport.go(number)'} }}", number)
+    play = "const { transport } = flowsculpt; transport.frame = transport.first; transport.playing = true;"
+    tick = f"{play} transport.glide((number - transport.first) / facts.rate); transport.pause();"
+    tab.evaluate(f"(number) => {{ {tick if playing else 'flowsculpt.transport.jump(number)'} }}", number)
     tab.evaluate("document.documentElement.classList.add('bare')")
     tab.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
     tab.screenshot(path=str(place / "seen.png"))
@@ -181,7 +182,7 @@ def test_a_loop_meets_its_first_frame(browser: Browser, tmp_path: Path, loop: tu
     with opened(browser, tmp_path / "page.html") as tab:
         first = 1 + loop[1]
         assert tab.evaluate("[facts.meets, flowsculpt.player.number]") == [back, first]
-        assert tab.evaluate("flowsculpt.transport.whole") == pytest.approx((25 - first) / 24)
+        assert tab.evaluate("[flowsculpt.transport.last, flowsculpt.transport.tail]") == [24, 1]
         begins, ends, between = (picture(tab, tmp_path, number, True) for number in (first, 24.99, 20))
     apart = np.abs(begins.astype(int) - ends).mean()
     assert (
@@ -193,9 +194,9 @@ def test_a_loop_meets_its_first_frame(browser: Browser, tmp_path: Path, loop: tu
 
 def test_keys_and_the_bar_move_through_time_and_dragging_leaves_the_shots_camera(tab: Tab) -> None:
     tab.keyboard.press("ArrowRight")
-    assert tab.inner_text("#frame") == "2"
+    assert tab.input_value("#frame") == "2"
     tab.keyboard.press("End")
-    assert tab.inner_text("#frame") == "24"
+    assert tab.input_value("#frame") == "24"
     tab.keyboard.press(" ")
     wait_for(tab, "flowsculpt.transport.playing && flowsculpt.player.number < 20")
     tab.keyboard.press(" ")
@@ -210,6 +211,22 @@ def test_keys_and_the_bar_move_through_time_and_dragging_leaves_the_shots_camera
     tab.keyboard.press("c")
     wait_for(tab, "flowsculpt.player.follows")
     assert np.allclose(tab.evaluate("flowsculpt.player.camera.position.toArray()"), before, atol=1e-6)
+
+
+def test_the_page_is_used_in_light_and_dark_on_a_phone_and_by_keys_alone(tab: Tab) -> None:
+    assert flaws(tab, 8) == []
+    tab.evaluate("document.activeElement.blur()")
+    tab.keyboard.press("Tab")
+    before = tab.evaluate("flowsculpt.player.orbit.view")
+    tab.keyboard.press("ArrowRight")
+    tab.keyboard.press("t")
+    tab.keyboard.press("ArrowUp")
+    after = tab.evaluate("flowsculpt.player.orbit.view")
+    assert not np.allclose(before["position"], after["position"]) and not np.allclose(
+        before["up"], after["up"]
+    )
+    away = [np.linalg.norm(np.subtract(view["position"], view["target"])) for view in (before, after)]
+    assert math.isclose(*away, rel_tol=1e-9) and tab.input_value("#frame") == "1"
 
 
 @pytest.mark.soak
@@ -238,7 +255,7 @@ def test_each_material_of_a_model_shows_its_picture_or_colour(browser: Browser, 
     write_png(tmp_path / "a.png", pixels)
     write_png(tmp_path / "flat.png", np.full((4, 4, 3), (128, 128, 255), np.uint8))
     texture, flat = (
-        Texture.of(str(path), digest_of_file(path), space)
+        Texture.of(str(path), InputFile(path).digest(), space)
         for path, space in ((tmp_path / "a.png", None), (tmp_path / "flat.png", "data"))
     )
     more = {"normal_texture": flat, "projection": TextureProjection("model")}

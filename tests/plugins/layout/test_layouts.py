@@ -15,7 +15,6 @@ from flowsculpt.pipeline.shot import Motion, read_shot
 from flowsculpt.render.base.render_errors import BadInputError
 from flowsculpt.render.scene.patterns import Pigment
 from flowsculpt.render.scene.surface import Surface
-from flowsculpt.render.scene.vertex_colours import vertex_colours
 
 SHOT = """
 title: Tiles
@@ -174,7 +173,7 @@ def coloured(pigment: str) -> tuple[Motion, np.ndarray]:
     rest, look = frame.mesh.attributes["material"], part.picture.look
     places = part.motion.copy_places(look.pattern, rest)
     surface = Surface(rest.astype("f4"), rest.astype("f4"), frame.mesh.faces, places, rest.astype("f4"))
-    colours = vertex_colours(surface, look)
+    colours = look.vertex_colours(surface)
     assert colours is not None
     return part.motion, colours.reshape(40, -1, 3)
 

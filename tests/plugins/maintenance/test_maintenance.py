@@ -115,9 +115,7 @@ def test_cleaning_deletes_trials_of_breed_and_fits_that_were_not_used_for_long(
     monkeypatch.chdir(project.path)
     fits = tmp_path_factory.mktemp("cache") / "fits"
     fits.mkdir()
-    monkeypatch.setattr(
-        "flowsculpt.pipeline.plugins.become.unneeded_fits.writable_cache", lambda: fits.parent
-    )
+    monkeypatch.setattr("flowsculpt.render.base.user_cache.writable_cache", lambda: fits.parent)
     monkeypatch.setattr("flowsculpt.render.base.user_cache.readable_cache", lambda: fits.parent)
     text = project.shot.read_text()
     project.shot.write_text(text.replace("flows:", "flows:\n  - become: {solid: icosphere, detail: coarse}"))

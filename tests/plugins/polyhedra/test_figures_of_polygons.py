@@ -10,7 +10,7 @@ import pytest
 from examples import drift, figure_b, figure_c
 from examples.film import edge_lengths
 from flowsculpt.pipeline.arrays import Points
-from flowsculpt.pipeline.mesh import PolygonMesh, TriangleMesh, require
+from flowsculpt.pipeline.mesh import PolygonMesh, TriangleMesh, validate
 
 Sheets = tuple[PolygonMesh, PolygonMesh, TriangleMesh]
 
@@ -67,7 +67,7 @@ def test_the_bread_slicer_makes_as_few_parts_as_can_be_and_recursion_a_power_of_
 def test_slices_of_a_concave_face_fill_it() -> None:
     face = figure_c.horseshoe()
     parts = figure_c.slice_face(face)
-    require(parts)
+    validate(parts).require()
     assert parts.extents.max() <= figure_c.LONGEST
     assert parts.areas.sum() == pytest.approx(face.areas.sum())
 

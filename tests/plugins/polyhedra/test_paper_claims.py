@@ -7,7 +7,7 @@ import pytest
 
 from flowsculpt.pipeline.arrays import Points
 from flowsculpt.pipeline.errors import UsageError
-from flowsculpt.pipeline.mesh import PolygonMesh, require
+from flowsculpt.pipeline.mesh import PolygonMesh, validate
 from flowsculpt.pipeline.plugins.polyhedra.polyhedral_resampler import PolyhedralResampler
 from flowsculpt.pipeline.plugins.polyhedra.polyhedron import (
     Cutting,
@@ -54,10 +54,10 @@ def twisted(points: Points, frame: int) -> Points:
 def test_p16_any_polyhedron_is_subdivided_edges_and_faces(
     kind: str, cutting: Cutting, menagerie: dict[str, PolygonMesh]
 ) -> None:
-    before = require(menagerie[kind])
+    before = validate(menagerie[kind]).require()
     resampler = PolyhedralResampler(menagerie[kind], COARSE, cutting)
     report = resampler.resample()
-    after = require(resampler.mesh)
+    after = validate(resampler.mesh).require()
     assert (after.euler, after.closed) == (before.euler, before.closed)
     assert report.longest <= 0.3
     assert report.widest <= 0.3
@@ -139,7 +139,7 @@ def test_p20_concave_faces_are_cut_within_themselves(kind: str, menagerie: dict[
         if facing.any():
             before = whole.areas[whole.normals @ direction > 0.999].sum()
             assert mesh.areas[facing].sum() == pytest.approx(before)
-    assert require(mesh.triangulated(), closed=True).euler == 2
+    assert validate(mesh.triangulated()).require(closed=True).euler == 2
     assert _volume(mesh) == pytest.approx(_volume(whole))
 
 
@@ -173,7 +173,7 @@ def test_p22_small_faces_may_collapse_instead_of_short_edges(menagerie: dict[str
             done += report.collapses
             assert report.too_short == sum(report.refused.values())
         assert done > 20
-        assert require(resampler.mesh, closed=True).euler == 2
+        assert validate(resampler.mesh).require(closed=True).euler == 2
         short[collapse] = report.too_short / report.edges
     assert 3 * short["edges"] < short["areas"]
 
@@ -250,4 +250,4 @@ def test_p35_thresholds_may_be_functions_over_the_surface(menagerie: dict[str, P
     height = mesh.vertices[mesh.corners[mesh.offsets[:-1]], 1]
     assert report.longest <= 0.5
     assert mesh.areas[height > 1.5].mean() < 0.3 * mesh.areas[height < 0.5].mean()
-    assert require(mesh, closed=True).euler == 2
+    assert validate(mesh).require(closed=True).euler == 2

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from flowsculpt.pipeline.arrays import Floats, Points
 from flowsculpt.pipeline.errors import FrameError
-from flowsculpt.pipeline.mesh import PolygonMesh, require, validate
+from flowsculpt.pipeline.mesh import PolygonMesh, validate
 from flowsculpt.pipeline.plugins.polyhedra.polyhedral_resampler import PolyhedralResampler
 from flowsculpt.pipeline.plugins.polyhedra.polyhedron import Collapse, Cutting
 from flowsculpt.pipeline.resample import Thresholds
@@ -53,7 +53,7 @@ def test_every_polyhedron_survives_every_motion(
     collapse: Collapse,
     menagerie: dict[str, PolygonMesh],
 ) -> None:
-    rng, before = np.random.default_rng(seed), require(menagerie[kind])
+    rng, before = np.random.default_rng(seed), validate(menagerie[kind]).require()
     thresholds = Thresholds(longest, ratio * longest, hard_angle, max_vertices=3_000)
     resampler = PolyhedralResampler(menagerie[kind], thresholds, cutting, collapse)
     for _ in range(3):
@@ -62,9 +62,9 @@ def test_every_polyhedron_survives_every_motion(
             report = resampler.resample()
         except FrameError as error:
             assert "budget" in str(error)
-            assert require(resampler.mesh).euler == before.euler
+            assert validate(resampler.mesh).require().euler == before.euler
             return
-        after = require(resampler.mesh)
+        after = validate(resampler.mesh).require()
         assert (after.euler, after.closed) == (before.euler, before.closed)
         lengths = edge_lengths(resampler.mesh)
         assert report.too_long == 0
@@ -114,5 +114,5 @@ def test_a_thousand_frames_leave_a_sound_surface(menagerie: dict[str, PolygonMes
             ]
         )
         report = resampler.resample()
-        found = require(resampler.mesh, closed=True)
+        found = validate(resampler.mesh).require(closed=True)
         assert (found.euler, report.too_long) == (2, 0)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flowsculpt.pipeline.errors import FrameError, MeshError, UsageError
-from flowsculpt.pipeline.mesh import PolygonMesh, require
+from flowsculpt.pipeline.mesh import PolygonMesh, validate
 from flowsculpt.pipeline.plugins.polyhedra.polyhedral_resampler import PolyhedralResampler
 from flowsculpt.pipeline.plugins.polyhedra.polyhedron import Cutting
 from flowsculpt.pipeline.resample import Thresholds
@@ -78,7 +78,7 @@ def test_a_frame_over_the_budget_stops_and_leaves_the_surface_sound(
     resampler.vertices[:] *= 50
     with pytest.raises(FrameError, match=r"exceed the budget of 900 vertices; raise max_vertices"):
         resampler.resample()
-    assert require(resampler.mesh, closed=True).euler == 2
+    assert validate(resampler.mesh).require(closed=True).euler == 2
     assert len(resampler.vertices) <= 900
 
 
@@ -117,7 +117,7 @@ def test_an_edge_stretched_beyond_all_bounds_stops_the_frame_at_once(
         with pytest.raises(FrameError, match=r"exceed the budget|nearer to the origin"):
             resampler.thresholds = Thresholds(0.35, max_vertices=1000)
             resampler.resample()
-        assert require(resampler.mesh, closed=True).euler == 2
+        assert validate(resampler.mesh).require(closed=True).euler == 2
 
 
 @pytest.mark.parametrize("cutting", ["slice", "recurse"])
@@ -129,4 +129,4 @@ def test_a_surface_too_far_out_to_be_cut_is_refused(
     resampler = PolyhedralResampler(menagerie["leaf"].with_vertices(points), Thresholds(1.5), cutting)
     with pytest.raises(FrameError, match="nearer to the origin"):
         resampler.resample()
-    assert require(resampler.mesh).euler == 1
+    assert validate(resampler.mesh).require().euler == 1

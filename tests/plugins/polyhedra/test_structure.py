@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flowsculpt.pipeline.errors import MeshError
-from flowsculpt.pipeline.mesh import PolygonMesh, require
+from flowsculpt.pipeline.mesh import PolygonMesh, validate
 from flowsculpt.pipeline.plugins.polyhedra.polyhedron import (
     OUTSIDE,
     LengthLimits,
@@ -108,12 +108,12 @@ def collapse_face(surface: Polyhedron, rng: np.random.Generator) -> None:
 def test_no_operation_changes_the_kind_of_surface(
     kind: str, seed: int, steps: list[Step], menagerie: dict[str, PolygonMesh]
 ) -> None:
-    rng, before = np.random.default_rng(seed), require(menagerie[kind])
+    rng, before = np.random.default_rng(seed), validate(menagerie[kind]).require()
     surface = Polyhedron(menagerie[kind])
     for step in steps:
         step(surface, rng)
         assert fault_of(surface) is None
-    after = require(surface.mesh())
+    after = validate(surface.mesh()).require()
     assert (after.euler, after.closed) == (before.euler, before.closed)
     mesh, _ = surface.renumber()
     anew = Polyhedron(mesh)

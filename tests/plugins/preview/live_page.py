@@ -9,7 +9,6 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from importlib.resources import files
 from pathlib import Path
 
 from playwright.sync_api import Browser, FloatRect
@@ -22,6 +21,7 @@ from flowsculpt.pipeline.plugins.preview.sketch import Sketch
 from flowsculpt.pipeline.plugins.preview.surface_stream import SurfaceStream
 from flowsculpt.pipeline.production.execution.project import Project
 from tests.chromium import LIMIT, wait_for
+from tests.page_flaws import findings
 from tests.plugins.preview.live_follower import save_whole
 
 NAME = "T010_tiny"
@@ -90,12 +90,9 @@ class Follower:
     def trouble(self) -> str:
         return self.tab.inner_text("#trouble")
 
-    def violations(self) -> list[tuple[str, str]]:
+    def violations(self) -> list[tuple[str, str, str]]:
         """Return the rules of accessibility that axe finds broken, and how."""
-        axe = (files("axe_playwright_python") / "axe.min.js").read_text(encoding="utf-8")
-        self.tab.evaluate(f"(() => {{ {axe} }})()")
-        found = self.tab.evaluate("axe.run(document, {resultTypes: ['violations'], preload: false})")
-        return [(each["id"], each["nodes"][0]["failureSummary"]) for each in found["violations"]]
+        return findings(self.tab)
 
 
 @contextmanager

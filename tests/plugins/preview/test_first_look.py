@@ -33,7 +33,7 @@ class Terminal:
     """A command at a pseudo-terminal."""
 
     def __init__(self, folder: Path, *words: str) -> None:
-        command = python_process.command("flowsculpt", "-j", "2", *words)
+        command = python_process.python_command("flowsculpt", "-j", "2", *words)
         environment = {**python_process.environment(), "TERM": "xterm", "COLUMNS": "160", "CI": ""}
         self.process, self._terminal = pty.fork()
         if self.process == 0:

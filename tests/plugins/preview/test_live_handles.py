@@ -145,7 +145,7 @@ def test_undo_undoes_a_turn_of_the_wheel_that_has_not_settled(follower: Follower
     box = follower.box("#picture")
     follower.tab.mouse.move(box["x"] + 40, box["y"] + 40)
     follower.tab.mouse.wheel(0, 100)
-    follower.wait("page.orbit.wheeled || page.shot.writes")
+    follower.wait("page.camera.wheeled || page.shot.writes")
     follower.tab.keyboard.press("Control+z")
     follower.tab.evaluate("sendEdits()")
     follower.wait("!page.shot.writes")

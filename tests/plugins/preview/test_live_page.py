@@ -10,6 +10,7 @@ import pytest
 from playwright.sync_api import Browser
 
 from tests.conftest import TINY
+from tests.page_flaws import flaws
 from tests.plugins.preview.live_page import CURRENT, SHOWN, Follower, live_page
 
 VORTEX = "  - vortex: {axis: z, centre: [0.5, 0.25, 0], radius: 0.6, strength: 1} # stirred\n"
@@ -44,6 +45,31 @@ def test_a_save_is_seen_and_a_mistake_told_until_it_is_mended(follower: Follower
     follower.save(SHOT.replace("elevation: 14", "elevation: 40"))
     follower.wait(f"document.getElementById('trouble').hidden && page.film.take.take > 1 && {CURRENT}")
     follower.wait("page.shot.get(['camera', 'elevation']).value === 40")
+
+
+def test_the_page_is_used_in_light_and_dark_on_a_phone_and_by_keys_alone(follower: Follower) -> None:
+    assert flaws(follower.tab, 90) == []
+
+
+def test_the_film_plays_backwards_and_in_a_loop_and_the_camera_turns_by_keys(follower: Follower) -> None:
+    tab = follower.tab
+    for key in ("Home", "ArrowRight", "i", "ArrowRight", "o"):
+        tab.keyboard.press(key)
+    assert tab.inner_text("#range") == "Loop 2–3"
+    tab.evaluate(
+        "(() => { window.went = []; const { transport } = page.film, go = transport.go.bind(transport);"
+        "transport.go = (frame) => { went.push(frame); go(frame); }; })()"
+    )
+    tab.keyboard.press("j")
+    follower.wait("went.length > 5")
+    tab.keyboard.press("k")
+    assert tab.evaluate("went.slice(0, 4)") == [2, 3, 2, 3]
+    tab.focus("#help-button")
+    tab.keyboard.press("Tab")
+    assert tab.evaluate("document.activeElement.id") == "picture"
+    tab.keyboard.press("ArrowRight")
+    follower.wait_for_text(r"azimuth: -33\.5, elevation: 14\b")
+    follower.wait(CURRENT)
 
 
 def test_axe_finds_nothing_serious(follower: Follower) -> None:
@@ -110,7 +136,7 @@ def test_keys_are_moved_added_removed_and_eased_in_the_timeline(follower: Follow
     follower.drag(f"{curve} .grip", 20, -15)
     follower.wait_for_text(r"ease: bezier, right: \[[\d.]+, [-\d.]+\]\}")
     follower.at(5)
-    tab.keyboard.press("k")
+    tab.keyboard.press("s")
     follower.wait_for_text(r"5: [\d.]+, 6: 60\}")
     follower.wait("page.timeline.rows[0].keys.length === 4")
     tab.focus(f'{curve} [data-focus="flows.1.twist.amount 2 0"]')

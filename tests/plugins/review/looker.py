@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +13,7 @@ from playwright.sync_api import Page as Tab
 
 from flowsculpt.render.post.image import read_png
 from tests.chromium import wait_for
+from tests.page_flaws import findings
 from tests.plugins.review.studio import number_in
 
 
@@ -62,14 +62,7 @@ class Looker:
 
     def findings(self) -> list[tuple[str, Any, str]]:
         """What axe finds on the page as it is now: rule, element and remedy."""
-        if not self.ask("Boolean(window.axe)"):
-            axe = (files("axe_playwright_python") / "axe.min.js").read_text(encoding="utf-8")
-            self.ask(f"(() => {{ {axe} }})()")
-        found = self.ask("axe.run(document, {resultTypes: ['violations'], preload: false})")
-        return [
-            (each["id"], each["nodes"][0]["target"], each["nodes"][0]["failureSummary"])
-            for each in found["violations"]
-        ]
+        return findings(self.tab)
 
 
 Opened = Callable[..., Looker]

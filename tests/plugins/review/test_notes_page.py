@@ -79,7 +79,7 @@ def test_drawings_lie_on_the_picture_at_any_size_and_on_their_frame(
     assert [each["kind"] for each in notes_of(look)[0]["drawings"]] == kinds[:2]
     look.press("Shift+U", "Backspace", "Control+z")
     assert [each["kind"] for each in notes_of(look)[0]["drawings"]] == kinds[:3]
-    look.ask("review.tell('')")
+    look.ask("tell('')")
     look.press("Shift+H")
     assert np.abs(look.picture().astype(int) - plain).max() < 8, "hidden"
     look.press("Shift+H", "b")

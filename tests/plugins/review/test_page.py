@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from flowsculpt.render.graphics.three_js import FETCH, installed_file
 from flowsculpt.render.post.image import read_png
 from tests.needed_plugins import needs_plugins
+from tests.page_flaws import flaws
 from tests.plugins.review.looker import Opened
 from tests.plugins.review.studio import FAILED, MISSING, number_in
 from tests.simulated_show import LAST, Desk
@@ -168,9 +169,10 @@ def test_side_by_side_shows_a_left_and_b_right(opened: Opened) -> None:
 
 def test_a_click_on_a_chart_goes_to_its_frame(opened: Opened) -> None:
     look = opened()
-    chart = look.tab.locator("#panel-measures canvas").first
-    width = look.ask("review.panels.measures.charts[0].plotWidth")
-    chart.click(position={"x": width * (12 - 0.5) / LAST, "y": 20})
+    chart = look.tab.locator("#panel-measures .plot").first
+    box = chart.bounding_box()
+    assert box is not None
+    chart.click(position={"x": box["width"] * (12 - 0.5) / LAST, "y": 20})
     assert (look.frame, look.number) == (12, 12)
     assert "588 triangles" in look.tab.inner_text("#panel-measures")
 
@@ -285,6 +287,11 @@ def test_bars_and_panel_leave_the_picture_free_in_wide_and_narrow_windows(opened
         assert panel["x"] + panel["width"] <= width and look.picture().shape[1] > 0.5 * width
     look.press("Shift+E")
     look.tab.set_viewport_size({"width": 1200, "height": 720})
+
+
+def test_the_page_is_used_in_light_and_dark_on_a_phone_and_by_keys_alone(opened: Opened) -> None:
+    look = opened()
+    assert flaws(look.tab) == []
 
 
 def test_axe_finds_nothing_serious(opened: Opened) -> None:

@@ -16,6 +16,7 @@ import pytest
 from flowsculpt.pipeline.errors import UsageError
 from flowsculpt.pipeline.plugins.sampled import grid_files
 from flowsculpt.pipeline.plugins.sampled.grid_files import read_samples
+from flowsculpt.render.base.input_files import InputFile
 
 AXIS = np.linspace(-1.0, 1.0, 4)
 ONES = np.ones((4, 4, 4, 3))
@@ -179,10 +180,8 @@ def test_a_file_is_hashed_once_and_parsed_while_it_is_another(
     files = tuple(archive(tmp_path / f"{k}.npz", velocity=k * ONES) for k in range(3))
     read: list[str] = []
     parsed: list[str] = []
-    content, parse = grid_files.read_input, grid_files.read_npz
-    monkeypatch.setattr(
-        grid_files, "read_input", lambda file, *more: (read.append(file.name), content(file, *more))[1]
-    )
+    content, parse = InputFile.content, grid_files.read_npz
+    monkeypatch.setattr(InputFile, "content", lambda file: (read.append(file.path.name), content(file))[1])
     monkeypatch.setattr(
         grid_files, "read_npz", lambda file, *more: (parsed.append(file.name), parse(file, *more))[1]
     )

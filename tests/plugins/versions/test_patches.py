@@ -14,7 +14,7 @@ from flowsculpt.pipeline.plugins.versions.publishing import Patch
 from flowsculpt.pipeline.plugins.versions.reproduction import Reproduction
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.store.history import History
-from flowsculpt.render.base.input_files import digest_of_file
+from flowsculpt.render.base.input_files import InputFile
 from flowsculpt.render.movie.probe import probe_movie
 from tests.needed_plugins import needs_plugins
 from tests.plugins.versions.desk import NAME, QUALITY, Desk, done
@@ -42,15 +42,15 @@ def test_a_patch_has_the_new_frames_of_its_range_and_the_files_of_the_version_be
     old, new = (Provenance.read(desk.home / version / FILE) for version in ("v001", "v002"))
     assert [n for n in old.frames if old.frames[n].sha256 != new.frames[n].sha256] == [2, 3]
     for number, frame in new.frames.items():
-        assert digest_of_file(made.folder / frame.file) == frame.sha256, number
+        assert InputFile(made.folder / frame.file).digest() == frame.sha256, number
     assert new.patch == {
         "version": "v001",
         "frames": "2-3",
-        "sha256": digest_of_file(desk.home / "v001" / FILE),
+        "sha256": InputFile(desk.home / "v001" / FILE).digest(),
     }
     assert LOOK in new.source.text and not old.patch
     assert probe_movie(made.folder / new.movie["file"]).frames == 4
-    assert digest_of_file(made.folder / new.movie["file"]) == new.movie["sha256"] != old.movie["sha256"]
+    assert InputFile(made.folder / new.movie["file"]).digest() == new.movie["sha256"] != old.movie["sha256"]
     again = patch(desk).publish()
     assert (again.version, again.before) == ("v002", True)
     from flowsculpt.pipeline.plugins.review.review_page import Search

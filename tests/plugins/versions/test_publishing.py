@@ -17,8 +17,9 @@ from flowsculpt.pipeline.plugins.versions import publishing
 from flowsculpt.pipeline.plugins.versions.provenance import FILE, Provenance
 from flowsculpt.pipeline.plugins.versions.reproduction import pixels_of
 from flowsculpt.pipeline.production.store.locks import Locks
-from flowsculpt.render.base.input_files import digest_of_file
+from flowsculpt.render.base.input_files import InputFile
 from tests.needed_plugins import needs_plugins
+from tests.plugins.review.note_cases import TIMES, document, note
 from tests.plugins.versions.desk import NAME, QUALITY, RENDER, SHOT, Desk, rewritten
 
 
@@ -28,13 +29,13 @@ def test_a_version_is_read_only_and_tells_all_that_it_was_made_from(published: D
     assert (record.note, record.quality, list(record.frames)) == ("first look", QUALITY, [1, 2, 3, 4])
     assert record.source.text == SHOT and record.source.path == Path(f"shots/{NAME}.yaml")
     assert record.source.inputs == (
-        ("models/wedge.obj", digest_of_file(published.root / "models/wedge.obj")),
+        ("models/wedge.obj", InputFile(published.root / "models/wedge.obj").digest()),
     )
     assert set(record.packages) >= {"mitsuba", "numba", "flowsculpt"} and record.host["cores"] >= 1
     assert record.timings["render"] > 0.0 and record.timings["simulate"] > 0.0
     for frame in record.frames.values():
         file = folder / frame.file
-        assert (digest_of_file(file), pixels_of(file)) == (frame.sha256, frame.pixels)
+        assert (InputFile(file).digest(), pixels_of(file)) == (frame.sha256, frame.pixels)
         assert frame.seconds and len({frame.mesh, frame.normals, frame.raw, frame.frame}) == 4
     files = [path for path in folder.rglob("*") if path.is_file()]
     assert len(files) == 4 + 2 and all(path.stat().st_mode & 0o222 == 0 for path in files)
@@ -110,8 +111,9 @@ def test_a_version_is_there_whole_or_not_at_all(desk: Desk, monkeypatch: pytest.
         desk.release().publish()
     monkeypatch.setattr(publishing.os, "link", full)  # a file system without links
     assert desk.release().publish().folder.is_dir()
-    assert desk.repetition().record.frames[1].sha256 == digest_of_file(
-        desk.home / f"v001/frames/{NAME}.0001.exr"
+    assert (
+        desk.repetition().record.frames[1].sha256
+        == InputFile(desk.home / f"v001/frames/{NAME}.0001.exr").digest()
     )
 
 
@@ -123,7 +125,7 @@ def test_a_version_shares_its_bytes_with_the_store_unless_copies_are_asked_for(d
     shutil.rmtree(desk.home / "v001")
     code, said = desk.command("publish", NAME, "-q", "draft", "--scale", "10%", "--copy")
     assert code == 0, said
-    assert not frozen.samefile(stored) and digest_of_file(frozen) == record.sha256
+    assert not frozen.samefile(stored) and InputFile(frozen).digest() == record.sha256
     assert all(path.stat().st_mode & 0o222 == 0 for path in frozen.parents[1].rglob("*.*"))
 
 
@@ -151,7 +153,6 @@ def test_verify_tells_what_of_a_version_is_not_what_was_published_and_mends_noth
 @needs_plugins("review", "maintenance")
 def test_a_version_keeps_the_notes_that_its_shot_had(desk: Desk) -> None:
     from flowsculpt.pipeline.plugins.review.review_notes import read_notes
-    from tests.plugins.review.note_cases import TIMES, document, note
 
     (desk.root / "ann.json").write_text(json.dumps(document(note(shot=NAME))))
     assert desk.command("notes", NAME, "--add", "ann.json")[0] == 0

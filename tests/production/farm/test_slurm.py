@@ -17,6 +17,7 @@ from flowsculpt.pipeline.production.store.paths import STATE
 from flowsculpt.pipeline.production.store.store import missed_uploads
 from flowsculpt.pipeline.production.tasks.job import Context
 from flowsculpt.pipeline.production.tasks.surfaces import simulate
+from tests.needed_plugins import needs_plugins
 from tests.production.snakemake import snakemake
 
 NAME = "T010_tiny"
@@ -138,6 +139,7 @@ class TestFilms:
         command, theirs = (sorted(map(requested, part)) for part in (jobs[before:between], jobs[between:]))
         assert command == theirs and len(command) == 3
 
+    @needs_plugins("maintenance")
     def test_an_audit_makes_frames_again_on_nodes_and_finds_one_that_is_not_from_the_shot(
         self, on_slurm, slurm
     ):

@@ -13,6 +13,7 @@ import pytest
 
 from flowsculpt.pipeline.production.store.store import Store
 from tests.conftest import QUALITY, ProjectFolder
+from tests.needed_plugins import needs_plugins
 
 NAME = "T010_tiny"
 
@@ -37,6 +38,7 @@ def moved(finished: ProjectFolder, disk: Path) -> ProjectFolder:
     return finished
 
 
+@needs_plugins("maintenance")
 def test_a_store_that_was_moved_is_whole_and_what_renders_shows_becomes_links(
     moved: ProjectFolder, disk: Path
 ) -> None:
@@ -52,6 +54,7 @@ def test_a_store_that_was_moved_is_whole_and_what_renders_shows_becomes_links(
     assert moved.call("film", "-q", QUALITY).out.startswith("Nothing to be done")
 
 
+@needs_plugins("maintenance")
 def test_frames_are_made_damaged_and_made_again_across_disks(moved: ProjectFolder, disk: Path) -> None:
     moved.call("clean")
     shutil.rmtree(disk / "frame")
@@ -84,6 +87,7 @@ def test_a_new_store_on_another_disk_is_used_once_it_says_whose_it_is(
     assert not [*Store(project.path).scratch.glob("*"), *Store(project.path).inner_scratch.glob("*")]
 
 
+@needs_plugins("versions")
 def test_a_published_version_holds_its_files_whatever_becomes_of_the_store(
     moved: ProjectFolder, disk: Path
 ) -> None:
@@ -94,6 +98,7 @@ def test_a_published_version_holds_its_files_whatever_becomes_of_the_store(
     assert len(frames) == 6 and not any(frame.is_symlink() for frame in frames)
 
 
+@needs_plugins("maintenance")
 def test_a_store_whose_disk_is_not_mounted_is_named_and_nothing_counts_as_missing(
     project: ProjectFolder, tmp_path: Path
 ) -> None:

@@ -1,4 +1,3 @@
-"use strict";
 // Requests to the server: each has a JSON object as its answer, or is refused with one message.
 
 class RefusedError extends Error {

@@ -1,11 +1,4 @@
-"use strict";
 // The plot of one curve. Of the chosen curve keys are dragged in time and value, and handles of Bézier segments drawn.
-
-const svg = (name, attributes = {}) => {
-  const element = document.createElementNS("http://www.w3.org/2000/svg", name);
-  for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, value);
-  return element;
-};
 
 class CurvePlot {
   constructor(row, holder) {
@@ -65,8 +58,7 @@ class CurvePlot {
   #drawChosen() {
     const unit = this.value.unit ? ` ${this.value.unit}` : "";
     for (const [number, y] of [[this.range[1], 11], [this.range[0], this.height - 3]]) {
-      const label = this.svg.appendChild(svg("text", { x: 4, y }));
-      label.textContent = `${+number.toPrecision(3)}${unit}`;
+      this.svg.append(svg("text", { x: 4, y }, `${+number.toPrecision(3)}${unit}`));
     }
     this.value.curve.keys.forEach((key, index) => {
       if (index === this.row.timeline.point) this.#drawHandles(key, index);
@@ -75,13 +67,12 @@ class CurvePlot {
   }
 
   #drawKey(key, index, part) {
-    const point = svg("g", { class: "point", tabindex: 0, role: "slider" });
     const letter = key.value.length > 1 ? ` ${"xyz"[part]}` : "";
-    const attributes = { "aria-label": `Key at frame ${key.frame}${letter}`, "aria-valuenow": key.value[part], "aria-valuetext": `${written(key.value[part])} ${this.value.unit}`.trim() };
-    for (const [name, words] of Object.entries(attributes)) point.setAttribute(name, words);
+    const told = { "aria-label": `Key at frame ${key.frame}${letter}`, "aria-valuenow": key.value[part], "aria-valuetext": `${written(key.value[part])} ${this.value.unit}`.trim() };
+    const point = svg("g", { class: "point", tabindex: 0, role: "slider", ...told });
     point.dataset.focus = `${this.row.name} ${index} ${part}`;
     const dot = point.appendChild(svg("circle", { class: `key c${part}${index === this.row.timeline.point ? " chosen" : ""}`, cx: this.x(key.frame), cy: this.y(key.value[part]), r: 5 }));
-    point.addEventListener("keydown", (event) => this.#keyPressed(event, key, index, part));
+    this.#listenToKeys(point, key, index, part);
     point.addEventListener("focus", () => {
       if (this.row.timeline.point === index || this.dragged) return;
       this.row.timeline.point = index;
@@ -109,7 +100,7 @@ class CurvePlot {
   /** Where a drag has a key: at whole frames beside no other; Shift keeps its time, Ctrl its value. */
   #moved(event, key, part) {
     const { first, last } = this.page.shot.state;
-    let frame = event.shiftKey ? key.frame : Math.min(last, Math.max(first, Math.round(this.#frameAt(event))));
+    let frame = event.shiftKey ? key.frame : clamp(Math.round(this.#frameAt(event)), first, last);
     if (this.row.keys.some((other) => other !== key && other.frame === frame)) frame = key.frame;
     const number = event.ctrlKey ? key.value[part] : rounded(this.#numberAt(event), this.step / 2);
     return { frame, value: key.value.map((old, i) => (i === part ? number : old)) };
@@ -130,22 +121,24 @@ class CurvePlot {
     return edits;
   }
 
-  #keyPressed(event, key, index, part) {
-    const across = { ArrowLeft: -1, ArrowRight: 1 }[event.key], along = { ArrowUp: 1, ArrowDown: -1 }[event.key], many = event.shiftKey ? 10 : 1;
-    const { first, last } = this.page.shot.state;
-    if (event.key === "Delete" || event.key === "Backspace") this.row.remove(key);
-    else if (across) {
-      const frame = Math.min(last, Math.max(first, key.frame + across * many));
-      if (this.row.keys.some((other) => other.frame === frame)) return;
-      this.row.timeline.point = this.row.keys.filter((other) => other !== key && other.frame < frame).length;
-      event.target.dataset.focus = `${this.row.name} ${this.row.timeline.point} ${part}`;
-      this.page.shot.edit(this.#keyEdits(key, { frame, value: key.value }), `${this.row.name} key`);
-    } else if (along) {
-      const value = key.value.map((old, i) => (i === part ? rounded(old + along * many * this.step, this.step) : old));
-      this.page.shot.edit(this.#keyEdits(key, { frame: key.frame, value }), `${this.row.name} ${index}`);
-    } else return;
-    event.preventDefault();
-    event.stopPropagation();
+  #listenToKeys(point, key, index, part) {
+    const { first, last } = this.page.shot.state, { timeline, keys, name } = this.row;
+    arrowKeys(point, (right, down, many) => {
+      if (!right) {
+        const value = key.value.map((old, i) => (i === part ? rounded(old - down * many * this.step, this.step) : old));
+        return this.page.shot.edit(this.#keyEdits(key, { frame: key.frame, value }), `${name} ${index}`);
+      }
+      const frame = clamp(key.frame + right * many, first, last);
+      if (keys.some((other) => other.frame === frame)) return;
+      timeline.point = keys.filter((other) => other !== key && other.frame < frame).length;
+      point.dataset.focus = `${name} ${timeline.point} ${part}`;
+      this.page.shot.edit(this.#keyEdits(key, { frame, value: key.value }), `${name} key`);
+    });
+    point.addEventListener("keydown", (event) => {
+      if (event.key !== "Delete" && event.key !== "Backspace") return;
+      event.preventDefault();
+      this.row.remove(key);
+    });
   }
 
   /** The handles of the chosen key where its segments are Bézier curves. */
@@ -184,13 +177,7 @@ class CurvePlot {
         end: (event) => this.page.follow.end(edits(...moved(event))),
         cancel: () => this.page.follow.cancel(),
       });
-      grip.addEventListener("keydown", (event) => {
-        const across = { ArrowLeft: -1, ArrowRight: 1 }[event.key] ?? 0, along = { ArrowUp: 1, ArrowDown: -1 }[event.key] ?? 0;
-        if (!across && !along) return;
-        event.preventDefault();
-        event.stopPropagation();
-        this.page.shot.edit(edits(given[0] + across, given[1][part] + along * this.step), `${this.row.name} ${side}`);
-      });
+      arrowKeys(grip, (right, down) => this.page.shot.edit(edits(given[0] + right, given[1][part] - down * this.step), `${this.row.name} ${side}`));
       this.svg.append(grip);
     });
   }
@@ -202,39 +189,4 @@ class CurvePlot {
     const { shot } = this.page, beside = shot.at(this.value, key.frame + Math.sign(frames) * 0.5), row = Array.isArray(beside) ? beside : [beside];
     return [frames, row.map((number, i) => ((number - key.value[i]) / 0.5) * Math.abs(frames))];
   }
-}
-
-/** Follow a pointer from pressing to release; Escape gives up, and without a move it is a click.
- *  Until then no new state is drawn, which would replace `dragOf.active`, the element that is dragged. */
-function dragOf(element, { start, move, end, cancel, click }) {
-  element.addEventListener("pointerdown", (event) => {
-    if (event.button !== 0) return;
-    event.preventDefault();
-    event.stopPropagation();
-    start?.(event);
-    dragOf.active = element;
-    element.setPointerCapture(event.pointerId);
-    element.focus?.({ preventScroll: true });
-    let moved = false;
-    const events = new AbortController(), { signal } = events;
-    element.addEventListener("pointermove", (next) => {
-      if (!moved && Math.hypot(next.clientX - event.clientX, next.clientY - event.clientY) < 3) return;
-      moved = true;
-      move(next, event);
-    }, { signal });
-    const stop = (next, act) => {
-      events.abort();
-      dragOf.active = null;
-      if (moved) act?.(next, event);
-      else click?.(next);
-      if (!moved || act !== end) page.draw();
-    };
-    element.addEventListener("pointerup", (next) => stop(next, end), { signal });
-    element.addEventListener("pointercancel", (next) => stop(next, cancel), { signal });
-    document.addEventListener("keydown", (next) => {
-      if (next.key !== "Escape") return;
-      next.preventDefault();
-      stop(next, cancel);
-    }, { signal, capture: true });
-  });
 }

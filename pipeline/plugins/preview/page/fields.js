@@ -1,11 +1,4 @@
-"use strict";
 // The controls of one value each. What they set goes through the shot's edits, at the current frame where it has keys.
-
-const make = (tag, properties = {}, ...inner) => {
-  const element = Object.assign(document.createElement(tag), properties);
-  element.append(...inner);
-  return element;
-};
 
 /** A step of 1, 2 or 5 times a power of ten for about so many steps over a span. */
 function stepOf(span, many = 200) {
@@ -20,22 +13,14 @@ function rangeOf(value, number) {
   return [low ?? -reach, Math.min(high ?? reach, reach)];
 }
 
-/** Show a text in a field, unless somebody has typed there since the last one. */
-function showValue(input, text) {
-  if (document.activeElement === input && input.value !== (input.shownText ?? input.value)) return;
-  input.value = input.shownText = text;
-}
-
 /** Show a text in a field whatever was typed there. */
 function replaceIn(input, text) { input.value = input.shownText = text; }
 
 class Field {
   constructor(page, value, name) {
     Object.assign(this, { page, value });
-    this.row = make("div", { className: "field" });
+    this.row = make("div", "field", make("span", "name", name));
     this.row.dataset.path = nameOf(value.where);
-    this.label = make("span", { className: "name", textContent: name });
-    this.row.append(this.label);
     this.name = name;
     this.words = `${name}${value.unit ? `, ${value.unit}` : ""}`;
     this.gestures = 0;
@@ -62,8 +47,7 @@ class Field {
 
   /** The button that turns a constant into keys, and sets or removes the key of the current frame. */
   addKeyButton() {
-    this.key = make("button", { type: "button", className: "key", textContent: "◆" });
-    this.key.addEventListener("click", () => this.toggleKey());
+    this.key = buttonOf("◆", "", () => this.toggleKey(), { className: "key" });
     this.row.append(this.key);
   }
 
@@ -88,16 +72,13 @@ class Field {
     this.key.hidden = Boolean(curve && curve.formula !== null);
     this.key.classList.toggle("keyed", isKeyed);
     this.key.textContent = isKeyed && !this.keyHere ? "◇" : "◆";
-    this.key.setAttribute("aria-pressed", Boolean(this.keyHere));
     const words = !curve ? "Give it keys, the first at this frame" : this.keyHere ? "Remove the key of this frame" : "Set a key at this frame";
-    this.key.title = words;
-    this.key.setAttribute("aria-label", `${this.name}: ${words}`);
+    Object.assign(this.key, { title: words, ariaLabel: `${this.name}: ${words}`, ariaPressed: Boolean(this.keyHere) });
   }
 
   /** A field for a number: Enter sets, arrows step, Escape gives up. */
-  numberInput(label, get, set, show, step) {
-    const input = make("input", { type: "text", inputMode: "decimal", autocomplete: "off" });
-    input.setAttribute("aria-label", label);
+  numberInput(label, get, set, step) {
+    const input = make("input", { type: "text", inputMode: "decimal", autocomplete: "off", ariaLabel: label });
     const typed = () => (input.value.trim() === "" ? NaN : Number(input.value.trim().replace(",", ".").replace("−", "-")));
     input.addEventListener("focus", () => { this.gestures += 1; input.select(); });
     input.addEventListener("change", () => {
@@ -115,11 +96,9 @@ class Field {
       replaceIn(input, written(next));
       set(next, `${nameOf(this.value.where)} ${this.gestures}`);
     });
-    input.show = show;
     return input;
   }
 }
-
 
 /** A number as a field shows it. */
 function written(number) { return String(+Number(number).toPrecision(6)); }
@@ -129,13 +108,11 @@ class NumberValue extends Field {
     super(page, value, name);
     const number = Number(this.now);
     [this.low, this.high] = rangeOf(value, number);
-    this.slider = make("input", { type: "range" });
-    this.slider.setAttribute("aria-label", this.words);
-    this.input = this.numberInput(`${this.words}, number`, () => this.now, (to, gesture) => this.set(this.#fit(to), gesture), null, () => this.step);
+    this.slider = sliderOf(this.words, this.low, this.high, this.step, () => { replaceIn(this.input, written(this.#slid)); this.show(this.#slid); });
+    this.input = this.numberInput(`${this.words}, number`, () => this.now, (to, gesture) => this.set(this.#fit(to), gesture), () => this.step);
     this.row.append(this.slider, this.input);
     if (value.can_change || value.curve) this.addKeyButton();
     this.slider.addEventListener("pointerdown", () => page.follow.prepare(value.where));
-    this.slider.addEventListener("input", () => { replaceIn(this.input, written(this.#slid)); this.show(this.#slid); });
     this.slider.addEventListener("change", () => this.set(this.#slid));
     this.take(value);
   }
@@ -161,13 +138,11 @@ class NumberValue extends Field {
 class VectorValue extends Field {
   constructor(page, value, name) {
     super(page, value, name);
-    const three = make("span", { className: "three" });
     this.inputs = ["x", "y", "z"].map((axis, i) => {
       const set = (to, gesture) => this.set(this.now.map((old, k) => (k === i ? to : rounded(old, 1e-4))), gesture);
-      return this.numberInput(`${this.words}, ${axis}`, () => this.now[i], set, null, () => 0.05);
+      return this.numberInput(`${this.words}, ${axis}`, () => this.now[i], set, () => 0.05);
     });
-    three.append(...this.inputs);
-    this.row.append(three);
+    this.row.append(make("span", "wide", ...this.inputs));
     if (value.can_change || value.curve) this.addKeyButton();
     this.take(value);
   }
@@ -185,10 +160,7 @@ class VectorValue extends Field {
 class NameValue extends Field {
   constructor(page, value, name) {
     super(page, value, name);
-    this.list = make("select");
-    this.list.setAttribute("aria-label", this.words);
-    for (const each of value.names) this.list.append(new Option(each.replaceAll("_", " "), each));
-    this.list.addEventListener("change", () => this.set(this.list.value));
+    this.list = listOf(this.words, value.names.map((each) => [each, each.replaceAll("_", " ")]), (given) => this.set(given));
     this.row.append(this.list);
     this.take(value);
   }
@@ -199,9 +171,7 @@ class NameValue extends Field {
 class SwitchValue extends Field {
   constructor(page, value, name) {
     super(page, value, name);
-    this.box = make("input", { type: "checkbox" });
-    this.box.setAttribute("aria-label", this.words);
-    this.box.addEventListener("change", () => this.set(this.box.checked));
+    this.box = make("input", { type: "checkbox", ariaLabel: this.words, onchange: () => this.set(this.box.checked) });
     this.row.append(this.box);
     this.take(value);
   }
@@ -213,18 +183,16 @@ class FormulaValue extends Field {
   constructor(page, value, name) {
     super(page, value, name);
     const texts = Array.isArray(value.curve.formula) ? value.curve.formula : [value.curve.formula];
-    const holder = make("span", { className: texts.length > 1 ? "three" : "unit" });
     this.inputs = texts.map((_, i) => {
-      const input = make("input", { type: "text", className: "formula", spellcheck: false, autocomplete: "off" });
-      input.setAttribute("aria-label", `${this.words}, formula${texts.length > 1 ? ` ${"xyz"[i]}` : ""}`);
+      const label = `${this.words}, formula${texts.length > 1 ? ` ${"xyz"[i]}` : ""}`;
+      const input = make("input", { type: "text", className: "formula", spellcheck: false, autocomplete: "off", ariaLabel: label });
       input.addEventListener("change", () => {
         const where = [...this.value.where, "formula", ...(texts.length > 1 ? [i] : [])];
         this.page.shot.edit([{ kind: "set", where, value: input.value }]);
       });
       return input;
     });
-    holder.append(...this.inputs);
-    this.row.append(holder);
+    this.row.append(make("span", "wide", ...this.inputs));
     this.take(value);
   }
 

@@ -1,14 +1,15 @@
-"use strict";
 // The pictures, as they come. A take is what one text of the shot makes; while its frames are missing, those of the
 // take before are shown, and while something is dragged, a trial.
 
 class Film {
   constructor(page) {
-    Object.assign(this, { page, take: null, pictures: new Map(), arrived: new Set(), at: 0, playing: true, trial: null });
-    this.follows = true; // the newest frame, until the whole take is there
-    this.begun = this.due = 0;
-    requestAnimationFrame((now) => this.#tick(now));
+    Object.assign(this, { page, take: null, pictures: new Map(), arrived: new Set(), trial: null, begun: 0 });
+    this.follows = true; // the newest frame, until the whole take is there; then time goes on by itself
+    this.transport = new Transport((what) => page.timeChanged(what), { isReady: () => !this.follows });
   }
+
+  get at() { return this.transport.frame; }
+  get isPlaying() { return this.transport.playing && !this.follows; }
 
   listen() {
     const events = new EventSource("events");
@@ -22,10 +23,15 @@ class Film {
   }
 
   #begin(message) {
-    const { take } = this;
-    const isSame = take && take.session === message.session && take.first === message.first && take.last === message.last;
-    if (!isSame) Object.assign(this, { pictures: new Map(), at: message.first, follows: true });
+    const { take, transport } = this, { session, first, last, fps } = message;
+    const isSame = take && take.session === session && take.first === first && take.last === last;
     Object.assign(this, { take: message, arrived: new Set(), begun: performance.now() });
+    if (!isSame) {
+      Object.assign(this, { pictures: new Map(), follows: true });
+      transport.setNumbers(Array.from({ length: last - first + 1 }, (_, i) => first + i), fps);
+      transport.go(first);
+      if (!take) transport.play();
+    }
     this.page.began(isSame);
   }
 
@@ -40,10 +46,11 @@ class Film {
       this.pictures.set(message.frame, { image, take: message.take, drawn: message.drawn, camera: message.camera });
       this.arrived.add(message.frame);
       const isWhole = this.arrived.size > take.last - take.first;
-      if (this.follows && this.playing && !isWhole && !this.#isReused(message)) this.at = message.frame;
+      if (this.follows && this.transport.playing && !isWhole && !this.#isReused(message)) this.transport.go(message.frame);
       if (isWhole) this.follows = false;
       if (this.at === message.frame) this.trial = this.trial?.isDragged ? this.trial : null;
       this.page.drawFrame();
+      this.page.strip.draw();
     };
     image.src = `frames/${message.take}/${message.frame}.jpg?${take.session}${message.drawn}`;
   }
@@ -52,7 +59,13 @@ class Film {
   #isReused(message) { return performance.now() - this.begun < 250 && message.frame !== this.take.first; }
 
   /** Whether the current frame is shown as the file has it. */
-  get isCurrent() { return !this.trial && this.pictures.get(this.at)?.take === this.take?.take; }
+  get isCurrent() { return !this.trial && this.stateOf(this.at) === "there"; }
+
+  /** Whether the picture of a frame is there, or an old one. */
+  stateOf(frame) {
+    const held = this.pictures.get(frame);
+    return !held ? "" : held.take === this.take?.take ? "there" : "old";
+  }
 
   /** The picture and camera to show now; null while there is none. */
   get shown() {
@@ -60,7 +73,7 @@ class Film {
     return this.trial?.frame === this.at ? this.trial : held ? { source: held.image.src, camera: held.camera } : null;
   }
 
-  /** Show the current frame as it would be; until a picture of the file comes. */
+  /** Show the current frame as it would be, until a picture of the file comes. */
   setTrial(trial) {
     this.trial = { ...trial, frame: this.at };
     this.page.drawFrame();
@@ -71,57 +84,17 @@ class Film {
     this.page.drawFrame();
   }
 
-  go(frame) {
-    if (!this.take) return;
-    this.at = Math.min(this.take.last, Math.max(this.take.first, frame));
-    this.page.drawFrame();
-  }
-
   /** Stop, and go to a frame. */
-  seek(frame) {
-    this.play(false);
-    this.go(frame);
-  }
+  seek(frame) { this.transport.jump(frame); }
 
-  play(wanted) {
-    this.playing = wanted;
-    this.page.drawFrame();
+  /** Stay at this frame, whatever comes. */
+  hold() {
+    this.follows = false;
+    this.transport.pause();
   }
 
   follow() {
     this.follows = true;
-    this.play(true);
-  }
-
-  #tick(now) {
-    requestAnimationFrame((next) => this.#tick(next));
-    if (!this.playing || this.follows || !this.take || now < this.due) return;
-    this.due = Math.max(this.due + 1000 / this.take.fps, now - 100);
-    this.go(this.at >= this.take.last ? this.take.first : this.at + 1);
-  }
-
-  /** Draw which frames there are, and the playhead. */
-  drawStrip(canvas) {
-    if (!this.take) return;
-    const { first, last } = this.take, many = last - first + 1, dots = window.devicePixelRatio || 1;
-    Object.assign(canvas, { width: Math.round(canvas.clientWidth * dots), height: Math.round(canvas.clientHeight * dots) });
-    const context = canvas.getContext("2d"), wide = canvas.width / many;
-    context.fillStyle = "#1f1f1f";
-    context.fillRect(0, 0, canvas.width, canvas.height);
-    for (let i = 0; i < many; i++) {
-      const held = this.pictures.get(first + i);
-      if (!held) continue;
-      context.fillStyle = held.take === this.take.take ? "#8c8c8c" : "#4b4b4b";
-      context.fillRect(Math.floor(i * wide), canvas.height - 7 * dots, Math.ceil(wide), 7 * dots);
-    }
-    const step = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000].find((each) => each * wide > 46 * dots) ?? 5000;
-    context.fillStyle = "#b4b4b4";
-    context.font = `${11 * dots}px system-ui, sans-serif`;
-    context.textAlign = "center";
-    for (let frame = Math.ceil(first / step) * step; frame <= last; frame += step) {
-      context.fillText(frame, Math.max(12 * dots, Math.min(canvas.width - 14 * dots, (frame - first + 0.5) * wide)), 15 * dots);
-    }
-    context.fillStyle = "#ffffff";
-    context.fillRect((this.at - first + 0.5) * wide - dots, 0, 2 * dots, canvas.height);
+    this.transport.play();
   }
 }

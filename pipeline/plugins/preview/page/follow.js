@@ -1,6 +1,8 @@
-"use strict";
 // While something is dragged, the current frame as it would be. One request is under way at a time; of the states in
 // between only the latest is asked for.
+
+/** Follow a drag of a part of the page. Until it is over no new state is drawn, which would replace what is dragged. */
+function dragOf(element, acts) { gestures(element, { ...acts, over: (isDone) => isDone || page.draw() }); }
 
 class Follow {
   constructor(page) {
@@ -15,7 +17,7 @@ class Follow {
     if (!edits.length) return;
     if (!this.drags) this.digest = this.page.shot.writes ? "" : this.page.shot.state.digest; // which our own edit changes
     this.drags = true;
-    this.page.film.playing = this.page.film.follows = false;
+    this.page.film.hold();
     this.waiting = edits;
     if (!this.isAsking) this.#ask();
   }

@@ -1,4 +1,3 @@
-"use strict";
 // Handles in the picture: the centre, the axis and the radius of each flow and region, at the current frame. The name
 // beside a centre moves it too, for centres of several flows may lie at one place.
 
@@ -27,11 +26,11 @@ class Handles {
   }
 
   draw() {
-    if (this.layer.contains(dragOf.active)) return;
+    if (this.layer.contains(gestures.active?.element)) return;
     const focused = this.layer.contains(document.activeElement) ? document.activeElement.dataset.handle : null;
     this.layer.replaceChildren();
     const projection = this.page.projection;
-    if (!this.isShown || !projection || !this.page.shot.state || (this.page.film.playing && !this.page.film.follows)) return;
+    if (!this.isShown || !projection || !this.page.shot.state || this.page.film.isPlaying) return;
     const { places } = this;
     this.words = [];
     for (const place of places) this.#drawPlace(place, projection, this.#nameOf(place, places));
@@ -80,24 +79,18 @@ class Handles {
       end: (event, begun) => this.page.follow.end(edits(given(event, begun))),
       cancel: () => this.page.follow.cancel(),
     });
-    group.addEventListener("keydown", (event) => {
-      const dx = { ArrowLeft: -1, ArrowRight: 1 }[event.key] ?? 0, dy = { ArrowUp: -1, ArrowDown: 1 }[event.key] ?? 0;
-      if (!dx && !dy) return;
-      event.preventDefault();
-      event.stopPropagation();
-      const many = event.shiftKey ? 5 : 1;
-      const change = edits(keyed(dx * many, dy * many));
+    arrowKeys(group, (right, down, many) => {
+      const change = edits(keyed(right * many, down * many));
       if (change.length) this.page.shot.edit(change, `handle ${group.dataset.handle}`);
       else this.page.note(formulaNote(value));
-    });
+    }, { many: 5 });
   }
 
   #centre(place, centre, at, projection, title, around) {
     const { placement, centre: value } = place;
     const group = this.#group(this.layer, nameOf(value.where), `Centre of ${title}`, this.#now(value).map(written).join(", "));
     const dot = group.appendChild(svg("circle", { class: "spot", cx: at.x, cy: at.y, r: 6 }));
-    const words = group.appendChild(svg("text", { x: at.x + 10, y: this.#lineFor(at) }));
-    words.textContent = title;
+    const words = group.appendChild(svg("text", { x: at.x + 10, y: this.#lineFor(at) }, title));
     const step = projection.unit(at.depth);
     const moved = (dx, dy) => placement.pointInside(plus(centre, projection.shift(dx, dy, at.depth))).map((part) => rounded(part, (10 * step) / placement.scale));
     const draw = (to) => {
@@ -165,7 +158,6 @@ class Handles {
   }
 }
 
-const unitOf = (vector) => vector.map((part) => part / (length(vector) || 1));
 const vectorOf = (axis) => (typeof axis === "string" ? ["x", "y", "z"].map((name) => +(name === axis)) : unitOf(axis));
 
 /** The direction from a sphere's centre to where a pixel's ray meets it; to where it comes nearest if it misses. */

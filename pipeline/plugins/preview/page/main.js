@@ -1,7 +1,4 @@
-"use strict";
 // The page: its parts, and what each tells the others.
-
-const id = (name) => document.getElementById(name);
 
 class LivePage {
   constructor() {
@@ -11,23 +8,45 @@ class LivePage {
     this.values = new Values(this, id("panel"));
     this.timeline = new Timeline(this, id("curves"));
     this.handles = new Handles(this, id("handles"));
-    this.orbit = new Orbit(this, id("picture"));
+    this.camera = new CameraDrag(this, id("picture"));
+    this.strip = new FrameStrip(id("strip"), this.film.transport, { stateOf: (frame) => this.film.stateOf(frame) });
+    this.playback = new Playback(this.film.transport, id("buttons"), id("frame"), ["play"]);
+    id("buttons").prepend(this.playback.button);
     this.fault = { file: "", edit: "" };
-    id("undo").addEventListener("click", () => this.shot.undo());
-    id("redo").addEventListener("click", () => this.shot.redo());
-    id("play").addEventListener("click", () => this.film.play(!this.film.playing));
-    id("panel-button").addEventListener("click", () => this.togglePanel());
-    id("handles-button").addEventListener("click", () => this.toggleHandles());
-    id("help-button").addEventListener("click", () => this.help());
-    id("frame").addEventListener("change", (event) => this.#typeFrame(event.target));
-    document.addEventListener("click", (event) => { // so that the next Space plays
-      if (event.detail > 0) event.target.closest("button:not(.open)")?.blur();
-    });
+    id("undo").onclick = () => this.shot.undo();
+    id("redo").onclick = () => this.shot.redo();
+    id("panel-button").onclick = () => this.togglePanel();
+    id("handles-button").onclick = () => this.toggleHandles();
     if (window.matchMedia("(max-width: 860px)").matches) this.togglePanel(); // there it covers the picture
-    this.#listenToStrip(id("strip"));
-    new ResizeObserver(() => this.#resized()).observe(id("viewer"));
-    listenForKeys(this);
+    whenResized(id("viewer"), () => { this.timeline.draw(); this.drawFrame(); });
+    new Keyboard(this.#keys, () => this.film.take);
     this.film.listen();
+  }
+
+  get #keys() {
+    const { film, shot, playback } = this;
+    return [
+      ["Playing", [...playback.keys, ["F", "Follow the frames as they come", { f: () => film.follow() }]]],
+      ["Editing", [
+        ["Ctrl Z", "Undo", { "Ctrl+z": () => shot.undo() }],
+        ["Ctrl Shift Z", "Redo; also Ctrl Y", { "Ctrl+Z": () => shot.redo(), "Ctrl+y": () => shot.redo() }],
+        ["↑ ↓", "In a number: a step; with Shift ten"],
+        ["Esc", "Give up a drag"],
+        ["V H", "Show or hide values, handles", { v: () => this.togglePanel(), h: () => this.toggleHandles() }],
+        ["?", "These keys"],
+      ]],
+      ["A key of a curve", [
+        ["S", "Set one of the chosen curve at this frame", { s: () => this.addKey() }],
+        ["← →", "Move it a frame; with Shift ten"],
+        ["↑ ↓", "Change its value; with Shift tenfold"],
+        ["Delete", "Remove it"],
+      ]],
+      ["The picture", [
+        ["drag", "Orbit the camera; also arrow keys, once Tab has come here"],
+        ["wheel", "Closer, farther; also two fingers, and + −", { "+": () => this.camera.zoom(0.9), "=": () => this.camera.zoom(0.9), "-": () => this.camera.zoom(1.1) }],
+        ["handle", "Move a centre, aim an axis, size a radius"],
+      ]],
+    ];
   }
 
   /** A new take begins; its text may be another. */
@@ -35,14 +54,12 @@ class LivePage {
     const { take } = this.film;
     id("shot").textContent = take.shot;
     document.title = `${take.shot} – flowsculpt live`;
-    id("range").textContent = `${take.first}–${take.last}`;
-    id("strip").setAttribute("aria-valuemin", take.first);
-    id("strip").setAttribute("aria-valuemax", take.last);
     this.fault.file = "";
     this.#drawFault();
     if (!isSame) this.handles.draw();
     this.shot.refresh();
     this.drawFrame();
+    this.strip.draw();
   }
 
   /** What the server says: of its work, or of a mistake in the file. */
@@ -70,7 +87,7 @@ class LivePage {
   /** A new state of the file. */
   draw() {
     const { state } = this.shot;
-    if (!state || dragOf.active) return;
+    if (!state || gestures.active) return;
     this.drawSteps();
     this.values.take(state.values);
     this.timeline.take(state.values);
@@ -83,15 +100,22 @@ class LivePage {
     id("redo").disabled = !this.shot.state.can_redo;
   }
 
+  /** Time, the loop or the speed has changed. */
+  timeChanged(what) {
+    if (!this.playback || !this.film.take) return;
+    if (what !== "frame") {
+      this.playback.draw();
+      this.strip.draw();
+    }
+    this.drawFrame();
+  }
+
   /** Another frame or another picture. */
   drawFrame() {
     const { film } = this, { shown, at } = film, picture = id("picture");
-    if (document.activeElement !== id("frame")) id("frame").value = at;
-    id("strip").setAttribute("aria-valuenow", at);
-    film.drawStrip(id("strip"));
-    const isPlaying = film.playing;
-    id("play").replaceChildren(icon(isPlaying ? "pause" : "play"));
-    id("play").setAttribute("aria-label", isPlaying ? "Pause" : "Play");
+    if (!film.take) return;
+    this.playback.drawFrame();
+    this.strip.drawHead();
     if (shown) {
       if (picture.src !== shown.source) picture.src = shown.source;
       picture.alt = `Frame ${at} of ${film.take.shot}`;
@@ -122,44 +146,19 @@ class LivePage {
     return { left: picture.offsetLeft + (room.width - width) / 2, top: picture.offsetTop + (room.height - height) / 2, width, height };
   }
 
-  togglePanel() { this.#toggle("panel-button", (id("panel").hidden = !id("panel").hidden)); }
+  togglePanel() {
+    id("panel").hidden = !id("panel").hidden;
+    id("panel-button").ariaPressed = !id("panel").hidden;
+  }
 
   toggleHandles() {
     this.handles.toggle();
-    this.#toggle("handles-button", !this.handles.isShown);
+    id("handles-button").ariaPressed = this.handles.isShown;
   }
-
-  #toggle(button, isHidden) { id(button).setAttribute("aria-pressed", !isHidden); }
 
   addKey() {
     const row = this.timeline.rows.find((each) => each.isChosen);
     if (row?.value.curve.formula === null) row.add(this.shot.frameOf(row.value.where, this.film.at));
-  }
-
-  help() { showHelp(id("help")); }
-
-  #typeFrame(field) {
-    const frame = Number.parseInt(field.value, 10);
-    if (Number.isFinite(frame)) this.film.seek(frame);
-    field.value = this.film.at;
-    field.blur();
-  }
-
-  #listenToStrip(strip) {
-    const seek = (event) => {
-      const box = strip.getBoundingClientRect(), { take } = this.film;
-      if (take) this.film.seek(take.first + Math.floor(((event.clientX - box.left) / box.width) * (take.last - take.first + 1)));
-    };
-    strip.addEventListener("pointerdown", (event) => {
-      strip.setPointerCapture(event.pointerId);
-      seek(event);
-    });
-    strip.addEventListener("pointermove", (event) => strip.hasPointerCapture(event.pointerId) && seek(event));
-  }
-
-  #resized() {
-    this.timeline.draw();
-    this.drawFrame();
   }
 }
 

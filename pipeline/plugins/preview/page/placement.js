@@ -1,4 +1,3 @@
-"use strict";
 // The frames of reference that flows are in: `placed` scales, turns and moves its flows, `mirrored` mirrors them.
 
 const transposed = (rows) => rows[0].map((_, i) => rows.map((row) => row[i]));

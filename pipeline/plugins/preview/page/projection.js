@@ -1,11 +1,4 @@
-"use strict";
 // From places in the scene to places in the viewer and back, by the camera of the picture that is shown.
-
-const minus = (a, b) => a.map((x, i) => x - b[i]);
-const plus = (a, b, factor = 1) => a.map((x, i) => x + factor * b[i]);
-const dot = (a, b) => a.reduce((sum, x, i) => sum + x * b[i], 0);
-const length = (a) => Math.sqrt(dot(a, a));
-const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
 
 class Projection {
   /**
@@ -35,7 +28,6 @@ class Projection {
   ray(x, y) {
     const { axes, half, aspect } = this.camera;
     const across = ((x - this.box.left) / this.box.width) * 2 - 1, along = 1 - ((y - this.box.top) / this.box.height) * 2;
-    const ray = plus(plus(axes[2], axes[0], across * half), axes[1], (along * half) / aspect), size = length(ray);
-    return ray.map((part) => part / size);
+    return unitOf(plus(plus(axes[2], axes[0], across * half), axes[1], (along * half) / aspect));
   }
 }

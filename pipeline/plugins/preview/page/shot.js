@@ -1,4 +1,3 @@
-"use strict";
 // The shot file as the server tells it: its values by their paths, and edits of them.
 
 const nameOf = (where) => where.join(".");
@@ -26,7 +25,7 @@ class Shot {
   }
 
   undo() {
-    this.page.orbit.settle();
+    this.page.camera.settle();
     return this.#step("undo", "can_undo");
   }
 

@@ -1,4 +1,3 @@
-"use strict";
 // Every value that changes over time, as a curve over the frames; the chosen one is large and its keys are edited.
 
 class Timeline {
@@ -14,7 +13,7 @@ class Timeline {
     if (!curves.some((value) => nameOf(value.where) === this.chosen)) this.chosen = "";
     this.rows = curves.map((value) => new CurveRow(this, value));
     this.holder.replaceChildren(...this.rows.map((row) => row.element));
-    if (!curves.length) this.holder.append(make("p", { className: "track empty about", textContent: "\u2003Nothing changes over time. ◆ beside a value gives it keys." }));
+    if (!curves.length) this.holder.append(make("p", "about", "\u2003Nothing changes over time. ◆ beside a value gives it keys."));
     this.draw();
     this.holder.scrollTop = scrolled;
     if (inside) this.holder.querySelector(`[data-focus="${CSS.escape(inside)}"]`)?.focus();
@@ -37,14 +36,12 @@ class CurveRow {
     Object.assign(this, { timeline, value, page: timeline.page });
     this.name = nameOf(value.where);
     this.isChosen = timeline.chosen === this.name;
-    this.label = make("div", { className: "label" });
-    const open = make("button", { type: "button", className: "open", textContent: this.title, title: `${this.name}${value.unit ? ` (${value.unit})` : ""}` });
-    open.setAttribute("aria-expanded", this.isChosen);
+    const title = `${this.name}${value.unit ? ` (${value.unit})` : ""}`;
+    const open = buttonOf(this.title, title, () => timeline.choose(this.name), { className: "open", ariaExpanded: this.isChosen });
     open.dataset.focus = `${this.name} open`;
-    open.addEventListener("click", () => timeline.choose(this.name));
-    this.label.append(open);
-    const plot = make("div", { className: "plot" });
-    this.element = make("div", { className: `track curve${this.isChosen ? " chosen" : ""}` }, this.label, plot);
+    this.label = make("div", "label", open);
+    const plot = make("div");
+    this.element = make("div", `track curve${this.isChosen ? " chosen" : ""}`, this.label, plot);
     this.element.dataset.curve = this.name;
     this.plot = new CurvePlot(this, plot);
     if (this.isChosen && value.curve.formula === null) this.#addSettings();
@@ -91,24 +88,19 @@ class CurveRow {
 
   #addSettings() {
     const { key } = this, { where, curve } = this.value, { shot } = this.page;
-    const part = this.label.appendChild(make("div", { className: "settings" }));
+    const part = this.label.appendChild(make("div", "settings"));
     const list = (words, names, value, set) => {
-      const select = make("select");
-      select.append(...names.map((name) => new Option(name.replaceAll("_", " "), name)));
+      const select = listOf(`${this.title}: ${words}`, names.map((name) => [name, name.replaceAll("_", " ")]), set);
       select.value = value;
-      select.setAttribute("aria-label", `${this.title}: ${words}`);
       select.dataset.focus = `${this.name} ${words}`;
-      select.addEventListener("change", () => set(select.value));
-      part.append(make("span", { textContent: words }), select);
+      part.append(make("span", {}, words), select);
     };
     const isLast = this.keys.indexOf(key) === this.keys.length - 1;
     if (!isLast) list(`from ${key.frame}`, EASES, this.easeOf(key), (ease) => shot.edit(this.keyEdits(key, "ease", ease)));
     else list("easing", EASES, curve.ease, (ease) => shot.edit([{ kind: "set", where: [...where, "ease"], value: ease }]));
     list("before", BEYOND, curve.before, (way) => shot.edit([{ kind: "set", where: [...where, "before"], value: way }]));
     list("after", BEYOND, curve.after, (way) => shot.edit([{ kind: "set", where: [...where, "after"], value: way }]));
-    const remove = make("button", { type: "button", textContent: `Remove key ${key.frame}`, title: "Remove the key (Delete)" });
-    remove.addEventListener("click", () => this.remove(key));
-    part.append(remove);
+    part.append(buttonOf(`Remove key ${key.frame}`, "Remove the key (Delete)", () => this.remove(key)));
   }
 }
 

@@ -1,4 +1,3 @@
-"use strict";
 // The panel: a group for each flow and each entry of the shot, a field for each value.
 
 const PARTS = { flows: "Flow", subject: "Subject", resample: "Resampling", camera: "Camera", shutter: "Shutter", look: "Look", lights: "Lights", stage: "Stage", smooth: "Smoothing", speed: "Speed" };

@@ -1,4 +1,3 @@
-"use strict";
 // The address tells what is shown, so that it can be sent to somebody.
 
 let remembering = 0;

@@ -1,4 +1,3 @@
-"use strict";
 // Pictures are decoded before they are needed, and kept as long as the budget lasts.
 
 const CACHE_BYTES = 640e6;

@@ -1,4 +1,3 @@
-"use strict";
 // Buttons, lists and fields: each does what a key does, and shows how things are.
 
 const MODE_NAMES = {
@@ -8,161 +7,120 @@ const MODE_NAMES = {
 };
 const SIZE_NAMES = { fit: ["Fit", "As large as fits (F)"], one: ["1:1", "A pixel for a pixel (Z)"] };
 const TABS = { notes: ["Notes", "Q"], measures: ["Measures", "P"], levels: ["Levels", "Shift Z"], facts: ["Frame", "N"], shot: ["Shot", "Shift D"], mesh: ["Mesh", "M"] };
-const id = (name) => document.getElementById(name);
+const KIND_NAMES = { render: "Renders", relit: "Relit", version: "Versions", wedge: "Wedges" };
 
 class Controls {
   constructor(review) {
-    this.review = review;
+    Object.assign(this, { review, playback: new Playback(review.transport, id("buttons"), id("frame")) });
     this.#lists();
-    this.#segments("modes", MODE_NAMES, (mode) => review.setMode(mode));
-    this.#segments("sizes", SIZE_NAMES, (size) => review.setSize(size));
-    this.#playback();
-    this.#tabs();
-    id("swap").append(icon("swap"));
-    id("swap").addEventListener("click", () => review.swap());
-    id("viewing-button").addEventListener("click", () => review.viewing.toggle());
-    id("help-button").addEventListener("click", () => review.help());
-    id("skip").addEventListener("click", () => review.toggleSkipped());
+    this.modes = this.#choices("modes", "How A and B are shown", MODE_NAMES, (mode) => review.setMode(mode));
+    this.sizes = this.#choices("sizes", "Size of the picture", SIZE_NAMES, (size) => review.setSize(size));
+    if (!review.hasGrid) this.modes.get("grid").remove();
+    this.tabs = new Map(Object.entries(TABS).map(([name, about]) => [name, this.#tab(name, ...about)]));
+    id("viewing-button").onclick = () => review.viewing.toggle();
+    id("panel-button").onclick = () => review.togglePanel();
+    id("skip").onclick = () => review.toggleSkipped();
     const isAlone = review.sequences.length === 1;
-    for (const part of ["swap", "label-b", "modes"]) id(part).hidden = isAlone;
-    id("panel-button").addEventListener("click", () => review.togglePanel());
-    id("frame").addEventListener("change", (event) => this.#frameTyped(event.target));
-    document.addEventListener("click", (event) => {  // so that the next Space plays
-      if (event.detail > 0) event.target.closest("button, select")?.blur();
-    });
+    for (const part of [this.swap, this.lists.b.parentElement, id("modes")]) part.hidden = isAlone;
   }
 
   #lists() {
-    const { review } = this;
+    const { review } = this, sequences = { a: [], b: [] };
     for (const side of ["a", "b"]) {
-      const list = id(`choose-${side}`);
-      for (const [title, sequences] of grouped(review)) {
-        const group = list.appendChild(Object.assign(document.createElement("optgroup"), { label: title }));
-        for (const each of sequences) group.append(new Option(each.name(review.isAlone), each.index));
+      const act = (index) => review.choose(side, review.sequences[index]);
+      sequences[side] = make("select", { id: `choose-${side}`, ariaLabel: `Sequence ${side.toUpperCase()}`, onchange: (event) => act(event.target.value) });
+      for (const [label, group] of grouped(review)) {
+        sequences[side].append(make("optgroup", { label }, ...group.map((each) => new Option(each.name(review.isAlone), each.index))));
       }
-      list.addEventListener("change", () => review.choose(side, review.sequences[list.value]));
     }
-    for (const gain of GAINS) id("gain").append(new Option(`×${gain}`, gain));
-    id("gain").addEventListener("change", (event) => review.setGain(+event.target.value));
-    for (const speed of SPEEDS) id("speed").append(new Option(`${speed}×`, speed));
-    id("speed").addEventListener("change", (event) => review.transport.setSpeed(+event.target.value));
-    id("wipe").addEventListener("input", (event) => review.setWipe(event.target.value / 100));
+    this.lists = sequences;
+    this.swap = iconButton("swap", "Swap A and B (X)", () => review.swap());
+    const labels = Object.entries(sequences).map(([side, list]) => make("label", "inline", make("b", {}, side.toUpperCase()), list));
+    id("choose").append(labels[0], this.swap, labels[1]);
+    id("gain").append(...GAINS.map((gain) => new Option(`×${gain}`, gain)));
+    id("gain").onchange = () => review.setGain(+id("gain").value);
+    id("wipe").oninput = () => review.setWipe(id("wipe").value / 100);
   }
 
-  #segments(place, names, choose) {
-    const group = id(place);
-    group.setAttribute("role", "group");
-    for (const [name, [words, title]] of Object.entries(names)) {
-      if (name === "grid" && !this.review.hasGrid) continue;
-      const button = group.appendChild(toggle(words, title, () => choose(name)));
-      button.dataset.name = name;
-    }
+  /** Buttons of which one is pressed, by their names. */
+  #choices(place, label, names, choose) {
+    const buttons = new Map(Object.entries(names).map(([name, about]) => [name, buttonOf(...about, () => choose(name))]));
+    id(place).append(segments(label, [...buttons.values()]));
+    return buttons;
   }
 
-  #playback() {
-    const { review } = this, { transport } = review;
-    const make = (name, title, click) => {
-      const button = Object.assign(document.createElement("button"), { type: "button", className: "icon", title });
-      button.setAttribute("aria-label", title);
-      button.append(icon(name));
-      button.addEventListener("click", click);
-      return id("buttons").appendChild(button);
-    };
-    make("first", "First frame (Home)", () => { transport.pause(); transport.go(transport.first); });
-    make("back", "Back a frame (←)", () => transport.step(-1));
-    this.playButton = make("play", "Play (Space)", () => transport.toggle());
-    make("ahead", "On a frame (→)", () => transport.step(1));
-    make("last", "Last frame (End)", () => { transport.pause(); transport.go(transport.last); });
-    make("loopIn", "Loop from here ([)", () => transport.setIn());
-    make("loopOut", "Loop to here (])", () => transport.setOut());
-    make("loopReset", "Loop over all (\\)", () => transport.resetRange());
-  }
-
-  #tabs() {
-    for (const [name, [words, key]] of Object.entries(TABS)) {
-      const tab = toggle(words, `${words} (${key})`, () => this.review.showTab(name));
-      tab.id = `tab-${name}`;
-      tab.setAttribute("role", "tab");
-      tab.setAttribute("aria-controls", `panel-${name}`);
-      tab.addEventListener("keydown", (event) => {
-        const way = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
-        if (!way) return;
-        event.stopPropagation();
-        const names = Object.keys(TABS), next = names.at((names.indexOf(name) + way) % names.length);
-        this.review.showTab(next);
-        id(`tab-${next}`).focus();
-      });
-      id("tabs").append(tab);
-    }
-  }
-
-  #frameTyped(field) {
-    const frame = Number.parseInt(field.value, 10);
-    if (Number.isFinite(frame)) this.review.seek(frame);
-    field.value = this.review.transport.frame;
-    field.blur();
+  #tab(name, words, key) {
+    const panel = make("div", { className: "tab inset", role: "tabpanel", id: `panel-${name}`, tabIndex: 0 });
+    const tab = buttonOf(words, `${words} (${key})`, () => this.review.showTab(name), { id: `tab-${name}`, role: "tab" });
+    tab.setAttribute("aria-controls", panel.id);
+    panel.setAttribute("aria-labelledby", tab.id);
+    arrowKeys(tab, (right) => {
+      const names = Object.keys(TABS), next = names.at((names.indexOf(name) + right) % names.length);
+      this.review.showTab(next);
+      this.tabs.get(next).focus();
+    });
+    id("tabs").append(tab);
+    id("panel").append(panel);
+    return tab;
   }
 
   /** Show how things are. */
   draw() {
     const { review } = this, { transport, stage, a, b, mode } = review;
-    id("choose-a").value = a.index;
-    id("choose-b").value = b.index;
-    this.#press("modes", mode);
-    this.#press("sizes", stage.zoom === null ? "fit" : stage.zoom === 1 ? "one" : "");
+    this.lists.a.value = a.index;
+    this.lists.b.value = b.index;
+    const size = stage.zoom === null ? "fit" : stage.zoom === 1 ? "one" : "";
+    for (const [name, button] of this.modes) button.ariaPressed = name === mode;
+    for (const [name, button] of this.sizes) button.ariaPressed = name === size;
     id("gain-label").hidden = mode !== "difference";
     id("gain").value = stage.gain;
     id("wipe-label").hidden = mode !== "wipe";
     id("wipe").value = Math.round(100 * stage.wipe);
-    id("speed").value = transport.speed;
-    id("panel-button").setAttribute("aria-pressed", !id("panel").hidden);
+    id("panel-button").ariaPressed = !id("panel").hidden;
     id("splitter").hidden = id("panel").hidden;
+    this.playback.draw();
     this.drawFrame();
     review.drawing.draw();
     review.viewing.draw();
-    const { inPoint, outPoint } = transport;
     id("about").textContent = a.note || a.about.title;
-    id("range").textContent = transport.isLooped ? `Loop ${inPoint}–${outPoint}` : `${transport.first}–${transport.last}`;
-    id("skip").hidden = a.there.length === a.numbers.length;
-    id("skip").setAttribute("aria-pressed", review.skips);
-    this.playButton.replaceChildren(icon(transport.playing ? "pause" : "play"));
-    this.playButton.setAttribute("aria-label", transport.playing ? "Pause (Space)" : "Play (Space)");
-    for (const name of Object.keys(TABS)) {
+    Object.assign(id("skip"), { hidden: a.there.length === a.numbers.length, ariaPressed: review.skips });
+    for (const [name, tab] of this.tabs) {
       const isShown = review.tab === name;
-      id(`tab-${name}`).setAttribute("aria-selected", isShown);
-      id(`tab-${name}`).removeAttribute("aria-pressed");
-      id(`tab-${name}`).tabIndex = isShown ? 0 : -1;
+      Object.assign(tab, { ariaSelected: isShown, tabIndex: isShown ? 0 : -1 });
       id(`panel-${name}`).hidden = !isShown;
     }
-    const both = ["wipe", "side"].includes(mode), only = mode === "b" ? b : a;
-    id("tag-a").textContent = mode === "grid" ? "" : both ? a.name(review.isAlone) : mode === "difference" ? `${a.name(review.isAlone)} − ${b.name(review.isAlone)}` : only.name(review.isAlone);
-    id("tag-b").textContent = both ? b.name(review.isAlone) : "";
+    const [left, right] = this.#tags(mode, a.name(review.isAlone), b.name(review.isAlone));
+    id("tag-a").textContent = left;
+    id("tag-b").textContent = right;
+    if (transport.numbers.length < 2) this.playback.button.disabled = true;
+  }
+
+  /** The names over the picture, left and right. */
+  #tags(mode, a, b) {
+    if (mode === "grid") return ["", ""];
+    if (mode === "difference") return [`${a} − ${b}`, ""];
+    return mode === "wipe" || mode === "side" ? [a, b] : [mode === "b" ? b : a, ""];
   }
 
   /** What changes with every frame. */
   drawFrame() {
-    const { transport, a, b, mode } = this.review, { frame } = transport;
-    if (document.activeElement !== id("frame")) id("frame").value = frame;
+    const { transport, a, shownSequence } = this.review, { frame, playing, measured } = transport;
+    this.playback.drawFrame();
     id("timecode").textContent = a.timecode(frame);
-    const [state, why] = (mode === "b" ? b : a).state(frame);
-    id("state").textContent = state === "done" ? "" : state;
-    id("state").title = why;
+    const [state, why] = shownSequence.state(frame);
+    Object.assign(id("state"), { textContent: state === "done" ? "" : state, title: why });
     id("state").dataset.state = state;
     const asked = +(transport.fps * transport.speed).toFixed(2);
-    id("rate").textContent = transport.playing && transport.measured ? `${transport.measured.toFixed(1)} / ${asked} fps` : `${asked} fps`;
-    id("rate").classList.toggle("slow", transport.playing && transport.measured > 0 && transport.measured < 0.93 * asked);
-  }
-
-  #press(place, name) {
-    for (const button of id(place).children) button.setAttribute("aria-pressed", button.dataset.name === name);
+    id("rate").textContent = playing && measured ? `${measured.toFixed(1)} / ${asked} fps` : `${asked} fps`;
+    id("rate").classList.toggle("slow", playing && measured > 0 && measured < 0.93 * asked);
   }
 }
 
 /** The sequences in groups: by shot where there are several, and by what they are. */
 function grouped(review) {
-  const words = { render: "Renders", relit: "Relit", version: "Versions", wedge: "Wedges" }, groups = new Map();
+  const groups = new Map();
   for (const each of review.sequences) {
-    const title = review.isAlone ? words[each.kind] : `${each.shot}: ${words[each.kind].toLowerCase()}`;
+    const title = review.isAlone ? KIND_NAMES[each.kind] : `${each.shot}: ${KIND_NAMES[each.kind].toLowerCase()}`;
     groups.set(title, [...(groups.get(title) ?? []), each]);
   }
   return groups;

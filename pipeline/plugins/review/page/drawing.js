@@ -1,4 +1,3 @@
-"use strict";
 // Drawing over the picture: which tool, which ink, and what the pointer does.
 
 const TOOLS = { pen: ["Pen", "3"], arrow: ["Arrow", "4"], rectangle: ["Rectangle", "5"], text: ["Text", "6"] };
@@ -29,7 +28,7 @@ class Drawing {
   nextInk() { this.#setInk(Object.keys(INKS)[(Object.keys(INKS).indexOf(this.ink) + 1) % Object.keys(INKS).length]); }
 
   changeWidth(steps) {
-    this.width = WIDTHS[Math.min(WIDTHS.length - 1, Math.max(0, WIDTHS.indexOf(this.width) + steps))];
+    this.width = WIDTHS[clamp(WIDTHS.indexOf(this.width) + steps, 0, WIDTHS.length - 1)];
     this.review.redraw();
   }
 
@@ -39,7 +38,7 @@ class Drawing {
     const note = this.#noteOf(review.shownSequence, frame);
     if (!note?.drawings.some((stroke) => stroke.frame === frame)) return;
     review.notes.editUndoably(note.id, { drawings: note.drawings.filter((stroke) => stroke.frame !== frame) });
-    review.tell(`The drawing of frame ${frame} is erased; U brings it back.`);
+    tell(`The drawing of frame ${frame} is erased; U brings it back.`);
   }
 
   // The pointer: points are in pixels of the stage
@@ -73,7 +72,7 @@ class Drawing {
   }
 
   #units(point, place) {
-    const unit = UNITS / place.width, within = (value) => Math.round(Math.min(1e5, Math.max(-1e5, value)));
+    const unit = UNITS / place.width, within = (value) => Math.round(clamp(value, -1e5, 1e5));
     return [within((point.x - place.x) * unit), within((point.y - place.y) * unit)];
   }
 
@@ -96,9 +95,7 @@ class Drawing {
 
   /** Ask for the words of a text where it will stand. */
   #askWords({ sequence, place }, stroke, point) {
-    const field = document.createElement("input"), dots = window.devicePixelRatio || 1;
-    Object.assign(field, { type: "text", className: "ink-words", maxLength: 400 });
-    field.setAttribute("aria-label", "Words on the picture");
+    const field = make("input", { type: "text", className: "ink-words", maxLength: 400, ariaLabel: "Words on the picture" }), dots = dotsOf();
     Object.assign(field.style, {
       left: `${point.x / dots}px`, top: `${point.y / dots}px`, color: stroke.ink,
       fontSize: `${Math.max(9, (6 * stroke.width * place.width) / UNITS / dots)}px`,
@@ -124,32 +121,22 @@ class Drawing {
   // Its bar
 
   #build() {
-    const { review } = this;
-    const add = (name, about, act) => {
-      const button = Object.assign(document.createElement("button"), { type: "button", className: "icon", title: about });
-      button.setAttribute("aria-label", about);
-      button.append(icon(name));
-      button.addEventListener("click", act);
-      return this.element.appendChild(button);
-    };
-    for (const [name, [words, key]] of Object.entries(TOOLS)) this.buttons[name] = add(name, `${words} (${key})`, () => this.setTool(name));
-    this.#gap();
-    for (const [ink, name] of Object.entries(INKS)) {
-      const button = add("dot", `Ink ${name} (Shift I: the next)`, () => this.#setInk(ink));
+    const { review } = this, gap = () => make("i");
+    const tools = Object.entries(TOOLS).map(([name, [words, key]]) => (this.buttons[name] = iconButton(name, `${words} (${key})`, () => this.setTool(name))));
+    const inks = Object.entries(INKS).map(([ink, name]) => {
+      const button = iconButton("dot", `Ink ${name} (Shift I: the next)`, () => this.#setInk(ink));
       button.classList.add("ink");
       button.style.color = ink;
-      this.buttons[ink] = button;
-    }
-    this.#gap();
-    this.thinner = add("thinner", "Thinner ({)", () => this.changeWidth(-1));
-    this.thicker = add("thicker", "Thicker (})", () => this.changeWidth(1));
-    this.#gap();
-    this.undo = add("undo", "Undo (U)", () => review.notes.undo());
-    this.redo = add("redo", "Redo (Shift U)", () => review.notes.redo());
-    add("erase", "Erase this frame's drawing (Backspace)", () => this.erase());
-    this.onion = add("onion", "Onion skin: drawings of the frames before and after (Y)", () => review.toggleOnion());
-    this.#gap();
-    add("close", "End drawing (B or Esc)", () => this.toggle(false));
+      return (this.buttons[ink] = button);
+    });
+    this.thinner = iconButton("thinner", "Thinner ({)", () => this.changeWidth(-1));
+    this.thicker = iconButton("thicker", "Thicker (})", () => this.changeWidth(1));
+    this.undo = iconButton("undo", "Undo (U)", () => review.notes.undo());
+    this.redo = iconButton("redo", "Redo (Shift U)", () => review.notes.redo());
+    this.onion = iconButton("onion", "Onion skin: drawings of the frames before and after (Y)", () => review.toggleOnion());
+    const erase = iconButton("erase", "Erase this frame's drawing (Backspace)", () => this.erase());
+    const close = iconButton("close", "End drawing (B or Esc)", () => this.toggle(false));
+    this.element.append(...tools, gap(), ...inks, gap(), this.thinner, this.thicker, gap(), this.undo, this.redo, erase, this.onion, gap(), close);
   }
 
   #setInk(ink) {
@@ -157,13 +144,11 @@ class Drawing {
     this.review.redraw();
   }
 
-  #gap() { this.element.appendChild(document.createElement("i")); }
-
   draw() {
     this.element.hidden = !this.isOn;
     if (!this.isOn) return;
-    for (const [name, button] of Object.entries(this.buttons)) button.setAttribute("aria-pressed", [this.tool, this.ink].includes(name));
-    this.onion.setAttribute("aria-pressed", this.review.ink.showsOnion);
+    for (const [name, button] of Object.entries(this.buttons)) button.ariaPressed = [this.tool, this.ink].includes(name);
+    this.onion.ariaPressed = this.review.ink.showsOnion;
     this.thinner.disabled = this.width === WIDTHS[0];
     this.thicker.disabled = this.width === WIDTHS.at(-1);
     this.undo.disabled = !this.review.notes.done.length;

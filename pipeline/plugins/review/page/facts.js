@@ -1,4 +1,3 @@
-"use strict";
 // What is known of the frame that is shown: the first things first, and then its whole header.
 
 const FIRST_FACTS = [
@@ -9,44 +8,28 @@ const FIRST_FACTS = [
 ];
 
 class FactsPanel {
-  constructor(element, review) {
-    this.element = element;
-    this.review = review;
-    this.isOpen = false;
-  }
+  constructor(element, review) { Object.assign(this, { element, review, isOpen: false }); }
 
   draw() {
     if (this.element.hidden) return;
     const { a, b, transport, stage } = this.review, sequences = stage.needsB && a !== b ? [a, b] : [a];
-    const rows = this.#rows(sequences, transport.frame), scroll = this.element.scrollTop;
-    const whole = document.createElement("details");
-    whole.open = this.isOpen;
-    whole.append(Object.assign(document.createElement("summary"), { textContent: "Everything in the header" }));
-    whole.addEventListener("toggle", () => { this.isOpen = whole.open; });
-    whole.append(tableOf("Header", sequences, headerRows(sequences, transport.frame)));
-    this.element.replaceChildren(tableOf("Frame", sequences, rows), whole);
+    const scroll = this.element.scrollTop;
+    const whole = make("details", { open: this.isOpen, ontoggle: () => { this.isOpen = whole.open; } },
+      make("summary", {}, "Everything in the header"), tableOf("Header", sequences, headerRows(sequences, transport.frame)));
+    this.element.replaceChildren(tableOf("Frame", sequences, this.#rows(sequences, transport.frame)), whole);
     this.element.scrollTop = scroll;
   }
 
   #rows(sequences, frame) {
-    const [states, reasons] = [0, 1].map((part) => sequences.map((each) => each.state(frame)[part]));
-    const seconds = sequences.map((each) => told(each.seconds.render?.[frame], (s) => `${+s.toPrecision(3)} s`));
-    const rows = [
-      ["Frame", sequences.map(() => String(frame))],
-      ["State", states],
-      ...(reasons.some(Boolean) ? [["Because", reasons]] : []),
-      ...(sequences.some((each) => each.note) ? [["Note", sequences.map((each) => each.note)]] : []),
-      ["Rendering took", seconds],
-    ];
-    for (const [label, name] of FIRST_FACTS) {
-      const values = sequences.map((each) => abbreviated(shown(name, each.fact(frame, name))));
-      if (values.some(Boolean)) rows.push([label, values]);
-    }
-    return rows;
+    const of = (fact) => sequences.map(fact);
+    const told = (seconds) => (seconds == null ? "" : `${+seconds.toPrecision(3)} s`);
+    const known = [
+      ["Because", of((each) => each.state(frame)[1])], ["Note", of((each) => each.note)],
+      ...FIRST_FACTS.map(([label, name]) => [label, of((each) => abbreviated(shown(name, each.fact(frame, name))))]),
+    ].filter(([, values]) => values.some(Boolean));
+    return [["Frame", of(() => String(frame))], ["State", of((each) => each.state(frame)[0])], ["Rendering took", of((each) => told(each.seconds.render?.[frame]))], ...known];
   }
 }
-
-const told = (value, words) => (value === undefined || value === null ? "" : words(value));
 
 /** A key by its beginning; the whole of it stands in the header. */
 const abbreviated = (text) => (/^[0-9a-f]{32}$/.test(text) ? `${text.slice(0, 10)}…` : text);
@@ -66,20 +49,10 @@ function headerRows(sequences, frame) {
 
 /** Rows of [name, values]; what differs between A and B is told by weight. */
 function tableOf(label, sequences, rows) {
-  const table = document.createElement("table");
-  table.className = "facts";
-  table.setAttribute("aria-label", label);
-  if (sequences.length > 1) {
-    const head = table.createTHead().insertRow();
-    head.append(document.createElement("td"));
-    for (const side of ["A", "B"]) head.append(Object.assign(document.createElement("th"), { textContent: side, scope: "col" }));
-  }
-  const body = table.createTBody();
-  for (const [name, values] of rows) {
-    const row = body.insertRow();
-    row.append(Object.assign(document.createElement("th"), { textContent: name, scope: "row" }));
-    if (values.length > 1 && values[0] !== values[1]) row.className = "differs";
-    for (const value of values) row.insertCell().textContent = value || "–";
-  }
-  return table;
+  const head = sequences.length > 1 ? [make("tr", {}, make("td"), ...["A", "B"].map((side) => make("th", { scope: "col" }, side)))] : [];
+  const body = rows.map(([name, values]) => {
+    const isSame = values.every((value) => value === values[0]);
+    return make("tr", isSame ? "" : "differs", make("th", { scope: "row" }, name), ...values.map((value) => make("td", {}, value || "–")));
+  });
+  return make("table", { className: "facts", ariaLabel: label }, make("thead", {}, ...head), make("tbody", {}, ...body));
 }

@@ -1,4 +1,3 @@
-"use strict";
 // Layers as pictures: exposure, gamma, one channel, and false colour, by the graphics card or in a loop.
 
 const CHANNELS = ["rgb", "red", "green", "blue", "luminance"];
@@ -47,7 +46,7 @@ const KINDS = { display: 0, light: 1, data: 2 };
 class Grader {
   constructor() {
     this.settings = { exposure: 0, gamma: 1, channel: "rgb", clipping: false };
-    this.canvas = document.createElement("canvas");
+    this.canvas = make("canvas");
     this.gl = this.canvas.getContext("webgl2", { antialias: false, depth: false, preserveDrawingBuffer: true });
     if (this.gl) this.#prepare();
     this.drawn = new WeakMap();  // layer -> {state, canvas}
@@ -57,7 +56,7 @@ class Grader {
   graded(layer, view = null) {
     const state = JSON.stringify(this.settings), last = this.drawn.get(layer);
     if (last?.state === state) return last.canvas;
-    const { width, height } = layer, canvas = last?.canvas ?? document.createElement("canvas");
+    const { width, height } = layer, canvas = last?.canvas ?? make("canvas");
     Object.assign(canvas, { width, height });
     const context = canvas.getContext("2d", { alpha: false });
     if (this.gl && !this.gl.isContextLost()) context.drawImage(this.#byCard(layer, view), 0, 0);

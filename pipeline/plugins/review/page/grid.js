@@ -1,12 +1,10 @@
-"use strict";
 // Many sequences at the same frame: the cells of wedges as on their sheets, and all that the page has.
 
 const SMALLEST_TILE = 150;
 
 class Grid {
   constructor(element, review, wedges) {
-    this.element = element;
-    this.review = review;
+    Object.assign(this, { element, review });
     const own = review.sequences.filter((each) => each.kind !== "wedge");
     this.groups = wedges.map((wedge) => ({
       title: `${review.isAlone ? "" : `${wedge.shot} · `}${wedge.name}`,
@@ -66,24 +64,19 @@ class Grid {
   #build() {
     this.tiles = [];
     this.parts = this.groups.map((group) => {
-      this.element.append(Object.assign(document.createElement("h2"), { textContent: group.title }));
-      const part = Object.assign(document.createElement("div"), { className: "cells" });
-      for (const [sequence, caption] of group.cells) part.append(this.#tile(sequence, caption));
-      this.element.append(part);
-      return part;
+      const cells = make("div", "cells", ...group.cells.map(([sequence, caption]) => this.#tile(sequence, caption)));
+      this.element.append(make("h2", {}, group.title), cells);
+      return cells;
     });
-    this.element.append(Object.assign(document.createElement("p"), { className: "note", textContent: "Click for A, with Shift for B; twice to see it large." }));
+    this.element.append(make("p", "note", "Click for A, with Shift for B; twice to see it large."));
     this.resize();
   }
 
   #tile(sequence, caption) {
-    const button = Object.assign(document.createElement("button"), { type: "button", className: "cell" });
-    const canvas = document.createElement("canvas"), dots = Math.min(1, 960 / sequence.size[0]);
-    Object.assign(canvas, { width: Math.round(sequence.size[0] * dots), height: Math.round(sequence.size[1] * dots) });
-    const mark = Object.assign(document.createElement("span"), { className: "mark" });
-    const words = Object.assign(document.createElement("span"), { className: "caption", textContent: caption });
-    button.append(canvas, mark, words);
-    button.addEventListener("click", (event) => this.review.choose(event.shiftKey ? "b" : "a", sequence));
+    const scale = Math.min(1, 960 / sequence.size[0]), [width, height] = sequence.size.map((size) => Math.round(size * scale));
+    const canvas = make("canvas", { width, height }), mark = make("span", "mark");
+    const button = buttonOf("", "", (event) => this.review.choose(event.shiftKey ? "b" : "a", sequence), { className: "cell" });
+    button.append(canvas, mark, make("span", "caption", caption));
     button.addEventListener("dblclick", () => { this.review.choose("a", sequence); this.review.setMode("a"); });
     this.tiles.push({ sequence, canvas, button, mark });
     return button;

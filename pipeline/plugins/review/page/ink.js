@@ -1,4 +1,3 @@
-"use strict";
 // Drawings of notes over the picture: vectors in ten-thousandths of the picture's width, drawn at any size.
 
 const UNITS = 10000;

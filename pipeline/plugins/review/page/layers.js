@@ -1,4 +1,3 @@
-"use strict";
 // Layers of frames: linear half floats and display values, whose pixels a page in a folder may read.
 
 const LAYER_BYTES = 512e6;  // of decoded ones that are kept
@@ -31,8 +30,7 @@ class LayerCache {
 
   async #decode(file, { data, ...about }) {
     try {
-      const packed = new Blob([decoded(data, Uint8Array)]).stream().pipeThrough(new DecompressionStream("deflate"));
-      this.#settle(file, new Layer(about, new Uint8Array(await new Response(packed).arrayBuffer())));
+      this.#settle(file, new Layer(about, await inflated(data)));
     } catch {
       this.#settle(file, false);
     }

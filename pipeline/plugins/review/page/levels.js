@@ -1,4 +1,3 @@
-"use strict";
 // The levels of the frame that is shown: waveforms of luma and of red, green and blue, and histograms.
 
 const SCOPE_COLUMNS = 96, SCOPE_LEVELS = 64;  // of a waveform: `page_pictures.Scope` has the same
@@ -78,7 +77,7 @@ class LevelsPanel {
       ["1 % of pixels up to", scope.percentile(0.01)], ["half of them up to", scope.percentile(0.5)], ["99 % up to", scope.percentile(0.99)],
       ["white", share(scope.clipped((step) => step >= WHITE_STEP))], ["black", share(scope.clipped((step) => step <= BLACK_STEP))],
     ];
-    this.numbers.replaceChildren(...facts.map(([name, value]) => part("span", "", `${name} `, part("b", "", String(value)))));
+    this.numbers.replaceChildren(...facts.map(([name, value]) => make("span", {}, `${name} `, make("b", {}, String(value)))));
   }
 
   resize() { this.draw(); }
@@ -101,8 +100,7 @@ class LevelsPanel {
 
   async #decode(file, data) {
     try {
-      const packed = new Blob([decoded(data, Uint8Array)]).stream().pipeThrough(new DecompressionStream("deflate"));
-      this.#settle(file, Scope.unpacked(new Uint8Array(await new Response(packed).arrayBuffer())));
+      this.#settle(file, Scope.unpacked(await inflated(data)));
     } catch {
       this.#settle(file, false);
     }
@@ -121,36 +119,33 @@ class LevelsPanel {
   }
 
   #build() {
-    const make = (title, hint, height) => {
-      const canvas = document.createElement("canvas");
-      canvas.setAttribute("role", "img");
-      canvas.setAttribute("aria-label", `${title}: ${hint}`);
-      canvas.style.height = `${height}px`;
-      const figure = part("figure", "chart levels", part("figcaption", "", part("span", "", title), part("span", "", hint)), canvas);
+    const figureOf = (title, hint, height) => {
+      const canvas = make("canvas", { role: "img", ariaLabel: `${title}: ${hint}`, style: `height: ${height}px` });
+      const figure = make("figure", "chart levels", make("figcaption", {}, make("span", {}, title), make("span", {}, hint)), canvas);
       this.element.append(figure);
       return { canvas, height };
     };
-    this.words = this.element.appendChild(part("p", "note"));
+    this.words = this.element.appendChild(make("p", "note"));
     this.figures = [
-      make("Waveform", "luma by column", 150), make("RGB parade", "red, green, blue by column", 150), make("Histogram", "pixels by level", 96),
+      figureOf("Waveform", "luma by column", 150), figureOf("RGB parade", "red, green, blue by column", 150), figureOf("Histogram", "pixels by level", 96),
     ];
-    this.numbers = this.element.appendChild(part("p", "legend"));
+    this.numbers = this.element.appendChild(make("p", "legend"));
   }
 
   /** Size a canvas for the display; return its context in CSS pixels, and its width. */
   #begin({ canvas, height }) {
-    const dots = window.devicePixelRatio || 1, width = canvas.clientWidth;
+    const dots = dotsOf(), width = canvas.clientWidth;
     Object.assign(canvas, { width: width * dots, height: height * dots });
     const context = canvas.getContext("2d", { alpha: false });
     context.setTransform(dots, 0, 0, dots, 0, 0);
-    context.fillStyle = CHART_INKS.back;
+    context.fillStyle = "#1f1f1f";
     context.fillRect(0, 0, width, height);
     return [context, width];
   }
 
   #drawWaves(figure, scope, channels) {
     const [context, width] = this.#begin(figure), each = width / channels.length;
-    const image = new ImageData(SCOPE_COLUMNS, SCOPE_LEVELS), map = Object.assign(document.createElement("canvas"), { width: SCOPE_COLUMNS, height: SCOPE_LEVELS });
+    const image = new ImageData(SCOPE_COLUMNS, SCOPE_LEVELS), map = make("canvas", { width: SCOPE_COLUMNS, height: SCOPE_LEVELS });
     channels.forEach((channel, place) => {
       const ink = SCOPE_CHANNELS[channel][1];
       for (let level = 0; level < SCOPE_LEVELS; level++) {

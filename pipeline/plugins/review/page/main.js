@@ -1,4 +1,3 @@
-"use strict";
 // The page as a whole: what is shown, and who must be told when that changes.
 
 const AHEAD = 96, BEHIND = 8;  // pictures decoded before they are needed
@@ -7,20 +6,17 @@ class Review {
   constructor(data) {
     document.title = `${data.title} – review`;
     id("title").textContent = data.title;
-    this.isAlone = Object.keys(data.shots).length === 1;
-    this.title = data.title;
-    this.shots = data.shots;
-    this.chosenNote = null;
+    Object.assign(this, { title: data.title, shots: data.shots, isAlone: Object.keys(data.shots).length === 1, chosenNote: null, mode: "a" });
     this.sequences = data.sequences.map((each, i) => new Sequence(each, i, data.shots[each.shot]));
     this.cache = new PictureCache((url) => this.#arrived(url));
-    this.transport = new Transport((frame) => this.#isReady(frame), (what) => this.#changed(what));
-    this.stage = new Stage(id("stage"), this.cache, (sequence) => this.strip.sheet(sequence));
-    this.notes = new NoteBook(data.page, data.notes, () => this.redraw(), (words) => this.tell(words, true));
+    this.transport = new Transport((what) => this.#changed(what), { isReady: (frame) => this.#isReady(frame) });
+    this.stage = new Stage(id("stage"), this.cache, () => this.#drawPicture());
+    this.notes = new NoteBook(data.page, data.notes, () => this.redraw(), (words) => tell(words, true));
     this.ink = new InkLayer(id("ink"), this);
     this.drawing = new Drawing(id("drawing"), this);
-    this.mode = "a";
     this.tab = this.notes.all.length ? "notes" : "measures";
     this.grid = new Grid(id("grid"), this, data.wedges);
+    this.controls = new Controls(this);
     this.panels = {
       notes: new NotesPanel(id("panel-notes"), this),
       measures: new MeasuresPanel(id("panel-measures"), this),
@@ -30,15 +26,14 @@ class Review {
       mesh: new MeshPanel(id("panel-mesh"), this, data.three, data.hint),
     };
     this.viewing = new Viewing(id("viewing"), this);
-    this.strip = new Strip(id("strip"), this);
-    this.controls = new Controls(this);
-    new Splitter(id("splitter"), id("panel"));
+    this.strip = new ReviewStrip(id("strip"), this);
+    splitterOf(id("splitter"), id("panel"));
+    this.isBuilt = true;
     restoreFrom(this, location.hash);
     new StagePointer(this.stage, this.drawing, () => this.redraw());
     acceptNotes(this, id("notes-file"));
-    listenForKeys(this);
-    new ResizeObserver(() => this.#resized()).observe(id("page"));
-    new ResizeObserver(() => this.#resized()).observe(id("viewer"));
+    new Keyboard(keysOf(this));
+    whenResized(id("viewer"), () => this.#resized());
   }
 
   get hasGrid() { return this.grid.isUseful; }
@@ -111,9 +106,7 @@ class Review {
 
   /** Show a frame, also while playing. */
   seek(frame) { this.transport.go(frame); }
-  jump(frame) { this.transport.pause(); this.seek(frame); }
-  typeFrame() { id("frame").focus(); id("frame").select(); }
-  help() { showHelp(); }
+  jump(frame) { this.transport.jump(frame); }
 
   showTab(name) {
     if (id("panel").hidden) this.togglePanel();
@@ -140,14 +133,6 @@ class Review {
   toggleInk() {
     this.ink.isVisible = !this.ink.isVisible;
     this.redraw();
-  }
-
-  /** Tell something over the picture for a while. */
-  tell(words, isFault = false) {
-    id("message").textContent = words;
-    id("message").classList.toggle("fault", isFault);
-    clearTimeout(this.telling);
-    this.telling = setTimeout(() => { id("message").textContent = ""; }, isFault ? 15000 : 6000);
   }
 
   fullScreen() {
@@ -196,12 +181,12 @@ class Review {
   }
 
   #changed(what) {
-    if (!this.controls) return;
+    if (!this.isBuilt) return;
     if (what !== "frame") return this.redraw();
     this.#pickFrame();
     this.#preload();
     this.#drawPicture();
-    this.strip.draw();
+    this.strip.drawHead();
     this.panels[this.tab].draw();
     this.controls.drawFrame();
     this.viewing.draw();
@@ -225,7 +210,7 @@ class Review {
 
   /** Draw everything as it is now. */
   redraw() {
-    if (!this.controls) return;
+    if (!this.isBuilt) return;
     this.#pickFrame();
     this.#preload();
     this.controls.draw();

@@ -1,4 +1,3 @@
-"use strict";
 // The measures of a shot's meshes, and the seconds its frames took, as charts.
 
 const STAGE_INKS = {
@@ -10,10 +9,7 @@ const STAGE_INKS = {
 const UP_INK = "#a9c6b6", DOWN_INK = "#d6ab95";
 
 class MeasuresPanel {
-  constructor(element, review) {
-    this.element = element;
-    this.review = review;
-  }
+  constructor(element, review) { Object.assign(this, { element, review }); }
 
   draw() {
     if (this.element.hidden) return;
@@ -30,7 +26,7 @@ class MeasuresPanel {
   #stretch() {
     const natural = this.charts.reduce((sum, { about }) => sum + about.height, 0);
     const words = this.charts.reduce((sum, { about }) => sum + (about.legend ? 86 : 38), 24);
-    return Math.min(1.8, Math.max(1, (this.element.clientHeight - words) / natural));
+    return clamp((this.element.clientHeight - words) / natural, 1, 1.8);
   }
 
   #build(sequence) {
@@ -62,15 +58,14 @@ const count = (value) => (value === null || value === undefined ? "–" : Math.r
 const short = (value) => (Math.abs(value) >= 1e6 ? `${(value / 1e6).toPrecision(3)} M` : Math.abs(value) >= 1e4 ? `${(value / 1e3).toPrecision(3)} k` : `${+value.toPrecision(3)}`);
 const digits = (value, many = 4) => (Number.isFinite(value) ? `${+value.toPrecision(many)}` : "–");
 
+const ends = (values, words = short) => [words(Math.max(...values)), words(Math.min(...values))];
+
 function counted(vertices, faces) {
-  const range = extent(vertices);
   return [
     { title: "Vertices", hint: "how many the mesh has", height: 52 },
     {
-      paint(context, chart) {
-        paintLine(context, chart, vertices, range, CHART_INKS.line);
-        labelAxis(context, chart, short(Math.max(...vertices)), short(Math.min(...vertices.filter((v) => v !== null))));
-      },
+      shapes: [lineOf(vertices, extent(vertices), "first")],
+      ends: ends(vertices.filter(Number.isFinite)),
       value: (place) => count(vertices[place]) + (faces[place] ? `, ${count(faces[place])} triangles` : ""),
     },
   ];
@@ -78,14 +73,11 @@ function counted(vertices, faces) {
 
 /** Crossings, which are counted in some frames only: a line from one of these to the next. */
 function crossed(values) {
-  const counted = values.filter(Number.isFinite), range = extent(values);
   return [
     { title: "Crossings", hint: "pairs of faces that pass through each other; counted in some frames", height: 48 },
     {
-      paint(context, chart) {
-        paintLine(context, chart, bridged(values), range, CHART_INKS.line);
-        labelAxis(context, chart, short(Math.max(...counted)), short(Math.min(...counted)));
-      },
+      shapes: [lineOf(bridged(values), extent(values), "first")],
+      ends: ends(values.filter(Number.isFinite)),
       value: (place) => (Number.isFinite(values[place]) ? count(values[place]) : "not counted"),
     },
   ];
@@ -104,81 +96,55 @@ function bridged(values) {
 }
 
 function changed(splits, collapses) {
-  const most = Math.max(1, ...splits, ...collapses);
+  const most = Math.max(1, ...splits, ...collapses), half = WHOLE / 2;
+  const bars = (values, way, ink) => barsOf(values.map((value) => [half, (way * half * (value ?? 0)) / most]), ink);
   return [
     { title: "Splits and collapses", hint: "splits upwards, collapses downwards", height: 72 },
     {
-      paint(context, chart) {
-        const middle = chart.height / 2, each = chart.plotWidth / chart.numbers.length;
-        const bar = (values, ink, way) => {
-          context.fillStyle = ink;
-          values.forEach((value, i) => {
-            const tall = ((value ?? 0) / most) * (middle - 2);
-            context.fillRect(i * each, way > 0 ? middle - tall : middle, Math.max(0.5, each - 0.6), tall);
-          });
-        };
-        bar(splits, UP_INK, 1);
-        bar(collapses, DOWN_INK, -1);
-        context.fillStyle = "#6a6a6a";
-        context.fillRect(0, Math.round(middle), chart.plotWidth, 1);
-        labelAxis(context, chart, short(most), short(most));
-      },
+      shapes: [bars(splits, 1, UP_INK), bars(collapses, -1, DOWN_INK), lineOf(splits.map(() => 0), [-1, 1], "zero")],
+      ends: [short(most), short(most)],
       value: (place) => `${count(splits[place])} splits, ${count(collapses[place])} collapses`,
     },
   ];
 }
 
 function edges(rows, [shortest, longest]) {
-  const top = rows.find((row) => row?.edge_top)?.edge_top ?? 1;
-  const shares = rows.map((row) => (row && row.edges ? row.edges : null));
+  const top = rows.find((row) => row?.edge_top)?.edge_top ?? 1, shares = rows.map((row) => row?.edges ?? null);
+  const levels = [["maximum", longest], ["minimum", shortest]].filter(([, level]) => level && level < top);
   return [
     { title: "Edge lengths", hint: "share of the edges by length, brighter where there are more", height: 96 },
     {
-      paint(context, chart) {
-        paintHeat(context, chart, shares);
-        if (longest && longest < top) paintLevel(context, chart, longest / top, `maximum ${digits(longest)}`);
-        if (shortest && shortest < top) paintLevel(context, chart, shortest / top, `minimum ${digits(shortest)}`);
-      },
+      shapes: [heatOf(shares), ...levels.map(([word, level]) => levelOf(level / top, `${word} ${digits(level)}`))],
       value: (place) => `mean ${digits(rows[place]?.mean_edge, 3)}`,
-      aside: (context, chart, place) => paintHistogram(context, chart, shares[place]),
+      aside: (place) => shares[place],
     },
   ];
 }
 
 function quality(rows) {
   const shares = rows.map((row) => row?.quality ?? null), worst = rows.map((row) => row?.worst ?? null);
+  const hint = "share of the triangles by roundness, from needles below to equilateral ones above; the line: a hundredth is below it";
   return [
+    { title: "Triangle quality", hint, height: 74 },
     {
-      title: "Triangle quality",
-      hint: "share of the triangles by roundness, from needles below to equilateral ones above; the line: a hundredth is below it",
-      height: 74,
-    },
-    {
-      paint(context, chart) {
-        paintHeat(context, chart, shares);
-        paintLine(context, chart, worst, [0, 1], DOWN_INK);
-      },
+      shapes: [heatOf(shares), lineOf(worst, [0, 1], "worst")],
       value: (place) => `worst hundredth under ${digits(worst[place], 2)}`,
-      aside: (context, chart, place) => paintHistogram(context, chart, shares[place]),
+      aside: (place) => shares[place],
     },
   ];
 }
 
 function kept(area, volume) {
   const share = (values) => {
-    const first = values.find((value) => Number.isFinite(value));
+    const first = values.find(Number.isFinite);
     return values.map((value) => (Number.isFinite(value) && first ? (100 * value) / first : null));
   };
-  const lines = [share(area), share(volume)], range = extent(lines.flat());
+  const lines = [share(area), share(volume)], all = lines.flat(), range = extent(all);
   return [
     { title: "Area and volume", hint: "of the first frame's, per cent; volume is dashed", height: 56 },
     {
-      paint(context, chart) {
-        paintLine(context, chart, lines[0], range, CHART_INKS.line);
-        paintLine(context, chart, lines[1], range, CHART_INKS.second, [4, 3]);
-        const there = lines.flat().filter((value) => value !== null);
-        labelAxis(context, chart, `${Math.max(...there).toFixed(0)} %`, `${Math.min(...there).toFixed(0)} %`);
-      },
+      shapes: [lineOf(lines[0], range, "first"), lineOf(lines[1], range, "second")],
+      ends: ends(all.filter(Number.isFinite), (value) => `${value.toFixed(0)} %`),
       value: (place) => `${digits(area[place])}${volume[place] === null ? "" : `, ${digits(volume[place])}`}`,
     },
   ];
@@ -186,33 +152,16 @@ function kept(area, volume) {
 
 function seconds(numbers, stages, told) {
   const columns = numbers.map((number) => stages.map((stage) => told[stage][number] ?? 0));
-  const sums = columns.map((column) => column.reduce((sum, s) => sum + s, 0));
-  const sorted = [...sums].sort((a, b) => a - b);
-  const usual = 1.6 * sorted[Math.floor(0.96 * (sorted.length - 1))], most = Math.min(sorted.at(-1), usual) || 1;
+  const sums = columns.map((column) => column.reduce((sum, s) => sum + s, 0)), sorted = [...sums].sort((a, b) => a - b);
+  const usual = 1.6 * sorted[Math.floor(0.96 * (sorted.length - 1))], most = Math.min(sorted.at(-1), usual) || 1; // first frames are slow
+  const below = (column, stage) => column.slice(0, stage).reduce((sum, s) => sum + s, 0);
+  const bars = (stage) => columns.map((column) => [(WHOLE * below(column, stage)) / most, (WHOLE * column[stage]) / most]);
+  const names = stages.map((stage) => STAGE_INKS[stage][0]).join(", ");
   return [
+    { title: "Seconds", hint: `a frame took, by stage: ${names}`, height: 64, legend: stages.map((stage) => STAGE_INKS[stage]) },
     {
-      title: "Seconds",
-      hint: `a frame took, by stage: ${stages.map((stage) => STAGE_INKS[stage][0]).join(", ")}`,
-      height: 64,
-      legend: stages.map((stage) => STAGE_INKS[stage]),
-    },
-    {
-      paint(context, chart) {
-        const each = chart.plotWidth / numbers.length;
-        columns.forEach((column, i) => {
-          let y = chart.height;
-          column.forEach((value, stage) => {
-            const tall = (value / most) * (chart.height - 4);
-            context.fillStyle = STAGE_INKS[stages[stage]][1];
-            context.fillRect(i * each, Math.max(0, y - tall), Math.max(0.5, each - 0.6), Math.min(tall, y));
-            y = Math.max(0, y - tall);
-          });
-          if (sums[i] <= most) return;
-          context.fillStyle = CHART_INKS.back;  // what is beyond the scale is broken off
-          context.fillRect(i * each, 3, Math.max(0.5, each - 0.6), 2);
-        });
-        labelAxis(context, chart, `${digits(most, 2)} s`, "0");
-      },
+      shapes: stages.map((stage, i) => barsOf(bars(i), STAGE_INKS[stage][1])),
+      ends: [`${digits(most, 2)} s`, "0"],
       value: (place) => (sums[place] ? `${digits(sums[place], 3)} s` : "–"),
       parts: (place) => columns[place].map((value) => (value ? digits(value, 2) : "–")),
     },

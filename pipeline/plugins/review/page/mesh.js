@@ -1,4 +1,3 @@
-"use strict";
 // The sculpture at the playhead, in three dimensions: to be turned, and triangles to be seen.
 
 class MeshPanel {
@@ -9,19 +8,19 @@ class MeshPanel {
 
   draw() {
     if (this.element.hidden) return;
-    if (!this.three) return void this.element.replaceChildren(paragraph(this.hint));
+    if (!this.three) return void this.element.replaceChildren(make("p", "note", this.hint));
     if (!this.review.a.about.models.length) {
-      return void this.element.replaceChildren(paragraph("This page has no meshes of this shot; --models says how many it may have."));
+      return void this.element.replaceChildren(make("p", "note", "This page has no meshes of this shot; --models says how many it may have."));
     }
     if (!this.view) this.view = this.#begin();
-    this.view.then(() => this.#show(), (error) => this.element.replaceChildren(paragraph(`No 3-D view: ${error.message}`)));
+    this.view.then(() => this.#show(), (error) => this.element.replaceChildren(make("p", "note", `No 3-D view: ${error.message}`)));
   }
 
   resize() {
     if (!this.renderer || this.element.hidden) return;
     const { clientWidth: width, clientHeight: height } = this.stage;
     if (!width || !height) return;
-    const ratio = window.devicePixelRatio || 1, size = `${width} ${height} ${ratio}`;
+    const ratio = dotsOf(), size = `${width} ${height} ${ratio}`;
     if (this.size !== size) {
       this.size = size;
       this.renderer.setPixelRatio(ratio);
@@ -37,10 +36,8 @@ class MeshPanel {
     const bundle = await loadThree(this.three), { THREE } = bundle;
     Object.assign(this, { bundle, THREE });
     this.renderer = new THREE.WebGLRenderer({ antialias: true });
-    this.stage = Object.assign(document.createElement("div"), { className: "mesh-stage" });
-    this.renderer.domElement.setAttribute("role", "img");
-    this.renderer.domElement.setAttribute("aria-label", "Mesh");
-    this.stage.append(this.renderer.domElement);
+    const canvas = Object.assign(this.renderer.domElement, { role: "img", ariaLabel: "Mesh", tabIndex: 0, className: "inset" });
+    this.stage = make("div", "mesh-stage", canvas);
     this.scene = new THREE.Scene();
     this.scene.background = new THREE.Color(0x1f1f1f);
     this.camera = new THREE.PerspectiveCamera(26, 1, 0.01, 1000);
@@ -50,45 +47,36 @@ class MeshPanel {
     rim.position.set(2.6, 1.2, -2.4);
     this.camera.add(key, rim);
     this.scene.add(this.camera);
-    this.controls = new bundle.OrbitControls(this.camera, this.renderer.domElement);
-    this.controls.addEventListener("start", () => this.#follow(false));
-    this.controls.addEventListener("change", () => this.#render());
+    this.orbit = new Orbit(canvas, () => this.#look(), () => this.follow(false));
     this.#buildBar();
     this.element.replaceChildren(this.bar, this.stage, this.words);
-    new ResizeObserver(() => this.resize()).observe(this.stage);
+    whenResized(this.stage, () => this.resize());
   }
 
   #buildBar() {
-    this.bar = Object.assign(document.createElement("div"), { className: "mesh-bar" });
-    this.lineButton = toggle("Triangles", "Show the triangles (E)", () => this.setLines(!this.lines));
-    this.motionButton = toggle("Motion", "One mesh that plays every frame, or simulated frames (Shift M)", () => this.setMotion(!this.plays));
-    this.followButton = toggle("Shot's camera", "Look through the camera of the shot (C)", () => this.#follow(!this.follows));
-    this.bar.append(this.motionButton, this.lineButton, this.followButton);
-    this.words = Object.assign(document.createElement("p"), { className: "note" });
+    this.buttons = {
+      plays: buttonOf("Motion", "One mesh that plays every frame, or simulated frames (Shift M)", () => this.toggle("plays")),
+      lines: buttonOf("Triangles", "Show the triangles (E)", () => this.toggle("lines")),
+      follows: buttonOf("Shot's camera", "Look through the camera of the shot (C)", () => this.follow(!this.follows)),
+      isFree: buttonOf("Free", "Turn freely, not about the vertical axis", () => { this.orbit.isFree = !this.orbit.isFree; this.#mark(); }),
+    };
+    this.bar = make("div", "mesh-bar", ...Object.values(this.buttons));
+    this.words = make("p", "note");
     this.#mark();
   }
 
   #mark() {
-    this.lineButton?.setAttribute("aria-pressed", this.lines);
-    this.followButton?.setAttribute("aria-pressed", this.follows);
-    this.motionButton?.setAttribute("aria-pressed", this.plays);
+    for (const [name, button] of Object.entries(this.buttons ?? {})) button.ariaPressed = this[name] ?? this.orbit[name];
   }
 
-  setMotion(plays) {
-    this.plays = plays;
+  /** Switch `plays`, one mesh in all frames, or `lines`, the triangles. */
+  toggle(name) {
+    this[name] = !this[name];
     this.#mark();
     this.draw();
   }
 
-  setLines(lines) {
-    this.lines = lines;
-    this.#mark();
-    if (this.shown) this.#render();
-  }
-
-  follow() { this.#follow(true); }
-
-  #follow(follows) {
+  follow(follows) {
     this.follows = follows;
     this.#mark();
     if (follows && this.shown) { this.#aim(); this.#render(); }
@@ -99,7 +87,7 @@ class MeshPanel {
     const isNearer = (each, best) => Math.abs(each[0] - transport.frame) < Math.abs(best[0] - transport.frame);
     const [number, still] = models.reduce((best, each) => (isNearer(each, best) ? each : best));
     const plays = this.plays && motion.file && !this.faults.has(motion.file), name = plays ? motion.file : still;
-    this.motionButton.hidden = !motion.file || this.faults.has(motion.file);
+    this.buttons.plays.hidden = !motion.file || this.faults.has(motion.file);
     this.wanted = name;
     try {
       if (this.shownName !== name) this.#build(plays ? await this.#motion(motion, a.about.fps) : await this.#still(name, number), name);
@@ -132,7 +120,7 @@ class MeshPanel {
     this.shownNumber = this.shown.show(frame);
     const words = [`Frame ${this.shownNumber}`, ...(this.shownNumber === frame ? [] : ["the nearest on this page"]), what].join(", ");
     this.words.textContent = without ? `${words}. It does not play: ${without}` : words;
-    this.renderer.domElement.setAttribute("aria-label", `Mesh of frame ${this.shownNumber}, ${what}`);
+    this.renderer.domElement.ariaLabel = `Mesh of frame ${this.shownNumber}, ${what}`;
     this.resize();
   }
 
@@ -143,7 +131,6 @@ class MeshPanel {
       this.fitted = this.shown;
     }
     this.#place(this.review.transport.frame);
-    this.controls.update();
   }
 
   /** The shot's camera of a frame; where that is not known, from the front. */
@@ -151,12 +138,23 @@ class MeshPanel {
     const { a } = this.review, of = (name) => a.fact(frame, `camera.${name}`), { low, high } = this.shown.box(frame);
     const middle = low.map((value, axis) => (value + high[axis]) / 2);
     const origin = of("origin") ?? [middle[0], middle[1] + 1, middle[2] + 8], target = of("target") ?? middle;
-    this.camera.up.fromArray(of("up") ?? [0, 1, 0]);
-    this.camera.position.fromArray(origin);
-    this.controls.target.fromArray(target);
+    this.orbit.view = { position: origin, target, up: of("up") ?? [0, 1, 0] };
+    this.#point();
+    this.#fitView(low, high);
+  }
+
+  /** Point the camera as the orbit's view says. */
+  #point() {
+    const { position, target, up } = this.orbit.view;
+    this.camera.up.fromArray(up);
+    this.camera.position.fromArray(position);
     this.camera.lookAt(...target);
     this.camera.updateMatrixWorld();
-    this.#fitView(low, high);
+  }
+
+  #look() {
+    this.#point();
+    this.#render();
   }
 
   /** As close as everything seen of the shot allows: what fitted once still fits, so that nothing jumps. */
@@ -168,16 +166,16 @@ class MeshPanel {
       this.reach.x = Math.max(this.reach.x, Math.abs(corner.x / corner.z));
       this.reach.y = Math.max(this.reach.y, Math.abs(corner.y / corner.z));
     }
-    this.camera.fov = (360 / Math.PI) * Math.atan(1.04 * Math.max(this.reach.y, this.reach.x / aspect));
+    this.orbit.slope = 2.08 * Math.max(this.reach.y, this.reach.x / aspect);
+    this.camera.fov = (360 / Math.PI) * Math.atan(this.orbit.slope / 2);
     this.camera.updateProjectionMatrix();
   }
 
   /** Lines grow faint where they would cover all. */
   #inkLines() {
     const { a } = this.review, edge = a.about.measures[this.shownNumber]?.mean_edge ?? 0;
-    const distance = this.camera.position.distanceTo(this.controls.target);
-    const tall = 2 * distance * Math.tan((this.camera.fov * Math.PI) / 360);
-    const pixels = (edge / tall) * this.stage.clientHeight * (window.devicePixelRatio || 1);
+    const { position, target } = this.orbit.view, tall = this.orbit.slope * length(minus(position, target));
+    const pixels = (edge / tall) * this.stage.clientHeight * (dotsOf());
     for (const { material } of this.shown.lined) material.opacity = Math.min(0.6, Math.max(0.14, pixels / 20));
   }
 
@@ -202,14 +200,4 @@ function ballMaterial(THREE) {
       outgoingLight = diffuseColor.rgb * (0.3 + 0.7 * sqrt(height));`);
   };
   return material;
-}
-
-function paragraph(text) {
-  return Object.assign(document.createElement("p"), { className: "note", textContent: text });
-}
-
-function toggle(text, title, click) {
-  const button = Object.assign(document.createElement("button"), { type: "button", textContent: text, title });
-  button.addEventListener("click", click);
-  return button;
 }

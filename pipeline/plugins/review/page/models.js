@@ -1,4 +1,3 @@
-"use strict";
 // What the 3-D view needs, read when it is first asked for: three.js, and meshes.
 
 /** What scripts in models/ call: each tells its mesh under its file's name. */
@@ -7,9 +6,7 @@ window.reviewModel = (name, data) => models.get(name).resolve(data);
 
 function script(url) {
   return new Promise((resolve, reject) => {
-    const element = document.createElement("script");
-    Object.assign(element, { src: url, onload: resolve, onerror: () => reject(new Error(`${url} cannot be read`)) });
-    document.head.append(element);
+    document.head.append(make("script", { src: url, onload: resolve, onerror: () => reject(new Error(`${url} cannot be read`)) }));
   });
 }
 
@@ -34,7 +31,4 @@ function loadModel(name) {
   return models.get(name).data;
 }
 
-function decoded(text, Kind) {
-  const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
-  return new Kind(bytes.buffer);
-}
+function decoded(text, Kind) { return new Kind(bytesIn(text).buffer); }

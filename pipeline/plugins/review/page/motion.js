@@ -1,4 +1,3 @@
-"use strict";
 // What the 3-D view shows: a frame as it was simulated, or all frames as one mesh.
 
 /** Matt grey, and the lines of triangles. */
@@ -48,8 +47,7 @@ class StillMeshes {
 class MovingMesh {
   /** Reads a GLB whose morph targets are blended two at a time. */
   static async of({ THREE, GLTFLoader }, data, first, fps) {
-    const packed = new Blob([decoded(data.glb, Uint8Array)]).stream().pipeThrough(new DecompressionStream("deflate"));
-    const gltf = await new GLTFLoader().parseAsync(await new Response(packed).arrayBuffer(), "");
+    const gltf = await new GLTFLoader().parseAsync((await inflated(data.glb)).buffer, "");
     return new MovingMesh(THREE, gltf, first, fps);
   }
 

@@ -1,4 +1,3 @@
-"use strict";
 // Notes as files: downloaded as JSON, text and OpenTimelineIO, and read from JSON.
 
 const MARKER_COLORS = { open: "BLUE", change: "ORANGE", approved: "GREEN" };
@@ -9,12 +8,6 @@ const framesOf = (note) => (note.first === note.last ? String(note.first) : `${n
 const timeOf = (note) => note.modified.slice(0, 16).replace("T", " ");
 /** Who wrote a note and, if it is somebody else, who changed it last. */
 const authorOf = (note) => [...new Set([(note.history[0] ?? note).author, note.author].map((name) => name || "no name"))].join(", ");
-
-function download(name, content, type) {
-  const url = URL.createObjectURL(new Blob([content], { type }));
-  Object.assign(document.createElement("a"), { href: url, download: name }).click();
-  setTimeout(() => URL.revokeObjectURL(url), 10000);
-}
 
 /** Download all notes of the page, also what is being written; `form` is json, txt or otio. */
 function downloadNotes(review, form) {
@@ -92,9 +85,9 @@ async function loadNotes(review, files) {
   for (const file of files) {
     try {
       const count = review.notes.merge(notesIn(await file.text()));
-      review.tell(`${file.name}: ${count} ${count === 1 ? "note" : "notes"} new or changed.`);
+      tell(`${file.name}: ${count} ${count === 1 ? "note" : "notes"} new or changed.`);
     } catch (error) {
-      review.tell(`${file.name} is left out: ${error.message}.`, true);
+      tell(`${file.name} is left out: ${error.message}.`, true);
     }
   }
 }

@@ -1,4 +1,3 @@
-"use strict";
 // The form on a card in which the words and the frames of a note are written.
 
 class NoteForm {
@@ -28,13 +27,11 @@ class NoteForm {
   }
 
   element(note) {
-    const words = Object.assign(document.createElement("textarea"), { value: this.words, rows: 4, placeholder: "What should change, or what is right" });
-    words.setAttribute("aria-label", "Words of the note");
-    const frames = Object.assign(document.createElement("input"), { type: "text", value: this.frames, autocomplete: "off" });
-    frames.setAttribute("aria-label", "Frames of the note, as 12 or 12-20");
+    const words = make("textarea", { value: this.words, rows: 4, placeholder: "What should change, or what is right", ariaLabel: "Words of the note" });
+    const frames = make("input", { type: "text", value: this.frames, autocomplete: "off", ariaLabel: "Frames of the note, as 12 or 12-20" });
     const save = () => {
       if (this.#framesTyped(note)) return this.finish();
-      this.review.tell(`“${frames.value}” are no frames of the shot, which has ${this.#framesOfShot(note).join("–")}: write 12, or 12-20.`, true);
+      tell(`“${frames.value}” are no frames of the shot, which has ${this.#framesOfShot(note).join("–")}: write 12, or 12-20.`, true);
       return frames.focus();
     };
     for (const field of [words, frames]) {
@@ -46,9 +43,9 @@ class NoteForm {
         event.preventDefault();
       });
     }
-    const label = part("label", "inline", "Frames ", frames);
-    return part("div", "note-form", words, part("div", "note-actions", label, part("span", "grow"),
-      toggle("Cancel", "Leave the note as it was (Esc)", () => this.#end()), toggle("Save", "Save (Ctrl Enter)", save)));
+    const label = make("label", "inline", "Frames ", frames);
+    return make("div", "note-form", words, make("div", "note-actions", label, make("span", "grow"),
+      buttonOf("Cancel", "Leave the note as it was (Esc)", () => this.#end()), buttonOf("Save", "Save (Ctrl Enter)", save)));
   }
 
   /** The frames that were typed as [first, last], or null where they are not in the shot. */

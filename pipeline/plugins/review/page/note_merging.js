@@ -1,4 +1,3 @@
-"use strict";
 // What a file of notes may hold, and the rule by which files are merged: the same as in review_notes.py.
 
 const NOTES_FORMAT = "flowsculpt notes", NOTES_VERSION = 1;

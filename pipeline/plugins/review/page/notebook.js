@@ -1,4 +1,3 @@
-"use strict";
 // The notes of a page: kept by the browser, changed by people, and merged with those of others.
 
 class NoteBook {

@@ -1,4 +1,3 @@
-"use strict";
 // The panel of notes: who says what about which frames, and what has been decided.
 
 const STATUS_NAMES = { open: ["Open", "7"], change: ["Change", "8"], approved: ["Approved", "9"] };
@@ -28,7 +27,7 @@ class NotesPanel {
     this.form.begin(this.#chosen());
     this.#list();
     this.element.querySelector("textarea")?.focus();
-    if (!this.review.notes.author) this.review.tell("Write your name above the notes, so that others know whose they are.");
+    if (!this.review.notes.author) tell("Write your name above the notes, so that others know whose they are.");
   }
 
   setStatus(status) {
@@ -40,7 +39,7 @@ class NotesPanel {
     const note = this.#chosen();
     if (!note) return;
     this.review.notes.editUndoably(note.id, { deleted: true });
-    this.review.tell("The note is deleted; U brings it back.");
+    tell("The note is deleted; U brings it back.");
   }
 
   /** Choose the note before or after, and go to its frame. */
@@ -111,44 +110,38 @@ class NotesPanel {
   // How it looks
 
   #build() {
-    const { review } = this, bar = part("div", "notes-bar");
-    const name = Object.assign(document.createElement("input"), { type: "text", maxLength: 200, placeholder: "Your name", autocomplete: "name" });
-    name.setAttribute("aria-label", "Your name, which your notes carry");
-    name.addEventListener("change", () => { review.notes.author = name.value; });
-    this.name = name;
-    this.scopes = [["Shown", false, "Notes of the sequence that is shown"], ["All", true, "All notes of this page"]].map(([words, all, title]) => (
-      toggle(words, `${title} (Shift Q)`, () => this.setScope(all))
-    ));
-    const scopes = part("div", "segments", ...this.scopes);
-    scopes.setAttribute("role", "group");
-    scopes.setAttribute("aria-label", "Which notes");
-    bar.append(name, scopes);
-    const begin = part("div", "notes-begin",
-      toggle("Note on this frame", "Write a note on this frame (A); on the loop: Shift N", () => review.writeNote()),
-      toggle("Draw", "Draw over the picture (B)", () => review.drawing.toggle()));
-    this.drawButton = begin.lastChild;
-    this.statuses = STATUSES.map((status) => {
-      const button = toggle("", `List only these notes, or all (Shift X: the next)`, () => this.setListed(this.status === status ? null : status));
-      button.className = status;
-      return button;
+    const { review } = this, gap = () => make("span", "grow");
+    this.name = make("input", {
+      type: "text", maxLength: 200, placeholder: "Your name", autocomplete: "name", ariaLabel: "Your name, which your notes carry",
+      onchange: () => { review.notes.author = this.name.value; },
     });
-    this.counts = part("div", "notes-counts", ...this.statuses);
-    this.counts.setAttribute("role", "group");
-    this.counts.setAttribute("aria-label", "Notes by status");
-    this.list = part("ul", "notes-list");
-    this.kept = part("span", "notes-kept");
-    const files = part("div", "notes-files", this.kept,
-      ...[["JSON", "json", "Shift J"], ["Text", "txt", "Shift T"], ["OTIO", "otio", "Shift O"]].map(([words, form, key]) => toggle(words, `Download all notes as ${words} (${key})`, () => downloadNotes(review, form))),
-      part("span", "grow"), toggle("Load…", "Merge a file of notes; or drop it on the page (Shift L)", () => id("notes-file").click()));
-    this.element.append(bar, begin, this.counts, this.list, files);
+    this.scopes = [["Shown", false, "Notes of the sequence that is shown"], ["All", true, "All notes of this page"]].map(([words, all, title]) => (
+      buttonOf(words, `${title} (Shift Q)`, () => this.setScope(all))
+    ));
+    this.drawButton = buttonOf("Draw", "Draw over the picture (B)", () => review.drawing.toggle());
+    this.statuses = STATUSES.map((status) => (
+      buttonOf("", "List only these notes, or all (Shift X: the next)", () => this.setListed(this.status === status ? null : status), { className: status })
+    ));
+    this.counts = make("div", { className: "notes-counts", role: "group", ariaLabel: "Notes by status" }, ...this.statuses);
+    this.list = make("ul", "notes-list");
+    this.kept = make("span", "notes-kept");
+    const forms = [["JSON", "json", "Shift J"], ["Text", "txt", "Shift T"], ["OTIO", "otio", "Shift O"]].map(([words, form, key]) => (
+      buttonOf(words, `Download all notes as ${words} (${key})`, () => downloadNotes(review, form))
+    ));
+    const load = buttonOf("Load…", "Merge a file of notes; or drop it on the page (Shift L)", () => id("notes-file").click());
+    const begin = buttonOf("Note on this frame", "Write a note on this frame (A); on the loop: Shift N", () => review.writeNote());
+    this.element.append(
+      make("div", "notes-bar", this.name, segments("Which notes", this.scopes)), make("div", "notes-begin", begin, this.drawButton),
+      this.counts, this.list, make("div", "notes-files", this.kept, ...forms, gap(), load),
+    );
   }
 
   draw() {
     const { review } = this;
     if (this.element.hidden) return;
     if (document.activeElement !== this.name) this.name.value = review.notes.author;
-    this.scopes.forEach((button, i) => button.setAttribute("aria-pressed", this.showsAll === (i === 1)));
-    this.drawButton.setAttribute("aria-pressed", review.drawing.isOn);
+    this.scopes.forEach((button, i) => { button.ariaPressed = this.showsAll === (i === 1); });
+    this.drawButton.ariaPressed = review.drawing.isOn;
     this.kept.textContent = review.notes.isSaved ? "Download" : "Not kept: download";
     this.kept.classList.toggle("fault", !review.notes.isSaved);
     if (!this.list.contains(document.activeElement) || !document.activeElement.matches("textarea, input")) this.#list();
@@ -170,7 +163,7 @@ class NotesPanel {
       const status = STATUSES[i], count = notes.filter((note) => note.status === status).length;
       const words = `${STATUS_NAMES[status][0]} ${count}`;
       if (button.textContent !== words) button.textContent = words;
-      button.setAttribute("aria-pressed", this.status === status);
+      button.ariaPressed = this.status === status;
     });
   }
 
@@ -185,7 +178,7 @@ class NotesPanel {
     } else {
       this.list.replaceChildren(...cards);
     }
-    if (!notes.length) this.list.append(part("li", "notes-none", this.showsAll ? "No notes on this page yet." : "No notes on this sequence yet."));
+    if (!notes.length) this.list.append(make("li", "notes-none", this.showsAll ? "No notes on this page yet." : "No notes on this sequence yet."));
     const cardOf = (id) => cards.find((card) => card.dataset.note === id);
     if (focused && document.activeElement === document.body) cardOf(focused)?.querySelector("button").focus();
     cardOf(this.review.chosenNote)?.scrollIntoView({ block: "nearest" });
@@ -193,20 +186,18 @@ class NotesPanel {
 
   #card(note) {
     const { review } = this, isChosen = note.id === review.chosenNote;
-    const card = part("li", `note-card ${note.status}`);
+    const card = make("li", `note-card ${note.status}`);
     card.dataset.note = note.id;
     card.classList.toggle("chosen", isChosen);
-    const frames = toggle(framesOf(note), `Go to frame ${note.first}`, () => this.#goTo(note));
-    frames.className = "note-frames";
-    if (isChosen) frames.setAttribute("aria-current", "true");
-    const about = part("span", "note-about", part("bdi", "", authorOf(note)), ` · ${timeOf(note)}`);
+    const frames = buttonOf(framesOf(note), `Go to frame ${note.first}`, () => this.#goTo(note), { className: "note-frames", ariaCurrent: isChosen });
+    const about = make("span", "note-about", make("bdi", {}, authorOf(note)), ` · ${timeOf(note)}`);
     about.title = `Written ${note.created.slice(0, 16).replace("T", " ")} UTC${note.history.length ? `; ${note.history.length} earlier versions are kept` : ""}`;
-    card.append(part("div", "note-head", frames, part("span", "note-status", STATUS_NAMES[note.status][0]), part("span", "grow"), about));
-    if (this.#namesSequences) card.append(part("p", "note-sequence", `${review.isAlone ? "" : `${note.shot} · `}${note.sequence}`));
+    card.append(make("div", "note-head", frames, make("span", "note-status", STATUS_NAMES[note.status][0]), make("span", "grow"), about));
+    if (this.#namesSequences) card.append(make("p", "note-sequence", `${review.isAlone ? "" : `${note.shot} · `}${note.sequence}`));
     if (this.form.id === note.id) card.append(this.form.element(note));
-    else if (note.text) card.append(part("p", "note-text", note.text));
+    else if (note.text) card.append(make("p", "note-text", note.text));
     const extras = [note.drawings.length ? strokesOf(note) : "", this.#isOutdated(note) ? "the picture has changed since" : ""].filter(Boolean);
-    if (extras.length) card.append(part("p", "note-extras", extras.join(" · ")));
+    if (extras.length) card.append(make("p", "note-extras", extras.join(" · ")));
     if (isChosen && this.form.id !== note.id) card.append(this.#actions(note));
     card.addEventListener("click", (event) => { if (!event.target.closest("button, textarea, input")) this.#goTo(note); });
     return card;
@@ -219,23 +210,11 @@ class NotesPanel {
   }
 
   #actions(note) {
-    const statuses = part("div", "segments", ...Object.entries(STATUS_NAMES).map(([status, [words, key]]) => {
-      const button = toggle(words, `${words} (${key})`, () => this.setStatus(status));
-      button.setAttribute("aria-pressed", note.status === status);
-      return button;
-    }));
-    statuses.setAttribute("role", "group");
-    statuses.setAttribute("aria-label", "Status");
-    const edit = toggle("Edit", "Edit this note (R)", () => this.edit());
-    const remove = toggle("Delete", "Delete this note (Delete)", () => this.remove());
-    return part("div", "note-actions", statuses, part("span", "grow"), edit, remove);
+    const statuses = segments("Status", Object.entries(STATUS_NAMES).map(([status, [words, key]]) => (
+      buttonOf(words, `${words} (${key})`, () => this.setStatus(status), { ariaPressed: note.status === status })
+    )));
+    const edit = buttonOf("Edit", "Edit this note (R)", () => this.edit());
+    const remove = buttonOf("Delete", "Delete this note (Delete)", () => this.remove());
+    return make("div", "note-actions", statuses, make("span", "grow"), edit, remove);
   }
-}
-
-/** An element of a class with these children. */
-function part(kind, className, ...children) {
-  const element = document.createElement(kind);
-  if (className) element.className = className;
-  element.append(...children);
-  return element;
 }

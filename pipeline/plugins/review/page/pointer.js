@@ -1,63 +1,68 @@
-"use strict";
-// What a mouse, a pen or a finger does to the picture: pan, zoom, draw the wipe, and draw notes.
+// What the pointer does to the picture: pan, zoom, draw the wipe, and draw notes.
+
+const WIPE_REACH = 12; // CSS pixels around the edge where it is taken hold of
 
 class StagePointer {
   constructor(stage, drawing, changed) {
     Object.assign(this, { stage, drawing, changed });
-    const canvas = stage.canvas;
-    canvas.addEventListener("pointerdown", (event) => this.#down(event));
-    canvas.addEventListener("pointermove", (event) => this.#move(event));
-    for (const name of ["pointerup", "pointercancel"]) canvas.addEventListener(name, () => this.#up());
-    canvas.addEventListener("wheel", (event) => this.#wheel(event), { passive: false });
+    const { canvas } = stage;
+    let last, drawsWipe;
+    const pan = (dx, dy) => this.#pan(dx, dy);
+    gestures(canvas, {
+      start: (event) => {
+        last = event;
+        drawsWipe = this.#isAtWipe(event);
+        if (drawing.isOn) drawing.down(this.#at(event));
+      },
+      move: (event) => {
+        if (drawing.isOn) drawing.move(this.#at(event));
+        else if (drawsWipe) this.#setWipe(event);
+        else pan(event.clientX - last.clientX, event.clientY - last.clientY);
+        last = event;
+      },
+      over: () => drawing.up(),
+      pan,
+      zoom: (factor, event) => {
+        stage.zoomTo(stage.scale / factor, this.#at(event));
+        changed();
+      },
+      hover: (event) => { canvas.style.cursor = drawing.isOn ? "crosshair" : this.#isAtWipe(event) ? "ew-resize" : "grab"; },
+    });
     canvas.addEventListener("dblclick", () => { stage.fit(); changed(); });
   }
 
-  #at(event) {
-    const dots = this.stage.canvas.width / this.stage.canvas.getBoundingClientRect().width;
-    return { x: event.offsetX * dots, y: event.offsetY * dots, dots };
-  }
+  /** A place in pixels of the display. */
+  #at(event) { return { x: event.offsetX * dotsOf(), y: event.offsetY * dotsOf() }; }
 
-  #isAtWipe(at) {
-    return this.stage.mode === "wipe" && Math.abs(at.x - this.stage.wipeAt()) < 12 * at.dots;
-  }
+  #isAtWipe(event) { return this.stage.mode === "wipe" && Math.abs(event.offsetX - this.stage.wipeAt() / dotsOf()) < WIPE_REACH; }
 
-  #down(event) {
-    const at = this.#at(event);
-    this.stage.canvas.setPointerCapture(event.pointerId);
-    if (this.drawing.isOn && event.button === 0) this.drawing.down(at);
-    else this.drag = { wipe: this.#isAtWipe(at), at };
-  }
-
-  #up() {
-    this.drag = null;
-    this.drawing.up();
-  }
-
-  #move(event) {
-    const at = this.#at(event), { stage, drag } = this;
-    if (this.drawing.isOn && !drag) {
-      stage.canvas.style.cursor = "crosshair";
-      this.drawing.move(at);
-      return;
-    }
-    const hovers = drag ? drag.wipe : this.#isAtWipe(at);
-    stage.canvas.style.cursor = hovers ? "ew-resize" : drag ? "grabbing" : "default";
-    if (!drag) return;
-    if (drag.wipe) {
-      const place = stage.places()[0];
-      stage.wipe = Math.min(1, Math.max(0, (at.x - place.x) / place.width));
-    } else {
-      if (stage.zoom === null) stage.zoomTo(stage.fitting);
-      stage.pan.x += at.x - drag.at.x;
-      stage.pan.y += at.y - drag.at.y;
-      drag.at = at;
-    }
+  #setWipe(event) {
+    const [place] = this.stage.places();
+    this.stage.wipe = clamp((this.#at(event).x - place.x) / place.width, 0, 1);
     this.changed();
   }
 
-  #wheel(event) {
-    event.preventDefault();
-    this.stage.zoomTo(this.stage.scale * Math.exp(-0.0015 * event.deltaY), this.#at(event));
+  #pan(dx, dy) {
+    const { stage } = this;
+    if (stage.zoom === null) stage.zoomTo(stage.fitting);
+    stage.pan.x += dx * dotsOf();
+    stage.pan.y += dy * dotsOf();
     this.changed();
   }
+}
+
+const NARROWEST = 300, PANEL = 372, KEY_STEP = 24;
+
+/** The edge between the picture and the panel is dragged, or moved by arrow keys; a double click resets it. */
+function splitterOf(element, panel) {
+  const most = () => Math.max(NARROWEST, document.documentElement.clientWidth - 320);
+  const set = (width) => {
+    const chosen = Math.round(clamp(width, NARROWEST, most()));
+    panel.style.width = `${chosen}px`;
+    Object.assign(element, { ariaValueNow: chosen, ariaValueMin: NARROWEST, ariaValueMax: most() });
+  };
+  gestures(element, { move: (event) => set(document.documentElement.clientWidth - event.clientX) });
+  element.addEventListener("dblclick", () => set(PANEL));
+  arrowKeys(element, (right) => set(panel.offsetWidth - right * KEY_STEP));
+  set(PANEL);
 }

@@ -1,4 +1,3 @@
-"use strict";
 // The probe: values of the pixel under the pointer, of A, B and their difference; and the loupe.
 
 const LOUPE = { size: 168, zoom: 8 };
@@ -22,7 +21,7 @@ class Probe {
   }
 
   #moved(event) {
-    const dots = window.devicePixelRatio || 1;
+    const dots = dotsOf();
     this.at = { x: event.offsetX * dots, y: event.offsetY * dots, left: event.offsetX, top: event.offsetY };
     if (this.isOn || this.hasLoupe) this.draw();
   }
@@ -44,12 +43,12 @@ class Probe {
 
   #drawValues() {
     const { review, viewing } = this, pixel = this.#pixel(), { frame } = review.transport;
-    if (!pixel) return void this.element.replaceChildren(part("p", "note", "Point at the picture."));
+    if (!pixel) return void this.element.replaceChildren(make("p", "note", "Point at the picture."));
     const [width, height] = review.a.size, x = Math.floor(pixel.x * width), y = Math.floor(pixel.y * height);
     const sides = review.a === review.b ? [["A", review.a]] : [["A", review.a], ["B", review.b]];
     const linear = viewing.layer === LAYER_OF_PICTURE ? "beauty" : viewing.layer;
     if (sides.every(([, sequence]) => !sequence.layers[sequence.among(frame)])) {
-      return void this.element.replaceChildren(part("p", "note", `Pixel ${x}, ${y}`), part("p", "note", viewing.without(review.a, review.a.among(frame))));
+      return void this.element.replaceChildren(make("p", "note", `Pixel ${x}, ${y}`), make("p", "note", viewing.without(review.a, review.a.among(frame))));
     }
     const shown = [["Display", LAYER_OF_PICTURE, 0], [linear, linear, 4]];
     if (linear !== LAYER_OF_HDR && sides.some(([, sequence]) => sequence.layers[sequence.among(frame)]?.[LAYER_OF_HDR])) shown.push(["HDR, nits", LAYER_OF_HDR, 1]);
@@ -59,7 +58,7 @@ class Probe {
       if (values.length > 1) rows.push(["A − B", values[0] && values[1] ? values[0].map((value, k) => value - values[1][k]) : null]);
       return this.#table(words, rows, digits);
     });
-    this.element.replaceChildren(part("p", "note", `Pixel ${x}, ${y}`), ...tables);
+    this.element.replaceChildren(make("p", "note", `Pixel ${x}, ${y}`), ...tables);
   }
 
   #values(sequence, frame, name, pixel) {
@@ -68,22 +67,16 @@ class Probe {
   }
 
   #table(words, rows, digits) {
-    const table = document.createElement("table");
-    table.createCaption().textContent = words;
-    const body = table.createTBody();
-    for (const [name, values] of rows) {
-      const row = body.insertRow();
-      row.append(Object.assign(document.createElement("th"), { textContent: name, scope: "row" }));
-      for (const value of values ?? ["no layers here"]) {
-        row.insertCell().textContent = typeof value === "number" ? value.toFixed(digits).replace("-", "−") : value;
-      }
-    }
-    return table;
+    const written = (value) => (typeof value === "number" ? value.toFixed(digits).replace("-", "−") : value);
+    const lines = rows.map(([name, values]) => (
+      make("tr", {}, make("th", { scope: "row" }, name), ...(values ?? ["no layers here"]).map((value) => make("td", {}, written(value))))
+    ));
+    return make("table", {}, make("caption", {}, words), make("tbody", {}, ...lines));
   }
 
   /** The stage around the pointer, larger; its middle is framed. */
   #drawLoupe() {
-    const dots = window.devicePixelRatio || 1, side = LOUPE.size * dots, part = side / LOUPE.zoom;
+    const dots = dotsOf(), side = LOUPE.size * dots, part = side / LOUPE.zoom;
     Object.assign(this.loupe, { width: side, height: side });
     Object.assign(this.loupe.style, { left: `${this.at.left + 22}px`, top: `${this.at.top + 22}px` });
     const context = this.loupe.getContext("2d"), { x, y } = this.at;

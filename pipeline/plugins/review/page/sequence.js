@@ -1,4 +1,3 @@
-"use strict";
 // What data.js holds, with answers to what the page asks of it.
 
 /** Pictures of one shot, by frame. */

@@ -1,4 +1,3 @@
-"use strict";
 // The shot file of A, and where that of B differs: line by line.
 
 const CONTEXT = 3;  // equal lines around a difference
@@ -16,12 +15,12 @@ class ShotPanel {
     this.shown = [a, b];
     const [one, other] = [a, b].map((each) => this.sources[each.source]?.split("\n"));
     if (!one || !other) {
-      this.element.replaceChildren(part("p", "note", `The page has no shot file of ${(one ? b : a).name(this.review.isAlone)}.`));
+      this.element.replaceChildren(make("p", "note", `The page has no shot file of ${(one ? b : a).name(this.review.isAlone)}.`));
     } else if (a.source === b.source) {
-      this.element.replaceChildren(part("p", "note", a === b ? "" : "The shot files of A and B are the same."), lineList(one.map((line) => [" ", line])));
+      this.element.replaceChildren(make("p", "note", a === b ? "" : "The shot files of A and B are the same."), lineList(one.map((line) => [" ", line])));
     } else {
       const lines = differences(one, other), count = lines.filter(([sign]) => sign !== " ").length;
-      const legend = part("p", "note", `${count} ${count === 1 ? "line differs" : "lines differ"}: − `, a.name(this.review.isAlone), " (A), + ", b.name(this.review.isAlone), " (B).");
+      const legend = make("p", "note", `${count} ${count === 1 ? "line differs" : "lines differ"}: − `, a.name(this.review.isAlone), " (A), + ", b.name(this.review.isAlone), " (B).");
       this.element.replaceChildren(legend, lineList(shortened(lines)));
     }
     this.element.scrollTop = 0;
@@ -81,7 +80,7 @@ function shortened(lines) {
 
 function lineList(lines) {
   const names = { "−": "less", "+": "more" };
-  return part("div", "shot-lines", ...lines.map(([sign, line]) => (
-    sign === null ? part("div", "gap", `⋯ ${line} equal ${line === 1 ? "line" : "lines"}`) : part("div", names[sign] ?? "", part("b", "", sign), line)
+  return make("div", "shot-lines", ...lines.map(([sign, line]) => (
+    sign === null ? make("div", "gap", `⋯ ${line} equal ${line === 1 ? "line" : "lines"}`) : make("div", names[sign] ?? "", make("b", {}, sign), line)
   )));
 }

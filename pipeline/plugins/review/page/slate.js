@@ -1,4 +1,3 @@
-"use strict";
 // What stands in the place of a picture that is not there.
 
 const GREYS = { ground: "#232323", line: "#3a3a3a", quiet: "#a3a3a3", ink: "#ededed" };

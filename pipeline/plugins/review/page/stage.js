@@ -1,20 +1,13 @@
-"use strict";
 // The picture: one sequence, or two against each other, drawn into a canvas at the pixels of the display.
 
 const MODES = ["a", "b", "wipe", "difference", "side"];
 const GAINS = [1, 2, 4, 8, 16];
 
 class Stage {
-  /** `sheetOf(sequence)` is its sheet of small pictures, or null while that is not there. */
-  constructor(canvas, cache, sheetOf) {
-    this.sheetOf = sheetOf;
-    this.canvas = canvas;
-    this.context = canvas.getContext("2d", { alpha: false });
-    this.cache = cache;
-    this.scratch = document.createElement("canvas");
-    this.mode = "a";
-    this.gain = 4;
-    this.wipe = 0.5;
+  /** `changed()` is called when small pictures come, which stand for pictures that are still being read. */
+  constructor(canvas, cache, changed) {
+    Object.assign(this, { canvas, cache, changed, context: canvas.getContext("2d"), scratch: make("canvas"), sheets: new Map() });
+    Object.assign(this, { mode: "a", gain: 4, wipe: 0.5 });
     this.zoom = null;  // pixels of the display to a pixel of the picture; null: as large as fits
     this.pan = { x: 0, y: 0 };  // of the picture's middle from the stage's, in pixels of the display
     this.frame = 1;
@@ -25,7 +18,7 @@ class Stage {
   get needsB() { return this.mode !== "a"; }
 
   resize() {
-    const box = this.canvas.parentElement.getBoundingClientRect(), dots = window.devicePixelRatio || 1;
+    const box = this.canvas.parentElement.getBoundingClientRect(), dots = dotsOf();
     const width = Math.max(1, Math.round(box.width * dots)), height = Math.max(1, Math.round(box.height * dots));
     if (this.canvas.width !== width || this.canvas.height !== height) Object.assign(this.canvas, { width, height });
   }
@@ -55,7 +48,7 @@ class Stage {
   zoomTo(zoom, at = { x: this.canvas.width / 2, y: this.canvas.height / 2 }) {
     const old = this.scale, place = this.places().find((p, i, all) => i === all.length - 1 || at.x < this.canvas.width / 2);
     const middle = { x: place.x + place.width / 2, y: place.y + place.height / 2 };
-    this.zoom = Math.min(64, Math.max(0.05, zoom));
+    this.zoom = clamp(zoom, 0.05, 64);
     const ratio = this.zoom / old;
     this.pan.x += (1 - ratio) * (at.x - middle.x);
     this.pan.y += (1 - ratio) * (at.y - middle.y);
@@ -68,8 +61,7 @@ class Stage {
 
   draw() {
     const { context, canvas } = this;
-    context.fillStyle = "#181818";
-    context.fillRect(0, 0, canvas.width, canvas.height);
+    context.clearRect(0, 0, canvas.width, canvas.height);
     context.imageSmoothingEnabled = this.scale < 2;
     context.imageSmoothingQuality = "high";
     const [one, other] = this.places();
@@ -100,7 +92,7 @@ class Stage {
     context.fillRect(x - 1, top, 3, bottom - top);
     context.fillStyle = "#f2f2f2";
     context.fillRect(x, top, 1, bottom - top);
-    const dots = window.devicePixelRatio || 1, y = (top + bottom) / 2;
+    const dots = dotsOf(), y = (top + bottom) / 2;
     context.beginPath();
     context.arc(x + 0.5, y, 5 * dots, 0, 2 * Math.PI);
     context.fill();
@@ -135,9 +127,21 @@ class Stage {
     return this.sourceOf(sequence, frame) ?? (url === null ? null : this.cache.get(url));
   }
 
+  /** The sheet of small pictures of a sequence, or null while it is not there. */
+  #sheet(sequence) {
+    if (!sequence.sheet) return null;
+    const url = `pictures/${sequence.sheet.file}`;
+    if (!this.sheets.has(url)) {
+      this.sheets.set(url, null);
+      const image = make("img", { src: url });
+      image.decode().then(() => { this.sheets.set(url, image); this.changed(); }, () => {});
+    }
+    return this.sheets.get(url);
+  }
+
   /** What stands for a picture that is still being read: its small one, where the sheet has it. */
   #soon(sequence, place) {
-    const sheet = this.sheetOf(sequence), thumb = sequence.thumb(this.frame);
+    const sheet = this.#sheet(sequence), thumb = sequence.thumb(this.frame);
     this.context.fillStyle = GREYS.ground;
     this.context.fillRect(place.x, place.y, place.width, place.height);
     if (!sheet || thumb?.number !== this.frame) return;

@@ -1,4 +1,3 @@
-"use strict";
 // How pictures are looked at: which layer, exposure, gamma, channel, false colour; and saving what is seen.
 
 const CHANNEL_NAMES = {
@@ -46,11 +45,11 @@ class Viewing {
     this.toggle(true);
   }
 
-  expose(stops) { this.set({ exposure: Math.min(10, Math.max(-10, this.grader.settings.exposure + stops)) }); }
+  expose(stops) { this.set({ exposure: clamp(this.grader.settings.exposure + stops, -10, 10) }); }
 
-  changeGamma(steps) {
-    this.set({ gamma: Math.min(4, Math.max(0.2, +(this.grader.settings.gamma + 0.1 * steps).toFixed(2))) });
-  }
+  changeGamma(steps) { this.set({ gamma: clamp(+(this.grader.settings.gamma + 0.1 * steps).toFixed(2), 0.2, 4) }); }
+
+  toggleClipping() { this.set({ clipping: !this.grader.settings.clipping }); }
 
   setLayer(name) {
     this.layer = name;
@@ -81,8 +80,8 @@ class Viewing {
   save(withNotes) {
     const { review } = this, { transport: { frame }, shownSequence: sequence } = review;
     const file = this.isNeutral ? review.cache.get(sequence.url(frame)) : null, seen = this.#seen(sequence, frame) ?? file;
-    if (!seen) return review.tell(this.without(sequence, frame), true);
-    const [width, height] = sequence.size, canvas = Object.assign(document.createElement("canvas"), { width, height });
+    if (!seen) return tell(this.without(sequence, frame), true);
+    const [width, height] = sequence.size, canvas = make("canvas", { width, height });
     const context = canvas.getContext("2d");
     context.drawImage(seen, 0, 0, width, height);
     if (withNotes) review.ink.drawOver(context, sequence, { x: 0, y: 0, width, height }, frame);
@@ -90,7 +89,7 @@ class Viewing {
     try {
       return canvas.toBlob((blob) => download(name, blob, "image/png"));
     } catch {  // a page in a folder may not read the pixels of picture files; one on a server may
-      return review.tell(this.without(sequence, frame), true);
+      return tell(this.without(sequence, frame), true);
     }
   }
 
@@ -108,38 +107,29 @@ class Viewing {
 
   #build() {
     const { review } = this;
-    this.list = Object.assign(document.createElement("select"), { title: "Layer (Shift V: the next)" });
-    this.list.setAttribute("aria-label", "Layer");
-    this.list.addEventListener("change", () => this.setLayer(this.list.value));
-    this.channels = Object.entries(CHANNEL_NAMES).map(([channel, [words, key]]) => {
-      const button = toggle(words, `${channel === "rgb" ? "All channels" : `Only ${channel}`} (${key})`, () => this.set({ channel }));
-      return Object.assign(button, { channel });
-    });
-    const channels = part("div", "segments", ...this.channels);
-    channels.setAttribute("role", "group");
-    channels.setAttribute("aria-label", "Channel");
+    this.list = listOf("Layer", [], (name) => this.setLayer(name));
+    this.channels = Object.entries(CHANNEL_NAMES).map(([channel, [words, key]]) => (
+      buttonOf(words, `${channel === "rgb" ? "All channels" : `Only ${channel}`} (${key})`, () => this.set({ channel }), { channel })
+    ));
     this.exposure = this.#slider("Exposure", "Stops (Page Up, Page Down)", -6, 6, 0.25, (exposure) => this.set({ exposure }));
     this.gamma = this.#slider("Gamma", "Gamma (Shift Page Up, Page Down)", 0.2, 3, 0.1, (gamma) => this.set({ gamma }));
-    this.clipping = toggle("Clipping", "Red where white, blue where black, magenta where no number (Shift K)", () => this.set({ clipping: !this.grader.settings.clipping }));
-    this.probing = toggle("Probe", "Values under the pointer (Shift P)", () => this.probe.toggle());
-    this.words = part("p", "viewing-words");
-    this.element.append(part("div", "viewing-row", this.list, channels, this.exposure.label, this.gamma.label, this.clipping, this.probing,
-      toggle("Save", "Save this frame as PNG, with drawings (Shift S), without (Shift W)", () => this.save(true)),
-      toggle("Reset", "Show pictures as they are (0)", () => this.reset()), this.words));
+    this.clipping = buttonOf("Clipping", "Red where white, blue where black, magenta where no number (Shift K)", () => this.toggleClipping());
+    this.probing = buttonOf("Probe", "Values under the pointer (Shift P)", () => this.probe.toggle());
+    this.words = make("p", "viewing-words");
+    const save = buttonOf("Save", "Save this frame as PNG, with drawings (Shift S), without (Shift W)", () => this.save(true));
+    const reset = buttonOf("Reset", "Show pictures as they are (0)", () => this.reset());
+    this.element.append(this.list, segments("Channel", this.channels), this.exposure.label, this.gamma.label, this.clipping, this.probing, save, reset, this.words);
     review.stage.sourceOf = (sequence, frame) => this.source(sequence, frame);
   }
 
-  #slider(words, title, min, max, step, act) {
-    const field = Object.assign(document.createElement("input"), { type: "range", min, max, step, title });
-    const value = part("output", "");
-    field.setAttribute("aria-label", words);
-    field.addEventListener("input", () => act(+field.value));
-    return { field, value, label: part("label", "inline", words, field, value) };
+  #slider(words, title, low, high, step, act) {
+    const field = sliderOf(words, low, high, step, act, { title }), value = make("output");
+    return { field, value, label: make("label", "inline", words, field, value) };
   }
 
   draw() {
     const { settings } = this.grader, { review } = this, frame = review.transport.frame;
-    id("viewing-button").setAttribute("aria-pressed", this.isOn);
+    id("viewing-button").ariaPressed = this.isOn;
     this.element.hidden = !this.isOn;
     this.probe.draw();
     if (!this.isOn) return;
@@ -147,13 +137,13 @@ class Viewing {
     if (names.join() !== this.listed) this.list.replaceChildren(...names.map((name) => new Option(name, name)));
     this.listed = names.join();
     this.list.value = this.layer;
-    for (const button of this.channels) button.setAttribute("aria-pressed", settings.channel === button.channel);
+    for (const button of this.channels) button.ariaPressed = settings.channel === button.channel;
     this.exposure.field.value = settings.exposure;
     this.exposure.value.textContent = `${settings.exposure < 0 ? "−" : "+"}${Math.abs(settings.exposure).toFixed(2)}`;
     this.gamma.field.value = settings.gamma;
     this.gamma.value.textContent = settings.gamma.toFixed(1);
-    this.clipping.setAttribute("aria-pressed", settings.clipping);
-    this.probing.setAttribute("aria-pressed", this.probe.isOn);
+    this.clipping.ariaPressed = settings.clipping;
+    this.probing.ariaPressed = this.probe.isOn;
     const isMissing = !review.shownSequence.layers[frame]?.[this.layer];
     this.words.textContent = isMissing ? this.without(review.shownSequence, frame) : "";
   }

@@ -1,91 +1,6 @@
-"use strict";
-// Plays a sculpture: keyframes between which vertices move on straight lines, lit as in the shot's pictures.
+// The sculpture: keyframes between which vertices move on straight lines, lit as in the shot's pictures.
 
-const facts = JSON.parse(document.getElementById("facts").textContent);
-const blobs = JSON.parse(document.getElementById("blobs").textContent);
 const REACH = 2.6, TALL = 3; // stage units around the sculpture where shadows are drawn, and how long they get
-const HOLD = 0.8; // seconds that the last frame stays before a clip that does not close begins again
-
-/** The bytes of a blob: base64 of deflated data. */
-async function bytesOf(index) {
-  const packed = Uint8Array.from(atob(blobs[index]), (letter) => letter.charCodeAt(0));
-  blobs[index] = null;
-  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
-  return new Uint8Array(await new Response(stream).arrayBuffer());
-}
-
-/** Series of `count` numbers from planes of their bytes, each the running sum of the differences stored. */
-function summed(bytes, count, Kind) {
-  const size = Kind.BYTES_PER_ELEMENT, series = [];
-  for (let start = 0; start < bytes.length; start += count * size) {
-    const values = new Kind(count);
-    let last = 0;
-    for (let k = 0; k < count; k++) {
-      let change = 0;
-      for (let plane = 0; plane < size; plane++) change |= bytes[start + plane * count + k] << (8 * plane);
-      last = (last + change) | 0;
-      values[k] = last;
-    }
-    series.push(values);
-  }
-  return series;
-}
-
-/** Pairs of floats, whose bytes are stored plane by plane. */
-function pairs(bytes, count) {
-  const rows = new Uint8Array(8 * count);
-  for (let plane = 0; plane < 8; plane++) {
-    for (let k = 0; k < count; k++) rows[8 * k + plane] = bytes[plane * count + k];
-  }
-  return new Float32Array(rows.buffer);
-}
-
-/** Poses of `parts` numbers a vertex, in rows of four: each is the one before it plus its differences. */
-function poses(bytes, count, parts) {
-  const series = summed(bytes, count, Int16Array), all = [];
-  for (let pose = 0; pose < series.length / parts; pose++) {
-    const rows = new Int16Array(4 * count), before = all[pose - 1];
-    for (let part = 0; part < parts; part++) {
-      const values = series[parts * pose + part];
-      for (let k = 0; k < count; k++) rows[4 * k + part] = values[k] + (before ? before[4 * k + part] : 0);
-    }
-    all.push(rows);
-  }
-  return all;
-}
-
-/** Unfolds normals from an octahedron, whose corners are `most` from its middle, to unit vectors of 32767. */
-function unfold(rows, most) {
-  for (let k = 0; k < rows.length; k += 4) {
-    let x = rows[k] / most, y = rows[k + 1] / most;
-    const z = 1 - Math.abs(x) - Math.abs(y), below = Math.max(-z, 0);
-    x -= below * (x < 0 ? -1 : 1);
-    y -= below * (y < 0 ? -1 : 1);
-    const scale = 32767 / Math.hypot(x, y, z);
-    rows.set([x, y, z].map((part) => Math.round(scale * part)), k);
-  }
-  return rows;
-}
-
-/** The two entries around a frame number in an ascending list, and the share of the second. */
-function between(numbers, number) {
-  let k = 0;
-  while (k < numbers.length - 2 && numbers[k + 1] <= number) k++;
-  const next = Math.min(k + 1, numbers.length - 1), apart = numbers[next] - numbers[k];
-  return [k, next, apart ? Math.min(Math.max((number - numbers[k]) / apart, 0), 1) : 0];
-}
-
-/** Poses around a frame: of a loop that returns, the first is a frame after the last; `turns` may only look so. */
-function poseAt(numbers, number) {
-  const last = numbers.at(-1);
-  if (!facts.meets || number <= last) return between(numbers, number);
-  return [numbers.length - 1, 0, Math.min(number - last, 1)];
-}
-
-const mixed = (rows, number) => {
-  const [k, next, share] = poseAt(facts.numbers, number);
-  return rows[k].map((value, at) => value + share * (rows[next][at] - value));
-};
 
 /** The share of a light that comes past the sculpture: percentage-closer soft shadows (Fernando, 2005).
  *
@@ -125,11 +40,10 @@ const SOFT_SHADOW = `
 class Player {
   constructor(bundle) {
     this.THREE = bundle.THREE;
-    this.OrbitControls = bundle.OrbitControls;
     const { THREE } = this, chunks = THREE.ShaderChunk;
     const [before, , after] = chunks.shadowmap_pars_fragment.split(/(?=float getShadow\(|vec2 cubeToUV\()/);
     chunks.shadowmap_pars_fragment = before + SOFT_SHADOW + after;
-    this.canvas = document.getElementById("view");
+    this.canvas = id("view");
     this.renderer = new THREE.WebGLRenderer({ canvas: this.canvas, antialias: false, powerPreference: "high-performance" });
     this.renderer.shadowMap.enabled = true;
     this.renderer.shadowMap.type = THREE.PCFShadowMap;
@@ -152,13 +66,10 @@ class Player {
     this.#buildSurroundings();
     this.sculptures = [];
     for (const part of facts.parts) this.sculptures.push(await this.#sculpture(part));
-    this.controls = new this.OrbitControls(this.camera, this.canvas);
-    this.controls.enableDamping = true;
-    this.controls.addEventListener("start", () => this.follow(false));
-    this.controls.addEventListener("change", () => (this.stale = true));
+    this.orbit = new Orbit(this.canvas, () => this.#look(), () => this.follow(false));
     this.show(facts.numbers[0] + facts.dissolve);
     if (!this.follows) this.#standBack();
-    new ResizeObserver(() => this.#resize()).observe(this.canvas);
+    whenResized(this.canvas, () => this.#resize());
     this.#resize();
   }
 
@@ -483,36 +394,40 @@ class Player {
 
   follow(wanted) {
     this.follows = wanted && facts.cameras.every(Boolean);
-    document.getElementById("follow").setAttribute("aria-pressed", String(this.follows));
-    if (!this.follows) return;
-    this.controls.enableDamping = false; // or the rest of a turn would move the shot's camera
-    this.controls.update();
-    this.controls.enableDamping = true;
-    this.show(this.number);
+    id("follow").ariaPressed = this.follows;
+    if (this.follows) this.show(this.number);
   }
 
   #aim(number) {
     const [x, y, z, a, b, c, up, over, away, angle] = mixed(facts.cameras, number);
-    this.camera.position.set(x, y, z);
-    this.camera.up.set(up, over, away);
     this.#widen(angle);
-    if (this.controls) this.controls.target.set(a, b, c);
-    this.camera.lookAt(a, b, c);
+    this.orbit.view = { position: [x, y, z], target: [a, b, c], up: [up, over, away] };
+    this.#look();
+  }
+
+  /** Look as the orbit's view says. */
+  #look() {
+    const { position, target, up } = this.orbit.view;
+    this.camera.position.fromArray(position);
+    this.camera.up.fromArray(up);
+    this.camera.lookAt(...target);
+    this.stale = true;
   }
 
   /** All of the shot's picture is seen, whatever the shape of the window. */
   #widen(angle) {
     this.angle = angle;
     const half = Math.tan(angle / 2) / Math.min(facts.aspect, this.camera.aspect);
+    this.orbit.slope = 2 * half;
     this.camera.fov = (360 / Math.PI) * Math.atan(half);
     this.camera.updateProjectionMatrix();
   }
 
   #standBack() {
     const [x, y, z, size] = facts.placements[0];
-    this.controls.target.set(x, y + size, z);
-    this.camera.position.set(x, y + 1.4 * size, z + 6 * size);
     this.#widen(0.6);
+    this.orbit.view = { position: [x, y + 1.4 * size, z + 6 * size], target: [x, y + size, z], up: [0, 1, 0] };
+    this.#look();
   }
 
   // Drawing.
@@ -520,7 +435,7 @@ class Player {
   #resize() {
     const { clientWidth: width, clientHeight: height } = this.canvas;
     if (!width || !height) return;
-    const ratio = Math.min(window.devicePixelRatio || 1, 2);
+    const ratio = Math.min(dotsOf(), 2);
     this.renderer.setPixelRatio(ratio);
     this.renderer.setSize(width, height, false);
     for (const target of [this.light, this.beginning]) target.setSize(Math.round(width * ratio), Math.round(height * ratio));
@@ -530,7 +445,6 @@ class Player {
   }
 
   draw() {
-    if (!this.follows) this.controls.update();
     if (!this.stale) return;
     this.stale = false;
     // As in the movie: the last frames of a dissolve are mixed with the first, by display values.
@@ -544,103 +458,11 @@ class Player {
 
   #render(target, number) {
     if (this.posed !== number) this.#pose(number);
-    this.camera.near = 0.05 * this.camera.position.distanceTo(this.controls.target); // depths stay precise
+    const { view } = this.orbit;
+    this.camera.near = 0.05 * length(minus(view.position, view.target)); // depths stay precise
     this.camera.far = 1200 * this.set.scale.x;
     this.camera.updateProjectionMatrix();
     this.renderer.setRenderTarget(target);
     this.renderer.render(this.scene, this.camera);
   }
 }
-
-/** The bar, the keys, and time. */
-class Transport {
-  constructor(player) {
-    Object.assign(this, { player, second: 0, playing: !matchMedia("(prefers-reduced-motion: reduce)").matches });
-    const get = (id) => document.getElementById(id);
-    Object.assign(this, { bar: get("bar"), button: get("play"), scrub: get("scrub"), output: get("frame") });
-    [this.first, this.last] = [facts.numbers[0] + facts.dissolve, facts.numbers.at(-1)];
-    this.length = (this.last - this.first) / facts.rate;
-    this.whole = this.length + (facts.closes ? 0 : facts.loops ? 1 / facts.rate : HOLD);
-    Object.assign(this.scrub, { min: this.first, max: this.last, disabled: !this.length });
-    this.button.addEventListener("click", () => this.play(!this.playing));
-    this.scrub.addEventListener("input", () => this.go(Number(this.scrub.value)));
-    get("follow").addEventListener("click", () => player.follow(!player.follows));
-    get("follow").hidden = !facts.cameras.every(Boolean);
-    addEventListener("keydown", (event) => this.#press(event));
-    for (const name of ["pointermove", "pointerdown", "keydown"]) addEventListener(name, () => this.#wake());
-    this.play(this.playing && this.length > 0);
-    this.#wake();
-  }
-
-  play(wanted) {
-    this.playing = wanted && this.length > 0;
-    this.button.classList.toggle("playing", this.playing);
-  }
-
-  /** Stop at a frame. */
-  go(number) {
-    this.play(false);
-    this.second = Math.min(Math.max((number - this.first) / facts.rate, 0), this.length);
-    this.#show();
-  }
-
-  tick(passed) {
-    if (!this.playing) return;
-    this.second = (this.second + passed) % this.whole;
-    this.#show();
-  }
-
-  #show() {
-    const length = facts.loops ? this.whole : this.length;
-    const number = this.first + Math.min(this.second, length) * facts.rate;
-    this.scrub.value = String(number);
-    this.output.textContent = String(Math.min(Math.round(number), this.last));
-    if (number !== this.player.number) this.player.show(number);
-  }
-
-  #press(event) {
-    if (event.ctrlKey || event.metaKey || event.altKey || (event.key === " " && event.target instanceof HTMLButtonElement)) return;
-    const frame = Math.round(this.player.number);
-    const keys = {
-      " ": () => this.play(!this.playing),
-      ArrowLeft: () => this.go(frame - 1), ArrowRight: () => this.go(frame + 1),
-      Home: () => this.go(this.first), End: () => this.go(this.last),
-      c: () => this.player.follow(!this.player.follows),
-    };
-    if (!keys[event.key]) return;
-    event.preventDefault();
-    keys[event.key]();
-  }
-
-  #wake() {
-    this.bar.classList.remove("idle");
-    clearTimeout(this.sleep);
-    this.sleep = setTimeout(() => this.bar.classList.add("idle"), 2500);
-  }
-}
-
-async function begin() {
-  const message = document.getElementById("message");
-  if (location.hash === "#bare") document.documentElement.classList.add("bare");
-  try {
-    const url = URL.createObjectURL(new Blob([await bytesOf(facts.three)], { type: "text/javascript" }));
-    const player = new Player(await import(url));
-    URL.revokeObjectURL(url);
-    await player.build();
-    const transport = new Transport(player);
-    window.flowsculpt = { player, transport };
-    let last = performance.now();
-    const loop = (now) => {
-      transport.tick(Math.min((now - last) / 1000, 0.1));
-      last = now;
-      player.draw();
-      requestAnimationFrame(loop);
-    };
-    requestAnimationFrame(loop);
-  } catch (error) {
-    message.textContent = `This browser cannot show the sculpture: ${error.message}`;
-    throw error;
-  }
-}
-
-begin();

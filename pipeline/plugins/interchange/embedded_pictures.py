@@ -14,8 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flowsculpt.render.scene.rgb_spaces import srgb_of_linear
-from flowsculpt.render.scene.textures import BLACK, REPEATED, Texture, read_picture
+from flowsculpt.api.materials import Texture, srgb_of_linear
 
 Levels = NDArray[np.uint8]
 
@@ -32,7 +31,7 @@ class EmbeddedPicture(NamedTuple):
 
     kind: str
     content: bytes
-    wrap: tuple[str, str] = REPEATED
+    wrap: tuple[str, str] = ("repeat", "repeat")
 
     @classmethod
     def of_texture(cls, texture: Texture, widest: int, is_colour: bool) -> EmbeddedPicture:
@@ -41,25 +40,26 @@ class EmbeddedPicture(NamedTuple):
         is_colour  True for colours, linear Rec.709 to sRGB; False for numbers as stored
         """
         encode: Callable[[Any], Any] = srgb_of_linear if is_colour else np.asarray
-        pixels = read_picture(texture.path, texture.digest, texture.space if is_colour else "data")
+        pixels = Texture.of(texture.path, texture.digest, texture.space if is_colour else "data").pixels()
         content = Path(texture.path).read_bytes()
         kind = next((kind for start, kind in _KINDS.items() if content.startswith(start)), None)
-        if kind is not None and max(pixels.shape[:2]) <= widest and BLACK not in texture.wrap:
+        if kind is not None and max(pixels.shape[:2]) <= widest and "black" not in texture.wrap:
             is_same = hashlib.sha256(content).hexdigest() == texture.digest
             if is_same and _shows(texture.path, _levels(encode(pixels))):
                 return cls(kind, content, texture.wrap)
         shown = _bordered(_levels(encode(_at_most(pixels, widest))), texture.wrap)
         if kind == "image/jpeg" and is_colour:
-            from flowsculpt.render.post.image import (
-                jpeg_bytes,
-            )  # needs OpenEXR, and GLBs without pictures do not
+            from flowsculpt.api.pictures import jpeg_bytes  # needs OpenEXR, and GLBs without pictures do not
 
             return cls(kind, jpeg_bytes(shown), texture.wrap)
         return cls("image/png", _png(shown), texture.wrap)
 
     @classmethod
     def of_numbers(
-        cls, planes: Sequence[NDArray[np.float32] | None], widest: int, wrap: tuple[str, str] = REPEATED
+        cls,
+        planes: Sequence[NDArray[np.float32] | None],
+        widest: int,
+        wrap: tuple[str, str] = ("repeat", "repeat"),
     ) -> EmbeddedPicture:
         """Return a picture of up to three planes (H, W, 1) of numbers from 0 to 1; one that is None is white.
 
@@ -91,12 +91,12 @@ def _bordered(levels: Levels, wrap: tuple[str, str]) -> Levels:
 
     Programs without that show the border there. Small pictures are enlarged, so that it stays thin.
     """
-    if BLACK not in wrap:
+    if "black" not in wrap:
         return levels
     height, width = levels.shape[:2]
     factor = -(-_LEAST_BORDERED // min(height, width))
     levels = _resized(levels, factor * height, factor * width)
-    for axis in (axis for axis, mode in ((1, wrap[0]), (0, wrap[1])) if mode == BLACK):
+    for axis in (axis for axis, mode in ((1, wrap[0]), (0, wrap[1])) if mode == "black"):
         np.moveaxis(levels, axis, 0)[[0, -1]] = 0
     return levels
 

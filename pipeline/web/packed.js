@@ -1,0 +1,15 @@
+// Data in pages: base64, which may be deflated.
+
+function bytesIn(text) { return Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0)); }
+
+async function inflated(text) {
+  const stream = new Blob([bytesIn(text)]).stream().pipeThrough(new DecompressionStream("deflate"));
+  return new Uint8Array(await new Response(stream).arrayBuffer());
+}
+
+/** Keep a file on the disk of whoever looks at the page. */
+function download(name, content, type) {
+  const url = URL.createObjectURL(new Blob([content], { type }));
+  make("a", { href: url, download: name }).click();
+  setTimeout(() => URL.revokeObjectURL(url), 10000);
+}

@@ -1,0 +1,73 @@
+// The frames side by side: their states, their numbers, the loop, and where time is. A drag scrubs.
+
+const RULER_STEPS = [1, 2, 5, 10, 12, 24, 48, 100, 250, 500, 1000, 5000];
+
+class FrameStrip {
+  /**
+   * stateOf   (frame) the class of its mark, "" for none
+   * describe  (frame) words about it, for those who listen
+   * hovered   (event, frame) the pointer is over a frame
+   */
+  constructor(element, transport, { stateOf, describe = () => "", hovered }) {
+    Object.assign(this, { element, transport, stateOf, describe });
+    Object.assign(element, { role: "slider", tabIndex: 0, ariaLabel: "Frame" });
+    this.marks = svg("svg", { class: "marks", preserveAspectRatio: "none" });
+    this.ruler = make("div", "ruler");
+    this.loop = make("div", "loop");
+    this.head = make("div", "head");
+    element.append(this.loop, this.marks, this.ruler, this.head);
+    const seek = (event) => transport.go(this.frameAt(event));
+    gestures(element, { start: seek, move: seek, hover: (event) => hovered?.(event, this.frameAt(event)) });
+    whenResized(element, () => this.draw());
+  }
+
+  get #count() { return this.transport.numbers.length; }
+
+  /** The frame under a pointer. */
+  frameAt(event) {
+    const box = this.element.getBoundingClientRect(), { numbers } = this.transport;
+    return numbers[clamp(Math.floor(((event.clientX - box.left) / box.width) * numbers.length), 0, numbers.length - 1)];
+  }
+
+  /** Where the frame at a place begins, as the share of the width that CSS takes. */
+  left(place) { return `${(100 * place) / this.#count}%`; }
+
+  /** Draw everything again. */
+  draw() {
+    this.marks.setAttribute("viewBox", `0 0 ${this.#count} 1`);
+    this.marks.replaceChildren(...this.#runs().map(([state, from, to]) => svg("rect", { class: state, x: from, y: 0, width: to - from, height: 1 })));
+    this.#drawRuler();
+    const { numbers, isLooped, inPoint, outPoint } = this.transport;
+    this.loop.hidden = !isLooped;
+    Object.assign(this.loop.style, { left: this.left(numbers.indexOf(inPoint)), right: this.left(numbers.length - 1 - numbers.indexOf(outPoint)) });
+    this.drawHead();
+  }
+
+  /** Frames with one state after another: [state, place of the first, place after the last]. */
+  #runs() {
+    const runs = [];
+    this.transport.numbers.forEach((frame, place) => {
+      const state = this.stateOf(frame);
+      if (runs.at(-1)?.[0] === state) runs.at(-1)[2] = place + 1;
+      else runs.push([state, place, place + 1]);
+    });
+    return runs.filter(([state]) => state);
+  }
+
+  #drawRuler() {
+    const { numbers } = this.transport, cell = this.element.clientWidth / numbers.length;
+    const step = RULER_STEPS.find((each) => each * cell > 52) ?? 10000;
+    const shown = numbers.map((number, place) => [number, place]).filter(([number, place]) => !place || (number % step === 0 && place >= 0.6 * step));
+    this.ruler.replaceChildren(...shown.map(([number, place]) => make("span", { textContent: number, style: `left: ${this.left(place + 0.5)}` })));
+  }
+
+  /** Show where time is. */
+  drawHead() {
+    const { transport, element } = this, { numbers, first, last } = transport, frame = Math.min(transport.frame, last);
+    const place = numbers.includes(frame) ? numbers.indexOf(frame) : ((frame - first) / (last - first || 1)) * (numbers.length - 1);
+    Object.assign(this.head.style, { left: this.left(place), width: this.left(1) });
+    const words = this.describe(frame);
+    Object.assign(element, { ariaValueMin: first, ariaValueMax: last, ariaValueNow: Math.round(frame) });
+    element.ariaValueText = `frame ${Math.round(frame)} of ${last}${words && `, ${words}`}`;
+  }
+}
