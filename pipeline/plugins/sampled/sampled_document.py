@@ -6,6 +6,7 @@ from pydantic import PrivateAttr, ValidationInfo, model_validator
 
 from flowsculpt.api.flows import ParameterDoc, Sampled, Samples
 from flowsculpt.api.shots import Clock, FlowParameters, ParseContext, Positive
+from flowsculpt.pipeline.plugins.sampled.file_sequences import files_named
 from flowsculpt.pipeline.plugins.sampled.grid_files import read_samples
 
 
@@ -25,7 +26,7 @@ class SampledDocument(FlowParameters):
     @model_validator(mode="after")
     def _are_readable(self, info: ValidationInfo) -> Self:
         context = ParseContext.of(info)
-        paths = context.files(self.file)
+        paths = context.attempt(lambda: files_named(self.file, context))
         self._samples = context.attempt(lambda: read_samples(paths, self.array, float(self.interval)))
         context.digests.update(zip(paths, self._samples.digests, strict=True))
         return self

@@ -82,7 +82,7 @@ class SchemaKeywords:
 
 @dataclass(frozen=True)
 class ByForm:
-    """An annotation of a union: a value is checked, and its mistakes are told, as one of the members only.
+    """An annotation of a union: a value is checked, and its faults are reported, as one member only.
 
     choose  returns the index of the member for a value as the file has it
     """
@@ -296,7 +296,7 @@ def is_hex(value: Any) -> bool:
     return isinstance(value, str) and value.startswith("#")
 
 
-def linear_of(text: str) -> list[float]:
+def linear_of_hex(text: str) -> list[float]:
     """Return linear Rec.709 of a hexadecimal colour of sRGB. Raises an error for pydantic for other text."""
     digits = text.removeprefix("#")
     if not re.fullmatch(HEX_PATTERN, text):
@@ -314,7 +314,7 @@ def _linear(value: float) -> float:
 def parsed_colour(value: Any) -> Any:
     """Return a colour as three numbers; refuse other forms, with the colour that is meant."""
     if isinstance(value, str):
-        return linear_of(value)
+        return linear_of_hex(value)
     if isinstance(value, list):
         whole = all(isinstance(part, int) and 0 <= part <= 255 for part in value)
         if len(value) != 4 and not (len(value) == 3 and whole and max(value) > 16):
