@@ -17,6 +17,7 @@ from pydantic import BaseModel
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import core_schema
 
+from flowsculpt import VelocityField
 from flowsculpt.api.commands import require_one_of
 from flowsculpt.api.shots import FLOW_DOCUMENTS, PRESETS, FilmDocument, FlowParameters, ShotDocument
 
@@ -190,9 +191,10 @@ def facts(name: str) -> dict[str, Any]:
     """
     require_one_of(name, FLOW_DOCUMENTS, f"{name!r} is not a flow.")
     document = FLOW_DOCUMENTS[name]
+    kind = "function" if name == "python" else "map"
     return {
         "name": name,
-        "kind": document.flow_kind(),
+        "kind": "velocity" if issubclass(document.flow, VelocityField) else kind,
         "description": cleandoc(document.flow.__doc__ or "").partition("\n")[0],
         "parameters": [_fact(parameter) for parameter in (*document.own, *document.parameters)],
     }

@@ -81,13 +81,6 @@ class FlowParameters(Document):
     parameters: ClassVar[tuple[Parameter, ...]]
     own: ClassVar[tuple[Parameter, ...]]
 
-    @classmethod
-    def flow_kind(cls) -> str:
-        """Return what the flow is: a `velocity`, a `function` of a Python file, or another `map`."""
-        if issubclass(cls.flow, VelocityField):
-            return "velocity"
-        return "function" if issubclass(cls.flow, PythonFlow) else "map"
-
     def build(self, clock: Clock) -> Any:
         """Return the flow; parameters that the file leaves out take the defaults of the code."""
         given = [p for p in self.parameters if p.name in self.model_fields_set]
