@@ -4,7 +4,7 @@ PYTHON ?= $(if $(realpath .venv/bin/python),.venv/bin/python,python3)
 BIN := .venv/bin
 CORES ?= $(shell nproc 2>/dev/null || sysctl -n hw.ncpu)
 
-.PHONY: film showreel test quick soak bounds bench blender blender-extension check docs reference figures pictures wheel setup lock clean same-python
+.PHONY: film showreel test quick soak bounds removable bench blender blender-extension check docs reference figures pictures wheel setup lock clean same-python
 .DELETE_ON_ERROR:
 
 film: .venv/ready
@@ -24,15 +24,19 @@ quick: .venv/ready-dev
 	$(BIN)/ruff format --check .
 	$(BIN)/python -m pytest -q -m "not (soak or renderer or slow)" -n 2 --dist loadfile --no-loadscope-reorder
 
-# Long runs, and all other tests with examples that are new every time; then the tests with other versions of packages.
+# Long runs, and all other tests with new examples; then tests with other versions of packages, and without plug-ins.
 soak: .venv/ready-dev
 	$(BIN)/python -m pytest --hypothesis-profile=new
-	$(MAKE) bounds
+	$(MAKE) bounds removable
 
 # The tests with the lowest versions of packages that pyproject.toml allows, and with the newest there are.
 bounds: .venv/ready-dev
 	$(BIN)/python tests/checks/dependency_bounds.py lowest-direct
 	$(BIN)/python tests/checks/dependency_bounds.py highest
+
+# What works without each plug-in, and without ten pairs of them: help, a film, the quick tests, the docs. Hours.
+removable: .venv/ready-dev
+	$(BIN)/python tests/checks/removable_plugins.py
 
 check: .venv/ready-dev
 	$(BIN)/ruff check .
@@ -132,7 +136,7 @@ blender-extension:
 # Blender as a module, 820 MB, which there is for Python 3.11 and 3.13: for the tests of the extension, of its compositor, of what it
 # reads of exported shots, and the comparison with Cycles.
 blender: .venv/ready-cycles
-	$(BIN)/python -m pytest tests/blender tests/render/test_blender.py tests/plugins/interchange/test_blender.py tests/flow/test_vdb_recipes.py
+	$(BIN)/python -m pytest tests/blender tests/render/test_blender.py tests/plugins/interchange/test_blender.py tests/plugins/fields/test_vdb_recipes.py
 
 .venv/ready-cycles: .venv/ready-dev benchmarks/requirements-cycles.txt
 	rm -rf .venv/cycles

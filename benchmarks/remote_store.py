@@ -31,7 +31,7 @@ from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.store.digests import digest_of
 from flowsculpt.pipeline.production.store.paths import STATE
-from flowsculpt.pipeline.production.store.store import Store, upload_missed
+from flowsculpt.pipeline.production.store.store import Store
 from tests.plugins.remote.s3 import BUCKET, CREDENTIALS, Proxy, serving
 
 LATENCIES = (0.0, 0.05)
@@ -132,7 +132,7 @@ def transfer(proxy: Proxy) -> Iterator[Row]:
         RemoteFiles.of(url).fault()  # connects
         begun = time.perf_counter()
         whole = Store(here.root, url)
-        assert upload_missed(whole, lacking_names(whole)).sent == FILES
+        assert whole.upload_missed(lacking_names(whole)).sent == FILES
         sent = time.perf_counter()
         assert there.bring_all([("raw", key) for key in keys]) == FILES
         fetched = time.perf_counter()

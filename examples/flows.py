@@ -26,8 +26,9 @@ from flowsculpt.pipeline.flow.catalogue.basic import (
     Translation,
 )
 from flowsculpt.pipeline.flow.catalogue.deformations import Bend, Deformation
-from flowsculpt.pipeline.flow.catalogue.external_fields import Attraction, FormulaField, Sampled, Target, Wind
-from flowsculpt.pipeline.flow.catalogue.vortices import CurlNoise
+from flowsculpt.pipeline.flow.catalogue.external_fields import FormulaField, Sampled
+from flowsculpt.pipeline.plugins.fields.attraction import Attraction, Target, Wind
+from flowsculpt.pipeline.plugins.fields.curl_noise import CurlNoise
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -146,7 +147,7 @@ def _block_lines(across: float = 0.4, high: float = 0.9) -> list[Points]:
 
 def _random_samples() -> Sampled:
     """Return random velocities on a coarse grid."""
-    from flowsculpt.pipeline.plugins.sampled.grid_files import read_samples
+    from flowsculpt.pipeline.plugins.fields.grid_files import read_samples
 
     axis = np.linspace(-1.5, 1.5, 4)
     velocity = np.random.default_rng(7).normal(size=(4, 4, 4, 3))

@@ -23,8 +23,14 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, Self, TypeVar
 
-from flowsculpt.pipeline.api_version import API, fault_of_fields, fault_of_version
-from flowsculpt.pipeline.plugin_contracts import ContractError, fault_of_types, require_class
+from flowsculpt.pipeline.plugin_contracts import (
+    API,
+    ContractError,
+    fault_of_fields,
+    fault_of_types,
+    fault_of_version,
+    require_class,
+)
 from flowsculpt.render.base.foreign_code import foreign_code, located_reason, reason_of_foreign
 from flowsculpt.render.base.render_errors import MachineError
 
@@ -125,7 +131,8 @@ class Plugin:
 
     name           a letter, then letters, digits and _; shot files write `NAME.part` for what a plug-in adds
                    to them, so that they say which plug-ins a shot needs
-    version        part of the keys of what the plug-in decides
+    version        part of the keys of what the plug-in decides; where it is empty, flows are decided by their
+                   `cache_data` alone
     api            the API version that it is built for
     flows          velocity fields and other flows, dataclasses with documented parameters, by their names
     looks          `Material`s by their names
@@ -224,7 +231,7 @@ class Plugins:
     def parts(self, door: str, make: Callable[[Plugin, str, Any], T]) -> dict[str, T]:
         """Return what plug-ins add to shot files by a field of `Plugin`, by names such as `marbling.swirl`.
 
-        A part with the name of its plug-in, which must be a shipped one, has that name alone.
+        Of shipped plug-ins, flows and a part with the name of its plug-in have their names alone.
 
         make  gets the plug-in, the name and the object, and returns the entry. A part for which it raises, or
               that cannot be imported, is left out with a warning
@@ -233,7 +240,7 @@ class Plugins:
         for plugin in self:
             for part, value in getattr(plugin, door).items():
                 place = value.model if isinstance(value, ShotEntry) else value
-                is_whole = part == plugin.name and place.startswith("flowsculpt.")
+                is_whole = place.startswith("flowsculpt.") and (part == plugin.name or door == "flows")
                 name = part if is_whole else f"{plugin.name}.{part}"
                 try:
                     found[name] = make(plugin, name, named(place))

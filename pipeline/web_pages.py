@@ -1,6 +1,12 @@
 """Pages for browsers: the style and the scripts that all share, in `web/`, and those of one page after them.
 
-A page is a folder with index.html, `*.css` and `*.js`. Scripts declare; `main.js`, the last, begins.
+A page is a folder with index.html, `*.css` and `*.js`. Scripts declare; `main.js`, the last, begins. Shared:
+
+style.css    colours in light and dark, type, controls, the ring of the focus, bars, strip, messages, help
+elements     elements, buttons, lists and sliders; `icons`, `vectors`, `packed` data, `messages`
+keyboard     the keys of a page, and their help; arrow keys of an element
+gestures     mouse, pen, fingers and trackpad on an element; `orbit` turns a camera by them
+transport    time: frames, loops, speeds; `playback` has its controls and keys, `strip` shows the frames
 """
 
 from __future__ import annotations

@@ -19,9 +19,10 @@ import pytest
 import flowsculpt
 from flowsculpt import api, render
 from flowsculpt.pipeline import flow, mesh, resample, shot
-from flowsculpt.pipeline.flow.catalogue.external_fields import Attraction, FormulaField, Target, Wind
+from flowsculpt.pipeline.flow.catalogue.external_fields import FormulaField
 from flowsculpt.pipeline.flow.composition import Sum, within
 from flowsculpt.pipeline.flow.regions import ClosedSurface, MeshRegion
+from flowsculpt.pipeline.plugins.fields.attraction import Attraction, Target, Wind
 
 
 @pytest.mark.parametrize("name", flowsculpt.__all__)

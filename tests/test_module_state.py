@@ -11,8 +11,8 @@ from tests.needed_plugins import is_of_installed
 ROOT = Path(__file__).parents[1]
 
 SAFE = {
-    "pipeline/flow/flow.py:_current": "each thread has its own",
-    "pipeline/plugins/sampled/grid_files.py:_LAST": "replaced; a value taken is kept, read twice at worst",
+    "pipeline/plugins/python/python_flow.py:_current": "each thread has its own",
+    "pipeline/plugins/fields/grid_files.py:_LAST": "replaced; a value taken is kept, read twice at worst",
     "pipeline/plugin.py:_LOADING": "changed by the thread that holds a lock",
     "pipeline/plugins/interchange/fbx_files.py:_SCENES": "only appended to, never read",
     "pipeline/plugins/lettering/outline_process.py:_known": "of commands, which have one thread",

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from flowsculpt.pipeline.api_version import API
 from flowsculpt.pipeline.plugin import Plugin, Plugins, plugins
+from flowsculpt.pipeline.plugin_contracts import API
 from flowsculpt.pipeline.shot.documents.subject_documents import POINTS
 from tests.needed_plugins import needs_plugins
 
@@ -473,8 +473,8 @@ def test_a_name_of_a_plug_in_that_is_not_there_says_which_one_it_needs():
     ("name", "needed"),
     [
         ("become", "become"),
+        ("wind", "fields"),
         ("cloud", "points"),
-        ("sampled", "sampled"),
         ("layout", "layout"),
         ("polyhedra", "polyhedra"),
         ("people.person", "people"),
@@ -501,6 +501,7 @@ def test_the_list_of_what_the_plug_ins_of_flowsculpt_add_is_complete():
                 f".{each}" for each in plugin.formats
             }
             added |= {*plugin.resamplers} | {name for door in doors for name in door if name == plugin.name}
+            added |= {*plugin.flows, *(POINTS.keys() & plugin.subjects)}
             added |= {"--store"} if plugin.remote_stores else set()
             added |= {word for word, kind in POINTS.items() if f".plugins.{plugin.name}." in kind.__module__}
             assert set(listed[plugin.name]) == added, plugin.name
@@ -585,7 +586,7 @@ def test_a_part_that_breaks_its_contract_is_left_out_with_fact_and_remedy(enviro
     environment.install("broken", plugin("broken", f", {door}={place!r}"))
     (environment.folder / "extras.py").write_text(EXTRAS)
     ask = (
-        "from flowsculpt.pipeline.cli.run_observer import RunObserver\n"
+        "from flowsculpt.pipeline.cli.execution import RunObserver\n"
         "from flowsculpt.pipeline.production.shot_extras import ShotExtras\n"
         "for _ in 'ab': RunObserver.of_plugins(); ShotExtras.of_plugins()"
     )

@@ -1,6 +1,6 @@
 """What plug-ins add, and the errors and words that all of them share; the facades beside it have the rest."""
 
-from flowsculpt.pipeline.cli.run_observer import RunObserver as RunObserver
+from flowsculpt.pipeline.cli.execution import RunObserver as RunObserver
 from flowsculpt.pipeline.errors import ShotError as ShotError
 from flowsculpt.pipeline.errors import VertexBudgetError as VertexBudgetError
 from flowsculpt.pipeline.errors import quote as quote

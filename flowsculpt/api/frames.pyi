@@ -1,6 +1,5 @@
 """Frames of shots: requests, plans, keys, the store and its locks, cameras, the history of runs."""
 
-from flowsculpt.pipeline.animation import FrameProgress as FrameProgress
 from flowsculpt.pipeline.animation import MeshFrame as MeshFrame
 from flowsculpt.pipeline.animation import animate as animate
 from flowsculpt.pipeline.frames import FrameRange as FrameRange
@@ -13,33 +12,26 @@ from flowsculpt.pipeline.production.planning.frame_states import FrameStates as 
 from flowsculpt.pipeline.production.planning.frame_states import KnownPictures as KnownPictures
 from flowsculpt.pipeline.production.planning.plan import Job as Job
 from flowsculpt.pipeline.production.planning.plan import Plan as Plan
-from flowsculpt.pipeline.production.planning.runs import Runs as Runs
+from flowsculpt.pipeline.production.planning.plan import Runs as Runs
 from flowsculpt.pipeline.production.planning.timings import LatestTimings as LatestTimings
 from flowsculpt.pipeline.production.request.edit import Edit as Edit
 from flowsculpt.pipeline.production.request.framing import BoundingSpheres as BoundingSpheres
 from flowsculpt.pipeline.production.request.framing import Framer as Framer
 from flowsculpt.pipeline.production.request.framing import Framing as Framing
 from flowsculpt.pipeline.production.request.keys import FrameKeys as FrameKeys
-from flowsculpt.pipeline.production.request.keys import PictureKeys as PictureKeys
 from flowsculpt.pipeline.production.request.lookup import QualityName as QualityName
 from flowsculpt.pipeline.production.request.lookup import Show as Show
-from flowsculpt.pipeline.production.request.manifest import ShotManifest as ShotManifest
 from flowsculpt.pipeline.production.request.render_request import FrameSource as FrameSource
 from flowsculpt.pipeline.production.request.render_request import MeshAngle as MeshAngle
 from flowsculpt.pipeline.production.request.render_request import RenderRequest as RenderRequest
 from flowsculpt.pipeline.production.request.shading import Shading as Shading
 from flowsculpt.pipeline.production.request.shot_source import ShotSource as ShotSource
 from flowsculpt.pipeline.production.shot_extras import PublishedVersion as PublishedVersion
-from flowsculpt.pipeline.production.stages import STAGES as STAGES
 from flowsculpt.pipeline.production.stages import PipelineStage as PipelineStage
-from flowsculpt.pipeline.production.store.digests import CorruptFileError as CorruptFileError
-from flowsculpt.pipeline.production.store.history import History as History
 from flowsculpt.pipeline.production.store.locks import Locks as Locks
 from flowsculpt.pipeline.production.store.paths import Folders as Folders
-from flowsculpt.pipeline.production.store.paths import RootFolders as RootFolders
 from flowsculpt.pipeline.production.store.readers import StoredFiles as StoredFiles
 from flowsculpt.pipeline.production.store.remote_store import use_store as use_store
 from flowsculpt.pipeline.production.store.store import Store as Store
 from flowsculpt.pipeline.production.store.store import key_of as key_of
-from flowsculpt.pipeline.production.store.store import upload_missed as upload_missed
 from flowsculpt.pipeline.production.tasks.worker import do_job as do_job

@@ -1,4 +1,4 @@
-"""Looks as values: materials, their textures, and the lights and stage around them."""
+"""Looks as values: materials, their patterns and textures, surfaces that have them, and lights."""
 
 from flowsculpt.render.scene.materials import LOOKS as LOOKS
 from flowsculpt.render.scene.materials import Diffuse as Diffuse

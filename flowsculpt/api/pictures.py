@@ -1,4 +1,4 @@
-"""Pictures and movies: looks, lights, cameras, previews, files, colour, type."""
+"""Pictures and movies: previews, files, cameras, captions, encodes, sound."""
 
 from flowsculpt import lazy_names
 

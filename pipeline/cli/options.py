@@ -65,10 +65,9 @@ def require_command(name: str, commands: Mapping[str, Command]) -> None:
     """Raise UsageError for a command that has another name here, or whose plug-in is missing."""
     others = {each: command.also for each, command in commands.items()} | {"--help": "help"}
     meant = _meant(others, name.lower())
-    if name not in commands and meant:
-        raise UsageError(f"unknown command {name}. Did you mean {meant}?")
-    if name not in commands and (sentence := plugins().lacking(f"flowsculpt {name}")):
-        raise UsageError(f"unknown command {name}. {sentence}")
+    remedy = f"Did you mean {meant}?" if meant else plugins().lacking(f"flowsculpt {name}")
+    if name not in commands and remedy:
+        raise UsageError(f"unknown command {name}. {remedy}")
 
 
 def _meant(table: Mapping[str, str], word: str) -> str | None:

@@ -156,7 +156,7 @@ def compile_formulas(
     formulas: tuple[Expression, Expression, Expression], numbers: tuple[str, ...] = ()
 ) -> BlockKernel:
     """Return the block function of three formulas over x, y, z, t and `numbers`, its first argument."""
-    return _loaded(source(formulas, numbers))
+    return _load(source(formulas, numbers))
 
 
 def source(formulas: tuple[Expression, Expression, Expression], numbers: tuple[str, ...] = ()) -> str:
@@ -171,7 +171,7 @@ def source(formulas: tuple[Expression, Expression, Expression], numbers: tuple[s
 
 
 @cache
-def _loaded(text: str) -> BlockKernel:
+def _load(text: str) -> BlockKernel:
     """Return the function of a source, kept in a file named by its digest: numba caches by file name."""
     file = formula_folder() / f"formula_{hashlib.sha256(text.encode()).hexdigest()[:24]}.py"
     if not file.exists():

@@ -31,7 +31,7 @@ def checked_displacement(
     """
     try:
         for step in flow.steps(time, dt):
-            points = _displaced(step, points, frame, first)
+            points = _displace(step, points, frame, first)
     except FrameError as error:
         raise error.of(frame) from None
     return points
@@ -63,7 +63,7 @@ def checked_cache_data(flow: Flow, time: float, dt: float) -> Any:
     return data
 
 
-def _displaced(step: FlowStep, points: Points, frame: int, first: int) -> Points:
+def _displace(step: FlowStep, points: Points, frame: int, first: int) -> Points:
     flow, time, dt = step
     name = f"flow {flow.name}"
     try:
@@ -213,7 +213,7 @@ class FlowMap:
             steps = [FrameStep(*part, step.frame) for part in step.flow.steps(step.time, step.dt)]
         except FrameError as error:
             raise error.of(step.frame) from None
-        parts = [_planned(part) for part in steps]
+        parts = [_plan(part) for part in steps]
         self._steps.append(step)
         for part in parts:
             last = self._parts[-1] if self._parts else None
@@ -240,7 +240,7 @@ class FlowMap:
         return points
 
 
-def _planned(step: FrameStep) -> PlannedSteps | FrameStep:
+def _plan(step: FrameStep) -> PlannedSteps | FrameStep:
     """Return a step along streamlines, or of a deformation, as planned; and any other unchanged."""
     if not isinstance(step.flow, Streamlines | Deformation):
         return step

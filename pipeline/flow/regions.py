@@ -17,9 +17,9 @@ import numpy as np
 
 from flowsculpt.pipeline.arrays import AnyArray, Floats, Points
 from flowsculpt.pipeline.errors import FrameError, UsageError
+from flowsculpt.pipeline.flow.kernels import external_kernels
 from flowsculpt.pipeline.flow.kernels import instructions as op
 from flowsculpt.pipeline.flow.kernels import region_kernels as kernels
-from flowsculpt.pipeline.flow.kernels.external_kernels import find_nearest
 from flowsculpt.pipeline.flow.parameters import (
     ORIGIN,
     Number,
@@ -32,6 +32,7 @@ from flowsculpt.pipeline.flow.parameters import (
     vector_at,
 )
 from flowsculpt.pipeline.flow.velocity import Instruction, StableProperty
+from flowsculpt.pipeline.kernels import BlockKernel
 from flowsculpt.pipeline.mesh.meshes import TriangleMesh
 from flowsculpt.pipeline.mesh.validation import validate
 
@@ -52,6 +53,10 @@ class TriangleTree:
     triangles: int
     order: AnyArray = field(repr=False)
     ranges: AnyArray = field(repr=False)
+
+    attraction: ClassVar[BlockKernel] = external_kernels.attraction
+    wind: ClassVar[BlockKernel] = external_kernels.wind
+    """The kernels of fields around triangles; `external_kernels` says which numbers each takes."""
 
     @classmethod
     def of(cls, corners: Floats) -> TriangleTree:
@@ -85,7 +90,7 @@ class TriangleTree:
         the nearest point.
         """
         found, shares = np.empty(len(points), np.int64), np.empty((len(points), 2))
-        find_nearest(self.memory.ctypes.data, self.triangles, points, found, shares)
+        external_kernels.find_nearest(self.memory.ctypes.data, self.triangles, points, found, shares)
         return self.order[found], shares
 
     def with_distances(self, first: Points, spacing: float, shape: tuple[int, ...]) -> Floats:
@@ -107,13 +112,6 @@ class TriangleTree:
     def with_more(self, numbers: Floats) -> Floats:
         """Return the array with numbers appended to its triangles."""
         return np.concatenate([self.memory, numbers.ravel()])
-
-
-def segments(points: Floats) -> Floats:
-    """Return the segments between points (P, 3) as triangles (P − 1, 3, 3); one point as a triangle."""
-    if len(points) == 1:
-        return np.repeat(points[None], 3, axis=1)
-    return np.stack([points[:-1], points[1:], points[1:]], axis=1)
 
 
 NODES = 64  # grid nodes along the longest side: they make lookups fast, not more exact

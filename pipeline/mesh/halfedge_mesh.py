@@ -149,9 +149,9 @@ def ancestry(now: AnyArray, then: AnyArray, births: AnyArray) -> Ancestry:
                 "those of all frames in between"
             )
         heirs, weights = np.tile(heirs, 2), np.tile(0.5 * weights, 2)
-        heirs, names, weights = _merged(heirs, births[birth, 1:].T.reshape(-1), weights)
+        heirs, names, weights = _merge(heirs, births[birth, 1:].T.reshape(-1), weights)
     heirs, ancestors, weights = (np.concatenate(part) for part in zip(*settled, strict=True))
-    return Ancestry(*_merged(heirs, ancestors, weights))
+    return Ancestry(*_merge(heirs, ancestors, weights))
 
 
 def _index_of(wanted: AnyArray, ascending: AnyArray) -> AnyArray:
@@ -162,7 +162,7 @@ def _index_of(wanted: AnyArray, ascending: AnyArray) -> AnyArray:
     return np.where(exists, place, -1)
 
 
-def _merged(heirs: AnyArray, names: AnyArray, weights: Floats) -> tuple[AnyArray, AnyArray, Floats]:
+def _merge(heirs: AnyArray, names: AnyArray, weights: Floats) -> tuple[AnyArray, AnyArray, Floats]:
     """Return each pair of an heir and a name once, in order, with the sum of its weights."""
     order = np.lexsort((names, heirs))
     heirs, names, weights = heirs[order], names[order], weights[order]

@@ -403,7 +403,7 @@ class PolygonMesh(FaceLists):
             return TriangleMesh(self.vertices, faces, self.attributes, self.creases)
         rings = [self.face(int(f)) for f in filled]
         points = np.concatenate([self.vertices, [self.vertices[ring].mean(axis=0) for ring in rings]])
-        named = {name: _extended(values, rings) for name, values in self.attributes.items()}
+        named = {name: _extend(values, rings) for name, values in self.attributes.items()}
         return TriangleMesh(points, faces, named, self.creases)
 
     def __repr__(self) -> str:
@@ -425,7 +425,7 @@ def _check_faces(offsets: AnyArray, corners: AnyArray, vertices: int) -> None:
     require_existing(corners, vertices)
 
 
-def _extended(values: AnyArray, rings: Sequence[Indices]) -> AnyArray:
+def _extend(values: AnyArray, rings: Sequence[Indices]) -> AnyArray:
     """Return an attribute with a row for the middle of each ring: the mean, or one corner's if integer."""
     blends = values.dtype.kind == "f"
     rows = [values[ring].mean(axis=0) if blends else values[ring[0]] for ring in rings]
@@ -454,13 +454,13 @@ def triangulate(points: Points, offsets: Indices, corners: Indices) -> tuple[Fac
     from flowsculpt.pipeline.mesh.kernels.triangulation import triangulate_all  # numba takes time to import
 
     triangulate_all(points.copy(), offsets.copy(), corners.copy(), triangles)
-    doubled = _doubled(triangles, offsets, corners)
+    doubled = _find_doubles(triangles, offsets, corners)
     if not len(doubled):
         return triangles, np.empty(0, np.int32)
     return _recut(points, offsets, corners, triangles, doubled)
 
 
-def _doubled(triangles: Faces, offsets: Indices, corners: Indices) -> Indices:
+def _find_doubles(triangles: Faces, offsets: Indices, corners: Indices) -> Indices:
     """Return the faces with a side or diagonal that joins the same vertices as one of another face."""
     tails = triangles.reshape(-1).astype(np.int64)
     heads = np.roll(triangles, -1, axis=1).reshape(-1)

@@ -386,7 +386,7 @@ def _separate(soup: FaceSoup, faults: RepairLog) -> tuple[PolygonMesh, FaceSoup,
     open_sides = crowded | winding.cut
     at_edge = np.zeros(len(soup.points), bool)
     at_edge[soup.corners[open_sides]] = at_edge[soup.heads[open_sides]] = True
-    soup, link = _reversed(soup, np.where(winding.cut, -1, link), winding.reversed_faces)
+    soup, link = _reverse(soup, np.where(winding.cut, -1, link), winding.reversed_faces)
     labels = detached_corners(soup, link)
     _tell_fans(soup, labels, at_edge, faults)
     mesh, origin = soup.to_mesh(labels)
@@ -428,7 +428,7 @@ def _tell_winding(soup: FaceSoup, winding: Winding, faults: RepairLog) -> None:
     faults.add(_first_vertices(soup, inwards), one, many, "reversed")
 
 
-def _reversed(soup: FaceSoup, link: AnyArray, faces: AnyArray) -> tuple[FaceSoup, AnyArray]:
+def _reverse(soup: FaceSoup, link: AnyArray, faces: AnyArray) -> tuple[FaceSoup, AnyArray]:
     """Return the soup and its links with the flagged faces reversed; each keeps its first corner."""
     starts, sides = soup.offsets[:-1][soup.owners], soup.sides[soup.owners]
     step = np.arange(len(link)) - starts

@@ -87,7 +87,7 @@ def torus(
     around = max(6, math.ceil(2 * math.pi * tube_radius / (edge_length * math.sqrt(0.75))))
     angle = 2 * math.pi * np.arange(around) / around
     profile = np.column_stack([radius + tube_radius * np.cos(angle), tube_radius * np.sin(angle)])
-    return _revolved([*profile, profile[0]], edge_length, centre)
+    return _revolve([*profile, profile[0]], edge_length, centre)
 
 
 def rod(
@@ -125,10 +125,10 @@ def rod(
     upper = (cap * (1, -1))[::-1]
     if straight == 0:
         upper = upper[1:]
-    return _revolved([*cap, *side, *upper], edge_length, centre)
+    return _revolve([*cap, *side, *upper], edge_length, centre)
 
 
-def _revolved(profile: Sequence[Points], edge_length: float, centre: ArrayLike) -> TriangleMesh:
+def _revolve(profile: Sequence[Points], edge_length: float, centre: ArrayLike) -> TriangleMesh:
     """Return rings around y through the (radius, height) rows of a profile that ascends on the outside.
 
     Each ring has as many vertices as its circumference needs, so triangles keep their shape towards the
@@ -149,11 +149,11 @@ def _revolved(profile: Sequence[Points], edge_length: float, centre: ArrayLike) 
         rings.append((np.arange(start, start + count), angle))
         start += count
     pairs = list(zip(rings, rings[1:] + (rings[:1] if closed else []), strict=False))
-    faces = [_zipped(*below, *above) for below, above in pairs]
+    faces = [_zip_rings(*below, *above) for below, above in pairs]
     return TriangleMesh(np.concatenate(points) + np.asarray(centre, np.float64), np.concatenate(faces))
 
 
-def _zipped(low: AnyArray, low_angle: Floats, high: AnyArray, high_angle: Floats) -> Faces:
+def _zip_rings(low: AnyArray, low_angle: Floats, high: AnyArray, high_angle: Floats) -> Faces:
     """Return triangles between two rings, always taking the next vertex that comes first around the axis."""
     m, n = len(low), len(high)
     faces, i, j = [], 0, 0

@@ -294,13 +294,13 @@ def _inside_out(
         turned |= consistent
     still = np.flatnonzero(consistent & (np.where(turned, -size, size) < 0))
     if len(still):
-        turned[still] ^= ~_enclosed(soup, part, roots, still)
+        turned[still] ^= ~_find_enclosed(soup, part, roots, still)
     inside_out = np.zeros(len(soup), bool)
     inside_out[roots[turned]] = True
     return inside_out[part], mended[part]
 
 
-def _enclosed(soup: FaceSoup, part: AnyArray, roots: AnyArray, wanted: AnyArray) -> AnyArray:
+def _find_enclosed(soup: FaceSoup, part: AnyArray, roots: AnyArray, wanted: AnyArray) -> AnyArray:
     """Tell which of the `wanted` parts, numbers in `roots`, lie in the bounding box of another of `roots`."""
     points = soup.points[soup.corners]
     low, high = np.full((len(soup), 3), np.inf), np.full((len(soup), 3), -np.inf)

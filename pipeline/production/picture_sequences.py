@@ -22,7 +22,6 @@ from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.request.shot_source import ShotSource
 from flowsculpt.pipeline.production.stages import STAGES
 from flowsculpt.pipeline.production.store import readers
-from flowsculpt.pipeline.production.store.history import History
 from flowsculpt.pipeline.production.store.store import Key, Store, key_of
 from flowsculpt.render.base.render_errors import RenderError
 from flowsculpt.render.graphics.contact_sheet import reduced
@@ -140,7 +139,6 @@ class SequenceQuery:
     project: Project
     path: Path
     qualities: tuple[str, ...]
-    history: History
 
     def __post_init__(self) -> None:
         for quality in self.qualities:
@@ -158,8 +156,8 @@ class SequenceQuery:
     def rendered(self, request: RenderRequest, kind: str, label: str) -> PictureSequence:
         """Return the frames of a request that are rendered, and the faults of the others."""
         root = self.project.root
-        failed = self.history.failed(request.folders.title, PICTURE_STAGES, request.quality_name)
-        stale = FrameStates.of_pictures(request, self.project.store, self.history).stale
+        failed = self.project.history.failed(request.folders.title, PICTURE_STAGES, request.quality_name)
+        stale = FrameStates.of_pictures(request, self.project.store, self.project.history).stale
         faults = {number: ("failed", message) for number, message in failed.items()}
         faults |= dict.fromkeys(stale, ("stale", STALE))
         places = {n: root / request.place("frame", n) for n in request.angles}

@@ -7,7 +7,7 @@ you do.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib.metadata import version
@@ -52,6 +52,11 @@ class PipelineStage:
         if self.plugin is not None:
             packages[f"plug-in {self.plugin[0]}"] = self.plugin[1]
         return {"stage": self.name, "version": self.version, **packages}
+
+    @staticmethod
+    def all() -> Mapping[str, PipelineStage]:
+        """Return all stages by their names, those of plug-ins last."""
+        return STAGES
 
     @property
     def shown_as(self) -> str:

@@ -4,8 +4,8 @@ from flowsculpt.pipeline.resample.placement import Chord as Chord
 from flowsculpt.pipeline.resample.placement import Curved as Curved
 from flowsculpt.pipeline.resample.placement import Exact as Exact
 from flowsculpt.pipeline.resample.placement import Placement as Placement
-from flowsculpt.pipeline.resample.polygon_resamplers import PolygonResampler as PolygonResampler
 from flowsculpt.pipeline.resample.polygonal_methods import PolygonMethod as PolygonMethod
+from flowsculpt.pipeline.resample.polygonal_methods import PolygonResampler as PolygonResampler
 from flowsculpt.pipeline.resample.polygonal_methods import polygon_method as polygon_method
 from flowsculpt.pipeline.resample.polygonal_methods import polygon_methods as polygon_methods
 from flowsculpt.pipeline.resample.resample_pass import PolygonReport as PolygonReport

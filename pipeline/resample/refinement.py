@@ -10,19 +10,86 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import ClassVar, NamedTuple
 
+import numba
 import numpy as np
 
-from flowsculpt.pipeline.arrays import Floats, Indices, Points
+from flowsculpt.pipeline.arrays import AnyArray, Floats, Indices, Points
 from flowsculpt.pipeline.errors import FrameError, VertexBudgetError
+from flowsculpt.pipeline.kernels import kernel
 from flowsculpt.pipeline.mesh.halfedge_mesh import CREASE, SEAM, HalfedgeMesh
+from flowsculpt.pipeline.mesh.kernels.halfedge import (
+    LEAN,
+    MESH_ARRAYS,
+    MeshArrays,
+    following,
+    preceding,
+)
 from flowsculpt.pipeline.mesh.meshes import TriangleMesh
 from flowsculpt.pipeline.mesh.normals import vertex_normals
-from flowsculpt.pipeline.resample.kernels.birth_replay import replay_births
 from flowsculpt.pipeline.resample.kernels.pass_state import Limits
-from flowsculpt.pipeline.resample.kernels.split import BIRTH_HALFEDGE
+from flowsculpt.pipeline.resample.kernels.split import BIRTH_HALFEDGE, split_edge
 from flowsculpt.pipeline.resample.placement import REST, REST_NORMAL, Exact, column_of
 from flowsculpt.pipeline.resample.resample_pass import ResamplePass
 from flowsculpt.pipeline.resample.thresholds import Thresholds, TriangleShape
+
+_TABLE = numba.int32[:, ::1]
+
+
+@kernel(numba.int64(MESH_ARRAYS, numba.int64, numba.int64), **LEAN)
+def _between(mesh: MeshArrays, start: int, b: int) -> int:
+    """Return the half-edge to vertex b from the start of half-edge `start`; -1 where there is none."""
+    vert, twin = mesh.vert, mesh.twin
+    k = start
+    while True:
+        if vert[following(k)] == b:
+            return k
+        k = twin[preceding(k)]
+        if k < 0 or k == start:
+            break
+    k = start
+    while k >= 0 and twin[k] >= 0:  # the fan is open: on to its other side
+        k = following(twin[k])
+        if k == start:
+            break
+        if vert[following(k)] == b:
+            return k
+    return -1
+
+
+@kernel(numba.int64(MESH_ARRAYS, numba.int64[::1], _TABLE, _TABLE))
+def replay_births(mesh: MeshArrays, sizes: AnyArray, births: Indices, opposite: Indices) -> int:
+    """Split the edges of births (N, 2), parents a and b of each; return how many of them were edges.
+
+    opposite  (N, 2) receives the corners opposite each edge, c left of a→b and d right of it; -1 at a
+              boundary
+
+    The arrays must have room. Positions and attributes of the new vertices are left to the caller. It ends at
+    the first birth whose parents are not the ends of an edge.
+    """
+    vert, twin = mesh.vert, mesh.twin
+    leaving = np.full(sizes[0] + len(births), -1, np.int32)  # a half-edge of each vertex
+    for h in range(3 * sizes[1]):
+        leaving[vert[h]] = h
+    for i in range(len(births)):
+        a, b = births[i, 0], births[i, 1]
+        h = _between(mesh, leaving[a], b)
+        if h < 0:
+            return i
+        middle, first, back = sizes[0], sizes[1], twin[h]
+        opposite[i, 0], opposite[i, 1] = vert[preceding(h)], -1
+        if back >= 0:
+            opposite[i, 1] = vert[preceding(back)]
+        sizes[0] = middle + 1
+        sizes[1] = split_edge(mesh, h, middle, first)
+        for k in range(3 * (h // 3), 3 * (h // 3) + 3):
+            leaving[vert[k]] = k
+        if back >= 0:
+            for k in range(3 * (back // 3), 3 * (back // 3) + 3):
+                leaving[vert[k]] = k
+        for k in range(3 * first, 3 * sizes[1]):
+            leaving[vert[k]] = k
+    return len(births)
+
 
 _TESTED = 8  # rounds of splits in one frame after which the longest edge is tested for a tear, and again
 _SHORTEST = 1e-12  # of the largest coordinate: an edge as short at rest that is still too long shows a tear

@@ -71,7 +71,7 @@ def quadrisect(mesh: TriangleMesh, thresholds: Thresholds) -> Quadrisected:
         require_room(len(mesh.vertices), int(cut.sum()), thresholds.max_vertices)
         ends = edges.ends[cut]
         mesh = _cut(mesh, edges, cut)
-        fields = None if fields is None else _mixed(fields, ends)
+        fields = None if fields is None else _mix(fields, ends)
         parents.append(ends)
 
 
@@ -108,21 +108,21 @@ def _cut(mesh: TriangleMesh, edges: _Edges, cut: AnyArray) -> TriangleMesh:
     ends, first = edges.ends[cut], len(mesh.vertices)
     middles = np.full(len(edges.ends), -1, np.int32)
     middles[cut] = np.arange(first, first + len(ends), dtype=np.int32)
-    vertices = _mixed(mesh.vertices, ends)
+    vertices = _mix(mesh.vertices, ends)
     faces = _pieces(vertices, mesh.faces, middles[edges.sides])
-    attributes = {name: _mixed(values, ends) for name, values in mesh.attributes.items()}
-    tagged = (_halved(pairs, edges, middles) for pairs in (mesh.creases, mesh.seams))
+    attributes = {name: _mix(values, ends) for name, values in mesh.attributes.items()}
+    tagged = (_halve(pairs, edges, middles) for pairs in (mesh.creases, mesh.seams))
     return TriangleMesh(vertices, faces, attributes, *tagged)
 
 
-def _mixed(values: AnyArray, ends: Indices) -> AnyArray:
+def _mix(values: AnyArray, ends: Indices) -> AnyArray:
     """Append one value for each pair of `ends` (N, 2) to values (V, …)."""
     low, high = values[ends[:, 0]], values[ends[:, 1]]
     between = (0.5 * (low + high)).astype(values.dtype) if values.dtype.kind == "f" else low
     return np.concatenate([values, between])
 
 
-def _halved(pairs: Indices, edges: _Edges, middles: Indices) -> Indices:
+def _halve(pairs: Indices, edges: _Edges, middles: Indices) -> Indices:
     """Return creases or seams (K, 2) with cut edges replaced by their halves."""
     if not len(pairs):
         return pairs

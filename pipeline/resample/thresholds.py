@@ -137,7 +137,7 @@ def curvature(mesh: TriangleMesh, hard_angle: float = math.radians(40), shortest
     For hard_angle and shortest see `Curvature` and `edge_curvature` of `edge_scans`.
     Raises MeshError where the mesh is not an oriented manifold.
     """
-    points, faces, normals, source = _shaded(mesh, hard_angle)
+    points, faces, normals, source = _shade(mesh, hard_angle)
     apart = np.empty(len(points))
     edge_curvature(points, faces, normals, max(shortest, np.finfo(np.float64).tiny), apart)
     if source is None:
@@ -154,7 +154,7 @@ def graded(mesh: TriangleMesh, lengths: Floats, gradation: float) -> Floats:
     return result
 
 
-def _shaded(mesh: TriangleMesh, hard_angle: float) -> tuple[Points, Faces, Vectors, AnyArray | None]:
+def _shade(mesh: TriangleMesh, hard_angle: float) -> tuple[Points, Faces, Vectors, AnyArray | None]:
     """Return vertices, faces, unit normals and, if vertices are split at creases, their source vertices."""
     exact = mesh.attributes.get(NORMAL)
     known = None if exact is None else np.linalg.norm(exact, axis=1) > 0.5

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from flowsculpt.pipeline.errors import UsageError, quote, suggest
-from flowsculpt.pipeline.flow.flow import require_permission
+from flowsculpt.pipeline.flow.flow import foreign_flows
 from flowsculpt.pipeline.frames import FrameRange, FrameRate
 from flowsculpt.pipeline.shot.camera_path import CameraPath, Shutter
 from flowsculpt.pipeline.shot.motion import Loop, Motion
@@ -184,7 +184,8 @@ class Shot:
     def require_permission(self) -> None:
         """Raise UsageError for the first Python file that it would run without permission."""
         for part in self.parts:
-            require_permission(part.motion.flow)
+            for flow in foreign_flows(part.motion.flow):
+                flow.require_permission()
 
     @property
     def measures_speed(self) -> bool:

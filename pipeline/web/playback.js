@@ -48,7 +48,7 @@ class Playback {
     const { transport, range, speed } = this, { inPoint, outPoint } = transport;
     const words = transport.playing ? "Pause (Space)" : "Play (Space)";
     this.button.replaceChildren(icon(transport.playing ? "pause" : "play"));
-    Object.assign(this.button, { title: words, ariaLabel: words });
+    Object.assign(this.button, { title: words, ariaLabel: words, disabled: transport.numbers.length < 2 });
     if (range) range.textContent = transport.isLooped ? `Loop ${inPoint}–${outPoint}` : `${transport.first}–${transport.last}`;
     if (speed) speed.value = transport.speed;
     this.drawFrame();

@@ -71,7 +71,7 @@ class Parser:
             raise ParserError(f"its reader took over {seconds:.0f} seconds") from None
         except OSError as error:
             raise MachineError(f"no process can be started to read a file ({error.strerror})") from None
-        return _parsed(done.stdout, done.returncode)
+        return _parse(done.stdout, done.returncode)
 
     def answer_about_content(self, path: Path, digest: str, library: str, *options: str) -> str:
         """Return what the module answers about the path of a file; the disk cache stores it by content.
@@ -119,7 +119,7 @@ class Parser:
             raise
         finally:
             os.close(reading)
-        return _parsed(content, process.wait())
+        return _parse(content, process.wait())
 
     @staticmethod
     def serve(answer: Callable[..., bytes]) -> None:
@@ -148,7 +148,7 @@ class Parser:
             resource.setrlimit(resource.RLIMIT_CPU, (math.ceil(time.process_time() + count), most))
 
 
-def _parsed(output: bytes, code: int) -> bytes:
+def _parse(output: bytes, code: int) -> bytes:
     """Return the answer in what a process wrote. Raises ParserError where there is none."""
     if output.startswith(_PARSED) and code == 0:
         return output.removeprefix(_PARSED)

@@ -75,7 +75,7 @@ class ForkedProcess:
     ) -> None:
         from multiprocessing import get_context  # takes time to import
 
-        self._process = get_context("fork").Process(target=_forked, args=(work, output, folder))
+        self._process = get_context("fork").Process(target=_run_forked, args=(work, output, folder))
         with _signals_blocked():
             self._process.start()
         self.pid = self._process.pid or 0
@@ -134,7 +134,7 @@ def _signals_blocked() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _forked(work: Callable[[], int | None], output: int | None, folder: Path | None) -> None:
+def _run_forked(work: Callable[[], int | None], output: int | None, folder: Path | None) -> None:
     """Do the work of a forked process, with signals as in one that was started."""
     if output is not None:
         for stream, number in (("stdout", 1), ("stderr", 2)):

@@ -56,7 +56,7 @@ def scratch_of(path: Path) -> Path | None:
 
     The store may lie on another disk, and has a folder for drafts of its own.
     """
-    root, names = _placed(path)
+    root, names = _split_at_root(path)
     is_state = names[:1] == [SCRATCH[0]] and tuple(names[:2]) != STORE
     return root.joinpath(*SCRATCH) if is_state else None
 
@@ -69,7 +69,7 @@ def held(folder: Path, make: bool = False) -> Iterator[Path]:
 
     Raises MachineError where it or a folder between it and its root is a link, and OSError.
     """
-    root, names = _placed(folder)
+    root, names = _split_at_root(folder)
     if make:
         root.mkdir(parents=True, exist_ok=True)
     place, descriptor = root, -1
@@ -78,7 +78,7 @@ def held(folder: Path, make: bool = False) -> Iterator[Path]:
             outer, descriptor = descriptor, _open_inner(place, root, names[:count], make)
             if outer >= 0:
                 os.close(outer)
-            place = _opened(descriptor) if _CAN_HOLD else place / names[count - 1]
+            place = _descriptor_path(descriptor) if _CAN_HOLD else place / names[count - 1]
         yield place
     except OSError as error:
         if isinstance(error.filename, str) and names:  # say the name that people know
@@ -94,7 +94,7 @@ def open_file(path: Path, flags: int) -> int:
 
     Raises MachineError where it is a link, too, and OSError.
     """
-    is_owned = bool(_placed(path)[1])
+    is_owned = bool(_split_at_root(path)[1])
     with held(path.parent, make=bool(flags & os.O_CREAT)) as folder:
         place = folder / path.name
         if is_owned and place.is_symlink():
@@ -175,7 +175,7 @@ def _identity(folder: Path) -> bytes:
     return b""
 
 
-def _placed(path: Path) -> tuple[Path, list[str]]:
+def _split_at_root(path: Path) -> tuple[Path, list[str]]:
     """Return the root of a path and the names from there on; no names where links may be followed."""
     whole = os.path.abspath(path)  # noqa: PTH100  # `absolute` keeps `..`
     for root in sorted(_roots):  # of one in another, the outer one
@@ -194,7 +194,7 @@ def _open_inner(outer: Path, root: Path, names: Sequence[str], make: bool) -> in
     if place.is_symlink() and not is_moved_store:
         raise _refusal(root.joinpath(*names), place)
     descriptor = os.open(place, _FOLDER | (0 if is_moved_store else _NO_LINK)) if _CAN_HOLD else -1
-    opened = _opened(descriptor) if _CAN_HOLD else place
+    opened = _descriptor_path(descriptor) if _CAN_HOLD else place
     if is_moved_store and not (_identity(outer) and _identity(outer) == _identity(opened)):
         if _CAN_HOLD:
             os.close(descriptor)
@@ -202,7 +202,7 @@ def _open_inner(outer: Path, root: Path, names: Sequence[str], make: bool) -> in
     return descriptor
 
 
-def _opened(descriptor: int) -> Path:
+def _descriptor_path(descriptor: int) -> Path:
     """Return the path of a folder that this process holds, which is right in its child processes too."""
     return Path(f"/proc/{os.getpid()}/fd/{descriptor}")
 
@@ -232,7 +232,7 @@ def forbid_links() -> None:
             return
         count = 2 if event in _OF_TWO else int(event in _THROUGH or event in _IN_FOLDERS)
         for path in (Path(os.fsdecode(path)) for path in about[:count] if not isinstance(path, int)):
-            if len(_placed(path)[1]) > 1:
+            if len(_split_at_root(path)[1]) > 1:
                 with suppress(OSError), held(path.parent) as folder:
                     if event in _THROUGH and (folder / path.name).is_symlink():
                         raise _refusal(path, folder / path.name)

@@ -99,7 +99,7 @@ class FireflyFilter:
             "light_left": self.kept * luminance - self.brightness,
             "light_removed": (1.0 - self.kept - self.spread) * luminance,
         }
-        return {name: _rounded(float(part.sum()) / total) for name, part in parts.items()}
+        return {name: _round(float(part.sum()) / total) for name, part in parts.items()}
 
 
 def find_fireflies(
@@ -266,5 +266,5 @@ def _peak(radius: int) -> float:
     return 1.0 if radius == EVERYWHERE else 1.0 / (2 * radius + 1) ** 2
 
 
-def _rounded(fraction: float) -> float:
+def _round(fraction: float) -> float:
     return float(f"{max(fraction, 0.0):.3g}") if fraction > 1e-9 else 0.0

@@ -82,13 +82,13 @@ def _words(card: TitleCard, size: tuple[int, int]) -> tuple[Floats, Floats]:
     """Return the coverage (H, W) of the title, a little above the middle, and of the subtitle below it."""
     width, height = size
     if width < NARROW * height:
-        return _stacked(card, size)
-    title = _fitted(card.title.upper(), _SANS, 0.085 * height, 0.30, width)
-    subtitle = _fitted(card.subtitle, _SERIF, 0.06 * height, 0.03, width)
-    return _centred(title, size, 0.46), _centred(subtitle, size, 0.585)
+        return _stack(card, size)
+    title = _fit(card.title.upper(), _SANS, 0.085 * height, 0.30, width)
+    subtitle = _fit(card.subtitle, _SERIF, 0.06 * height, 0.03, width)
+    return _centre(title, size, 0.46), _centre(subtitle, size, 0.585)
 
 
-def _stacked(card: TitleCard, size: tuple[int, int]) -> tuple[Floats, Floats]:
+def _stack(card: TitleCard, size: tuple[int, int]) -> tuple[Floats, Floats]:
     """Return the coverage (H, W) of both on a narrow page, each in as many lines as it needs."""
     width, height = size
     title = _block(card.title.upper(), _SANS, 0.09 * width, 0.20, width)
@@ -97,8 +97,8 @@ def _stacked(card: TitleCard, size: tuple[int, int]) -> tuple[Floats, Floats]:
     above, below = (gap + len(block) for block in (subtitle, title))
     middle = 0.48 * height
     return (
-        _centred(title, size, (middle - above / 2.0) / height),
-        _centred(subtitle, size, (middle + below / 2.0) / height),
+        _centre(title, size, (middle - above / 2.0) / height),
+        _centre(subtitle, size, (middle + below / 2.0) / height),
     )
 
 
@@ -118,7 +118,7 @@ def _block(text: str, name: str, height: float, spacing: float, width: int) -> F
     return block
 
 
-def _fitted(text: str, name: str, height: float, spacing: float, width: int) -> Floats:
+def _fit(text: str, name: str, height: float, spacing: float, width: int) -> Floats:
     """Set a line at that height in pixels, or smaller where it would fill over four fifths of the width."""
     font = Font(name, max(2, round(height)), spacing)
     if (wide := font.width(text)) > 0.8 * width:
@@ -126,7 +126,7 @@ def _fitted(text: str, name: str, height: float, spacing: float, width: int) -> 
     return font.line(text)[:, :width]
 
 
-def _centred(cover: Floats, size: tuple[int, int], middle: float) -> Floats:
+def _centre(cover: Floats, size: tuple[int, int], middle: float) -> Floats:
     """Place a line on an empty page: centred across, the middle of its ink at a share of the height."""
     width, height = size
     page = np.zeros((height, width), dtype=np.float32)

@@ -27,7 +27,7 @@ PACKED = Path("nicegui", "elements", "scene", "dist", "index.js")  # the path of
 FETCH = python_process.command_line("flowsculpt.render.graphics.three_js")
 
 
-def three_js(otherwise: str) -> str:
+def three_js_script(otherwise: str) -> str:
     """Return the text of three.js, from which a page makes the module: browsers load none from local folders.
 
     otherwise  what follows where it is not installed, as `the page has no 3-D view`

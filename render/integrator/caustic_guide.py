@@ -169,7 +169,7 @@ class GuidedBsdf:
     def eval_pdf(self, context: Any, si: Any, direction: Any, active: Any) -> tuple[Any, Any]:
         """Return the BSDF times the cosine, and the density of a local direction."""
         value, density = self._bsdf.eval_pdf(context, si, direction, active)
-        return value, self._mixed(si, direction, density, active)
+        return value, self._mix(si, direction, density, active)
 
     def sample(self, context: Any, si: Any, lobe: Any, direction: Any, active: Any) -> tuple[Any, Any, Any]:
         """Return a sample, its weight, and the weight that it would have without the guide."""
@@ -184,12 +184,12 @@ class GuidedBsdf:
         sampled.sampled_type = dr.select(is_taken, kind, sampled.sampled_type)
         value, density = self._bsdf.eval_pdf(context, si, sampled.wo, is_guided)
         alone = dr.select(is_guided, dr.select(density > 0.0, value / density, 0.0), weight)
-        mixed = self._mixed(si, sampled.wo, density, is_guided)
+        mixed = self._mix(si, sampled.wo, density, is_guided)
         sampled.pdf = dr.select(is_guided, mixed, sampled.pdf)
         weight = dr.select(is_guided, dr.select(mixed > 0.0, value / mixed, 0.0), weight)
         return sampled, weight, alone
 
-    def _mixed(self, si: Any, direction: Any, density: Any, active: Any) -> Any:
+    def _mix(self, si: Any, direction: Any, density: Any, active: Any) -> Any:
         """Return the density of a local direction by guide and BSDF together."""
         is_guided = active & (self._fraction > 0.0)
         guided = self._guide.pdf(self._cell, si.to_world(direction), is_guided)
@@ -232,10 +232,10 @@ def _level(
     summed = np.bincount(index, weights[taken], int(kept.sum()) * _BINS)
     light = np.asarray(summed, dtype=np.float64).reshape(-1, SIDE, SIDE)
     totals = light.sum(axis=(1, 2)) / width**2
-    return keys[kept].astype(np.uint32), counts[kept], _blurred(light).reshape(-1, _BINS), totals
+    return keys[kept].astype(np.uint32), counts[kept], _blur(light).reshape(-1, _BINS), totals
 
 
-def _blurred(light: NDArray[np.float64]) -> NDArray[np.float64]:
+def _blur(light: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return histograms with a quarter of each bin's light in either neighbour, along both axes."""
     for axis in (1, 2):
         width = [(1, 1) if each == axis else (0, 0) for each in range(3)]

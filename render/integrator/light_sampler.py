@@ -377,7 +377,7 @@ def _sun_and_sky(emitter: Any, daylight: Daylight) -> tuple[Cone, Table]:
     luminance = _luminance(emitter, REST_COLUMNS)
     near = _directions(REST_COLUMNS, slice(None)) @ np.array(direction) > math.cos(width / 2.0 + _GLARE)
     luminance[near] = luminance[~near].max()
-    return Cone(direction, width, emitter), Table(_dilated(luminance))
+    return Cone(direction, width, emitter), Table(_dilate(luminance))
 
 
 def _bright_and_rest(emitter: Any) -> tuple[Table | None, Table]:
@@ -426,7 +426,7 @@ def _coarser(values: NDArray[np.float64], columns: int) -> NDArray[np.float64]:
     return np.asarray((cells[1:, 1:] + cells[:-1, 1:] + cells[1:, :-1] + cells[:-1, :-1]) / 4.0)
 
 
-def _dilated(values: NDArray[np.float64]) -> NDArray[np.float64]:
+def _dilate(values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the greatest of each entry and its eight neighbours: the light ends at the horizon."""
     padded = np.pad(np.pad(values, ((0, 0), (1, 1)), mode="wrap"), ((1, 1), (0, 0)), mode="edge")
     across = np.maximum(np.maximum(padded[:, 2:], padded[:, :-2]), padded[:, 1:-1])

@@ -120,7 +120,7 @@ def trace_photons(
         random = mi.PCG32(  # type: ignore[operator]  # Mitsuba's stubs say object
             each, dr.opaque(mi.UInt64, SEED + number)
         )
-        ray, weight = _emitted(source, sun, *sphere, random)
+        ray, weight = _emit(source, sun, *sphere, random)
         dr.eval(ray, weight)
         light += float(np.array(weight).sum(dtype=np.float64)) / each
         limits = dr.opaque(mi.UInt32, depth), dr.opaque(mi.UInt32, int(mi.BSDFFlags.All))
@@ -129,7 +129,7 @@ def trace_photons(
     return Photons.of(sphere, parts, light)
 
 
-def _emitted(
+def _emit(
     source: LightSource, sun: CausticSun | None, middle: Any, radius: Any, random: Any
 ) -> tuple[Any, Any]:
     """Return rays from a light source towards a sphere, and the light of each."""

@@ -95,7 +95,7 @@ class OwenSampler:
         import drjit as dr
 
         reuse = vertex // _VERTICES
-        shuffled = _scrambled(self._digits, _hash(self._key + reuse)) & (LENGTH - 1)
+        shuffled = _scramble(self._digits, _hash(self._key + reuse)) & (LENGTH - 1)
         digits = dr.select(reuse == 0, self._digits, shuffled)
         row = _VERTEX + vertex % _VERTICES * _PER_VERTEX + coordinate
         scramble = _VERTEX + vertex * _PER_VERTEX + coordinate + repetition * _REPETITION
@@ -120,11 +120,11 @@ class OwenSampler:
         import mitsuba as mi
 
         point = dr.gather(mi.UInt32, self._points, row * LENGTH + digits)
-        point = _scrambled(point, _hash(self._key ^ (scramble * 0x9E3779B9)))
+        point = _scramble(point, _hash(self._key ^ (scramble * 0x9E3779B9)))
         return mi.Float(dr.brev(point) >> 8) * 2.0**-24
 
 
-def _scrambled(digits: Any, key: Any) -> Any:
+def _scramble(digits: Any, key: Any) -> Any:
     """Flip reversed digits at random, each by those before it (Laine and Karras 2011)."""
     digits = digits ^ digits * 0x3D20ADEA
     digits += key

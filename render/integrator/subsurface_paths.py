@@ -64,7 +64,7 @@ class SubsurfaceWalk:
             albedo, scale = single_scattering_albedo(colour), dr.rcp(colour)
         ray = si.spawn_ray(direction)
         skipped = dr.norm(ray.o - si.p) / dr.maximum(dr.abs(dr.dot(direction, si.n)), 0.1)
-        walked = _scattered(scene, ray, skipped, self.rate, albedo, seed, active)
+        walked = _scatter(scene, ray, skipped, self.rate, albedo, seed, active)
         origin, direction, factor, length = walked
         exit_si = scene.ray_intersect(mi.Ray3f(origin, direction), active & dr.any(factor != 0.0))
         left = exit_si.is_valid() & (exit_si.shape == self.shape)
@@ -113,7 +113,7 @@ def single_scattering_albedo(colour: Any) -> Any:
 
 
 @dr.syntax
-def _scattered(
+def _scatter(
     scene: Any, ray: Any, skipped: Any, rate: Any, albedo: Any, seed: Any, active: Any
 ) -> tuple[Any, Any, Any, Any]:
     """Return origin and direction of the last free path, the factor of the throughput, and the length of

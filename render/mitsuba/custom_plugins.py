@@ -157,7 +157,7 @@ class PaintedTexture(mi.Texture):
         for name, part in {**self.parts, "otherwise": self.otherwise}.items():
             callback.put(name, part, mi.ParamFlags.Differentiable)
 
-    def _selected(self, method: str, si: Any, active: Any) -> Any:
+    def _select(self, method: str, si: Any, active: Any) -> Any:
         found = getattr(self.otherwise, method)(si, active)
         for name, part in self.parts.items():
             here = active & (si.shape.eval_attribute_1(f"vertex_{name}", si, active) > 0.5)
@@ -165,13 +165,13 @@ class PaintedTexture(mi.Texture):
         return found
 
     def eval(self, si: Any, active: Any = True) -> Any:
-        return self._selected("eval", si, active)
+        return self._select("eval", si, active)
 
     def eval_1(self, si: Any, active: Any = True) -> Any:
-        return self._selected("eval_1", si, active)
+        return self._select("eval_1", si, active)
 
     def eval_3(self, si: Any, active: Any = True) -> Any:
-        return self._selected("eval_3", si, active)
+        return self._select("eval_3", si, active)
 
     def mean(self) -> Any:
         return self.otherwise.mean()
@@ -223,21 +223,21 @@ class Brushed(mi.BSDF):
         callback.put("metal", self.metal, mi.ParamFlags.Differentiable)
 
     def sample(self, context: Any, si: Any, lobe: Any, direction: Any, active: Any = True) -> tuple[Any, Any]:
-        turned, turn = self._turned(si, active)
+        turned, turn = self._turn(si, active)
         sampled, weight = self.metal.sample(context, turned, lobe, direction, active)
         sampled.wo = turn.to_world(sampled.wo)
         return sampled, weight
 
     def eval(self, context: Any, si: Any, wo: Any, active: Any = True) -> Any:
-        turned, turn = self._turned(si, active)
+        turned, turn = self._turn(si, active)
         return self.metal.eval(context, turned, turn.to_local(wo), active)
 
     def pdf(self, context: Any, si: Any, wo: Any, active: Any = True) -> Any:
-        turned, turn = self._turned(si, active)
+        turned, turn = self._turn(si, active)
         return self.metal.pdf(context, turned, turn.to_local(wo), active)
 
     def eval_pdf(self, context: Any, si: Any, wo: Any, active: Any = True) -> tuple[Any, Any]:
-        turned, turn = self._turned(si, active)
+        turned, turn = self._turn(si, active)
         return self.metal.eval_pdf(context, turned, turn.to_local(wo), active)
 
     def eval_diffuse_reflectance(self, si: Any, active: Any = True) -> Any:
@@ -246,7 +246,7 @@ class Brushed(mi.BSDF):
     def to_string(self) -> str:
         return f"Brushed[{self.metal}]"
 
-    def _turned(self, si: Any, active: Any) -> tuple[Any, Any]:
+    def _turn(self, si: Any, active: Any) -> tuple[Any, Any]:
         """Return the interaction with `wi` in the frame of the scratches, and that frame in `si`'s."""
         along = si.to_local(mi.Vector3f(si.shape.eval_attribute_3(f"vertex_{SCRATCH_TANGENT}", si, active)))
         length = dr.norm(mi.Vector2f(along.x, along.y))

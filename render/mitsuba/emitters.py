@@ -224,7 +224,7 @@ def daylight_map(daylight: Daylight) -> NDArray[np.float32]:
     directions = _directions(coarse)[: coarse // 2].reshape(-1, 3)
     upper = _radiance(without_sun, directions).reshape(coarse // 2, 2 * coarse, 3)
     light = np.zeros((_MAP_ROWS, 2 * _MAP_ROWS, 3))
-    light[: _MAP_ROWS // 2] = _refined(upper, _COARSE)
+    light[: _MAP_ROWS // 2] = _refine(upper, _COARSE)
     cosine = _directions(_MAP_ROWS) @ np.array(daylight.direction)
     pixel = math.pi / _MAP_ROWS
     cover = np.clip((daylight.width / 2.0 - np.arccos(np.clip(cosine, -1.0, 1.0))) / pixel + 0.5, 0.0, 1.0)
@@ -242,7 +242,7 @@ def _directions(rows: int) -> NDArray[np.float64]:
     return np.stack(along, axis=-1)
 
 
-def _refined(picture: NDArray[np.float64], factor: int) -> NDArray[np.float64]:
+def _refine(picture: NDArray[np.float64], factor: int) -> NDArray[np.float64]:
     """Interpolate a picture (H, W, 3) bilinearly to `factor` times its size; its columns are cyclic."""
     height, width = picture.shape[:2]
     rows = np.clip((np.arange(factor * height) + 0.5) / factor - 0.5, 0.0, height - 1.0)

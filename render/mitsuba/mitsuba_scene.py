@@ -96,7 +96,7 @@ def build_scene(
         require_camera_outside(subject.surface, scene.camera)
     forget_other_scenes((scene.stage, *(subject.material for subject in scene.subjects)))
     if not scene.is_lit:
-        return _drawn(scene, quality, aovs)
+        return _draw(scene, quality, aovs)
     return _lit(scene.converted(), quality, aovs, motion_samples, seed)
 
 
@@ -215,7 +215,7 @@ def _group_renderers(
     return renderers
 
 
-def _drawn(scene: Scene, quality: Quality, aovs: Collection[str]) -> FrameScenes:
+def _draw(scene: Scene, quality: Quality, aovs: Collection[str]) -> FrameScenes:
     """Build the scenes of a material that brings its own light and background."""
     if scene.others:
         raise BadInputError(

@@ -92,7 +92,7 @@ def stage_shapes(scene: Scene, size: tuple[int, int]) -> dict[str, Any]:
         made["plinth"] = mesh(
             "plinth",
             Surface(*placement.placed(stage.plinth())),
-            _coated({"type": "rgb", "value": list(stage.plinth_colour)}, stage.plinth_roughness),
+            _coat({"type": "rgb", "value": list(stage.plinth_colour)}, stage.plinth_roughness),
             _UV,
         )
     if stage.kind == WITH_REFERENCES:
@@ -119,10 +119,10 @@ def _backdrop(scene: Scene) -> Any:
     if stage.horizon_fade:
         there = stage.opacity_at(stage.backdrop()[0])[:, None]
         surface = replace(surface, attributes={**surface.attributes, "there": there})
-    return mesh("stage", surface, _coated(colour, stage.roughness), _UV)
+    return mesh("stage", surface, _coat(colour, stage.roughness), _UV)
 
 
-def _coated(colour: dict[str, Any], roughness: float | None) -> dict[str, Any]:
+def _coat(colour: dict[str, Any], roughness: float | None) -> dict[str, Any]:
     """Return a matt BSDF of both sides, under a clear coat where there is a roughness of one."""
     if roughness is None:
         return two_sided({"type": "diffuse", "reflectance": colour})

@@ -75,7 +75,7 @@ def texture_coordinates(surface: Surface, material: Material) -> tuple[Surface, 
     if axes is not None:
         return _along_scratches(surface, axes)
     if material.texture_projection is not None:
-        return _projected(surface, material.texture_projection, material.has_normal_map)
+        return _project(surface, material.texture_projection, material.has_normal_map)
     pigment = material.pattern
     if isinstance(pigment, Pigment):
         if is_compiled():
@@ -109,7 +109,7 @@ def _along_scratches(surface: Surface, axes: Floats) -> tuple[Surface, ScaledCoo
     return replace(split, attributes=attributes), ScaledCoordinates(values)
 
 
-def _projected(
+def _project(
     surface: Surface, projection: TextureProjection, has_normal_map: bool
 ) -> tuple[Surface, ScaledCoordinates]:
     split, coordinates = project_texture(surface, surface.require_rest("look has a picture"), projection)
@@ -177,7 +177,7 @@ def bitmap(
     transform = to_uv(coordinates, projection, pixels.shape[1] / pixels.shape[0])
     if wrap != REPEATED:
         matrix = np.array(transform.matrix)
-        pixels, placed = _unwrapped(pixels, coordinates.values @ matrix[:2, :2].T + matrix[:2, 2], wrap)
+        pixels, placed = _unwrap(pixels, coordinates.values @ matrix[:2, :2].T + matrix[:2, 2], wrap)
         transform = mi.ScalarTransform3f((placed @ matrix).astype(np.float32))
     return {
         "type": "bitmap",
@@ -192,7 +192,7 @@ def bitmap(
 _REPEATING = tuple((across, up) for across in (REPEAT, MIRROR) for up in (REPEAT, MIRROR))
 
 
-def _unwrapped(
+def _unwrap(
     pixels: NDArray[np.floating], places: Floats, wrap: tuple[str, str]
 ) -> tuple[NDArray[np.floating], Floats]:
     """Return pixels that repeat or end alike at all sides, and the matrix (3, 3) that places them.

@@ -83,7 +83,7 @@ def _counts(file: Path) -> tuple[int, float]:
     """Return the samples of a file, and the seconds without sound among them."""
     InputFile(file, MOST_BYTES).size()
     facts = file.stat()
-    return _measured(file, facts.st_mtime_ns, facts.st_size)
+    return _measure(file, facts.st_mtime_ns, facts.st_size)
 
 
 def blocks(sound: Sound, seconds: Fraction) -> Iterator[Samples]:
@@ -94,7 +94,7 @@ def blocks(sound: Sound, seconds: Fraction) -> Iterator[Samples]:
     total, start = round(seconds * RATE), round(sound.start * RATE)
     first, last = max(0, start), min(total, start + round(require_sound(sound.file) * RATE))
     position = 0
-    for block in _in_blocks(_placed(sound.file, start), total):
+    for block in _in_blocks(_place(sound.file, start), total):
         at = np.arange(position, position + block.shape[1])
         yield block * _gain(sound, at, first, last)
         position += block.shape[1]
@@ -110,7 +110,7 @@ def _gain(sound: Sound, at: NDArray[np.int64], first: int, last: int) -> NDArray
     return gain.astype(np.float32)
 
 
-def _placed(file: Path, start: int) -> Iterator[Samples]:
+def _place(file: Path, start: int) -> Iterator[Samples]:
     """Yield silence up to sample `start` of the film, then the file; below 0, leave out its beginning.
 
     Raises BadInputError where the file cannot be read to its end.
@@ -120,7 +120,7 @@ def _placed(file: Path, start: int) -> Iterator[Samples]:
     skip = max(0, -start)
     try:
         with opened_sound(file) as source:
-            for samples in _decoded(source):
+            for samples in _decode(source):
                 kept = samples[:, skip:]
                 skip -= samples.shape[1] - kept.shape[1]
                 yield kept
@@ -140,7 +140,7 @@ def _in_blocks(parts: Iterator[Samples], total: int) -> Iterator[Samples]:
         held, total = held[:, size:], total - size
 
 
-def _decoded(source: SoundSource) -> Iterator[Samples]:
+def _decode(source: SoundSource) -> Iterator[Samples]:
     """Decode a sound as stereo of 48 kHz."""
     layout = "mono" if source.stream.channels == 1 else "stereo"  # FFmpeg makes one channel in two quieter
     for samples in source.resampled(layout, RATE):
@@ -237,7 +237,7 @@ def unreadable(file: Path, reason: object) -> BadInputError:
 
 
 @lru_cache(maxsize=16)
-def _measured(file: Path, _modified: int, _size: int) -> tuple[int, float]:
+def _measure(file: Path, _modified: int, _size: int) -> tuple[int, float]:
     """Return what `_counted` answers, asked once for each content."""
     try:
         answer = Parser("flowsculpt.render.movie.movie_sound").answer_about_content(
@@ -253,7 +253,7 @@ def _counted(file: str, _timed: str = TIMED) -> bytes:
     """Answer the number of samples of a file, and the seconds of silence among them."""
     try:
         with opened_sound(Path(file)) as source:
-            count = sum(part.shape[1] for part in _decoded(source))
+            count = sum(part.shape[1] for part in _decode(source))
     except Exception as error:
         raise ValueError(reading_error(error)) from None
     if not count:

@@ -35,19 +35,19 @@ def murmur_hash(name: str) -> int:
     data, value = name.encode(), 0
     whole = len(data) // 4 * 4
     for start in range(0, whole, 4):
-        value ^= _mixed(int.from_bytes(data[start : start + 4], "little"))
-        value = (_rotated(value, 13) * 5 + 0xE6546B64) & 0xFFFFFFFF
-    value ^= _mixed(int.from_bytes(data[whole:], "little")) ^ len(data)
+        value ^= _mix(int.from_bytes(data[start : start + 4], "little"))
+        value = (_rotate(value, 13) * 5 + 0xE6546B64) & 0xFFFFFFFF
+    value ^= _mix(int.from_bytes(data[whole:], "little")) ^ len(data)
     value = (value ^ value >> 16) * 0x85EBCA6B & 0xFFFFFFFF
     value = (value ^ value >> 13) * 0xC2B2AE35 & 0xFFFFFFFF
     return value ^ value >> 16
 
 
-def _mixed(block: int) -> int:
-    return _rotated(block * 0xCC9E2D51 & 0xFFFFFFFF, 15) * 0x1B873593 & 0xFFFFFFFF
+def _mix(block: int) -> int:
+    return _rotate(block * 0xCC9E2D51 & 0xFFFFFFFF, 15) * 0x1B873593 & 0xFFFFFFFF
 
 
-def _rotated(value: int, bits: int) -> int:
+def _rotate(value: int, bits: int) -> int:
     return (value << bits | value >> 32 - bits) & 0xFFFFFFFF
 
 

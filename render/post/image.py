@@ -103,7 +103,7 @@ def write_exr(
         channels |= zip(own.names, _planes(array, kind, own.factor), strict=True)
     named = {CONVENTION: convention, CHANNELS: names} if convention else {}
     for name, value in {**layers.facts, **header, **named}.items():
-        written[PREFIX + name] = _encoded(name, value)
+        written[PREFIX + name] = _encode(name, value)
     content = BytesIO()
     with OpenEXR.File(written, channels) as file:
         file.write(content)
@@ -155,7 +155,7 @@ def write_png(path: Path, picture: Displayed, header: Header | None = None) -> N
     spec = oiio.ImageSpec(width, height, channels, kinds[picture.dtype])
     spec.attribute("oiio:ColorSpace", "srgb_rec709_display")
     for name, value in (header or {}).items():
-        spec.attribute(PREFIX + name, _encoded(name, value))
+        spec.attribute(PREFIX + name, _encode(name, value))
     _write(path, "png", spec, np.ascontiguousarray(picture))
 
 
@@ -254,7 +254,7 @@ def _columns(channels: Sequence[str], named: Mapping[str, list[str]] | None) -> 
     return columns
 
 
-def _encoded(name: str, value: Any) -> str:
+def _encode(name: str, value: Any) -> str:
     """Return strings as they are, the rest as JSON; a string that would parse as JSON is quoted."""
     try:
         if isinstance(value, str):
@@ -341,12 +341,12 @@ def _openexr_layers(
     try:
         with OpenEXR.File(str(content), separate_channels=True) as file:
             planes = {name: channel.pixels for name, channel in file.channels().items()}
-        return {name: _joined([planes.pop(channels[i]) for i in places]) for name, places in columns.items()}
+        return {name: _join([planes.pop(channels[i]) for i in places]) for name, places in columns.items()}
     except (KeyError, RuntimeError, ValueError):
         return None
 
 
-def _joined(planes: Sequence[NDArray[Any]]) -> Pixels:
+def _join(planes: Sequence[NDArray[Any]]) -> Pixels:
     """Return the channels (H, W) of a layer as one array, float32."""
     from flowsculpt.render.post.half_floats import (
         fill_from_half,  # numba, which reading a header does not need

@@ -106,7 +106,7 @@ class Canvas:
             drawn = Subsamples(nearness, np.zeros_like(self.drawn.colour), np.full((0, 0), -1, np.int32))
             shape = faces.shape._replace(colours=np.full((len(faces.shape.vertices), 3), colour))
             replace(self, display="", drawn=drawn).draw(replace(faces, shape=shape), shadow)
-            lit.append(_unpacked(drawn.colour[rows, columns]))
+            lit.append(_unpack(drawn.colour[rows, columns]))
         colours = faces.shape.pigment_at(seen, faces.screen, np.stack([columns, rows], axis=1))
         material = faces.shape.material
         share = body_colours(material, colours) / body_colours(material, np.ones((1, 3)))
@@ -215,7 +215,7 @@ def _values(light: NDArray[np.float32], setup: StageSetup, display: str) -> NDAr
     return packed
 
 
-def _unpacked(colour: NDArray[np.uint32]) -> NDArray[np.float32]:
+def _unpack(colour: NDArray[np.uint32]) -> NDArray[np.float32]:
     """Return the linear light (N, 3) of subsamples (N,) of packed light."""
     channels = np.stack([colour >> shift & 1023 for shift in (20, 10, 0)], axis=-1)
     light = np.empty((1, len(colour), 3), np.float32)
@@ -262,7 +262,7 @@ def wide_picture(
             if seen.any():
                 face = _face_camera(camera.eye(eye), forward, up, inner)
                 drawn = draw(face, (inner + 2 * _BORDER,) * 2)
-                picture[seen] = _sampled(drawn, directions[seen], np.array(forward), np.array(up), inner)
+                picture[seen] = _sample(drawn, directions[seen], np.array(forward), np.array(up), inner)
     return picture
 
 
@@ -275,7 +275,7 @@ def _face_camera(camera: WideCamera, forward: Triple, up: Triple, inner: int) ->
     return Camera(origin, (x, y, z), (a, b, c), angle, near=camera.near, far=camera.far)
 
 
-def _sampled(drawn: Picture, directions: Floats, forward: Floats, up: Floats, inner: int) -> Picture:
+def _sample(drawn: Picture, directions: Floats, forward: Floats, up: Floats, inner: int) -> Picture:
     """Return values (N, 3) of a face's picture in directions (N, 3), interpolated bilinearly."""
     depth, right = directions @ forward, np.cross(up, forward)
     column = 0.5 * inner * (1.0 + directions @ right / depth) - 0.5 + _BORDER
@@ -330,7 +330,7 @@ def preview(
     shapes = [shape.for_kernels() for shape in (subject, *others)]
     opaque = [shape for shape in shapes if not shape.material.is_clear]
     clear = [shape for shape in shapes if shape.material.is_clear]
-    whole = _joined([*opaque, *clear])
+    whole = _join([*opaque, *clear])
     has_floor, opacity = setup.stage.kind != "none", contact_opacity(whole.material)
     contact = ContactShadow.of(whole.vertices, setup.placement, has_floor, opacity)
     lighting = Lighting.of(setup, contact, np.array(camera.origin))
@@ -350,7 +350,7 @@ def preview(
     for own, first in patterned:
         canvas.draw_pigment(own, shadow, first)
     if clear:
-        picture = _through(canvas, _faces_of(_joined(clear), faces, canvas), shadow, display)
+        picture = _through(canvas, _faces_of(_join(clear), faces, canvas), shadow, display)
     else:
         picture = canvas.picture()
     if edges is not None:
@@ -365,7 +365,7 @@ def _faces_of(shape: Shape, whole: VisibleFaces, canvas: Canvas) -> VisibleFaces
     return whole if len(shape.faces) == len(whole.shape.faces) else canvas.visible(shape)
 
 
-def _joined(shapes: Sequence[Shape]) -> Shape:
+def _join(shapes: Sequence[Shape]) -> Shape:
     """Return one shape of all, with the material of the first; each keeps its colours."""
     first = shapes[0]
     if len(shapes) == 1:

@@ -215,7 +215,7 @@ def seen_through(
         axes,
         thickness,
         layers,
-        _blurred(background, round(reach * background.shape[1])),
+        _blur(background, round(reach * background.shape[1])),
         surface,
         ClearBody.of(material, size),
         lighting.mirrored(roughness),
@@ -226,7 +226,7 @@ def seen_through(
     return light
 
 
-def _blurred(picture: NDArray[np.float32], reach: int) -> NDArray[np.float32]:
+def _blur(picture: NDArray[np.float32], reach: int) -> NDArray[np.float32]:
     """Return a picture (H, W, 3) whose pixels are means over squares of 2 reach + 1 pixels."""
     for axis in (0, 1) if reach > 0 else ():
         sides = [(reach + 1, reach) if side == axis else (0, 0) for side in range(3)]

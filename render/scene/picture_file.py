@@ -124,7 +124,7 @@ class OpenedPicture:
         pixels = np.asarray(stored, dtype=np.float32).reshape(spec.height, spec.width, -1)
         if len(self.channels) != self.count:
             pixels = pixels[..., [channel - first for channel in self._layer.channels]]
-        pixels = _oriented(self._in_display(pixels), self._orientation)
+        pixels = _orient(self._in_display(pixels), self._orientation)
         return pixels if self._exposure is None else (pixels / self._exposure).astype(np.float32)
 
     def alpha(self) -> Pixels:
@@ -389,7 +389,7 @@ def _png_chunks(content: bytes) -> Iterator[tuple[bytes, bytes]]:
         at += 12 + size
 
 
-def _oriented(pixels: Pixels, orientation: int) -> Pixels:
+def _orient(pixels: Pixels, orientation: int) -> Pixels:
     """Return a picture upright whose first row and column are where `orientation` says (EXIF 2.3, 4.6.4)."""
     if orientation >= 5:
         pixels = pixels.transpose(1, 0, 2)

@@ -143,10 +143,10 @@ class LightRig:
         return replace(
             self,
             softboxes=tuple(
-                replace(box, position=_turned(box.position, angle), target=_turned(box.target, angle))
+                replace(box, position=_turn(box.position, angle), target=_turn(box.target, angle))
                 for box in self.softboxes
             ),
-            suns=tuple(replace(sun, direction=_turned(sun.direction, angle)) for sun in self.suns),
+            suns=tuple(replace(sun, direction=_turn(sun.direction, angle)) for sun in self.suns),
             daylight=self.daylight and replace(self.daylight, azimuth=self.daylight.azimuth + angle),
             environment=self.environment and replace(self.environment, turn=self.environment.turn + angle),
         )
@@ -200,7 +200,7 @@ class LightRig:
         return self
 
 
-def _turned(position: Triple, angle: float) -> Triple:
+def _turn(position: Triple, angle: float) -> Triple:
     x, y, z = position
     c, s = math.cos(angle), math.sin(angle)
     return c * x + s * z, y, c * z - s * x

@@ -89,21 +89,21 @@ class TextureProjection:
             return placed - 0.5, paint.groups
         corners = (np.asarray(points, dtype=np.float64) - self.centre)[faces]
         if self.kind in _WRAPPED:
-            return self._wrapped(corners)
+            return self._wrap(corners)
         sides = _sides(corners) if self.kind == "box" else np.zeros(len(faces), dtype=np.int64)
         frames = np.array([_facing(axis) for axis in _BOX] if self.kind == "box" else [_facing(self._axis())])
         c, s = math.cos(self.turn), math.sin(self.turn)
         turned = np.array([[c, s], [-s, c]]) @ frames / self.scale
         return np.einsum("fcx,fdx->fcd", corners, turned[sides]), np.repeat(sides[:, None], 3, axis=1)
 
-    def _wrapped(self, corners: Floats) -> tuple[Floats, Counts]:
+    def _wrap(self, corners: Floats) -> tuple[Floats, Counts]:
         axis = np.array(self._axis())
         front = np.array([0.0, 0.0, 1.0] if abs(axis[2]) < 0.9 else [0.0, -1.0, 0.0])
         front = unit(front - (front @ axis) * axis)
         height, ahead, right = corners @ axis, corners @ front, corners @ np.cross(axis, front)
         radius = np.hypot(ahead, right)
         across = (np.arctan2(right, ahead) - self.turn) / (2.0 * math.pi)
-        across, shift = _unwrapped(across - np.round(across), radius)
+        across, shift = _unwrap(across - np.round(across), radius)
         up = height / self.scale
         if self.kind == "spherical":
             up = np.arctan2(height, radius) / math.pi * self.repeats
@@ -138,7 +138,7 @@ def project_texture(
     return split, coordinates.reshape(-1, 2)[first]
 
 
-def _unwrapped(turns: Floats, radius: Floats) -> tuple[Floats, Counts]:
+def _unwrap(turns: Floats, radius: Floats) -> tuple[Floats, Counts]:
     """Return turns (F, 3) that do not jump within a face, and groups (F, 3): 0, or 1 beyond half a turn.
 
     A corner on the axis takes the mean of the others, and is a group of its own.
@@ -165,7 +165,7 @@ def turns_around(right: Floats, ahead: Floats, faces: NDArray[np.int32]) -> tupl
     turns, radius = np.arctan2(right, ahead)[faces] / (2.0 * math.pi), np.hypot(right, ahead)[faces]
     around = np.flatnonzero(np.round(turns - np.roll(turns, 1, axis=1)).sum(axis=1))
     radius[around, radius[around].argmin(axis=1)] = 0.0
-    turns, groups = _unwrapped(turns, radius)
+    turns, groups = _unwrap(turns, radius)
     return turns + 0.5, groups.max(axis=1)
 
 

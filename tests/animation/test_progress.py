@@ -16,8 +16,9 @@ import flowsculpt.pipeline.animation.loop as module
 from flowsculpt.pipeline.animation import FrameProgress, animate
 from flowsculpt.pipeline.animation.motion_forecast import MotionForecast
 from flowsculpt.pipeline.flow import Streamlines, streamlines
-from flowsculpt.pipeline.flow.catalogue.vortices import CurlNoise, Vortex
+from flowsculpt.pipeline.flow.catalogue.vortices import Vortex
 from flowsculpt.pipeline.long_computations import Progress
+from flowsculpt.pipeline.plugins.fields.curl_noise import CurlNoise
 from flowsculpt.pipeline.shot import read_shot
 from flowsculpt.pipeline.shot.shot import Shot
 

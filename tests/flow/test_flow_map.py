@@ -27,13 +27,13 @@ from flowsculpt.pipeline.flow import flow_map as module
 from flowsculpt.pipeline.flow.catalogue.attractors import Lorenz
 from flowsculpt.pipeline.flow.catalogue.basic import Enright, Expansion, Rotation
 from flowsculpt.pipeline.flow.catalogue.deformations import Shear, Stretch, Taper, Twist
-from flowsculpt.pipeline.flow.catalogue.external_fields import Attraction, Target
 from flowsculpt.pipeline.flow.catalogue.vortices import Vortex
 from flowsculpt.pipeline.flow.composition import RegionField
 from flowsculpt.pipeline.flow.flow_map import FlowMap, FrameStep
 from flowsculpt.pipeline.flow.regions import ClosedSurface, MeshRegion, _lookup
 from flowsculpt.pipeline.flow.streamlines import StepPlan
 from flowsculpt.pipeline.mesh import icosphere
+from flowsculpt.pipeline.plugins.fields.attraction import Attraction, Target
 
 DT = 1 / 24
 AMOUNT = keyed((0.0, 0.6), (1.0, 1.4))

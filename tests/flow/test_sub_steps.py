@@ -13,11 +13,12 @@ from flowsculpt.pipeline.arrays import Points
 from flowsculpt.pipeline.flow import Streamlines, Sum, VelocityField, keyed
 from flowsculpt.pipeline.flow.catalogue import FLOWS
 from flowsculpt.pipeline.flow.catalogue.basic import Expansion, Rotation, Translation
-from flowsculpt.pipeline.flow.catalogue.external_fields import Attraction, Target
-from flowsculpt.pipeline.flow.catalogue.vortices import CurlNoise, Vortex
+from flowsculpt.pipeline.flow.catalogue.vortices import Vortex
 from flowsculpt.pipeline.flow.composition import Mirror, RegionField, ScaledField, Transform, TransformedField
 from flowsculpt.pipeline.flow.regions import BoxRegion, SphereRegion
 from flowsculpt.pipeline.mesh import icosphere
+from flowsculpt.pipeline.plugins.fields.attraction import Attraction, Target
+from flowsculpt.pipeline.plugins.fields.curl_noise import CurlNoise
 from flowsculpt.pipeline.shot import read_shot
 
 DT = 1 / 24

@@ -132,7 +132,7 @@ def _net(path: Path) -> None:
 
 
 def _field(path: Path) -> None:
-    from flowsculpt.pipeline.plugins.sampled.grid_files import read_samples
+    from flowsculpt.pipeline.plugins.fields.grid_files import read_samples
 
     read_samples((path,))
 

@@ -8,7 +8,6 @@ import pytest
 from flowsculpt.pipeline.arrays import AnyArray
 from flowsculpt.pipeline.errors import MeshError
 from flowsculpt.pipeline.mesh import PolygonMesh, read_polygons
-from flowsculpt.pipeline.plugins.points.point_files import read_points
 from tests.mesh.brick import POINTS, QUADS, TRIANGLES, read, require_brick, rows
 
 UNEVEN = (
@@ -215,6 +214,8 @@ def test_what_cannot_be_read_is_refused_with_the_reason(tmp_path: Path, content:
 
 
 def test_points_have_the_properties_of_vertices_but_no_lists(tmp_path: Path) -> None:
+    from flowsculpt.pipeline.plugins.points.point_files import read_points
+
     elements = VERTEX + "property list uchar int near\nproperty uchar red\n"
     (tmp_path / "a.ply").write_text(
         "\ufeff" + text(elements, rows([(*p, 1, 5, 255) for p in POINTS])), "utf-8"

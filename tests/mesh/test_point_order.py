@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from flowsculpt.pipeline.flow import Streamlines
-from flowsculpt.pipeline.flow.catalogue.vortices import CurlNoise
 from flowsculpt.pipeline.mesh.meshes import morton_order
+from flowsculpt.pipeline.plugins.fields.curl_noise import CurlNoise
 
 pytestmark = pytest.mark.quick
 

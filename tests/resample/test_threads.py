@@ -13,16 +13,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flowsculpt.pipeline.flow.catalogue.external_fields import (
-    FormulaField,
-    Sampled,
-    Samples,
-    Target,
-    Wind,
-)
+from flowsculpt.pipeline.flow.catalogue.external_fields import FormulaField, Sampled, Samples
 from flowsculpt.pipeline.flow.regions import ClosedSurface
 from flowsculpt.pipeline.kernels import BlockKernel
 from flowsculpt.pipeline.mesh import box
+from flowsculpt.pipeline.plugins.fields.attraction import Target, Wind
 from tests.needed_plugins import needs_plugins
 from tests.resample.films import FILMS
 

@@ -8,9 +8,10 @@ import pytest
 
 from flowsculpt.pipeline.errors import ShotError
 from flowsculpt.pipeline.flow import Sequence, Streamlines
-from flowsculpt.pipeline.flow.catalogue.external_fields import Attraction, FormulaField, Wind
-from flowsculpt.pipeline.flow.catalogue.vortices import CurlNoise
-from flowsculpt.pipeline.flow.flow import PythonFlow
+from flowsculpt.pipeline.flow.catalogue.external_fields import FormulaField
+from flowsculpt.pipeline.plugins.fields.attraction import Attraction, Wind
+from flowsculpt.pipeline.plugins.fields.curl_noise import CurlNoise
+from flowsculpt.pipeline.plugins.python.python_flow import PythonFlow
 from flowsculpt.pipeline.shot import Shot, read_shot
 
 HEAD = "title: T\nframes: 1-24\nsubject: {solid: icosphere}\nresample: off\nflows:\n"

@@ -1,8 +1,7 @@
 """The named motions a shot can use (P3), one module a family.
 
 Flows whose parameters are numbers stand in the tuple of their module and in FLOWS: shot files, help and docs
-are made from their classes. The others (`attraction`, `formula`, `sampled` and CurlNoise) are named in the
-documents of shot files.
+are made from their classes. The others are named in the documents of shot files.
 """
 
 from flowsculpt.pipeline.flow.catalogue import attractors, basic, deformations, vortices

@@ -79,7 +79,7 @@ class BecomeDocument(OneOfSeveral, FlowParameters):
             context = ParseContext.of(info)
             context.mesh(self.model)
             document = ModelDocument.model_validate({"model": self.model, **named})
-            subject: Any = context.attempt(lambda: document.build(context.folder))
+            subject: Any = document.build(context.folder)
         else:
             if self.solid is None or self.solid not in Solid.KINDS:
                 raise ValueError(f"{self.solid} is not a solid. Write one of {', '.join(Solid.KINDS)}.")
@@ -87,7 +87,7 @@ class BecomeDocument(OneOfSeveral, FlowParameters):
             subject = SolidDocument.model_validate({"solid": self.solid, **named}).build()
         x, y, z = map(float, self.place or [0.0, 0.0, 0.0])
         self._target = PlacedShape(subject, (x, y, z))
-        ParseContext.attempt(lambda: self._target.mesh)
+        _ = self._target.mesh  # raises an error for one that is open
         return self
 
     def _require_times(self, info: ValidationInfo) -> None:

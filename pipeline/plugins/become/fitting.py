@@ -245,7 +245,7 @@ def _after_pass(
     pairs  of L-BFGS, which are replaced
     """
     space, last = one.space, state.legs[-1]
-    state = _refined(state.with_leg(Leg(space, last.space.converted(last.z, space))), one.edge)
+    state = _refine(state.with_leg(Leg(space, last.space.converted(last.z, space))), one.edge)
     z, rest = state.legs[-1].z, state.rest
     x = state.legs[-1].carry(rest.points)
     normals, areas = FittedSurface(x, rest.faces).vertex_normals
@@ -264,7 +264,7 @@ def _after_pass(
             (places, facing), iterations = part.places(x[some], normals[some]), GROWING
             grown = part.holds(there[0])
             there = there[0][grown], there[1][grown]
-        here = _matched((x, normals), there, target)
+        here = _match((x, normals), there, target)
         behind = lengths(x[here] - there[0])
         lag = float(np.quantile(behind, 0.98))
         weights = np.ones(len(here)) if part is None else 1.0 + np.minimum(behind / LAG, URGENT)
@@ -277,7 +277,7 @@ def _after_pass(
     return state.with_leg(Leg(space, z)), lag
 
 
-def _matched(
+def _match(
     carried_points: tuple[Floats, Floats], there: tuple[Floats, Floats], target: FittedSurface
 ) -> np.ndarray:
     """Return the indices of carried points (P, 3) that belong to those of the target (Q, 3), with normals."""
@@ -304,7 +304,7 @@ def _nearest(rows: Floats, queries: Floats) -> np.ndarray:
     return order[found]
 
 
-def _refined(state: State, longest: float) -> State:
+def _refine(state: State, longest: float) -> State:
     """Return the state with edges cut in two that are longer than `longest` where they are carried to.
 
     The longest are cut first, until there are MOST_VERTICES. Faces on both sides of an edge are not cut

@@ -152,7 +152,7 @@ def padded(knots: Floats) -> Floats:
     return grids.reshape(len(knots), -1)
 
 
-def _unpadded(grids: Floats, n: int) -> Floats:
+def _unpad(grids: Floats, n: int) -> Floats:
     """Return the sums (T, 3, n, n, n) of the numbers of a node in padded grids, which change."""
     m = n + 3
     sums = grids.reshape(-1, m, m, m, 3)
@@ -172,7 +172,7 @@ def _knot_before(knots: int, time: float) -> tuple[int, float]:
     return k, at - k
 
 
-def _blended(grids: Floats, time: float, memory: Floats) -> Floats:
+def _blend(grids: Floats, time: float, memory: Floats) -> Floats:
     """Return the velocities at a time from 0 to 1: a knot, or a mixture of two in `memory`."""
     k, share = _knot_before(len(grids), time)
     if share == 0.0:
@@ -189,9 +189,9 @@ def carried(grids: Floats, n: int, points: Floats, steps: int = STEPS, backwards
     for step in range(steps):
         at = (step, step + 0.5)
         begin, middle_time = (1.0 - a / steps if backwards else a / steps for a in at)
-        kernels.velocities(_blended(grids, begin, memory), n, x, v)
+        kernels.velocities(_blend(grids, begin, memory), n, x, v)
         middle = x + 0.5 * h * v
-        kernels.velocities(_blended(grids, middle_time, memory), n, middle, v)
+        kernels.velocities(_blend(grids, middle_time, memory), n, middle, v)
         x = x + h * v
     return x / n
 
@@ -204,9 +204,9 @@ def carried_with_jacobians(
     v, gradient, h = np.empty_like(x), np.empty((len(x), 3, 3)), n / steps
     memory = np.empty_like(grids[0])
     for step in range(steps):
-        kernels.gradients(_blended(grids, step / steps, memory), n, x, v, gradient)
+        kernels.gradients(_blend(grids, step / steps, memory), n, x, v, gradient)
         middle, between = x + 0.5 * h * v, jacobian + 0.5 * h * np.matmul(gradient, jacobian)
-        kernels.gradients(_blended(grids, (step + 0.5) / steps, memory), n, middle, v, gradient)
+        kernels.gradients(_blend(grids, (step + 0.5) / steps, memory), n, middle, v, gradient)
         x, jacobian = x + h * v, jacobian + h * np.matmul(gradient, between)
     return x / n, np.linalg.det(jacobian)
 
@@ -226,10 +226,10 @@ def energy(
     starts, middles = [], []
     for step in range(steps):
         starts.append(x)
-        kernels.velocities(_blended(grids, step / steps, memory), n, x, v)
+        kernels.velocities(_blend(grids, step / steps, memory), n, x, v)
         middle = x + 0.5 * h * v
         middles.append(middle)
-        kernels.velocities(_blended(grids, (step + 0.5) / steps, memory), n, middle, v)
+        kernels.velocities(_blend(grids, (step + 0.5) / steps, memory), n, middle, v)
         x = x + h * v
     distance, force = data(x / n)
     force = force / n
@@ -237,7 +237,7 @@ def energy(
 
     def pull(time: float, at: Floats, push: Floats) -> Floats:
         out = np.empty_like(at)
-        kernels.pull_back(_blended(grids, time, memory), n, at, push, spread, out)
+        kernels.pull_back(_blend(grids, time, memory), n, at, push, spread, out)
         k, share = _knot_before(len(grids), time)
         kernels.blend_back(spread, share, by_knots[k], by_knots[k + 1])
         return out
@@ -245,7 +245,7 @@ def energy(
     for step in reversed(range(steps)):
         by_middle = pull((step + 0.5) / steps, middles[step], h * force)
         force = force + by_middle + pull(step / steps, starts[step], 0.5 * h * by_middle)
-    derivatives = space.derivatives(_unpadded(by_knots, n)) + 2.0 * weight * z
+    derivatives = space.derivatives(_unpad(by_knots, n)) + 2.0 * weight * z
     return distance + weight * _dot(z, z), derivatives
 
 

@@ -48,7 +48,7 @@ def crossed(first: Genome, second: Genome, chance: Chance, folder: Path) -> Draf
         _take(data, other, ("stage", "lights"), words, f"the light of {_called(second)}")
     if chance.happens(0.3) and "camera" in other:
         camera = copy.deepcopy(other["camera"])
-        data["camera"] = {name: _retimed(value, second, first) for name, value in camera.items()}
+        data["camera"] = {name: _retime(value, second, first) for name, value in camera.items()}
     titles = [part for each in (first, second) for part in str(each.data["title"]).split(" × ")]
     data["title"] = " × ".join(list(dict.fromkeys(titles))[:MOST_TITLES])
     return Draft(first, data, chance, words)
@@ -78,16 +78,16 @@ def _flows(first: Genome, second: Genome, ours: list[Any], theirs: list[Any], ch
         mine = ours[index] if index < len(ours) else None
         own = theirs[index] if index < len(theirs) else None
         if mine is not None and own is not None and _form(mine) == _form(own):
-            result.append(_blended(mine, own, chance))
+            result.append(_blend(mine, own, chance))
             foreign += 1
         elif own is None or (mine is not None and chance.happens(0.5)):
             if own is not None or chance.happens(0.75):
                 result.append(copy.deepcopy(mine))
         else:
-            result.append(_fitted(own, second, first))
+            result.append(_fit(own, second, first))
             foreign += 1
     if not foreign and theirs:
-        result.append(_fitted(chance.random.choice(theirs), second, first))
+        result.append(_fit(chance.random.choice(theirs), second, first))
     if foreign == len(result) and ours and not any(_form(flow) in map(_form, ours) for flow in result):
         result.insert(0, copy.deepcopy(chance.random.choice(ours)))
     return [flow for flow in result if flow][:MOST_ENTRIES]
@@ -102,7 +102,7 @@ def _form(value: Any) -> Any:
     return ""
 
 
-def _blended(mine: Any, own: Any, chance: Chance) -> Any:
+def _blend(mine: Any, own: Any, chance: Chance) -> Any:
     """Return a value of one of the two, or between both where they have the same keys."""
     if isinstance(mine, dict) and isinstance(own, dict):
         before, after = times_of(mine), times_of(own)
@@ -110,13 +110,13 @@ def _blended(mine: Any, own: Any, chance: Chance) -> Any:
             share = chance.shared(("share", *before, *after), lambda: _share(chance))
             times = [round(a + share * (b - a)) for a, b in zip(before, after, strict=True)]
             pairs = zip(mine["keys"].values(), own["keys"].values(), strict=True)
-            values = [_blended(a, b, chance) for a, b in pairs]
+            values = [_blend(a, b, chance) for a, b in pairs]
             return {**mine, "keys": dict(zip(times, values, strict=True))}
         if mine.keys() == own.keys():
-            return {name: _blended(mine[name], own[name], chance) for name in mine}
+            return {name: _blend(mine[name], own[name], chance) for name in mine}
         return copy.deepcopy(mine if chance.happens(0.5) else own)
     if isinstance(mine, list) and isinstance(own, list) and len(mine) == len(own):
-        return [_blended(a, b, chance) for a, b in zip(mine, own, strict=True)]
+        return [_blend(a, b, chance) for a, b in zip(mine, own, strict=True)]
     if is_number(mine) and is_number(own) and isinstance(mine, bool) == isinstance(own, bool):
         share = chance.shared(("share", mine, own), lambda: _share(chance))
         return rounded(mine + share * (own - mine)) if mine != own else mine
@@ -128,7 +128,7 @@ def _share(chance: Chance) -> float:
     return float(chance.random.choice((0.0, 1.0, chance.random.uniform(0.2, 0.8))))
 
 
-def _fitted(flow: Any, source: Genome, target: Genome) -> Any:
+def _fit(flow: Any, source: Genome, target: Genome) -> Any:
     """Return a flow of another shot, fitted to the size, the place and the length of this one."""
     flow = copy.deepcopy(flow)
     longer = source.seconds / target.seconds
@@ -136,10 +136,10 @@ def _fitted(flow: Any, source: Genome, target: Genome) -> Any:
         for name, value in leaf.values.items():
             if name in RATES and not 0.8 < longer < 1.25:
                 value = mapped(value, lambda v, _: v * longer)
-            leaf.values[name] = _retimed(value, source, target)
+            leaf.values[name] = _retime(value, source, target)
         numbers = leaf.values.get("with")
         if isinstance(numbers, dict):
-            leaf.values["with"] = {word: _retimed(value, source, target) for word, value in numbers.items()}
+            leaf.values["with"] = {word: _retime(value, source, target) for word, value in numbers.items()}
     size = target.half / source.half
     shift = [rounded(b - size * a) for a, b in zip(source.middle, target.middle, strict=True)]
     if 1.0 / ALIKE < size < ALIKE and max(map(abs, shift)) < 0.25 * target.half:
@@ -147,7 +147,7 @@ def _fitted(flow: Any, source: Genome, target: Genome) -> Any:
     return {"placed": {"translate": shift, "scale": rounded(size), "flows": [flow]}}
 
 
-def _retimed(value: Any, source: Genome, target: Genome) -> Any:
+def _retime(value: Any, source: Genome, target: Genome) -> Any:
     """Return a value with its keys at the same share of another shot."""
     times = times_of(value)
     if not times:

@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 
 from flowsculpt import FlowsculptError, UsageError
 from flowsculpt.api.files import ForkedProcess, atomic_folder, atomic_write, remove_tree
-from flowsculpt.api.frames import RootFolders
+from flowsculpt.api.frames import Folders
 from flowsculpt.api.pictures import ContactSheet, Font, write_still
 from flowsculpt.api.shots import Shot
 from flowsculpt.pipeline.plugins.breed.breeding import Child, Litter, child_of
@@ -56,7 +56,7 @@ CHILDREN = 12
 COLUMNS, TEXT = 3, 30
 """Children in a row of the sheet, and the size of its letters in pixels."""
 
-TRIALS = RootFolders.of(Path()).state / "breeding"
+TRIALS = Folders.of_root(Path()).state / "breeding"
 """Folder of the trials of runs that have not ended."""
 
 KEPT_SECONDS = 7 * 86400.0

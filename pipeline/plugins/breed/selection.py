@@ -127,13 +127,13 @@ def _features(trial: Trial) -> Floats:
     rows, columns = shapes.shape[1:]
     windows = [padded[:, i : i + rows, k : k + columns] for i in range(3) for k in range(3)]
     soft = np.mean(windows, axis=0)
-    colours = lab(_reduced(trial, list(KEY_PICTURES)))
+    colours = lab(_reduce(trial, list(KEY_PICTURES)))
     movement = np.concatenate([np.log1p(trial.change), 2.0 * trial.covered, [np.log(trial.growth)]])
     parts = ((SHAPE, soft), (COLOUR, colours), (MOVEMENT, movement))
     return np.concatenate([weight * part.ravel() / np.sqrt(part.size) for weight, part in parts])
 
 
-def _reduced(trial: Trial, pictures: Sequence[int]) -> Floats:
+def _reduce(trial: Trial, pictures: Sequence[int]) -> Floats:
     """Return pictures as linear light in 16 × 9 blocks."""
     values = linear_of_srgb(trial.pictures[list(pictures)].astype(np.float64) / 255.0)
     rows, columns = (
@@ -147,7 +147,7 @@ def _reduced(trial: Trial, pictures: Sequence[int]) -> Floats:
 
 def _seen_change(trial: Trial) -> float:
     """Return how far the first picture and the one that differs most are apart, root mean square in OKLab."""
-    colours = lab(_reduced(trial, range(SHOWN)))
+    colours = lab(_reduce(trial, range(SHOWN)))
     return float(np.sqrt(((colours - colours[0]) ** 2).sum(axis=-1).mean(axis=(1, 2)).max()))
 
 

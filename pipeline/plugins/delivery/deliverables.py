@@ -23,12 +23,12 @@ from flowsculpt.api import ShotExtras, plugins, plural
 from flowsculpt.api.files import make_folder, to_plain
 from flowsculpt.api.frames import (
     Edit,
+    FrameKeys,
     FrameRange,
     FrameRate,
-    History,
-    PictureKeys,
     PipelineStage,
     RenderRequest,
+    Runs,
     Store,
     StoredFiles,
     key_of,
@@ -81,9 +81,9 @@ class FrameReader:
     ) -> None:
         self.request, self._store = request, store
         self._relit = None if relit is None else relit_version(request, store, relit)
-        self.keys: PictureKeys | None = request.keys.pictures(store)
+        self.keys: Mapping[int, FrameKeys] | None = request.keys.pictures(store)
         self.version = f"relit {relit}" if relit else _version(request, store, self.keys)
-        history = History.of(store.root).failed(request.folders.name, STAGES, request.quality_name)
+        history = Runs(store.root).history().failed(request.folders.name, STAGES, request.quality_name)
         latest = {n: message for (shot, n), message in failures.items() if shot == request.folders.title}
         self._reasons = {**history, **latest}
 
@@ -161,7 +161,7 @@ def opaque(frame: NDArray[Any], form: FrameFormat) -> Frame:
     return np.concatenate([frame, full], axis=2)
 
 
-def _version(request: RenderRequest, store: Store, keys: PictureKeys | None) -> str:
+def _version(request: RenderRequest, store: Store, keys: Mapping[int, FrameKeys] | None) -> str:
     """Return the published version that has exactly these frames, or IN_WORK."""
     if keys is None:
         return IN_WORK

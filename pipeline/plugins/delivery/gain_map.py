@@ -74,12 +74,12 @@ def write_gain_map(path: Path, frames: Iterator[Frame]) -> None:
     """
     shown = list(islice(frames, 2))
     require_gain_maps(len(shown))
-    content = _encoded(shown[0][..., :3])
+    content = _encode(shown[0][..., :3])
     with atomic_write(path) as draft:
         draft.write_bytes(content)
 
 
-def _encoded(frame: NDArray[Any]) -> bytes:
+def _encode(frame: NDArray[Any]) -> bytes:
     import imagecodecs  # takes a second, and is an extra
 
     light = _P3.from_rec709(_PQ.space.to_rec709(_PQ.nits(frame / 65535.0)))

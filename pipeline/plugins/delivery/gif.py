@@ -49,7 +49,7 @@ def write_gif(
     content = io.BytesIO()
     with av.open(content, "w", format="gif", options={"loop": "0"}) as movie:  # 0: without end
         stream: Any = None
-        for count, frame in enumerate(_dithered(frames(), palette, encode.options)):
+        for count, frame in enumerate(_dither(frames(), palette, encode.options)):
             if stream is None:
                 stream = movie.add_stream("gif", rate=rate, options={})
                 stream.width, stream.height, stream.pix_fmt = frame.width, frame.height, "pal8"
@@ -78,7 +78,7 @@ def _palette(frames: Iterator[Frame]) -> av.VideoFrame:
     return sink.pull()
 
 
-def _dithered(
+def _dither(
     frames: Iterator[Frame], palette: av.VideoFrame, options: Mapping[str, str]
 ) -> Iterator[av.VideoFrame]:
     """Yield frames in the colours of a palette."""
@@ -97,9 +97,9 @@ def _dithered(
             colours.push(palette)
             colours.push(None)
         source.push(_video_frame(frame, number))
-        yield from _pulled(sink)
+        yield from _pull(sink)
     source.push(None)
-    yield from _pulled(sink)
+    yield from _pull(sink)
 
 
 def _input(graph: Any, frame: Frame) -> Any:
@@ -112,7 +112,7 @@ def _link(*filters: Any) -> None:
         one.link_to(other)
 
 
-def _pulled(sink: Any) -> Iterator[av.VideoFrame]:
+def _pull(sink: Any) -> Iterator[av.VideoFrame]:
     """Yield the frames that a graph has ready."""
     while True:
         try:

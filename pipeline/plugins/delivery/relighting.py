@@ -25,10 +25,10 @@ from flowsculpt import FrameError, MissingInputError, UsageError
 from flowsculpt.api import plural, quote, suggest
 from flowsculpt.api.commands import print_error, print_result, progress_bars
 from flowsculpt.api.frames import (
+    FrameKeys,
     FrameRange,
     FrameRate,
     Locks,
-    PictureKeys,
     PictureSequence,
     PipelineStage,
     QualityName,
@@ -179,7 +179,7 @@ class RelitFrames:
         return self.request.pictures.framings(self.store) or {}
 
     @cached_property
-    def _keys(self) -> PictureKeys | None:
+    def _keys(self) -> Mapping[int, FrameKeys] | None:
         return self.request.keys.pictures(self.store, rendered=())
 
     def _source(self, number: int) -> str:

@@ -116,7 +116,7 @@ class _Card:
         widest, highest = 58.0 * self.unit, (self.length - 20.5 - first) * self.unit
         height, width = picture.shape[:2]
         share = min(widest / width, highest / height)
-        small = _resized(picture, (max(1, round(share * width)), max(1, round(share * height))))
+        small = _resize(picture, (max(1, round(share * width)), max(1, round(share * height))))
         left = self.margin if self.is_upright else self.width - self.margin - small.shape[1]
         self._fill(round(self._down(first)), round(left), small)
 
@@ -158,7 +158,7 @@ def _ground(size: tuple[int, int]) -> Floats:
     return np.asarray(ground + (centre - ground) * glow, dtype=np.float32)
 
 
-def _resized(picture: Floats, size: tuple[int, int]) -> Floats:
+def _resize(picture: Floats, size: tuple[int, int]) -> Floats:
     """Resize a picture by area means, from cumulative sums along both axes."""
     made = picture.astype(np.float64)
     for axis, target in ((0, size[1]), (1, size[0])):

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from flowsculpt.api.frames import STAGES, Job, Plan
+from flowsculpt.api.frames import Job, PipelineStage, Plan
 from flowsculpt.pipeline.plugins.farm.task_runner import BY_FRAMES
 
 STEPS = {
@@ -82,7 +82,7 @@ def _waits_for(step: FarmStep, own: int, places: dict[str, int]) -> tuple[int, .
     read = {
         places[other.name]
         for job in step.jobs
-        for stage in STAGES[job.stage].reads
+        for stage in PipelineStage.all()[job.stage].reads
         for place in job.requests
         for other in step.plan.jobs_of(place, stage)
     }

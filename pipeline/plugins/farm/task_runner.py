@@ -14,7 +14,7 @@ from pathlib import Path
 
 from flowsculpt import MachineError, MissingInputError, UsageError
 from flowsculpt.api import plural, suggest
-from flowsculpt.api.frames import FrameRange, Job, Plan, Store, upload_missed
+from flowsculpt.api.frames import FrameRange, Job, Plan, Store
 
 BY_FRAMES = ("render", "finish")  # the stages whose frames several workers may share out
 
@@ -89,7 +89,7 @@ def _require_versions(plan: Plan) -> None:
 def _upload_rest(root: Path) -> None:
     """Upload what the remote store did not take at first: workers on other disks see it nowhere else."""
     store = Store(root)
-    if unsent := upload_missed(store).unsent:
+    if unsent := store.upload_missed().unsent:
         raise MachineError(
             f"{store.url}: it did not accept {plural(unsent, 'file')}, which other workers would miss; "
             "run the task again once it answers; the files stay in this root"

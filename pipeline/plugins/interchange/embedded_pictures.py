@@ -47,7 +47,7 @@ class EmbeddedPicture(NamedTuple):
             is_same = hashlib.sha256(content).hexdigest() == texture.digest
             if is_same and _shows(texture.path, _levels(encode(pixels))):
                 return cls(kind, content, texture.wrap)
-        shown = _bordered(_levels(encode(_at_most(pixels, widest))), texture.wrap)
+        shown = _add_border(_levels(encode(_at_most(pixels, widest))), texture.wrap)
         if kind == "image/jpeg" and is_colour:
             from flowsculpt.api.pictures import jpeg_bytes  # needs OpenEXR, and GLBs without pictures do not
 
@@ -70,7 +70,7 @@ class EmbeddedPicture(NamedTuple):
         pixels = np.ones((height, width, 3), np.float32)
         for channel, plane in enumerate(reduced):
             if plane is not None:
-                pixels[..., channel] = _resized(plane, height, width)[..., 0]
+                pixels[..., channel] = _resize(plane, height, width)[..., 0]
         return cls("image/png", _png(_levels(pixels)), wrap)
 
     @classmethod
@@ -81,12 +81,12 @@ class EmbeddedPicture(NamedTuple):
         size."""
         parts = [_at_most(np.clip(alpha, 0.0, 1.0), widest), _at_most(colours, widest)]
         height, width = np.maximum(*(part.shape[:2] for part in parts))
-        alpha, colours = (_resized(part, height, width) for part in parts)
+        alpha, colours = (_resize(part, height, width) for part in parts)
         levels = _levels(np.concatenate([srgb_of_linear(colours), alpha], axis=2))
-        return cls("image/png", _png(_bordered(levels, wrap)), wrap)
+        return cls("image/png", _png(_add_border(levels, wrap)), wrap)
 
 
-def _bordered(levels: Levels, wrap: tuple[str, str]) -> Levels:
+def _add_border(levels: Levels, wrap: tuple[str, str]) -> Levels:
     """Return levels (H, W, C) with a black border at sides beyond which black is shown.
 
     Programs without that show the border there. Small pictures are enlarged, so that it stays thin.
@@ -95,7 +95,7 @@ def _bordered(levels: Levels, wrap: tuple[str, str]) -> Levels:
         return levels
     height, width = levels.shape[:2]
     factor = -(-_LEAST_BORDERED // min(height, width))
-    levels = _resized(levels, factor * height, factor * width)
+    levels = _resize(levels, factor * height, factor * width)
     for axis in (axis for axis, mode in ((1, wrap[0]), (0, wrap[1])) if mode == "black"):
         np.moveaxis(levels, axis, 0)[[0, -1]] = 0
     return levels
@@ -129,7 +129,7 @@ def _at_most(pixels: NDArray[np.float32], widest: int) -> NDArray[np.float32]:
     return pixels
 
 
-def _resized(pixels: NDArray[Any], height: int, width: int) -> NDArray[Any]:
+def _resize(pixels: NDArray[Any], height: int, width: int) -> NDArray[Any]:
     """Return pixels (H, W, C) repeated to another size."""
     rows = np.arange(height) * pixels.shape[0] // height
     columns = np.arange(width) * pixels.shape[1] // width

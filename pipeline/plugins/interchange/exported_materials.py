@@ -51,7 +51,7 @@ def exported_materials(look: Material, widest: int = Texture.WIDEST) -> tuple[Ex
 
     Raises as `read_picture`.
     """
-    return tuple(_exported(part, look.is_of_model, widest) for part in look.parts_by_number)
+    return tuple(_export(part, look.is_of_model, widest) for part in look.parts_by_number)
 
 
 def pictures_recipe(look: Material) -> list[str]:
@@ -74,7 +74,7 @@ def number_planes(part: Material) -> dict[str, np.ndarray]:
     return planes
 
 
-def _exported(part: Material, is_of_model: bool, widest: int) -> ExportedMaterial:
+def _export(part: Material, is_of_model: bool, widest: int) -> ExportedMaterial:
     numbers, surface = _numbers(part, part.preview_surface(), widest)
     texture = part.texture("colour")
     bumps = part.texture("normal")

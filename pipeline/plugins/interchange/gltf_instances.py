@@ -69,12 +69,12 @@ class _CopyNodes(GltfContent):
             return [self.append("meshes", {"name": name, "primitives": primitives})] * count
         colours, which = np.unique(np.round(copies.colours, 5), axis=0, return_inverse=True)
         found = [
-            self.append("meshes", {"name": name, "primitives": self._coloured(primitives, colour, place)})
+            self.append("meshes", {"name": name, "primitives": self._colour(primitives, colour, place)})
             for place, colour in enumerate(colours.tolist())
         ]
         return [found[number] for number in which.reshape(-1).tolist()]
 
-    def _coloured(self, primitives: list[dict[str, Any]], colour: list[float], place: int) -> list[Any]:
+    def _colour(self, primitives: list[dict[str, Any]], colour: list[float], place: int) -> list[Any]:
         """Return primitives of a colour; the first has their own materials, others have copies of them."""
         found = []
         for primitive in primitives:

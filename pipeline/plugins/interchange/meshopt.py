@@ -41,7 +41,7 @@ def decode_attributes(data: bytes, count: int, stride: int) -> np.ndarray:
     elements = np.empty((count, stride), np.uint8)
     for channel, mode in enumerate(modes):
         at = slice(4 * channel, 4 * channel + 4)
-        elements[:, at] = _summed(deltas[at, :count], baseline[at], mode)
+        elements[:, at] = _sum_up(deltas[at, :count], baseline[at], mode)
     return elements
 
 
@@ -128,7 +128,7 @@ def _unpacked(stream: np.ndarray, starts: np.ndarray, bits: int) -> np.ndarray:
     return values
 
 
-def _summed(deltas: np.ndarray, baseline: np.ndarray, mode: int) -> np.ndarray:
+def _sum_up(deltas: np.ndarray, baseline: np.ndarray, mode: int) -> np.ndarray:
     """Return the bytes (count, 4) of a channel from its deltas (4, count) and the element before them."""
     kind, rotation = mode & 15, mode >> 4
     if kind > 2 or (rotation and kind != 2):

@@ -207,7 +207,7 @@ class Refiner:
                 if surface is None:
                     surface, history = RefinableSurface(self._start), self._history(number - 1)
                     surface.replay(np.concatenate(births), np.concatenate(born))
-                points = self._stepped(points[held - known :], number, held, history)
+                points = self._step(points[held - known :], number, held, history)
                 surface.points[:] = np.concatenate([self._points(before, number), points])
                 limits = self._limits(surface, before, number, births)
                 entry = self._split(surface, number, history, held, limits)
@@ -225,7 +225,7 @@ class Refiner:
             history.add(self._motion.step_into(self._motion.flow, number))
         return history
 
-    def _stepped(self, points: Floats, number: int, first: int, history: FlowMap) -> Floats:
+    def _step(self, points: Floats, number: int, first: int, history: FlowMap) -> Floats:
         """Return points of the frame before moved into a frame, and add the step to the history.
 
         Raises FrameError where a point alone moves elsewhere than together with others.
@@ -260,9 +260,9 @@ class Refiner:
 
     def _known(self, first: _Sweep, number: int, births: Sequence[Indices]) -> Floats:
         """Return the maximum edge lengths (V,) that the first sweep has found for a frame."""
-        return self._mixed(self._read(first.keys[number])["longest"], births)
+        return self._mix(self._read(first.keys[number])["longest"], births)
 
-    def _mixed(self, values: Floats, births: Sequence[Indices]) -> Floats:
+    def _mix(self, values: Floats, births: Sequence[Indices]) -> Floats:
         """Return values (U,) of the first vertices, and those of all births since, mixed from parents."""
         all_births, first = np.concatenate(births), len(self._start.vertices)
         mixed = np.empty(first + len(all_births))

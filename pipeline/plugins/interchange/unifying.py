@@ -111,9 +111,9 @@ class Unification:
                 f"{self.name} has {start} vertices at rest, so one mesh of it cannot have {self.vertices}"
             )
         if rigid:
-            return self._coloured(rigid)
+            return self._colour(rigid)
         refined = self._refiner.refined(began)
-        kept, reduction = self._reduced(refined, began)
+        kept, reduction = self._reduce(refined, began)
         surface, _ = refined.surface(kept)
         rows = np.concatenate([np.ones(len(refined.start.vertices), bool), kept])
         motion = self.request.shot.motion
@@ -133,7 +133,7 @@ class Unification:
             mesh = replace(mesh, normals_at=lambda number: self._normals(refined, whole, number)[rows])
         mesh = replace(mesh, longest_at=lambda number: float(np.median(refined.lengths_at(number))))
         mesh = replace(mesh, reduction=reduction)
-        return self._coloured(mesh)
+        return self._colour(mesh)
 
     @property
     def _is_rigid(self) -> bool:
@@ -208,7 +208,7 @@ class Unification:
         place = self.store.path(KIND, key).relative_to(self.store.root)
         return self.store.read(KIND, key, place, StoredFiles(KIND).reader(key))
 
-    def _coloured(self, mesh: OneMesh) -> OneMesh:
+    def _colour(self, mesh: OneMesh) -> OneMesh:
         """Return the mesh with colours, those of the first frame, and texture coordinates."""
         look, first = self.request.shot.picture.look, mesh.frames[0]
         if self.is_plain:
@@ -228,7 +228,7 @@ class Unification:
             paint=paint if look.is_of_model else None,
         )
 
-    def _reduced(self, refined: Refined, began: Began) -> tuple[np.ndarray, Reduction | None]:
+    def _reduce(self, refined: Refined, began: Began) -> tuple[np.ndarray, Reduction | None]:
         """Return flags (N,) of the births to keep, and what is left out."""
         start, births = len(refined.start.vertices), len(refined.births)
         kept = np.ones(births, bool)

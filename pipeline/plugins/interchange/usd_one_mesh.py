@@ -54,7 +54,7 @@ def add_mesh(layer: Sdf.Layer, prim: str, mesh: OneMesh, passed: Callable[[], No
     declared = [attribute.spec(layer, prim) for attribute in attributes]
     add_subsets(layer, prim, attributes)
     for number in mesh.frames:
-        frame = _exported(mesh, number)
+        frame = _export(mesh, number)
         for attribute, own in zip(attributes, declared, strict=True):
             if attribute.name in _SAMPLED or number == mesh.frames[0]:
                 values = attribute.values(frame)
@@ -169,7 +169,7 @@ class OneMeshStage(UsdExport):
         return sorted(self.request.requested)
 
 
-def _exported(mesh: OneMesh, number: int) -> ExportedFrame:
+def _export(mesh: OneMesh, number: int) -> ExportedFrame:
     """Return one mesh at a frame, without velocities."""
     frame = mesh.frame(number)
     return ExportedFrame(

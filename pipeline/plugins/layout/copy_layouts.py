@@ -16,7 +16,15 @@ from flowsculpt.api.meshes import (
     ModelFile,
     face_normals,
 )
-from flowsculpt.api.shots import Document, OneOfSeveral, ParseContext, Positive, Solid, Triple, one_of
+from flowsculpt.api.shots import (
+    Document,
+    OneOfSeveral,
+    ParseContext,
+    Positive,
+    Solid,
+    Triple,
+    one_of,
+)
 
 ORIGIN, UP = [0.0, 0.0, 0.0], [0.0, 1.0, 0.0]
 
@@ -159,10 +167,10 @@ class SurfaceDocument(Arrangement):
                 whose = f"the {self.solid or 'model'}"
                 raise ValueError(f"{name} is not a measure of {whose}, or has other numbers. Leave it out.")
         if self.solid is not None:
-            self._mesh = ParseContext.attempt(Solid.of(self.solid, given).build)
+            self._mesh = Solid.of(self.solid, given).build()
         elif self.model is not None:
             path = ParseContext.of(info).mesh(self.model)
-            self._mesh = ParseContext.attempt(lambda: read_mesh(path))
+            self._mesh = read_mesh(path)
             self._digests = (ModelFile(path).files().digest,)
         return self
 

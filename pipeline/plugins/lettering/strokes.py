@@ -62,7 +62,7 @@ def _stroke(points: np.ndarray, is_closed: bool, stroke: Stroke, tolerance: floa
         yield buffered(shapely.LinearRing(points) if is_closed else shapely.LineString(points), cap)
         return
     for at in sharp:
-        yield _bevelled(points[at - 1], points[at], points[(at + 1) % len(points)], half)
+        yield _bevel(points[at - 1], points[at], points[(at + 1) % len(points)], half)
     if is_closed:  # begins and ends at a sharp corner
         points, sharp = np.roll(points, -sharp[0], axis=0), np.append(sharp - sharp[0], len(points))
         points = np.append(points, points[:1], axis=0)
@@ -96,7 +96,7 @@ def _normal(start: np.ndarray, end: np.ndarray, half: float) -> np.ndarray:
     return np.array([-along[1], along[0]])
 
 
-def _bevelled(before: np.ndarray, at: np.ndarray, after: np.ndarray, half: float) -> Any:
+def _bevel(before: np.ndarray, at: np.ndarray, after: np.ndarray, half: float) -> Any:
     """Return the triangles between the sides of two segments; one of them lies in the stroke anyway."""
     first, second = _normal(before, at, half), _normal(at, after, half)
     sides = [shapely.Polygon([at, at + s * first, at + s * second]) for s in (1.0, -1.0)]

@@ -63,14 +63,14 @@ def embedding_levels(line: str) -> list[int]:
     if control := next((c for c, kind in zip(line, given, strict=True) if kind in EXPLICIT), None):
         raise UsageError(f"the text has U+{ord(control):04X}, a control of direction. Leave it out.")
     base = next((int(kind != "L") for kind in given if kind in ("L", "R", "AL")), 0)  # [P2, P3]
-    kinds = _resolved(line, "".join(KINDS.get(kind, "o") for kind in given), "LR"[base])
+    kinds = _resolve(line, "".join(KINDS.get(kind, "o") for kind in given), "LR"[base])
     steps = {"L": (0, 1), "R": (1, 0), "E": (2, 1), "N": (2, 1)}  # [I1, I2]
     trailing = len(line) - len(line.rstrip())  # [L1]
     levels = [base + steps[kind][base] for kind in kinds[: len(line) - trailing]] + [base] * trailing
     return [base if kind in ("S", "B") else level for kind, level in zip(given, levels, strict=True)]
 
 
-def _resolved(line: str, kinds: str, outer: str) -> str:
+def _resolve(line: str, kinds: str, outer: str) -> str:
     """Return L, R, E or N for each character, by the kinds of all; `outer` is the direction of the line."""
     kinds = outer + kinds
     kinds = re.sub(r"(.)(M+)", lambda m: m[1] * (1 + len(m[2])), kinds)  # [W1]

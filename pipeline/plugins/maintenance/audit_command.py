@@ -16,16 +16,7 @@ from flowsculpt import MachineError, MissingInputError, UsageError
 from flowsculpt.api import plural
 from flowsculpt.api.commands import Project, execute, print_result, report_plan
 from flowsculpt.api.files import remove_tree
-from flowsculpt.api.frames import (
-    FrameKeys,
-    FrameRange,
-    Locks,
-    Plan,
-    RenderRequest,
-    RootFolders,
-    Store,
-    use_store,
-)
+from flowsculpt.api.frames import Folders, FrameKeys, FrameRange, Locks, Plan, RenderRequest, Store, use_store
 from flowsculpt.api.options import DEFAULT_QUALITY, Common, Frames, PictureOptions, Quality, Shot
 from flowsculpt.api.pictures import RenderError, read_exr
 
@@ -114,7 +105,7 @@ class Audit:
     def home(self) -> Path:
         """The root in which frames are made again."""
         return (
-            RootFolders.of(self.project.root).state
+            Folders.of_root(self.project.root).state
             / "audit"
             / f"{self.request.name}.{self.request.quality_name}"
         )

@@ -11,7 +11,7 @@ from pathlib import Path
 from flowsculpt import FlowsculptError, MachineError
 from flowsculpt.api import ShotExtras
 from flowsculpt.api.files import remove_file, sweep_hidden_drafts
-from flowsculpt.api.frames import RenderRequest, RootFolders, Runs, Store
+from flowsculpt.api.frames import Folders, RenderRequest, Runs, Store
 from flowsculpt.pipeline.plugins.maintenance.store_repair import FORMS, by_digest, last_requests
 from flowsculpt.pipeline.plugins.maintenance.verify import inode, shown_files
 
@@ -45,7 +45,7 @@ def collect_garbage(store: Store, requests: Iterable[RenderRequest], keep: int, 
     copies = _shown_copies(store)
     needed = {name for request in requests for name in _needs(request, store)} | set(copies.values())
     linked, freed = (0, 0) if dry_run else _link_copies(store, copies)
-    renders = RootFolders.of(store.root).renders
+    renders = Folders.of_root(store.root).renders
     shown = set(_inodes(renders))
     removed: list[Path] = []
     kept = 0

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 from flowsculpt import MissingInputError
 from flowsculpt.api import RunObserver
-from flowsculpt.api.frames import STAGES, LatestTimings, Runs
+from flowsculpt.api.frames import PipelineStage, Runs
 from flowsculpt.api.options import Common
 
 Event = Mapping[str, Any]
@@ -38,10 +38,10 @@ _PARTS = {
 }
 """Parts of rendering, as statistics name them."""
 
-_FARM_STAGES = {name for name, stage in STAGES.items() if stage.on_farm}
+_FARM_STAGES = {name for name, stage in PipelineStage.all().items() if stage.on_farm}
 
 LABELS = {
-    **{name: stage.doing for name, stage in STAGES.items()},
+    **{name: stage.doing for name, stage in PipelineStage.all().items()},
     **{name: f"rendering: {part}" for name, part in _PARTS.items()},
     ANIMATIC: "drawing the animatic",
     STARTING: "starting and ending jobs",
@@ -229,7 +229,7 @@ def _parts(root: Path, job: _Job) -> Iterator[tuple[str, Spent]]:
         stage = job.stage
         statistics = None
         if stage == "render" and not event.get("found") and "quality" in event:
-            statistics = LatestTimings(root).of_picture(_statistics_of(root, event))
+            statistics = Runs(root).timings.of_picture(_statistics_of(root, event))
         if statistics is None or not sum(statistics.seconds.values()):
             yield stage, taken
             continue

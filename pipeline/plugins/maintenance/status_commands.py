@@ -22,7 +22,7 @@ from flowsculpt.api.commands import (
     print_result,
     print_warning,
 )
-from flowsculpt.api.frames import FrameRange, FrameStates, History, RenderRequest, Show
+from flowsculpt.api.frames import FrameRange, FrameStates, RenderRequest, Show
 from flowsculpt.api.options import (
     DEFAULT_QUALITY,
     QUALITIES,
@@ -54,7 +54,6 @@ def status(
     frames take as long as the last ones did.
     """
     project = ShotOptions(settings).project(common)
-    history = History.of(common.root)
     rows: list[FrameStates] = []
     errors: list[FlowsculptError] = []
     for warning in () if shots else Show().misnamed().values():
@@ -62,7 +61,7 @@ def status(
     for shot in shots or Show().shots():
         try:
             request = project.request(Show().find_shot(shot), DEFAULT_QUALITY)
-            rows += states(project, request, history)
+            rows += states(project, request)
         except FlowsculptError as error:
             errors.append(error)
             print_error(str(error))
@@ -71,12 +70,12 @@ def status(
     raise typer.Exit(max((error.exit_code for error in errors), default=0))
 
 
-def states(project: Project, shot: RenderRequest, history: History) -> list[FrameStates]:
+def states(project: Project, shot: RenderRequest) -> list[FrameStates]:
     """Return the states of a shot's meshes, and of its pictures at every quality that was begun.
 
     Stale frames are compared with every convention of layers.
     """
-    store = project.store
+    store, history = project.store, project.history
     found = [FrameStates.of_meshes(shot, store, history)]
     for request in (replace(shot, quality_name=name) for name in QUALITIES):
         if (store.root / request.folders.home / request.quality_name).exists():

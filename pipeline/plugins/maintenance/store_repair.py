@@ -19,14 +19,14 @@ from flowsculpt import FlowsculptError
 from flowsculpt.api.commands import Project
 from flowsculpt.api.files import remove_file
 from flowsculpt.api.frames import (
-    STAGES,
     Edit,
+    Folders,
+    FrameKeys,
     FrameRange,
-    PictureKeys,
+    PipelineStage,
     Plan,
     QualityName,
     RenderRequest,
-    RootFolders,
     Runs,
     Show,
     Store,
@@ -34,7 +34,7 @@ from flowsculpt.api.frames import (
 from flowsculpt.api.options import DEFAULT_QUALITY
 from flowsculpt.pipeline.plugins.maintenance.verify import ShownFile, StoredFile, inode, shown_files
 
-FORMS = tuple(name for name, stage in STAGES.items() if stage.makes == name)
+FORMS = tuple(name for name, stage in PipelineStage.all().items() if stage.makes == name)
 """Forms of stills, whose stages are named like the kinds of files that they write."""
 
 Film = tuple[Edit, list[RenderRequest]]
@@ -59,7 +59,7 @@ def begun_requests(project: Project, warn: Callable[[str], object]) -> Iterator[
 def begun_films(project: Project) -> Iterator[Film]:
     """Yield today's edits at every quality begun so far."""
     for name in Show().edits():
-        for quality in _qualities(RootFolders.of(project.root).renders / "film"):
+        for quality in _qualities(Folders.of_root(project.root).renders / "film"):
             with suppress(FlowsculptError):
                 yield project.edit(
                     quality, Show().film if name == Show().film.stem else Show().find_edit(name)
@@ -255,11 +255,11 @@ class _Repairs:
         return True
 
 
-def _staged_key(keys: PictureKeys, stage: str, number: int) -> str:
+def _staged_key(keys: Mapping[int, FrameKeys], stage: str, number: int) -> str:
     return keys[number].staged[stage]
 
 
-def _still_key(request: RenderRequest, keys: PictureKeys, form: str, number: int) -> str:
+def _still_key(request: RenderRequest, keys: Mapping[int, FrameKeys], form: str, number: int) -> str:
     return request.keys.still(form, keys[number].frame)
 
 

@@ -17,10 +17,9 @@ from flowsculpt import MachineError, MissingInputError
 from flowsculpt.api import ShotExtras
 from flowsculpt.api.files import InputFile
 from flowsculpt.api.frames import (
-    CorruptFileError,
+    Folders,
     FrameRange,
     PublishedVersion,
-    RootFolders,
     Store,
     StoredFiles,
 )
@@ -68,7 +67,7 @@ def _refusal(path: Path, error: Exception) -> str | None:
 def refused_folders(root: Path) -> Iterator[str]:
     """Yield a message for each folder of the store, of digests and of renders/ that cannot be listed."""
     errors: list[OSError] = []
-    folders = RootFolders.of(root)
+    folders = Folders.of_root(root)
     for folder in (folders.state / "store", folders.digests, folders.renders):
         for _ in os.walk(folder, onerror=errors.append):
             pass
@@ -98,7 +97,7 @@ def verify_stored(store: Store, kind: str, key: str, path: Path) -> StoredFile:
 
 def shown_with_digest(store: Store) -> list[Path]:
     """Return the files that have digests, wherever output was written to, but the store and versions."""
-    apart = [RootFolders.of(store.root).state, *_of_versions(store.root)]
+    apart = [Folders.of_root(store.root).state, *_of_versions(store.root)]
     folders = (f for f in store.digests.folders() if not any(map(f.is_relative_to, apart)))
     paths = (folder / name for folder in folders for name in sorted(store.digests.in_folder(folder)))
     return [path for path in paths if is_file(path)]
@@ -117,7 +116,7 @@ def verify_shown(
         try:
             if inode(path) not in linked:
                 store.digests.check(path)
-        except (CorruptFileError, OSError) as error:
+        except (*StoredFiles.DAMAGED, OSError) as error:
             refusal = _refusal(path, error)
             return ShownFile(path, str(error).removeprefix(f"{path}: ") if refusal is None else None, refusal)
         return ShownFile(path, None)
@@ -146,20 +145,20 @@ def files_without_digest(store: Store, stored: Iterable[StoredFile]) -> list[Pat
 def shown_files(root: Path) -> Iterator[Path]:
     """Yield the files in renders/, but those of versions."""
     apart = _of_versions(root)
-    for path in sorted(RootFolders.of(root).renders.rglob("*")):
+    for path in sorted(Folders.of_root(root).renders.rglob("*")):
         if is_file(path) and not any(map(path.is_relative_to, apart)):
             yield path
 
 
 def roots(root: Path) -> list[Path]:
     """Return a root and those below it in which published versions were made again."""
-    repeated = RootFolders.of(root).repeated.glob("*")
-    return [root, *sorted(path for path in repeated if RootFolders.of(path).state.is_dir())]
+    repeated = Folders.of_root(root).repeated.glob("*")
+    return [root, *sorted(path for path in repeated if Folders.of_root(path).state.is_dir())]
 
 
 def _of_versions(root: Path) -> list[Path]:
     """Return the folders of versions, which nothing repairs, and of roots that these are made again in."""
-    folders = RootFolders.of(root)
+    folders = Folders.of_root(root)
     return [folders.published, folders.repeated]
 
 
@@ -210,10 +209,10 @@ def published_files(store: Store) -> Iterator[PublishedFile]:
 def _fault_of_record(store: Store, path: Path) -> str | None:
     try:
         store.digests.check(path)
-    except CorruptFileError as error:
-        return str(error).removeprefix(f"{path}: ")
     except OSError as error:
         return str(MachineError.of_path(path, error, "read")).removeprefix(f"{path}: ")
+    except StoredFiles.DAMAGED as error:
+        return str(error).removeprefix(f"{path}: ")
     return None
 
 
@@ -229,7 +228,7 @@ def remedies(faulty: Iterable[PublishedFile], root: Path) -> Iterator[str]:
         record, folder = version.record, version.record.parent
         damaged = [file for file in files if file.path != version.notes]
         if not damaged:
-            notes = RootFolders.of(root).notes
+            notes = Folders.of_root(root).notes
             yield f"{folder}: restore its notes from a backup; the current notes are in {notes}"
         elif damaged[0].path == record:
             yield (
@@ -239,7 +238,7 @@ def remedies(faulty: Iterable[PublishedFile], root: Path) -> Iterator[str]:
         else:
             numbers = [file.number for file in damaged if file.number is not None]
             only_frames = f" -f {FrameRange.of(numbers)}" if len(numbers) == len(damaged) else ""
-            again = RootFolders.of(root).repeated / f"{version.shot}.{version.name}"
+            again = Folders.of_root(root).repeated / f"{version.shot}.{version.name}"
             yield (
                 f"{folder}: flowsculpt reproduce {shlex.quote(str(record))}{only_frames} makes it again, in "
                 f"{again}; published files are never written to"

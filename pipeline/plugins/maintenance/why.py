@@ -17,12 +17,10 @@ from typing import Any
 
 from flowsculpt import FlowsculptError
 from flowsculpt.api.frames import (
-    STAGES,
-    CorruptFileError,
+    FrameKeys,
     FrameRange,
-    History,
     KnownPictures,
-    PictureKeys,
+    PipelineStage,
     RenderRequest,
     Runs,
     ShotSource,
@@ -206,7 +204,7 @@ class _Frame:
         return KnownPictures(self.request, self.store)
 
     @property
-    def _keys(self) -> PictureKeys | None:
+    def _keys(self) -> Mapping[int, FrameKeys] | None:
         """The keys of its pictures; None where its cameras are not framed yet."""
         return self._known.keys if self._known.is_framed else None
 
@@ -283,7 +281,7 @@ class _Frame:
 
     def _stage_reasons(self, header: Mapping[str, Any]) -> Iterator[str]:
         for name, recipe in header.get("stages", {}).items():
-            now = STAGES[name].recipe if name in STAGES else {}
+            now = PipelineStage.all()[name].recipe if name in PipelineStage.all() else {}
             for difference in differences(recipe, now):
                 what, before, value = difference.path[-1], difference.before, difference.now
                 if what == "version":
@@ -329,7 +327,7 @@ class _Frame:
         """Return the first frame whose mesh is there and is not today's."""
         for number in sorted(self.request.source.surface_keys.meshes):
             for part in self.request.parts:
-                with contextlib.suppress(CorruptFileError, OSError):
+                with contextlib.suppress(*StoredFiles.DAMAGED, OSError):
                     if StoredFiles.key_in(self.store.root / part.place("mesh", number)) != part.keys.mesh(
                         number
                     ):
@@ -358,9 +356,11 @@ class _Frame:
     def _source_of_run(self) -> ShotSource | None:
         """Return the source from which the run that finished the frame read the shot, if its plan exists."""
         request = self.request
-        history = History.of(self.store.root)
-        made = history.stage("finish", request.folders.name, request.quality_name).made.get(self.number)
-        return None if made is None else _source_in(Runs(self.store.root).requests(made.run), request)
+        runs = Runs(self.store.root)
+        made = (
+            runs.history().stage("finish", request.folders.name, request.quality_name).made.get(self.number)
+        )
+        return None if made is None else _source_in(runs.requests(made.run), request)
 
 
 def _version(value: Any) -> str:

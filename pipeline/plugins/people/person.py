@@ -165,11 +165,11 @@ def surface_net(field: Field3D, low: Floats, high: Floats, cell: float) -> tuple
     found = np.concatenate(quads)
     faces = np.concatenate([found[:, [0, 1, 2]], found[:, [0, 2, 3]]]).astype(np.int32)
     for _ in range(4):  # evens the triangles out
-        points = _nearer(field, _nearer(field, _relaxed(points, found)))
+        points = _nearer(field, _nearer(field, _relax(points, found)))
     return points, faces
 
 
-def _relaxed(points: Floats, quads: np.ndarray) -> Floats:
+def _relax(points: Floats, quads: np.ndarray) -> Floats:
     """Return the means (V, 3) of the middles of the quadrilaterals (Q, 4) around each point."""
     middles = points[quads].mean(axis=1)
     sums = [np.bincount(quads.ravel(), np.repeat(middles[:, k], 4)) for k in range(3)]

@@ -150,7 +150,7 @@ class _Pass:
 
     def report(self, mesh: PolygonMesh) -> PolygonReport:
         """Return what the pass did, and the state of the resulting mesh."""
-        _, lengths, _ = _measured(self._surface, np.zeros(len(mesh.vertices)))
+        _, lengths, _ = _measure(self._surface, np.zeros(len(mesh.vertices)))
         editor = self.editor
         return PolygonReport(
             splits=editor.splits,
@@ -176,13 +176,13 @@ _SLACK = 1e-9  # array and list arithmetic may round differently; exact tests fo
 
 def long_edges(surface: Polyhedron, limits: LengthLimits) -> list[int]:
     """Return the first half-edges of the edges over the maximum."""
-    edges, lengths, longest = _measured(surface, limits.table[:, 0])
+    edges, lengths, longest = _measure(surface, limits.table[:, 0])
     return edges[lengths > (1 - _SLACK) * longest].tolist()
 
 
 def short_edges(surface: Polyhedron, limits: LengthLimits) -> list[int]:
     """Return the first half-edges of the edges under the minimum."""
-    edges, lengths, shortest = _measured(surface, limits.table[:, 1])
+    edges, lengths, shortest = _measure(surface, limits.table[:, 1])
     return edges[lengths < (1 + _SLACK) * shortest].tolist()
 
 
@@ -192,7 +192,7 @@ def wide_faces(mesh: PolygonMesh, limits: LengthLimits) -> list[int]:
     return np.flatnonzero(mesh.extents > (1 - _SLACK) * largest).tolist()
 
 
-def _measured(surface: Polyhedron, limit: Floats) -> tuple[np.ndarray, Floats, Floats]:
+def _measure(surface: Polyhedron, limit: Floats) -> tuple[np.ndarray, Floats, Floats]:
     """Return first half-edges, lengths, and the geometric means of the limits at their ends."""
     ends = np.array(surface.origin).reshape(-1, 2)
     edges = np.flatnonzero(ends[:, 0] != OUTSIDE)

@@ -141,13 +141,13 @@ class Polyhedron:
 
     def mesh(self) -> PolygonMesh:
         """Return the surface as a value, vertices and faces in the order of the lists."""
-        mesh, _ = self._gathered()
+        mesh, _ = self._gather()
         return mesh
 
     def renumber(self) -> tuple[PolygonMesh, np.ndarray]:
         """Drop the numbers of removed elements; return the surface and the old vertex numbers (V,)."""
         kept = np.flatnonzero(np.array(self.leaving) != OUTSIDE)
-        mesh, twin = self._gathered()
+        mesh, twin = self._gather()
         self._load(mesh, twin)
         return mesh, kept
 
@@ -193,7 +193,7 @@ class Polyhedron:
     def _remove_edge(self, h: int) -> None:
         self.origin[h] = self.origin[h ^ 1] = OUTSIDE
 
-    def _gathered(self) -> tuple[PolygonMesh, np.ndarray]:
+    def _gather(self) -> tuple[PolygonMesh, np.ndarray]:
         """Return the surface without gaps, and for each of its sides the one that runs back along it."""
         sides, offsets = [], [0]
         for first in self.side:

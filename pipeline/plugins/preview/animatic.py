@@ -75,7 +75,7 @@ class Animatic:
 
     def pictures(self, tell: FrameCallback) -> Iterator[Picture]:
         """Draw the requested frames in ascending order, in the size and colours of a movie."""
-        framed = self._framed(set(self.sketch.request.requested), tell)
+        framed = self._frame_pictures(set(self.sketch.request.requested), tell)
         return self._pictures(framed, self.movie_size, "rec709")
 
     @property
@@ -99,7 +99,7 @@ class Animatic:
             return angles
         return angles[: angles.index(max(asked)) + Framer.AHEAD + 1]
 
-    def _framed(self, asked: Set[int], tell: FrameCallback) -> Iterator[Framed]:
+    def _frame_pictures(self, asked: Set[int], tell: FrameCallback) -> Iterator[Framed]:
         request, stream, wanted = self.sketch.request, self.stream, self.played(asked)
 
         def played() -> Iterator[int]:
@@ -234,7 +234,7 @@ def framing_of_still(
     last = len(known)
     motions = [part.motion for part in request.shot.parts]
     ends = zip(motions, known[-1], strict=True)
-    later = [_moved(motion, extent, numbers[last:]) for motion, extent in ends]
+    later = [_move(motion, extent, numbers[last:]) for motion, extent in ends]
     names = [part.subject for part in request.shot.parts]
     extents = [BoundingSpheres.join(each, names) for each in (*known, *zip(*later, strict=False))]
     views = [request.pictures.view(n) for n in numbers[: len(extents)]]
@@ -248,7 +248,7 @@ def _extent(arrays: dict[str, np.ndarray]) -> Extent:
     return BoundingSpheres(points, arrays["radii"]) if "radii" in arrays else points
 
 
-def _moved(motion: Motion, extent: Extent, numbers: Sequence[int]) -> list[Extent]:
+def _move(motion: Motion, extent: Extent, numbers: Sequence[int]) -> list[Extent]:
     """Return a sample of an extent at later frames, up to the first at which the flow fails."""
     points, radii = extent[:2] if isinstance(extent, BoundingSpheres) else (extent, None)
     chosen = outline(points)

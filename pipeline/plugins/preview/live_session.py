@@ -13,7 +13,7 @@ from threading import Event
 from typing import Any
 
 from flowsculpt import FlowsculptError, MachineError
-from flowsculpt.api.frames import FrameProgress, Framing, ShotSource
+from flowsculpt.api.frames import Framing, ShotSource
 from flowsculpt.api.pictures import Camera, jpeg_bytes
 from flowsculpt.pipeline.plugins.preview.animatic import SIZES, FramedSurfaces, framings_of, size_for
 from flowsculpt.pipeline.plugins.preview.sketch import Sketch, is_closed
@@ -191,7 +191,7 @@ class LiveSession:
         take = self.feed.begin(request.name, numbers[0], numbers[-1], float(request.shot.rate.fps), size)
         self.feed.say("Simulating …")
 
-        def within_frame(progress: FrameProgress) -> None:
+        def within_frame(progress: Any) -> None:
             check()
             self.feed.say(progress.slow or f"Frame {progress.frame}: {progress.share:.0%}, {progress.work} …")
 

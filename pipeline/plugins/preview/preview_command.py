@@ -6,7 +6,7 @@ import webbrowser
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -15,7 +15,7 @@ from flowsculpt.api import Progress, plural
 from flowsculpt.api.commands import print_error, print_result, print_warning, progress_bars
 from flowsculpt.api.files import make_folder
 from flowsculpt.api.flows import MotionForecast
-from flowsculpt.api.frames import Edit, FrameProgress, FrameRange, RenderRequest, Show, Store
+from flowsculpt.api.frames import Edit, FrameRange, RenderRequest, Show, Store
 from flowsculpt.api.options import DEFAULT_QUALITY, Common, ShotOptions, shared_option
 from flowsculpt.api.pictures import BurnIn
 from flowsculpt.pipeline.plugins.preview.animatic import (
@@ -254,16 +254,18 @@ def _bars(
             done[stage] += 1
             bars[stage].show(done[stage])
 
-        def report(within: FrameProgress) -> None:
+        def show(frame: int, share: float, work: str) -> None:
+            bars["simulating"].show(done["simulating"] + share, f"frame {frame} ({share:.0%}, {work})")
+
+        def report(within: Any) -> None:
             if within.slow:
                 print_warning(within.slow)
-            now = f"frame {within.frame} ({within.share:.0%}, {within.work})"
-            bars["simulating"].show(done["simulating"] + within.share, now)
+            show(within.frame, within.share, within.work)
 
         def report_once(made: Progress) -> None:
             if made.is_once:  # such as a fit, before the first frame
                 first = animatics[0].sketch.request.shot.frames.first
-                report(FrameProgress(first, made.done / made.total, made.activity, 0))
+                show(first, made.done / made.total, made.activity)
 
         for animatic in animatics:
             animatic.stream.callback = report

@@ -17,7 +17,7 @@ import typer
 
 from flowsculpt import FlowsculptError, UsageError
 from flowsculpt.api.commands import Project, execute
-from flowsculpt.api.frames import STAGES, FrameStates, History, Plan, RenderRequest, Show, Store
+from flowsculpt.api.frames import FrameStates, PipelineStage, Plan, RenderRequest, Show, Store
 from flowsculpt.api.options import DEFAULT_QUALITY, Common, Frames, Shot, ShotOptions, shared_option
 from flowsculpt.pipeline.plugins.preview.shot_editor import (
     MOST_REQUEST_BYTES,
@@ -99,14 +99,14 @@ def frames(
 
 def _answer_progress(plan: Plan) -> Callable[[dict[str, Any]], None]:
     """Return what answers with a line whenever a frame of a stage is done."""
-    totals, done = plan.frame_counts(), dict.fromkeys(STAGES, 0)
+    totals, done = plan.frame_counts(), dict.fromkeys(PipelineStage.all(), 0)
 
     def tell(event: dict[str, Any]) -> None:
         stage = str(event.get("stage"))
         if event["event"] == "frame" and totals.get(stage):
             done[stage] += 1
             _answer(
-                {"stage": stage, "doing": STAGES[stage].doing, "frame": event.get("frame")}
+                {"stage": stage, "doing": PipelineStage.all()[stage].doing, "frame": event.get("frame")}
                 | {"done": done[stage], "total": totals[stage]}
             )
 
@@ -132,7 +132,7 @@ def _listing(project: Project, request: RenderRequest, with_pictures: bool) -> d
         "cameras": _cameras(request, store),
     }
     if with_pictures:
-        states = FrameStates.of_pictures(request, store, History.of(project.root))
+        states = FrameStates.of_pictures(request, store, project.history)
         done = set(states.done)
         files = [(project.root / place).as_posix() for place in request.places("frame", numbers)]
         listing["pictures"] = [

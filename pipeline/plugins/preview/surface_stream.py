@@ -25,16 +25,7 @@ import psutil
 
 from flowsculpt import FrameError
 from flowsculpt.api.files import atomic_write, disk_errors
-from flowsculpt.api.frames import (
-    FrameProgress,
-    MeshFrame,
-    RenderRequest,
-    Shading,
-    Store,
-    StoredFiles,
-    animate,
-    key_of,
-)
+from flowsculpt.api.frames import MeshFrame, RenderRequest, Shading, Store, StoredFiles, animate, key_of
 from flowsculpt.api.materials import Surface
 
 SLOW = 0.25  # core-seconds from which on a simulated frame is stored
@@ -80,7 +71,7 @@ class MeshSource:
     request: RenderRequest
     store: Store
     cache: MeshCache
-    callback: Callable[[FrameProgress], None]
+    callback: Callable[..., None]
     _simulation: Iterator[MeshFrame] | None = None
 
     def at(self, number: int) -> MeshFrame:
@@ -217,7 +208,7 @@ class SurfaceStream:
     once: bool = False
     meshes: MeshCache = field(init=False)
     surfaces: SpillCache = field(default_factory=SpillCache)
-    callback: Callable[[FrameProgress], None] = field(default=lambda progress: None)
+    callback: Callable[..., None] = field(default=lambda progress: None)
 
     def __post_init__(self) -> None:
         self._waiting = UNSHADED

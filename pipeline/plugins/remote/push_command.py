@@ -9,7 +9,7 @@ import typer
 from flowsculpt import MachineError, UsageError
 from flowsculpt.api import plural
 from flowsculpt.api.commands import print_result
-from flowsculpt.api.frames import Locks, Store, upload_missed
+from flowsculpt.api.frames import Locks, Store
 from flowsculpt.api.options import Common
 
 
@@ -33,7 +33,7 @@ def push(common: Common) -> None:
         sent, unsent = len(lacking_names(store)), 0
     else:
         with Locks(common.root).hold_with_writers(common.wait):
-            sent, unsent = upload_missed(store, lacking_names(store))
+            sent, unsent = store.upload_missed(lacking_names(store))
     verb = "Would upload" if common.dry_run else "Uploaded"
     words = f"{verb} {plural(sent, 'file')} to {store.url}."
     if unsent:

@@ -11,7 +11,7 @@ import typer
 
 from flowsculpt import MissingInputError, UsageError
 from flowsculpt.api.commands import Project, print_result
-from flowsculpt.api.frames import STAGES, LatestTimings, RenderRequest, Show
+from flowsculpt.api.frames import PipelineStage, RenderRequest, Runs, Show
 from flowsculpt.api.meshes import Floats
 from flowsculpt.api.options import DEFAULT_QUALITY, Common, Quality, Shot, ShotOptions, shared_option
 from flowsculpt.api.pictures import Curves, plot_panels
@@ -74,7 +74,7 @@ def _drawn(
     measures = measured(request, project.store, numbers, common.cores, count_crossings=crossings)
     if not measures:
         return page, [], []
-    latest = LatestTimings(common.root)
+    latest = Runs(common.root).timings
     seconds = latest.by_stage(request.folders.title, request.name, request.quality_name, TIMED_STAGES)
     if rendered := latest.renders(request):
         seconds["render"] = {number: sum(parts.values()) for number, parts in rendered.items()}
@@ -139,7 +139,7 @@ def _mesh_panels(
 def _seconds_panel(
     frames: Floats, numbers: Sequence[int], seconds: Mapping[str, Mapping[int, float]]
 ) -> Iterator[FigurePanel]:
-    timed = [stage for stage in STAGES if stage in seconds]
+    timed = [stage for stage in PipelineStage.all() if stage in seconds]
     bars = {stage: np.array([seconds[stage].get(n, 0.0) for n in numbers]) for stage in timed}
     if not bars:
         return
@@ -147,7 +147,7 @@ def _seconds_panel(
     longest = LONGEST_BAR * float(np.quantile(total, 0.9))
     scale = np.minimum(1.0, longest / np.maximum(total, 1e-9)) if longest else 1.0
     unit = "s (the longest cut short)" if longest and (total > longest).any() else "s"
-    scaled = {STAGES[stage].doing: values * scale for stage, values in bars.items()}
+    scaled = {PipelineStage.all()[stage].doing: values * scale for stage, values in bars.items()}
     yield StackedBars("seconds a frame", unit, frames, scaled)
 
 

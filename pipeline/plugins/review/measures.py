@@ -14,15 +14,7 @@ from numpy.typing import NDArray
 
 from flowsculpt import TriangleMesh
 from flowsculpt.api.files import CachedAnswer
-from flowsculpt.api.frames import (
-    CorruptFileError,
-    MeshFrame,
-    PipelineStage,
-    RenderRequest,
-    Store,
-    StoredFiles,
-    key_of,
-)
+from flowsculpt.api.frames import MeshFrame, PipelineStage, RenderRequest, Store, StoredFiles, key_of
 from flowsculpt.api.meshes import Floats, self_intersections
 
 MEASURE = PipelineStage("measure", version=2, doing="measuring", makes="measures", per_quality=False)
@@ -189,13 +181,13 @@ def _of_frame(
         store.digests.check(known)
         if (measured := CachedAnswer(known).load(dict)) is not None:
             return measured
-    except (CorruptFileError, OSError):
+    except (*StoredFiles.DAMAGED, OSError):
         pass
     store.discard("measures", key)
     try:
         store.digests.check(path)
         found = measures_of(StoredFiles("mesh").reader(mesh, number=number)(path), maximum, count_crossings)
-    except (CorruptFileError, OSError):
+    except (*StoredFiles.DAMAGED, OSError):
         return None
     store.put("measures", key, lambda draft: draft.write_text(json.dumps(found), encoding="utf-8"))
     return found
@@ -209,7 +201,7 @@ def simulated(request: RenderRequest, store: Store, number: int, kind: str) -> t
     shown = store.root / request.place(kind, number)
     try:
         return shown, StoredFiles.key_in(shown)
-    except (CorruptFileError, OSError):
+    except (*StoredFiles.DAMAGED, OSError):
         key = request.keys.mesh(number) if kind == "mesh" else request.keys.normals(number)
         return (store.path(kind, key), key) if store.bring(kind, key) else None
 

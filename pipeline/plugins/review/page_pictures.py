@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flowsculpt.api.frames import CorruptFileError, PictureSequence, Store, StoredFiles, key_of
+from flowsculpt.api.frames import PictureSequence, Store, StoredFiles, key_of
 from flowsculpt.api.pictures import HDR_DISPLAYS, RenderError, read_exr, read_header, read_png, write_still
 
 THUMB = 160  # width of thumbnails, about, in pixels
@@ -92,7 +92,7 @@ class ProxyWriter:
             self.store.put(self.form, key, write)
             if not self.store.is_whole(self.scopes / scope):
                 shown()
-        except (CorruptFileError, RenderError):
+        except (*StoredFiles.DAMAGED, RenderError):
             return None
         name = f"{key}{StoredFiles(self.form).suffix}"
         self.store.link(self.form, key, (self.folder / name).relative_to(self.store.root))

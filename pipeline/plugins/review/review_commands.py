@@ -18,7 +18,7 @@ from flowsculpt.api.commands import (
     require_one_of,
     size_words,
 )
-from flowsculpt.api.frames import History, Locks, Show
+from flowsculpt.api.frames import Locks, Show
 from flowsculpt.api.options import QUALITIES, Common, Shot, ShotOptions, shared_option
 from flowsculpt.api.shots import NAME_PATTERN
 from flowsculpt.pipeline.plugins.review.measures import Crossings
@@ -79,7 +79,7 @@ def review(
         if each.endswith(".json"):
             raise UsageError(f"{each}: --notes takes one file; write it before each file, shots without")
     project = options.project(common)
-    search = Search(project, tuple(qualities or ()), History.of(common.root))
+    search = Search(project, tuple(qualities or ()))
     try:
         material = [search.shot(shot) for shot in dict.fromkeys(shots)]
     finally:

@@ -20,7 +20,7 @@ from pydantic import BaseModel, ConfigDict, Field, StringConstraints, Validation
 from flowsculpt import MachineError, MissingInputError, UsageError
 from flowsculpt.api import shorten
 from flowsculpt.api.files import ChangedFileError, atomic_write
-from flowsculpt.api.frames import Locks, RootFolders
+from flowsculpt.api.frames import Folders, Locks
 from flowsculpt.api.shots import NAME_PATTERN, is_file
 
 FORMAT = "flowsculpt notes"
@@ -224,7 +224,7 @@ class NotesFolder:
     root: Path
 
     def path(self, shot: str) -> Path:
-        return RootFolders.of(self.root).notes / f"{shot}.json"
+        return Folders.of_root(self.root).notes / f"{shot}.json"
 
     def notes(self, shot: str) -> list[ReviewNote]:
         """Return the notes of a shot. Raises what `read_notes` raises."""

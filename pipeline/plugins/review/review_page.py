@@ -24,10 +24,9 @@ from flowsculpt.api import ShotExtras
 from flowsculpt.api.commands import Project
 from flowsculpt.api.files import disk_errors, make_folder, page_script, page_style, remove_file
 from flowsculpt.api.frames import (
-    History,
-    LatestTimings,
     PictureSequence,
     RenderRequest,
+    Runs,
     SequenceGrid,
     SequenceQuery,
     Show,
@@ -35,11 +34,11 @@ from flowsculpt.api.frames import (
     key_of,
 )
 from flowsculpt.api.options import DEFAULT_QUALITY
-from flowsculpt.api.pictures import three_js
+from flowsculpt.api.pictures import three_js_script
 from flowsculpt.pipeline.plugins.review import view_3d
 from flowsculpt.pipeline.plugins.review.measures import TIMED_STAGES, limits_of, measured
 from flowsculpt.pipeline.plugins.review.page_pictures import LayerWriter, Proxies, ProxyWriter
-from flowsculpt.pipeline.plugins.review.review_notes import ReviewNote, as_data
+from flowsculpt.pipeline.plugins.review.review_notes import NotesDocument, ReviewNote, as_data
 
 KINDS = ("render", "relit", "version", "wedge")
 """Kinds of sequences in their order on the page; others follow."""
@@ -60,12 +59,11 @@ class Search:
 
     project: Project
     qualities: tuple[str, ...]
-    history: History
 
     def shot(self, name: str) -> ShotMaterial:
         """Return the material of a shot. Raises MissingInputError if nothing is rendered, or ShotError."""
         path = Show().find_shot(name)
-        query = SequenceQuery(self.project, path, self.qualities, self.history)
+        query = SequenceQuery(self.project, path, self.qualities)
         found = [each for extras in ShotExtras.of_plugins().values() for each in extras.sequences(query)]
         grids = tuple(each for each in found if isinstance(each, SequenceGrid))
         single = [query.rendered(request, "render", request.quality_name) for request in query.requests()]
@@ -116,7 +114,7 @@ class ReviewPage:
     def three_js(self) -> tuple[str, str]:
         """The text of three.js, which draws the 3-D view, and why the page has none; one of them is empty."""
         try:
-            return three_js("the page has no 3-D view"), ""
+            return three_js_script("the page has no 3-D view"), ""
         except MissingInputError as error:
             return "", str(error)
 
@@ -158,6 +156,7 @@ class ReviewPage:
             "title": self.name,
             "page": key_of("review page", str(self.folder.absolute())),
             "notes": as_data(self.notes)["notes"],
+            "schema": NotesDocument.model_json_schema(),
             "shots": shots,
             "sequences": sequences,
             "sources": self._sources,
@@ -242,7 +241,7 @@ class ReviewPage:
         """Return seconds by stage and frame; none for relit frames, which take none of these stages."""
         if sequence.kind == "relit":
             return {}
-        seconds = self._latest.by_stage(sequence.subject, sequence.shot, sequence.quality, TIMED_STAGES)
+        seconds = self._runs.timings.by_stage(sequence.subject, sequence.shot, sequence.quality, TIMED_STAGES)
         if sequence.kind == "version":
             seconds.pop("finish", None)  # the logs hold those of the shot's present frames
         seconds["render"] = {
@@ -258,8 +257,8 @@ class ReviewPage:
         return list(dict.fromkeys(each.shot_text for each in self.sequences if each.shot_text is not None))
 
     @cached_property
-    def _latest(self) -> LatestTimings:
-        return LatestTimings(self.store.root)
+    def _runs(self) -> Runs:
+        return Runs(self.store.root)
 
     def _wedges(self) -> list[dict[str, Any]]:
         indices = {id(sequence): index for index, sequence in enumerate(self.sequences)}

@@ -19,14 +19,7 @@ import numpy as np
 
 from flowsculpt import FlowsculptError
 from flowsculpt.api import ShotExtras
-from flowsculpt.api.frames import (
-    CorruptFileError,
-    FrameRange,
-    RenderRequest,
-    Store,
-    StoredFiles,
-    key_of,
-)
+from flowsculpt.api.frames import FrameRange, RenderRequest, Store, StoredFiles, key_of
 from flowsculpt.pipeline.plugins.review.measures import simulated
 
 FORMAT = 2
@@ -68,7 +61,7 @@ class PageMeshes:
                 for path, _ in files:
                     self.store.digests.check(path)
                 arrays = joined([StoredFiles("shading").reader(key)(path) for path, key in files])
-            except (CorruptFileError, OSError):
+            except (*StoredFiles.DAMAGED, OSError):
                 return None
             self._write(name, as_script(name, arrays))
         return name

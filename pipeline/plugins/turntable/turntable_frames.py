@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
-from flowsculpt.api.frames import Folders, FrameRange, MeshAngle, ShotManifest
+from flowsculpt.api.frames import Folders, FrameRange, MeshAngle
 from flowsculpt.api.shots import Shot
 
 REFERENCES = "turntable"
@@ -35,6 +35,7 @@ class Turntable:
     """
 
     kind: ClassVar[str] = "turntable"
+    is_turned: ClassVar[bool] = True
 
     at: int
     frames: int
@@ -63,17 +64,6 @@ class Turntable:
             shot = _seen_whole(shot, shot.motion.clock.time(self.at))
         camera = replace(shot.picture.camera, follow=0.0)
         return replace(shot, picture=replace(shot.picture, camera=camera, overrides=()))
-
-    def adapt_manifest(self, manifest: ShotManifest) -> ShotManifest:
-        """Return the manifest of a shot that is only turned."""
-        return replace(
-            manifest.in_perspective(),
-            sounds=(),
-            overrides=(),
-            restyled=(),
-            stages={},
-            loop=None,
-        )
 
     def mesh_folders(self, name: str) -> Folders:
         """Return the folders of the mesh frames: the shot's, or those of a mesh file."""

@@ -15,7 +15,13 @@ import psutil
 
 from flowsculpt import MissingInputError, UsageError
 from flowsculpt.api.files import CachedAnswer, InputFile, from_plain, to_plain
-from flowsculpt.api.frames import STAGES, PublishedVersion, QualityName, RootFolders, ShotSource
+from flowsculpt.api.frames import (
+    Folders,
+    PipelineStage,
+    PublishedVersion,
+    QualityName,
+    ShotSource,
+)
 from flowsculpt.api.shots import NAME_PATTERN, is_file
 
 FILE = "provenance.json"
@@ -186,7 +192,7 @@ def _within(path: Path) -> str:
 
 def published_folder(root: Path, shot: str) -> Path:
     """Return the folder of a shot's versions."""
-    return RootFolders.of(root).published / shot
+    return Folders.of_root(root).published / shot
 
 
 def records(root: Path, shot: str) -> Iterator[tuple[Path, Provenance | UsageError | MissingInputError]]:
@@ -203,7 +209,9 @@ def records(root: Path, shot: str) -> Iterator[tuple[Path, Provenance | UsageErr
 def published_versions(root: Path, shot: str | None) -> Iterator[PublishedVersion]:
     """Yield the versions of a shot, or of all shots."""
     for name in (
-        sorted(folder.name for folder in RootFolders.of(root).published.glob("*")) if shot is None else [shot]
+        sorted(folder.name for folder in Folders.of_root(root).published.glob("*"))
+        if shot is None
+        else [shot]
     ):
         for folder, record in records(root, name):
             if not isinstance(record, Provenance):
@@ -230,7 +238,7 @@ def packages() -> dict[str, str]:
 
 def stage_versions() -> dict[str, int]:
     """Return the versions of the stages that a published version comes from."""
-    return {name: STAGES[name].version for name in _STAGES}
+    return {name: PipelineStage.all()[name].version for name in _STAGES}
 
 
 def host() -> dict[str, Any]:

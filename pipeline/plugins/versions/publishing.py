@@ -33,14 +33,13 @@ from flowsculpt import FlowsculptError, FrameError, MissingInputError, UsageErro
 from flowsculpt.api import ShotExtras
 from flowsculpt.api.files import InputFile, atomic_folder, remove_tree
 from flowsculpt.api.frames import (
-    STAGES,
     FrameKeys,
     FrameRange,
-    LatestTimings,
     Locks,
-    PictureKeys,
     PictureSequence,
+    PipelineStage,
     RenderRequest,
+    Runs,
     SequenceQuery,
     Store,
     StoredFiles,
@@ -212,7 +211,7 @@ class Release:
         """Return the files of frames that the store need not have."""
         return {}
 
-    def _rendered(self, numbers: Collection[int]) -> PictureKeys:
+    def _rendered(self, numbers: Collection[int]) -> Mapping[int, FrameKeys]:
         """Return keys of frames. Raises MissingInputError or UsageError if some of these are not current."""
         request, store = self.request, self.store
         keys = request.keys.pictures(store, numbers)
@@ -346,15 +345,15 @@ def published_sequences(query: SequenceQuery) -> Iterator[PictureSequence]:
 
 def _seconds_of_render(request: RenderRequest, root: Path, number: int, raw: str) -> dict[str, float]:
     """Return the seconds of one render, in parts; empty where the picture of this key has none."""
-    statistics = LatestTimings(root).of_picture(request.place("statistics", number))
+    statistics = Runs(root).timings.of_picture(request.place("statistics", number))
     return dict(statistics.seconds) if statistics is not None and statistics.key == raw else {}
 
 
 def _total_seconds(request: RenderRequest, root: Path, raws: Mapping[int, str]) -> dict[str, float]:
     """Return the seconds of all frames of a request by stage; `raws` are the keys of its renders."""
-    shared = sorted(name for name, stage in STAGES.items() if not stage.per_quality)
+    shared = sorted(name for name, stage in PipelineStage.all().items() if not stage.per_quality)
     stages = (*shared, "finish", "assemble")
-    latest = LatestTimings(root).by_stage(request.folders.title, request.name, request.quality_name, stages)
+    latest = Runs(root).timings.by_stage(request.folders.title, request.name, request.quality_name, stages)
     renders = [sum(_seconds_of_render(request, root, number, raw).values()) for number, raw in raws.items()]
     totals = {stage: round(sum(frames.values()), 3) for stage, frames in latest.items()}
     return {**totals, "render": round(sum(renders), 3)}

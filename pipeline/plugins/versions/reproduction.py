@@ -7,6 +7,7 @@ was rendered before, and nothing of these is touched.
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -16,15 +17,7 @@ import numpy as np
 from flowsculpt import MachineError, MissingInputError, UsageError
 from flowsculpt.api.commands import Project
 from flowsculpt.api.files import InputFile
-from flowsculpt.api.frames import (
-    FrameRange,
-    PictureKeys,
-    Plan,
-    RenderRequest,
-    RootFolders,
-    ShotSource,
-    Store,
-)
+from flowsculpt.api.frames import Folders, FrameKeys, FrameRange, Plan, RenderRequest, ShotSource, Store
 from flowsculpt.api.pictures import RenderError, read_exr
 from flowsculpt.api.shots import is_file
 from flowsculpt.pipeline.plugins.versions.provenance import Provenance
@@ -96,7 +89,7 @@ class Reproduction:
     @property
     def home(self) -> Path:
         """The root that it is made under."""
-        return RootFolders.of(self.project.root).repeated / f"{self.record.shot}.{self.record.version}"
+        return Folders.of_root(self.project.root).repeated / f"{self.record.shot}.{self.record.version}"
 
     @property
     def store(self) -> Store:
@@ -181,7 +174,7 @@ class Reproduction:
                 f"{reason}; --variant renders {self.record.version} with another variant; pixels will differ"
             ) from None
 
-    def _frame(self, number: int, keys: PictureKeys | None) -> Comparison:
+    def _frame(self, number: int, keys: Mapping[int, FrameKeys] | None) -> Comparison:
         what, then = f"frame {number}", self.record.frames[number]
         try:
             if keys is None:

@@ -20,7 +20,7 @@ from flowsculpt.api.commands import (
     print_warning,
     report_plan,
 )
-from flowsculpt.api.frames import FrameRange, RootFolders, Show, use_store
+from flowsculpt.api.frames import Folders, FrameRange, Show, use_store
 from flowsculpt.api.options import (
     DEFAULT_QUALITY,
     Common,
@@ -122,7 +122,7 @@ def versions(
 
     `flowsculpt versions A010_cube` lists the versions that `flowsculpt publish A010_cube` made.
     """
-    home = RootFolders.of(common.root).published
+    home = Folders.of_root(common.root).published
     known = sorted(folder.name for folder in home.glob("*") if folder.is_dir())
     name = None if shot is None else Path(shot).stem if shot.endswith((".yaml", ".yml")) else shot
     if name is not None and name not in known:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 
 from flowsculpt.pipeline.errors import UsageError, suggest
@@ -61,6 +62,11 @@ class Project:
     @property
     def store(self) -> Store:
         return Store(self.root)
+
+    @cached_property
+    def history(self) -> History:
+        """The history of frames under its root, as it is when it is first asked for."""
+        return History.of(self.root)
 
     def force_from(self, stage: str) -> Project:
         """Return the project with a stage, and those that follow it, made again once whatever is stored."""

@@ -28,7 +28,7 @@ from flowsculpt.pipeline.production.store.event_log import Event, EventLog, Even
 from flowsculpt.pipeline.production.store.history import summarise
 from flowsculpt.pipeline.production.store.locks import Locks
 from flowsculpt.pipeline.production.store.paths import EVENTS
-from flowsculpt.pipeline.production.store.store import Store, remove_checkpoints, sweep, upload_missed
+from flowsculpt.pipeline.production.store.store import Store, remove_checkpoints, sweep
 from flowsculpt.render.base.atomic_write import disk_errors
 from flowsculpt.render.base.processes import is_at_work, start_of
 from flowsculpt.render.base.root_files import touch
@@ -242,7 +242,7 @@ def run(
     locks, names = Locks(root), plan.lock_names if plan.jobs else {}
     with locks.hold_with_writers(wait), locks.hold(names, wait) as waited:
         sweep(store)
-        upload_missed(store)
+        store.upload_missed()
         PlanningCache(root).prune()
         if waited:
             clock, plan = _RunClock(), make_plan()
@@ -252,7 +252,7 @@ def run(
             rounds.run(outcome, policy)
         finally:
             summarise(root)
-        upload_missed(store)
+        store.upload_missed()
         outcome.unfinished = bool(outcome.plan.jobs)
         outcome.events += policy.failures
         if not outcome.unfinished:

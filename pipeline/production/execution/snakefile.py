@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any
 from flowsculpt.pipeline.errors import FlowsculptError, UsageError, suggest
 from flowsculpt.pipeline.frames import FrameRange, FrameSelection
 from flowsculpt.pipeline.plugin import plugins
-from flowsculpt.pipeline.production.execution.farm_executor import extend_farm_executors
+from flowsculpt.pipeline.production.execution.executors import extend_farm_executors
 from flowsculpt.pipeline.production.execution.run import with_inputs_here
 from flowsculpt.pipeline.production.planning.plan import Job, Plan, check_done_files, movie_record
 from flowsculpt.pipeline.production.planning.profile import Share
@@ -33,7 +33,7 @@ from flowsculpt.pipeline.production.request.lookup import Show, today_name
 from flowsculpt.pipeline.production.stages import PLUGIN_STAGES, STAGES, forced_with
 from flowsculpt.pipeline.production.store.history import summarise
 from flowsculpt.pipeline.production.store.locks import Locks
-from flowsculpt.pipeline.production.store.store import Store, upload_missed
+from flowsculpt.pipeline.production.store.store import Store
 from flowsculpt.pipeline.production.tasks.job import MOST_FAULTS, faults_of_hosts
 from flowsculpt.render.base.atomic_write import atomic_write
 from flowsculpt.render.base.python_process import command_line, distrust_working_folder
@@ -215,7 +215,7 @@ class PlannedWorkflow:
             print(note, file=sys.stderr)
         if workflow.executor_plugin is not None and not workflow.dryrun:
             _HELD.enter_context(Locks(self._root).hold_with_writers())
-            upload_missed(project.store)
+            project.store.upload_missed()
             plan, _ = with_inputs_here(plan, make_plan, project.store)
             _HELD.enter_context(Locks(self._root).hold(plan.lock_names))
             plan.restore_links(project.store)

@@ -227,7 +227,7 @@ def main(words: list[str]) -> None:
     from snakemake.cli import args_to_api, parse_args  # while the pool loads
     from snakemake.exceptions import print_exception
 
-    from flowsculpt.pipeline.production.execution.pool_executor import register
+    from flowsculpt.pipeline.production.execution.executors import register
 
     python_process.distrust_working_folder()
     guard(Path.cwd())

@@ -14,11 +14,14 @@ import platform
 import time
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta
 from functools import cached_property
 from pathlib import Path
+from typing import ClassVar
 
+from flowsculpt.pipeline.errors import FlowsculptError
 from flowsculpt.pipeline.frames import FrameRange
 from flowsculpt.pipeline.plugin import plugins
 from flowsculpt.pipeline.production.planning.profile import Share
@@ -26,21 +29,24 @@ from flowsculpt.pipeline.production.planning.timings import (
     LEAST_MIB,
     UNMEASURED_MIB,
     UNMEASURED_MINUTES,
+    LatestTimings,
     MeasuredResources,
 )
 from flowsculpt.pipeline.production.request.edit import Edit
+from flowsculpt.pipeline.production.request.lookup import QualityName
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.stages import STAGES
-from flowsculpt.pipeline.production.store.event_log import logs_of
+from flowsculpt.pipeline.production.store.event_log import RUNS, EventLog, EventReader, logs_of
+from flowsculpt.pipeline.production.store.history import History
 from flowsculpt.pipeline.production.store.locks import Locks
-from flowsculpt.pipeline.production.store.paths import DONE, PLANS, RENDERS
+from flowsculpt.pipeline.production.store.paths import DONE, EVENTS, LOGS, PLANS, RENDERS
 from flowsculpt.pipeline.production.store.remote_store import remote_stores, store_url
 from flowsculpt.pipeline.production.store.shared_kernels import send_kernels
 from flowsculpt.pipeline.production.store.store import Key, Store
 from flowsculpt.render.base.atomic_write import atomic_write
-from flowsculpt.render.base.root_files import remove_file, set_time
+from flowsculpt.render.base.root_files import remove_file, remove_tree, set_time
 from flowsculpt.render.base.serialise import NOT_PLAIN, from_plain, to_plain
-from flowsculpt.render.base.state_files import read_state, usable
+from flowsculpt.render.base.state_files import UNUSABLE, read_state, usable
 
 
 def done_file(stage: str, shot: str, quality: str, frames: Sequence[int], key: str) -> str:
@@ -355,3 +361,66 @@ def with_threads(jobs: Sequence[Job], cores: int, share: Share | None = None) ->
     many = Counter(job.stage for job in jobs if not job.present)
     threads = {stage: max(1, cores // max(1, many[stage])) for stage in ("simulate", "render")}
     return [replace(job, threads=threads.get(job.stage, job.threads)) for job in jobs]
+
+
+@dataclass(frozen=True)
+class Runs:
+    """The runs of a root, each by the name of its plan, which tells when it began.
+
+    MOST  runs whose logs are kept
+    """
+
+    root: Path
+
+    MOST: ClassVar[int] = RUNS
+
+    @property
+    def folder(self) -> Path:
+        """The folder of their event logs."""
+        return self.root / EVENTS
+
+    @cached_property
+    def timings(self) -> LatestTimings:
+        """The time that frames took when they were last made."""
+        return LatestTimings(self.root)
+
+    def history(self) -> History:
+        """Read the history of frames: which were made, failed, or are being made."""
+        return History.of(self.root)
+
+    def logged(self) -> list[str]:
+        """Return the names of runs with an event log, the latest last."""
+        return [log.stem for log in logs_of(self.root)]
+
+    def planned(self) -> list[str]:
+        """Return the names of runs with a plan, the latest last."""
+        return sorted(path.stem for path in (self.root / PLANS).glob("*.json"))
+
+    def reader(self, run: str) -> EventReader:
+        """Return a reader of the events of a run."""
+        return EventReader(self.folder / f"{run}.jsonl")
+
+    def note_work(self, plan: Plan, what: str, cpu: float) -> None:
+        """Write into the log of a plan's run that a process took so many CPU seconds for something."""
+        EventLog(self.folder / plan.log_name, what).write("work", stage=what, cpu=round(cpu, 4))
+
+    def requests(self, run: str) -> Iterator[RenderRequest]:
+        """Yield the requests in the plan of a run, but those that this version cannot read."""
+        plan = self.root / PLANS / f"{run}.json"
+        for data in read_state(plan, lambda plan: list(plan["requests"])) or ():
+            with suppress(*UNUSABLE, FlowsculptError):  # of an earlier version, or damaged
+                if QualityName.of(data["quality_name"]).is_known:
+                    yield from_plain(RenderRequest, data)
+
+    def forget(self, keep: int) -> None:
+        """Remove what is left of all but the last runs, MOST at least; Snakemake finds out what is done.
+
+        Only the holder of the root's lock may call this.
+        """
+        for folder in (PLANS, EVENTS, LOGS):
+            for path in sorted((self.root / folder).glob("2*"))[: -max(keep, self.MOST)]:
+                remove_tree(path)
+        for folder in (DONE, LOGS / "jobs"):
+            for path in (self.root / folder).glob("*"):
+                if path.name != "renders":  # by which keys Snakemake knows movies
+                    remove_tree(path)

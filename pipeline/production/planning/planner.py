@@ -235,14 +235,14 @@ def batches(numbers: Sequence[int], cores: int, least: int = MIN_BATCH) -> list[
     cores = max(1, cores)
     share = -(-len(numbers) // cores)
     if list(numbers) == sorted(numbers):
-        return list(_guided(numbers, cores, max(least, min(MIN_LAST_BATCH, share))))
+        return list(_halving_batches(numbers, cores, max(least, min(MIN_LAST_BATCH, share))))
     size = min(MAX_BATCH, max(least, share))
     hands = [numbers[i : i + size * cores] for i in range(0, len(numbers), size * cores)]
     dealt = (tuple(hand[i::cores]) for hand in hands for i in range(cores))
     return [batch for batch in dealt if batch]
 
 
-def _guided(numbers: Sequence[int], cores: int, least: int) -> Iterator[tuple[int, ...]]:
+def _halving_batches(numbers: Sequence[int], cores: int, least: int) -> Iterator[tuple[int, ...]]:
     """Yield batches of half of each core's share of what is left."""
     begun = 0
     while begun < len(numbers):

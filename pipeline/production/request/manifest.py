@@ -79,13 +79,13 @@ class ShotManifest:
     @classmethod
     def of(cls, shot: Shot) -> ShotManifest:
         """Compile the manifest of a shot."""
-        from flowsculpt.pipeline.flow.flow import python_flows
+        from flowsculpt.pipeline.flow.flow import foreign_flows
 
         inputs, picture, clock = input_digests(shot.files), shot.picture, shot.motion.clock
         return cls(
             inputs=inputs,
             listings=_listings(inputs),
-            runs_python=any(True for part in shot.parts for _ in python_flows(part.motion.flow)),
+            runs_python=any(True for part in shot.parts for _ in foreign_flows(part.motion.flow)),
             frames=shot.frames.numbers,
             rate=str(shot.rate),
             shown_as=picture.display.data,
@@ -120,13 +120,14 @@ class ShotManifest:
         """True for all projections but a perspective."""
         return self.projection[0] != "perspective"
 
-    def in_perspective(self) -> ShotManifest:
-        """Return that of the shot in perspective, in the usual sizes; itself if it is not wide."""
+    def only_turned(self) -> ShotManifest:
+        """Return that of the shot turned before a still camera: in perspective, and nothing else it has."""
+        rest = replace(self, sounds=(), overrides=(), restyled=(), stages={}, loop=None)
         if not self.is_wide:
-            return self
+            return rest
         from flowsculpt.render.scene.render_camera import PERSPECTIVE  # numpy, which planning does without
 
-        return replace(self, projection=astuple(PERSPECTIVE), qualities=flat_qualities(self.qualities))
+        return replace(rest, projection=astuple(PERSPECTIVE), qualities=flat_qualities(self.qualities))
 
     def is_blurred(self, number: int) -> bool:
         """Tell whether the shutter of a frame is open for some time."""

@@ -55,10 +55,13 @@ class FrameSource(Protocol):
 
     Sources of plug-ins are frozen dataclasses; a plan holds one under its kind, a name in `frame_sources`.
 
-    kind  that name; empty for a shot's own frames
+    kind       that name; empty for a shot's own frames
+    is_turned  True if the shot is only turned: seen in perspective, without its sounds, overrides, loop and
+               stages of plug-ins
     """
 
     kind: ClassVar[str]
+    is_turned: ClassVar[bool]
 
     def angles(self, frames: Iterable[int]) -> dict[int, MeshAngle]:
         """Return what each picture shows, by number, of a shot with these frames."""
@@ -68,9 +71,6 @@ class FrameSource(Protocol):
 
     def adapt_shot(self, shot: Shot) -> Shot:
         """Return a shot as its pictures are seen."""
-
-    def adapt_manifest(self, manifest: ShotManifest) -> ShotManifest:
-        """Return the manifest of what `adapt_shot` returns."""
 
     def mesh_folders(self, name: str) -> Folders:
         """Return the folders of the mesh frames of a shot."""
@@ -87,6 +87,7 @@ class ShotFrames:
     """The frames of a shot as it shows them: each mesh frame once."""
 
     kind: ClassVar[str] = ""
+    is_turned: ClassVar[bool] = False
 
     def angles(self, frames: Iterable[int]) -> dict[int, MeshAngle]:
         return {number: MeshAngle(number) for number in frames}
@@ -96,9 +97,6 @@ class ShotFrames:
 
     def adapt_shot(self, shot: Shot) -> Shot:
         return shot
-
-    def adapt_manifest(self, manifest: ShotManifest) -> ShotManifest:
-        return manifest
 
     def mesh_folders(self, name: str) -> Folders:
         return Folders.of_shot(name)
@@ -146,7 +144,8 @@ class RenderRequest:
     @cached_property
     def manifest(self) -> ShotManifest:
         """The manifest of the shot, known without reading it where the planning cache has it."""
-        return self.frame_source.adapt_manifest(self.source.manifest)
+        manifest = self.source.manifest
+        return manifest.only_turned() if self.frame_source.is_turned else manifest
 
     @cached_property
     def pictures(self) -> RequestPictures:

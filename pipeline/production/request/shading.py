@@ -383,14 +383,14 @@ def framing_at(framings: Mapping[int, Framing], number: int, offset: float) -> F
     if number + ahead not in framings:
         return framings[number]
     one, other = to_plain(framings[number]), to_plain(framings[number + ahead])
-    return from_plain(Framing, _mixed(one, other, share))
+    return from_plain(Framing, _mix(one, other, share))
 
 
-def _mixed(one: Any, other: Any, share: float) -> Any:
+def _mix(one: Any, other: Any, share: float) -> Any:
     """Interpolate the numbers in two pieces of plain data of one form; the rest stays that of the first."""
     if isinstance(one, dict):
-        return {name: _mixed(value, other[name], share) for name, value in one.items()}
+        return {name: _mix(value, other[name], share) for name, value in one.items()}
     if isinstance(one, list | tuple):
-        return [_mixed(a, b, share) for a, b in zip(one, other, strict=True)]
+        return [_mix(a, b, share) for a, b in zip(one, other, strict=True)]
     is_number = isinstance(one, float) and isinstance(other, float)
     return one + share * (other - one) if is_number else one

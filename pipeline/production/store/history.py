@@ -319,14 +319,14 @@ def summarise(root: Path) -> None:
                     continue
                 history.write()
                 added = {**added, log.stem: size}
-        kept = {log.stem for log in _rotated(root, [log for log in logs if log.stem in added])}
+        kept = {log.stem for log in _rotate(root, [log for log in logs if log.stem in added])}
         added = {name: size for name, size in added.items() if name in kept}
         if added != before:
             with atomic_write(root / HISTORY / "logs.json", flush=False) as draft:
                 draft.write_text(json.dumps(added), encoding="utf-8")
 
 
-def _rotated(root: Path, logs: Sequence[Path]) -> Iterator[Path]:
+def _rotate(root: Path, logs: Sequence[Path]) -> Iterator[Path]:
     """Remove the logs of all but the latest runs, Snakemake's too; yield those that stay."""
     total = 0
     for age, log in enumerate(reversed(logs)):

@@ -79,11 +79,6 @@ class RootFolders(NamedTuple):
     repeated: Path
     notes: Path
 
-    @classmethod
-    def of(cls, root: Path) -> RootFolders:
-        """Return the folders below a root, whether they are there or not."""
-        return cls(*(root / place for place in (STATE, DIGESTS, RENDERS, PUBLISHED, REPEATED, NOTES)))
-
 
 @dataclass(frozen=True)
 class Folders:
@@ -97,6 +92,11 @@ class Folders:
     home: Path
     name: str
     subject: str = ""
+
+    @staticmethod
+    def of_root(root: Path) -> RootFolders:
+        """Return the folders below a root, whether they are there or not."""
+        return RootFolders(*(root / place for place in (STATE, DIGESTS, RENDERS, PUBLISHED, REPEATED, NOTES)))
 
     @classmethod
     def of_shot(cls, name: str) -> Folders:

@@ -346,6 +346,27 @@ class Store:
         with disk_errors(self.path(kind, key)):
             remove_file(self.path(kind, key))
 
+    def upload_missed(self, others: Iterable[Name] = ()) -> Uploaded:
+        """Send the files that are marked, and others. One that is gone or damaged loses its mark."""
+        if not self.may_upload:
+            return Uploaded(0, 0)
+
+        def upload_one(name: Name) -> bool | None:
+            """Return None for a file that is gone, damaged, or of unknown digest."""
+            path = self.path(*name)
+            try:
+                digest = digest_of(path)
+            except OSError:
+                digest = ""
+            if digest not in self.digests.known(path):
+                remove_file(_mark(self.root, name))
+                return None
+            return upload(self, name, digest)
+
+        with ThreadPoolExecutor(SIDE_BY_SIDE) as pool:
+            outcomes = list(pool.map(upload_one, dict.fromkeys([*others, *missed_uploads(self.root)])))
+        return Uploaded(outcomes.count(True), outcomes.count(False))
+
 
 def _draft_beside(store: Store, path: Path) -> Path:
     """Return a new path for an unfinished file next to a shown one; see `sweep_hidden_drafts`."""
@@ -488,28 +509,6 @@ def missed_uploads(root: Path) -> list[Name]:
         return []
     names = (path.name.partition(".") for path in sorted(folder.iterdir()))
     return [(kind, key) for kind, _, key in names if kind in SUFFIXES]
-
-
-def upload_missed(store: Store, others: Iterable[Name] = ()) -> Uploaded:
-    """Send the files that are marked, and others. One that is gone or damaged meanwhile loses its mark."""
-    if not store.may_upload:
-        return Uploaded(0, 0)
-
-    def upload_one(name: Name) -> bool | None:
-        """Return None for a file that is gone, damaged, or of unknown digest."""
-        path = store.path(*name)
-        try:
-            digest = digest_of(path)
-        except OSError:
-            digest = ""
-        if digest not in store.digests.known(path):
-            remove_file(_mark(store.root, name))
-            return None
-        return upload(store, name, digest)
-
-    with ThreadPoolExecutor(SIDE_BY_SIDE) as pool:
-        outcomes = list(pool.map(upload_one, dict.fromkeys([*others, *missed_uploads(store.root)])))
-    return Uploaded(outcomes.count(True), outcomes.count(False))
 
 
 def _mark(root: Path, name: Name) -> Path:

@@ -129,7 +129,7 @@ def _do(context: Context, insist: bool, after: int) -> int:
         if not STAGES[job.stage].per_quality:
             stack.enter_context(Locks(root).hold_key(job.key, context.waits))
         bring_inputs_to_now(context)
-        return _render(context, after) if job.stage == "render" else _finished(context, context)
+        return _render(context, after) if job.stage == "render" else _finish(context, context)
 
 
 def _render(context: Context, after: int) -> int:
@@ -138,13 +138,13 @@ def _render(context: Context, after: int) -> int:
         return fault
     job = context.job
     left = replace(job, frames=FrameRange(job.frames[settled_frames(context) if after else 0 :]))
-    code = verdict(context, _finished(replace(context, job=left), context))
+    code = verdict(context, _finish(replace(context, job=left), context))
     if code == 0 and job.output and not (context.root / job.output).exists():
         write_manifest(context.root / job.output, "raw", ())  # some frames failed, others go on
     return code
 
 
-def _finished(context: Context, whole: Context) -> int:
+def _finish(context: Context, whole: Context) -> int:
     """Do a job, or the rest of one, in this process; write the done-file of the whole job."""
     code = work(context)
     if code == 0:

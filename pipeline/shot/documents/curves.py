@@ -126,7 +126,7 @@ class _FollowsSound(Changing):
 
         path = context.file(self.audio)
         low, high = BANDS[self.band] if isinstance(self.band, str) else self.band
-        level = context.attempt(lambda: band_level(path, context.digests[path], low, high))
+        level = band_level(path, context.digests[path], low, high)
         context.sounds.append((self.start, path, level.silence))
         envelope = Envelope(
             digest=context.digests[path],

@@ -21,8 +21,9 @@ from pydantic import (
     model_validator,
 )
 from pydantic_core import CoreSchema, PydanticCustomError
+from pydantic_core.core_schema import ValidatorFunctionWrapHandler, no_info_wrap_validator_function
 
-from flowsculpt.pipeline.errors import quote, suggest
+from flowsculpt.pipeline.errors import FlowsculptError, quote, suggest
 from flowsculpt.pipeline.flow.parameters import Vector, X, Y, Z
 from flowsculpt.pipeline.flow.streamlines import MAX_SUBSTEPS
 from flowsculpt.pipeline.formula import Expression, FormulaError
@@ -41,10 +42,18 @@ SMALLEST, LARGEST = 1e-9, 1e12
 """Bounds of measures and numbers: squares, inverses and differences stay finite."""
 
 
+def _reported(value: Any, validate: ValidatorFunctionWrapHandler) -> Any:
+    """Validate a value; turn an error of ours into a finding."""
+    try:
+        return validate(value)
+    except FlowsculptError as error:
+        raise finding(str(error)) from None
+
+
 class Document(BaseModel):
     """A mapping in a shot file: no unknown keys, no silent conversions.
 
-    Its validators raise ValueError; the message names the place.
+    Its validators raise ValueError, or what reading files raises; messages name the place.
 
     what     the kind of file, for messages about its names at the top
     example  one that a shot can have, for messages; empty where its needed names are example enough
@@ -54,6 +63,21 @@ class Document(BaseModel):
     example: ClassVar[str] = ""
 
     model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """Report errors of ours, which validators raise, at the place of the document.
+
+        The schema is wrapped in its place: references to it, and so the JSON Schema, stay as they are.
+        """
+        found = handler(source)
+        schema: Any = handler.resolve_ref_schema(found)
+        if schema["type"] != "function-wrap":
+            inner = {name: value for name, value in schema.items() if name != "ref"}
+            wrapped = no_info_wrap_validator_function(_reported, inner, ref=schema.get("ref"))
+            schema.clear()
+            schema.update(wrapped)
+        return found
 
     @classmethod
     def model_rebuild(cls, **given: Any) -> bool | None:

@@ -3,39 +3,29 @@
 Angles are degrees in the file and radians in the code.
 """
 
-import ast
 import typing
 from dataclasses import MISSING
-from itertools import pairwise
-from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self
 
-import numpy as np
 from pydantic import (
     AfterValidator,
     BeforeValidator,
     Field,
     GetJsonSchemaHandler,
-    PrivateAttr,
     ValidationInfo,
     create_model,
-    field_validator,
     model_validator,
 )
 from pydantic_core import CoreSchema
 
-from flowsculpt.pipeline.errors import quote, reason_of
+from flowsculpt.pipeline.errors import quote
 from flowsculpt.pipeline.flow import Flow, VelocityField, catalogue
 from flowsculpt.pipeline.flow.catalogue.external_fields import (
     MAX_NUMBERS,
-    Attraction,
     FormulaField,
-    Target,
-    Wind,
 )
-from flowsculpt.pipeline.flow.catalogue.vortices import CurlNoise
 from flowsculpt.pipeline.flow.compiled_formulas import NAMES
-from flowsculpt.pipeline.flow.flow import MOST_CODE, PluginMap, PythonFlow
+from flowsculpt.pipeline.flow.flow import PluginMap
 from flowsculpt.pipeline.flow.parameters import (
     Parameter,
     ParameterDoc,
@@ -46,7 +36,6 @@ from flowsculpt.pipeline.flow.parameters import (
 )
 from flowsculpt.pipeline.flow.velocity import PluginField
 from flowsculpt.pipeline.formula import CONSTANTS, FUNCTIONS
-from flowsculpt.pipeline.mesh.read import read_mesh
 from flowsculpt.pipeline.plugin import Plugin, plugins
 from flowsculpt.pipeline.plugin_contracts import require_class
 from flowsculpt.pipeline.shot.documents import curves
@@ -55,7 +44,6 @@ from flowsculpt.pipeline.shot.documents.field_types import (
     Axis,
     Document,
     NumberOrText,
-    OneOfSeveral,
     Positive,
     Real,
     Triple,
@@ -64,8 +52,7 @@ from flowsculpt.pipeline.shot.documents.field_types import (
     vector,
 )
 from flowsculpt.pipeline.shot.motion import Clock
-from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext, finding
-from flowsculpt.render.base.input_files import InputFile
+from flowsculpt.pipeline.shot.yaml.document_validation import finding
 
 
 class FlowParameters(Document):
@@ -112,7 +99,7 @@ def _document_of_plugin(plugin: Plugin, name: str, flow: Any) -> type[FlowParame
         base, flow = flow, flow.flow
     require_class(flow, VelocityField, Flow)
     document = document_of(flow, base)
-    if not flow.__module__.startswith("flowsculpt.pipeline.flow."):  # ours is decided by its data alone
+    if plugin.version:
         document.origin = (plugin.name, plugin.version, name)
     return document
 
@@ -218,128 +205,13 @@ class FormulaDocument(FlowParameters):
     def _fits(self) -> Self:
         """Check that all numbers and `frame` fit the flow."""
         x, y, z = self.velocity
-        ParseContext.attempt(lambda: FormulaField((x, y, z), tuple((name, 0.0) for name in self.numbers)))
+        FormulaField((x, y, z), tuple((name, 0.0) for name in self.numbers))
         return self
 
-
-class CurlNoiseDocument(FlowParameters):
-    flow = CurlNoise
-
-
-class AttractionDocument(OneOfSeveral, FlowParameters):
-    """Attraction to points, a curve or a mesh."""
-
-    noun, several = "the target of attraction", ("points", "curve", "mesh")
-
-    flow = Attraction
-
-    points: Annotated[
-        list[Triple] | None, Field(min_length=1), ParameterDoc("the nearest of these attracts", "units")
-    ] = None
-    curve: Annotated[
-        list[Triple] | None,
-        Field(min_length=2),
-        ParameterDoc("a smooth curve through these attracts", "units"),
-    ] = None
-    mesh: Annotated[str | None, ParameterDoc("the surface in this file attracts")] = None
-    closed: Annotated[bool, ParameterDoc("joins the last point of the curve to the first")] = False
-    scale: Annotated[Positive, ParameterDoc("factor on the mesh")] = 1.0
-
-    _target: Target = PrivateAttr()
-
-    @model_validator(mode="after")
-    def _to_one(self, info: ValidationInfo) -> Self:
-        if self.points is not None:
-            self._target = Target.points(np.array(self.points))
-        elif self.curve is not None:
-            self._target = Target.curve(np.array(self.curve), self.closed)
-        else:
-            file = ParseContext.of(info).mesh(str(self.mesh))
-            self._target = ParseContext.attempt(lambda: Target.surface(read_mesh(file), float(self.scale)))
-        return self
-
-    def own_values(self, clock: Clock) -> dict[str, Any]:
-        return {"target": self._target}
-
-
-class WindDocument(FlowParameters):
-    flow = Wind
-
-    through: Annotated[list[Triple], Field(min_length=2), ParameterDoc("points of the curve", "units")]
-
-    @field_validator("through")
-    @classmethod
-    def _has_directions(cls, through: list[list[float]]) -> list[list[float]]:
-        for point, following in pairwise(through):
-            if point == following:
-                raise finding(
-                    f"the curve goes through {point} twice in a row, so it has no direction there. "
-                    "Remove one."
-                )
-        return through
-
-    def own_values(self, clock: Clock) -> dict[str, Any]:
-        return {"through": tuple(vector(point) for point in self.through)}
-
-
-class PythonDocument(FlowParameters):
-    """A Python function, which is only parsed here; running it needs permission."""
-
-    flow = PythonFlow
-
-    file: Annotated[str, ParameterDoc("a Python file")]
-    function: Annotated[str, ParameterDoc("the name of a function in it")]
-    reads: Annotated[
-        list[str],
-        Field(default_factory=list),
-        ParameterDoc("files that it opens; their contents decide frames too"),
-    ]
-
-    _path: Path = PrivateAttr()
-    _digest: str = PrivateAttr()
-    _allowed: bool = PrivateAttr()
-    _reads: dict[Path, str] = PrivateAttr(default_factory=dict)
-
-    @field_validator("function")
-    @classmethod
-    def _is_a_name(cls, function: str) -> str:
-        if not function.isidentifier():
-            remedy = "write it as in the file, without brackets"
-            raise finding(f"{quote(function)} names no function; {remedy}.")
-        return function
-
-    @model_validator(mode="after")
-    def _is_python(self, info: ValidationInfo) -> Self:
-        context = ParseContext.of(info)
-        self._path, self._allowed = context.file(self.file), context.allow_code
-        self._digest = context.digests[self._path]
-        self._reads = {path: context.digests[path] for path in map(context.file, self.reads)}
-        code = ParseContext.attempt(lambda: InputFile(self._path, MOST_CODE).content())
-        try:
-            ast.parse(code, str(self._path))
-        except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
-            line = f" (line {error.lineno})" if isinstance(error, SyntaxError) and error.lineno else ""
-            reason = reason_of(error if not isinstance(error, SyntaxError) else ValueError(error.msg))
-            raise finding(f"{self._path}: this is not Python{line}: {reason}. Correct it there.") from None
-        return self
-
-    def own_values(self, clock: Clock) -> dict[str, Any]:
-        file = {"digest": self._digest, "path": self._path, "allowed": self._allowed}
-        opened = {"files": tuple(self._reads), "reads": tuple(self._reads.values())}
-        return {"function": self.function, **file, **opened}
-
-
-_WRITTEN_OUT: dict[str, type[FlowParameters]] = {
-    "formula": FormulaDocument,
-    "curl_noise": CurlNoiseDocument,
-    "attraction": AttractionDocument,
-    "wind": WindDocument,
-    "python": PythonDocument,
-}
 
 FLOW_DOCUMENTS: dict[str, type[FlowParameters]] = {
     **{shot_name(flow): document_of(flow) for flow in catalogue.FLOWS},
-    **{name: document_of(base.flow, base) for name, base in _WRITTEN_OUT.items()},
+    "formula": document_of(FormulaField, FormulaDocument),
     **plugins().parts("flows", _document_of_plugin),
 }
 """The flows that a shot can name, in the order of the docs; those of plug-ins last."""

@@ -163,7 +163,7 @@ class MeshDocument(Document):
     @model_validator(mode="after")
     def _is_closed(self, info: ValidationInfo) -> Self:
         path = ParseContext.of(info).mesh(self.file)
-        self._surface = ParseContext.attempt(lambda: ClosedSurface.of(read_mesh(path), str(path)))
+        self._surface = ClosedSurface.of(read_mesh(path), str(path))
         return self
 
     def build(self, clock: Clock, **falloff: Any) -> Region:

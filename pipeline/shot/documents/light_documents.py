@@ -335,7 +335,7 @@ class LightsDocument(Document):
             raise finding(
                 "lights has visible, which is for hdri; sun and sky have their own. Move or remove it."
             )
-        ParseContext.attempt(self.build)
+        self.build()
         return self
 
     def build(self) -> LightRig:

@@ -267,9 +267,7 @@ class ViewDocument(Document):
         if not self.model_fields_set:  # the default needs no OpenColorIO, which takes time to import
             return self
         config, digest = self._locate(ParseContext.of(info))
-        self._view = ParseContext.attempt(
-            lambda: view_of(config, self.view, self.display, self.space, digest)
-        )
+        self._view = view_of(config, self.view, self.display, self.space, digest)
         return self
 
     def build(self) -> ColourView:
@@ -332,7 +330,7 @@ def tables(config: Path) -> list[Path]:
 
 
 def _text(path: Path) -> str:
-    content = ParseContext.attempt(lambda: InputFile(path, MOST_CONFIG).content())
+    content = InputFile(path, MOST_CONFIG).content()
     try:
         return as_utf8(content).decode("utf-8", "replace")
     except ValueError as error:
@@ -343,7 +341,7 @@ def _require_plain(table: Path) -> None:
     """Refuse a table of colours that OpenColorIO would not read, or would read wrong."""
     if table.suffix.lower() not in _TEXT_TABLES:
         return
-    content = ParseContext.attempt(lambda: InputFile(table, MOST_CONFIG).content())
+    content = InputFile(table, MOST_CONFIG).content()
     try:
         is_plain = as_utf8(content) == content and (b"\n" in content or b"\r" not in content)
     except ValueError:

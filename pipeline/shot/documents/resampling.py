@@ -180,7 +180,7 @@ CreasesField = Annotated[
 METHODS = polygon_methods()
 
 
-def _described(method: str) -> str:
+def _describe(method: str) -> str:
     """Return the name of a plug-in's method and the first line of its docstring."""
     line = inspect.cleandoc(METHODS[method].__doc__ or "").partition("\n")[0]
     return f"{method}, which {line[:1].lower()}{line[1:].rstrip('.')}"
@@ -206,7 +206,7 @@ class ResampleDocument(Document):
         "difference of lengths between the ends of an edge, as a fraction of it, at most"
     )
     method: Annotated[str, one_of(("triangles", *METHODS), "method")] | None = optional(
-        "; or ".join(("triangles", *map(_described, METHODS)))
+        "; or ".join(("triangles", *map(_describe, METHODS)))
     )
     placement: Annotated[str, one_of(("chord", "curved", "exact"), "placement")] | None = optional(
         "where new vertices go: exact, on the surface at rest; curved, on a smooth one; chord, "

@@ -149,7 +149,7 @@ class SoundDocument(Document):
             from flowsculpt.render.movie.movie_sound import require_sound
 
             path = ParseContext.of(info).file(self.file)
-            ParseContext.attempt(lambda: require_sound(path))
+            require_sound(path)
         return self
 
     def build(self, folder: Path) -> SoundTrack:

@@ -39,9 +39,9 @@ class SubjectKind(Document):
     @model_validator(mode="after")
     def _can_be_made(self, info: ValidationInfo) -> Self:
         context = ParseContext.of(info)
-        self._digests = [context.digests[context.file(str(file))] for file in context.attempt(self.files)]
-        self._surface = context.attempt(lambda: self.surface(context.folder))
-        context.attempt(lambda: validate(self._surface).require())
+        self._digests = [context.digests[context.file(str(file))] for file in self.files()]
+        self._surface = self.surface(context.folder)
+        validate(self._surface).require()
         return self
 
     def made(self, origin: tuple[str, str]) -> tuple[str, TriangleMesh]:

@@ -55,7 +55,7 @@ class ParseContext:
 
     @staticmethod
     def attempt(make: Callable[[], T]) -> T:
-        """Return what `make` returns. Report an error of ours at the place of what is validated."""
+        """Return what `make` returns; report errors of ours at the place of a field, not of its document."""
         try:
             return make()
         except FlowsculptError as error:

@@ -111,7 +111,7 @@ class Bsdf:
     def description(self) -> Plain:
         """The parsed `text`, with its colours in the working space."""
         parsed, space = json.loads(self.text), WORKING_SPACES[self.working_space]
-        return parsed if space.is_rec709 else _converted(parsed, space)
+        return parsed if space.is_rec709 else _convert(parsed, space)
 
     @property
     def is_clear(self) -> bool:
@@ -138,13 +138,13 @@ class Bsdf:
         return 0.6, 0.6, 0.6
 
 
-def _converted(part: Any, space: WorkingSpace) -> Any:
+def _convert(part: Any, space: WorkingSpace) -> Any:
     """Return a part of a description with its lists of three numbers, which are colours, in a space."""
     if isinstance(part, dict):
-        return {name: value if name in _INDICES else _converted(value, space) for name, value in part.items()}
+        return {name: value if name in _INDICES else _convert(value, space) for name, value in part.items()}
     if isinstance(part, list) and len(part) == 3 and all(isinstance(item, int | float) for item in part):
         return space.from_rec709(np.array(part)).tolist()
-    return [_converted(item, space) for item in part] if isinstance(part, list) else part
+    return [_convert(item, space) for item in part] if isinstance(part, list) else part
 
 
 def _parts(part: Any) -> Iterator[Plain]:

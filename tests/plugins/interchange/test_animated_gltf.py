@@ -24,7 +24,7 @@ from flowsculpt.pipeline.plugins.interchange.drawn_mesh import MOST_ERROR, Drawn
 from flowsculpt.pipeline.plugins.interchange.gltf_document import GltfDocument
 from flowsculpt.pipeline.plugins.interchange.meshopt import FILTERS, MODES, decode_attributes, decode_indices
 from flowsculpt.pipeline.plugins.interchange.meshopt_encoder import encode_attributes, encode_indices
-from flowsculpt.render.graphics.three_js import installed_file, three_js
+from flowsculpt.render.graphics.three_js import installed_file, three_js_script
 from flowsculpt.render.scene.materials import LOOKS
 from tests.plugins.interchange.moving_meshes import ball, painted_box
 from tests.plugins.interchange.node_programs import gltf_messages, module
@@ -202,7 +202,7 @@ def test_three_js_plays_the_frames(tmp_path: Path, browser: Browser) -> None:
     moving = ball()
     numbers = [1, 10, 22]
     content = {
-        "three": three_js("nothing plays"),
+        "three": three_js_script("nothing plays"),
         "meshopt": (module("meshoptimizer") / "meshopt_decoder.mjs").read_text(),
         "file": base64.b64encode(written(tmp_path, moving).read_bytes()).decode(),
         "times": [(number - 1) / 24.0 for number in numbers],

@@ -10,11 +10,11 @@ import pytest
 from flowsculpt.pipeline.errors import MissingInputError, ShotError
 from flowsculpt.pipeline.mesh import TriangleMesh
 from flowsculpt.pipeline.mesh.control_net import PIECES, bspline_surface
-from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
 from flowsculpt.pipeline.plugins.points.clouds import CloudInSolid, CloudOfFile
 from flowsculpt.pipeline.plugins.points.nets import NetOfFile, NetOfRows, NetOfSolid
 from flowsculpt.pipeline.shot import read_shot
 from flowsculpt.pipeline.shot.subjects import Solid
+from tests.mesh_files import write_ply
 
 HEAD = "title: T\nframes: 1-3\n"
 BALL = "{solid: icosphere, radius: 2}"
@@ -25,7 +25,7 @@ ROWS = str([[[float(x), 0.0, float(z)] for x in range(4)] for z in range(5)])
 def folder(tmp_path: Path) -> Path:
     points = np.arange(12.0).reshape(4, 3)
     good = {"size": np.full(4, 0.5), "thin": np.array([0.1, 0.0, -1.0, 0.1])}
-    write_mesh(TriangleMesh(points, [], good), tmp_path / "stars.ply")
+    write_ply(TriangleMesh(points, [], good), tmp_path / "stars.ply")
     np.savez(tmp_path / "sail.npz", points=np.arange(60.0).reshape(4, 5, 3))
     np.savez(tmp_path / "small.npz", points=np.zeros((3, 5, 3)))
     np.savez(tmp_path / "wild.npz", points=np.full((4, 3), np.nan))

@@ -15,7 +15,7 @@ from flowsculpt.pipeline.plugins.remote.push_command import lacking_names
 from flowsculpt.pipeline.plugins.remote.remote_files import RemoteFiles
 from flowsculpt.pipeline.production.store.readers import with_key, write_npz
 from flowsculpt.pipeline.production.store.remote_store import READ_ONLY, VARIABLE
-from flowsculpt.pipeline.production.store.store import Store, missed_uploads, upload_missed
+from flowsculpt.pipeline.production.store.store import Store, missed_uploads
 from flowsculpt.render.post.image import write_exr
 from flowsculpt.render.scene.aovs import RenderedFrame
 
@@ -102,7 +102,7 @@ def test_a_remote_store_that_may_only_be_read_gives_and_takes_nothing(stores, sh
     monkeypatch.setenv(READ_ONLY, "1")
     assert theirs.bring("cameras", KEY)
     assert fill(theirs, OTHER).read_bytes() == content_of(OTHER)
-    assert upload_missed(theirs) == (0, 0)
+    assert theirs.upload_missed() == (0, 0)
     assert not missed_uploads(theirs.root)
     assert len(sent(share)) == 1
     sent(share)[0].write_bytes(b"foreign")
@@ -178,7 +178,7 @@ def test_a_share_that_is_not_mounted_is_told_once_and_filled_later(stores, share
     assert missed_uploads(ours.root) == [("cameras", KEY), ("cameras", OTHER)]
     share.mkdir()
     remote_files._opened.cache_clear()
-    assert upload_missed(ours) == (2, 0)
+    assert ours.upload_missed() == (2, 0)
     assert missed_uploads(ours.root) == []
     assert theirs.bring("cameras", KEY) and theirs.bring("cameras", OTHER)
 
@@ -219,7 +219,7 @@ def test_a_writer_that_is_killed_leaves_a_mark_and_the_next_run_uploads(stores, 
         with pytest.raises(KeyboardInterrupt):
             fill(ours)
     assert missed_uploads(ours.root) == [("cameras", KEY)]
-    assert upload_missed(ours) == (1, 0) and len(sent(share)) == 1
+    assert ours.upload_missed() == (1, 0) and len(sent(share)) == 1
 
 
 def test_a_marked_file_that_is_gone_or_damaged_meanwhile_is_not_sent(stores, share):
@@ -231,7 +231,7 @@ def test_a_marked_file_that_is_gone_or_damaged_meanwhile_is_not_sent(stores, sha
     damaged.write_bytes(b"damaged")
     share.mkdir()
     remote_files._opened.cache_clear()
-    assert upload_missed(ours) == (0, 0)
+    assert ours.upload_missed() == (0, 0)
     assert missed_uploads(ours.root) == [] and sent(share) == []
 
 
@@ -239,10 +239,10 @@ def test_files_made_before_there_was_a_remote_store_are_uploaded_on_demand(tmp_p
     before = Store(tmp_path / "a", url=None)
     fill(before), fill(before, OTHER)
     ours = Store(tmp_path / "a", url)
-    upload_missed(ours)
+    ours.upload_missed()
     assert sent(share) == []
     assert len(lacking_names(ours)) == 2
-    assert upload_missed(ours, lacking_names(ours)) == (2, 0)
+    assert ours.upload_missed(lacking_names(ours)) == (2, 0)
     assert lacking_names(ours) == [] and len(sent(share)) == 2
 
 
@@ -328,7 +328,7 @@ def test_two_roots_that_share_a_remote_store_never_read_other_bytes(tmp_path_fac
         elif action == "evict":
             store.discard("cameras", key)
         elif action == "upload":
-            upload_missed(store, lacking_names(store))
+            store.upload_missed(lacking_names(store))
         elif there:
             undamaged.discard(key)
             if action == "delete":

@@ -9,7 +9,7 @@ import pytest
 
 from flowsculpt.pipeline.plugins.remote import remote_files, remote_requests
 from flowsculpt.pipeline.plugins.remote.remote_files import RemoteFiles
-from flowsculpt.pipeline.production.store.store import Store, missed_uploads, upload_missed
+from flowsculpt.pipeline.production.store.store import Store, missed_uploads
 from tests.plugins.remote.s3 import BUCKET, CREDENTIALS, Proxy
 
 KEYS = [f"{number:032x}" for number in range(40)]
@@ -94,7 +94,7 @@ def test_a_server_that_fails_for_long_fails_nobody_and_is_told_once(
     assert len(missed_uploads(ours.root)) == 5
     s3.fault = None
     remote_files._opened.cache_clear()  # as in the next run
-    assert upload_missed(ours) == (5, 0)
+    assert ours.upload_missed() == (5, 0)
     assert theirs.bring("png", KEYS[4]) and is_right(theirs, KEYS[4])
 
 
@@ -133,7 +133,7 @@ def test_what_is_damaged_on_the_way_is_never_used(stores, s3: Proxy, caplog, fau
     fill(theirs)
     s3.fault = None
     remote_files._opened.cache_clear()
-    assert upload_missed(theirs).unsent == 0
+    assert theirs.upload_missed().unsent == 0
     theirs.discard("png", KEYS[0])
     assert theirs.bring("png", KEYS[0]) and is_right(theirs)
 

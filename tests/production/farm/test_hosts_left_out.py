@@ -15,7 +15,7 @@ import pytest
 from snakemake.iocontainers import ResourceList
 
 from flowsculpt.pipeline.errors import FrameError, MachineError
-from flowsculpt.pipeline.production.execution.farm_executor import avoid_unfit_hosts
+from flowsculpt.pipeline.production.execution.executors import avoid_unfit_hosts
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.execution.snakefile import PlannedWorkflow
 from flowsculpt.pipeline.production.planning.profile import Profile

@@ -6,15 +6,14 @@ const DEGREES = 180 / Math.PI;
 class CameraDrag {
   constructor(page, picture) {
     Object.assign(this, { page, wheeled: null });
-    const turned = (event, begun) => this.turned(event.clientX - begun.clientX, event.clientY - begun.clientY);
-    dragOf(picture, {
-      start: () => page.follow.prepare(["camera"]),
-      move: (event, begun) => page.follow.show(turned(event, begun)),
-      end: (event, begun) => page.follow.end(turned(event, begun)),
-      cancel: () => page.follow.cancel(),
+    editable(page, picture, ["camera"], {
+      edits: (event, begun) => this.turned(event.clientX - begun.clientX, event.clientY - begun.clientY),
+      keyed: (right, down, many) => this.turned(10 * many * right, 10 * many * down),
+      gesture: () => "camera",
+      many: 3,
+      isOn: () => picture.matches(":focus-visible"), // a click leaves them to time
       zoom: (factor) => this.zoom(factor),
     });
-    arrowKeys(picture, (right, down, many) => page.shot.edit(this.turned(10 * many * right, 10 * many * down), "camera"), { many: 3, isOn: () => picture.matches(":focus-visible") });
   }
 
   #value(name, otherwise) {

@@ -72,27 +72,30 @@ class CurvePlot {
     const point = svg("g", { class: "point", tabindex: 0, role: "slider", ...told });
     point.dataset.focus = `${this.row.name} ${index} ${part}`;
     const dot = point.appendChild(svg("circle", { class: `key c${part}${index === this.row.timeline.point ? " chosen" : ""}`, cx: this.x(key.frame), cy: this.y(key.value[part]), r: 5 }));
-    this.#listenToKeys(point, key, index, part);
     point.addEventListener("focus", () => {
       if (this.row.timeline.point === index || this.dragged) return;
       this.row.timeline.point = index;
       this.row.timeline.take(this.page.shot.state.values);
     });
-    dragOf(point, {
+    point.addEventListener("keydown", (event) => {
+      if (event.key !== "Delete" && event.key !== "Backspace") return;
+      event.preventDefault();
+      this.row.remove(key);
+    });
+    editable(this.page, point, this.value.where, {
       start: () => {
         this.dragged = true;
         this.row.timeline.point = index;
-        this.page.follow.prepare(this.value.where);
       },
       click: () => { this.dragged = false; this.row.timeline.take(this.page.shot.state.values); },
-      move: (event) => {
+      edits: (event) => this.#keyEdits(key, this.#moved(event, key, part)),
+      draw: (event) => {
         const to = this.#moved(event, key, part);
         dot.setAttribute("cx", this.x(to.frame));
         dot.setAttribute("cy", this.y(to.value[part]));
-        this.page.follow.show(this.#keyEdits(key, to));
       },
-      end: (event) => this.page.follow.end(this.#keyEdits(key, this.#moved(event, key, part))),
-      cancel: () => this.page.follow.cancel(),
+      keyed: (right, down, many) => this.#keyEdits(key, right ? this.#stepped(point, key, part, right * many) : this.#raised(key, part, -down * many)),
+      gesture: (right) => `${this.row.name} ${right ? "key" : index}`,
     });
     this.svg.append(point);
   }
@@ -121,24 +124,17 @@ class CurvePlot {
     return edits;
   }
 
-  #listenToKeys(point, key, index, part) {
-    const { first, last } = this.page.shot.state, { timeline, keys, name } = this.row;
-    arrowKeys(point, (right, down, many) => {
-      if (!right) {
-        const value = key.value.map((old, i) => (i === part ? rounded(old - down * many * this.step, this.step) : old));
-        return this.page.shot.edit(this.#keyEdits(key, { frame: key.frame, value }), `${name} ${index}`);
-      }
-      const frame = clamp(key.frame + right * many, first, last);
-      if (keys.some((other) => other.frame === frame)) return;
-      timeline.point = keys.filter((other) => other !== key && other.frame < frame).length;
-      point.dataset.focus = `${name} ${timeline.point} ${part}`;
-      this.page.shot.edit(this.#keyEdits(key, { frame, value: key.value }), `${name} key`);
-    });
-    point.addEventListener("keydown", (event) => {
-      if (event.key !== "Delete" && event.key !== "Backspace") return;
-      event.preventDefault();
-      this.row.remove(key);
-    });
+  /** A key some frames on, unless there is one; the focus goes with it. */
+  #stepped(point, key, part, many) {
+    const { first, last } = this.page.shot.state, { timeline, keys, name } = this.row, frame = clamp(key.frame + many, first, last);
+    if (keys.some((other) => other.frame === frame)) return key;
+    timeline.point = keys.filter((other) => other !== key && other.frame < frame).length;
+    point.dataset.focus = `${name} ${timeline.point} ${part}`;
+    return { frame, value: key.value };
+  }
+
+  #raised(key, part, many) {
+    return { frame: key.frame, value: key.value.map((old, i) => (i === part ? rounded(old + many * this.step, this.step) : old)) };
   }
 
   /** The handles of the chosen key where its segments are Bézier curves. */
@@ -161,23 +157,19 @@ class CurvePlot {
         const frames = side === "right" ? Math.max(0, this.#frameAt(event) - key.frame) : Math.min(0, this.#frameAt(event) - key.frame);
         return [frames, this.#numberAt(event) - number];
       };
-      dragOf(grip, {
-        start: () => {
-          this.dragged = true;
-          this.page.follow.prepare(this.value.where);
-        },
-        move: (event) => {
+      editable(this.page, grip, this.value.where, {
+        start: () => { this.dragged = true; },
+        edits: (event) => edits(...moved(event)),
+        draw: (event) => {
           const [frames, value] = moved(event);
           for (const [element, x, y] of [[dot, "cx", "cy"], [arm, "x2", "y2"]]) {
             element.setAttribute(x, this.x(key.frame + frames));
             element.setAttribute(y, this.y(number + value));
           }
-          this.page.follow.show(edits(frames, value));
         },
-        end: (event) => this.page.follow.end(edits(...moved(event))),
-        cancel: () => this.page.follow.cancel(),
+        keyed: (right, down) => edits(given[0] + right, given[1][part] - down * this.step),
+        gesture: () => `${this.row.name} ${side}`,
       });
-      arrowKeys(grip, (right, down) => this.page.shot.edit(edits(given[0] + right, given[1][part] - down * this.step), `${this.row.name} ${side}`));
       this.svg.append(grip);
     });
   }

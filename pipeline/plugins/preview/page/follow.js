@@ -1,8 +1,29 @@
 // While something is dragged, the current frame as it would be. One request is under way at a time; of the states in
 // between only the latest is asked for.
 
-/** Follow a drag of a part of the page. Until it is over no new state is drawn, which would replace what is dragged. */
-function dragOf(element, acts) { gestures(element, { ...acts, over: (isDone) => isDone || page.draw() }); }
+/**
+ * Edit a value by dragging an element, and by its arrow keys. Until a drag is over no new state is drawn, which would
+ * replace what is dragged.
+ *
+ * edits(event, begun)        what a drag changes, from event to event
+ * draw(event, begun)         moves what is dragged
+ * keyed(right, down, many)   what arrow keys change; `gesture(right)` names changes that are undone together
+ */
+function editable(page, element, where, { edits, draw, keyed, gesture, many, isOn, ...more }) {
+  gestures(element, {
+    ...more,
+    start: () => { more.start?.(); page.follow.prepare(where); },
+    move: (event, begun) => { draw?.(event, begun); page.follow.show(edits(event, begun)); },
+    end: (event, begun) => page.follow.end(edits(event, begun)),
+    cancel: () => page.follow.cancel(),
+    over: (isDone) => isDone || page.draw(),
+  });
+  const press = (...way) => {
+    const change = keyed(...way);
+    if (change.length) page.shot.edit(change, gesture(...way));
+  };
+  arrowKeys(element, press, { many, isOn });
+}
 
 class Follow {
   constructor(page) {

@@ -65,25 +65,21 @@ class Handles {
     return group;
   }
 
-  /** Wire a handle: `given(dx, dy)` is what its value becomes for a drag, from event to event. */
+  /** Wire a handle: `given(event, begun)` is what its value becomes for a drag, and `keyed(right, down)` for arrow keys. */
   #wire(group, value, given, keyed, draw) {
-    const { shot, film } = this.page, edits = (to) => shot.change(value, to, shot.frameOf(value.where, film.at));
-    dragOf(group, {
-      start: () => this.page.follow.prepare(value.where),
-      move: (event, begun) => {
-        const to = given(event, begun), change = edits(to);
-        if (!change.length) return this.page.note(formulaNote(value));
-        draw?.(to);
-        this.page.follow.show(change);
-      },
-      end: (event, begun) => this.page.follow.end(edits(given(event, begun))),
-      cancel: () => this.page.follow.cancel(),
+    const { page } = this, { shot, film } = page;
+    const edits = (to) => {
+      const change = shot.change(value, to, shot.frameOf(value.where, film.at));
+      if (!change.length) page.note(formulaNote(value));
+      return change;
+    };
+    editable(page, group, value.where, {
+      edits: (...drag) => edits(given(...drag)),
+      draw: (...drag) => draw(given(...drag)),
+      keyed: (right, down, many) => edits(keyed(right * many, down * many)),
+      gesture: () => `handle ${group.dataset.handle}`,
+      many: 5,
     });
-    arrowKeys(group, (right, down, many) => {
-      const change = edits(keyed(right * many, down * many));
-      if (change.length) this.page.shot.edit(change, `handle ${group.dataset.handle}`);
-      else this.page.note(formulaNote(value));
-    }, { many: 5 });
   }
 
   #centre(place, centre, at, projection, title, around) {

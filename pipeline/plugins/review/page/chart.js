@@ -9,7 +9,7 @@ class Chart {
    * parts    {shapes: elements, value: (place) words, parts: (place) words for each name of the legend,
    *          aside: (place) shares beside the frames, ends: [highest, lowest] in words beside them}
    */
-  constructor(parent, about, numbers, parts, seek) {
+  constructor(about, numbers, parts, seek) {
     Object.assign(this, { about, numbers, ...parts });
     this.output = make("span");
     this.bars = svg("svg", { class: "aside", preserveAspectRatio: "none" });
@@ -19,8 +19,9 @@ class Chart {
     const flat = this.shapes.filter((shape) => shape instanceof HTMLElement);
     this.plot = make("div", { className: "plot", role: "img", ariaLabel: `${about.title} by frame: ${about.hint}` }, ...flat, drawing, this.head);
     const ends = make("div", "ends", ...(this.ends ?? []).map((words) => make("span", {}, words)));
-    this.box = make("div", "chart-box", this.plot, make("div", "beside", this.bars, ends));
-    this.figure = parent.appendChild(make("figure", "chart", make("figcaption", {}, make("span", { title: about.hint }, about.title), this.output), this.box));
+    const caption = make("figcaption", {}, make("span", { title: about.hint }, about.title), this.output);
+    this.figure = make("figure", "chart", caption, make("div", "chart-box", this.plot, make("div", "beside", this.bars, ends)));
+    this.figure.style.setProperty("--tall", about.height);
     this.#addLegend();
     const go = (event) => seek(this.numbers[this.#placeAt(event)]);
     const hover = (event) => { this.hovered = this.#placeAt(event); this.draw(this.frame); };
@@ -35,9 +36,6 @@ class Chart {
     const items = this.about.legend.map(([name, ink], i) => make("span", {}, make("i", { style: `background: ${ink}` }), `${name} `, this.told[i]));
     this.figure.append(make("p", "legend", ...items));
   }
-
-  /** Make it so many times as high as it must be. */
-  stretch(factor) { this.box.style.height = `${Math.round(this.about.height * factor)}px`; }
 
   #placeAt(event) {
     const box = this.plot.getBoundingClientRect(), count = this.numbers.length;
@@ -81,7 +79,7 @@ function lineOf(values, [low, high], name) {
 /** Bars from their feet upwards, or downwards where they are negative: [[foot, height]] of the frames. */
 function barsOf(bars, ink) {
   const each = ([foot, height], i) => `M${i} ${WHOLE - foot}h0.9v${-height}h-0.9z`;
-  return svg("path", { d: bars.map(each).join(""), fill: ink });
+  return svg("path", { d: bars.map(each).join(""), fill: ink, stroke: "none" });
 }
 
 /** A thin level across the plot, with a word. */

@@ -66,7 +66,7 @@ class Controls {
 
   /** Show how things are. */
   draw() {
-    const { review } = this, { transport, stage, a, b, mode } = review;
+    const { review } = this, { stage, a, b, mode } = review;
     this.lists.a.value = a.index;
     this.lists.b.value = b.index;
     const size = stage.zoom === null ? "fit" : stage.zoom === 1 ? "one" : "";
@@ -92,7 +92,6 @@ class Controls {
     const [left, right] = this.#tags(mode, a.name(review.isAlone), b.name(review.isAlone));
     id("tag-a").textContent = left;
     id("tag-b").textContent = right;
-    if (transport.numbers.length < 2) this.playback.button.disabled = true;
   }
 
   /** The names over the picture, left and right. */

@@ -1,8 +1,6 @@
-// Layers as pictures: exposure, gamma, one channel, and false colour, by the graphics card or in a loop.
+// Layers as pictures: exposure, gamma, one channel, and false colour, by WebGL.
 
 const CHANNELS = ["rgb", "red", "green", "blue", "luminance"];
-const CLIPPED = { over: [1, 0.16, 0.1], under: [0.1, 0.35, 1], none: [1, 0, 1] };
-const LUMINANCE = [0.2126, 0.7152, 0.0722];
 
 const VERTEX_SHADER = `#version 300 es
 void main() { gl_Position = vec4(vec2[3](vec2(-1, -1), vec2(3, -1), vec2(-1, 3))[gl_VertexID], 0, 1); }`;
@@ -48,24 +46,27 @@ class Grader {
     this.settings = { exposure: 0, gamma: 1, channel: "rgb", clipping: false };
     this.canvas = make("canvas");
     this.gl = this.canvas.getContext("webgl2", { antialias: false, depth: false, preserveDrawingBuffer: true });
-    if (this.gl) this.#prepare();
+    this.#prepare();
+    this.canvas.addEventListener("webglcontextlost", (event) => event.preventDefault()); // so that it comes back
+    this.canvas.addEventListener("webglcontextrestored", () => this.#prepare());
     this.drawn = new WeakMap();  // layer -> {state, canvas}
   }
 
-  /** The layer as a canvas that shows it by these settings, through the table `view` if there is one. */
+  /** The layer as a canvas that shows it by these settings, through the table `view` if there is one; null without WebGL. */
   graded(layer, view = null) {
+    if (!this.gl || this.gl.isContextLost()) return null;
     const state = JSON.stringify(this.settings), last = this.drawn.get(layer);
     if (last?.state === state) return last.canvas;
     const { width, height } = layer, canvas = last?.canvas ?? make("canvas");
     Object.assign(canvas, { width, height });
     const context = canvas.getContext("2d", { alpha: false });
-    if (this.gl && !this.gl.isContextLost()) context.drawImage(this.#byCard(layer, view), 0, 0);
-    else context.putImageData(new ImageData(this.inLoop(layer, view), width, height), 0, 0);
+    context.drawImage(this.#draw(layer, view), 0, 0);
     this.drawn.set(layer, { state, canvas });
     return canvas;
   }
 
   #prepare() {
+    if (!this.gl) return;
     const { gl } = this, program = gl.createProgram();
     for (const [kind, text] of [[gl.VERTEX_SHADER, VERTEX_SHADER], [gl.FRAGMENT_SHADER, FRAGMENT_SHADER]]) {
       const shader = gl.createShader(kind);
@@ -74,10 +75,6 @@ class Grader {
       gl.attachShader(program, shader);
     }
     gl.linkProgram(program);
-    if (!gl.getProgramParameter(program, gl.LINK_STATUS)) {
-      this.gl = null;
-      return;
-    }
     gl.useProgram(program);
     this.place = (name) => gl.getUniformLocation(program, name);
     gl.uniform1i(this.place("view"), 1);
@@ -88,6 +85,7 @@ class Grader {
       for (const axis of ["S", "T", "R"]) gl.texParameteri(target, gl[`TEXTURE_WRAP_${axis}`], gl.CLAMP_TO_EDGE);
     }
     this.#loadTable(1, new Uint8Array(4));
+    this.view = null;
   }
 
   #loadTable(side, bytes) {
@@ -108,7 +106,7 @@ class Grader {
     for (const [name, value] of Object.entries({ side, toe, white })) gl.uniform1f(place(name), value);
   }
 
-  #byCard(layer, view) {
+  #draw(layer, view) {
     const { gl, place, settings } = this, { width, height, low, high, kind } = layer;
     Object.assign(this.canvas, { width, height });
     gl.viewport(0, 0, width, height);
@@ -126,42 +124,4 @@ class Grader {
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     return this.canvas;
   }
-
-  /** The same without a graphics card: red, green, blue and alpha of all pixels, 8 bits. */
-  inLoop(layer, view = null) {
-    const { exposure, gamma, channel, clipping } = this.settings, { bits, low, high, kind } = layer;
-    const gain = 2 ** exposure, chosen = CHANNELS.indexOf(channel), pixels = new Uint8ClampedArray(bits.length);
-    for (let i = 0; i < bits.length; i += 4) {
-      let c = [0, 1, 2].map((k) => (kind === "display" ? bits[i + k] : fromHalf(bits[i + k])));
-      const isNone = c.some(Number.isNaN);
-      c = c.map((value) => (value - low) / (high - low)).map((value) => gain * (kind === "display" ? toLinear(value) : value));
-      if (view) c = lookedUp(view, c).map(toLinear);
-      if (chosen === 4) c.fill(c.reduce((sum, value, k) => sum + LUMINANCE[k] * value, 0));
-      else if (chosen > 0) c.fill(c[chosen - 1]);
-      if (kind !== "data") c = c.map(toDisplay);
-      const most = Math.max(...c);
-      let seen = c.map((value) => Math.min(1, Math.max(0, value)) ** (1 / gamma));
-      if (clipping && (isNone || most > 0.995 || most < 0.002)) seen = CLIPPED[isNone ? "none" : most > 0.995 ? "over" : "under"];
-      for (let k = 0; k < 3; k++) pixels[i + k] = 255 * seen[k];
-      pixels[i + 3] = 255;
-    }
-    return pixels;
-  }
 }
-
-/** The display values of a colour by the table of a view, between its entries. */
-function lookedUp({ side, toe, white, bits }, light) {
-  const places = light.map((value) => ((side - 1) * Math.log2(1 + Math.min(white, Math.max(0, value || 0)) / toe)) / Math.log2(1 + white / toe));
-  const low = places.map((place) => Math.min(side - 2, Math.floor(place))), part = places.map((place, k) => place - low[k]);
-  const found = [0, 0, 0];
-  for (let corner = 0; corner < 8; corner++) {
-    const step = [corner >> 2, (corner >> 1) & 1, corner & 1];
-    const weight = step.reduce((product, up, k) => product * (up ? part[k] : 1 - part[k]), 1);
-    const from = 4 * (((low[0] + step[0]) * side + low[1] + step[1]) * side + low[2] + step[2]);
-    for (let k = 0; k < 3; k++) found[k] += (weight * bits[from + k]) / 255;
-  }
-  return found;
-}
-
-const toLinear = (value) => (value <= 0.04045 ? value / 12.92 : ((value + 0.055) / 1.055) ** 2.4);
-const toDisplay = (value) => (value <= 0.0031308 ? 12.92 * value : 1.055 * value ** (1 / 2.4) - 0.055);

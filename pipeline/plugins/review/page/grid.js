@@ -1,19 +1,15 @@
 // Many sequences at the same frame: the cells of wedges as on their sheets, and all that the page has.
 
-const SMALLEST_TILE = 150;
-
 class Grid {
   constructor(element, review, wedges) {
     Object.assign(this, { element, review });
     const own = review.sequences.filter((each) => each.kind !== "wedge");
-    this.groups = wedges.map((wedge) => ({
-      title: `${review.isAlone ? "" : `${wedge.shot} · `}${wedge.name}`,
-      columns: wedge.columns,
-      cells: wedge.cells.map((index, i) => [review.sequences[index], wedge.captions[i].map((line) => line.join(" ")).join(", ")]),
-    }));
-    if (own.length > 1) {
-      this.groups.push({ title: "Renders and versions", columns: null, cells: own.map((each) => [each, each.name(review.isAlone)]) });
-    }
+    const groupOf = (title, cells, columns) => ({ title, cells, columns: columns ?? Math.ceil(Math.sqrt(cells.length)) });
+    this.groups = wedges.map(({ shot, name, columns, cells, captions }) => {
+      const words = captions.map((lines) => lines.map((line) => line.join(" ")).join(", "));
+      return groupOf(review.isAlone ? name : `${shot} · ${name}`, cells.map((index, i) => [review.sequences[index], words[i]]), columns);
+    });
+    if (own.length > 1) this.groups.push(groupOf("Renders and versions", own.map((each) => [each, each.name(review.isAlone)])));
   }
 
   get isUseful() { return this.groups.length > 0; }
@@ -40,36 +36,18 @@ class Grid {
     }
   }
 
-  /** All tiles are as large as they may be for everything to fit; beyond a smallest size the grid scrolls. */
-  resize() {
-    if (this.element.hidden || !this.tiles) return;
-    const width = this.element.clientWidth - 40, height = this.element.clientHeight - 56;
-    let wide = width;
-    while (wide > SMALLEST_TILE && this.#height(wide, width) > height) wide -= 4;
-    this.groups.forEach((group, i) => {
-      const columns = columnsOf(group, wide, width);
-      this.parts[i].style.gridTemplateColumns = `repeat(${columns}, ${Math.floor(Math.min(wide, (width - 14 * (columns - 1)) / columns))}px)`;
-    });
-  }
-
-  /** How high everything is with tiles of a width. */
-  #height(wide, width) {
-    return this.groups.reduce((sum, group) => {
-      const columns = columnsOf(group, wide, width), [w, h] = group.cells[0][0].size;
-      const tile = Math.min(wide, (width - 14 * (columns - 1)) / columns);
-      return sum + 50 + Math.ceil(group.cells.length / columns) * ((tile * h) / w + 40);
-    }, 0);
-  }
-
   #build() {
+    const [width, height] = this.groups[0].cells[0][0].size, rows = this.groups.map(({ cells, columns }) => Math.ceil(cells.length / columns));
+    this.element.style.setProperty("--rows", rows.reduce((sum, each) => sum + each, 0));
+    this.element.style.setProperty("--aspect", width / height);
     this.tiles = [];
     this.parts = this.groups.map((group) => {
       const cells = make("div", "cells", ...group.cells.map(([sequence, caption]) => this.#tile(sequence, caption)));
+      cells.style.setProperty("--columns", group.columns);
       this.element.append(make("h2", {}, group.title), cells);
       return cells;
     });
     this.element.append(make("p", "note", "Click for A, with Shift for B; twice to see it large."));
-    this.resize();
   }
 
   #tile(sequence, caption) {
@@ -81,9 +59,4 @@ class Grid {
     this.tiles.push({ sequence, canvas, button, mark });
     return button;
   }
-}
-
-/** As many columns as its sheet has, or as fit. */
-function columnsOf(group, wide, width) {
-  return group.columns ?? Math.max(1, Math.min(group.cells.length, Math.floor((width + 14) / (wide + 14))));
 }

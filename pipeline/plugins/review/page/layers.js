@@ -2,49 +2,9 @@
 
 const LAYER_BYTES = 512e6;  // of decoded ones that are kept
 
-/** Layers by their files; `arrived()` is called when one can be shown. */
-class LayerCache {
-  constructor(arrived) {
-    this.arrived = arrived;
-    this.entries = new Map();  // file -> layer; null while it is read, false if it cannot be
-    window.reviewLayer = (file, data) => this.#decode(file, data);
-  }
-
-  /** The layer of a file, or null: it is not there yet, or cannot be read. */
-  get(file) {
-    if (!file) return null;
-    if (!this.entries.has(file)) {
-      this.entries.set(file, null);
-      script(`layers/${file}`).catch(() => this.#settle(file, false));
-    }
-    const layer = this.entries.get(file);
-    if (layer) this.#put(file, layer);
-    return layer || null;
-  }
-
-  /** Keep an entry as the one that was used last. */
-  #put(file, layer) {
-    this.entries.delete(file);
-    this.entries.set(file, layer);
-  }
-
-  async #decode(file, { data, ...about }) {
-    try {
-      this.#settle(file, new Layer(about, await inflated(data)));
-    } catch {
-      this.#settle(file, false);
-    }
-  }
-
-  #settle(file, layer) {
-    this.#put(file, layer);
-    let bytes = 0;
-    for (const [key, each] of [...this.entries].reverse()) {
-      if (each) bytes += each.bits.byteLength;
-      if (each && bytes > LAYER_BYTES) this.entries.delete(key);
-    }
-    this.arrived();
-  }
+/** Layers by their files. */
+function layerStore(arrived) {
+  return new ScriptStore("layers", "reviewLayer", async ({ data, ...about }) => new Layer(about, await inflated(data)), arrived, LAYER_BYTES);
 }
 
 /** One layer of a frame. `bits` are half floats, or display steps, as red, green, blue and alpha of each pixel. */

@@ -56,8 +56,8 @@ class Scope {
 
 class LevelsPanel {
   constructor(element, review) {
-    Object.assign(this, { element, review, entries: new Map() });
-    window.reviewScope = (file, data) => this.#decode(file, data);
+    Object.assign(this, { element, review });
+    this.scopes = new ScriptStore("scopes", "reviewScope", async (data) => Scope.unpacked(await inflated(data)), () => this.draw());
   }
 
   draw() {
@@ -66,12 +66,11 @@ class LevelsPanel {
     const { review } = this, sequence = review.shownSequence, { frame } = review.transport;
     const scope = this.scopeOf(sequence, frame);
     this.words.textContent = scope ? "" : this.#without(sequence, frame);
-    for (const figure of this.figures) figure.canvas.hidden = !scope;
-    this.numbers.hidden = !scope;
+    for (const figure of this.figures) figure.hidden = !scope;
     if (!scope) return;
-    this.#drawWaves(this.figures[0], scope, [0]);
-    this.#drawWaves(this.figures[1], scope, [1, 2, 3]);
-    this.#drawHistogram(this.figures[2], scope);
+    this.#drawWaves(this.luma, scope, [0]);
+    this.#drawWaves(this.parade, scope, [1, 2, 3]);
+    this.#drawHistogram(scope);
     const share = (value) => `${(100 * value).toFixed(value < 0.1 ? 2 : 1)} %`;
     const facts = [
       ["1 % of pixels up to", scope.percentile(0.01)], ["half of them up to", scope.percentile(0.5)], ["99 % up to", scope.percentile(0.99)],
@@ -80,8 +79,6 @@ class LevelsPanel {
     this.numbers.replaceChildren(...facts.map(([name, value]) => make("span", {}, `${name} `, make("b", {}, String(value)))));
   }
 
-  resize() { this.draw(); }
-
   /** The levels of a frame as it is seen; null while they are read, or where the page has none. */
   scopeOf(sequence, frame) {
     const { viewing } = this.review;
@@ -89,91 +86,56 @@ class LevelsPanel {
       const canvas = viewing.source(sequence, frame);
       return canvas && Scope.of(canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height));
     }
-    const file = sequence.scopes[sequence.places.get(frame)];
-    if (!file) return null;
-    if (!this.entries.has(file)) {
-      this.entries.set(file, null);
-      script(`scopes/${file}`).catch(() => this.#settle(file, false));
-    }
-    return this.entries.get(file) || null;
-  }
-
-  async #decode(file, data) {
-    try {
-      this.#settle(file, Scope.unpacked(await inflated(data)));
-    } catch {
-      this.#settle(file, false);
-    }
-  }
-
-  #settle(file, scope) {
-    this.entries.set(file, scope);
-    this.draw();
+    return this.scopes.get(sequence.scopes[sequence.places.get(frame)]);
   }
 
   #without(sequence, frame) {
     if (!this.review.viewing.isNeutral) return this.review.viewing.without(sequence, frame);
     const file = sequence.scopes[sequence.places.get(frame)];
     if (!file) return `Frame ${frame} has no picture.`;
-    return this.entries.get(file) === false ? "Its levels cannot be read; write the page again." : "The levels are being read.";
+    return this.scopes.isBroken(file) ? "Its levels cannot be read; write the page again." : "The levels are being read.";
   }
 
   #build() {
-    const figureOf = (title, hint, height) => {
-      const canvas = make("canvas", { role: "img", ariaLabel: `${title}: ${hint}`, style: `height: ${height}px` });
-      const figure = make("figure", "chart levels", make("figcaption", {}, make("span", {}, title), make("span", {}, hint)), canvas);
-      this.element.append(figure);
-      return { canvas, height };
+    const figureOf = (title, hint, shape) => make("figure", "chart levels", make("figcaption", {}, make("span", {}, title), make("span", {}, hint)), shape);
+    const waves = (title, hint, count) => {
+      const canvas = make("canvas", { className: "waves", role: "img", ariaLabel: `${title}: ${hint}`, width: count * SCOPE_COLUMNS, height: SCOPE_LEVELS });
+      return { canvas, figure: figureOf(title, hint, canvas) };
     };
-    this.words = this.element.appendChild(make("p", "note"));
-    this.figures = [
-      figureOf("Waveform", "luma by column", 150), figureOf("RGB parade", "red, green, blue by column", 150), figureOf("Histogram", "pixels by level", 96),
-    ];
-    this.numbers = this.element.appendChild(make("p", "legend"));
+    this.luma = waves("Waveform", "luma by column", 1);
+    this.parade = waves("RGB parade", "red, green, blue by column", 3);
+    this.lines = svg("svg", { viewBox: "0 0 256 100", preserveAspectRatio: "none", role: "img", "aria-label": "Histogram: pixels by level" });
+    this.words = make("p", "note");
+    this.numbers = make("p", "legend");
+    const histogram = figureOf("Histogram", "pixels by level", make("div", "histogram", this.lines));
+    this.figures = [this.luma.figure, this.parade.figure, histogram, this.numbers];
+    this.element.append(this.words, ...this.figures);
   }
 
-  /** Size a canvas for the display; return its context in CSS pixels, and its width. */
-  #begin({ canvas, height }) {
-    const dots = dotsOf(), width = canvas.clientWidth;
-    Object.assign(canvas, { width: width * dots, height: height * dots });
-    const context = canvas.getContext("2d", { alpha: false });
-    context.setTransform(dots, 0, 0, dots, 0, 0);
-    context.fillStyle = "#1f1f1f";
-    context.fillRect(0, 0, width, height);
-    return [context, width];
-  }
-
-  #drawWaves(figure, scope, channels) {
-    const [context, width] = this.#begin(figure), each = width / channels.length;
-    const image = new ImageData(SCOPE_COLUMNS, SCOPE_LEVELS), map = make("canvas", { width: SCOPE_COLUMNS, height: SCOPE_LEVELS });
+  /** Draw waveforms of channels side by side, a pixel for each level of each column. */
+  #drawWaves({ canvas }, scope, channels) {
+    const image = new ImageData(SCOPE_COLUMNS, SCOPE_LEVELS);
     channels.forEach((channel, place) => {
       const ink = SCOPE_CHANNELS[channel][1];
       for (let level = 0; level < SCOPE_LEVELS; level++) {
         for (let column = 0; column < SCOPE_COLUMNS; column++) {
-          const wave = scope.waves[(channel * SCOPE_LEVELS + level) * SCOPE_COLUMNS + column], at = 4 * ((SCOPE_LEVELS - 1 - level) * SCOPE_COLUMNS + column);
-          const light = wave ? Math.min(1, 0.25 + wave / 110) : 0;  // a single pixel of a column is seen
-          image.data.set([...ink.map((value) => 31 + (value - 31) * light), 255], at);
+          const wave = scope.waves[(channel * SCOPE_LEVELS + level) * SCOPE_COLUMNS + column];
+          const rule = level && level % 16 === 0 ? 0.12 : 0; // at each quarter
+          const light = wave ? Math.min(1, 0.25 + wave / 110) : rule; // a single pixel of a column is seen
+          image.data.set([...ink.map((value) => 31 + (value - 31) * light), 255], 4 * ((SCOPE_LEVELS - 1 - level) * SCOPE_COLUMNS + column));
         }
       }
-      map.getContext("2d").putImageData(image, 0, 0);
-      context.drawImage(map, place * each + (place ? 1 : 0), 0, each - (place ? 1 : 0), figure.height);
+      canvas.getContext("2d").putImageData(image, place * SCOPE_COLUMNS, 0);
     });
-    context.fillStyle = "rgba(255, 255, 255, 0.16)";
-    for (const share of [0.25, 0.5, 0.75]) context.fillRect(0, Math.round(figure.height * share), width, 1);
   }
 
-  #drawHistogram(figure, scope) {
-    const [context, width] = this.#begin(figure), inner = (channel) => scope.counts.subarray(256 * channel + 1, 256 * channel + 255);
+  #drawHistogram(scope) {
+    const inner = (channel) => scope.counts.subarray(256 * channel + 1, 256 * channel + 255);
     const most = Math.max(1, ...[0, 1, 2, 3].map((channel) => Math.max(...inner(channel))));  // clipped pixels may go beyond
-    SCOPE_CHANNELS.forEach(([, ink], channel) => {
-      context.strokeStyle = `rgb(${ink.join(" ")})`;
-      context.lineWidth = channel ? 1 : 1.5;
-      context.beginPath();
-      for (let step = 0; step < 256; step++) {
-        const share = Math.min(1, Math.sqrt(scope.counts[256 * channel + step] / most));
-        context.lineTo(((step + 0.5) / 256) * width, figure.height - 1 - share * (figure.height - 4));
-      }
-      context.stroke();
-    });
+    this.lines.replaceChildren(...SCOPE_CHANNELS.map(([, ink], channel) => {
+      const counts = Array.from(scope.counts.subarray(256 * channel, 256 * channel + 256));
+      const shares = counts.map((count) => Math.min(1, Math.sqrt(count / most)));
+      return svg("path", { d: `M${shares.map((share, step) => `${step + 0.5} ${98 - 96 * share}`).join("L")}`, stroke: `rgb(${ink.join(" ")})` });
+    }));
   }
 }

@@ -33,7 +33,7 @@ class Review {
     new StagePointer(this.stage, this.drawing, () => this.redraw());
     acceptNotes(this, id("notes-file"));
     new Keyboard(keysOf(this));
-    whenResized(id("viewer"), () => this.#resized());
+    whenResized(id("viewer"), () => this.redraw());
   }
 
   get hasGrid() { return this.grid.isUseful; }
@@ -219,12 +219,6 @@ class Review {
     this.strip.draw();
     this.panels[this.tab].draw();
     rememberSoon(this);
-  }
-
-  #resized() {
-    this.redraw();
-    this.grid.resize();
-    this.panels[this.tab].resize?.();
   }
 }
 

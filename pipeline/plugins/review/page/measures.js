@@ -17,40 +17,23 @@ class MeasuresPanel {
     for (const chart of this.charts) chart.draw(this.review.transport.frame);
   }
 
-  resize() {
-    if (this.charts && Math.abs(this.#stretch() - this.stretched) > 0.04) this.shown = null;
-    this.draw();
-  }
-
-  /** By how much charts are higher than they must be, for the room that there is. */
-  #stretch() {
-    const natural = this.charts.reduce((sum, { about }) => sum + about.height, 0);
-    const words = this.charts.reduce((sum, { about }) => sum + (about.legend ? 86 : 38), 24);
-    return clamp((this.element.clientHeight - words) / natural, 1, 1.8);
-  }
-
   #build(sequence) {
     this.shown = sequence;
-    this.element.replaceChildren();
-    const { numbers, measures, limits } = sequence.about, seek = (frame) => this.review.seek(frame);
-    const rows = numbers.map((number) => measures[number] ?? null);
-    const of = (name) => rows.map((row) => row?.[name] ?? null);
-    const has = (name) => rows.some((row) => Number.isFinite(row?.[name]));
-    const add = (about, parts) => new Chart(this.element, about, numbers, parts, seek);
-    this.charts = [];
-    if (has("vertices")) this.charts.push(add(...counted(of("vertices"), of("faces"))));
-    if (has("splits")) this.charts.push(add(...changed(of("splits"), of("collapses"))));
-    if (rows.some((row) => row?.edges)) this.charts.push(add(...edges(rows, limits)));
-    if (rows.some((row) => row?.quality)) this.charts.push(add(...quality(rows)));
-    if (has("area")) this.charts.push(add(...kept(of("area"), of("volume"))));
-    if (rows.some((row) => row?.crossings)) {
-      this.charts.push(add(...crossed(of("crossings"))));
-    }
+    const { numbers, measures, limits } = sequence.about, rows = numbers.map((number) => measures[number] ?? null);
+    const of = (name) => rows.map((row) => row?.[name] ?? null), has = (name) => of(name).some((value) => value !== null);
     const stages = Object.keys(STAGE_INKS).filter((stage) => sequence.seconds[stage]);
-    if (stages.length) this.charts.push(add(...seconds(numbers, stages, sequence.seconds)));
-    this.stretched = this.#stretch();
-    for (const chart of this.charts) chart.stretch(this.stretched);
-    if (!this.charts.length) this.element.append("No meshes of this shot are in the store, and so there are no measures.");
+    const all = [
+      has("vertices") && counted(of("vertices"), of("faces")),
+      has("splits") && changed(of("splits"), of("collapses")),
+      has("edges") && edges(rows, limits),
+      has("quality") && quality(rows),
+      has("area") && kept(of("area"), of("volume")),
+      of("crossings").some(Boolean) && crossed(of("crossings")),
+      stages.length > 0 && seconds(numbers, stages, sequence.seconds),
+    ];
+    this.charts = all.filter(Boolean).map(([about, parts]) => new Chart(about, numbers, parts, (frame) => this.review.seek(frame)));
+    const none = this.charts.length ? [] : ["No meshes of this shot are in the store, and so there are no measures."];
+    this.element.replaceChildren(...this.charts.map((chart) => chart.figure), ...none);
   }
 }
 
@@ -58,29 +41,22 @@ const count = (value) => (value === null || value === undefined ? "–" : Math.r
 const short = (value) => (Math.abs(value) >= 1e6 ? `${(value / 1e6).toPrecision(3)} M` : Math.abs(value) >= 1e4 ? `${(value / 1e3).toPrecision(3)} k` : `${+value.toPrecision(3)}`);
 const digits = (value, many = 4) => (Number.isFinite(value) ? `${+value.toPrecision(many)}` : "–");
 
-const ends = (values, words = short) => [words(Math.max(...values)), words(Math.min(...values))];
+/** Curves over the frames, [values, name] each, with their highest and lowest value beside them. */
+function curves(about, lines, value, words = short) {
+  const there = lines.flatMap(([values]) => values).filter(Number.isFinite), range = extent(there);
+  const shapes = lines.map(([values, name]) => lineOf(values, range, name));
+  return [about, { shapes, value, ends: [words(Math.max(...there)), words(Math.min(...there))] }];
+}
 
 function counted(vertices, faces) {
-  return [
-    { title: "Vertices", hint: "how many the mesh has", height: 52 },
-    {
-      shapes: [lineOf(vertices, extent(vertices), "first")],
-      ends: ends(vertices.filter(Number.isFinite)),
-      value: (place) => count(vertices[place]) + (faces[place] ? `, ${count(faces[place])} triangles` : ""),
-    },
-  ];
+  const value = (place) => count(vertices[place]) + (faces[place] ? `, ${count(faces[place])} triangles` : "");
+  return curves({ title: "Vertices", hint: "how many the mesh has", height: 52 }, [[vertices, "first"]], value);
 }
 
 /** Crossings, which are counted in some frames only: a line from one of these to the next. */
 function crossed(values) {
-  return [
-    { title: "Crossings", hint: "pairs of faces that pass through each other; counted in some frames", height: 48 },
-    {
-      shapes: [lineOf(bridged(values), extent(values), "first")],
-      ends: ends(values.filter(Number.isFinite)),
-      value: (place) => (Number.isFinite(values[place]) ? count(values[place]) : "not counted"),
-    },
-  ];
+  const about = { title: "Crossings", hint: "pairs of faces that pass through each other; counted in some frames", height: 48 };
+  return curves(about, [[bridged(values), "first"]], (place) => (Number.isFinite(values[place]) ? count(values[place]) : "not counted"));
 }
 
 /** The values with gaps between two of them filled along a straight line. */
@@ -135,19 +111,13 @@ function quality(rows) {
 }
 
 function kept(area, volume) {
+  const about = { title: "Area and volume", hint: "of the first frame's, per cent; volume is dashed", height: 56 };
   const share = (values) => {
     const first = values.find(Number.isFinite);
     return values.map((value) => (Number.isFinite(value) && first ? (100 * value) / first : null));
   };
-  const lines = [share(area), share(volume)], all = lines.flat(), range = extent(all);
-  return [
-    { title: "Area and volume", hint: "of the first frame's, per cent; volume is dashed", height: 56 },
-    {
-      shapes: [lineOf(lines[0], range, "first"), lineOf(lines[1], range, "second")],
-      ends: ends(all.filter(Number.isFinite), (value) => `${value.toFixed(0)} %`),
-      value: (place) => `${digits(area[place])}${volume[place] === null ? "" : `, ${digits(volume[place])}`}`,
-    },
-  ];
+  const value = (place) => `${digits(area[place])}${volume[place] === null ? "" : `, ${digits(volume[place])}`}`;
+  return curves(about, [[share(area), "first"], [share(volume), "second"]], value, (most) => `${most.toFixed(0)} %`);
 }
 
 function seconds(numbers, stages, told) {

@@ -2,7 +2,7 @@
 
 class MeshPanel {
   constructor(element, review, three, hint) {
-    Object.assign(this, { element, review, three, hint, lines: false, follows: true, plays: true, moving: new Map(), faults: new Map() });
+    Object.assign(this, { element, review, three, hint, lines: false, follows: true, plays: true, moving: new Map() });
     element.classList.add("mesh");
   }
 
@@ -34,7 +34,8 @@ class MeshPanel {
 
   async #begin() {
     const bundle = await loadThree(this.three), { THREE } = bundle;
-    Object.assign(this, { bundle, THREE });
+    const decode = async (data) => (data.glb ? new bundle.GLTFLoader().parseAsync((await inflated(data.glb)).buffer, "") : data);
+    Object.assign(this, { THREE, models: new ScriptStore("models", "reviewModel", decode, () => this.draw()) });
     this.renderer = new THREE.WebGLRenderer({ antialias: true });
     const canvas = Object.assign(this.renderer.domElement, { role: "img", ariaLabel: "Mesh", tabIndex: 0, className: "inset" });
     this.stage = make("div", "mesh-stage", canvas);
@@ -82,32 +83,28 @@ class MeshPanel {
     if (follows && this.shown) { this.#aim(); this.#render(); }
   }
 
-  async #show() {
+  /** Show what is known of the frame; what is still being read is shown when it comes. */
+  #show() {
     const { a, transport } = this.review, { models, motion } = a.about;
     const isNearer = (each, best) => Math.abs(each[0] - transport.frame) < Math.abs(best[0] - transport.frame);
     const [number, still] = models.reduce((best, each) => (isNearer(each, best) ? each : best));
-    const plays = this.plays && motion.file && !this.faults.has(motion.file), name = plays ? motion.file : still;
-    this.buttons.plays.hidden = !motion.file || this.faults.has(motion.file);
-    this.wanted = name;
-    try {
-      if (this.shownName !== name) this.#build(plays ? await this.#motion(motion, a.about.fps) : await this.#still(name, number), name);
-    } catch (error) {
-      if (!plays) return void (this.words.textContent = error.message);
-      this.faults.set(motion.file, `${error.message}.`);
-      return void this.#show();
-    }
-    if (this.shownName === this.wanted) this.#pose(this.faults.get(motion.file) ?? motion.without);
+    const moving = this.plays ? this.models.get(motion.file) : null;
+    const isBroken = this.models.isBroken(motion.file) || Boolean(moving && !moving.scene); // or it has no motion
+    const plays = this.plays && motion.file && !isBroken, file = plays ? motion.file : still, data = plays ? moving : this.models.get(still);
+    this.buttons.plays.hidden = !motion.file || isBroken;
+    if (data === false) this.words.textContent = `${file} cannot be read.`;
+    if (!data) return;
+    if (this.shownName !== file) this.#build(file, plays ? this.#motion(file, data) : new StillMeshes(this.THREE, data, number));
+    this.#pose(isBroken ? "its file cannot be read." : motion.without);
   }
 
-  async #still(name, number) { return new StillMeshes(this.THREE, await loadModel(name), number); }
-
-  #motion({ file, first }, fps) {
-    if (!this.moving.has(file)) this.moving.set(file, loadModel(file).then((data) => MovingMesh.of(this.bundle, data, first, fps)));
+  #motion(file, gltf) {
+    const { motion, fps } = this.review.a.about;
+    if (!this.moving.has(file)) this.moving.set(file, new MovingMesh(this.THREE, gltf, motion.first, fps));
     return this.moving.get(file);
   }
 
-  #build(meshes, name) {
-    if (this.wanted !== name || this.shownName === name) return void meshes.dispose();
+  #build(name, meshes) {
     this.shown?.dispose();
     if (this.shown) this.scene.remove(this.shown.group);
     Object.assign(this, { shown: meshes, shownName: name });

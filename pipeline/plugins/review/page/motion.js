@@ -45,12 +45,7 @@ class StillMeshes {
 
 /** All frames: poses, between which vertices move on straight lines. */
 class MovingMesh {
-  /** Reads a GLB whose morph targets are blended two at a time. */
-  static async of({ THREE, GLTFLoader }, data, first, fps) {
-    const gltf = await new GLTFLoader().parseAsync((await inflated(data.glb)).buffer, "");
-    return new MovingMesh(THREE, gltf, first, fps);
-  }
-
+  /** Takes a GLB whose morph targets are blended two at a time. */
   constructor(THREE, { scene, animations }, first, fps) {
     Object.assign(this, { THREE, first, fps, group: scene, lined: [] });
     this.last = first + Math.round((animations[0]?.duration ?? 0) * fps);

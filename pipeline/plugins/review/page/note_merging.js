@@ -1,74 +1,46 @@
-// What a file of notes may hold, and the rule by which files are merged: the same as in review_notes.py.
+// What a file of notes may hold, by the schema that data.js has of review_notes.py, and the rule by which files are merged.
 
 const NOTES_FORMAT = "flowsculpt notes", NOTES_VERSION = 1;
 const STATUSES = ["open", "change", "approved"];
-const TIME = /^20[0-9]{2}-(0[1-9]|1[0-2])-(0[1-9]|[12][0-9]|3[01])T([01][0-9]|2[0-3]):[0-5][0-9]:[0-5][0-9]\.[0-9]{3}Z$/;
 
-const isWhole = (limit) => (value) => Number.isInteger(value) && Math.abs(value) <= limit;
-const isText = (most, pattern) => (value) => (
-  typeof value === "string" && [...value].length <= most && pattern.test(value) && !/\p{Surrogate}/u.test(value)
-);
-const isLine = isText(400, /^[^\x00-\x1f\x7f-\x9f]*$/);
-const isWords = isText(20000, /^[^\x00-\x08\x0b-\x1f\x7f-\x9f]*$/);
-const isTime = isText(24, TIME);
-const isListOf = (most, check) => (value) => Array.isArray(value) && value.length <= most && value.every(check);
+const schemaOf = (name) => window.reviewData.schema.$defs[name];
+const isWithin = (size, least = 0, most = Infinity) => size >= least && size <= most;
 
-const STROKE_RULES = {
-  frame: isWhole(1e6),
-  kind: (value) => ["pen", "arrow", "rectangle", "text"].includes(value),
-  ink: isText(7, /^#[0-9a-f]{6}$/),
-  width: (value) => Number.isInteger(value) && value >= 1 && value <= 1000,
-  points: (value) => isListOf(20000, isWhole(1e5))(value) && value.length >= 2 && value.length % 2 === 0,
-  text: isWords,
-};
-const REVISION_RULES = {
-  shot: isText(100, /^[A-Za-z0-9][A-Za-z0-9_.-]*$/),
-  sequence: isLine,
-  picture: isText(64, /^[0-9a-f]*$/),
-  first: isWhole(1e6),
-  last: isWhole(1e6),
-  status: (value) => STATUSES.includes(value),
-  text: isWords,
-  drawings: isListOf(2000, () => true),
-  author: isLine,
-  created: isTime,
-  modified: isTime,
-  deleted: (value) => typeof value === "boolean",
-};
-const NOTE_RULES = {
-  ...REVISION_RULES,
-  id: isText(36, /^[0-9a-f]{8}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{12}$/),
-  history: isListOf(10000, () => true),
+/** What a value of a type must be, by the rule of a schema. */
+const CHECKS = {
+  boolean: (value) => typeof value === "boolean",
+  integer: (value, rule) => Number.isInteger(value) && isWithin(value, rule.minimum, rule.maximum),
+  string: (value, rule) => (
+    typeof value === "string" && isWithin([...value].length, 0, rule.maxLength) && new RegExp(rule.pattern ?? "").test(value)
+    && !/\p{Surrogate}/u.test(value) && (rule.enum?.includes(value) ?? true)
+  ),
+  array: (value, rule) => Array.isArray(value) && isWithin(value.length, rule.minItems, rule.maxItems),
+  object: (value) => typeof value === "object" && value !== null && !Array.isArray(value),
 };
 
-/** The first fault of an object, or null. */
-function faultOf(value, rules, place) {
-  if (typeof value !== "object" || value === null || Array.isArray(value)) return `${place} is no object`;
-  for (const [name, isRight] of Object.entries(rules)) {
-    if (!Object.hasOwn(value, name)) return `${place}.${name} is missing`;
-    if (!isRight(value[name])) return `${place}.${name} is ${String(JSON.stringify(value[name])).slice(0, 60)}, which the format does not allow`;
-  }
-  const unknown = Object.keys(value).find((name) => !Object.hasOwn(rules, name));
-  return unknown === undefined ? null : `${place}.${unknown.slice(0, 60)} is unknown in version ${NOTES_VERSION} of the format`;
+/** The first fault of a value by a schema, or null. */
+function faultOf(value, schema, place) {
+  const rule = schema.$ref ? schemaOf(schema.$ref.split("/").at(-1)) : schema;
+  if (!CHECKS[rule.type](value, rule)) return `${place} is ${String(JSON.stringify(value)).slice(0, 60)}, which the format does not allow`;
+  if (rule.type === "array") return value.map((each, i) => faultOf(each, rule.items, `${place}.${i}`)).find(Boolean) ?? null;
+  if (rule.type !== "object") return null;
+  const missing = rule.required.find((name) => !Object.hasOwn(value, name));
+  if (missing) return `${place}.${missing} is missing`;
+  const unknown = Object.keys(value).find((name) => !Object.hasOwn(rule.properties, name));
+  if (unknown !== undefined) return `${place}.${unknown.slice(0, 60)} is unknown in version ${NOTES_VERSION} of the format`;
+  return Object.entries(rule.properties).map(([name, inner]) => faultOf(value[name], inner, `${place}.${name}`)).find(Boolean) ?? null;
 }
 
-function strokeFault(stroke, place) {
-  const fault = faultOf(stroke, STROKE_RULES, place);
-  if (fault || stroke.kind === "pen") return fault;
-  const { length } = stroke.points;
-  return length === (stroke.kind === "text" ? 2 : 4) ? null : `${place}.points: ${length} numbers are no ${stroke.kind}`;
-}
-
-function revisionFault(revision, rules, place) {
-  const fault = faultOf(revision, rules, place);
-  if (fault) return fault;
-  if (revision.first > revision.last) return `${place}.first is after its last frame`;
-  return revision.drawings.map((stroke, i) => strokeFault(stroke, `${place}.drawings.${i}`)).find(Boolean) ?? null;
-}
-
+/** The first fault of a note, or null: also of what a schema cannot say. */
 function noteFault(note, place) {
-  return revisionFault(note, NOTE_RULES, place)
-    ?? note.history.map((each, i) => revisionFault(each, REVISION_RULES, `${place}.history.${i}`)).find(Boolean) ?? null;
+  return faultOf(note, schemaOf("ReviewNote"), place) ?? [note, ...note.history].map((each) => revisionFault(each, place)).find(Boolean) ?? null;
+}
+
+function revisionFault({ first, last, drawings }, place) {
+  if (first > last) return `${place}.first is after its last frame`;
+  const isWrong = ({ kind, points: { length } }) => length % 2 || (kind !== "pen" && length !== (kind === "text" ? 2 : 4));
+  const wrong = drawings.find(isWrong);
+  return wrong ? `${place}.drawings: ${wrong.points.length} numbers are no ${wrong.kind}` : null;
 }
 
 /** The notes in the text of a file. Throws an Error that says in one sentence what is wrong with it. */
@@ -97,7 +69,7 @@ function canonical(value) {
 
 /** What a note says, without its id and its history. */
 function revisionOf(note) {
-  return Object.fromEntries(Object.keys(REVISION_RULES).map((name) => [name, note[name]]));
+  return Object.fromEntries(Object.keys(schemaOf("NoteRevision").properties).map((name) => [name, note[name]]));
 }
 
 /** All notes with all their revisions; the latest revision of a note is shown, the others are its history. */

@@ -9,7 +9,7 @@ class Viewing {
   constructor(element, review) {
     Object.assign(this, { element, review, isOn: false, layer: LAYER_OF_PICTURE });
     this.grader = new Grader();
-    this.layers = new LayerCache(() => review.redraw());
+    this.layers = layerStore(() => review.redraw());
     this.probe = new Probe(id("probe"), review, this);
     this.#build();
   }
@@ -95,8 +95,9 @@ class Viewing {
 
   /** What to do about a frame without layers, or with a layer that is still being read. */
   without(sequence, frame) {
+    if (!this.grader.gl) return "This browser has no WebGL 2, which layers are drawn with.";
     const files = sequence.layers[frame], frames = Object.keys(sequence.layers).map(Number);
-    if (files?.[this.layer] && this.layers.entries.get(files[this.layer]) !== false) return "The layer is being read; try again.";
+    if (files?.[this.layer] && !this.layers.isBroken(files[this.layer])) return "The layer is being read; try again.";
     if (files) return `Frame ${frame} has no layer ${this.layer}; it has ${this.names.join(", ")}.`;
     if (!frames.length) return "This page has no layers: flowsculpt review --layers 8 stores them for eight frames.";
     const nearest = frames.reduce((best, each) => (Math.abs(each - frame) < Math.abs(best - frame) ? each : best));

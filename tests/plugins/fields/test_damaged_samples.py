@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from flowsculpt.pipeline.errors import UsageError
-from flowsculpt.pipeline.plugins.sampled import grid_files
-from flowsculpt.pipeline.plugins.sampled.grid_files import read_samples
+from flowsculpt.pipeline.plugins.fields import grid_files
+from flowsculpt.pipeline.plugins.fields.grid_files import read_samples
 from flowsculpt.render.base.input_files import InputFile
 
 AXIS = np.linspace(-1.0, 1.0, 4)
@@ -136,7 +136,7 @@ def test_only_the_arrays_of_a_field_are_unpacked(tmp_path: Path) -> None:
     assert file.stat().st_size < 1 << 20
     code = (
         "import resource, sys\nfrom pathlib import Path\n"
-        "from flowsculpt.pipeline.plugins.sampled.grid_files import read_samples\n"
+        "from flowsculpt.pipeline.plugins.fields.grid_files import read_samples\n"
         "before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\nread_samples((Path(sys.argv[1]),))\n"
         "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)"
     )

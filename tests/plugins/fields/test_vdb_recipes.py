@@ -13,7 +13,7 @@ import pytest
 
 from flowsculpt.pipeline.arrays import Points
 from flowsculpt.pipeline.flow.catalogue.external_fields import Samples
-from flowsculpt.pipeline.plugins.sampled.grid_files import read_samples
+from flowsculpt.pipeline.plugins.fields.grid_files import read_samples
 
 BLENDER = Path(os.environ.get("BLENDER_MODULE", Path(sys.prefix) / "cycles"))
 PAGE = Path(__file__).parents[3] / "docs" / "fields.md"

@@ -11,7 +11,8 @@ import pytest
 
 from flowsculpt.pipeline.errors import FrameError, UsageError
 from flowsculpt.pipeline.flow import Sequence, checked_displacement
-from flowsculpt.pipeline.flow.flow import PythonFlow, python_flows, require_permission
+from flowsculpt.pipeline.flow.flow import foreign_flows
+from flowsculpt.pipeline.plugins.python.python_flow import PythonFlow
 from flowsculpt.render.base.input_files import InputFile
 
 POINTS = np.random.default_rng(0).normal(size=(5, 3))
@@ -75,12 +76,12 @@ def test_nothing_of_the_file_runs_without_permission(tmp_path: Path) -> None:
     code = f"open({str(trap)!r}, 'w')\ndef f(points, time, dt):\n    return points\n"
     flow = flow_of(tmp_path / "a.py", code, allowed=False)
     with pytest.raises(UsageError, match=r"a\.py: the shot would run this Python file.*add --allow-code"):
-        require_permission(Sequence((flow,)))
+        next(foreign_flows(Sequence((flow,)))).require_permission()
     with pytest.raises(UsageError, match="needs permission"):
         flow.displace(POINTS, 0.0, 0.1)
     flow.cache_data(0.0, 0.1)
     assert not trap.exists()
-    assert list(python_flows(Sequence((flow, Sequence((flow,)))))) == [flow, flow]
+    assert list(foreign_flows(Sequence((flow, Sequence((flow,)))))) == [flow, flow]
 
 
 WRONG = {

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from flowsculpt.pipeline.plugins.sampled.file_sequences import files_named
+from flowsculpt.pipeline.plugins.fields.file_sequences import files_named
 from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext
 
 

@@ -15,20 +15,14 @@ from flowsculpt.pipeline.arrays import Floats, Points
 from flowsculpt.pipeline.errors import FrameError, UsageError
 from flowsculpt.pipeline.flow import Streamlines, Sum, VelocityField, checked_displacement, keyed
 from flowsculpt.pipeline.flow.catalogue.basic import Rotation
-from flowsculpt.pipeline.flow.catalogue.external_fields import (
-    Attraction,
-    FormulaField,
-    Target,
-    Wind,
-    catmull_rom,
-    largest_norm,
-)
-from flowsculpt.pipeline.flow.catalogue.vortices import RMS, CurlNoise
+from flowsculpt.pipeline.flow.catalogue.external_fields import FormulaField, largest_norm
 from flowsculpt.pipeline.flow.composition import Mirror, ScaledField, Transform, TransformedField
 from flowsculpt.pipeline.flow.kernels import streamline_kernels as kernels
 from flowsculpt.pipeline.flow.kernels.field_kernels import velocities
 from flowsculpt.pipeline.flow.velocity import ExternalField
 from flowsculpt.pipeline.mesh import icosphere, torus
+from flowsculpt.pipeline.plugins.fields.attraction import Attraction, Target, Wind, catmull_rom
+from flowsculpt.pipeline.plugins.fields.curl_noise import RMS, CurlNoise
 
 PATH = ((-1.0, 0.0, 0.0), (0.0, 1.0, 0.5), (1.0, 0.0, 0.0), (2.0, 0.5, 1.0))
 FIELDS: dict[str, ExternalField] = {

@@ -1,0 +1,34 @@
+"""Pages for browsers: what all share comes first, and a page in one file asks for nothing else."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from flowsculpt.pipeline.web_pages import SHARED, page_script, page_style, single_page
+
+
+@pytest.fixture
+def page(tmp_path: Path) -> Path:
+    (tmp_path / "index.html").write_text("<title>[[title]]</title><style>[[style]]</style>[[facts]]")
+    (tmp_path / "page.css").write_text("main { color: red; }\n")
+    (tmp_path / "main.js").write_text("begin();\n")
+    (tmp_path / "parts.js").write_text("const parts = 1;\n")
+    return tmp_path
+
+
+def test_a_pages_own_files_follow_the_shared_ones_and_its_beginning_is_last(page: Path) -> None:
+    script = page_script(page)
+    assert script.startswith('"use strict";\n') and script.endswith("const parts = 1;\nbegin();\n")
+    assert (SHARED / "transport.js").read_text(encoding="utf-8") in script
+    assert page_style(page).startswith((SHARED / "style.css").read_text(encoding="utf-8"))
+    assert page_style(page).endswith("main { color: red; }\n")
+
+
+def test_titles_and_data_are_text_on_a_page_in_one_file(page: Path) -> None:
+    attack = "</script><script>[[style]]"
+    text = single_page(page, attack, {"facts": json.dumps({"title": attack})})
+    assert "<script>" not in text and "&lt;/script&gt;" in text
+    assert json.loads(text.partition("</style>")[2]) == {"title": attack}
