@@ -40,9 +40,16 @@ _CODE = re.compile(r"(`+[^`]*`+)")
 def entries() -> str:
     """Return MyST: a section for each group, with its table of contents and an entry for each name."""
     groups: dict[str, list[str]] = {heading: [] for heading in (*HEADINGS.values(), ERRORS, OTHERS)}
+    left_out = []
     for name in flowsculpt.__all__:
-        groups[_heading(getattr(flowsculpt, name))].append(name)
-    return "\n".join(line for heading, names in groups.items() if names for line in _section(heading, names))
+        try:
+            groups[_heading(getattr(flowsculpt, name))].append(name)
+        except ImportError:  # of a plug-in that is not installed
+            left_out.append(f"`{name}`")
+    lines = [line for heading, names in groups.items() if names for line in _section(heading, names)]
+    if left_out:
+        lines += ["", f"Left out, because their plug-ins are not installed: {', '.join(left_out)}."]
+    return "\n".join(lines)
 
 
 def _heading(value: Any) -> str:

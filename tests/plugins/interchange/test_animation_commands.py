@@ -13,6 +13,7 @@ from flowsculpt.pipeline.plugins.interchange.gltf_document import GltfDocument
 from flowsculpt.render.graphics import three_js
 from tests.conftest import commanded
 from tests.full_disk import disk_of
+from tests.needed_plugins import shot_rows
 from tests.simulated_show import simulated
 
 NAME = "T010_tiny"
@@ -163,8 +164,22 @@ BOX, EDGE, TWIST = "{solid: box, size: [2, 2, 2]}", "max_edge_length: 0.5", SHOT
 @pytest.mark.parametrize(
     ("old", "new", "code", "says"),
     [
-        (TWIST, "python: {file: crowd.py, function: crowd}", 1, "moves a point alone elsewhere than among"),
-        (EDGE, f"{EDGE}, method: polyhedra", 2, "polyhedra cuts other faces in each frame; write method"),
+        *shot_rows(
+            [
+                (
+                    TWIST,
+                    "python: {file: crowd.py, function: crowd}",
+                    1,
+                    "moves a point alone elsewhere than among",
+                ),
+                (
+                    EDGE,
+                    f"{EDGE}, method: polyhedra",
+                    2,
+                    "polyhedra cuts other faces in each frame; write method",
+                ),
+            ]
+        ),
         (EDGE, f"{EDGE}, placement: chord", 2, "chord puts new vertices beside the surface"),
         (EDGE, f"{EDGE}, max_vertices: 150", 1, "of one mesh for all frames up to here; raise max_vertices"),
         ("flows", "look: {material: clay, colour: {file: gone.png}}\nflows", 2, "file gone.png is not there"),

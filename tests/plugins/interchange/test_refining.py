@@ -24,6 +24,7 @@ from flowsculpt.pipeline.plugins.interchange.refining import KIND, Refined, Refi
 from flowsculpt.pipeline.plugins.interchange.unifying import Unification, one_mesh
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.store.store import Store
+from tests.needed_plugins import shot_rows
 from tests.plugins.interchange.unified_shots import BALL, BOX, SHEET, TWIST, of_text, request_of, up_to
 
 SLACK = 1.0 + 1e-9
@@ -310,15 +311,17 @@ def test_more_vertices_than_the_budget_are_refused_at_their_frame(tmp_path: Path
 
 @pytest.mark.parametrize(
     ("subject", "resample", "says"),
-    [
-        (
-            "{cloud: {solid: icosphere, radius: 1}, count: 9, radius: 0.1}",
-            "off",
-            "points and control nets have no triangles",
-        ),
-        (BOX, "{max_edge_length: 0.5, method: polyhedra}", "write method: triangles"),
-        (BOX, "{max_edge_length: 0.5, placement: chord}", "write placement: exact"),
-    ],
+    shot_rows(
+        [
+            (
+                "{cloud: {solid: icosphere, radius: 1}, count: 9, radius: 0.1}",
+                "off",
+                "points and control nets have no triangles",
+            ),
+            (BOX, "{max_edge_length: 0.5, method: polyhedra}", "write method: triangles"),
+            (BOX, "{max_edge_length: 0.5, placement: chord}", "write placement: exact"),
+        ]
+    ),
 )
 def test_subjects_without_one_mesh_are_refused(
     subject: str, resample: str, says: str, tmp_path: Path
