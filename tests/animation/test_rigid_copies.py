@@ -11,6 +11,7 @@ from flowsculpt.pipeline.mesh.placed_copies import Placements, nearest_rotations
 from flowsculpt.pipeline.production.request.shading import Shading
 from flowsculpt.pipeline.shot import Motion, read_shot
 from flowsculpt.pipeline.statistics import mesh_statistics
+from tests.needed_plugins import needs_plugins
 
 SHOT = """
 title: Tiles
@@ -40,6 +41,7 @@ def lengths(points: np.ndarray) -> np.ndarray:
     return np.linalg.norm(points[:, :, None] - points[:, None], axis=3)
 
 
+@needs_plugins("fields")
 @settings(deadline=None, max_examples=8)
 @given(
     st.floats(-40, 40),
@@ -153,6 +155,7 @@ def test_material_positions_and_copies_are_told_by_order() -> None:
     assert np.allclose(last.mesh.attributes["material"], first.mesh.vertices)
 
 
+@needs_plugins("points")
 @pytest.mark.parametrize(
     ("old", "new", "fault"),
     [

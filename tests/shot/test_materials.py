@@ -14,6 +14,7 @@ from flowsculpt.render.base.serialise import to_plain
 from flowsculpt.render.scene.materials import LOOKS
 from flowsculpt.render.scene.patterns import Measure
 from flowsculpt.render.scene.texture_projection import TextureProjection
+from tests.needed_plugins import needs_plugins
 
 HEAD = "title: T\nframes: 1-24\nsubject: %s\nresample: off\nlook: %s\n"
 BOX = "{solid: box}"
@@ -137,6 +138,7 @@ def test_mistakes_are_told_where_they_stand(look: str, said: str, folder: Path) 
     assert said in found and len(found.splitlines()) == 1 and found.startswith("a.yaml:5:")
 
 
+@needs_plugins("points")
 def test_a_cloud_has_a_speed_and_no_stretch(tmp_path: Path) -> None:
     cloud = "{cloud: {solid: icosphere}, radius: 0.05}"
     assert "which triangles have, and a cloud has none" in told(tmp_path, "strain", cloud)

@@ -17,6 +17,7 @@ from flowsculpt.pipeline.mesh.placed_copies import Placements
 from flowsculpt.pipeline.mesh.solids import six_sided_box
 from flowsculpt.pipeline.shot import Shot, read_shot
 from flowsculpt.pipeline.shot.copies import Copies, bounding_sphere
+from tests.needed_plugins import needs_plugins
 
 SHOT = """\
 title: Two
@@ -157,6 +158,7 @@ def test_a_wrong_set_of_subjects_has_one_message_with_its_place(entry: str, said
 ROOM = "copies: {count: 5, region: {sphere: {radius: 1}}}"
 
 
+@needs_plugins("points")
 @pytest.mark.parametrize(
     ("settings", "said"),
     [
@@ -182,6 +184,7 @@ def test_a_mistake_in_a_subject_has_one_message_with_its_place(settings: str, sa
     assert all("box.obj is not there" in line for line in others)
 
 
+@needs_plugins("points")
 def test_without_resampling_each_subject_is_asked_for_it_but_no_points_are() -> None:
     assert "resample: missing" in told("subjects: {a: {solid: box}}\n", rest="")
     cloud = "{cloud: {solid: box}, radius: 0.1, count: 9}"

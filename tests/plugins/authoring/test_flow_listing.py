@@ -10,6 +10,7 @@ import pytest
 
 from flowsculpt.pipeline.errors import UsageError
 from flowsculpt.pipeline.plugins.authoring.shot_schemas import BEGIN, END, default_text, facts, markdown
+from tests.needed_plugins import needs_plugins
 
 DOCS = Path(__file__).parents[3] / "docs"
 
@@ -24,6 +25,7 @@ def test_a_flow_can_be_asked_for_by_name() -> None:
         facts("vortx")
 
 
+@needs_plugins("fields", "python")
 def test_the_table_of_the_docs_is_that_of_the_code() -> None:
     page = (DOCS / "flows.md").read_text("utf-8")
     assert page[page.index(BEGIN) : page.index(END) + len(END)] == markdown()
@@ -31,6 +33,7 @@ def test_the_table_of_the_docs_is_that_of_the_code() -> None:
         assert (DOCS / picture).is_file()
 
 
+@needs_plugins("fields", "python")
 def test_flows_of_a_shots_own_making_are_listed_too() -> None:
     through, speed, *_ = facts("wind")["parameters"]
     assert (through["name"], through["unit"], through["required"]) == ("through", "units", True)

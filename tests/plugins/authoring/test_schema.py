@@ -20,7 +20,7 @@ from flowsculpt.pipeline.shot import read_shot
 from flowsculpt.pipeline.shot.documents.flow_documents import DOCUMENTS
 from flowsculpt.pipeline.shot.yaml.yaml_source import YamlSource
 from tests.conftest import new_project
-from tests.needed_plugins import gallery_rows
+from tests.needed_plugins import gallery_rows, needs_plugins
 
 COMMAND = [sys.executable, "-m", "flowsculpt", "--no-progress"]
 
@@ -69,6 +69,7 @@ def _examples() -> list[Any]:
     return found
 
 
+@needs_plugins("points", "fields", "python")
 @pytest.mark.parametrize("text", _examples())
 def test_every_example_of_the_docs_is_valid(text: str) -> None:
     """Some are whole files, some names of a shot, some entries of flows, some settings of resampling."""

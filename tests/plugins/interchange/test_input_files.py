@@ -17,6 +17,7 @@ from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.shot import Shot, read_shot
 from flowsculpt.render.post.colour import view_exactly
+from tests.needed_plugins import needs_plugins
 from tests.opened_files import opened_below
 from tests.plugins.interchange.fbx_writer import N, binary, box_geometry, model, scene
 from tests.plugins.interchange.gltf_scenes import box_scene
@@ -293,6 +294,7 @@ def _use(shot: Shot) -> None:
     view_exactly(np.full((1, 1, 3), 0.5, np.float32), view=shot.picture.view)
 
 
+@needs_plugins("points", "fields", "python")
 def test_every_file_that_a_shot_opens_is_among_those_that_it_reports(show: Path) -> None:
     with opened_below(show) as opened:
         request = Project(show, 2, allow_code=True).request(show / "a.yaml", "draft", variant="none")
@@ -302,6 +304,7 @@ def test_every_file_that_a_shot_opens_is_among_those_that_it_reports(show: Path)
     assert opened - reported == {show / "a.yaml", *(show / name for name, _ in request.source.beside)}
 
 
+@needs_plugins("points", "fields", "python")
 @pytest.mark.parametrize("name", _marked(SHOW.keys() - {"a.yaml"}, QUICK))
 def test_a_change_of_a_file_moves_the_keys_that_rest_on_it(show: Path, name: str) -> None:
     first, before = _keys(show), {other: (show / other).read_bytes() for other in SHOW}

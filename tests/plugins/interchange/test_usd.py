@@ -24,6 +24,7 @@ from flowsculpt.pipeline.shot import read_shot
 from flowsculpt.render.post.image import read_exr, write_png
 from tests.conftest import commanded
 from tests.full_disk import disk_of
+from tests.needed_plugins import needs_plugins
 from tests.simulated_show import simulated
 
 NAME = "T010_tiny"
@@ -299,6 +300,7 @@ def test_what_changed_is_written_and_nothing_else(root, tmp_path, monkeypatch):
     assert (stage.GetStartTimeCode(), stage.GetEndTimeCode()) == (2.0, 2.0)  # the others show speed
 
 
+@needs_plugins("points")
 @pytest.mark.parametrize(("shot", "kind"), [(CLOUD, "Points"), (NET, "Mesh")])
 def test_clouds_become_points_and_nets_their_smooth_surface(shot, kind, tmp_path, monkeypatch):
     simulated(tmp_path, shot)

@@ -15,6 +15,7 @@ from flowsculpt.pipeline.production.store import readers
 from flowsculpt.pipeline.production.tasks.job import Context
 from flowsculpt.pipeline.production.tasks.worker import task_of
 from tests.conftest import commanded
+from tests.needed_plugins import needs_plugins
 
 NAME = "T010_two"
 SHOT = """\
@@ -47,6 +48,7 @@ def export(tmp_path_factory: pytest.TempPathFactory) -> UsdExport:
     return exported(tmp_path_factory.mktemp("usd"))
 
 
+@needs_plugins("points")
 def test_each_subject_is_a_prim_with_its_material_and_its_points_of_each_frame(export: UsdExport) -> None:
     stage = Usd.Stage.Open(str(export.path))
     home = f"/{NAME}/sculpture"
@@ -64,18 +66,21 @@ def test_each_subject_is_a_prim_with_its_material_and_its_points_of_each_frame(e
             assert np.abs(shown - vertices).max() < 1e-6
 
 
+@needs_plugins("points")
 def test_an_edit_of_one_subject_writes_its_clips_alone(export: UsdExport) -> None:
     again = exported(export.folder.parent, SHOT.replace("count: 20", "count: 21"))
     clips = {name for name in again.files.written if name.endswith(".usdc")}
     assert clips == {f"{NAME}.motes.{number:04d}.usdc" for number in (1, 2, 3)}
 
 
+@needs_plugins("points")
 def test_a_stage_is_of_all_subjects(export: UsdExport, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(export.folder.parent)
     code, said = commanded(Path.cwd(), "export", "usd", NAME, "--subject", "crane")
     assert code == UsageError.exit_code and said.startswith("--subject crane: a USD stage holds all subjects")
 
 
+@needs_plugins("points")
 def test_vertices_of_copies_have_the_number_of_their_copy_in_all_frames(tmp_path: Path) -> None:
     beads = "beads: {solid: box, size: [0.3, 0.3, 0.3], copies: {count: 3, region: {box: {size: [2, 1, 1]}}}}"
     written = exported(tmp_path, SHOT.replace("resample:", f"  {beads}\nresample:", 1))

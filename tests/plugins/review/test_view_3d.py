@@ -18,6 +18,7 @@ from flowsculpt.pipeline.plugins.review import view_3d
 from flowsculpt.pipeline.plugins.review.view_3d import PageMeshes
 from flowsculpt.pipeline.production.shot_extras import Animation, ShotExtras
 from flowsculpt.render.graphics.three_js import installed_file
+from tests.needed_plugins import needs_plugins
 from tests.plugins.review.looker import Opened
 from tests.simulated_show import LAST, NAME, SHOT, Desk, simulated
 
@@ -159,6 +160,7 @@ def meshes_of(desk: Desk) -> PageMeshes:
     return PageMeshes(desk.request("draft"), desk.project().store, desk.root)
 
 
+@needs_plugins("points")
 @pytest.mark.parametrize(
     ("shot", "why"),
     [
