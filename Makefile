@@ -62,7 +62,7 @@ reference: .venv/ready-dev
 # The figures of the docs, by the scripts in examples/.
 figures: .venv/ready-dev
 	$(BIN)/python -m examples
-	$(BIN)/python -m examples.flows
+	$(BIN)/python -m examples flows
 
 # All pictures of the docs: the figures, the README's moving one from the draft film, a still of every shot.
 pictures: figures film

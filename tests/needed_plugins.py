@@ -20,12 +20,13 @@ from _pytest.mark import ParameterSet
 
 from flowsculpt.pipeline.plugin import plugins
 
-GALLERY = Path(__file__).parents[1] / "shots"
+ROOT = Path(__file__).parents[1]
+GALLERY = ROOT / "shots"
 
-ADDED = Path(__file__).parents[1] / "pipeline" / "plugins" / "added.toml"
+ADDED = tomllib.loads((ROOT / "pipeline/plugins/added.toml").read_text(encoding="utf-8"))
+"""What each plug-in adds that comes with flowsculpt."""
 
-SHIPPED = (*tomllib.loads(ADDED.read_text(encoding="utf-8")),)
-"""The plug-ins that come with flowsculpt."""
+SHIPPED = tuple(ADDED)
 
 NEEDS = re.compile(r"# Needs the plug-ins? (.*)\.\n")
 """The first line of a shot of the gallery that needs plug-ins."""
@@ -79,7 +80,7 @@ def installed(*commands: Sequence[str]) -> list[Sequence[str]]:
 
 def is_of_installed(path: str) -> bool:
     """Return whether a file of the project, by its path in it, is there as far as plug-ins decide it."""
-    found = re.match(r"(?:pipeline|tests)/plugins/(\w+)/", path)
+    found = re.match(r"(?:pipeline|tests)/plugins/(\w+)(?:/|$)", path)
     return found is None or not missing(found[1])
 
 
@@ -107,3 +108,17 @@ def gallery_rows(paths: Iterable[Path]) -> list[ParameterSet]:
         )
         for path in paths
     ]
+
+
+def needed_in(text: str) -> list[str]:
+    """Return the plug-ins that a part of a shot file needs, by the names and suffixes that they add."""
+    owners = {name: plugin for plugin, names in ADDED.items() for name in names}
+    words = re.findall(r"[\w.]+", text)
+    found = {owners.get(word) or owners.get(f".{word.rpartition('.')[2]}", "") for word in words}
+    return sorted(found - {""} | {*SHIPPED} & {word.partition(".")[0] for word in words if "." in word})
+
+
+def shot_rows(rows: Iterable[object]) -> list[ParameterSet]:
+    """Return rows of a table with parts of shot files, each skipped where its plug-ins are missing."""
+    values = (row if isinstance(row, tuple) else (row,) for row in rows)
+    return [pytest.param(*row, marks=needs_plugins(*needed_in(" ".join(map(str, row))))) for row in values]

@@ -31,7 +31,6 @@ from flowsculpt.pipeline.production.stages import PipelineStage as PipelineStage
 from flowsculpt.pipeline.production.store.locks import Locks as Locks
 from flowsculpt.pipeline.production.store.paths import Folders as Folders
 from flowsculpt.pipeline.production.store.readers import StoredFiles as StoredFiles
-from flowsculpt.pipeline.production.store.remote_store import use_store as use_store
 from flowsculpt.pipeline.production.store.store import Store as Store
 from flowsculpt.pipeline.production.store.store import key_of as key_of
 from flowsculpt.pipeline.production.tasks.worker import do_job as do_job

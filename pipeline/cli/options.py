@@ -8,7 +8,7 @@ import inspect
 import os
 import re
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
@@ -201,6 +201,14 @@ class Common:
     def done(self, verb: str) -> str:
         """Return what became of an output: `written`, or `would be written` with --dry-run."""
         return f"would be {verb}" if self.dry_run else verb
+
+    def with_own_root(self, root: Path) -> Common:
+        """Return the options of a run in another root; from now on this process shares no remote store.
+
+        What a remote store has would prove nothing about frames that are made again.
+        """
+        use_store(None)
+        return replace(self, root=root)
 
 
 @dataclass(frozen=True)

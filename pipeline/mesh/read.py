@@ -171,6 +171,13 @@ class ModelFile:
             return "y"
         return (self.files().up if self.reader.states_up else None) or self.reader.usual_up
 
+    def read_by(self, readers: Mapping[str, Callable[[Path], T]], kind: str) -> T:
+        """Return what the reader of its suffix returns; `kind` says what the file is: `a file of points`.
+
+        Raises MeshError also for another suffix.
+        """
+        return read_by_suffix(self.path, readers, kind)
+
     def materials(self) -> ModelMaterials:
         """Read the materials of the model."""
         return self._painted(lambda reader: reader.materials)

@@ -52,6 +52,17 @@ class Orbit {
     this.#set({ position: plus(position, shift), target: plus(target, shift) });
   }
 
+  get distance() { return length(minus(this.view.position, this.view.target)); }
+
+  /** Point a camera of three.js as the view is. */
+  point(camera) {
+    const { position, target, up } = this.view;
+    camera.up.fromArray(up);
+    camera.position.fromArray(position);
+    camera.lookAt(...target);
+    camera.updateMatrixWorld();
+  }
+
   #set(view) {
     Object.assign(this.view, view);
     this.changed(this.view);

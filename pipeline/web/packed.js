@@ -1,10 +1,20 @@
-// Data in pages: base64, which may be deflated.
+// Data in pages: base64, which may be deflated; modules, and files to be kept.
 
 function bytesIn(text) { return Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0)); }
 
 async function inflated(text) {
   const stream = new Blob([bytesIn(text)]).stream().pipeThrough(new DecompressionStream("deflate"));
   return new Uint8Array(await new Response(stream).arrayBuffer());
+}
+
+/** The module of a script's text: a page that lies in a folder may load none from there. */
+async function moduleOf(text) {
+  const url = URL.createObjectURL(new Blob([text], { type: "text/javascript" }));
+  try {
+    return await import(url);
+  } finally {
+    URL.revokeObjectURL(url);
+  }
 }
 
 /** Keep a file on the disk of whoever looks at the page. */

@@ -15,6 +15,7 @@ from flowsculpt.pipeline.flow import Flow
 from flowsculpt.pipeline.mesh import TriangleMesh, validate
 from flowsculpt.pipeline.resample.placement import NORMAL, Exact
 from flowsculpt.pipeline.shot import Motion, read_shot
+from tests.needed_plugins import shot_rows
 
 SHOT = """\
 title: A ball
@@ -87,7 +88,9 @@ def test_short_edges_that_mending_leaves_have_their_reasons() -> None:
         assert report.too_short == sum(report.refused.values()) and report.too_long == 0
 
 
-@pytest.mark.parametrize("flow, follows", [("become: {solid: rod}", True), ("twist: {amount: 1}", False)])
+@pytest.mark.parametrize(
+    "flow, follows", shot_rows([("become: {solid: rod}", True), ("twist: {amount: 1}", False)])
+)
 def test_a_shot_that_becomes_something_asks_for_it_and_others_keep_their_results(
     flow: str, follows: bool
 ) -> None:

@@ -10,6 +10,7 @@ from flowsculpt.pipeline.errors import UsageError
 from flowsculpt.pipeline.resample import Thresholds
 from flowsculpt.pipeline.shot import Motion
 from tests.animation.motions import EDGE, births, resampled
+from tests.needed_plugins import needs_plugins
 
 
 def test_the_vertices_of_a_film_are_numbered_and_every_birth_is_in_its_frame(motion: Motion) -> None:
@@ -55,6 +56,10 @@ def test_frames_that_are_left_out_leave_no_lineage(motion: Motion) -> None:
         descent([frames[0], frames[2]])
     with pytest.raises(UsageError, match=r"frames \[\] are not"):
         descent([])
+
+
+@needs_plugins("polyhedra")
+def test_frames_of_polyhedra_have_no_lineage(motion: Motion) -> None:
     polygons = list(animate(resampled(motion, method="polyhedra", thresholds=Thresholds(1.2))))[:2]
     assert polygons[0].births is None and "births" not in polygons[0].to_arrays()
     with pytest.raises(UsageError, match="frame 5 has no identities"):

@@ -11,7 +11,7 @@ from flowsculpt.pipeline.mesh.placed_copies import Placements, nearest_rotations
 from flowsculpt.pipeline.production.request.shading import Shading
 from flowsculpt.pipeline.shot import Motion, read_shot
 from flowsculpt.pipeline.statistics import mesh_statistics
-from tests.needed_plugins import needs_plugins
+from tests.needed_plugins import needs_plugins, shot_rows
 
 SHOT = """
 title: Tiles
@@ -41,7 +41,6 @@ def lengths(points: np.ndarray) -> np.ndarray:
     return np.linalg.norm(points[:, :, None] - points[:, None], axis=3)
 
 
-@needs_plugins("fields")
 @settings(deadline=None, max_examples=8)
 @given(
     st.floats(-40, 40),
@@ -54,6 +53,7 @@ def lengths(points: np.ndarray) -> np.ndarray:
         ]
     ),
 )
+@needs_plugins("fields")
 def test_all_distances_in_a_copy_stay(strength: float, flow: str) -> None:
     frames = list(animate(motion_of(flow.replace("S", str(strength)))))
     before, after = (f.mesh.vertices.reshape(5, -1, 3) for f in (frames[0], frames[-1]))
@@ -155,13 +155,14 @@ def test_material_positions_and_copies_are_told_by_order() -> None:
     assert np.allclose(last.mesh.attributes["material"], first.mesh.vertices)
 
 
-@needs_plugins("points")
 @pytest.mark.parametrize(
     ("old", "new", "fault"),
-    [
-        ("solid: box\n    size: [0.3, 0.1, 0.2]", CLOUD, "points have no shape"),
-        ("max_edge_length: 0.1", f"max_edge_length: {CURVED}", "rigid copies keep the shape"),
-    ],
+    shot_rows(
+        [
+            ("solid: box\n    size: [0.3, 0.1, 0.2]", CLOUD, "points have no shape"),
+            ("max_edge_length: 0.1", f"max_edge_length: {CURVED}", "rigid copies keep the shape"),
+        ]
+    ),
 )
 def test_what_cannot_be_rigid_is_refused(old: str, new: str, fault: str) -> None:
     assert old in SHOT

@@ -18,6 +18,7 @@ from flowsculpt.pipeline.mesh.read import mesh_suffixes
 from flowsculpt.pipeline.production.request.lookup import OTHER_MODELS, Show
 from tests.conftest import FILM, TINY, commanded
 from tests.mistakes import is_named
+from tests.needed_plugins import SHIPPED, installed, needs_plugins
 
 ROWS = YAML(typ="safe").load((Path(__file__).parent / "mistakes.yaml").read_text(encoding="utf-8"))
 
@@ -39,6 +40,7 @@ def told(folder: Path, words: str) -> tuple[int, str]:
     return code, text.replace(f"{folder.resolve()}/", "").replace(f"{folder}/", "")
 
 
+@needs_plugins(*SHIPPED)
 def test_the_messages_name_what_is_right_in_nine_of_ten_cases(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -53,7 +55,9 @@ def test_the_messages_name_what_is_right_in_nine_of_ten_cases(
     assert len(missed) <= 0.1 * len(ROWS), missed
 
 
-@pytest.mark.parametrize("words", [row["right"] for row in ROWS if "right" in row])
+@pytest.mark.parametrize(
+    "words", [row["right"] for row in ROWS if installed(shlex.split(row.get("right", "none")))]
+)
 def test_what_is_right_works(folder: Path, monkeypatch: pytest.MonkeyPatch, words: str) -> None:
     monkeypatch.chdir(folder)
     code, text = told(folder, words)

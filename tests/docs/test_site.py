@@ -124,6 +124,7 @@ def test_the_page_of_commands_says_what_the_code_says() -> None:
     assert new == old, "`make reference` rewrites the page"
 
 
+@needs_plugins("remote")
 def test_every_message_that_troubleshooting_quotes_is_told_by_the_code() -> None:
     code = "\n".join(
         file.read_text() for folder in ("pipeline", "render") for file in (ROOT / folder).rglob("*.py")

@@ -14,6 +14,7 @@ from flowsculpt.pipeline.mesh import PolygonMesh, TriangleMesh, icosphere, torus
 from flowsculpt.pipeline.mesh.face_soup import merge_coincident
 from flowsculpt.pipeline.mesh.mesh_formats import FileSurface
 from flowsculpt.pipeline.mesh.read import ModelFile, RepairedSurface, repair_surface
+from tests.needed_plugins import needs_plugins
 
 CUBE = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
 QUADS = np.array([(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)])
@@ -153,6 +154,7 @@ def test_creases_and_polygons_survive_repair() -> None:
     assert mesh.creases.tolist() == [[0, 1], [2, 3], [2, 6], [3, 7], [6, 7]]
 
 
+@needs_plugins("interchange")
 def test_repair_off_refuses_with_the_files_own_numbers_and_the_remedy(tmp_path: Path) -> None:
     lines = [f"v {x:g} {y:g} {z:g}" for x, y, z in shifted((1, 1, 1))[[*range(8), *range(9, 16)]]]
     second = [[7 if v == 0 else v + 7 for v in face] for face in QUADS.tolist()]

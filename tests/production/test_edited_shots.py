@@ -14,9 +14,10 @@ from hypothesis import strategies as st
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.store.store import Store
 from tests.conftest import done
+from tests.needed_plugins import needs_plugins
 from tests.production.edited_shots import SUBJECTS, SUBJECTS_BY_FITS, EditedShot, edits, shots
 
-pytestmark = pytest.mark.quick
+pytestmark = [pytest.mark.quick, needs_plugins("become", "fields", "points", "polyhedra")]
 
 Shots = Mapping[str, EditedShot]
 

@@ -24,7 +24,7 @@ from flowsculpt.pipeline.resample import Thresholds
 from flowsculpt.pipeline.shot import Shot, read_shot
 from flowsculpt.render.scene.render_camera import Camera
 from flowsculpt.render.scene.scene_stage import StagePlacement
-from tests.needed_plugins import needs_plugins
+from tests.needed_plugins import shot_rows
 
 pytestmark = pytest.mark.quick
 
@@ -49,8 +49,7 @@ def movement(text: str, number: int) -> tuple[Shot, MeshFrame, SurfaceMotion]:
     return shot, frame, Shading.of(frame, thresholds, shot.picture.tessellate).moved_by(shot.motion)
 
 
-@needs_plugins("points")
-@pytest.mark.parametrize("subject", [BALL, BALL + "smooth: {tessellate: 2}\n", CLOUD, NET])
+@pytest.mark.parametrize("subject", shot_rows([BALL, BALL + "smooth: {tessellate: 2}\n", CLOUD, NET]))
 @pytest.mark.parametrize("number", [1, 3, 6])
 def test_what_slides_has_the_same_velocity_everywhere_and_always(subject: str, number: int) -> None:
     _, _, moving = movement(subject + SLIDING, number)

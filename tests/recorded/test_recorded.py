@@ -13,7 +13,7 @@ from flowsculpt.pipeline.errors import MissingInputError, ShotError
 from flowsculpt.pipeline.production.stages import STAGES, forced_with
 from flowsculpt.pipeline.shot import read_shot
 from tests.conftest import ProjectFolder, commanded
-from tests.needed_plugins import needs_plugins
+from tests.needed_plugins import needed_by_gallery, needs_plugins
 from tests.recorded.record import HERE, SHOT
 
 RECORDED = sorted(HERE.glob("*.zip"))
@@ -33,6 +33,7 @@ def test_this_version_has_recorded_a_show() -> None:
     assert all(archive.stat().st_size <= 200_000 for archive in RECORDED)
 
 
+@needs_plugins(*needed_by_gallery())
 def test_every_shot_of_the_gallery_of_then_is_read(root: Path) -> None:
     shots = sorted((root / "gallery/shots").glob("[A-Z]*.yaml"))
     assert len(shots) > 20

@@ -11,6 +11,7 @@ from flowsculpt.pipeline.flow import EASINGS
 from flowsculpt.pipeline.flow.regions import FALLOFF_TYPES
 from flowsculpt.pipeline.shot import read_shot
 from flowsculpt.pipeline.shot.documents.flow_entries import FlowDocument, RegionDocument
+from tests.needed_plugins import shot_rows
 
 PROJECT = Path(__file__).parents[2]
 PAGE = (PROJECT / "docs" / "choreography.md").read_text(encoding="utf-8")
@@ -18,7 +19,7 @@ EXAMPLES = re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)
 HEAD = "title: Page\nframes: 1-96\nsubject: {solid: box}\nresample: {max_edge_length: 0.25}\n"
 
 
-@pytest.mark.parametrize("example", EXAMPLES, ids=range(len(EXAMPLES)))
+@pytest.mark.parametrize("example", shot_rows(EXAMPLES), ids=range(len(EXAMPLES)))
 def test_an_example_of_the_page_is_a_good_shot(example: str) -> None:
     text = example if example.startswith("title:") else HEAD + example
     motion = read_shot(PROJECT / "shots" / "page.yaml", text).motion

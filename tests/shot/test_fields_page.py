@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from flowsculpt.pipeline.shot import read_shot
+from tests.needed_plugins import shot_rows
 
 PAGE = Path(__file__).parents[2] / "docs" / "fields.md"
 EXAMPLES = re.findall(r"```yaml\n(.*?)```", PAGE.read_text(encoding="utf-8"), flags=re.S)
@@ -20,7 +21,7 @@ IMAGE = (
 )
 
 
-@pytest.mark.parametrize("example", EXAMPLES)
+@pytest.mark.parametrize("example", shot_rows(EXAMPLES))
 def test_every_example_of_the_page_is_read(example: str, tmp_path: Path) -> None:
     axis = np.linspace(0, 1, 3)
     for name in ("smoke_1", "smoke_2"):

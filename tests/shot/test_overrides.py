@@ -19,6 +19,7 @@ from flowsculpt.pipeline.errors import UsageError
 from flowsculpt.pipeline.mesh import read_mesh, read_polygons, validate
 from flowsculpt.pipeline.resample import PolygonReport
 from flowsculpt.pipeline.shot import Motion, read_shot
+from tests.needed_plugins import missing, needed_in, needs_plugins, shot_rows
 
 SHOT = """\
 title: Box
@@ -108,7 +109,9 @@ ACTING = [
 ]
 
 
-@pytest.mark.parametrize(("one", "other"), ACTING, ids=[f"{one} or {other}" for one, other in ACTING])
+@pytest.mark.parametrize(
+    ("one", "other"), shot_rows(ACTING), ids=[f"{one} or {other}" for one, other in ACTING]
+)
 def test_a_setting_changes_the_frames_and_their_keys(one: str, other: str) -> None:
     assert bits(frames_of(one)) != bits(frames_of(other))
     shapes = [f.mesh.vertices.tobytes() + f.mesh.creases.tobytes() for f in frames_of(one)]
@@ -119,12 +122,13 @@ def test_a_setting_changes_the_frames_and_their_keys(one: str, other: str) -> No
 
 
 IDLE = [
+    # cutting and collapse are settings of polyhedra
+    ("max_edge_length: 0.4", "max_edge_length: 0.4, cutting: recurse, collapse: areas"),
+    (CHORD, f"{CHORD}, normals: geometric, rest_interval: 2, cutting: recurse, collapse: areas"),
     ("max_edge_length: 0.4", "max_edge_length: 0.4, max_vertices: 5000"),
     ("max_edge_length: 0.4", "max_edge_length: 0.4, gradation: 0.05"),
     ("max_edge_length: 0.4", "max_edge_length: 0.4, rest_interval: 5"),
     ("max_edge_length: 0.4, creases: none", "max_edge_length: 0.4, creases: none, hard_angle: 15"),
-    ("max_edge_length: 0.4", "max_edge_length: 0.4, cutting: recurse, collapse: areas"),
-    (CHORD, f"{CHORD}, normals: geometric, rest_interval: 2, cutting: recurse, collapse: areas"),
     (
         POLYHEDRA,
         f"{POLYHEDRA}, placement: curved, splits: faces, min_roundness: 0.9, normals: geometric, "
@@ -133,7 +137,11 @@ IDLE = [
 ]
 
 
-@pytest.mark.parametrize(("one", "other"), IDLE, ids=[other for _, other in IDLE])
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [*(pytest.param(*row, marks=needs_plugins("polyhedra")) for row in IDLE[:2]), *shot_rows(IDLE[2:])],
+    ids=[other for _, other in IDLE],
+)
 def test_a_setting_that_cannot_act_is_no_part_of_the_keys(one: str, other: str) -> None:
     assert data(one) == data(other)
     assert bits(frames_of(one)) == bits(frames_of(other))
@@ -153,7 +161,8 @@ f 2 3 6 5
 """
 
 
-@pytest.mark.parametrize("method", ["triangles", "polyhedra"])
+@needs_plugins("interchange")
+@pytest.mark.parametrize("method", shot_rows(["triangles", "polyhedra"]))
 def test_the_creases_of_a_models_file_are_kept(tmp_path: Path, method: str) -> None:
     """A flat sheet of two groups: nothing but their border is a crease, and only where the file counts."""
     (tmp_path / "two.obj").write_text(CREASED)
@@ -177,6 +186,7 @@ def test_without_creases_nothing_is_tagged(placement: str) -> None:
         assert not len(frame.mesh.creases)
 
 
+@needs_plugins("polyhedra")
 def test_polyhedra_begin_with_the_subjects_own_polygons() -> None:
     """P20: six quadrilaterals are sliced on the first frame."""
     assert list(motion(POLYHEDRA).polygons_at_rest().sides) == [4] * 6
@@ -190,6 +200,7 @@ def test_polyhedra_begin_with_the_subjects_own_polygons() -> None:
     assert isinstance(first.report.resampling, PolygonReport) and first.report.resampling.cuts > 20
 
 
+@needs_plugins("interchange", "polyhedra")
 def test_a_models_polygons_are_kept_and_scaled(tmp_path: Path) -> None:
     (tmp_path / "two.obj").write_text(CREASED)
     text = (SHOT % POLYHEDRA).replace("{solid: box, size: [2, 1.6, 1.2]}", "{model: two.obj, scale: 0.2}")
@@ -198,6 +209,7 @@ def test_a_models_polygons_are_kept_and_scaled(tmp_path: Path) -> None:
     assert list(at_rest.sides) == [4, 4]
 
 
+@needs_plugins("polyhedra")
 def test_functions_over_polyhedra_are_asked_on_a_fine_solid() -> None:
     """Eight corners of a box could not tell that it is to be finer in between."""
     text = "max_edge_length: {formula: 0.15 + 0.5 * abs(x)}, method: polyhedra"
@@ -206,6 +218,7 @@ def test_functions_over_polyhedra_are_asked_on_a_fine_solid() -> None:
     assert (np.abs(x) < 0.25).sum() > 2 * (np.abs(x) > 0.75).sum() > 0
 
 
+@needs_plugins("polyhedra")
 @pytest.mark.parametrize("settings_", ["", ", cutting: recurse, collapse: areas"])
 def test_polygons_stay_a_surface_in_the_bracket_and_shown_by_triangles(settings_: str) -> None:
     for frame in frames_of(POLYHEDRA + settings_):
@@ -231,7 +244,7 @@ RESUMED = [
 ]
 
 
-@given(st.sampled_from(RESUMED), st.integers(0, 3))
+@given(st.sampled_from([each for each in RESUMED if not missing(*needed_in(each))]), st.integers(0, 3))
 @settings(deadline=None, max_examples=30)
 def test_a_run_goes_on_from_any_frame_with_the_same_bits(resample: str, stop: int) -> None:
     through = frames_of(resample)
@@ -241,6 +254,7 @@ def test_a_run_goes_on_from_any_frame_with_the_same_bits(resample: str, stop: in
     assert bits(tuple(animate(motion(resample), resume=kept))) == bits(through[stop + 1 :])
 
 
+@needs_plugins("polyhedra")
 def test_a_frame_of_triangles_is_no_start_for_polyhedra() -> None:
     with pytest.raises(UsageError, match="frame 1 has no polygons to continue with method polyhedra"):
         next(animate(motion(POLYHEDRA), resume=frames_of(CHORD)[0]))

@@ -26,6 +26,7 @@ from flowsculpt.pipeline.resample import (
 from flowsculpt.pipeline.shot import Motion, read_shot
 from flowsculpt.pipeline.shot.documents.resampling import KeyedCamera, KeyedThreshold
 from flowsculpt.pipeline.shot.motion import Resampling
+from tests.needed_plugins import needs_plugins, shot_rows
 
 SHOT = """\
 title: Ball
@@ -115,6 +116,7 @@ def test_gradation_counts_where_lengths_are_functions() -> None:
     assert data_of(motion(CURVED)) != data_of(motion(f"{CURVED}, gradation: 0.9"))
 
 
+@needs_plugins("polyhedra")
 def test_settings_that_the_method_ignores_are_no_part_of_any_mesh() -> None:
     polyhedra = "0.2, method: polyhedra"
     assert data_of(motion(polyhedra)) == data_of(motion(f"{polyhedra}, min_roundness: 0.9, placement: chord"))
@@ -129,6 +131,10 @@ def test_settings_stand_under_their_names() -> None:
     assert settings["max_edge_length"] == 0.2 and settings["placement"] == "curved"
     assert json.loads(json.dumps(settings)) == settings
     assert "cutting" not in settings and "normals" not in settings  # which nothing came of
+
+
+@needs_plugins("polyhedra")
+def test_settings_of_polyhedra_stand_under_their_names() -> None:
     sliced = motion("0.2, method: polyhedra").resampling_at(1)
     assert sliced is not None
     assert set(sliced.settings()) == {
@@ -175,7 +181,7 @@ WRONG = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("resample", "messages"), WRONG, ids=[resample for resample, _ in WRONG])
+@pytest.mark.parametrize(("resample", "messages"), shot_rows(WRONG), ids=[resample for resample, _ in WRONG])
 def test_a_mistake_is_told_with_its_place(resample: str, messages: list[str]) -> None:
     assert told(resample) == messages
 

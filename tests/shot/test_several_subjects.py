@@ -17,7 +17,7 @@ from flowsculpt.pipeline.mesh.placed_copies import Placements
 from flowsculpt.pipeline.mesh.solids import six_sided_box
 from flowsculpt.pipeline.shot import Shot, read_shot
 from flowsculpt.pipeline.shot.copies import Copies, bounding_sphere
-from tests.needed_plugins import needs_plugins
+from tests.needed_plugins import needs_plugins, shot_rows
 
 SHOT = """\
 title: Two
@@ -158,7 +158,6 @@ def test_a_wrong_set_of_subjects_has_one_message_with_its_place(entry: str, said
 ROOM = "copies: {count: 5, region: {sphere: {radius: 1}}}"
 
 
-@needs_plugins("points")
 @pytest.mark.parametrize(
     ("settings", "said"),
     [
@@ -170,7 +169,7 @@ ROOM = "copies: {count: 5, region: {sphere: {radius: 1}}}"
         (f"solid: box, {ROOM}", "4:28: the region has room for no copy of this subject"),
         (f"solid: box, {ROOM.replace('1}', '4}')}", "the region has room for 3 copies of this subject"),
         (f"solid: box, place: [1, 0, 0], {ROOM}", "place is for a subject without copies"),
-        (f"net: {{solid: tube}}, {ROOM}", "a net is one grid of points and has no copies"),
+        *shot_rows([(f"net: {{solid: tube}}, {ROOM}", "a net is one grid of points and has no copies")]),
         ("solid: box, copies: {count: 2, region: {half_space: {}}}", "half_space gives it none"),
         ("solid: box, look: symbolics_1990", "shows one subject. Take another look."),
         ("solid: sheet, look: glass", "4:30: look glass is for closed surfaces"),
@@ -184,9 +183,12 @@ def test_a_mistake_in_a_subject_has_one_message_with_its_place(settings: str, sa
     assert all("box.obj is not there" in line for line in others)
 
 
-@needs_plugins("points")
-def test_without_resampling_each_subject_is_asked_for_it_but_no_points_are() -> None:
+def test_without_resampling_each_subject_is_asked_for_it() -> None:
     assert "resample: missing" in told("subjects: {a: {solid: box}}\n", rest="")
+
+
+@needs_plugins("points")
+def test_points_among_several_subjects_need_no_resampling() -> None:
     cloud = "{cloud: {solid: box}, radius: 0.1, count: 9}"
     text = f"title: T\nframes: 1-2\nsubjects: {{a: {{solid: box}}, b: {cloud}}}\n"
     a, b = read_shot("a.yaml", text + "resample: {max_edge_length: 0.5}\n").subjects

@@ -13,6 +13,7 @@ from flowsculpt.pipeline.plugins.fields.attraction import Attraction, Wind
 from flowsculpt.pipeline.plugins.fields.curl_noise import CurlNoise
 from flowsculpt.pipeline.plugins.python.python_flow import PythonFlow
 from flowsculpt.pipeline.shot import Shot, read_shot
+from tests.needed_plugins import needs_plugins, shot_rows
 
 HEAD = "title: T\nframes: 1-24\nsubject: {solid: icosphere}\nresample: off\nflows:\n"
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
@@ -34,6 +35,7 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
+@needs_plugins("interchange")
 def test_every_field_can_be_written(folder: Path) -> None:
     found = fields_of(
         shot_of(
@@ -130,7 +132,7 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("flow", "says"), WRONG, ids=[flow[:60] for flow, _ in WRONG])
+@pytest.mark.parametrize(("flow", "says"), shot_rows(WRONG), ids=[flow[:60] for flow, _ in WRONG])
 def test_what_is_wrong_is_told_in_one_line_with_its_place(flow: str, says: str, folder: Path) -> None:
     (folder / "broken.py").write_text("x = 1\ndef f(points)\n    return points\n")
     with pytest.raises(ShotError) as told:
@@ -140,6 +142,7 @@ def test_what_is_wrong_is_told_in_one_line_with_its_place(flow: str, says: str, 
     assert message.startswith(f"{folder / 'a.yaml'}:6:") and message.isprintable() and len(message) < 700
 
 
+@needs_plugins("interchange")
 def test_contents_of_files_decide_and_not_their_names(folder: Path) -> None:
     shot = shot_of(
         folder,

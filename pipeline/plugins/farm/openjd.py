@@ -9,6 +9,7 @@ Source: https://github.com/OpenJobDescription/openjd-specifications/wiki (2023-0
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -16,7 +17,7 @@ from typing import Any
 
 from flowsculpt import FlowsculptError
 from flowsculpt.api.files import python_command
-from flowsculpt.api.frames import FrameRange, Plan, use_store
+from flowsculpt.api.frames import FrameRange, Plan
 from flowsculpt.pipeline.plugins.farm.farm_steps import FarmStep, steps_of
 from flowsculpt.pipeline.plugins.farm.task_runner import do
 
@@ -135,7 +136,7 @@ def _written(numbers: Iterable[int]) -> str:
 def main(root: str, plan: str, store: str, *jobs: str) -> int:
     """Do jobs of a plan in a root, one after the other until one fails; `render:1-9:2` is every second."""
     if store:
-        use_store(store)
+        os.environ["FLOWSCULPT_STORE"] = store
     named = [job.partition(":") for job in jobs]
     tasks = [f"{stage}{colon}{frames.replace(':', 'x')}" for stage, colon, frames in named]
     return do(Path(root), Path(plan), tasks)

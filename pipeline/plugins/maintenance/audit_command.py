@@ -16,7 +16,7 @@ from flowsculpt import MachineError, MissingInputError, UsageError
 from flowsculpt.api import plural
 from flowsculpt.api.commands import Project, execute, print_result, report_plan
 from flowsculpt.api.files import remove_tree
-from flowsculpt.api.frames import Folders, FrameKeys, FrameRange, Locks, Plan, RenderRequest, Store, use_store
+from flowsculpt.api.frames import Folders, FrameKeys, FrameRange, Locks, Plan, RenderRequest, Store
 from flowsculpt.api.options import DEFAULT_QUALITY, Common, Frames, PictureOptions, Quality, Shot
 from flowsculpt.api.pictures import RenderError, read_exr
 
@@ -45,8 +45,7 @@ def audit(
     of_shot = project.as_finished(request)
     audited = Audit(project, of_shot, finished_frames(of_shot, project.store))
     chosen = audited.chosen(part, seed)
-    use_store(None)  # what the remote store has would prove nothing
-    inside = replace(common, root=audited.home)
+    inside = common.with_own_root(audited.home)
     if common.dry_run:
         report_plan(inside, audited.plan(chosen))
         return

@@ -12,7 +12,7 @@ import numpy as np
 from flowsculpt import MeshError
 from flowsculpt.api import plural, suggest
 from flowsculpt.api.files import Archive, InputFile, number_fault, text_content
-from flowsculpt.api.meshes import Floats, ModelFile, read_by_suffix, read_ply_vertices
+from flowsculpt.api.meshes import Floats, ModelFile, read_ply_vertices
 
 _POINTS = ("points", "vertices")
 _ATTRIBUTE = "attribute:"
@@ -42,7 +42,7 @@ def read_points(path: str | Path) -> PointSet:
     points that are not finite.
     """
     path = Path(path)
-    points = read_by_suffix(path, _READERS, "a file of points")
+    points = ModelFile(path).read_by(_READERS, "a file of points")
     if not len(points.points):
         raise MeshError(f"{path}: it has no points; a cloud needs at least one")
     if points.points.ndim != 2 or points.points.shape[1] != 3:
@@ -61,7 +61,9 @@ def read_net(path: str | Path, columns: int | None = None) -> Floats:
     points, or has points that are not finite.
     """
     path = Path(path)
-    points = read_by_suffix(path, {name: _READERS[name] for name in ("npz", "obj")}, "a file of a net").points
+    points = (
+        ModelFile(path).read_by({name: _READERS[name] for name in ("npz", "obj")}, "a file of a net").points
+    )
     if points.ndim == 3:
         if columns not in (None, points.shape[1]):
             raise MeshError(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -20,7 +19,7 @@ from flowsculpt.api.commands import (
     print_warning,
     report_plan,
 )
-from flowsculpt.api.frames import Folders, FrameRange, Show, use_store
+from flowsculpt.api.frames import Folders, FrameRange, Show
 from flowsculpt.api.options import (
     DEFAULT_QUALITY,
     Common,
@@ -177,10 +176,9 @@ def reproduce(
     `flowsculpt reproduce renders/published/A010_cube/v001/provenance.json` renders the version in
     renders/repeated from its recorded shot file, and lists which frames are the same.
     """
-    use_store(None)  # what the remote store has would prove nothing
     record, project = Provenance.read(provenance), ShotOptions(None, allow_code).project(common, variant)
     again = Reproduction(record, provenance, project.force_from("render") if force else project, frames)
-    inside = replace(common, root=again.home)
+    inside = common.with_own_root(again.home)
     plan = again.plan()
     for note in again.notes:
         print_warning(f"{record.shot} {record.version}: {note}")

@@ -10,7 +10,7 @@ import pytest
 
 from flowsculpt.pipeline.errors import UsageError
 from flowsculpt.pipeline.plugins.authoring.shot_schemas import BEGIN, END, default_text, facts, markdown
-from tests.needed_plugins import needs_plugins
+from tests.needed_plugins import SHIPPED, needs_plugins
 
 DOCS = Path(__file__).parents[3] / "docs"
 
@@ -25,7 +25,7 @@ def test_a_flow_can_be_asked_for_by_name() -> None:
         facts("vortx")
 
 
-@needs_plugins("fields", "python")
+@needs_plugins(*SHIPPED)
 def test_the_table_of_the_docs_is_that_of_the_code() -> None:
     page = (DOCS / "flows.md").read_text("utf-8")
     assert page[page.index(BEGIN) : page.index(END) + len(END)] == markdown()

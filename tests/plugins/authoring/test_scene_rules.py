@@ -55,11 +55,13 @@ def the_only(many: list[Finding]) -> Finding:
     return many[0]
 
 
+@needs_plugins("interchange")
 def test_a_model_of_the_usual_size_with_fine_edges_has_no_findings(tmp_path: Path) -> None:
     write_ball(tmp_path / "ball.obj")
     assert found(tmp_path, ball_shot()) == []
 
 
+@needs_plugins("interchange")
 def test_edges_over_a_twelfth_of_the_subject_are_coarse_and_the_advised_length_is_not(tmp_path: Path) -> None:
     write_ball(tmp_path / "ball.obj")
     finding = the_only(found(tmp_path, ball_shot(edge=0.17)))
@@ -70,6 +72,7 @@ def test_edges_over_a_twelfth_of_the_subject_are_coarse_and_the_advised_length_i
     assert found(tmp_path, ball_shot(edge=0.166)) == []
 
 
+@needs_plugins("interchange")
 def test_a_small_bunny_with_edges_of_half_its_size_is_no_good(tmp_path: Path) -> None:
     write_ball(tmp_path / "ball.obj", 0.15)
     finding = the_only(found(tmp_path, ball_shot(edge=0.08)))
@@ -77,6 +80,7 @@ def test_a_small_bunny_with_edges_of_half_its_size_is_no_good(tmp_path: Path) ->
     assert found(tmp_path, ball_shot(edge=0.08, fit=", fit: 2")) == []
 
 
+@needs_plugins("interchange")
 @pytest.mark.parametrize("edge", [0.03, 0.04, 0.05])
 def test_a_first_frame_over_the_budget_is_an_error_and_both_remedies_fit(tmp_path: Path, edge: float) -> None:
     write_ball(tmp_path / "ball.obj")
@@ -108,6 +112,7 @@ def write_scan(path: Path, away: float) -> None:
     path.write_text("\n".join([path.read_text(), *bits, "f -6 -5 -4", "f -3 -2 -1"]))
 
 
+@needs_plugins("interchange")
 @pytest.mark.parametrize(("away", "is_told"), [(5.0, True), (1.5, True), (1.05, False)])
 def test_small_parts_that_make_a_model_larger_are_told_by_validate_and_for_new_shots(
     tmp_path: Path, away: float, is_told: bool
@@ -123,6 +128,7 @@ def test_small_parts_that_make_a_model_larger_are_told_by_validate_and_for_new_s
         assert f"make the model {factor:.3g} times as large; the farthest reaches ({away:g}," in told[0]
 
 
+@needs_plugins("interchange")
 def test_two_parts_of_one_size_are_no_finding(tmp_path: Path) -> None:
     write_ball(tmp_path / "ball.obj")
     text = (tmp_path / "ball.obj").read_text()
@@ -133,6 +139,7 @@ def test_two_parts_of_one_size_are_no_finding(tmp_path: Path) -> None:
     assert found(tmp_path, ball_shot(fit=", fit: 2")) == []
 
 
+@needs_plugins("interchange")
 @pytest.mark.parametrize(
     ("look", "is_told"),
     [("glass", True), ("smoke", True), ("{material: honey}", True), ("clay", False), ("glaze", False)],
@@ -149,6 +156,7 @@ def test_glass_and_smoke_on_an_open_surface_are_told(tmp_path: Path, look: str, 
         assert all("the surface is open: it has 3 boundary edges on frame 1" in each.text for each in told)
 
 
+@needs_plugins("interchange")
 def test_a_camera_inside_the_subject_is_told_with_its_setting(tmp_path: Path) -> None:
     write_ball(tmp_path / "ball.obj")
     for camera, setting in (
@@ -172,6 +180,7 @@ def test_points_within_a_ball_are_inside(point: tuple[float, float, float]) -> N
         assert is_inside(np.array(point), first) == (distance < 0.98)
 
 
+@needs_plugins("interchange")
 def test_a_lens_that_shows_nothing_sharp_is_told_and_the_remedy_serves(tmp_path: Path) -> None:
     write_ball(tmp_path / "ball.obj")
 
@@ -186,6 +195,7 @@ def test_a_lens_that_shows_nothing_sharp_is_told_and_the_remedy_serves(tmp_path:
     assert "Write focus: front." in the_only(lens("aperture: 4, focus: [0, 0, -60]")).text
 
 
+@needs_plugins("interchange")
 def test_flows_that_act_far_from_the_subject_are_told_and_both_remedies_serve(tmp_path: Path) -> None:
     write_ball(tmp_path / "ball.obj", 2.0, (300.0, 0.0, 0.0))
     finding = the_only(found(tmp_path, ball_shot()))
@@ -196,6 +206,7 @@ def test_flows_that_act_far_from_the_subject_are_told_and_both_remedies_serve(tm
     assert found(tmp_path, ball_shot(flow=TWIST.replace("axis: y", f"axis: y, centre: {centre[1]}"))) == []
 
 
+@needs_plugins("interchange")
 def test_a_vortex_acts_all_along_its_axis(tmp_path: Path) -> None:
     write_ball(tmp_path / "ball.obj", 2.0, (0.0, 0.0, 300.0))
     assert found(tmp_path, ball_shot(flow="vortex: {axis: z, strength: 3}")) == []
@@ -210,6 +221,7 @@ def test_a_place_that_pictures_cannot_resolve_is_told(tmp_path: Path) -> None:
     assert found(tmp_path, ball_shot(flow="curl_noise: {}", fit=", fit: 2")) == []
 
 
+@needs_plugins("interchange")
 def test_a_flow_that_tears_the_surface_is_told_and_fitting_the_model_serves(tmp_path: Path) -> None:
     write_ball(tmp_path / "ball.obj", 494.0)
     told = [f for f in found(tmp_path, ball_shot(edge=20.0)) if "times as long" in f.text]
@@ -217,6 +229,7 @@ def test_a_flow_that_tears_the_surface_is_told_and_fitting_the_model_serves(tmp_
     assert found(tmp_path, ball_shot(edge=0.08, fit=", fit: 2")) == []
 
 
+@needs_plugins("interchange")
 def test_a_large_model_that_a_twist_shears_to_pieces_is_told_to_be_fitted(tmp_path: Path) -> None:
     write_ball(tmp_path / "ball.obj", 200.0)
     twist = "twist: {axis: y, amount: {keys: {1: 0, 24: 30}}}"
@@ -226,6 +239,7 @@ def test_a_large_model_that_a_twist_shears_to_pieces_is_told_to_be_fitted(tmp_pa
     assert found(tmp_path, ball_shot(edge=0.08, flow=twist, fit=", fit: 2")) == []
 
 
+@needs_plugins("interchange")
 @pytest.mark.parametrize(("scale", "edge"), [(1000.0, 0.08), (100.0, 4.0), (1e5, 1.0), (0.001, 0.002)])
 def test_a_model_of_another_size_is_fitted_whatever_else_is_wrong_and_that_serves(
     tmp_path: Path, scale: float, edge: float
@@ -241,6 +255,7 @@ def test_a_model_of_another_size_is_fitted_whatever_else_is_wrong_and_that_serve
     assert found(tmp_path, ball_shot(mended, fit=", fit: 2")) == []
 
 
+@needs_plugins("interchange")
 def test_a_frame_over_the_budget_says_so_at_once_and_names_the_fit(tmp_path: Path) -> None:
     write_ball(tmp_path / "ball.obj")
     path = tmp_path / "shot.yaml"
@@ -254,7 +269,7 @@ def test_a_frame_over_the_budget_says_so_at_once_and_names_the_fit(tmp_path: Pat
         next(animate(read_shot(path)))
 
 
-@needs_plugins("fields")
+@needs_plugins("interchange", "fields")
 def test_too_many_sub_steps_are_an_error_before_they_are_taken(tmp_path: Path) -> None:
     write_ball(tmp_path / "ball.obj")
     error = the_only(found(tmp_path, ball_shot(flow="curl_noise: {strength: 40000}")))
@@ -269,6 +284,7 @@ def test_a_frame_that_takes_minutes_is_told_with_its_flow(tmp_path: Path) -> Non
     assert re.search(r"frame \d+ takes about \d+ s: flows.0 curl_noise takes .* sub-steps", finding.text)
 
 
+@needs_plugins("interchange")
 def test_shots_that_begin_alike_share_their_first_frame(tmp_path: Path) -> None:
     write_ball(tmp_path / "ball.obj")
     found(tmp_path, ball_shot())
@@ -348,6 +364,7 @@ def test_an_empty_folder_is_told_how_to_make_a_shot(tmp_path: Path, monkeypatch:
         assert code == 2 and "flowsculpt new A010_first" in said, words
 
 
+@needs_plugins("interchange")
 @pytest.mark.parametrize(
     ("flow", "right"),
     [

@@ -20,7 +20,7 @@ from flowsculpt.pipeline.shot import read_shot
 from flowsculpt.pipeline.shot.documents.flow_documents import DOCUMENTS
 from flowsculpt.pipeline.shot.yaml.yaml_source import YamlSource
 from tests.conftest import new_project
-from tests.needed_plugins import gallery_rows, needs_plugins
+from tests.needed_plugins import gallery_rows, needed_in, needs_plugins
 
 COMMAND = [sys.executable, "-m", "flowsculpt", "--no-progress"]
 
@@ -65,11 +65,10 @@ def _examples() -> list[Any]:
     for page in (*sorted((HOME / "docs").glob("*.md")), HOME / "README.md"):
         for i, text in enumerate(re.findall(r"```yaml\n(.*?)```", page.read_text("utf-8"), re.DOTALL)):
             if not re.match("# profiles/|(?s:.*)(marbling|ripples)", text):  # plug-ins' are checked with them
-                found.append(pytest.param(text, id=f"{page.stem}-{i}"))
+                found.append(pytest.param(text, marks=needs_plugins(*needed_in(text)), id=f"{page.stem}-{i}"))
     return found
 
 
-@needs_plugins("points", "fields", "python")
 @pytest.mark.parametrize("text", _examples())
 def test_every_example_of_the_docs_is_valid(text: str) -> None:
     """Some are whole files, some names of a shot, some entries of flows, some settings of resampling."""

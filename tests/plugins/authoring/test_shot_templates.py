@@ -22,7 +22,7 @@ from flowsculpt.pipeline.plugins.authoring.shot_templates import (
 from flowsculpt.pipeline.shot import read_shot
 from flowsculpt.pipeline.shot.documents.flow_documents import DOCUMENTS
 from tests.conftest import ProjectFolder
-from tests.needed_plugins import needs_plugins
+from tests.needed_plugins import SHIPPED, needs_plugins
 
 OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 
@@ -95,7 +95,7 @@ def test_flows_without_a_preset_are_set_up_by_their_parameters(
     read_shot(tmp_path / "a.yaml", shot_of_flow(flow, "a"))
 
 
-@needs_plugins("fields", "python")
+@needs_plugins(*SHIPPED)
 def test_the_table_holds_flows_and_their_parameters() -> None:
     assert set(presets()) <= set(DOCUMENTS)
     for flow, preset in presets().items():

@@ -22,6 +22,9 @@ from flowsculpt.render.scene.materials import LOOKS
 from tests.needed_plugins import needs_plugins
 from tests.plugins.preview.live_follower import Follower
 
+pytestmark = needs_plugins("points")
+
+
 SHOT = """\
 title: A block and motes
 frames: 1-6

@@ -48,9 +48,7 @@ class Controls {
 async function begin() {
   if (location.hash === "#bare") document.documentElement.classList.add("bare");
   try {
-    const url = URL.createObjectURL(new Blob([await bytesOf(facts.three)], { type: "text/javascript" }));
-    const player = new Player(await import(url));
-    URL.revokeObjectURL(url);
+    const player = new Player(await moduleOf(await bytesOf(facts.three)));
     await player.build();
     window.flowsculpt = { player, transport: new Controls(player).transport };
     const draw = () => {

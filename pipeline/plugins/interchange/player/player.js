@@ -405,12 +405,8 @@ class Player {
     this.#look();
   }
 
-  /** Look as the orbit's view says. */
   #look() {
-    const { position, target, up } = this.orbit.view;
-    this.camera.position.fromArray(position);
-    this.camera.up.fromArray(up);
-    this.camera.lookAt(...target);
+    this.orbit.point(this.camera);
     this.stale = true;
   }
 
@@ -458,8 +454,7 @@ class Player {
 
   #render(target, number) {
     if (this.posed !== number) this.#pose(number);
-    const { view } = this.orbit;
-    this.camera.near = 0.05 * length(minus(view.position, view.target)); // depths stay precise
+    this.camera.near = 0.05 * this.orbit.distance; // depths stay precise
     this.camera.far = 1200 * this.set.scale.x;
     this.camera.updateProjectionMatrix();
     this.renderer.setRenderTarget(target);

@@ -17,7 +17,7 @@ function restoreFrom(review, hash) {
   const worth = (each) => (each.kind === "render" ? 1e9 : 1) * each.size[0] * each.there.length;
   const a = named(said.get("a")) ?? sequences.reduce((best, each) => (worth(each) > worth(best) ? each : best));
   const others = sequences.filter((each) => each !== a);
-  review.b = review.stage.b = named(said.get("b")) ?? others.find((each) => each.shot === a.shot) ?? others[0] ?? a;
+  review.b = named(said.get("b")) ?? others.find((each) => each.shot === a.shot) ?? others[0] ?? a;
   review.choose("a", a);
   const frame = Number.parseInt(said.get("frame"), 10);
   review.transport.go(Number.isFinite(frame) ? frame : review.transport.first);

@@ -10,7 +10,7 @@ class Review {
     this.sequences = data.sequences.map((each, i) => new Sequence(each, i, data.shots[each.shot]));
     this.cache = new PictureCache((url) => this.#arrived(url));
     this.transport = new Transport((what) => this.#changed(what), { isReady: (frame) => this.#isReady(frame) });
-    this.stage = new Stage(id("stage"), this.cache, () => this.#drawPicture());
+    this.stage = new Stage(id("stage"), this);
     this.notes = new NoteBook(data.page, data.notes, () => this.redraw(), (words) => tell(words, true));
     this.ink = new InkLayer(id("ink"), this);
     this.drawing = new Drawing(id("drawing"), this);
@@ -47,7 +47,7 @@ class Review {
   // What people ask for
 
   choose(side, sequence) {
-    this[side] = this.stage[side] = sequence;
+    this[side] = sequence;
     if (side === "a") {
       const frame = this.transport.frame;
       const numbers = this.#numbersOf(sequence), { about } = sequence;
@@ -77,7 +77,7 @@ class Review {
 
   swap() {
     const { a, b } = this;
-    this.b = this.stage.b = a;
+    this.b = a;
     this.choose("a", b);
   }
 
@@ -175,15 +175,9 @@ class Review {
     setTimeout(() => { this.stripDue = false; this.strip.draw(); }, 100);
   }
 
-  #pickFrame() {
-    this.stage.frame = this.transport.frame;
-    this.stage.beginning = this.transport.beginningWith(this.transport.frame);
-  }
-
   #changed(what) {
     if (!this.isBuilt) return;
     if (what !== "frame") return this.redraw();
-    this.#pickFrame();
     this.#preload();
     this.#drawPicture();
     this.strip.drawHead();
@@ -211,7 +205,6 @@ class Review {
   /** Draw everything as it is now. */
   redraw() {
     if (!this.isBuilt) return;
-    this.#pickFrame();
     this.#preload();
     this.controls.draw();
     this.stage.resize();

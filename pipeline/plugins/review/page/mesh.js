@@ -136,21 +136,12 @@ class MeshPanel {
     const middle = low.map((value, axis) => (value + high[axis]) / 2);
     const origin = of("origin") ?? [middle[0], middle[1] + 1, middle[2] + 8], target = of("target") ?? middle;
     this.orbit.view = { position: origin, target, up: of("up") ?? [0, 1, 0] };
-    this.#point();
+    this.orbit.point(this.camera);
     this.#fitView(low, high);
   }
 
-  /** Point the camera as the orbit's view says. */
-  #point() {
-    const { position, target, up } = this.orbit.view;
-    this.camera.up.fromArray(up);
-    this.camera.position.fromArray(position);
-    this.camera.lookAt(...target);
-    this.camera.updateMatrixWorld();
-  }
-
   #look() {
-    this.#point();
+    this.orbit.point(this.camera);
     this.#render();
   }
 
@@ -171,7 +162,7 @@ class MeshPanel {
   /** Lines grow faint where they would cover all. */
   #inkLines() {
     const { a } = this.review, edge = a.about.measures[this.shownNumber]?.mean_edge ?? 0;
-    const { position, target } = this.orbit.view, tall = this.orbit.slope * length(minus(position, target));
+    const tall = this.orbit.slope * this.orbit.distance;
     const pixels = (edge / tall) * this.stage.clientHeight * (dotsOf());
     for (const { material } of this.shown.lined) material.opacity = Math.min(0.6, Math.max(0.14, pixels / 20));
   }

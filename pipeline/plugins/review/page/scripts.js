@@ -9,12 +9,7 @@ function script(url) {
 /** three.js: kept as text, for a page that lies in a folder may load no modules from it. */
 async function loadThree(file) {
   await script(file);
-  const url = URL.createObjectURL(new Blob([window.reviewThree], { type: "text/javascript" }));
-  try {
-    return await import(url);
-  } finally {
-    URL.revokeObjectURL(url);
-  }
+  return moduleOf(window.reviewThree);
 }
 
 class ScriptStore {

@@ -27,18 +27,9 @@ class ShotPanel {
   }
 }
 
-/** Lines of two texts as [sign, line]: − of the first only, + of the second only, and a space of both. */
+/** Lines of two texts as [sign, line]: − of the first only, + of the second only, and a space of both, by their longest
+ *  common subsequence; of very long texts all lines are told as changed. */
 function differences(one, other) {
-  let from = 0, ends = 0;
-  while (from < Math.min(one.length, other.length) && one[from] === other[from]) from++;
-  while (ends < Math.min(one.length, other.length) - from && one.at(-1 - ends) === other.at(-1 - ends)) ends++;
-  const same = (lines) => lines.map((line) => [" ", line]);
-  const middle = changes(one.slice(from, one.length - ends), other.slice(from, other.length - ends));
-  return [...same(one.slice(0, from)), ...middle, ...same(one.slice(one.length - ends))];
-}
-
-/** The same by the longest common subsequence; of very long texts all lines are told as changed. */
-function changes(one, other) {
   const less = (lines) => lines.map((line) => ["−", line]), more = (lines) => lines.map((line) => ["+", line]);
   if (Math.max(one.length, other.length) > MOST_LINES) return [...less(one), ...more(other)];
   const width = other.length + 1, lengths = new Uint16Array((one.length + 1) * width), found = [];

@@ -1,19 +1,21 @@
 // The picture: one sequence, or two against each other, drawn into a canvas at the pixels of the display.
 
-const MODES = ["a", "b", "wipe", "difference", "side"];
 const GAINS = [1, 2, 4, 8, 16];
 
 class Stage {
-  /** `changed()` is called when small pictures come, which stand for pictures that are still being read. */
-  constructor(canvas, cache, changed) {
-    Object.assign(this, { canvas, cache, changed, context: canvas.getContext("2d"), scratch: make("canvas"), sheets: new Map() });
+  constructor(canvas, review) {
+    Object.assign(this, { canvas, review, context: canvas.getContext("2d"), scratch: make("canvas"), sheets: new Map() });
     Object.assign(this, { mode: "a", gain: 4, wipe: 0.5 });
     this.zoom = null;  // pixels of the display to a pixel of the picture; null: as large as fits
     this.pan = { x: 0, y: 0 };  // of the picture's middle from the stage's, in pixels of the display
-    this.frame = 1;
-    this.beginning = null;  // the frame that is mixed with it, and its weight
-    this.sourceOf = () => null;  // what is drawn instead of a picture's file: a layer, as it is to be seen
   }
+
+  get a() { return this.review.a; }
+  get b() { return this.review.b; }
+  get frame() { return this.review.transport.frame; }
+
+  /** The frame that is mixed with it, and its weight; or null. */
+  get beginning() { return this.review.transport.beginningWith(this.frame); }
 
   get needsB() { return this.mode !== "a"; }
 
@@ -124,7 +126,7 @@ class Stage {
 
   #bitmap(sequence, frame = this.frame) {
     const url = sequence.url(frame);
-    return this.sourceOf(sequence, frame) ?? (url === null ? null : this.cache.get(url));
+    return this.review.viewing.source(sequence, frame) ?? (url === null ? null : this.review.cache.get(url));
   }
 
   /** The sheet of small pictures of a sequence, or null while it is not there. */
@@ -134,7 +136,7 @@ class Stage {
     if (!this.sheets.has(url)) {
       this.sheets.set(url, null);
       const image = make("img", { src: url });
-      image.decode().then(() => { this.sheets.set(url, image); this.changed(); }, () => {});
+      image.decode().then(() => { this.sheets.set(url, image); this.review.redraw(); }, () => {});
     }
     return this.sheets.get(url);
   }
@@ -161,7 +163,7 @@ class Stage {
       this.context.globalAlpha = 1;
       return;
     }
-    const url = sequence.url(this.frame), broken = url !== null && this.cache.isBroken(url);
+    const url = sequence.url(this.frame), broken = url !== null && this.review.cache.isBroken(url);
     const [state, why] = broken ? ["missing", "its picture cannot be read; write the page again"] : sequence.state(this.frame);
     if (url === null || broken) drawSlate(this.context, place, `frame ${this.frame} ${state}`, why);
     else this.#soon(sequence, place);

@@ -120,7 +120,6 @@ class Viewing {
     const save = buttonOf("Save", "Save this frame as PNG, with drawings (Shift S), without (Shift W)", () => this.save(true));
     const reset = buttonOf("Reset", "Show pictures as they are (0)", () => this.reset());
     this.element.append(this.list, segments("Channel", this.channels), this.exposure.label, this.gamma.label, this.clipping, this.probing, save, reset, this.words);
-    review.stage.sourceOf = (sequence, frame) => this.source(sequence, frame);
   }
 
   #slider(words, title, low, high, step, act) {
