@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from importlib.util import find_spec
 from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -29,6 +28,7 @@ from flowsculpt.pipeline.flow.catalogue.deformations import Bend, Deformation
 from flowsculpt.pipeline.flow.catalogue.external_fields import FormulaField, Sampled
 from flowsculpt.pipeline.plugins.fields.attraction import Attraction, Target, Wind
 from flowsculpt.pipeline.plugins.fields.curl_noise import CurlNoise
+from flowsculpt.pipeline.plugins.fields.grid_files import read_samples
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -147,8 +147,6 @@ def _block_lines(across: float = 0.4, high: float = 0.9) -> list[Points]:
 
 def _random_samples() -> Sampled:
     """Return random velocities on a coarse grid."""
-    from flowsculpt.pipeline.plugins.fields.grid_files import read_samples
-
     axis = np.linspace(-1.5, 1.5, 4)
     velocity = np.random.default_rng(7).normal(size=(4, 4, 4, 3))
     with TemporaryDirectory() as folder:
@@ -159,16 +157,12 @@ def _random_samples() -> Sampled:
 
 
 def draw() -> None:
-    """Draw all flows to `docs/pictures/flows`, that of samples where its plug-in is installed."""
+    """Draw all flows to `docs/pictures/flows`."""
     (PICTURES / "flows").mkdir(exist_ok=True)
     for kind in FLOWS:
         _draw(SHOWN[kind] if kind in SHOWN else Bend(length=1.8) if kind is Bend else kind())
-    for field in WRITTEN:
+    for field in (*WRITTEN, _random_samples()):
         _draw(field)
-    if find_spec("flowsculpt.pipeline.plugins.sampled") is None:
-        print("sampled is left out: it needs the plug-in sampled, which is not installed")
-    else:
-        _draw(_random_samples())
 
 
 def _draw(flow: VelocityField | Deformation) -> None:

@@ -23,6 +23,7 @@ from flowsculpt.pipeline.flow.catalogue.external_fields import FormulaField
 from flowsculpt.pipeline.flow.composition import Sum, within
 from flowsculpt.pipeline.flow.regions import ClosedSurface, MeshRegion
 from flowsculpt.pipeline.plugins.fields.attraction import Attraction, Target, Wind
+from tests.needed_plugins import SHIPPED, needs_plugins
 
 
 @pytest.mark.parametrize("name", flowsculpt.__all__)
@@ -137,6 +138,7 @@ print(sculpture.resample().splits)
 """
 
 
+@needs_plugins(*SHIPPED)
 def test_meshes_flows_and_files_need_no_package_of_films(tmp_path: Path) -> None:
     done = subprocess.run([sys.executable, "-c", ALONE], capture_output=True, text=True, cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "") and int(done.stdout) > 100

@@ -18,7 +18,7 @@ from flowsculpt.pipeline.mesh.read import mesh_suffixes
 from flowsculpt.pipeline.production.request.lookup import OTHER_MODELS, Show
 from tests.conftest import FILM, TINY, commanded
 from tests.mistakes import is_named
-from tests.needed_plugins import installed
+from tests.needed_plugins import SHIPPED, installed, needs_plugins
 
 ROWS = YAML(typ="safe").load((Path(__file__).parent / "mistakes.yaml").read_text(encoding="utf-8"))
 
@@ -40,6 +40,7 @@ def told(folder: Path, words: str) -> tuple[int, str]:
     return code, text.replace(f"{folder.resolve()}/", "").replace(f"{folder}/", "")
 
 
+@needs_plugins(*SHIPPED)
 def test_the_messages_name_what_is_right_in_nine_of_ten_cases(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -47,8 +48,6 @@ def test_the_messages_name_what_is_right_in_nine_of_ten_cases(
     missed = []
     for row in ROWS:
         code, message = told(folder, row["write"])
-        if "it comes with flowsculpt" in message:
-            continue  # the plug-in of its command is missing
         assert code == row["code"], row["write"]
         assert row.get("says", message) == message
         if not is_named(row, message):

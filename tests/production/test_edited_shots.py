@@ -17,9 +17,7 @@ from tests.conftest import done
 from tests.needed_plugins import needs_plugins
 from tests.production.edited_shots import SUBJECTS, SUBJECTS_BY_FITS, EditedShot, edits, shots
 
-pytestmark = needs_plugins("become", "points", "polyhedra", "sampled")
-
-pytestmark = pytest.mark.quick
+pytestmark = [pytest.mark.quick, needs_plugins("become", "fields", "points", "polyhedra")]
 
 Shots = Mapping[str, EditedShot]
 

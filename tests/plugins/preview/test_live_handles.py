@@ -7,7 +7,11 @@ from collections.abc import Iterator
 import pytest
 from playwright.sync_api import Browser
 
+from tests.needed_plugins import needs_plugins
 from tests.plugins.preview.live_page import CURRENT, SHOWN, Follower, live_page
+
+pytestmark = needs_plugins("points")
+
 
 SHOT = """\
 title: A block and motes

@@ -30,7 +30,7 @@ def test_browsers_on_this_machine_are_served_and_no_others() -> None:
     feed.show(request, 1, b"picture")
     with serving(feed) as address:
         assert fetched(address + "frames/1/1.jpg?1") == b"picture"
-        assert b"main.js" in fetched(address)
+        assert b"page.js" in fetched(address)
         token, origin = address.split("/")[3], address.rsplit("/", 2)[0]
         assert len(token) == 32
         for path in (
@@ -72,7 +72,7 @@ def code_of(url: str, headers: dict[str, str]) -> int:
 def test_a_page_of_another_site_may_link_to_the_page_but_neither_show_nor_hear_it() -> None:
     with serving(LiveFeed()) as address:
         assert code_of(address, {"Sec-Fetch-Site": "cross-site"}) == 200
-        for path in ("main.js", "events", "frames/1/1.jpg"):
+        for path in ("page.js", "events", "frames/1/1.jpg"):
             assert code_of(address + path, {"Sec-Fetch-Site": "cross-site"}) == 403
         with urllib.request.urlopen(address) as answer:
             assert "frame-ancestors 'none'" in answer.headers["Content-Security-Policy"]
@@ -101,7 +101,7 @@ def test_slow_clients_are_cut_off_and_others_served(
                 client.sendall(b"GET / HTTP/1.1\r\n"[: number % 17])
         assert all(map(is_cut_off, slow)), "each had its time"
         monkeypatch.undo()
-        assert b"main.js" in fetched(address)
+        assert b"page.js" in fetched(address)
     assert capfd.readouterr().err == "", "nothing is printed over the command's progress"
     for client in slow:
         client.close()
@@ -123,7 +123,7 @@ def test_clients_that_say_too_much_or_are_too_many_are_refused(
             with connected(address) as client, contextlib.suppress(ConnectionError):
                 client.sendall(words)
                 assert re.search(rb"^HTTP/1.0 [45]|Error code: 4", client.recv(10_000)), words[:20]
-        assert b"main.js" in fetched(address)
+        assert b"page.js" in fetched(address)
         with contextlib.ExitStack() as stack:
             for _ in range(live_server.MOST_CONNECTIONS):
                 stack.enter_context(connected(address))
@@ -144,7 +144,7 @@ def test_connections_that_are_reset_at_any_moment_end_nothing(
             with connected(address) as client:
                 client.sendall(words.format(path=path, host=host, request=head + body).encode())
                 client.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
-        assert b"main.js" in fetched(address)
+        assert b"page.js" in fetched(address)
     assert capfd.readouterr().err == ""
 
 

@@ -12,6 +12,7 @@ from pydantic import BaseModel
 from flowsculpt.pipeline.plugins.preview.settable_values import SECTIONS, SettableShot, settable_values
 from flowsculpt.pipeline.shot.documents.curves import Keyed, OverTime, OverTimeTriple
 from flowsculpt.pipeline.shot.documents.shot_documents import ShotDocument
+from tests.needed_plugins import needs_plugins
 
 SHOT = """\
 title: Times
@@ -55,12 +56,14 @@ def test_every_entry_of_a_shot_that_can_hold_keys_is_listed() -> None:
     assert {"flows", "subjects", "camera"} <= keyed <= set(SECTIONS)
 
 
+@needs_plugins("points")
 def test_looks_and_rigs_that_the_show_names_are_proposed_with_the_others() -> None:
     named = "looks: {ink: {material: glaze}}\nrigs: {duotone: {exposure: 1}}\nlook: ink\nlights: studio\n"
     names = {".".join(map(str, value.where)): value.names for value in listed(SHOT + named).values}
     assert {"ink", "clay"} <= set(names["look.material"]) and {"duotone", "studio"} <= set(names["lights"])
 
 
+@needs_plugins("points")
 def test_values_of_each_of_several_subjects_are_listed_by_their_paths_in_the_file() -> None:
     values = {".".join(map(str, value.where)): value for value in listed(SHOT).values}
     assert values["subjects.ring.radius"].value == 1
@@ -69,6 +72,7 @@ def test_values_of_each_of_several_subjects_are_listed_by_their_paths_in_the_fil
     assert values["subjects.motes.radius"].form == "number"
 
 
+@needs_plugins("points")
 @pytest.mark.parametrize(
     ("speed", "shot", "backwards", "rounds"),
     [
@@ -85,6 +89,7 @@ def test_flows_have_their_own_time_by_speed_backwards_and_in_rounds(
     assert frames["subjects", "ring", "flows", 0, "repeated"] == rounds
 
 
+@needs_plugins("points")
 def test_a_curve_is_sampled_as_far_as_the_time_of_a_flow_goes() -> None:
     curves = {value.where: value.curve for value in listed(f"{SHOT}speed: 2\n").values}
     curve = curves["flows", 0, "reversed", "flows", 0, "placed", "flows", 0, "vortex", "strength"]

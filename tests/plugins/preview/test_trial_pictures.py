@@ -19,7 +19,11 @@ from flowsculpt.pipeline.plugins.preview.text_edits import ValueEdit
 from flowsculpt.pipeline.plugins.preview.trial_pictures import TrialPictures
 from flowsculpt.pipeline.production.request.manifest import ShotManifest
 from flowsculpt.render.scene.materials import LOOKS
+from tests.needed_plugins import needs_plugins
 from tests.plugins.preview.live_follower import Follower
+
+pytestmark = needs_plugins("points")
+
 
 SHOT = """\
 title: A block and motes

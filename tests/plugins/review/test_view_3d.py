@@ -18,6 +18,7 @@ from flowsculpt.pipeline.plugins.review import view_3d
 from flowsculpt.pipeline.plugins.review.view_3d import PageMeshes
 from flowsculpt.pipeline.production.shot_extras import Animation, ShotExtras
 from flowsculpt.render.graphics.three_js import installed_file
+from tests.needed_plugins import needs_plugins
 from tests.plugins.review.looker import Opened
 from tests.simulated_show import LAST, NAME, SHOT, Desk, simulated
 
@@ -162,12 +163,26 @@ def meshes_of(desk: Desk) -> PageMeshes:
 @pytest.mark.parametrize(
     ("shot", "why"),
     [
-        (SHORT.replace("0.5}", "0.5, placement: chord}", 1), "placement chord puts new vertices beside"),
-        (SHORT.replace("0.5}", "0.5, method: polyhedra}", 1), "polyhedra cuts other faces in each frame"),
-        (CLOUD, "points and control nets have no triangles"),
+        pytest.param(
+            SHORT.replace("0.5}", "0.5, placement: chord}", 1),
+            "placement chord puts new vertices beside",
+            marks=needs_plugins("interchange"),
+        ),
+        pytest.param(
+            SHORT.replace("0.5}", "0.5, method: polyhedra}", 1),
+            "polyhedra cuts other faces in each frame",
+            marks=needs_plugins("interchange", "polyhedra"),
+        ),
+        pytest.param(
+            CLOUD, "points and control nets have no triangles", marks=needs_plugins("interchange", "points")
+        ),
         ("another", "has changed since frame 2 was simulated"),
         ("no plug-in", "no plug-in makes animations."),
-        ("large", f"{NAME} has 296 vertices at rest, so one mesh of it cannot have 20."),
+        pytest.param(
+            "large",
+            f"{NAME} has 296 vertices at rest, so one mesh of it cannot have 20.",
+            marks=needs_plugins("interchange"),
+        ),
     ],
 )
 def test_a_shot_without_motion_says_why_in_a_line(
