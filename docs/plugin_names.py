@@ -59,7 +59,7 @@ def _signature(value: Any) -> str:
     parameters = [each.replace(annotation=each.empty) for each in signature.parameters.values()]
     plain = str(signature.replace(parameters=parameters, return_annotation=signature.empty))
     typed = re.sub(r"(: |-> )'([^']*)'", r"\1\2", str(signature))  # annotations are text
-    return typed if len(typed) <= _LONGEST else plain
+    return re.sub(r"<[^<>]*(?:<[^<>]*>[^<>]*)* at 0x\w+>", "…", typed if len(typed) <= _LONGEST else plain)
 
 
 def _docstring(module: str, name: str, value: Any) -> str:
