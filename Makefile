@@ -54,10 +54,12 @@ bench: .venv/ready-bench
 docs: .venv/ready-dev
 	$(BIN)/python -m sphinx -W --keep-going -q docs docs/site
 
-# The pages of the docs that come from the code: settings of shot files, commands and their options.
+# The pages of the docs that come from the code: settings of shot files, commands and their options,
+# and the names that plug-ins may import.
 reference: .venv/ready-dev
 	test ! -d pipeline/plugins/authoring || $(BIN)/python docs/settings.py # by the schemas of that plug-in
 	$(BIN)/python docs/commands.py
+	$(BIN)/python docs/plugin_names.py
 
 # The figures of the docs, by the scripts in examples/.
 figures: .venv/ready-dev

@@ -23,3 +23,4 @@ Indices = NDArray[np.int32]
 """int32: numbers of vertices, such as edges (E, 2)."""
 
 AnyArray = NDArray[Any]
+"""An array of any type."""

@@ -6,11 +6,9 @@ A message says place, fact, rule and remedy, in that order and in one line:
 
 from __future__ import annotations
 
-from flowsculpt.render.base.render_errors import MOST_QUOTED as MOST_QUOTED
 from flowsculpt.render.base.render_errors import FlowsculptError as FlowsculptError
 from flowsculpt.render.base.render_errors import MachineError as MachineError
 from flowsculpt.render.base.render_errors import MissingInputError as MissingInputError
-from flowsculpt.render.base.render_errors import printable as printable
 from flowsculpt.render.base.render_errors import quote as quote
 from flowsculpt.render.base.render_errors import readable as readable
 from flowsculpt.render.base.render_errors import reason_of as reason_of

@@ -36,7 +36,9 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 def kernel(signature: Any, **options: Any) -> Callable[[F], F]:
-    """`numba.njit` in our cache folder, for arguments of the types that `signature` names.
+    """Return what compiles a function with numba, for arguments of the types that `signature` names.
+
+    It is kept in our cache folder.
 
     Nothing is compiled or loaded on import: the first call loads what set-up has compiled, so that a
     process pays for the kernels it uses and no others.
@@ -137,7 +139,7 @@ class BlockKernel:
 
 
 def block_kernel(function: Callable[..., None]) -> BlockKernel:
-    """A block of points at once: `f(numbers, count, x, y, z, t, u, v, w)` adds its velocity at each."""
+    """Compile the equation of a flow: `f(numbers, count, x, y, z, t, u, v, w)` adds velocities at points."""
     found = BlockKernel(function)
     BLOCK_KERNELS.append(found)
     return found

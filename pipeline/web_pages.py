@@ -14,37 +14,46 @@ from __future__ import annotations
 import html
 import re
 from collections.abc import Mapping
+from dataclasses import dataclass
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 
 SHARED = files("flowsculpt.pipeline") / "web"
 
 
-def page_style(page: Traversable) -> str:
-    """Return all styles of a page as one."""
-    return "".join(_texts(page, ".css"))
+@dataclass(frozen=True)
+class PageFolder:
+    """The folder of a page in its plug-in."""
 
+    folder: Traversable
 
-def page_script(page: Traversable) -> str:
-    """Return all scripts of a page as one."""
-    return "".join(['"use strict";\n', *_texts(page, ".js")])
+    @property
+    def index(self) -> str:
+        return (self.folder / "index.html").read_text(encoding="utf-8")
 
+    @property
+    def style(self) -> str:
+        """All styles of the page as one."""
+        return "".join(self._texts(".css"))
 
-def single_page(page: Traversable, title: str, data: Mapping[str, str]) -> str:
-    """Return a page as one file that asks for nothing else. JSON `data` is in elements with these ids."""
-    parts = {
-        "title": html.escape(title),
-        "style": page_style(page),
-        "script": page_script(page),
-        **{name: text.replace("<", "\\u003c") for name, text in data.items()},
-    }
-    text = (page / "index.html").read_text(encoding="utf-8")
-    return re.sub(r"\[\[(\w+)\]\]", lambda match: parts[match[1]], text)
+    @property
+    def script(self) -> str:
+        """All scripts of the page as one."""
+        return "".join(['"use strict";\n', *self._texts(".js")])
 
+    def in_one_file(self, title: str, data: Mapping[str, str]) -> str:
+        """Return the page as one file that asks for nothing else; `data` is JSON by name."""
+        parts = {
+            "title": html.escape(title),
+            "style": self.style,
+            "script": self.script,
+            **{name: text.replace("<", "\\u003c") for name, text in data.items()},
+        }
+        return re.sub(r"\[\[(\w+)\]\]", lambda match: parts[match[1]], self.index)
 
-def _texts(page: Traversable, suffix: str) -> list[str]:
-    found = [file for folder in (SHARED, page) for file in sorted(folder.iterdir(), key=_order)]
-    return [file.read_text(encoding="utf-8") for file in found if file.name.endswith(suffix)]
+    def _texts(self, suffix: str) -> list[str]:
+        found = [file for folder in (SHARED, self.folder) for file in sorted(folder.iterdir(), key=_order)]
+        return [file.read_text(encoding="utf-8") for file in found if file.name.endswith(suffix)]
 
 
 def _order(file: Traversable) -> tuple[bool, str]:

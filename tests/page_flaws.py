@@ -42,7 +42,7 @@ def flaws(tab: Tab, stops: int = 40) -> list[Any]:
     """Return what is wrong with a page in light, in dark, on a phone, and by the keyboard alone."""
     found: list[Any] = []
     for scheme in ("dark", "light"):
-        tab.emulate_media(color_scheme=scheme)
+        tab.emulate_media(color_scheme=scheme, reduced_motion="reduce")
         found += [(scheme, *each) for each in findings(tab)]
     size = tab.viewport_size
     tab.set_viewport_size(PHONE)  # type: ignore[arg-type]

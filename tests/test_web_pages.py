@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from flowsculpt.pipeline.web_pages import SHARED, page_script, page_style, single_page
+from flowsculpt.pipeline.web_pages import SHARED, PageFolder
 
 
 @pytest.fixture
@@ -20,15 +20,15 @@ def page(tmp_path: Path) -> Path:
 
 
 def test_a_pages_own_files_follow_the_shared_ones_and_its_beginning_is_last(page: Path) -> None:
-    script = page_script(page)
+    script = PageFolder(page).script
     assert script.startswith('"use strict";\n') and script.endswith("const parts = 1;\nbegin();\n")
     assert (SHARED / "transport.js").read_text(encoding="utf-8") in script
-    assert page_style(page).startswith((SHARED / "style.css").read_text(encoding="utf-8"))
-    assert page_style(page).endswith("main { color: red; }\n")
+    assert PageFolder(page).style.startswith((SHARED / "style.css").read_text(encoding="utf-8"))
+    assert PageFolder(page).style.endswith("main { color: red; }\n")
 
 
 def test_titles_and_data_are_text_on_a_page_in_one_file(page: Path) -> None:
     attack = "</script><script>[[style]]"
-    text = single_page(page, attack, {"facts": json.dumps({"title": attack})})
+    text = PageFolder(page).in_one_file(attack, {"facts": json.dumps({"title": attack})})
     assert "<script>" not in text and "&lt;/script&gt;" in text
     assert json.loads(text.partition("</style>")[2]) == {"title": attack}

@@ -4,9 +4,7 @@ from flowsculpt.pipeline.file_contents import Archive as Archive
 from flowsculpt.pipeline.file_contents import as_utf8 as as_utf8
 from flowsculpt.pipeline.file_contents import number_fault as number_fault
 from flowsculpt.pipeline.file_contents import text_content as text_content
-from flowsculpt.pipeline.web_pages import page_script as page_script
-from flowsculpt.pipeline.web_pages import page_style as page_style
-from flowsculpt.pipeline.web_pages import single_page as single_page
+from flowsculpt.pipeline.web_pages import PageFolder as PageFolder
 from flowsculpt.render.base.atomic_write import ChangedFileError as ChangedFileError
 from flowsculpt.render.base.atomic_write import atomic_folder as atomic_folder
 from flowsculpt.render.base.atomic_write import atomic_write as atomic_write

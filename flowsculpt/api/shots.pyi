@@ -10,9 +10,9 @@ from flowsculpt.pipeline.shot.documents.field_types import Document as Document
 from flowsculpt.pipeline.shot.documents.field_types import OneOfSeveral as OneOfSeveral
 from flowsculpt.pipeline.shot.documents.field_types import Positive as Positive
 from flowsculpt.pipeline.shot.documents.field_types import Triple as Triple
-from flowsculpt.pipeline.shot.documents.field_types import linear_of as linear_of
+from flowsculpt.pipeline.shot.documents.field_types import linear_of_hex as linear_of_hex
 from flowsculpt.pipeline.shot.documents.field_types import one_of as one_of
-from flowsculpt.pipeline.shot.documents.flow_documents import DOCUMENTS as DOCUMENTS
+from flowsculpt.pipeline.shot.documents.flow_documents import FLOW_DOCUMENTS as FLOW_DOCUMENTS
 from flowsculpt.pipeline.shot.documents.flow_documents import FlowParameters as FlowParameters
 from flowsculpt.pipeline.shot.documents.shot_documents import PRESETS as PRESETS
 from flowsculpt.pipeline.shot.documents.shot_documents import FilmDocument as FilmDocument

@@ -226,11 +226,6 @@ class FlowCost:
     fit: list[str]
     step: tuple[float, float]
 
-    def require_substeps(self) -> None:
-        """Raise FrameError, as the frame will, where its gradient takes more than MOST_SUBSTEPS."""
-        if self.gradient > self.MOST_SUBSTEPS:
-            self.flow.step_plan(*self.step)
-
     @property
     def length(self) -> float:
         """Sub-steps of a vertex on average, since one may move it by `max_step` only."""

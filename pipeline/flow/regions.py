@@ -41,7 +41,7 @@ LEAF = 6  # the most triangles in a leaf
 
 @dataclass(frozen=True, eq=False)
 class TriangleTree:
-    """The flat array of `external_kernels`: boxes, then triangles.
+    """Triangles in a tree of boxes, which finds the nearest of them: the flat array of `external_kernels`.
 
     memory     float64, all of it; further numbers may follow
     triangles  start of the triangles in it

@@ -182,6 +182,11 @@ class SurfaceReader:
     read_part: Callable[[Path, ScenePart], FileSurface] | None = None
     misread: re.Pattern[bytes] | None = None
 
+    def reads(self, part: ScenePart | None) -> Callable[[Path], FileSurface]:
+        """Return what reads a surface, or a part of it where the format names parts."""
+        read_part = self.read_part
+        return self.read if part is None or read_part is None else lambda path: read_part(path, part)
+
     @classmethod
     def of_content(
         cls,
@@ -190,7 +195,7 @@ class SurfaceReader:
         **options: Any,
     ) -> SurfaceReader:
         """Return the reader of surfaces that `parse` makes of the content of a file; the rest as above."""
-        return cls(reader_of(parse), files, **options)
+        return cls(lambda path: parse(InputFile(path, MOST_BYTES).content()), files, **options)
 
 
 class Paint(Protocol):
@@ -242,11 +247,6 @@ class PaintReader:
     paint: Callable[[Path], Paint]
     files: Callable[[Path], Mapping[Path, str]] = lambda path: {}
     of_part: Callable[[ScenePart], PaintReader] | None = None
-
-
-def reader_of(parse: Callable[[bytes], T]) -> Callable[[Path], T]:
-    """Return the reader of files whose content `parse` reads."""
-    return lambda path: parse(InputFile(path, MOST_BYTES).content())
 
 
 def suffix_of(path: str | Path) -> str:

@@ -16,7 +16,6 @@ from flowsculpt.pipeline.mesh.mesh_formats import (
     early_end,
     offsets_of,
     polygon_surface,
-    reader_of,
 )
 from flowsculpt.render.base.plural import plural
 
@@ -408,6 +407,6 @@ def _uneven_rows(element: _Element, content: bytes, order: str, at: int) -> tupl
     return table, at
 
 
-PLY = SurfaceReader(  # a reader left out strips of triangles
-    reader_of(read_polygon_file), misread=re.compile(rb"[\r\n]element[ \t]+tristrips[ \t]")
+PLY = SurfaceReader.of_content(  # a reader left out strips of triangles
+    read_polygon_file, misread=re.compile(rb"[\r\n]element[ \t]+tristrips[ \t]")
 )

@@ -141,8 +141,8 @@ class ModelFile:
         fault, with it for those that cannot be repaired.
         """
         path, reader = self.path, self.reader
-        readers = {} if reader is None else {suffix_of(path): _reader(reader, self.part)}
-        loaded = read_by_suffix(path, readers, "a mesh format", mesh_suffixes())
+        readers = {} if reader is None else {suffix_of(path): reader.reads(self.part)}
+        loaded = self.read_by(readers, "a mesh format", mesh_suffixes())
         if len(loaded.corners) == 0:
             _require_own_content(path)
             rest = "".join(f"; {note}" for note in loaded.notes)
@@ -163,7 +163,7 @@ class ModelFile:
         reader = self.reader
         if reader is None or reader.files is None:
             return _own_file(self.path, None if reader is None else reader.misread)
-        return read_by_suffix(self.path, {suffix_of(self.path): reader.files}, "a mesh format")
+        return self.read_by({suffix_of(self.path): reader.files}, "a mesh format")
 
     def up(self) -> str:
         """Return the axis, y or z, that points up: what the file states, or what is usual in its format."""
@@ -171,12 +171,34 @@ class ModelFile:
             return "y"
         return (self.files().up if self.reader.states_up else None) or self.reader.usual_up
 
-    def read_by(self, readers: Mapping[str, Callable[[Path], T]], kind: str) -> T:
-        """Return what the reader of its suffix returns; `kind` says what the file is: `a file of points`.
+    def read_by(self, readers: Mapping[str, Callable[[Path], T]], kind: str, known: Sequence[str] = ()) -> T:
+        """Return what the reader of its suffix returns.
 
-        Raises MeshError also for another suffix.
+        kind   what the file is to be, for messages: `a file of points`
+        known  suffixes for the message, where there are more than `readers` has
+
+        Raises MeshError also for another suffix, and BadInputError for a file that is too large.
         """
-        return read_by_suffix(self.path, readers, kind)
+        path, suffix = self.path, suffix_of(self.path)
+        size = InputFile(path).size()
+        if suffix not in readers:
+            fact = f"{path}: {path.suffix or 'no suffix'} is not {kind}"
+            if needed := plugins().lacking(f".{suffix}"):
+                raise MeshError(f"{fact}. {needed}")
+            raise MeshError(f"{fact}; use one of {', '.join(known or readers)}")
+        if not size:
+            raise MeshError(f"{path}: the file is empty. Copy or export it again.")
+        try:
+            with np.errstate(all="ignore"):  # numbers that are not finite are reported with their position
+                return readers[suffix](path)
+        except Exception as error:  # readers raise whatever their parsers do
+            if isinstance(error, FlowsculptError) and not isinstance(error, MeshError):
+                raise
+            _require_own_content(path)
+            if isinstance(error, MeshError):
+                raise MeshError(f"{path}: {error}") from None
+            reason = f"cannot be read as {suffix.upper()} ({reason_of(error)})"
+            raise MeshError(f"{path}: {reason}. Copy or export it again.") from error
 
     def materials(self) -> ModelMaterials:
         """Read the materials of the model."""
@@ -199,7 +221,7 @@ class ModelFile:
             raise MeshError(f"{self.path}: {fact}. Write paint: off.")
         if self.part is not None and reader.of_part is not None:
             reader = reader.of_part(self.part)
-        return read_by_suffix(self.path, {suffix_of(self.path): read(reader)}, "a mesh format")
+        return self.read_by({suffix_of(self.path): read(reader)}, "a mesh format")
 
 
 _FEW_CORNERS, _MOST_WORK = 64, 1.2e9
@@ -217,14 +239,6 @@ def _require_cuttable(path: Path, surface: FileSurface) -> None:
         )
 
 
-def _reader(reader: SurfaceReader, part: ScenePart | None) -> Callable[[Path], FileSurface]:
-    """Return what reads a surface, or a part of it where the format names parts."""
-    if part is None or reader.read_part is None:
-        return reader.read
-    read_part = reader.read_part
-    return lambda path: read_part(path, part)
-
-
 def _own_file(path: Path, misread: re.Pattern[bytes] | None) -> SourceFiles:
     """Return the files of a model that is read from one."""
     digest = InputFile(path).digest()
@@ -233,38 +247,6 @@ def _own_file(path: Path, misread: re.Pattern[bytes] | None) -> SourceFiles:
         with InputFile(path).open() as (file, size):
             reader = ["text reader 2"] * bool(misread.search(file.read(min(size, 1 << 14))))
     return SourceFiles.of([(path, digest)], readers=reader)
-
-
-def read_by_suffix(
-    path: Path, readers: Mapping[str, Callable[[Path], T]], kind: str, known: Sequence[str] = ()
-) -> T:
-    """Return what the reader for the file's suffix returns.
-
-    known  suffixes for the message, where there are more than `readers` has
-
-    Raises MissingInputError where there is no such file, MeshError for another suffix or an unreadable file,
-    BadInputError for one that is too large.
-    """
-    size, suffix = InputFile(path).size(), path.suffix.lstrip(".").lower()
-    if suffix not in readers:
-        fact = f"{path}: {path.suffix or 'no suffix'} is not {kind}"
-        if needed := plugins().lacking(f".{suffix}"):
-            raise MeshError(f"{fact}. {needed}")
-        raise MeshError(f"{fact}; use one of {', '.join(known or readers)}")
-    if not size:
-        raise MeshError(f"{path}: the file is empty. Copy or export it again.")
-    try:
-        with np.errstate(all="ignore"):  # numbers that are not finite are reported with their position
-            return readers[suffix](path)
-    except Exception as error:  # readers raise whatever their parsers do
-        if isinstance(error, FlowsculptError) and not isinstance(error, MeshError):
-            raise
-        _require_own_content(path)
-        if isinstance(error, MeshError):
-            raise MeshError(f"{path}: {error}") from None
-        raise MeshError(
-            f"{path}: cannot be read as {suffix.upper()} ({reason_of(error)}). Copy or export it again."
-        ) from error
 
 
 def _require_own_content(path: Path) -> None:

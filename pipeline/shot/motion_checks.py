@@ -12,7 +12,7 @@ from flowsculpt.pipeline.frames import FrameRange, FrameRate
 from flowsculpt.pipeline.resample import polygon_methods
 from flowsculpt.pipeline.resample.thresholds import DEFAULT_RATIO, HIGHEST_RATIO
 from flowsculpt.pipeline.shot.documents.field_types import is_number, is_triple
-from flowsculpt.pipeline.shot.documents.flow_documents import DOCUMENTS
+from flowsculpt.pipeline.shot.documents.flow_documents import FLOW_DOCUMENTS
 from flowsculpt.pipeline.shot.documents.subject_documents import points_kind
 from flowsculpt.pipeline.shot.motion import FURTHEST, Clock
 from flowsculpt.pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource, dotted_path
@@ -20,7 +20,7 @@ from flowsculpt.render.base.plural import plural
 
 AXIAL = {
     name: {p.name: p.default_in_file for p in document.parameters}
-    for name, document in DOCUMENTS.items()
+    for name, document in FLOW_DOCUMENTS.items()
     if {"axis", "direction"} <= document.model_fields.keys()
 }
 """The flows with a direction across their axis, and the defaults of their parameters."""

@@ -34,7 +34,6 @@ from flowsculpt.pipeline.shot.documents.subject_documents import (
 from flowsculpt.pipeline.shot.documents.subject_kinds import PointsKind
 from flowsculpt.pipeline.shot.motion import Clock, Loop, Motion, parse_frames, parse_rate
 from flowsculpt.pipeline.shot.shot import AovSelection, Picture, Shot, SoundTrack
-from flowsculpt.pipeline.shot.subject_checks import subject_views
 from flowsculpt.pipeline.shot.subjects import Model, PluginSurface, SeveralSubjects, Solid
 from flowsculpt.pipeline.shot.yaml.document_validation import Checks, ParseContext, unforeseen, validated
 from flowsculpt.pipeline.shot.yaml.inheritance import inherited_source
@@ -153,8 +152,8 @@ class WrittenShot:
 
         subject  empty for a shot of one
         """
-        view = next((view for view in subject_views(self.source) if view.name == subject), None)
-        return self.source.place(view.in_file(where) if view else where)
+        views = {view.name: view for view in subject_checks.subject_views(self.source)}
+        return self.source.place(views[subject].in_file(where) if subject in views else where)
 
 
 def _read(source: YamlSource, allow_code: bool) -> Shot:
@@ -163,7 +162,7 @@ def _read(source: YamlSource, allow_code: bool) -> Shot:
     checks = Checks(source, [*problems, *faults])
     for check in FILE_CHECKS:
         checks.run(check)
-    views = subject_views(source)
+    views = subject_checks.subject_views(source)
     missing: list[Problem] = []
     for view in views:
         of_view = Checks(view.source)

@@ -212,7 +212,7 @@ _FINEST = 1 / 500
 
 @dataclass(frozen=True)
 class Solid(Subject):
-    """A solid of KINDS. `measures` holds all of its measures by name, in the order of the registry."""
+    """A solid, such as a box or a torus, and all of its measures by name, in the order of KINDS."""
 
     KINDS: ClassVar[Mapping[str, SolidKind]] = _SOLIDS
     """The solids that shots can name, by their names."""

@@ -123,6 +123,7 @@ QUALITIES = {
         1920, 1080, samples=64, depth=10, auxiliary_samples=64, temporal_denoise=2, noise_threshold=0.05
     ),
 }
+"""The qualities that every shot has, by their names, the quickest first."""
 
 WIDE_SIZES = {
     "spherical": {"draft": (640, 320), "daily": (1920, 960), "final": (4096, 2048)},

@@ -45,6 +45,7 @@ REPEAT, CLAMP, MIRROR, BLACK = "repeat", "clamp", "mirror", "black"
 """What is shown beyond the sides of a picture: it again, its border, it mirrored in turn, or black."""
 
 REPEATED = (REPEAT, REPEAT)
+"""A picture that is shown again beyond its sides, across and up."""
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from flowsculpt.pipeline.mesh.placed_copies import Placements, nearest_rotations
 from flowsculpt.pipeline.production.request.shading import Shading
 from flowsculpt.pipeline.shot import Motion, read_shot
 from flowsculpt.pipeline.statistics import mesh_statistics
-from tests.needed_plugins import shot_rows
+from tests.needed_plugins import needs_plugins, shot_rows
 
 SHOT = """
 title: Tiles
@@ -53,6 +53,7 @@ def lengths(points: np.ndarray) -> np.ndarray:
         ]
     ),
 )
+@needs_plugins("fields")
 def test_all_distances_in_a_copy_stay(strength: float, flow: str) -> None:
     frames = list(animate(motion_of(flow.replace("S", str(strength)))))
     before, after = (f.mesh.vertices.reshape(5, -1, 3) for f in (frames[0], frames[-1]))

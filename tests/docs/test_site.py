@@ -124,6 +124,12 @@ def test_the_page_of_commands_says_what_the_code_says() -> None:
     assert new == old, "`make reference` rewrites the page"
 
 
+def test_the_page_of_names_for_plug_ins_says_what_the_code_says() -> None:
+    new, old = page_from_the_code("plugin_names")
+    assert new == old, "`make reference` rewrites the page"
+    assert not [line for line in new.splitlines() if line.endswith("|  |")], "each name has a docstring"
+
+
 @needs_plugins("remote")
 def test_every_message_that_troubleshooting_quotes_is_told_by_the_code() -> None:
     code = "\n".join(

@@ -19,7 +19,7 @@ from flowsculpt.pipeline.shot.documents import (
     shot_documents,
     subject_documents,
 )
-from flowsculpt.pipeline.shot.documents.field_types import Document, linear_of
+from flowsculpt.pipeline.shot.documents.field_types import Document, linear_of_hex
 
 TEXT = "title: A\nframes: 1-2\nsubject: {solid: box}\nresample: off\n"
 
@@ -31,8 +31,8 @@ def picture(entry: str) -> object:
 @given(st.integers(0, 0xFFFFFF))
 def test_a_colour_of_srgb_is_decoded_by_its_standard(value: int) -> None:
     text = f"#{value:06x}"
-    linear = linear_of(text)
-    assert linear == linear_of(text.upper()) and all(0.0 <= part <= 1.0 for part in linear)
+    linear = linear_of_hex(text)
+    assert linear == linear_of_hex(text.upper()) and all(0.0 <= part <= 1.0 for part in linear)
     encoded = [part * 12.92 if part <= 0.0031308 else 1.055 * part ** (1 / 2.4) - 0.055 for part in linear]
     assert sum(round(255 * part) << shift for part, shift in zip(encoded, (16, 8, 0), strict=True)) == value
 
@@ -51,7 +51,7 @@ def test_a_colour_of_srgb_is_decoded_by_its_standard(value: int) -> None:
     ],
 )
 def test_a_colour_of_srgb_is_the_same_as_its_linear_numbers(entry: str) -> None:
-    numbers = str(linear_of("#cc4422"))
+    numbers = str(linear_of_hex("#cc4422"))
     assert picture(entry % "'#cc4422'") == picture(entry % "'#c42'") == picture(entry % numbers)
 
 

@@ -17,12 +17,12 @@ from flowsculpt.pipeline.flow.catalogue.vortices import Vortex, VortexRing
 from flowsculpt.pipeline.flow.parameters import parameters_of, shot_name, summary
 from flowsculpt.pipeline.frames import FrameRange, FrameRate
 from flowsculpt.pipeline.shot import read_shot
-from flowsculpt.pipeline.shot.documents.flow_documents import DOCUMENTS
+from flowsculpt.pipeline.shot.documents.flow_documents import FLOW_DOCUMENTS
 from flowsculpt.pipeline.shot.motion import Clock
 from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext
 
 CLOCK = Clock(FrameRange.parse("1-24"), FrameRate.of(24))
-each = pytest.mark.parametrize("name", DOCUMENTS)
+each = pytest.mark.parametrize("name", FLOW_DOCUMENTS)
 
 SHOT = """\
 title: Any
@@ -58,21 +58,21 @@ def needed(name: str, folder: Path) -> dict[str, Any]:
         "become": {"solid": "icosphere"},
         "python": {"file": "mine.py", "function": "swirl"},
     }
-    parameters = DOCUMENTS[name].parameters
+    parameters = FLOW_DOCUMENTS[name].parameters
     return own.get(name, {}) | {
         p.name: [0.5, 0.0, 0.0] if p.form == "vector" else 0.5 for p in parameters if p.needed
     }
 
 
 def parsed(name: str, said: dict[str, Any], folder: Path) -> Any:
-    document = DOCUMENTS[name].model_validate(said, context={"parse_context": ParseContext(folder)})
+    document = FLOW_DOCUMENTS[name].model_validate(said, context={"parse_context": ParseContext(folder)})
     return document.build(CLOCK)
 
 
 @each
 def test_a_file_that_says_the_least_has_the_defaults_of_the_code(name: str, tmp_path: Path) -> None:
     flow = parsed(name, needed(name, tmp_path), tmp_path)
-    for parameter in DOCUMENTS[name].parameters:
+    for parameter in FLOW_DOCUMENTS[name].parameters:
         if not parameter.needed:
             assert getattr(flow, parameter.name) == parameter.default
     assert isinstance(flow, Flow | VelocityField)
@@ -80,20 +80,22 @@ def test_a_file_that_says_the_least_has_the_defaults_of_the_code(name: str, tmp_
 
 @each
 def test_every_parameter_says_what_it_means(name: str) -> None:
-    flow = DOCUMENTS[name].flow
+    flow = FLOW_DOCUMENTS[name].flow
     assert summary(flow).endswith(".") and len(summary(flow)) < 100
-    for parameter in (*parameters_of(flow), *DOCUMENTS[name].own):
+    for parameter in (*parameters_of(flow), *FLOW_DOCUMENTS[name].own):
         assert parameter.doc.text, parameter.name
         assert parameter.form != "choice" or parameter.choices
     assert "other" not in {parameter.form for parameter in parameters_of(flow)}
-    if not DOCUMENTS[name].own:
+    if not FLOW_DOCUMENTS[name].own:
         assert {p.name for p in parameters_of(flow)} == {field.name for field in dataclasses.fields(flow)}
 
 
 @each
 def test_defaults_written_out_in_a_file_build_the_same_flow(name: str, tmp_path: Path) -> None:
     least = needed(name, tmp_path)
-    everything = {p.name: p.default_in_file for p in (*DOCUMENTS[name].parameters, *DOCUMENTS[name].own)}
+    everything = {
+        p.name: p.default_in_file for p in (*FLOW_DOCUMENTS[name].parameters, *FLOW_DOCUMENTS[name].own)
+    }
     spelt, short = parsed(name, everything | least, tmp_path), parsed(name, least, tmp_path)
     for field in dataclasses.fields(spelt):
         one, other = getattr(spelt, field.name), getattr(short, field.name)
@@ -108,7 +110,7 @@ def test_angles_are_degrees_in_the_file_and_radians_in_the_code() -> None:
 
 def test_names_of_two_words_are_joined() -> None:
     assert shot_name(VortexRing) == "vortex_ring" and built("vortex_ring: {core: 0.2}").name == "vortex_ring"
-    assert "ABC" not in DOCUMENTS and "abc" in DOCUMENTS
+    assert "ABC" not in FLOW_DOCUMENTS and "abc" in FLOW_DOCUMENTS
 
 
 def test_a_flow_that_is_not_known_is_told_with_the_nearest() -> None:
@@ -149,4 +151,4 @@ def test_mistakes_are_told_with_line_and_column(flow: str, message: str) -> None
 
 
 def test_a_document_refuses_what_the_flow_does_not_take() -> None:
-    assert set(DOCUMENTS["vortex"].model_fields) == set(Vortex.__dataclass_fields__)
+    assert set(FLOW_DOCUMENTS["vortex"].model_fields) == set(Vortex.__dataclass_fields__)

@@ -104,7 +104,8 @@ def takes_long(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
             of_frame = forecast.costs(number, first.points)
             place = of_frame[0].place if of_frame else ""
             for each in of_frame:
-                each.require_substeps()
+                if each.gradient > each.MOST_SUBSTEPS:
+                    each.flow.step_plan(*each.step)  # raises the error of the frame
         except FrameError as error:
             yield Finding(_where(place), str(error.of(number)), is_error=True)
             return

@@ -18,7 +18,7 @@ from flowsculpt.api.commands import empty_table, print_result, require_one_of
 from flowsculpt.api.files import atomic_write
 from flowsculpt.api.frames import Show
 from flowsculpt.api.options import Common, shared_option
-from flowsculpt.api.shots import DOCUMENTS, YamlSource
+from flowsculpt.api.shots import FLOW_DOCUMENTS, YamlSource
 from flowsculpt.pipeline.plugins.authoring.shot_schemas import (
     default_text,
     defaults_schema,
@@ -124,7 +124,7 @@ def flows(
     if name is not None:
         _report_one({**facts(name), "strength": usual_strength(name)}, common.json)
         return
-    flows = [facts(flow) for flow in DOCUMENTS]
+    flows = [facts(flow) for flow in FLOW_DOCUMENTS]
     listing = empty_table("flow", "is a", "what it does")
     for flow in flows:
         listing.add_row(flow["name"], flow["kind"], flow["description"])

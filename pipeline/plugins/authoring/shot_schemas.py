@@ -17,8 +17,9 @@ from pydantic import BaseModel
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import core_schema
 
+from flowsculpt import VelocityField
 from flowsculpt.api.commands import require_one_of
-from flowsculpt.api.shots import DOCUMENTS, PRESETS, FilmDocument, FlowParameters, ShotDocument
+from flowsculpt.api.shots import FLOW_DOCUMENTS, PRESETS, FilmDocument, FlowParameters, ShotDocument
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
@@ -188,11 +189,12 @@ def facts(name: str) -> dict[str, Any]:
 
     Raises UsageError for an unknown name.
     """
-    require_one_of(name, DOCUMENTS, f"{name!r} is not a flow.")
-    document = DOCUMENTS[name]
+    require_one_of(name, FLOW_DOCUMENTS, f"{name!r} is not a flow.")
+    document = FLOW_DOCUMENTS[name]
+    kind = "function" if name == "python" else "map"
     return {
         "name": name,
-        "kind": document.flow_kind(),
+        "kind": "velocity" if issubclass(document.flow, VelocityField) else kind,
         "description": cleandoc(document.flow.__doc__ or "").partition("\n")[0],
         "parameters": [_fact(parameter) for parameter in (*document.own, *document.parameters)],
     }
@@ -229,7 +231,7 @@ def default_text(fact: dict[str, Any]) -> str:
 def markdown() -> str:
     """Return the table of the docs, one line a flow."""
     lines = [BEGIN, "| | in a shot | what it does | parameters |", "|---|---|---|---|"]
-    for name in DOCUMENTS:
+    for name in FLOW_DOCUMENTS:
         fact = facts(name)
         parameters = ", ".join(_short(parameter) for parameter in fact["parameters"])
         picture = f"![{name}](pictures/flows/{name}.png)" if fact["kind"] != "function" else ""

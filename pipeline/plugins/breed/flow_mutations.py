@@ -13,7 +13,7 @@ from functools import cache
 from importlib import resources
 from typing import Any
 
-from flowsculpt.api.shots import DOCUMENTS
+from flowsculpt.api.shots import FLOW_DOCUMENTS
 from flowsculpt.pipeline.plugins.breed.gene_values import (
     AXES,
     EXPONENTS,
@@ -323,7 +323,7 @@ def exchanged(draft: Draft) -> str:
     for each in group:
         values = _new_values(draft, name)
         for shared in ("axis", "centre", "direction", "radius"):
-            own = {p.name for p in DOCUMENTS[name].parameters}
+            own = {p.name for p in FLOW_DOCUMENTS[name].parameters}
             if shared in each.values and shared in own and row["family"] != "attractor":
                 values[shared] = each.values[shared]
         if "direction" in values and values["direction"] == values.get("axis"):
@@ -471,7 +471,7 @@ def _at(value: dict[str, Any], times: list[float]) -> dict[str, Any]:
 def _new_values(draft: Draft, name: str) -> dict[str, Any]:
     """Return values of a flow of the palette that suit the subject and the shot."""
     chance, parent, row = draft.chance, draft.parent, palette()[name]
-    parameters = {p.name: p for p in DOCUMENTS[name].parameters}
+    parameters = {p.name: p for p in FLOW_DOCUMENTS[name].parameters}
     values: dict[str, Any] = {}
     if "axis" in parameters:
         named = chance.happens(0.65)
@@ -501,7 +501,7 @@ def _scale(draft: Draft, name: str) -> float:
     """Return the strength that suits the size of the subject and the duration, over that of the palette."""
     row = palette()[name]
     (strength,) = row["strength"]
-    unit = next(p for p in DOCUMENTS[name].parameters if p.name == strength).doc.unit
+    unit = next(p for p in FLOW_DOCUMENTS[name].parameters if p.name == strength).doc.unit
     scale = draft.parent.half ** EXPONENTS.get(unit, 0)
     if row["family"] == "deformation":
         return float(scale)

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from flowsculpt import UsageError
 from flowsculpt.api import quote
-from flowsculpt.api.files import single_page
+from flowsculpt.api.files import PageFolder
 from flowsculpt.api.pictures import jpeg_bytes
 from flowsculpt.pipeline.plugins.breed.family_tree import RECORD, read_record
 
@@ -63,8 +63,8 @@ def page_text(
         "parents": [{"name": name, "pictures": _encoded(pictures)} for name, pictures in parents],
     }
     title = f"{record['name']}: generation {record['generation']}"
-    page = files("flowsculpt.pipeline.plugins.breed") / "page"
-    return single_page(page, title, {"facts": json.dumps(facts)})
+    page = PageFolder(files("flowsculpt.pipeline.plugins.breed") / "page")
+    return page.in_one_file(title, {"facts": json.dumps(facts)})
 
 
 def next_name(name: str) -> str:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from flowsculpt.api.shots import PRESETS, linear_of
+from flowsculpt.api.shots import PRESETS, linear_of_hex
 from flowsculpt.pipeline.plugins.breed.colour_harmony import Lch, colour_words, lch, linear, stage_for
 from flowsculpt.pipeline.plugins.breed.flow_mutations import Draft, Idea
 from flowsculpt.pipeline.plugins.breed.gene_values import Chance, is_number, mapped, rounded, scaled
@@ -292,7 +292,7 @@ def _any_colour(draft: Draft) -> Lch:
 
 
 def _linear(colour: Any) -> list[float]:
-    return linear_of(colour) if isinstance(colour, str) else list(colour)
+    return linear_of_hex(colour) if isinstance(colour, str) else list(colour)
 
 
 def _has_pattern(draft: Draft) -> bool:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from flowsculpt.api.shots import DOCUMENTS, FlowParameters, Shot, WrittenShot, to_yaml
+from flowsculpt.api.shots import FLOW_DOCUMENTS, FlowParameters, Shot, WrittenShot, to_yaml
 
 INHERITED = ("extends", "looks", "rigs")
 """Entries whose effect is spelt out in a genome."""
@@ -156,7 +156,7 @@ class Leaf:
     @property
     def document(self) -> type[FlowParameters]:
         """The document of its parameters."""
-        return DOCUMENTS[self.name]
+        return FLOW_DOCUMENTS[self.name]
 
 
 def leaves_of(flows: list[Any], entry: int | None = None) -> Iterator[Leaf]:

@@ -59,7 +59,7 @@ from flowsculpt.api.pictures import (
     write_finished,
     write_movie,
 )
-from flowsculpt.api.shots import NAME_PATTERN, WrittenShot, linear_of, to_yaml
+from flowsculpt.api.shots import NAME_PATTERN, WrittenShot, linear_of_hex, to_yaml
 from flowsculpt.pipeline.plugins.delivery.hdr_frames import Frame
 
 RELIGHT = PipelineStage("relight", version=1, packages=("OpenImageIO",), doing="relighting", makes="frame")
@@ -336,7 +336,7 @@ def _parsed(name: str, text: str) -> Factor:
     """Return a factor: one number, three of linear Rec.709, or a hexadecimal colour of sRGB."""
     bare = text.strip("[]()'\" ")
     if re.fullmatch(_HEX, bare):
-        red, green, blue = linear_of(bare)
+        red, green, blue = linear_of_hex(bare)
         return red, green, blue
     try:
         numbers = [float(part) for part in bare.split(",")]
@@ -401,7 +401,7 @@ def permanent(path: Path, of_shot: Sequence[str], lights: LightRig, factors: Map
 
 def _multiplied(intensity: Any, factor: Factor) -> float | list[float]:
     """Return the intensity of a shot file, a number or a colour, times a factor."""
-    before = linear_of(intensity) if isinstance(intensity, str) else intensity
+    before = linear_of_hex(intensity) if isinstance(intensity, str) else intensity
     parts = before if isinstance(before, Sequence) else [before] * 3
     product = [float(f"{float(a) * b:.6g}") for a, b in zip(parts, factor, strict=True)]
     return product[0] if len(set(product)) == 1 else product

@@ -17,6 +17,7 @@ from flowsculpt.api.shots import (
     Triple,
 )
 from flowsculpt.pipeline.plugins.fields.attraction import Attraction, Target, Wind
+from flowsculpt.pipeline.plugins.fields.file_sequences import files_named
 from flowsculpt.pipeline.plugins.fields.grid_files import read_samples
 
 
@@ -36,7 +37,7 @@ class SampledDocument(FlowParameters):
     @model_validator(mode="after")
     def _are_readable(self, info: ValidationInfo) -> Self:
         context = ParseContext.of(info)
-        paths = context.files(self.file)
+        paths = files_named(self.file, context)
         self._samples = read_samples(paths, self.array, float(self.interval))
         context.digests.update(zip(paths, self._samples.digests, strict=True))
         return self

@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 
 from flowsculpt import FrameError
 from flowsculpt.api import Animation, plural
-from flowsculpt.api.files import page_script, page_style, to_plain
+from flowsculpt.api.files import to_plain
 from flowsculpt.api.frames import Framing, RenderRequest, Store, key_of
 from flowsculpt.api.materials import Diffuse
 from flowsculpt.pipeline.plugins.interchange.alembic_export import write_alembic
@@ -274,7 +274,7 @@ class WebExport(AnimationExport):
     @property
     def facts(self) -> list[Any]:
         picture = self.request.shot.picture
-        player = (PAGE / "index.html").read_text(encoding="utf-8") + page_style(PAGE) + page_script(PAGE)
+        player = PAGE.index + PAGE.style + PAGE.script
         return [
             *(self.request.shot.heading, self.request.pictures.aspect, to_plain(picture.lights)),
             *(to_plain(picture.stage), picture.view.recipe, self.request.loop),

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flowsculpt.api.files import disk_errors, single_page
+from flowsculpt.api.files import PageFolder, disk_errors
 from flowsculpt.api.frames import Framing
 from flowsculpt.api.materials import LightRig, Material
 from flowsculpt.api.meshes import Floats
@@ -35,7 +35,7 @@ from flowsculpt.pipeline.plugins.interchange.exported_materials import (
 )
 from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh
 
-PAGE = files("flowsculpt.pipeline.plugins.interchange") / "player"
+PAGE = PageFolder(files("flowsculpt.pipeline.plugins.interchange") / "player")
 
 _TABLE = 33  # colours along each side of the view's table
 
@@ -71,7 +71,7 @@ class WebPage:
         blobs = _Blobs()
         script = blobs.add(require_three_js().encode())
         data = {"facts": {**self._facts(blobs), "three": script}, "blobs": blobs.packed}
-        text = single_page(PAGE, self.shot.heading, {name: json.dumps(part) for name, part in data.items()})
+        text = PAGE.in_one_file(self.shot.heading, {name: json.dumps(part) for name, part in data.items()})
         with disk_errors(path):
             path.write_text(text, encoding="utf-8")
 

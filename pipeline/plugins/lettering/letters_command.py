@@ -14,7 +14,7 @@ from flowsculpt.api.commands import print_result
 from flowsculpt.api.files import atomic_write, disk_errors
 from flowsculpt.api.frames import Show
 from flowsculpt.api.options import Common
-from flowsculpt.api.shots import DOCUMENTS
+from flowsculpt.api.shots import FLOW_DOCUMENTS
 from flowsculpt.pipeline.plugins.lettering.kinds import TextKind
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ def letters(
     path = Show().folder / f"{name}.yaml"
     if path.exists():
         raise UsageError(f"{path} is there already; choose another name or edit that file")
-    if from_drops and "become" not in DOCUMENTS:
+    if from_drops and "become" not in FLOW_DOCUMENTS:
         raise UsageError("--from-drops needs the plug-in become, which is not installed; leave it out")
     written = TextKind.model_construct(text=text, font=font)
     shapes = written.outlines(Show().folder).shapes()

@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from flowsculpt import FlowsculptError, MachineError, UsageError
-from flowsculpt.api.files import page_script, page_style
+from flowsculpt.api.files import PageFolder
 from flowsculpt.pipeline.plugins.preview.live_session import LiveFeed, LiveSession
 from flowsculpt.pipeline.plugins.preview.shot_editor import (
     MOST_REQUEST_BYTES,
@@ -37,12 +37,12 @@ from flowsculpt.pipeline.plugins.preview.trial_pictures import TrialPictures
 
 ADDRESS = "127.0.0.1"
 
-PAGE = files("flowsculpt.pipeline.plugins.preview") / "page"
+PAGE = PageFolder(files("flowsculpt.pipeline.plugins.preview") / "page")
 
 FILES: dict[str, tuple[str, Callable[[], str]]] = {
-    "": ("text/html; charset=utf-8", lambda: (PAGE / "index.html").read_text(encoding="utf-8")),
-    "page.css": ("text/css; charset=utf-8", lambda: page_style(PAGE)),
-    "page.js": ("text/javascript; charset=utf-8", lambda: page_script(PAGE)),
+    "": ("text/html; charset=utf-8", lambda: PAGE.index),
+    "page.css": ("text/css; charset=utf-8", lambda: PAGE.style),
+    "page.js": ("text/javascript; charset=utf-8", lambda: PAGE.script),
 }
 """Types and texts of the page's files, by their paths below the token."""
 

@@ -20,11 +20,7 @@ from typing import Any
 from flowsculpt import FlowsculptError, MissingInputError, UsageError
 from flowsculpt.api import ShotError
 from flowsculpt.api.files import ChangedFileError, InputFile, atomic_write
-from flowsculpt.api.shots import (
-    WrittenShot,
-    YamlSource,
-    read_shot,
-)
+from flowsculpt.api.shots import WrittenShot, YamlSource, read_shot
 from flowsculpt.pipeline.plugins.preview.settable_values import settable_values
 from flowsculpt.pipeline.plugins.preview.text_edits import ValueEdit, Where, edited, parsed, path_text
 

@@ -22,7 +22,7 @@ from typing import Any
 from flowsculpt import MissingInputError
 from flowsculpt.api import ShotExtras
 from flowsculpt.api.commands import Project
-from flowsculpt.api.files import disk_errors, make_folder, page_script, page_style, remove_file
+from flowsculpt.api.files import PageFolder, disk_errors, make_folder, remove_file
 from flowsculpt.api.frames import (
     PictureSequence,
     RenderRequest,
@@ -84,7 +84,7 @@ def _order(sequence: PictureSequence) -> int:
     return KINDS.index(sequence.kind) if sequence.kind in KINDS else len(KINDS)
 
 
-PAGE = files("flowsculpt.pipeline.plugins.review") / "page"
+PAGE = PageFolder(files("flowsculpt.pipeline.plugins.review") / "page")
 
 Tell = Callable[[], None]
 
@@ -164,9 +164,9 @@ class ReviewPage:
             "three": "three.js" if script else None,
             "hint": hint,
         }
-        self._write(self.index, (PAGE / "index.html").read_bytes())
-        self._write(self.folder / "page" / "page.css", page_style(PAGE).encode())
-        self._write(self.folder / "page" / "page.js", page_script(PAGE).encode())
+        self._write(self.index, PAGE.index.encode())
+        self._write(self.folder / "page" / "page.css", PAGE.style.encode())
+        self._write(self.folder / "page" / "page.js", PAGE.script.encode())
         if script:
             self._write(self.folder / "three.js", f"window.reviewThree = {_json(script)};\n".encode())
         self._write(self.folder / "data.js", f"window.reviewData = {_json(data)};\n".encode())

@@ -170,11 +170,6 @@ class StoredFiles:
         return partial(write_npz, named=with_key(key, named))
 
     @staticmethod
-    def write_arrays(path: Path, named: Mapping[str, AnyArray]) -> None:
-        """Write arrays without a key, in a form that needs little room."""
-        write_npz(path, named)
-
-    @staticmethod
     def read_arrays(path: Path) -> dict[str, AnyArray]:
         """Return all arrays of a file. Raises CorruptFileError where it cannot be read to its end."""
         return read_npz(path)

@@ -388,6 +388,8 @@ NotNegativeField = Annotated[
 WeightField = Annotated[
     ZeroToOne | Keyed[ZeroToOne] | OverTime | FromSound, CURVE, within(FROM_0_TO_1), CURVE_FORM
 ]
+"""A number from 0 to 1 that may change over time: a constant, or a `Changing` value."""
+
 PlaceField = Annotated[
     Triple | Keyed[Triple] | OverTimeTriple | FromSoundTriple, CURVE, within(ANYWHERE), CURVE_FORM
 ]

@@ -21,14 +21,14 @@ from pydantic import (
     model_validator,
 )
 from pydantic_core import CoreSchema, PydanticCustomError
-from pydantic_core.core_schema import no_info_wrap_validator_function
+from pydantic_core.core_schema import ValidatorFunctionWrapHandler, no_info_wrap_validator_function
 
-from flowsculpt.pipeline.errors import quote, suggest
+from flowsculpt.pipeline.errors import FlowsculptError, quote, suggest
 from flowsculpt.pipeline.flow.parameters import Vector, X, Y, Z
 from flowsculpt.pipeline.flow.streamlines import MAX_SUBSTEPS
 from flowsculpt.pipeline.formula import Expression, FormulaError
 from flowsculpt.pipeline.plugin import plugins
-from flowsculpt.pipeline.shot.yaml.document_validation import as_finding, finding
+from flowsculpt.pipeline.shot.yaml.document_validation import finding
 from flowsculpt.pipeline.shot.yaml.messages import number_in
 from flowsculpt.pipeline.shot.yaml.synonyms import value_meant
 from flowsculpt.pipeline.shot.yaml.yaml_source import in_yaml
@@ -40,6 +40,14 @@ ORIGIN = [0.0, 0.0, 0.0]
 
 SMALLEST, LARGEST = 1e-9, 1e12
 """Bounds of measures and numbers: squares, inverses and differences stay finite."""
+
+
+def _reported(value: Any, validate: ValidatorFunctionWrapHandler) -> Any:
+    """Validate a value; turn an error of ours into a finding."""
+    try:
+        return validate(value)
+    except FlowsculptError as error:
+        raise finding(str(error)) from None
 
 
 class Document(BaseModel):
@@ -58,10 +66,18 @@ class Document(BaseModel):
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """Report errors of ours, which validators raise, at the place of the document."""
-        return no_info_wrap_validator_function(
-            lambda value, validate: as_finding(lambda: validate(value)), handler(source)
-        )
+        """Report errors of ours, which validators raise, at the place of the document.
+
+        The schema is wrapped in its place: references to it, and so the JSON Schema, stay as they are.
+        """
+        found = handler(source)
+        schema: Any = handler.resolve_ref_schema(found)
+        if schema["type"] != "function-wrap":
+            inner = {name: value for name, value in schema.items() if name != "ref"}
+            wrapped = no_info_wrap_validator_function(_reported, inner, ref=schema.get("ref"))
+            schema.clear()
+            schema.update(wrapped)
+        return found
 
     @classmethod
     def model_rebuild(cls, **given: Any) -> bool | None:
@@ -90,7 +106,7 @@ class SchemaKeywords:
 
 @dataclass(frozen=True)
 class ByForm:
-    """An annotation of a union: a value is checked, and its mistakes are told, as one of the members only.
+    """An annotation of a union: a value is checked, and its faults are reported, as one member only.
 
     choose  returns the index of the member for a value as the file has it
     """
@@ -209,10 +225,14 @@ Real = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 Positive = Annotated[
     float, Field(gt=0, le=LARGEST), AfterValidator(_check_smallest), SchemaKeywords(minimum=SMALLEST)
 ]
+"""A number above 0, such as a length."""
+
 ZeroToOne = Annotated[float, Field(ge=0, le=1)]
 Count = Annotated[int, Field(ge=1, le=MAX_SUBSTEPS)]
 Degrees = Annotated[float, Field(ge=-3600, le=3600)]
 Triple = Annotated[list[Real], BeforeValidator(require_three), Field(min_length=3, max_length=3)]
+"""Three numbers along x, y and z: a place, a direction or a size."""
+
 AxisName = Annotated[str, one_of(("x", "y", "z"), "axis")]
 AxisVector = Annotated[Triple, SchemaKeywords(**{"not": {"const": [0, 0, 0]}})]
 Axis = Annotated[
@@ -300,7 +320,7 @@ def is_hex(value: Any) -> bool:
     return isinstance(value, str) and value.startswith("#")
 
 
-def linear_of(text: str) -> list[float]:
+def linear_of_hex(text: str) -> list[float]:
     """Return linear Rec.709 of a hexadecimal colour of sRGB. Raises an error for pydantic for other text."""
     digits = text.removeprefix("#")
     if not re.fullmatch(HEX_PATTERN, text):
@@ -318,7 +338,7 @@ def _linear(value: float) -> float:
 def parsed_colour(value: Any) -> Any:
     """Return a colour as three numbers; refuse other forms, with the colour that is meant."""
     if isinstance(value, str):
-        return linear_of(value)
+        return linear_of_hex(value)
     if isinstance(value, list):
         whole = all(isinstance(part, int) and 0 <= part <= 255 for part in value)
         if len(value) != 4 and not (len(value) == 3 and whole and max(value) > 16):

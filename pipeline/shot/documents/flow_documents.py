@@ -25,7 +25,7 @@ from flowsculpt.pipeline.flow.catalogue.external_fields import (
     FormulaField,
 )
 from flowsculpt.pipeline.flow.compiled_formulas import NAMES
-from flowsculpt.pipeline.flow.flow import ForeignFlow, PluginMap
+from flowsculpt.pipeline.flow.flow import PluginMap
 from flowsculpt.pipeline.flow.parameters import (
     Parameter,
     ParameterDoc,
@@ -67,13 +67,6 @@ class FlowParameters(Document):
     origin: ClassVar[tuple[str, str, str] | None] = None
     parameters: ClassVar[tuple[Parameter, ...]]
     own: ClassVar[tuple[Parameter, ...]]
-
-    @classmethod
-    def flow_kind(cls) -> str:
-        """Return what the flow is: a `velocity`, a `function` of a file, or another `map`."""
-        if issubclass(cls.flow, VelocityField):
-            return "velocity"
-        return "function" if issubclass(cls.flow, ForeignFlow) else "map"
 
     def build(self, clock: Clock) -> Any:
         """Return the flow; parameters that the file leaves out take the defaults of the code."""
@@ -216,7 +209,7 @@ class FormulaDocument(FlowParameters):
         return self
 
 
-DOCUMENTS: dict[str, type[FlowParameters]] = {
+FLOW_DOCUMENTS: dict[str, type[FlowParameters]] = {
     **{shot_name(flow): document_of(flow) for flow in catalogue.FLOWS},
     "formula": document_of(FormulaField, FormulaDocument),
     **plugins().parts("flows", _document_of_plugin),
@@ -231,6 +224,6 @@ def entries(base: type) -> dict[str, Any]:
     """Return optional fields of a document, one for each flow that is a `base`."""
     return {
         name: (Annotated[document | None, BARE], Field(None, validate_default=False))
-        for name, document in DOCUMENTS.items()
+        for name, document in FLOW_DOCUMENTS.items()
         if issubclass(document.flow, base)
     }

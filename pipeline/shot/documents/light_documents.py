@@ -26,7 +26,7 @@ from flowsculpt.pipeline.shot.documents.field_types import (
     parsed_colour,
     vector,
 )
-from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext, as_finding, finding
+from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext, finding
 from flowsculpt.pipeline.shot.yaml.yaml_source import in_yaml
 from flowsculpt.render.scene.scene_lights import LIGHTS, LightRig, Sky, Softbox
 from flowsculpt.render.scene.scene_stage import STAGES, Stage
@@ -120,7 +120,7 @@ def _check_map(name: str, info: ValidationInfo) -> str:
     """Check that a file holds an environment map, and note its digest."""
     context = ParseContext.of(info)
     path = context.file(name)
-    as_finding(lambda: environment_of(str(path), context.digests[path]))
+    context.attempt(lambda: environment_of(str(path), context.digests[path]))
     return name
 
 

@@ -25,7 +25,7 @@ from flowsculpt.pipeline.shot.documents.field_types import (
     is_hex,
     is_number,
     is_triple,
-    linear_of,
+    linear_of_hex,
     no_bare_colour,
     one_of,
     optional,
@@ -95,7 +95,7 @@ def bsdf_of(bsdf: dict[str, Any], context: ParseContext) -> Bsdf:
 
     def with_textures(part: Any) -> Any:
         if not isinstance(part, dict):
-            return linear_of(part) if is_hex(part) else part
+            return linear_of_hex(part) if is_hex(part) else part
         plugin = {name: with_textures(value) for name, value in part.items()}
         if "filename" in plugin:
             path = context.file(plugin["filename"])

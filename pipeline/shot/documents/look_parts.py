@@ -31,7 +31,7 @@ from flowsculpt.pipeline.shot.documents.field_types import (
     require_three,
     vector,
 )
-from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext, as_finding, finding
+from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext, finding
 from flowsculpt.render.base.render_errors import RenderError
 from flowsculpt.render.scene.materials import Absorption, Relief, Subsurface
 from flowsculpt.render.scene.patterns import COLOUR_MAPS, KINDS, PATTERNS, Measure, Pigment
@@ -175,7 +175,7 @@ def _read_texture(name: str, space: str | None, info: ValidationInfo) -> Texture
     context = ParseContext.of(info)
     path = context.file(name)
     digest = context.digests[path]
-    return as_finding(lambda: Texture.of(str(path), digest, space))
+    return context.attempt(lambda: Texture.of(str(path), digest, space))
 
 
 def _texture(space: str | None) -> AfterValidator:

@@ -243,6 +243,8 @@ Rate = Annotated[
 
 
 class ShotDocument(Document):
+    """All that a shot file may hold, as values that are checked one by one."""
+
     title: str = Field(description="the name of the shot")
     extends: str | None = optional("the shot beside this file from which it inherits what it leaves out")
     intent: str = Field("", description="what the shot should show, in a sentence")
@@ -365,6 +367,8 @@ _ENTRY = ByForm(lambda value: 0 if not isinstance(value, dict) else 2 if "card" 
 
 
 class FilmDocument(Document):
+    """All that an edit may hold."""
+
     what = "an edit"
 
     title: str = Field(description="the name of the film, on its first card")

@@ -74,7 +74,7 @@ def _coarsest(solid: str, given: Mapping[str, Any]) -> object:
 
 
 class SolidDocument(Document):
-    """A solid; `subject_checks` checks that its measures are those of its kind."""
+    """A solid and its measures; `faults` checks that they are those of its kind."""
 
     example = "{solid: box}"
 
@@ -178,6 +178,8 @@ class SizedDocument(Document):
 
 
 class ModelDocument(SizedDocument):
+    """A model that is read from a file."""
+
     example = "{model: FILE.obj}"
 
     model: str = Field(description="an OBJ, PLY, STL, OFF, GLB, FBX, DAE, 3MF or USD beside the shot file")

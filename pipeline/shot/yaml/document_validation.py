@@ -23,7 +23,6 @@ from flowsculpt.pipeline.shot.yaml.messages import problems_of
 from flowsculpt.pipeline.shot.yaml.named_files import is_file, is_folder, quote_name
 from flowsculpt.pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource
 from flowsculpt.render.base.input_files import InputFile, kind_of_path
-from flowsculpt.render.base.number_order import in_order
 
 MOST_PROBLEMS = 50
 """The most problems of one file that are reported at once."""
@@ -54,6 +53,14 @@ class ParseContext:
         context = (info.context or {}).get("parse_context")
         return context if isinstance(context, cls) else cls()
 
+    @staticmethod
+    def attempt(make: Callable[[], T]) -> T:
+        """Return what `make` returns; report errors of ours at the place of a field, not of its document."""
+        try:
+            return make()
+        except FlowsculptError as error:
+            raise finding(str(error)) from None
+
     def file(self, name: str) -> Path:
         """Return the path of a file, and note its digest. Raises a finding where it is not there."""
         path = self._path(name)
@@ -62,7 +69,7 @@ class ParseContext:
 
     def note(self, path: Path) -> str:
         """Note the digest of a file that is read, and return it. Raises a finding where it cannot be read."""
-        self.digests[path] = as_finding(lambda: InputFile(path).digest())
+        self.digests[path] = self.attempt(lambda: InputFile(path).digest())
         return self.digests[path]
 
     def mesh(self, name: str) -> Path:
@@ -71,7 +78,7 @@ class ParseContext:
         Raises a finding where one is not there or cannot be read.
         """
         path = self._path(name)
-        self.digests.update(as_finding(lambda: ModelFile(path).files()).files)
+        self.digests.update(self.attempt(lambda: ModelFile(path).files()).files)
         return path
 
     def _path(self, name: str) -> Path:
@@ -79,28 +86,6 @@ class ParseContext:
         if not is_file(path):
             raise finding(missing_file(name, path))
         return path
-
-    def files(self, name: str) -> tuple[Path, ...]:
-        """Return the path of a file, or the paths in order that match a name whose last part has a *.
-
-        Whoever reads the files hashes them and notes their digests.
-        """
-        if "*" not in name:
-            return (self._path(name),)
-        folder = self.folder / Path(name).parent
-        try:
-            if "**" in name:  # from Python 3.13 on, glob takes it for one *
-                raise ValueError
-            found = folder.glob(Path(name).name)  # hidden files are of other programs
-            paths = [path for path in found if is_file(path) and not path.name.startswith(".")]
-        except (OSError, ValueError):
-            raise finding(
-                f"file {quote_name(name)} is not a name of a sequence; each * stands for any letters. "
-                "Write one where names differ, as in wind_*.npz."
-            ) from None
-        if not paths:
-            raise finding(f"no file matches {quote_name(name)} in {quote_name(folder)}. Correct the name.")
-        return in_order(paths, self.notes.append)
 
 
 def missing_file(name: str, path: Path, kind: str = "file") -> str:
@@ -146,14 +131,6 @@ def _similar_file(name: str, path: Path) -> str | None:
 def finding(text: str) -> PydanticCustomError:
     """Return an error for pydantic with a whole message."""
     return PydanticCustomError("finding", "{text}", {"text": text})
-
-
-def as_finding(make: Callable[[], T]) -> T:
-    """Return what `make` returns; turn an error of ours into a finding."""
-    try:
-        return make()
-    except FlowsculptError as error:
-        raise finding(str(error)) from None
 
 
 @contextmanager

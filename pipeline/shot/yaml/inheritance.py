@@ -26,7 +26,7 @@ from flowsculpt.pipeline.shot.yaml.yaml_source import (
     YamlSource,
     dotted_path,
     in_yaml,
-    quoted,
+    to_yaml,
 )
 
 OPTION = "--set"
@@ -80,7 +80,7 @@ def _set(source: YamlSource, setting: str) -> YamlSource:
 
 def _yaml_of(text: str) -> str:
     """Return the value of a setting as YAML: nothing is null, and a colour is no comment."""
-    return quoted(text) if HEX_COLOUR.fullmatch(text) else text or "null"
+    return to_yaml(text, "'") if HEX_COLOUR.fullmatch(text) else text or "null"
 
 
 def _put(data: Any, steps: list[str], value: Any, place: str) -> Where:

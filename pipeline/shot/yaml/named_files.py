@@ -20,7 +20,7 @@ MOST_BYTES = 300_000
 """Size of the largest shot file or edit that is read; its parser takes some seconds for as much."""
 
 NAME_PATTERN = r"[A-Za-z0-9][A-Za-z0-9_.-]{0,99}"
-"""Names of shots and edits: they become part of file names, on any system.
+"""The pattern of names of shots and edits: they become part of file names, on any system.
 
 File systems allow some 250 letters with the numbers and suffixes of files.
 """

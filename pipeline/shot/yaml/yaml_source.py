@@ -93,7 +93,8 @@ def _fault(error: YAMLError, lines: list[str]) -> tuple[int, int, str]:
         if indent and "\t" in indent[0]:
             return number, indent[0].index("\t"), "a tab indents this line; YAML takes spaces only"
     if context and "end of stream" in problem:
-        return *begin, f"this quote is never closed; write {quoted(lines[begin[0]][begin[1] + 1 :])}"
+        meant = to_yaml(lines[begin[0]][begin[1] + 1 :].strip(), "'")
+        return *begin, f"this quote is never closed; write {meant}"
     for number, text in enumerate(lines[: line + 1]):
         if colour := _LOST_COLOUR.search(text):
             message = f"# begins a comment in YAML; put the colour in quotes: '{colour[1]}'"
@@ -128,12 +129,6 @@ def unseen_fault(character: str) -> str:
     """Return fact and remedy for a character that nobody sees where YAML has a space or the end of a name."""
     name = unicodedata.name(character, "a character").lower()
     return f"here is {name} (U+{ord(character):04X}), a letter to YAML. Write a plain space, or remove it."
-
-
-def quoted(text: str) -> str:
-    """Return text in quotes of YAML: single ones where that works without doubling."""
-    text = text.strip()
-    return f'"{text}"' if "'" in text and '"' not in text else "'" + text.replace("'", "''") + "'"
 
 
 TOO_LARGE = 10**300
@@ -439,23 +434,13 @@ def listed(names: Iterable[Any], last: str = "and") -> str:
 
 def in_yaml(value: Any) -> str:
     """Return a value as a shot file writes it in one line: `{axis: y, amount: 80}`; long ones are cut."""
-    text = _written(value)
+    text = "" if value is None else to_yaml(value)
     if len(text) <= MOST_CHARACTERS:
         return text
     if isinstance(value, dict):
         names = "{" + ", ".join(f"{name}: …" for name in value) + "}"
         return names if len(names) <= 2 * MOST_CHARACTERS else f"{names[:MOST_CHARACTERS]}…}}"
     return f"{text[:MOST_CHARACTERS]}…"
-
-
-def _written(value: Any) -> str:
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{name}: {_written(item)}" for name, item in value.items()) + "}"
-    if isinstance(value, list):
-        return "[" + ", ".join(map(_written, value)) + "]"
-    if isinstance(value, bool):
-        return str(value).lower()
-    return "" if value is None else str(value)
 
 
 def shown(value: Any) -> str:

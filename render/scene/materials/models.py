@@ -430,3 +430,4 @@ LOOKS: dict[str, Material] = {
     "model": Painted((0.6, 0.6, 0.6), roughness=0.5),
     "symbolics_1990": Gouraud((0.95, 0.30, 0.03), roughness=0.3),
 }
+"""The looks that every shot can name, by their names."""

@@ -15,7 +15,7 @@ from flowsculpt.pipeline.errors import FlowsculptError
 from flowsculpt.pipeline.mesh import icosphere
 from flowsculpt.pipeline.plugins.authoring.shot_schemas import facts
 from flowsculpt.pipeline.shot import read_shot
-from flowsculpt.pipeline.shot.documents.flow_documents import DOCUMENTS
+from flowsculpt.pipeline.shot.documents.flow_documents import FLOW_DOCUMENTS
 
 RECORD = Path(templates.__file__).with_name("flow_strengths.yaml")
 GROWTHS = (2.0, 10.0)
@@ -89,7 +89,7 @@ def main() -> None:
         "# origin takes 2 and 10 times the vertices within 3 s; "
         "`python -m tests.plugins.authoring.flow_strengths`."
     ]
-    for flow in sorted(DOCUMENTS):
+    for flow in sorted(FLOW_DOCUMENTS):
         found = strength_of(flow)
         if found is not None:
             lines.append(f"{flow}: {{{found[0]}: [{', '.join(f'{value:g}' for value in found[1])}]}}")

@@ -33,6 +33,7 @@ def test_the_table_of_the_docs_is_that_of_the_code() -> None:
         assert (DOCS / picture).is_file()
 
 
+@needs_plugins("fields", "python")
 def test_flows_of_a_shots_own_making_are_listed_too() -> None:
     through, speed, *_ = facts("wind")["parameters"]
     assert (through["name"], through["unit"], through["required"]) == ("through", "units", True)

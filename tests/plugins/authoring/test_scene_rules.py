@@ -269,7 +269,7 @@ def test_a_frame_over_the_budget_says_so_at_once_and_names_the_fit(tmp_path: Pat
         next(animate(read_shot(path)))
 
 
-@needs_plugins("interchange")
+@needs_plugins("interchange", "fields")
 def test_too_many_sub_steps_are_an_error_before_they_are_taken(tmp_path: Path) -> None:
     write_ball(tmp_path / "ball.obj")
     error = the_only(found(tmp_path, ball_shot(flow="curl_noise: {strength: 40000}")))

@@ -17,7 +17,7 @@ import pytest
 from flowsculpt.pipeline.errors import ShotError
 from flowsculpt.pipeline.plugins.authoring.shot_schemas import defaults_schema, film_schema, shot_schema
 from flowsculpt.pipeline.shot import read_shot
-from flowsculpt.pipeline.shot.documents.flow_documents import DOCUMENTS
+from flowsculpt.pipeline.shot.documents.flow_documents import FLOW_DOCUMENTS
 from flowsculpt.pipeline.shot.yaml.yaml_source import YamlSource
 from tests.conftest import new_project
 from tests.needed_plugins import gallery_rows, needed_in, needs_plugins
@@ -277,7 +277,7 @@ def test_every_name_is_explained() -> None:
 def test_units_and_defaults_of_flows_are_those_of_the_code() -> None:
     schema = shot_schema()
     entries = schema["$defs"]["Flow"]["properties"]
-    assert set(DOCUMENTS) <= set(entries)
+    assert set(FLOW_DOCUMENTS) <= set(entries)
     strength = schema["$defs"]["Vortex"]["properties"]["strength"]
     assert "units²/s" in strength["description"] and strength["default"] == 1.0
     assert entries["vortex"]["description"].startswith("Turns about a line")

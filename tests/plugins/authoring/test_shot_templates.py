@@ -20,13 +20,13 @@ from flowsculpt.pipeline.plugins.authoring.shot_templates import (
     shot_of_shot,
 )
 from flowsculpt.pipeline.shot import read_shot
-from flowsculpt.pipeline.shot.documents.flow_documents import DOCUMENTS
+from flowsculpt.pipeline.shot.documents.flow_documents import FLOW_DOCUMENTS
 from tests.conftest import ProjectFolder
 from tests.needed_plugins import SHIPPED, needs_plugins
 
 OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 
-each = pytest.mark.parametrize("flow", DOCUMENTS)
+each = pytest.mark.parametrize("flow", FLOW_DOCUMENTS)
 SLOW = pytest.mark.soak
 """A fit of `become` takes 20 seconds."""
 
@@ -44,7 +44,7 @@ def begun(flow: str, folder: Path, coarser: float = 1.0) -> tuple[str, Path]:
 
 
 @pytest.mark.parametrize(
-    "flow", [pytest.param(flow, marks=SLOW if flow == "become" else ()) for flow in DOCUMENTS]
+    "flow", [pytest.param(flow, marks=SLOW if flow == "become" else ()) for flow in FLOW_DOCUMENTS]
 )
 def test_a_shot_of_each_flow_moves_what_it_shows(flow: str, tmp_path: Path) -> None:
     """Some frames on from where it is strongest, with a coarse surface."""
@@ -87,7 +87,7 @@ def _needs_a_preset(flow: str) -> bool:
     )
 
 
-@pytest.mark.parametrize("flow", [flow for flow in DOCUMENTS if not _needs_a_preset(flow)])
+@pytest.mark.parametrize("flow", [flow for flow in FLOW_DOCUMENTS if not _needs_a_preset(flow)])
 def test_flows_without_a_preset_are_set_up_by_their_parameters(
     flow: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -97,7 +97,7 @@ def test_flows_without_a_preset_are_set_up_by_their_parameters(
 
 @needs_plugins(*SHIPPED)
 def test_the_table_holds_flows_and_their_parameters() -> None:
-    assert set(presets()) <= set(DOCUMENTS)
+    assert set(presets()) <= set(FLOW_DOCUMENTS)
     for flow, preset in presets().items():
         assert set(preset.values) <= {parameter["name"] for parameter in facts(flow)["parameters"]}
     with pytest.raises(UsageError, match="Did you mean 'vortex'"):

@@ -13,7 +13,7 @@ from flowsculpt.pipeline.plugins.interchange.gltf_document import GltfDocument
 from flowsculpt.render.graphics import three_js
 from tests.conftest import commanded
 from tests.full_disk import disk_of
-from tests.needed_plugins import shot_rows
+from tests.needed_plugins import needs_plugins, shot_rows
 from tests.simulated_show import simulated
 
 NAME = "T010_tiny"
@@ -161,6 +161,7 @@ f 3/1 1/2 4/3
 BOX, EDGE, TWIST = "{solid: box, size: [2, 2, 2]}", "max_edge_length: 0.5", SHOT[SHOT.index("twist:") : -2]
 
 
+@needs_plugins("python")
 @pytest.mark.parametrize(
     ("old", "new", "code", "says"),
     [

@@ -23,6 +23,7 @@ from flowsculpt.render.base.serialise import to_plain
 from flowsculpt.render.scene.materials import Diffuse, Painted, Satin
 from flowsculpt.render.scene.painted_faces import PaintedFaces
 from flowsculpt.render.scene.surface import Surface
+from tests.needed_plugins import needs_plugins
 from tests.plugins.interchange.gltf_scenes import GltfScene
 from tests.plugins.interchange.test_gltf_files import version_1
 
@@ -110,6 +111,7 @@ def on_box(points: AnyArray, faces: AnyArray) -> AnyArray:
     return found
 
 
+@needs_plugins("fields")
 @pytest.mark.parametrize("flow", FLOWS)
 def test_corners_take_the_texture_coordinates_of_their_place_at_rest(tmp_path: Path, flow: str) -> None:
     shot = shot_of(painted_box(tmp_path), flow)
@@ -131,6 +133,7 @@ def split_side() -> tuple[AnyArray, AnyArray, AnyArray]:
     return points, faces, coordinates
 
 
+@needs_plugins("fields")
 def test_no_face_crosses_a_seam_where_the_surface_is_flat(tmp_path: Path) -> None:
     points, faces, coordinates = split_side()
     lines = [f"v {x} {y} {z}" for x, y, z in points]
@@ -163,6 +166,7 @@ def test_a_pole_cuts_no_chart_beyond_its_own_faces(tmp_path: Path) -> None:
     assert len(shot.motion.mesh_at_rest().seams) <= meridians + around_poles
 
 
+@needs_plugins("fields")
 @pytest.mark.parametrize("flow", FLOWS)
 def test_a_chart_that_meets_itself_smears_no_face(tmp_path: Path, flow: str) -> None:
     shot = shot_of(globe(tmp_path), flow, more=", hard_angle: 80")
@@ -177,6 +181,7 @@ def test_a_chart_that_meets_itself_smears_no_face(tmp_path: Path, flow: str) -> 
         assert np.abs(error - np.round(error)).max() < 0.02
 
 
+@needs_plugins("fields")
 def test_a_resumed_run_keeps_its_seams_to_the_bit(tmp_path: Path) -> None:
     shot = shot_of(painted_box(tmp_path), "curl_noise")
     frames = list(animate(shot))

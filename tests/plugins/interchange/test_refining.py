@@ -24,7 +24,7 @@ from flowsculpt.pipeline.plugins.interchange.refining import KIND, Refined, Refi
 from flowsculpt.pipeline.plugins.interchange.unifying import Unification, one_mesh
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.store.store import Store
-from tests.needed_plugins import shot_rows
+from tests.needed_plugins import needs_plugins, shot_rows
 from tests.plugins.interchange.unified_shots import BALL, BOX, SHEET, TWIST, of_text, request_of, up_to
 
 SLACK = 1.0 + 1e-9
@@ -79,6 +79,7 @@ FLOWS = {
 }
 
 
+@needs_plugins("fields", "python")
 @pytest.mark.parametrize("flow", FLOWS.values(), ids=FLOWS)
 def test_each_vertex_lies_on_the_analytic_surface_at_rest_and_where_the_flow_carries_that_point(
     flow: str, tmp_path: Path
@@ -96,6 +97,7 @@ def test_each_vertex_lies_on_the_analytic_surface_at_rest_and_where_the_flow_car
     require_fine(request, refined)
 
 
+@needs_plugins("fields")
 def test_lengths_that_vary_bound_the_edges_of_each_frame(tmp_path: Path) -> None:
     lengths = "{max_edge_length: {curvature: {tolerance: 0.01, finest: 0.1, coarsest: 0.5}}}"
     request = request_of(tmp_path, BALL, FLOWS["curl noise"], lengths)
@@ -104,6 +106,7 @@ def test_lengths_that_vary_bound_the_edges_of_each_frame(tmp_path: Path) -> None
     require_fine(request, refined)
 
 
+@needs_plugins("fields")
 def test_an_interrupted_refinement_goes_on_with_the_same_bits(tmp_path: Path) -> None:
     request = request_of(tmp_path, BALL, FLOWS["curl noise"], "{max_edge_length: 0.3}")
     whole = Refiner(request, Store(tmp_path / "whole")).refined()
@@ -290,6 +293,7 @@ def with_code(folder: Path, function: str) -> RenderRequest:
     return request_of(folder, BOX, f"python: {{file: code.py, function: {function}}}")
 
 
+@needs_plugins("fields", "python")
 def test_a_flow_that_tears_the_surface_is_refused_at_its_frame(tmp_path: Path) -> None:
     with pytest.raises(
         FrameError, match=r"^frame 2: the flow tears the surface at \(.*\) at rest"
@@ -298,6 +302,7 @@ def test_a_flow_that_tears_the_surface_is_refused_at_its_frame(tmp_path: Path) -
     assert "\n" not in str(refused.value)
 
 
+@needs_plugins("fields", "python")
 def test_a_flow_that_moves_points_by_others_is_refused_by_name(tmp_path: Path) -> None:
     with pytest.raises(FrameError, match=r"^frame 2: flow .* moves a point alone elsewhere"):
         Refiner(with_code(tmp_path, "crowd"), Store(tmp_path)).refined()

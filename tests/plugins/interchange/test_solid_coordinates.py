@@ -16,6 +16,7 @@ from flowsculpt.pipeline.mesh.analytic_surfaces import AnalyticSurface
 from flowsculpt.pipeline.plugins.interchange.exported_frame import exported_frame, surface_recipe
 from flowsculpt.pipeline.plugins.interchange.model_export import write_glb, write_obj
 from flowsculpt.pipeline.shot import Shot, read_shot
+from tests.needed_plugins import needs_plugins
 from tests.plugins.interchange.test_animated_gltf import Player
 from tests.plugins.interchange.test_animation_commands import export
 from tests.plugins.interchange.test_model_paint import FLOWS, paint_of, painted_box, picture
@@ -62,6 +63,7 @@ def at_middles(surface: AnalyticSurface, corners: Floats) -> Floats:
     return surface.texture(around.reshape(-1, 3), faces)[0].mean(axis=1)
 
 
+@needs_plugins("fields")
 @pytest.mark.parametrize("flow", FLOWS)
 @pytest.mark.parametrize("solid", SOLIDS)
 def test_faces_show_what_the_picture_has_at_their_place_at_rest(

@@ -148,7 +148,7 @@ def test_the_surface_of_a_net_is_fine_unless_the_shot_says_otherwise(folder: Pat
         ),
         (
             f"{{net: {ROWS.replace('3.0, 0.0, 4.0', '3.0, 0.0')}}}",
-            "subject.net.4.3: [3.0, 0.0] has 2 numbers; it must have",
+            "subject.net.4.3: [3, 0] has 2 numbers; it must have",
         ),
         (f"{{net: {ROWS}, closed: row}}", "'row' is not a way to close a net. Did you mean 'rows'?"),
         ("{net: {solid: tube}, rows: 3}", "subject.rows: 3 is out of range; it must be at least 4"),

@@ -20,6 +20,9 @@ from flowsculpt.pipeline.plugins.preview.shot_editor import ShotEditor, StaleErr
 from flowsculpt.pipeline.plugins.preview.text_edits import ValueEdit
 from flowsculpt.pipeline.shot import read_shot
 from flowsculpt.pipeline.shot.yaml.yaml_source import YamlSource
+from tests.needed_plugins import needs_plugins
+
+pytestmark = needs_plugins("fields")
 
 SHOT = """\
 # A cube, wrung and stirred

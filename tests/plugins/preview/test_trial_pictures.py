@@ -85,6 +85,7 @@ def setting(value: Any, *where: str | int) -> ValueEdit:
 ELEVATION = setting(14, "camera", "elevation")
 
 
+@needs_plugins("points")
 def test_an_edit_that_changes_nothing_shows_the_frame_as_it_is_but_small(
     follower: Follower, pictures: TrialPictures
 ) -> None:
@@ -123,6 +124,7 @@ def test_whatever_is_dragged_the_picture_is_near_what_comes_after_release(
     assert np.abs(pixels(trial) - after).mean() < 0.6 * np.abs(before - after).mean() + 1.0
 
 
+@needs_plugins("points")
 def test_a_drag_of_edge_lengths_shows_the_frame_and_says_that_the_mesh_comes_later(
     follower: Follower, pictures: TrialPictures
 ) -> None:
@@ -131,6 +133,7 @@ def test_a_drag_of_edge_lengths_shows_the_frame_and_says_that_the_mesh_comes_lat
     assert np.abs(pixels(trial) - shown(follower)).mean() < 4
 
 
+@needs_plugins("points")
 @pytest.mark.parametrize(
     "edit",
     [setting(50, "camera", "elevation"), setting(6, "flows", 0, "vortex", "strength")],
@@ -145,6 +148,7 @@ def test_what_is_prepared_while_the_pointer_goes_down_changes_no_picture(
     prepared.prepare(edit.where, 9)  # a frame that is not there
 
 
+@needs_plugins("points")
 def test_a_value_that_the_shot_cannot_have_is_refused_with_its_place(pictures: TrialPictures) -> None:
     with pytest.raises(FlowsculptError, match="elevation"):
         dragged(pictures, setting("high", "camera", "elevation"))
@@ -152,6 +156,7 @@ def test_a_value_that_the_shot_cannot_have_is_refused_with_its_place(pictures: T
         pictures.picture(pictures.editor.state()["digest"], [ELEVATION], 9)
 
 
+@needs_plugins("points")
 def test_a_drag_waits_for_subjects_that_are_not_simulated_yet(
     pictures: TrialPictures, tmp_path: Path
 ) -> None:
@@ -164,6 +169,7 @@ def test_a_drag_waits_for_subjects_that_are_not_simulated_yet(
         dragged(pictures, ValueEdit("set", ("rate",), 25))
 
 
+@needs_plugins("points")
 def test_a_drag_plans_no_frames(pictures: TrialPictures, monkeypatch: pytest.MonkeyPatch) -> None:
     """Keys of all frames take longer, the longer a shot is."""
     dragged(pictures, ELEVATION)  # what is shown is planned
@@ -172,6 +178,7 @@ def test_a_drag_plans_no_frames(pictures: TrialPictures, monkeypatch: pytest.Mon
     dragged(pictures, setting([0.6, 2, 0.6], "subjects", "block", "size"), setting("glaze", "look"))
 
 
+@needs_plugins("points")
 def test_a_drag_that_follows_another_need_not_wait_for_the_simulation(follower: Follower) -> None:
     """The surfaces that the page shows stay until those of the edited shot replace them."""
     stream, drawn = follower.stream, follower.session.drawn(FRAME)

@@ -160,6 +160,7 @@ def meshes_of(desk: Desk) -> PageMeshes:
     return PageMeshes(desk.request("draft"), desk.project().store, desk.root)
 
 
+@needs_plugins("points")
 @pytest.mark.parametrize(
     ("shot", "why"),
     [

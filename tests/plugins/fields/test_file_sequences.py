@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from flowsculpt.pipeline.plugins.fields.file_sequences import files_named
 from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext
 
 
@@ -31,5 +32,5 @@ def test_files_are_in_the_order_of_their_numbers_and_a_doubtful_order_is_noted(
     for name in names.split():
         (tmp_path / f"{name}.npz").touch()
     context = ParseContext(tmp_path)
-    assert " ".join(path.stem for path in context.files("*.npz")) == names
+    assert " ".join(path.stem for path in files_named("*.npz", context)) == names
     assert bool(context.notes) is is_noted
