@@ -41,11 +41,13 @@ def free_memory() -> float:
 
     free = float(psutil.virtual_memory().available)
     with suppress(OSError, ValueError):  # not Linux, or groups of version 1
-        name = Path("/proc/self/cgroup").read_text().rpartition("::/")[2].partition("\n")[0]
+        name = Path("/proc/self/cgroup").read_text("utf-8").rpartition("::/")[2].partition("\n")[0]
         group = CONTROL_GROUPS / name
         for folder in (group, *group.parents):
-            if (most := folder / "memory.max").exists() and (limit := most.read_text().strip()).isdecimal():
-                free = min(free, float(limit) - float((folder / "memory.current").read_text()))
+            if (most := folder / "memory.max").exists() and (
+                limit := most.read_text("utf-8").strip()
+            ).isdecimal():
+                free = min(free, float(limit) - float((folder / "memory.current").read_text("utf-8")))
     return free / 1e6
 
 

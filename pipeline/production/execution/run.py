@@ -30,6 +30,7 @@ from flowsculpt.pipeline.production.store.locks import Locks
 from flowsculpt.pipeline.production.store.paths import EVENTS
 from flowsculpt.pipeline.production.store.store import Store, remove_checkpoints, sweep
 from flowsculpt.render.base.atomic_write import disk_errors
+from flowsculpt.render.base.kernel_cache import require_compiler
 from flowsculpt.render.base.processes import is_at_work, start_of
 from flowsculpt.render.base.root_files import touch
 from flowsculpt.render.base.work_clock import cpu_seconds
@@ -235,8 +236,9 @@ def run(
     patience  seconds after which a silent job of this machine is ended, and tried once more
     wait      wait for another run of the same shot and quality
 
-    Raises MachineError where another run holds a lock or the disk refuses.
+    Raises MachineError where another run holds a lock, the disk refuses, or nothing can be compiled.
     """
+    require_compiler()
     clock = _RunClock()
     store, plan = Store(root), make_plan()
     locks, names = Locks(root), plan.lock_names if plan.jobs else {}

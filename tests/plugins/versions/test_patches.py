@@ -13,7 +13,6 @@ from flowsculpt.pipeline.plugins.versions.provenance import FILE, Provenance
 from flowsculpt.pipeline.plugins.versions.publishing import Patch
 from flowsculpt.pipeline.plugins.versions.reproduction import Reproduction
 from flowsculpt.pipeline.production.execution.project import Project
-from flowsculpt.pipeline.production.store.history import History
 from flowsculpt.render.base.input_files import InputFile
 from flowsculpt.render.movie.probe import probe_movie
 from tests.needed_plugins import needs_plugins
@@ -55,7 +54,7 @@ def test_a_patch_has_the_new_frames_of_its_range_and_the_files_of_the_version_be
     assert (again.version, again.before) == ("v002", True)
     from flowsculpt.pipeline.plugins.review.review_page import Search
 
-    shown = Search(Project(desk.root, 1), (), History.of(desk.root)).shot(NAME).sequences
+    shown = Search(Project(desk.root, 1), ()).shot(NAME).sequences
     notes = {each.label: each.note for each in shown if each.kind == "version"}
     assert notes[f"v002 {QUALITY}"] == "patch of v001: frames 2-3 are new"
 
