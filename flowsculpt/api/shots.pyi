@@ -2,7 +2,6 @@
 
 from flowsculpt.pipeline.shot import Motion as Motion
 from flowsculpt.pipeline.shot import Shot as Shot
-from flowsculpt.pipeline.shot import read_film as read_film
 from flowsculpt.pipeline.shot.documents.curves import Changing as Changing
 from flowsculpt.pipeline.shot.documents.curves import WeightField as WeightField
 from flowsculpt.pipeline.shot.documents.field_types import ByForm as ByForm

@@ -23,7 +23,7 @@ from ruamel.yaml.comments import CommentedMap
 
 from flowsculpt import FlowsculptError, UsageError
 from flowsculpt.api import ShotError, reason_of, shorten, suggest
-from flowsculpt.api.files import InputFile, Parser, as_utf8
+from flowsculpt.api.files import InputFile, Parser
 from flowsculpt.api.frames import FrameRange, FrameRate
 from flowsculpt.pipeline.plugins.delivery.imported_sound import ImportedSound
 from flowsculpt.pipeline.plugins.delivery.timeline_times import (
@@ -91,7 +91,8 @@ class ImportedEdit:
     @cached_property
     def _timeline(self) -> Any:
         try:
-            text = as_utf8(InputFile(self.file).content()).decode()
+            content = InputFile(self.file).content()
+            text = content.decode(json.detect_encoding(content))
             json.loads(text)  # the library's parser has no bound of depth
             found = adapters.read_from_string(text, "otio_json")
         except FlowsculptError:

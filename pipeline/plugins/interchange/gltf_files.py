@@ -346,7 +346,7 @@ def placed(triangles: Triangles, matrices: Floats) -> Triangles:
 def read_gltf(path: Path) -> FileSurface:
     """Read the default scene of a file as one surface.
 
-    Raises ValueError or ParserError where it cannot be read, MissingInputError for a missing buffer.
+    Raises ValueError where it cannot be read, MissingInputError for a missing buffer.
     """
     scene = DefaultScene.of(GltfDocument.read(path))
     if any(scene.draco_of(part) is not None for part in scene.distinct):

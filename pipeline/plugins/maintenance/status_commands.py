@@ -22,10 +22,9 @@ from flowsculpt.api.commands import (
     print_result,
     print_warning,
 )
-from flowsculpt.api.frames import FrameRange, FrameStates, RenderRequest, Show
+from flowsculpt.api.frames import FrameRange, FrameStates, QualityName, RenderRequest, Show
 from flowsculpt.api.options import (
     DEFAULT_QUALITY,
-    QUALITIES,
     Common,
     Quality,
     Shot,
@@ -77,7 +76,7 @@ def states(project: Project, shot: RenderRequest) -> list[FrameStates]:
     """
     store, history = project.store, project.history
     found = [FrameStates.of_meshes(shot, store, history)]
-    for request in (replace(shot, quality_name=name) for name in QUALITIES):
+    for request in (replace(shot, quality_name=name) for name in QualityName.names()):
         if (store.root / request.folders.home / request.quality_name).exists():
             row = FrameStates.of_pictures(request, store, history)
             found.append(

@@ -10,10 +10,10 @@ import difflib
 import math
 import re
 import shlex
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from flowsculpt.pipeline.errors import MissingInputError, UsageError, suggest
 from flowsculpt.pipeline.plugin import plugins
@@ -28,6 +28,9 @@ from flowsculpt.pipeline.shot.yaml.named_files import (
 from flowsculpt.pipeline.shot.yaml.synonyms import value_meant
 from flowsculpt.render.base.input_files import kind_of_path
 from flowsculpt.render.scene.render_quality import FORMER_NAMES, QUALITIES, Crop, Quality
+
+if TYPE_CHECKING:
+    from flowsculpt.pipeline.shot import Film
 
 LEAST, MOST = 1.0, 400.0
 """Limits of `--scale`, per cent."""
@@ -55,6 +58,11 @@ class QualityName(NamedTuple):
         base, scale, *crop = match.groups()
         x0, y0, x1, y1 = (int(edge or 0) for edge in crop)
         return cls(base, scale or "", (x0, y0, x1, y1) if crop[0] else None)
+
+    @staticmethod
+    def names() -> tuple[str, ...]:
+        """Return the names of the qualities that every shot has, the quickest first."""
+        return tuple(QUALITIES)
 
     @property
     def is_known(self) -> bool:
@@ -272,6 +280,12 @@ class Show:
                 f"and as for edits, {hint}"
             )
         return path
+
+    def read_edit(self, name: str, settings: Iterable[str] = ()) -> Film:
+        """Read an edit with its shots, which take the settings. Raises as `find_edit`, and ShotError."""
+        from flowsculpt.pipeline.shot import read_film
+
+        return read_film(self.find_edit(name), settings)
 
     @property
     def defaults(self) -> Path:
