@@ -137,10 +137,9 @@ def vertex_normals(mesh: TriangleMesh, corners: Faces | None = None) -> Vectors:
     corners  (F, 3) as `split_at_creases` has numbered them before the mesh was moved. Then there is a normal
              (N, 3) for each number, and the attribute `normal` gives the first V where it is trusted.
     """
-    if corners is None:
-        return _smooth(mesh, mesh.faces, mesh.face_normals, None, len(mesh.vertices))
-    normals = _smooth(mesh, corners, mesh.face_normals, None, int(corners.max()) + 1)
-    if NORMAL in mesh.attributes:
+    count = len(mesh.vertices) if corners is None else int(corners.max()) + 1
+    normals = _smooth(mesh, mesh.faces if corners is None else corners, mesh.face_normals, None, count)
+    if corners is not None and NORMAL in mesh.attributes:
         trusted = np.flatnonzero(trusted_normals(mesh))
         normals[trusted] = mesh.attributes[NORMAL][trusted]
     return normals

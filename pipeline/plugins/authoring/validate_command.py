@@ -116,7 +116,7 @@ def _check_edit(name: str, settings: tuple[str, ...]) -> _Check:
     """Check an edit and the files of its shots."""
     check = _Check(name)
     try:
-        Show().read_edit(name, settings)
+        Show().check_edit(name, settings)
     except FlowsculptError as error:
         check.add_error(error)
     return check

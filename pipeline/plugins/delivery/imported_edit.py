@@ -22,7 +22,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap
 
 from flowsculpt import FlowsculptError, UsageError
-from flowsculpt.api import ShotError, reason_of, shorten, suggest
+from flowsculpt.api import ShotError, shorten, suggest
 from flowsculpt.api.files import InputFile, Parser
 from flowsculpt.api.frames import FrameRange, FrameRate
 from flowsculpt.pipeline.plugins.delivery.imported_sound import ImportedSound
@@ -98,7 +98,7 @@ class ImportedEdit:
         except FlowsculptError:
             raise
         except Exception as error:  # of many kinds, by what the file holds
-            reason = "too many brackets" if isinstance(error, RecursionError) else reason_of(error)
+            reason = "too many brackets" if isinstance(error, RecursionError) else shorten(error)
             fault = f"it cannot be read as OpenTimelineIO ({reason}); export it again"
             raise self._refused(fault) from None
         if not isinstance(found, schema.Timeline):
@@ -133,7 +133,7 @@ class ImportedEdit:
                 rate = getattr(first.media_reference, "rate", rate)
             return FrameRate.of(round(float(rate), 3))
         except Exception as error:  # of many kinds, by what it lacks
-            raise self._refused(f"clip {shorten(first.name)}: {reason_of(error)}") from None
+            raise self._refused(f"clip {shorten(first.name)}: {shorten(error)}") from None
 
     def _entries(self) -> tuple[list[Any], list[str]]:
         """Return the entries of the edit, and what is wrong."""

@@ -13,7 +13,7 @@ import shlex
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from flowsculpt.pipeline.errors import MissingInputError, UsageError, suggest
 from flowsculpt.pipeline.plugin import plugins
@@ -28,9 +28,6 @@ from flowsculpt.pipeline.shot.yaml.named_files import (
 from flowsculpt.pipeline.shot.yaml.synonyms import value_meant
 from flowsculpt.render.base.input_files import kind_of_path
 from flowsculpt.render.scene.render_quality import FORMER_NAMES, QUALITIES, Crop, Quality
-
-if TYPE_CHECKING:
-    from flowsculpt.pipeline.shot import Film
 
 LEAST, MOST = 1.0, 400.0
 """Limits of `--scale`, per cent."""
@@ -169,8 +166,7 @@ def _pixels(text: str, width: int, height: int) -> Crop:
     if len(numbers) != 4 or not all(math.isfinite(number) for number in numbers):
         raise UsageError(
             f"--crop {text} is not a part of the picture; write the left, upper, right and lower edge, in "
-            "pixels or "
-            "as fractions of the picture: --crop 0.25,0.25,0.75,0.75"
+            "pixels or as fractions of the picture: --crop 0.25,0.25,0.75,0.75"
         )
     if max(numbers) <= 1.0:
         numbers = [number * side for number, side in zip(numbers, (width, height) * 2, strict=True)]
@@ -179,8 +175,7 @@ def _pixels(text: str, width: int, height: int) -> Crop:
     if x1 <= x0 or y1 <= y0:
         raise UsageError(
             f"--crop {text} is {max(0, x1 - x0)} × {max(0, y1 - y0)} pixels large; the right edge must lie "
-            "beyond the "
-            "left one, and the lower beyond the upper. Correct them."
+            "beyond the left one, and the lower beyond the upper. Correct them."
         )
     if x0 < 0 or y0 < 0 or x1 > width or y1 > height:
         raise UsageError(
@@ -281,11 +276,11 @@ class Show:
             )
         return path
 
-    def read_edit(self, name: str, settings: Iterable[str] = ()) -> Film:
+    def check_edit(self, name: str, settings: Iterable[str] = ()) -> None:
         """Read an edit with its shots, which take the settings. Raises as `find_edit`, and ShotError."""
         from flowsculpt.pipeline.shot import read_film
 
-        return read_film(self.find_edit(name), settings)
+        read_film(self.find_edit(name), settings)
 
     @property
     def defaults(self) -> Path:
