@@ -21,6 +21,7 @@ plan = PlannedWorkflow(workflow, config)
 
 DONE, LOGS = ".flowsculpt/done", ".flowsculpt/logs/jobs"
 # A message takes the place of the line `rule NAME:` in Snakemake's log, and so begins with it.
+# What farms and plain Snakemake start; on this machine the executor hands jobs to the pool of workers.
 TASK = f"exec {JOB_PROCESS} {{params.job}} --threads {{threads}} --log {{log:q}}"
 
 

@@ -11,6 +11,7 @@ would depend on its place in a block: commands and jobs keep numba from it (see 
 from __future__ import annotations
 
 import ctypes
+import inspect
 import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -139,7 +140,14 @@ class BlockKernel:
 
 
 def block_kernel(function: Callable[..., None]) -> BlockKernel:
-    """Compile the equation of a flow: `f(numbers, count, x, y, z, t, u, v, w)` adds velocities at points."""
+    """Compile the equation of a flow: `f(numbers, count, x, y, z, t, u, v, w)` adds velocities at points.
+
+    Raises TypeError for a function with other parameters.
+    """
+    if len(inspect.signature(function).parameters) != 9:
+        raise TypeError(
+            f"{function.__name__} takes other parameters than numbers, count, x, y, z, t, u, v, w"
+        )
     found = BlockKernel(function)
     BLOCK_KERNELS.append(found)
     return found

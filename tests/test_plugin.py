@@ -251,6 +251,30 @@ def test_an_error_in_the_code_of_a_flow_is_told_in_a_line_with_its_place(marblin
 
 @needs_plugins("authoring")
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    ("code", "wrong", "fault"),
+    [
+        (
+            "(number_at(self.strength, time),)",
+            "(1.0, np.zeros(3))",
+            "flow marbling.swirl: numbers() returned (1.0, array([0., 0., 0.]))",
+        ),
+        ("(number_at(self.strength, time),)", "(1.0,) * 11", "it must return at most ten numbers"),
+        ('float("inf")', "None", "length_scale() returned None; it must return a number from 0 on"),
+        ("abs(number_at", "-abs(number_at", "gradient_bound() returned -2.0; it must return a number from 0"),
+        ("z, t, u", "z, u", "turning takes other parameters than numbers, count, x, y, z, t, u, v, w"),
+    ],
+)
+def test_a_flow_that_returns_what_no_flow_has_is_refused_in_a_line(marbling, code, wrong, fault):
+    parts = "import numpy as np\n" + PARTS.replace(code, wrong)
+    (marbling.folder / "marbling_parts.py").write_text(parts)
+    done = marbling.run("validate")
+    assert done.returncode in (1, 2, 4) and fault in done.stderr, done.stderr
+    assert "plug-in marbling" in done.stderr and "Traceback" not in done.stderr
+
+
+@needs_plugins("authoring")
+@pytest.mark.slow
 def test_a_flow_that_lacks_a_method_is_left_out_with_the_name_of_the_method(marbling):
     (marbling.folder / "marbling_parts.py").write_text(PARTS.replace("def length_scale", "def scale"))
     told = marbling.run("validate").stderr
@@ -525,13 +549,20 @@ def test_the_version_is_printed_without_importing_a_plug_in(environment):
     assert done.returncode == 0 and done.stdout.startswith("flowsculpt ") and not done.stderr
 
 
-def test_an_error_in_a_command_of_a_plug_in_is_told_in_a_line_with_its_place(environment):
-    text = GREETER.replace('print("Hello", shot)', "1 / 0")
+@pytest.mark.parametrize(
+    ("wrong", "fault"),
+    [
+        ("1 / 0", "ZeroDivisionError: division by zero"),
+        ("open('nothing')", "FileNotFoundError: [Errno 2] No such file or directory: 'nothing'"),
+    ],
+)
+def test_an_error_in_a_command_of_a_plug_in_is_told_in_a_line_with_its_place(environment, wrong, fault):
+    text = GREETER.replace('print("Hello", shot)', wrong)
     environment.install("greeter", text)
     done = environment.run("greet", "A010")
-    line = 1 + text.partition("1 / 0")[0].count("\n")
+    line = 1 + text.partition(wrong)[0].count("\n")
     assert done.returncode == 4
-    assert done.stderr.endswith(f"greeter.py:{line}: plug-in greeter: ZeroDivisionError: division by zero\n")
+    assert done.stderr.endswith(f"greeter.py:{line}: plug-in greeter: {fault}\n")
     assert "Traceback" not in done.stderr
 
 

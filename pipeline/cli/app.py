@@ -264,13 +264,11 @@ def main() -> None:
     except FlowsculptError as error:
         print_error(str(error))
         sys.exit(error.exit_code)
-    except OSError as error:
-        if error.errno not in REMEDIES:
-            raise
-        file = Path(os.fsdecode(error.filename or "a file"))  # closing one has no name
-        print_error(str(MachineError.of_path(file, error, "used")))
-        sys.exit(MachineError.exit_code)
     except BaseException as error:
+        if isinstance(error, OSError) and error.errno in REMEDIES:
+            file = Path(os.fsdecode(error.filename or "a file"))  # closing one has no name
+            print_error(str(MachineError.of_path(file, error, "used")))
+            sys.exit(MachineError.exit_code)
         if isinstance(error.__cause__, KeyboardInterrupt):  # which Python 3.11 wraps while it makes a class
             sys.exit(INTERRUPTED)
         if isinstance(error, SystemExit) or (fault := fault_of_plugin(error)) is None:

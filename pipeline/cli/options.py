@@ -375,8 +375,8 @@ class CommonOptions:
 
 
 def with_options(function: Callable[..., None]) -> Callable[..., None]:
-    """Make a function a command: its parameter `common` stands for the common options, and a parameter whose
-    type is a dataclass for the options that are its fields."""
+    """Make a function a command: its parameter `common`, if any, stands for the common options, and a
+    parameter whose type is a dataclass for the options that are its fields."""
     own = inspect.signature(function, eval_str=True).parameters
     groups = {
         name: p.annotation for name, p in own.items() if is_dataclass(p.annotation) and name != "common"
@@ -391,8 +391,10 @@ def with_options(function: Callable[..., None]) -> Callable[..., None]:
 
         given = taken(CommonOptions)
         values |= {name: taken(options) for name, options in groups.items()}
+        if "common" in own:
+            values["common"] = given.resolved(ctx.obj or CommonOptions())
         try:
-            function(given.resolved(ctx.obj or CommonOptions()), **values)
+            function(**values)
         except KeyboardInterrupt:
             print_error("interrupted; what is done stays done, run again to go on")
             raise typer.Exit(INTERRUPTED) from None

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from flowsculpt.pipeline.arrays import Floats, Indices, Points, Vectors
+from flowsculpt.pipeline.errors import FrameError
 from flowsculpt.pipeline.flow.kernels import instructions as op
 from flowsculpt.pipeline.flow.kernels.field_kernels import velocities
 from flowsculpt.pipeline.flow.parameters import kernel_points, number_at, parameters_of, shot_name
@@ -200,7 +201,26 @@ class PluginField(ModifiedField):
 
     def program(self, time: float) -> Program:
         rows = self.field.program(time)
+        for row in rows:
+            if len(row.numbers) > op.COLUMNS or any(map(np.ndim, row.numbers)):
+                raise self._fault(
+                    f"numbers() returned {row.numbers[2:]}", "at most ten numbers, *vectors too"
+                )
         return tuple(row._replace(cache_data=[*self.origin, row.as_data()]) for row in rows)
+
+    def gradient_bound(self, time: float) -> float:
+        return self._length_or_rate("gradient_bound", self.field.gradient_bound(time))
+
+    def length_scale(self, time: float) -> float:
+        return self._length_or_rate("length_scale", self.field.length_scale(time))
+
+    def _length_or_rate(self, method: str, value: Any) -> float:
+        if not isinstance(value, float | int | np.number) or not value >= 0.0:
+            raise self._fault(f"{method}() returned {value!r}", "a number from 0 on")
+        return float(value)
+
+    def _fault(self, fact: str, rule: str) -> FrameError:
+        return FrameError(f"plug-in {self.origin[0]}: flow {self.name}: {fact}; it must return {rule}")
 
     @property
     def name(self) -> str:

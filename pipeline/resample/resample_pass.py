@@ -4,10 +4,12 @@ Lengths of edges are compared with the limits of their ends, `length_limits` in 
 maximum and the minimum are the `Thresholds`, and where these vary, the geometric means of the values at both
 ends.
 
-An edge is split at its middle while it is longer than its maximum (`ResamplePass.split_long_edges`). It
-collapses if it is shorter than its minimum (`is_short`), and if `can_collapse` in `kernels/collapse.py` finds
-a place for the merged vertex that breaks none of the rules in `Report.refused`. So edges between the two
-limits stay, but that `make_room` lets a collapse lengthen one by a fifth over the maximum, and splits it.
+An edge is split while it is longer than its maximum (`ResamplePass.split_long_edges`); the `Placement` moves
+the new vertex from the middle of the edge. An edge collapses if it is shorter than its minimum (`is_short`),
+and if `can_collapse` in `kernels/collapse.py` finds a place for the merged vertex that breaks none of the
+rules in `Report.refused`. Edges between the two limits stay, with two exceptions: where a vertex of valence
+three keeps a short edge from collapsing, an edge of that vertex collapses first; and `make_room` lets a
+collapse lengthen an edge by a fifth over the maximum, and splits it.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ from flowsculpt.pipeline.mesh.meshes import PolygonMesh, TriangleMesh
 from flowsculpt.pipeline.mesh.normals import NORMAL, angles_between, dihedral_angles, split_at_creases
 from flowsculpt.pipeline.resample.kernels.edge_scans import edge_curvature, limit_gradation
 
-SHORT = 0.4  # share of the finest edge: shorter edges collapse (P12), and their curvature is noise
+SHORT = 0.4  # share of the finest edge, below which the curvature of an edge is noise
 FORMULA_NAMES = (*PLACE, *TIME)  # names that a formula may use
 
 

@@ -13,7 +13,6 @@ from __future__ import annotations
 import ctypes
 import errno
 import os
-import secrets
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator
@@ -83,10 +82,6 @@ def _exchange(one: Path, other: Path) -> bool:
     raise OSError(number, os.strerror(number), str(other))
 
 
-_LETTERS = 40
-"""Letters of a file's name in the name of its draft: file systems limit names, mostly to 255 bytes."""
-
-
 @contextmanager
 def atomic_write(
     path: Path,
@@ -111,11 +106,9 @@ def atomic_write(
     Raises MachineError where the operating system refuses, and ChangedFileError where `is_same` is false.
     Where the file is only a cache, suppress MachineError.
     """
-    if draft is None and (scratch := scratch_of(path)):
-        draft = scratch / draft_name(path.suffix)
-    elif draft is None:
-        unique = f"{os.getpid()}-{secrets.token_hex(4)}"
-        draft = path.with_name(f".{path.stem[:_LETTERS]}.tmp{unique}{path.suffix}")
+    if draft is None:
+        name, scratch = draft_name(path.suffix), scratch_of(path)
+        draft = scratch / name if scratch else path.with_name(f".{name}")
     place, folder, name = path.parent, draft.parent, draft.name
     try:
         with disk_errors(path), held(place, make=True) as place, held(folder, make=True) as folder:

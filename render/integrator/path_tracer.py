@@ -1,4 +1,4 @@
-"""The path tracer: sums of the samples of each pixel, in code that Dr.Jit compiles.
+"""The path tracer: means of the samples of each pixel, in code that Dr.Jit compiles.
 
 It computes the same light as Mitsuba's `path` with less noise. Paths lead from the lens, by way of surfaces,
 to emitters: path tracing with next event estimation and multiple importance sampling (Veach 1997). Random

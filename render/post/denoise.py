@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import cache
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -159,6 +159,16 @@ class RawFrame:
     placement: StagePlacement
 
 
+class SharedLight(Protocol):
+    """Light (H, W, channels) of denoised frames that several processes need, by the numbers of frames."""
+
+    def get(self, number: int) -> Pixels | None:
+        """Return the light of a frame that another process has denoised, or None."""
+
+    def put(self, number: int, light: Pixels) -> None:
+        """Let others have the light of a frame."""
+
+
 @dataclass(eq=False)
 class FilmDenoiser:
     """A denoiser of the frames of one film. Frames that several others need are denoised once.
@@ -167,12 +177,14 @@ class FilmDenoiser:
     effort  a Quality's `denoise`; "off" leaves the noise of frames without neighbours
     size    width and height of the whole picture, pixels; None if frames are no crops
     corner  the crop's upper left corner
+    shared  light that other processes have denoised, or need; None without any
     """
 
     read: Callable[[int], RawFrame]
     effort: str = "high"
     size: tuple[int, int] | None = None
     corner: tuple[int, int] = (0, 0)
+    shared: SharedLight | None = None
     _denoised: dict[int, DenoisedFrame] = field(default_factory=dict)
 
     def light(self, number: int, window: Iterable[int]) -> Pixels:
@@ -199,7 +211,11 @@ class FilmDenoiser:
         names = ("normal", "matte", "before", "after")
         halves = {name: raw.layers[name].astype(np.float16) for name in names}
         raw = RawFrame(_denoised_layers(raw.layers), camera, placement)  # frees the rest, of 100 MB at 1080p
-        light = self._single_light(raw)
+        light = None if self.shared is None else self.shared.get(number)
+        if light is None:
+            light = self._single_light(raw)
+            if self.shared is not None:
+                self.shared.put(number, light)
         noise = removed_noise(raw.layers["beauty"], light[..., :3])
         return DenoisedFrame(light, noise, position, **halves, camera=camera, placement=placement)
 

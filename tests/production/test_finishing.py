@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from flowsculpt.pipeline.production.tasks.finish import _with_groups
 from flowsculpt.render.post.denoise import Features, denoise_light, denoiser_features
 from flowsculpt.render.post.image import read_exr
 from flowsculpt.render.scene.aovs import RenderedFrame
@@ -75,3 +76,16 @@ def test_what_mirrors_and_glass_show_is_filtered_first(project: ProjectFolder, l
     shown = unfiltered(raw, "denoise_albedo", "denoise_normal")
     assert same(light, denoise_light(raw["beauty"], filtered, "balanced"))
     assert not same(light, denoise_light(raw["beauty"], shown, "balanced"))
+
+
+def test_a_picture_stage_that_changes_the_beauty_alone_changes_its_light_groups_alike() -> None:
+    shape = (2, 3, 3)
+    key, fill = np.full(shape, 0.25, np.float32), np.full(shape, 0.75, np.float32)
+    key[0, 0] = fill[0, 0] = 0.0
+    frame = RenderedFrame({"beauty": key + fill, "light_fill": fill, "light_key": key})
+    darker = RenderedFrame({**frame.arrays, "beauty": 0.5 * frame["beauty"] + 0.1})
+    groups = groups_in(_with_groups(darker, frame).arrays)
+    assert np.allclose(sum(groups.values()), darker["beauty"])
+    assert np.allclose(groups["key"][1], 0.25 * darker["beauty"][1])
+    own = RenderedFrame({**darker.arrays, "light_key": 0.5 * key})
+    assert _with_groups(own, frame) is own, "a stage that changes groups itself knows better"

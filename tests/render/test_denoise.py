@@ -9,6 +9,9 @@ import pytest
 
 from flowsculpt.render.base import work_clock
 from flowsculpt.render.post import denoise as denoiser
+from flowsculpt.render.scene.aovs import RenderedFrame
+from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.scene_stage import StagePlacement
 
 
 def test_pictures_that_are_denoised_in_parts_have_the_same_bits(monkeypatch: pytest.MonkeyPatch):
@@ -34,3 +37,40 @@ def test_memory_that_a_control_group_limits_is_not_free(tmp_path: Path, monkeypa
     assert work_clock.free_memory() > 1.0
     (tmp_path / "memory.max").write_text("1000000\n")
     assert work_clock.free_memory() == pytest.approx(0.6)
+
+
+class Shelf(dict[int, np.ndarray]):
+    """Light that two denoisers share."""
+
+    def put(self, number: int, light: np.ndarray) -> None:
+        self[number] = light
+
+
+def test_frames_that_two_batches_average_are_denoised_by_the_first_alone(monkeypatch: pytest.MonkeyPatch):
+    random, denoised = np.random.default_rng(2), list[int]()
+    flat = np.zeros((9, 16, 3), np.float32)
+    position = np.stack([*np.meshgrid(np.arange(16.0), np.arange(9.0)), np.zeros((9, 16))], axis=2)
+
+    def raw(number: int) -> denoiser.RawFrame:
+        arrays = {"beauty": random.random(flat.shape).astype(np.float32), "albedo": flat + 0.5}
+        arrays |= {"normal": flat + 0.5, "matte": flat[..., 0] + 1.0, "before": flat, "after": flat}
+        layers = RenderedFrame({**arrays, "position": position.astype(np.float32)})
+        return denoiser.RawFrame(layers, Camera((0.0, 0.0, 9.0), (0.0, 0.0, 0.0)), StagePlacement())
+
+    frames = {number: raw(number) for number in range(1, 7)}
+    single = denoiser.FilmDenoiser._single_light
+    monkeypatch.setattr(
+        denoiser.FilmDenoiser,
+        "_single_light",
+        lambda self, raw: (denoised.append(1), single(self, raw))[1],
+    )
+
+    def light(batch: range, shared: Shelf | None) -> list[np.ndarray]:
+        film = denoiser.FilmDenoiser(frames.__getitem__, "fast", shared=shared)
+        return [film.light(n, range(max(1, n - 1), min(6, n + 1) + 1)) for n in batch]
+
+    alone = light(range(1, 7), None)
+    assert len(denoised) == 6
+    shelf = Shelf()
+    assert np.array_equal(light(range(1, 4), shelf) + light(range(4, 7), shelf), alone)
+    assert len(denoised) == 12

@@ -161,7 +161,7 @@ def _words(plan: Plan, cores: int, profile: Profile) -> list[str]:
     here = ["--local-cores", str(cores)]
     if profile.is_local:
         here = ["--cores", str(cores), "--resources", f"mem_mb={psutil.virtual_memory().available >> 20}"]
-    force = [RULES.get(stage, stage) for stage in sorted(plan.force)]
+    force = ["plug_in" if "." in stage else RULES.get(stage, stage) for stage in sorted(plan.force)]
     forced = ["--forcerun", *dict.fromkeys(force)] if force else []
     soonest = _soonest(plan) if profile.is_local else []
     first = ["--prioritize", *soonest] if soonest else []

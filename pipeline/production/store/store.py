@@ -240,7 +240,7 @@ class Store:
 
         Raises MachineError where the disk refuses.
         """
-        with atomic_write(path, _draft_beside(self, path), flush=flush) as draft:
+        with atomic_write(path, flush=flush) as draft:
             with _named(draft, path):
                 write(draft)
             return self.digests.add(path, draft)
@@ -262,7 +262,7 @@ class Store:
         source, place = self.path(kind, key), self.root / target
         self.digests.add_copy(place, source)
         if kind in self.COPIED:
-            with atomic_write(place, _draft_beside(self, place), flush=False) as draft:
+            with atomic_write(place, flush=False) as draft:
                 _copy(source, draft)
             return
         try:
@@ -368,11 +368,6 @@ class Store:
         return Uploaded(outcomes.count(True), outcomes.count(False))
 
 
-def _draft_beside(store: Store, path: Path) -> Path:
-    """Return a new path for an unfinished file next to a shown one; see `sweep_hidden_drafts`."""
-    return path.with_name(f".{store.draft(path.suffix).name}")
-
-
 @contextlib.contextmanager
 def _named(draft: Path, path: Path) -> Iterator[None]:
     """Let the messages of errors in the block name the file, not its draft."""
@@ -447,9 +442,17 @@ def checkpoint_of(
     """
     from flowsculpt.render.frame.checkpoint import Checkpoint
 
-    path = store.root / CHECKPOINTS / f"{_checkpoint_name(target)}.{key}.npz"
+    path = shared_file(store, target, key)
     remove_checkpoints(store, [target], keep=path)
     return Checkpoint(path, store.draft(path.suffix), warn, urgent)
+
+
+def shared_file(store: Store, target: Path, key: Key) -> Path:
+    """Return the file by which jobs of a run share what they make of the raw picture shown at `target`.
+
+    It goes with the checkpoints: when the run is done, or it is old.
+    """
+    return store.root / CHECKPOINTS / f"{_checkpoint_name(target)}.{key}.npz"
 
 
 def remove_checkpoints(store: Store, targets: Iterable[Path], keep: Path | None = None) -> None:

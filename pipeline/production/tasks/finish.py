@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import zipfile
+import zlib
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -10,14 +13,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flowsculpt.pipeline.errors import FrameError
+from flowsculpt.pipeline.errors import FrameError, MachineError
 from flowsculpt.pipeline.frames import FrameRate
 from flowsculpt.pipeline.plugin import named, plugins
 from flowsculpt.pipeline.production.request.keys import FrameKeys, PictureKeys
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.stages import FINISH, STAGES
+from flowsculpt.pipeline.production.store.store import key_of, shared_file
 from flowsculpt.pipeline.production.tasks.job import Context
+from flowsculpt.render.base.atomic_write import atomic_write
 from flowsculpt.render.base.foreign_code import is_of_user, reason_of_foreign
+from flowsculpt.render.base.root_files import remove_file
+from flowsculpt.render.base.state_files import UNUSABLE
 from flowsculpt.render.movie.codecs import timecode
 from flowsculpt.render.post.compositing import LayerInputs, Viewpoint, compositing_layers, mattes_header
 from flowsculpt.render.post.denoise import FilmDenoiser, RawFrame
@@ -58,6 +65,55 @@ def finish(context: Context) -> bool:
     return well and len(ready) == len(context.job.frames)
 
 
+@dataclass(frozen=True)
+class _BorderLight:
+    """Light of denoised pictures that several batches average: the first denoises it for the next."""
+
+    context: Context
+    keys: PictureKeys
+
+    @cached_property
+    def _numbers(self) -> frozenset[int]:
+        """The pictures that other batches of the run average, too; none where all is to be made again."""
+        job, plan, request = self.context.job, self.context.plan, self.context.request
+        if self.context.is_forced:
+            return frozenset()
+        batches = [each for each in plan.jobs if (each.stage, each.requests) == (job.stage, job.requests)]
+        reach = request.pictures.reach
+        first, last = min(job.frames) - 2 * reach, max(job.frames) + 2 * reach
+        others = {n for each in batches for n in each.frames if first <= n <= last} - {*job.frames}
+        return frozenset(number for other in others for number in self.keys[other].window)
+
+    def _file(self, number: int) -> Path:
+        names, quality = self.keys[number], self.context.request.pictures.quality
+        key = key_of(FINISH.recipe, names.raw, list(names.staged.values()), quality.denoise)
+        return shared_file(self.context.store, Path(self.context.request.place("raw", number)), key)
+
+    def get(self, number: int) -> Pixels | None:
+        if number not in self._numbers:
+            return None
+        file = self._file(number)
+        try:
+            with np.load(file, allow_pickle=False) as arrays:
+                light: Pixels = arrays["light"]
+        except (*UNUSABLE, zipfile.BadZipFile, zlib.error, EOFError):
+            return None
+        with suppress(OSError):  # the batches on both sides of a border have it now
+            remove_file(file)
+        return light
+
+    def put(self, number: int, light: Pixels) -> None:
+        if number not in self._numbers:
+            return
+        file = self._file(number)
+        with (
+            suppress(MachineError),  # the next batch denoises it again
+            atomic_write(file, self.context.store.draft(file.suffix), flush=False) as draft,
+            draft.open("wb") as written,
+        ):
+            np.savez(written, allow_pickle=False, light=light)
+
+
 def plugin_stage(context: Context) -> bool:
     """Do a plug-in's stage on the pictures of a batch. Pictures that failed before are left out."""
     stage, request, keys = STAGES[context.job.stage], context.request, context.picture_keys(context.request)
@@ -67,10 +123,13 @@ def plugin_stage(context: Context) -> bool:
     settings, task = request.shot.entries[stage.name], named(place)
     entry, precision = request.manifest.stages[stage.name], dict(request.pictures.aovs.precision)
     framings: Mapping[int, Framing] = request.pictures.framings(context.store) or {}
+    quality = request.pictures.quality
+    whole, corner = (quality.width, quality.height), quality.crop[:2] if quality.crop else (0, 0)
 
     def work(number: int) -> bool:
         def write(path: Path) -> None:
             frame, header = read_source(context, keys[number], number, before=stage.name)
+            frame = replace(frame, facts={**frame.facts, "whole": whole, "corner": corner})
             made = _made_by(task, f"plug-in {plugin.name}: {place}", frame, settings, number)
             header |= {"key": keys[number].staged[stage.name]}
             header |= {"stages": {**header.get("stages", {}), stage.name: stage.recipe}}
@@ -105,7 +164,25 @@ def _made_by(
             raise FrameError(f"{place}: layer {name} is missing or of another shape", number)
     if not np.isfinite(made["beauty"]).all():
         raise FrameError(f"{place}: the beauty is not finite", number)
-    return made
+    return _with_groups(made, frame)
+
+
+def _with_groups(made: RenderedFrame, frame: RenderedFrame) -> RenderedFrame:
+    """Return what a stage has made of a frame, whose light groups sum to its beauty.
+
+    A stage that changes the beauty alone changes all groups by the same factors. Light that it adds where
+    there was none is in the first group.
+    """
+    names = light_layers(frame.arrays)
+    are_left_alone = all(np.array_equal(made[name], frame[name]) for name in names)
+    before, after = frame["beauty"].astype(np.float64), made["beauty"]
+    if not names or not are_left_alone or np.array_equal(before, after):
+        return made
+    factor = np.divide(after, before, out=np.zeros_like(before), where=before != 0.0)
+    groups = {name: made[name] * factor for name in names}
+    groups[names[0]] += np.where(before == 0.0, after, 0.0)
+    singles = {name: group.astype(np.float32) for name, group in groups.items()}
+    return replace(made, arrays={**made.arrays, **singles})
 
 
 def read_source(
@@ -158,7 +235,9 @@ class _Denoiser:
     def _denoiser(self) -> FilmDenoiser:
         quality = self.context.request.pictures.quality
         corner = quality.crop[:2] if quality.crop else (0, 0)
-        return FilmDenoiser(self._raw, quality.denoise, (quality.width, quality.height), corner)
+        shared = _BorderLight(self.context, self.keys)
+        size = quality.width, quality.height
+        return FilmDenoiser(self._raw, quality.denoise, size, corner, shared)
 
     def _raw(self, number: int) -> RawFrame:
         framing, (layers, header) = self.framings[number], self._read(number)

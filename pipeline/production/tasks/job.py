@@ -202,7 +202,7 @@ class Context:
         return self.store.stored_at(kind, key) >= (self.root / self.plan.file).stat().st_mtime_ns
 
     def make(self, kind: str, key: Key, target: Path, write: Callable[[Path], object]) -> bool:
-        """Make the file of `key` by `write` unless the store holds it, and show it; return whether it did."""
+        """Make the file of `key` by `write` unless the store has it, and show it; return whether it had."""
         found = self.has(kind, key)
         if not found:
             self.store.put(kind, key, write, replace=self.is_forced)

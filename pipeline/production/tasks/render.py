@@ -276,7 +276,7 @@ class _Renderer:
     memory: MemoryGuard
 
     def make(self, number: int) -> bool:
-        """Render a picture unless the store holds it; return whether it was rendered."""
+        """Render a picture unless the store holds it; return whether it did."""
         self.stop.check()
         self.memory.check()
         context, key = self.context, self.keys[number].raw

@@ -1,6 +1,6 @@
 """Do one job: `python -m flowsculpt.pipeline.production.tasks.worker PLAN JOB`, and options.
 
-The pool of workers forks a process for each job, in which `main` does it. Farms and plain `snakemake` start a
+The pool of workers forks a process for each job, in which `run` does it. Farms and plain `snakemake` start a
 process; there rendering happens in its children, for a renderer that crashes takes only itself along.
 """
 
@@ -113,7 +113,7 @@ def _heeding_signals(context: Context, work: Callable[[], int]) -> int:
 
 
 def _do(context: Context, insist: bool, after: int) -> int:
-    """Do the job of a context, or what is left of it; the other arguments are those of `main`."""
+    """Do the job of a context, or what is left of it; the other arguments are those of `do_job`."""
     root, job = context.root, context.job
     if after < 0:
         report_killed(context, signal.Signals(-after))

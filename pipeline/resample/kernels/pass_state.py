@@ -10,8 +10,8 @@ rows of floats, one coordinate a row, so that a processor computes several faces
 as it has lanes; entries after the last face are ignored.
 
 No step may turn a face over, neither now nor, where vertices have positions at rest, there: the surface would
-return pleated. Where the flow asks for it, no face may oppose its normals: look against the mean of those
-carried with its corners.
+return pleated. A collapse may turn one over at rest if its edge would otherwise stay too short. Where the
+flow asks for it, no face may oppose its normals: look against the mean of those carried with its corners.
 """
 
 from __future__ import annotations

@@ -14,6 +14,7 @@ from flowsculpt.pipeline.shot.documents.field_types import Document
 from flowsculpt.pipeline.shot.subjects import Subject
 from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext
 from flowsculpt.pipeline.shot.yaml.yaml_source import Where
+from flowsculpt.render.base.foreign_code import ForeignError, foreign_code
 from flowsculpt.render.base.input_files import joint_digest
 
 
@@ -40,7 +41,14 @@ class SubjectKind(Document):
     def _can_be_made(self, info: ValidationInfo) -> Self:
         context = ParseContext.of(info)
         self._digests = [context.digests[context.file(str(file))] for file in self.files()]
-        self._surface = self.surface(context.folder)
+        try:
+            with foreign_code():
+                self._surface = self.surface(context.folder)
+        except ForeignError as error:
+            raise ValueError(f"it cannot be made: {error}") from error
+        if not isinstance(self._surface, TriangleMesh):
+            returned = type(self._surface).__name__
+            raise ValueError(f"its plug-in returned {returned} for the surface; it must be a TriangleMesh")
         validate(self._surface).require()
         return self
 

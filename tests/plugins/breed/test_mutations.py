@@ -26,7 +26,7 @@ from flowsculpt.pipeline.plugins.breed.picture_mutations import (
 from flowsculpt.pipeline.plugins.breed.shot_genome import Genome, flow_lists, leaves_of, text_of_shot
 from flowsculpt.pipeline.shot import read_shot
 from flowsculpt.pipeline.shot.yaml.yaml_source import YamlSource
-from tests.needed_plugins import missing, needed_by
+from tests.needed_plugins import missing, needed_by, needs_plugins
 
 SHOTS = Path("shots")
 BREEDABLE = [
@@ -76,6 +76,7 @@ def test_every_cross_of_two_shots_validates(names: list[str], seed: int, change:
     assert child.shot.entries["breed.ancestry"].parents == names
 
 
+@needs_plugins("points")
 @pytest.mark.parametrize("idea", [*MOTION, *FORM, *PICTURE], ids=lambda idea: idea.__name__)
 def test_a_single_mutation_changes_a_shot_and_it_still_validates(idea: Idea) -> None:
     changed = 0

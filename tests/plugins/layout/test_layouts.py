@@ -15,6 +15,7 @@ from flowsculpt.pipeline.shot import Motion, read_shot
 from flowsculpt.render.base.render_errors import BadInputError
 from flowsculpt.render.scene.patterns import Pigment
 from flowsculpt.render.scene.surface import Surface
+from tests.needed_plugins import shot_rows
 
 SHOT = """
 title: Tiles
@@ -88,7 +89,9 @@ def test_a_spiral_has_equal_steps_and_a_disc_fills_its_circle() -> None:
     assert np.isclose((np.hypot(middles[:, 0], middles[:, 2]) < 1).mean(), 0.25, atol=0.01)
 
 
-@pytest.mark.parametrize("surface", ["solid: icosphere, radius: 1.5", "model: ball.obj, scale: 1.5"])
+@pytest.mark.parametrize(
+    "surface", shot_rows(["solid: icosphere, radius: 1.5", "model: ball.obj, scale: 1.5"])
+)
 def test_copies_on_a_surface_stand_upright_on_it(surface: str, tmp_path: Path) -> None:
     ball = icosphere(3)
     lines = [f"v {x} {y} {z}\n" for x, y, z in ball.vertices]

@@ -27,6 +27,7 @@ from flowsculpt.pipeline.plugins.lettering.svg_outlines import drawn_shapes
 from flowsculpt.pipeline.plugins.lettering.text_outlines import TextSettings, letters
 from flowsculpt.pipeline.shot import Shot, read_shot
 from tests.conftest import ProjectFolder
+from tests.needed_plugins import needs_plugins
 
 FONT = Path(font_file(""))
 BESIDE_ANOTHER_HARFBUZZ = """
@@ -342,6 +343,7 @@ def test_axes_of_a_variable_font_move_its_outlines_and_overlapping_contours_are_
         drawn(wght=1000.0)
 
 
+@needs_plugins("become")
 def test_letters_from_drops_become_models_of_themselves(tmp_path):
     folder = ProjectFolder(tmp_path)
     assert folder.call("letters", "A061_word", "AB", "--from-drops").code == 0
