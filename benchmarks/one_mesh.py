@@ -24,7 +24,7 @@ from benchmarks.measured_shots import gallery, shot_file
 from benchmarks.report import Row, Target, keep, show
 from flowsculpt.pipeline.animation import MeshFrame, animate
 from flowsculpt.pipeline.arrays import AnyArray, Floats, Points
-from flowsculpt.pipeline.mesh import TriangleMesh, face_normals
+from flowsculpt.pipeline.mesh import TriangleMesh
 from flowsculpt.pipeline.mesh.normals import split_at_creases
 from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh
 from flowsculpt.pipeline.plugins.interchange.refining import Refined, Refiner
@@ -125,7 +125,7 @@ def compare(
     _, face, weights = nearest(ours, theirs.vertices[soft])
     normals = np.einsum("nk,nkj->nj", weights, shown.normals[mesh.corner_normals[face]])
     cosine = np.einsum("ij,ij->i", normals, split.normals[soft]) / np.linalg.norm(normals, axis=1)
-    front = np.einsum("ij,ij->i", face_normals(ours)[face], split.normals[soft]) > 0.0
+    front = np.einsum("ij,ij->i", ours.face_normals[face], split.normals[soft]) > 0.0
     mine, lengths = _spread(len(ours.vertices)), refined.lengths_at(number)
     back, _, _ = nearest(theirs, np.concatenate([ours.vertices[mine], _centres(ours)]))
     back_edges = np.concatenate([lengths[mine], _at_centres(ours, lengths)])

@@ -58,9 +58,9 @@ def as_utf8(content: bytes) -> bytes:
 
 
 def text_content(content: bytes) -> bytes:
-    r"""Return text as `as_utf8` does, with lines that end in ``\n``, whatever ended them: CR LF, LF CR or CR.
+    r"""Return text of any encoding of Unicode as UTF-8, with lines that end in ``\n``, whatever ended them.
 
-    No-break spaces become spaces. Raises ValueError for NUL bytes, which no text holds.
+    No-break spaces become spaces. Raises ValueError as `as_utf8`, and for NUL bytes, which no text holds.
     """
     content = as_utf8(content).rstrip(b"\x1a")  # the end of a file of DOS
     if (at := content.find(b"\0")) >= 0:

@@ -4,7 +4,6 @@ from flowsculpt.pipeline.cli.execution import RunObserver as RunObserver
 from flowsculpt.pipeline.errors import ShotError as ShotError
 from flowsculpt.pipeline.errors import VertexBudgetError as VertexBudgetError
 from flowsculpt.pipeline.errors import quote as quote
-from flowsculpt.pipeline.errors import reason_of as reason_of
 from flowsculpt.pipeline.errors import shorten as shorten
 from flowsculpt.pipeline.errors import suggest as suggest
 from flowsculpt.pipeline.long_computations import Progress as Progress

@@ -1,7 +1,6 @@
 """Files read within limits, written whole or not at all, kept or parsed apart, and pages for browsers."""
 
 from flowsculpt.pipeline.file_contents import Archive as Archive
-from flowsculpt.pipeline.file_contents import as_utf8 as as_utf8
 from flowsculpt.pipeline.file_contents import number_fault as number_fault
 from flowsculpt.pipeline.file_contents import text_content as text_content
 from flowsculpt.pipeline.web_pages import PageFolder as PageFolder
@@ -13,7 +12,6 @@ from flowsculpt.render.base.atomic_write import make_folder as make_folder
 from flowsculpt.render.base.drafts import sweep_hidden_drafts as sweep_hidden_drafts
 from flowsculpt.render.base.input_files import InputFile as InputFile
 from flowsculpt.render.base.limited_process import Parser as Parser
-from flowsculpt.render.base.limited_process import ParserError as ParserError
 from flowsculpt.render.base.python_process import ForkedProcess as ForkedProcess
 from flowsculpt.render.base.python_process import python_command as python_command
 from flowsculpt.render.base.root_files import remove_file as remove_file

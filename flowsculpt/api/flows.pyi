@@ -9,7 +9,6 @@ from flowsculpt.pipeline.flow.keyframes import Keyframes as Keyframes
 from flowsculpt.pipeline.flow.parameters import Number as Number
 from flowsculpt.pipeline.flow.parameters import ParameterDoc as ParameterDoc
 from flowsculpt.pipeline.flow.parameters import PositiveNumber as PositiveNumber
-from flowsculpt.pipeline.flow.parameters import ValueRange as ValueRange
 from flowsculpt.pipeline.flow.parameters import VectorParameter as VectorParameter
 from flowsculpt.pipeline.flow.parameters import number_at as number_at
 from flowsculpt.pipeline.flow.parameters import vector_at as vector_at

@@ -9,11 +9,9 @@ from flowsculpt.pipeline.production.picture_sequences import PictureSequence as 
 from flowsculpt.pipeline.production.picture_sequences import SequenceGrid as SequenceGrid
 from flowsculpt.pipeline.production.picture_sequences import SequenceQuery as SequenceQuery
 from flowsculpt.pipeline.production.planning.frame_states import FrameStates as FrameStates
-from flowsculpt.pipeline.production.planning.frame_states import KnownPictures as KnownPictures
 from flowsculpt.pipeline.production.planning.plan import Job as Job
 from flowsculpt.pipeline.production.planning.plan import Plan as Plan
 from flowsculpt.pipeline.production.planning.plan import Runs as Runs
-from flowsculpt.pipeline.production.planning.timings import LatestTimings as LatestTimings
 from flowsculpt.pipeline.production.request.edit import Edit as Edit
 from flowsculpt.pipeline.production.request.framing import BoundingSpheres as BoundingSpheres
 from flowsculpt.pipeline.production.request.framing import Framer as Framer

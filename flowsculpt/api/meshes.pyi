@@ -2,7 +2,6 @@
 
 from flowsculpt.pipeline.arrays import Floats as Floats
 from flowsculpt.pipeline.arrays import Indices as Indices
-from flowsculpt.pipeline.mesh import face_normals as face_normals
 from flowsculpt.pipeline.mesh.control_net import Lattice as Lattice
 from flowsculpt.pipeline.mesh.face_soup import connected_components as connected_components
 from flowsculpt.pipeline.mesh.face_soup import find_coincident as find_coincident
@@ -16,7 +15,6 @@ from flowsculpt.pipeline.mesh.mesh_formats import SurfaceReader as SurfaceReader
 from flowsculpt.pipeline.mesh.meshes import edge_keys as edge_keys
 from flowsculpt.pipeline.mesh.meshes import morton_order as morton_order
 from flowsculpt.pipeline.mesh.normals import carried_normals as carried_normals
-from flowsculpt.pipeline.mesh.normals import corner_normals as corner_normals
 from flowsculpt.pipeline.mesh.normals import split_at_creases as split_at_creases
 from flowsculpt.pipeline.mesh.placed_copies import Placements as Placements
 from flowsculpt.pipeline.mesh.ply_files import read_ply_vertices as read_ply_vertices
@@ -24,4 +22,3 @@ from flowsculpt.pipeline.mesh.read import ModelFile as ModelFile
 from flowsculpt.pipeline.mesh.read import repair_surface as repair_surface
 from flowsculpt.pipeline.resample.refinement import RefinableSurface as RefinableSurface
 from flowsculpt.pipeline.resample.thresholds import edges_by_angle as edges_by_angle
-from flowsculpt.pipeline.statistics import self_intersections as self_intersections

@@ -8,4 +8,3 @@ from flowsculpt.pipeline.cli.options import Shot as Shot
 from flowsculpt.pipeline.cli.options import ShotOptions as ShotOptions
 from flowsculpt.pipeline.cli.options import shared_option as shared_option
 from flowsculpt.render.scene.render_quality import DEFAULT_QUALITY as DEFAULT_QUALITY
-from flowsculpt.render.scene.render_quality import QUALITIES as QUALITIES

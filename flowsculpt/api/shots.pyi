@@ -2,7 +2,6 @@
 
 from flowsculpt.pipeline.shot import Motion as Motion
 from flowsculpt.pipeline.shot import Shot as Shot
-from flowsculpt.pipeline.shot import read_film as read_film
 from flowsculpt.pipeline.shot.documents.curves import Changing as Changing
 from flowsculpt.pipeline.shot.documents.curves import WeightField as WeightField
 from flowsculpt.pipeline.shot.documents.field_types import ByForm as ByForm
@@ -14,10 +13,8 @@ from flowsculpt.pipeline.shot.documents.field_types import linear_of_hex as line
 from flowsculpt.pipeline.shot.documents.field_types import one_of as one_of
 from flowsculpt.pipeline.shot.documents.flow_documents import FLOW_DOCUMENTS as FLOW_DOCUMENTS
 from flowsculpt.pipeline.shot.documents.flow_documents import FlowParameters as FlowParameters
+from flowsculpt.pipeline.shot.documents.shot_documents import DOCUMENTS as DOCUMENTS
 from flowsculpt.pipeline.shot.documents.shot_documents import PRESETS as PRESETS
-from flowsculpt.pipeline.shot.documents.shot_documents import FilmDocument as FilmDocument
-from flowsculpt.pipeline.shot.documents.shot_documents import ShotDocument as ShotDocument
-from flowsculpt.pipeline.shot.documents.subject_documents import ModelDocument as ModelDocument
 from flowsculpt.pipeline.shot.documents.subject_documents import SolidDocument as SolidDocument
 from flowsculpt.pipeline.shot.motion import Clock as Clock
 from flowsculpt.pipeline.shot.shot_reader import WrittenShot as WrittenShot

@@ -124,24 +124,18 @@ class ParameterDoc:
     text      one line
     unit      the unit in shot files; one that begins with degrees is radians in code
     required  a shot must give it, though Python has a default
+    bounds    the least and greatest value of a constant
     """
 
     text: str
     unit: str = ""
     required: bool = False
+    bounds: tuple[float, float] | None = None
 
     @property
     def factor(self) -> float:
         """The factor from a value in a shot file to the code's value."""
         return math.radians(1.0) if self.unit.startswith("degrees") else 1.0
-
-
-@dataclass(frozen=True)
-class ValueRange:
-    """The least and greatest value of a constant."""
-
-    low: float
-    high: float
 
 
 @dataclass(frozen=True)
@@ -159,7 +153,6 @@ class Parameter:
     form: Form
     doc: ParameterDoc
     positive: bool
-    bounds: ValueRange | None
     default: Any
     choices: tuple[str, ...]
     kind: Any
@@ -226,7 +219,6 @@ def parameter(name: str, annotation: Any, default: Any) -> Parameter:
         form=_form(kind, DIRECTION in marks),
         doc=next((mark for mark in reversed(marks) if isinstance(mark, ParameterDoc)), ParameterDoc("")),
         positive=POSITIVE in marks,
-        bounds=next((mark for mark in marks if isinstance(mark, ValueRange)), None),
         default=default,
         choices=typing.get_args(kind) if typing.get_origin(kind) is Literal else (),
         kind=kind,

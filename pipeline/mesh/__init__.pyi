@@ -5,7 +5,6 @@ from flowsculpt.pipeline.mesh.meshes import PolygonMesh as PolygonMesh
 from flowsculpt.pipeline.mesh.meshes import TriangleMesh as TriangleMesh
 from flowsculpt.pipeline.mesh.normals import ShadedMesh as ShadedMesh
 from flowsculpt.pipeline.mesh.normals import dihedral_angles as dihedral_angles
-from flowsculpt.pipeline.mesh.normals import face_normals as face_normals
 from flowsculpt.pipeline.mesh.normals import split_at_creases as split_at_creases
 from flowsculpt.pipeline.mesh.normals import vertex_normals as vertex_normals
 from flowsculpt.pipeline.mesh.read import read_mesh as read_mesh

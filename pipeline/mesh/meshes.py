@@ -109,6 +109,15 @@ class TriangleMesh:
         """(2, 3): the lowest and the highest coordinates of the vertices."""
         return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])
 
+    @property
+    def face_normals(self) -> Vectors:
+        """(F, 3) unit normals, pointing outwards; zero for a face without area."""
+        from flowsculpt.pipeline.mesh.kernels.normal_kernels import normals_of_faces
+
+        normals = np.empty((len(self.faces), 3))
+        normals_of_faces(self.vertices, self.faces, normals)
+        return normals
+
     def scattered(self, count: int, seed: int) -> tuple[Points, AnyArray]:
         """Return points (count, 3) on the faces, evenly by area, and the face (count,) of each.
 

@@ -26,7 +26,6 @@ from flowsculpt.pipeline.mesh.kernels.normal_kernels import (
     find_hard,
     flag_trusted,
     longest_side,
-    normals_of_faces,
     number_edges,
     number_fans,
     place_beside,
@@ -61,20 +60,13 @@ class ShadedMesh(NamedTuple):
     source_vertex: Indices
 
 
-def face_normals(mesh: TriangleMesh) -> Vectors:
-    """Return unit normals (F, 3), pointing outwards; zero for a face without area."""
-    normals = np.empty((len(mesh.faces), 3))
-    normals_of_faces(mesh.vertices, mesh.faces, normals)
-    return normals
-
-
 def dihedral_angles(mesh: TriangleMesh) -> Floats:
     """Return the angle between the normals of the two faces at each half-edge ``3f + i``, (3F,), radians.
 
     0 where the surface is flat, pi where it doubles back on itself, nan on a boundary.
     Raises MeshError where the mesh is not an oriented manifold.
     """
-    return _turns(face_normals(mesh), twins_of(mesh))
+    return _turns(mesh.face_normals, twins_of(mesh))
 
 
 def _turns(normals: Vectors, twin: Indices) -> Floats:
@@ -114,7 +106,7 @@ def split_at_creases(
     Raises MeshError where the mesh is not an oriented manifold, or the attribute is not (V, 3).
     """
     twin = twins_of(mesh) if twin is None else twin
-    face, known = face_normals(mesh), _known(mesh)
+    face, known = mesh.face_normals, _known(mesh)
     trusted, hard = _trusted(mesh, known, face), tagged_halfedges(mesh, mesh.creases)
     if not isinstance(hard_angle, float):
         hard |= np.nan_to_num(_turns(face, twin)) > hard_angle[mesh.halfedge_ends].mean(axis=1)
@@ -136,21 +128,18 @@ def trusted_normals(mesh: TriangleMesh) -> AnyArray:
     surrounding face (`AGREEMENT`). A sheet thinner than its triangles has a rim that they do not show, and a
     visible face must not be shaded with the normal of its back or of the rim.
     """
-    return _trusted(mesh, _known(mesh), face_normals(mesh)).view(bool)
+    return _trusted(mesh, _known(mesh), mesh.face_normals).view(bool)
 
 
-def vertex_normals(mesh: TriangleMesh) -> Vectors:
-    """Return unit normals (V, 3), one a vertex, smooth everywhere; angle-weighted."""
-    return _smooth(mesh, mesh.faces, face_normals(mesh), None, len(mesh.vertices))
+def vertex_normals(mesh: TriangleMesh, corners: Faces | None = None) -> Vectors:
+    """Return unit normals (V, 3), one a vertex, smooth everywhere; angle-weighted.
 
-
-def corner_normals(mesh: TriangleMesh, corners: Faces, count: int) -> Vectors:
-    """Return unit normals (count, 3) of a moved mesh whose corners (F, 3) `split_at_creases` has numbered.
-
-    The attribute `normal` gives those of the vertices (V,) where it is trusted (`trusted_normals`).
+    corners  (F, 3) as `split_at_creases` has numbered them before the mesh was moved. Then there is a normal
+             (N, 3) for each number, and the attribute `normal` gives the first V where it is trusted.
     """
-    normals = _smooth(mesh, corners, face_normals(mesh), None, count)
-    if NORMAL in mesh.attributes:
+    count = len(mesh.vertices) if corners is None else int(corners.max()) + 1
+    normals = _smooth(mesh, mesh.faces if corners is None else corners, mesh.face_normals, None, count)
+    if corners is not None and NORMAL in mesh.attributes:
         trusted = np.flatnonzero(trusted_normals(mesh))
         normals[trusted] = mesh.attributes[NORMAL][trusted]
     return normals

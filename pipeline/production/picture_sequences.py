@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from flowsculpt.pipeline.frames import FrameRange
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.planning.frame_states import PICTURE_STAGES, FrameStates
-from flowsculpt.pipeline.production.planning.timings import LatestTimings
+from flowsculpt.pipeline.production.planning.plan import Runs
 from flowsculpt.pipeline.production.request.keys import PictureKeys, projection_of
 from flowsculpt.pipeline.production.request.lookup import require_quality
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
@@ -171,7 +171,7 @@ class SequenceQuery:
             files={number: path for number, path in places.items() if path.is_file()},
             display=request.shot.picture.display,
             faults=faults,
-            seconds=LatestTimings(root).renders(request),
+            seconds=Runs(root).render_seconds(request),
             raws={n: root / request.place("raw", n) for n in request.angles},
             source=request.source,
         )

@@ -40,6 +40,7 @@ from flowsculpt.pipeline.mesh.control_net import Lattice
 from flowsculpt.pipeline.mesh.mesh_formats import Paint, ScenePart
 from flowsculpt.pipeline.mesh.read import ImportedSurface, ModelFile
 from flowsculpt.pipeline.mesh.solids import one_sided_sheet, six_sided_box
+from flowsculpt.render.base.input_files import joint_digest
 from flowsculpt.render.base.serialise import NOT_PLAIN, OMIT_DEFAULT
 from flowsculpt.render.scene.painted_faces import PaintedFaces
 
@@ -297,6 +298,18 @@ class Model(Subject):
     prim: str | None = field(default=None, metadata=OMIT_DEFAULT)
     time_code: float | None = field(default=None, metadata=OMIT_DEFAULT)
     paint: bool = field(default=False, metadata=OMIT_DEFAULT)
+
+    @classmethod
+    def of_file(cls, path: Path, up: str | None = None, paint: bool = False, **placing: Any) -> Model:
+        """Return the model in a file as it is now, up as its file says where `up` is None.
+
+        placing  its other values by name. Raises what `ModelFile.files` raises.
+        """
+        model = ModelFile(path)
+        files, painted = model.files(), tuple(model.paint_files().items()) if paint else ()
+        digest = joint_digest(["seams 2", files.digest, *dict(painted).values()]) if paint else files.digest
+        up = up or files.up or "y"
+        return cls(digest, path=path, files=(*files.files, *painted), up=up, paint=paint, **placing)
 
     def build(self, max_edge_length: float | None = None) -> TriangleMesh:
         mesh = self.imported().mesh.triangulated()

@@ -35,7 +35,7 @@ SECONDS = 60.0
 _PARSED, _REFUSED = b"parsed\n", b"refused\n"
 
 
-class ParserError(Exception):
+class ParserError(ValueError):
     """The reason why a file cannot be parsed, in one line."""
 
 
@@ -54,8 +54,8 @@ class Parser:
     def answer(self, path: Path, *options: str) -> bytes:
         """Return what the module answers about the path of a file, and options.
 
-        Raises ParserError where it refuses, crashes, or takes too long or too much memory; MachineError where
-        no process can be started.
+        Raises ParserError, a ValueError, where it refuses, crashes, or takes too long or too much memory;
+        MachineError where no process can be started.
         """
         seconds = SECONDS + InputFile(path).size() / 2**20
         try:

@@ -124,7 +124,9 @@ def quote(value: object) -> str:
 
 
 def shorten(value: object) -> str:
-    """Return a value as printable text for a message; a long one loses its middle."""
+    """Return a value, or why an error was raised, as printable text for a message; a long one is cut."""
+    if isinstance(value, Exception):
+        return reason_of(value)
     text = printable(str(value))
     return text if len(text) <= MOST_QUOTED else f"{text[:50]}…{text[-5:]}"
 

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flowsculpt.pipeline.errors import ShotError, UsageError
-from flowsculpt.pipeline.mesh import TriangleMesh, dihedral_angles, face_normals, validate
+from flowsculpt.pipeline.mesh import TriangleMesh, dihedral_angles, validate
 from flowsculpt.pipeline.mesh.analytic_surfaces import MAX_CROSSINGS, BarLattice, lattice
 from flowsculpt.pipeline.shot import Solid, read_shot
 
@@ -58,7 +58,7 @@ def test_it_is_closed_and_oriented_with_a_hole_for_each_circuit(
 
 def test_its_sides_are_flat_its_edges_right_angled_and_its_triangles_as_small_as_asked() -> None:
     mesh = meshed(of((3, 3, 2)), 0.08)
-    assert np.allclose(np.abs(face_normals(mesh)).max(axis=1), 1)
+    assert np.allclose(np.abs(mesh.face_normals).max(axis=1), 1)
     turns = np.abs(dihedral_angles(mesh))
     assert (np.isclose(turns, 0) | np.isclose(turns, math.pi / 2)).all() and (turns > 1).any()
     ends = mesh.vertices[mesh.faces]
@@ -100,7 +100,7 @@ def test_what_it_encloses_is_as_much_as_its_mesh_holds(bars: tuple[int, int, int
     points = np.random.default_rng(2).uniform(-0.5, 0.5, (200_000, 3)) * shape.size
     mesh = meshed(shape)
     assert shape.encloses(points).mean() * math.prod(shape.size) == pytest.approx(volume(mesh), rel=0.02)
-    middles, out = mesh.vertices[mesh.faces].mean(axis=1), 1e-6 * face_normals(mesh)
+    middles, out = mesh.vertices[mesh.faces].mean(axis=1), 1e-6 * mesh.face_normals
     assert shape.encloses(middles - out).all() and not shape.encloses(middles + out).any()
 
 
@@ -109,7 +109,7 @@ def test_vertices_stay_bit_for_bit_and_normals_are_the_faces_own() -> None:
     mesh = meshed(shape, 0.05)
     assert np.abs(shape(mesh.vertices) - mesh.vertices).max() < 1e-15
     middles = mesh.vertices[mesh.faces].mean(axis=1)
-    assert np.allclose(shape.normals(middles), face_normals(mesh))
+    assert np.allclose(shape.normals(middles), mesh.face_normals)
     on_crease = np.array([[shape.pitch[0] / 2, -0.3 - 0.075, 0.075]])
     assert not shape.normals(on_crease).any()
 

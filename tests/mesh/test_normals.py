@@ -14,7 +14,6 @@ from flowsculpt.pipeline.mesh import (
     TriangleMesh,
     box,
     dihedral_angles,
-    face_normals,
     icosphere,
     sheet,
     split_at_creases,
@@ -40,7 +39,7 @@ def test_a_box_gets_the_normals_of_its_six_sides() -> None:
     cube = box(edge_length=0.5)
     shaded = split_at_creases(cube)
     assert len(shaded.vertices) == 6 * 25
-    assert np.allclose(shaded.normals[shaded.faces], face_normals(cube)[:, None])
+    assert np.allclose(shaded.normals[shaded.faces], cube.face_normals[:, None])
     assert np.array_equal(cube.vertices[shaded.source_vertex], shaded.vertices)
     assert np.array_equal(shaded.source_vertex[shaded.faces], cube.faces)
 
@@ -120,7 +119,7 @@ def test_a_vertex_with_a_normal_of_its_own_is_shaded_with_it() -> None:
 def test_where_there_is_no_normal_the_geometry_decides() -> None:
     cube = box(edge_length=0.5)
     inside = (np.abs(np.abs(cube.vertices) - 1) < 1e-12).sum(axis=1) == 1
-    tilted = face_normals(cube)[0] + np.zeros_like(cube.vertices)
+    tilted = cube.face_normals[0] + np.zeros_like(cube.vertices)
     tilted[inside] = vertex_normals(cube)[inside] + 0.1
     tilted[~inside] = 0.0
     shaded, plain = split_at_creases(cube.with_attributes(normal=tilted)), split_at_creases(cube)
@@ -137,7 +136,7 @@ def test_the_rim_of_a_thin_sheet_is_not_smeared_over_its_triangles() -> None:
     normal = coin.vertices / [1.0, 1.0, 0.02]
     shaded = split_at_creases(flat.with_attributes(normal=normal))
     corners = shaded.normals[shaded.faces]
-    assert np.einsum("fik,fk->fi", corners, face_normals(flat)).min() > AGREEMENT - 0.1
+    assert np.einsum("fik,fk->fi", corners, flat.face_normals).min() > AGREEMENT - 0.1
     assert len(shaded.vertices) > len(flat.vertices), "the rim is a crease"
 
 
@@ -183,7 +182,7 @@ def test_the_hard_angle_may_differ_from_vertex_to_vertex() -> None:
 
 
 def slowly_trusted(mesh: TriangleMesh, own: Vectors) -> AnyArray:
-    face = face_normals(mesh)
+    face = mesh.face_normals
     behind = (np.einsum("fik,fk->fi", own[mesh.faces], face) <= AGREEMENT) & face.any(axis=1, keepdims=True)
     trusted: AnyArray = own.any(axis=1)
     trusted[mesh.faces[behind]] = False
@@ -196,7 +195,7 @@ def slowly_smooth(mesh: TriangleMesh, shaded: ShadedMesh) -> Vectors:
     ahead, behind = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
     angles = np.arctan2(np.linalg.norm(np.cross(ahead, behind), axis=2), np.sum(ahead * behind, axis=2))
     smooth = np.zeros_like(shaded.vertices)
-    np.add.at(smooth, shaded.faces, angles[:, :, None] * face_normals(mesh)[:, None])
+    np.add.at(smooth, shaded.faces, angles[:, :, None] * mesh.face_normals[:, None])
     return smooth / np.linalg.norm(smooth, axis=1, keepdims=True)
 
 
@@ -244,4 +243,4 @@ def test_points_that_are_no_numbers_do_not_spoil_normals() -> None:
     points[3], points[7] = math.nan, 1e300
     mesh = sheet(edge_length=0.5).with_vertices(points)
     assert unit(split_at_creases(mesh).normals) and unit(vertex_normals(mesh))
-    assert np.isfinite(face_normals(mesh)).all()
+    assert np.isfinite(mesh.face_normals).all()

@@ -7,7 +7,7 @@ import pytest
 
 from flowsculpt.pipeline.arrays import Floats
 from flowsculpt.pipeline.errors import UsageError
-from flowsculpt.pipeline.mesh import TriangleMesh, box, face_normals, icosphere, rod, sheet, torus, validate
+from flowsculpt.pipeline.mesh import TriangleMesh, box, icosphere, rod, sheet, torus, validate
 
 
 def volume(mesh: TriangleMesh) -> float:
@@ -24,7 +24,7 @@ def test_a_box_has_its_size_and_flat_sides() -> None:
     mesh = box((1, 2, 3), edge_length=0.3, centre=(5, 0, 0))
     assert np.allclose(mesh.bounds, [(4.5, -1, -1.5), (5.5, 1, 1.5)])
     assert volume(mesh) == pytest.approx(6)
-    assert np.allclose(np.abs(face_normals(mesh)).max(axis=1), 1)
+    assert np.allclose(np.abs(mesh.face_normals).max(axis=1), 1)
     assert edge_lengths(mesh).max() <= 0.3 * math.sqrt(2) + 1e-12
 
 
@@ -68,7 +68,7 @@ def test_edges_are_near_the_length_asked_for(mesh: TriangleMesh) -> None:
 
 def test_a_sheet_faces_upwards() -> None:
     mesh = sheet((2, 4), 0.25)
-    assert np.allclose(face_normals(mesh), (0, 1, 0))
+    assert np.allclose(mesh.face_normals, (0, 1, 0))
     assert np.allclose(mesh.bounds, [(-1, 0, -2), (1, 0, 2)])
 
 

@@ -19,7 +19,7 @@ from pydantic_core import core_schema
 
 from flowsculpt import VelocityField
 from flowsculpt.api.commands import require_one_of
-from flowsculpt.api.shots import FLOW_DOCUMENTS, PRESETS, FilmDocument, FlowParameters, ShotDocument
+from flowsculpt.api.shots import DOCUMENTS, FLOW_DOCUMENTS, PRESETS, FlowParameters
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
@@ -35,7 +35,7 @@ def shot_schema(defaults: Mapping[str, Any] = MappingProxyType({})) -> Schema:
     Names without a default are required unless the shot extends another, which may set them. Editors propose
     the looks and light rigs that `defaults` names.
     """
-    schema = schema_of(ShotDocument, "A shot of flowsculpt")
+    schema = schema_of(DOCUMENTS["shot"], "A shot of flowsculpt")
     for registry, name in ((PRESETS["look"], "looks"), (PRESETS["lights"], "rigs")):
         named = defaults.get(name)
         _let_shows_name(schema, list(registry), list(named) if isinstance(named, Mapping) else [])
@@ -62,7 +62,7 @@ def defaults_schema() -> Schema:
 
 def film_schema() -> Schema:
     """Return the schema of film files."""
-    return schema_of(FilmDocument, "A film of flowsculpt")
+    return schema_of(DOCUMENTS["edit"], "A film of flowsculpt")
 
 
 def _let_shows_name(schema: Schema, known: list[str], named: list[str]) -> None:

@@ -23,7 +23,7 @@ from flowsculpt.api.commands import (
 )
 from flowsculpt.api.frames import FinishedPictures, QualityName, Show
 from flowsculpt.api.options import Common, shared_option
-from flowsculpt.api.shots import Clock, Motion, Shot, WrittenShot, YamlSource, read_film, read_shot
+from flowsculpt.api.shots import Clock, Motion, Shot, WrittenShot, YamlSource, read_shot
 from flowsculpt.pipeline.plugins.authoring.first_frame import FirstFrame, FirstFrames
 from flowsculpt.pipeline.plugins.authoring.scene_rules import Finding, findings, loop_report
 
@@ -116,7 +116,7 @@ def _check_edit(name: str, settings: tuple[str, ...]) -> _Check:
     """Check an edit and the files of its shots."""
     check = _Check(name)
     try:
-        read_film(Show().find_edit(name), settings=settings)
+        Show().check_edit(name, settings)
     except FlowsculptError as error:
         check.add_error(error)
     return check

@@ -1,13 +1,17 @@
 """The entry `become` of flows in a shot file."""
 
+import math
 from typing import Annotated, Any, Literal, Self
 
+import numpy as np
 from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 
+from flowsculpt.api import plural
 from flowsculpt.api.flows import Keyframes, Number, ParameterDoc
 from flowsculpt.api.shots import (
     Clock,
     FlowParameters,
+    Model,
     OneOfSeveral,
     ParseContext,
     Positive,
@@ -43,7 +47,11 @@ class BecomeDocument(OneOfSeveral, FlowParameters):
     ] = None
     prim: Annotated[str | None, ParameterDoc("of a USD stage: the path of the prim")] = None
     solid: Annotated[str | None, ParameterDoc("a solid, with its measures")] = None
-    size: Annotated[list[Positive] | None, ParameterDoc("of the solid: its sides", "units")] = None
+    size: Annotated[
+        list[Positive] | None,
+        Field(min_length=2, max_length=3),
+        ParameterDoc("of the solid: its sides", "units"),
+    ] = None
     radius: Annotated[Positive | None, ParameterDoc("of the solid", "units")] = None
     length: Annotated[Positive | None, ParameterDoc("of the solid, from end to end", "units")] = None
     tube_radius: Annotated[Positive | None, ParameterDoc("of the tube of a torus", "units")] = None
@@ -69,22 +77,23 @@ class BecomeDocument(OneOfSeveral, FlowParameters):
 
     @model_validator(mode="after")
     def _is_there(self, info: ValidationInfo) -> Self:
-        from flowsculpt.api.shots import ModelDocument, SolidDocument
-
         given = {name: getattr(self, name) for name in (*_OF_MODELS, *_OF_SOLIDS)}
+        given |= {name: float(given[name]) for name in ("scale", "fit") if given[name] is not None}
+        given["rotate"] = self.rotate and tuple(map(math.radians, self.rotate))
         named = {name: value for name, value in given.items() if value is not None}
         self._require_times(info)
         if self.model is not None:
             _require_known(named, _OF_MODELS, "a model")
-            context = ParseContext.of(info)
-            context.mesh(self.model)
-            document = ModelDocument.model_validate({"model": self.model, **named})
-            subject: Any = document.build(context.folder)
+            path = ParseContext.of(info).mesh(self.model)
+            subject: Solid | Model = Model.of_file(path, **named)
         else:
             if self.solid is None or self.solid not in Solid.KINDS:
                 raise ValueError(f"{self.solid} is not a solid. Write one of {', '.join(Solid.KINDS)}.")
-            _require_known(named, Solid.KINDS[self.solid].measures, f"the {self.solid}")
-            subject = SolidDocument.model_validate({"solid": self.solid, **named}).build()
+            measures = Solid.KINDS[self.solid].measures
+            _require_known(named, measures, f"the {self.solid}")
+            if self.size is not None and len(self.size) != (sides := np.size(measures["size"])):
+                raise ValueError(f"size of the {self.solid} has {plural(sides, 'number')}. Correct it.")
+            subject = Solid.of(self.solid, named)
         x, y, z = map(float, self.place or [0.0, 0.0, 0.0])
         self._target = PlacedShape(subject, (x, y, z))
         _ = self._target.mesh  # raises an error for one that is open

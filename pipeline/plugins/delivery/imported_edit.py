@@ -22,8 +22,8 @@ from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap
 
 from flowsculpt import FlowsculptError, UsageError
-from flowsculpt.api import ShotError, reason_of, shorten, suggest
-from flowsculpt.api.files import InputFile, Parser, as_utf8
+from flowsculpt.api import ShotError, shorten, suggest
+from flowsculpt.api.files import InputFile, Parser
 from flowsculpt.api.frames import FrameRange, FrameRate
 from flowsculpt.pipeline.plugins.delivery.imported_sound import ImportedSound
 from flowsculpt.pipeline.plugins.delivery.timeline_times import (
@@ -91,13 +91,14 @@ class ImportedEdit:
     @cached_property
     def _timeline(self) -> Any:
         try:
-            text = as_utf8(InputFile(self.file).content()).decode()
+            content = InputFile(self.file).content()
+            text = content.decode(json.detect_encoding(content))
             json.loads(text)  # the library's parser has no bound of depth
             found = adapters.read_from_string(text, "otio_json")
         except FlowsculptError:
             raise
         except Exception as error:  # of many kinds, by what the file holds
-            reason = "too many brackets" if isinstance(error, RecursionError) else reason_of(error)
+            reason = "too many brackets" if isinstance(error, RecursionError) else shorten(error)
             fault = f"it cannot be read as OpenTimelineIO ({reason}); export it again"
             raise self._refused(fault) from None
         if not isinstance(found, schema.Timeline):
@@ -132,7 +133,7 @@ class ImportedEdit:
                 rate = getattr(first.media_reference, "rate", rate)
             return FrameRate.of(round(float(rate), 3))
         except Exception as error:  # of many kinds, by what it lacks
-            raise self._refused(f"clip {shorten(first.name)}: {reason_of(error)}") from None
+            raise self._refused(f"clip {shorten(first.name)}: {shorten(error)}") from None
 
     def _entries(self) -> tuple[list[Any], list[str]]:
         """Return the entries of the edit, and what is wrong."""

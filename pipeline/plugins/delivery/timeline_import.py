@@ -12,7 +12,7 @@ from pathlib import Path
 
 from flowsculpt import FlowsculptError, MissingInputError, UsageError
 from flowsculpt.api import ShotError
-from flowsculpt.api.files import InputFile, Parser, ParserError, as_utf8
+from flowsculpt.api.files import InputFile, Parser
 from flowsculpt.api.shots import WrittenShot
 
 _ERRORS: tuple[type[FlowsculptError], ...] = (ShotError, MissingInputError, UsageError)
@@ -24,7 +24,7 @@ def edit_of(timeline: Path, shots: Collection[str], folder: Path) -> tuple[Path,
     words = [str(timeline), str(folder), json.dumps(frames), *shots]
     try:
         answer = Parser("flowsculpt.pipeline.plugins.delivery.imported_edit").answer(timeline, *words)
-    except ParserError as error:
+    except ValueError as error:
         fault = f"it cannot be read as OpenTimelineIO ({error}); export it again"
         raise ShotError(f"{timeline}: {fault}") from None
     text, kind, *messages = json.loads(answer)
@@ -38,7 +38,8 @@ def _frames_of_movies(timeline: Path, shots: Collection[str], folder: Path) -> d
     """Return what shots write as their frames that a timeline names, if it has movies or sounds at all."""
     frames: dict[str, str] = {}
     with suppress(ValueError):  # the reader of the timeline reports its faults
-        content = as_utf8(InputFile(timeline).content())
+        content = InputFile(timeline).content()
+        content = content.decode(json.detect_encoding(content)).encode()
         if b'"ExternalReference.' not in content:
             return {}
 

@@ -19,7 +19,6 @@ from flowsculpt.api.flows import (
     Number,
     ParameterDoc,
     PositiveNumber,
-    ValueRange,
     block_kernel,
     kernel,
     number_at,
@@ -210,13 +209,13 @@ class CurlNoise(ExternalField):
 
     size: Annotated[PositiveNumber, ParameterDoc("of the largest eddies", "units")] = 1.0
     strength: Annotated[Number, ParameterDoc("root mean square speed", "units/s")] = 1.0
-    octaves: Annotated[int, ValueRange(1, 12), ParameterDoc("how many sizes of eddies")] = 3
+    octaves: Annotated[int, ParameterDoc("how many sizes of eddies", bounds=(1, 12))] = 3
     roughness: Annotated[
-        float, ValueRange(0, 1), ParameterDoc("speed of a size over that of the next larger")
+        float, ParameterDoc("speed of a size over that of the next larger", bounds=(0, 1))
     ] = 0.5
-    lacunarity: Annotated[float, ValueRange(1, 8), ParameterDoc("a size over the next smaller")] = 2.0
+    lacunarity: Annotated[float, ParameterDoc("a size over the next smaller", bounds=(1, 8))] = 2.0
     evolution: Annotated[float, ParameterDoc("how often the eddies are renewed", "1/s")] = 0.5
-    seed: Annotated[int, ValueRange(0, 2**53), ParameterDoc("which turbulence")] = 0
+    seed: Annotated[int, ParameterDoc("which turbulence", bounds=(0, 2**53))] = 0
 
     @cached_property
     def _share(self) -> float:

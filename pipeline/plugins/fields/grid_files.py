@@ -18,7 +18,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from flowsculpt import FlowsculptError, UsageError
-from flowsculpt.api import reason_of, shorten, suggest
+from flowsculpt.api import shorten, suggest
 from flowsculpt.api.files import Archive, InputFile
 from flowsculpt.api.flows import Samples
 from flowsculpt.api.meshes import Floats
@@ -342,7 +342,7 @@ def reading(file: Path, kind: str) -> Iterator[None]:
     except FlowsculptError:
         raise
     except Exception as error:  # parsers and decompressors raise anything
-        raise UsageError(f"{file}: it cannot be read as {kind} ({reason_of(error)})") from error
+        raise UsageError(f"{file}: it cannot be read as {kind} ({shorten(error)})") from error
 
 
 def require_valid(file: Path, axes: list[np.ndarray], times: np.ndarray, velocity: np.ndarray) -> None:

@@ -45,7 +45,7 @@ def read_fbx(path: Path) -> FileSurface:
     """Read the visible meshes of an FBX file as one surface, in its coordinates and units.
 
     Axes other than y up and z up, both right-handed, are turned to y up. Raises MachineError without ufbx,
-    ParserError or MeshError where it cannot be read.
+    ValueError or MeshError where it cannot be read.
     """
     require_ufbx()
     return unpacked_surface(asked(_MODULE, path, "surface"))

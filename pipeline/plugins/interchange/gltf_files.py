@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flowsculpt import MissingInputError
-from flowsculpt.api import plural, reason_of, shorten
+from flowsculpt.api import plural, shorten
 from flowsculpt.api.files import InputFile, Parser
 from flowsculpt.api.meshes import (
     FileSurface,
@@ -138,7 +138,7 @@ class SceneArrays:
             mesh = DracoPy.decode(data)
             faces = np.asarray(mesh.faces, np.int64).reshape(-1, 3)
         except Exception as error:  # the library raises whatever it likes
-            raise ValueError(f"the Draco data of {part.place} is damaged ({reason_of(error)})") from None
+            raise ValueError(f"the Draco data of {part.place} is damaged ({shorten(error)})") from None
         values = {}
         packed, attributes = draco.entry("attributes"), part.primitive.entry("attributes").values
         for name in ("POSITION", *(name for pair in part.influences() for name in pair)):
@@ -346,7 +346,7 @@ def placed(triangles: Triangles, matrices: Floats) -> Triangles:
 def read_gltf(path: Path) -> FileSurface:
     """Read the default scene of a file as one surface.
 
-    Raises ValueError or ParserError where it cannot be read, MissingInputError for a missing buffer.
+    Raises ValueError where it cannot be read, MissingInputError for a missing buffer.
     """
     scene = DefaultScene.of(GltfDocument.read(path))
     if any(scene.draco_of(part) is not None for part in scene.distinct):

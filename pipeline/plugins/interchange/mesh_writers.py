@@ -13,7 +13,7 @@ import numpy as np
 
 from flowsculpt import MeshError, PolygonMesh, TriangleMesh, vertex_normals
 from flowsculpt.api.files import atomic_write
-from flowsculpt.api.meshes import Floats, Indices, face_normals
+from flowsculpt.api.meshes import Floats, Indices
 from flowsculpt.pipeline.plugins.interchange.stl_files import TRIANGLE
 
 _PLY_TYPES = {"f8": "double", "f4": "float", "i4": "int", "i2": "short", "i1": "char", "u1": "uchar"}
@@ -153,7 +153,7 @@ def _off(mesh: Mesh) -> bytes:
 def _stl(mesh: Mesh) -> bytes:
     mesh = _triangles(mesh)
     rows = np.zeros(len(mesh.faces), TRIANGLE)
-    rows["normal"], rows["corners"] = face_normals(mesh), mesh.vertices[mesh.faces]
+    rows["normal"], rows["corners"] = mesh.face_normals, mesh.vertices[mesh.faces]
     return bytes(80) + struct.pack("<I", len(rows)) + rows.tobytes()
 
 

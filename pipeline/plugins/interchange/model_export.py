@@ -18,12 +18,12 @@ from typing import Any
 
 import numpy as np
 
-from flowsculpt import FrameError, MeshError, TriangleMesh, UsageError, validate
+from flowsculpt import FrameError, MeshError, TriangleMesh, UsageError, mesh_statistics, validate
 from flowsculpt.api.files import disk_errors, to_plain
 from flowsculpt.api.flows import TriangleTree
 from flowsculpt.api.frames import RenderRequest, Store, key_of
 from flowsculpt.api.materials import Material, srgb_of_linear
-from flowsculpt.api.meshes import Floats, face_normals, self_intersections
+from flowsculpt.api.meshes import Floats
 from flowsculpt.api.options import Frames
 from flowsculpt.pipeline.plugins.interchange.drawn_mesh import split_corners
 from flowsculpt.pipeline.plugins.interchange.exported_frame import (
@@ -44,7 +44,7 @@ def wall_thickness(mesh: TriangleMesh, rays: int = RAYS) -> Floats:
 
     Infinite where a ray does not meet the surface again. No wall is thicker than the distances at its faces.
     """
-    normals, corners = face_normals(mesh), mesh.vertices[mesh.faces]
+    normals, corners = mesh.face_normals, mesh.vertices[mesh.faces]
     sound = np.flatnonzero(np.linalg.norm(normals, axis=1) > 0.5)  # a face without area has no normal
     starts = sound[np.linspace(0, len(sound) - 1, min(rays, len(sound))).astype(int)]
     return _distances(TriangleTree.of(corners), corners[starts].mean(axis=1), -normals[starts], starts)
@@ -136,7 +136,7 @@ class PrintReport:
             triangles=len(model.faces),
             thinnest=float(known.min()) if len(known) else None,
             thin=float(np.quantile(known, 0.01)) if len(known) else None,
-            crossings=self_intersections(model),
+            crossings=mesh_statistics(model).crossings or 0,
         )
 
     def in_words(self) -> str:

@@ -12,10 +12,10 @@ from functools import cached_property
 
 import numpy as np
 
-from flowsculpt import TriangleMesh, UsageError
+from flowsculpt import TriangleMesh, UsageError, vertex_normals
 from flowsculpt.api.frames import FrameRange, FrameRate
 from flowsculpt.api.materials import PaintedFaces
-from flowsculpt.api.meshes import Floats, Indices, corner_normals, split_at_creases
+from flowsculpt.api.meshes import Floats, Indices, split_at_creases
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,11 +114,11 @@ class OneMesh:
         Known normals are taken where the triangles agree with them. Raises FrameError where points cannot be
         read.
         """
-        points, rows = self.points_at(number), int(self.corner_normals.max()) + 1
+        points = self.points_at(number)
         mesh = TriangleMesh(points, self.faces, creases=self.creases)
         if self.normals_at is not None:
             mesh = mesh.with_attributes(normal=self.normals_at(number))
-        normals = corner_normals(mesh, self.corner_normals, rows)
+        normals = vertex_normals(mesh, self.corner_normals)
         return OneMeshFrame(points, normals, lambda: self.velocities_at(number))
 
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from contextlib import suppress
 from itertools import islice
 
 import numpy as np
 
 from flowsculpt.api import plural
-from flowsculpt.api.files import as_utf8, number_fault, text_content
+from flowsculpt.api.files import number_fault, text_content
 from flowsculpt.api.meshes import FileSurface, Floats, SurfaceReader
 from flowsculpt.pipeline.plugins.interchange.scene_readers import early_end
 
@@ -48,10 +49,10 @@ def _is_text(content: bytes) -> bool:
     promised = int.from_bytes(content[80:_HEADER], "little")
     if len(content) == _HEADER + TRIANGLE.itemsize * promised:
         return False
-    try:
-        start = as_utf8(content[:_START]).lower()
-    except ValueError:
-        return False
+    start = content[:_START]
+    with suppress(ValueError):  # there are bytes of zero, or it is damaged
+        start = text_content(start)
+    start = start.lower()
     return start.lstrip().startswith(b"solid") and (b"facet" in start or b"\0" not in start)
 
 

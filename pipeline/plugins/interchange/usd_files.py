@@ -59,7 +59,7 @@ def stage_files(path: Path) -> SourceFiles:
     """Return the stage's own file, and all that it names by references, payloads and so on.
 
     The disk cache keeps their names while their contents are the same. Raises MachineError without usd-core,
-    MissingInputError where a file is missing, ParserError or MeshError where USD cannot read one.
+    MissingInputError where a file is missing, ValueError or MeshError where USD cannot read one.
     """
     require_usd()
     own, name = InputFile(path).digest(), str(path.absolute())

@@ -14,7 +14,6 @@ from flowsculpt.api import CopyLayout, plural
 from flowsculpt.api.meshes import (
     Floats,
     ModelFile,
-    face_normals,
 )
 from flowsculpt.api.shots import (
     Document,
@@ -181,7 +180,7 @@ class SurfaceDocument(Arrangement):
     def arranged(self, count: int, seed: int) -> Places:
         mesh = refined(self._mesh, FACES * count)
         points, face = mesh.scattered(count, seed)
-        normals = face_normals(mesh)[face]
+        normals = mesh.face_normals[face]
         places = np.array(self.centre) + self.scale * points + self.offset * normals
         return places, frames(normals, np.broadcast_to((1.0, 0.0, 0.0), normals.shape))
 

@@ -19,7 +19,7 @@ import shapely
 
 from flowsculpt import TriangleMesh, UsageError
 from flowsculpt.api import plural
-from flowsculpt.api.files import InputFile, Parser, ParserError
+from flowsculpt.api.files import InputFile, Parser
 from flowsculpt.pipeline.plugins.lettering.extrusion import Section, extruded, solids
 from flowsculpt.pipeline.plugins.lettering.outlines import OutlineShape
 from flowsculpt.pipeline.plugins.lettering.starts import starts
@@ -81,7 +81,7 @@ class Outlines(NamedTuple):
             _load_kernels()
         try:
             head, _, arrays = Parser.answer_of_fork(_answer, self.path, *options).partition(b"\n")
-        except ParserError as error:
+        except ValueError as error:
             raise UsageError(f"{self.path.name} cannot be read: {error}. Simplify it.") from None
         facts = json.loads(head)
         if "fault" in facts:

@@ -15,7 +15,7 @@ from typing import Any, Literal
 from fontTools.ttLib.sfnt import SFNTReader
 
 from flowsculpt import UsageError
-from flowsculpt.api import quote, reason_of
+from flowsculpt.api import quote, shorten
 from flowsculpt.api.files import InputFile
 from flowsculpt.pipeline.plugins.lettering.outlines import OutlineShape, PolylinePen, filled
 from flowsculpt.pipeline.plugins.lettering.text_direction import visual_runs
@@ -142,7 +142,7 @@ def _require_whole(name: str, content: bytes, number: int) -> None:
     except Exception as error:  # the parser raises whatever it stumbles over
         if number:
             raise UsageError(f"font {name} has no such face. Choose another, or face: 0.") from error
-        raise UsageError(f"font {name} is damaged: {reason_of(error)}. Fetch it again.") from error
+        raise UsageError(f"font {name} is damaged: {shorten(error)}. Fetch it again.") from error
     if end > len(content):
         raise UsageError(
             f"font {name} is cut short: it is of {end} bytes and has {len(content)}. Fetch it again."

@@ -229,7 +229,7 @@ def _parts(root: Path, job: _Job) -> Iterator[tuple[str, Spent]]:
         stage = job.stage
         statistics = None
         if stage == "render" and not event.get("found") and "quality" in event:
-            statistics = Runs(root).timings.of_picture(_statistics_of(root, event))
+            statistics = Runs(root).statistics(_statistics_of(root, event))
         if statistics is None or not sum(statistics.seconds.values()):
             yield stage, taken
             continue

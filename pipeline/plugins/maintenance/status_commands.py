@@ -22,10 +22,9 @@ from flowsculpt.api.commands import (
     print_result,
     print_warning,
 )
-from flowsculpt.api.frames import FrameRange, FrameStates, RenderRequest, Show
+from flowsculpt.api.frames import FrameRange, FrameStates, QualityName, RenderRequest, Show
 from flowsculpt.api.options import (
     DEFAULT_QUALITY,
-    QUALITIES,
     Common,
     Quality,
     Shot,
@@ -77,7 +76,7 @@ def states(project: Project, shot: RenderRequest) -> list[FrameStates]:
     """
     store, history = project.store, project.history
     found = [FrameStates.of_meshes(shot, store, history)]
-    for request in (replace(shot, quality_name=name) for name in QUALITIES):
+    for request in (replace(shot, quality_name=name) for name in QualityName.names()):
         if (store.root / request.folders.home / request.quality_name).exists():
             row = FrameStates.of_pictures(request, store, history)
             found.append(
@@ -167,12 +166,12 @@ def why(
     project, path = ShotOptions(settings).project(common), Show().find_shot(shot)
     asked = None if frame is None else FrameRange([frame])
     request = project.as_finished(project.request(path, quality, asked))
-    number = first_undone(request, project.store) if frame is None else frame
+    number = first_undone(project, request) if frame is None else frame
     if number is None:
         words = f"All frames of {request.name} at {quality} are what the shot file asks for."
         print_result(words, {"state": "done", "frame": None}, common.json)
         return
-    explanation = explain(request, number, project.store)
+    explanation = explain(project, request, number)
     again = f"flowsculpt render {shot} -q {quality} -f {number}"
     again += "".join(f" --set {shlex.quote(setting)}" for setting in settings or ())
     print_result(_words(explanation, again), {"frame": number, **explanation.as_data()}, common.json)

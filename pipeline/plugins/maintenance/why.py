@@ -10,21 +10,19 @@ import contextlib
 import json
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
 from flowsculpt import FlowsculptError
+from flowsculpt.api.commands import Project
 from flowsculpt.api.frames import (
     FrameKeys,
     FrameRange,
-    KnownPictures,
     PipelineStage,
     RenderRequest,
     Runs,
     ShotSource,
-    Store,
     StoredFiles,
 )
 from flowsculpt.api.pictures import RenderError, read_header
@@ -182,26 +180,21 @@ class Explanation:
         return {"state": self.state, "file": str(self.file), **lists}
 
 
-def explain(request: RenderRequest, number: int, store: Store) -> Explanation:
+def explain(project: Project, request: RenderRequest, number: int) -> Explanation:
     """Explain why a finished frame of a request would be made again, or that it would not."""
-    return _Frame(request, number, store).explained()
+    return _Frame(project, request, number).explained()
 
 
-def first_undone(request: RenderRequest, store: Store) -> int | None:
+def first_undone(project: Project, request: RenderRequest) -> int | None:
     """Return the first frame of a request that is not up to date; None if all are."""
-    known = KnownPictures(request, store)
+    known = project.known_pictures(request)
     return next((number for number in sorted(request.requested) if known.state(number) != "done"), None)
 
 
-@dataclass(frozen=True)
 class _Frame:
-    request: RenderRequest
-    number: int
-    store: Store
-
-    @cached_property
-    def _known(self) -> KnownPictures:
-        return KnownPictures(self.request, self.store)
+    def __init__(self, project: Project, request: RenderRequest, number: int) -> None:
+        self.request, self.number, self.store = request, number, project.store
+        self._known = project.known_pictures(request)
 
     @property
     def _keys(self) -> Mapping[int, FrameKeys] | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import types
 import typing
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
@@ -14,12 +14,12 @@ import numpy as np
 from pydantic import BaseModel
 
 from flowsculpt.api.meshes import Floats
-from flowsculpt.api.shots import PRESETS, Changing, Clock, ShotDocument, WrittenShot, YamlSource
+from flowsculpt.api.shots import PRESETS, Changing, Clock, WrittenShot, YamlSource
 from flowsculpt.pipeline.plugins.preview.text_edits import Where
 
 
-def flow_frames(document: ShotDocument, clock: Clock) -> dict[Where, list[float]]:
-    """Return the time of flows at each frame of the shot, in frames, by the paths of what holds them.
+def flow_frames(flows: Sequence[Any], subjects: Mapping[str, Any], clock: Clock) -> dict[Where, list[float]]:
+    """Return the time of all flows at each frame of the shot, in frames, by the paths of what holds them.
 
     Of several paths that a flow lies within, the longest tells its time; none where it goes by that of the
     film. Within `repeated`, the time is that of the round.
@@ -27,8 +27,8 @@ def flow_frames(document: ShotDocument, clock: Clock) -> dict[Where, list[float]
     first, fps = clock.frames.first, float(clock.rate.fps)
     numbers = range(first, clock.frames.last + 1)
     times = np.array([clock.flow_time(number) for number in numbers])
-    lists: dict[Where, Sequence[Any]] = {("flows",): document.flows}
-    for name, subject in (document.subjects or {}).items():
+    lists: dict[Where, Sequence[Any]] = {("flows",): flows}
+    for name, subject in subjects.items():
         lists["subjects", name, "flows"] = subject.flows
     found: dict[Where, Floats] = {}
     for where, flows in lists.items():
@@ -141,15 +141,15 @@ def settable_values(path: Path, text: str, settings: tuple[str, ...] = ()) -> Se
     clock = written.clock
     assert clock is not None, "read_shot has accepted the file"
     document = written.document(clock)
-    times = flow_frames(document, clock)
+    times = flow_frames(document.flows, document.subjects or {}, clock)
     ends = [clock.frames.first, clock.frames.last, *(frame for frames in times.values() for frame in frames)]
     walk = _Walk(written.source, clock, math.floor(min(ends)), math.ceil(max(ends)))
-    fields = field_types(ShotDocument)
+    kinds, fields = field_types(type(document)), type(document).model_fields
     values = [
         found
         for name in SECTIONS
         for found in walk.values(
-            getattr(document, name), (name,), fields[name], ShotDocument.model_fields[name].description or ""
+            getattr(document, name), (name,), kinds[name], fields[name].description or ""
         )
     ]
     return SettableShot(clock, values, times)

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Self
 from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_validator
 
 from flowsculpt import UsageError
-from flowsculpt.api import quote, reason_of
+from flowsculpt.api import quote, shorten
 from flowsculpt.api.files import InputFile
 from flowsculpt.api.flows import ParameterDoc
 from flowsculpt.api.shots import Clock, FlowParameters, ParseContext
@@ -61,5 +61,5 @@ def _require_python(path: Path) -> None:
         ast.parse(InputFile(path, MOST_CODE).content(), str(path))
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         line = f" (line {error.lineno})" if isinstance(error, SyntaxError) and error.lineno else ""
-        reason = reason_of(error if not isinstance(error, SyntaxError) else ValueError(error.msg))
+        reason = shorten(error if not isinstance(error, SyntaxError) else ValueError(error.msg))
         raise UsageError(f"{path}: this is not Python{line}: {reason}. Correct it there.") from None

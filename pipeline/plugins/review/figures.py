@@ -74,9 +74,9 @@ def _drawn(
     measures = measured(request, project.store, numbers, common.cores, count_crossings=crossings)
     if not measures:
         return page, [], []
-    latest = Runs(common.root).timings
-    seconds = latest.by_stage(request.folders.title, request.name, request.quality_name, TIMED_STAGES)
-    if rendered := latest.renders(request):
+    latest = Runs(common.root)
+    seconds = latest.stage_seconds(request.folders.title, request.name, request.quality_name, TIMED_STAGES)
+    if rendered := latest.render_seconds(request):
         seconds["render"] = {number: sum(parts.values()) for number, parts in rendered.items()}
     drawn = panels(numbers, measures, limits_of(request), seconds)
     if not common.dry_run:

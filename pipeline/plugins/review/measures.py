@@ -12,10 +12,10 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
-from flowsculpt import TriangleMesh
+from flowsculpt import TriangleMesh, mesh_statistics
 from flowsculpt.api.files import CachedAnswer
 from flowsculpt.api.frames import MeshFrame, PipelineStage, RenderRequest, Store, StoredFiles, key_of
-from flowsculpt.api.meshes import Floats, self_intersections
+from flowsculpt.api.meshes import Floats
 
 MEASURE = PipelineStage("measure", version=2, doing="measuring", makes="measures", per_quality=False)
 
@@ -58,7 +58,7 @@ def measures_of(frame: MeshFrame, maximum: float | None, count_crossings: bool =
     lengths, roundness = edge_lengths(mesh), roundness_of(mesh)
     crossings = statistics.crossings if statistics else None
     if statistics and crossings is None and count_crossings:
-        crossings = self_intersections(mesh)
+        crossings = mesh_statistics(mesh).crossings
     top = LONGEST * maximum if maximum else float(lengths.max(initial=0.0)) or None
     return {
         "vertices": len(mesh.vertices),

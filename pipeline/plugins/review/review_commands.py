@@ -18,8 +18,8 @@ from flowsculpt.api.commands import (
     require_one_of,
     size_words,
 )
-from flowsculpt.api.frames import Locks, Show
-from flowsculpt.api.options import QUALITIES, Common, Shot, ShotOptions, shared_option
+from flowsculpt.api.frames import Locks, QualityName, Show
+from flowsculpt.api.options import Common, Shot, ShotOptions, shared_option
 from flowsculpt.api.shots import NAME_PATTERN
 from flowsculpt.pipeline.plugins.review.measures import Crossings
 from flowsculpt.pipeline.plugins.review.review_notes import STATUSES, NotesFolder, ReviewNote, as_data, merged
@@ -42,7 +42,8 @@ def review(
     qualities: Annotated[
         list[str] | None,
         shared_option(
-            "quality", f"Show only this quality, of {', '.join(QUALITIES)}. Repeatable. Default: all."
+            "quality",
+            f"Show only this quality, of {', '.join(QualityName.names())}. Repeatable. Default: all.",
         ),
     ] = None,
     name: Annotated[

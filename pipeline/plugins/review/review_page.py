@@ -241,7 +241,7 @@ class ReviewPage:
         """Return seconds by stage and frame; none for relit frames, which take none of these stages."""
         if sequence.kind == "relit":
             return {}
-        seconds = self._runs.timings.by_stage(sequence.subject, sequence.shot, sequence.quality, TIMED_STAGES)
+        seconds = self._runs.stage_seconds(sequence.subject, sequence.shot, sequence.quality, TIMED_STAGES)
         if sequence.kind == "version":
             seconds.pop("finish", None)  # the logs hold those of the shot's present frames
         seconds["render"] = {

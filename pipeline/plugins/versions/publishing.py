@@ -345,7 +345,7 @@ def published_sequences(query: SequenceQuery) -> Iterator[PictureSequence]:
 
 def _seconds_of_render(request: RenderRequest, root: Path, number: int, raw: str) -> dict[str, float]:
     """Return the seconds of one render, in parts; empty where the picture of this key has none."""
-    statistics = Runs(root).timings.of_picture(request.place("statistics", number))
+    statistics = Runs(root).statistics(request.place("statistics", number))
     return dict(statistics.seconds) if statistics is not None and statistics.key == raw else {}
 
 
@@ -353,7 +353,7 @@ def _total_seconds(request: RenderRequest, root: Path, raws: Mapping[int, str]) 
     """Return the seconds of all frames of a request by stage; `raws` are the keys of its renders."""
     shared = sorted(name for name, stage in PipelineStage.all().items() if not stage.per_quality)
     stages = (*shared, "finish", "assemble")
-    latest = Runs(root).timings.by_stage(request.folders.title, request.name, request.quality_name, stages)
+    latest = Runs(root).stage_seconds(request.folders.title, request.name, request.quality_name, stages)
     renders = [sum(_seconds_of_render(request, root, number, raw).values()) for number, raw in raws.items()]
     totals = {stage: round(sum(frames.values()), 3) for stage, frames in latest.items()}
     return {**totals, "render": round(sum(renders), 3)}

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from flowsculpt.pipeline.errors import UsageError, suggest
 from flowsculpt.pipeline.frames import FrameRange, FrameSelection, FrameWords
-from flowsculpt.pipeline.production.planning.frame_states import FrameStates, select_frames
+from flowsculpt.pipeline.production.planning.frame_states import FrameStates, KnownPictures, select_frames
 from flowsculpt.pipeline.production.planning.plan import Plan
 from flowsculpt.pipeline.production.planning.planner import Planner
 from flowsculpt.pipeline.production.planning.profile import Profile, variant_for
@@ -285,6 +285,10 @@ class Project:
         on_nodes = self.for_farm or self.variant is None or not self.profile.is_local
         asked = self.variant or self.profile.variant
         return variant_for(self.root, shot, asked, self.notes.append, on_nodes)
+
+    def known_pictures(self, request: RenderRequest) -> KnownPictures:
+        """Return the states and keys of the pictures of a request, as known before anything is made."""
+        return KnownPictures(request, self.store)
 
     def as_finished(self, request: RenderRequest) -> RenderRequest:
         """Return the request with the layers for compositing that most of its frames in renders/ have.

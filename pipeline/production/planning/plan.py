@@ -13,7 +13,7 @@ import os
 import platform
 import time
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta
@@ -27,10 +27,12 @@ from flowsculpt.pipeline.plugin import plugins
 from flowsculpt.pipeline.production.planning.profile import Share
 from flowsculpt.pipeline.production.planning.timings import (
     LEAST_MIB,
+    SHARED_STAGES,
     UNMEASURED_MIB,
     UNMEASURED_MINUTES,
-    LatestTimings,
     MeasuredResources,
+    RenderStatistics,
+    read_statistics,
 )
 from flowsculpt.pipeline.production.request.edit import Edit
 from flowsculpt.pipeline.production.request.lookup import QualityName
@@ -380,9 +382,33 @@ class Runs:
         return self.root / EVENTS
 
     @cached_property
-    def timings(self) -> LatestTimings:
-        """The time that frames took when they were last made."""
-        return LatestTimings(self.root)
+    def _latest(self) -> History:
+        return self.history()
+
+    def statistics(self, place: str | Path) -> RenderStatistics | None:
+        """Return the statistics of a picture by their file; None where it is missing or damaged."""
+        return read_statistics(self.root / place)
+
+    def stage_seconds(
+        self, subject: str, shot: str, quality: str, stages: Iterable[str]
+    ) -> dict[str, dict[int, float]]:
+        """Return seconds by stage and frame, when last made, for the stages that have any.
+
+        Runs log pictures under `subject`, the title of their folders; meshes perhaps under the shot's name.
+        """
+        timed = {}
+        for stage in stages:
+            made = self._latest.stage(stage, subject, quality).made
+            if stage in SHARED_STAGES and not made:
+                made = self._latest.stage(stage, shot, quality).made
+            if made:
+                timed[stage] = {frame: each.seconds for frame, each in made.items()}
+        return timed
+
+    def render_seconds(self, request: RenderRequest) -> dict[int, Mapping[str, float]]:
+        """Return by frame the seconds of its last render, in parts, where they are known."""
+        read = {n: self.statistics(request.place("statistics", n)) for n in request.angles}
+        return {number: statistics.seconds for number, statistics in read.items() if statistics is not None}
 
     def history(self) -> History:
         """Read the history of frames: which were made, failed, or are being made."""

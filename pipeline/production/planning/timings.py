@@ -12,12 +12,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flowsculpt.pipeline.production.stages import STAGES
-from flowsculpt.pipeline.production.store.history import History
 from flowsculpt.render.base.state_files import read_state
 
 if TYPE_CHECKING:
@@ -86,42 +84,6 @@ def statistics_in(folder: Path) -> Iterator[RenderStatistics]:
     for path in folder.glob("*.json"):
         if (statistics := read_statistics(path)) is not None:
             yield statistics
-
-
-class LatestTimings:
-    """Seconds of every frame made under a root, the last time it was made."""
-
-    def __init__(self, root: Path) -> None:
-        self._root = root
-
-    @cached_property
-    def _history(self) -> History:
-        return History.of(self._root)
-
-    def of_picture(self, place: str | Path) -> RenderStatistics | None:
-        """Return the statistics of a picture by their file; None where it is missing or damaged."""
-        return read_statistics(self._root / place)
-
-    def by_stage(
-        self, subject: str, shot: str, quality: str, stages: Iterable[str]
-    ) -> dict[str, dict[int, float]]:
-        """Return seconds by stage and frame, for the stages that have any.
-
-        Runs log pictures under `subject`, the title of their folders; meshes perhaps under the shot's name.
-        """
-        timed = {}
-        for stage in stages:
-            made = self._history.stage(stage, subject, quality).made
-            if stage in SHARED_STAGES and not made:
-                made = self._history.stage(stage, shot, quality).made
-            if made:
-                timed[stage] = {frame: each.seconds for frame, each in made.items()}
-        return timed
-
-    def renders(self, request: RenderRequest) -> dict[int, Mapping[str, float]]:
-        """Return by frame the seconds of its last render, in parts, where they are known."""
-        read = {n: read_statistics(self._root / request.place("statistics", n)) for n in request.angles}
-        return {number: statistics.seconds for number, statistics in read.items() if statistics is not None}
 
 
 UNMEASURED_MIB = 4096

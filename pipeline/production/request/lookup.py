@@ -10,7 +10,7 @@ import difflib
 import math
 import re
 import shlex
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -55,6 +55,11 @@ class QualityName(NamedTuple):
         base, scale, *crop = match.groups()
         x0, y0, x1, y1 = (int(edge or 0) for edge in crop)
         return cls(base, scale or "", (x0, y0, x1, y1) if crop[0] else None)
+
+    @staticmethod
+    def names() -> tuple[str, ...]:
+        """Return the names of the qualities that every shot has, the quickest first."""
+        return tuple(QUALITIES)
 
     @property
     def is_known(self) -> bool:
@@ -161,8 +166,7 @@ def _pixels(text: str, width: int, height: int) -> Crop:
     if len(numbers) != 4 or not all(math.isfinite(number) for number in numbers):
         raise UsageError(
             f"--crop {text} is not a part of the picture; write the left, upper, right and lower edge, in "
-            "pixels or "
-            "as fractions of the picture: --crop 0.25,0.25,0.75,0.75"
+            "pixels or as fractions of the picture: --crop 0.25,0.25,0.75,0.75"
         )
     if max(numbers) <= 1.0:
         numbers = [number * side for number, side in zip(numbers, (width, height) * 2, strict=True)]
@@ -171,8 +175,7 @@ def _pixels(text: str, width: int, height: int) -> Crop:
     if x1 <= x0 or y1 <= y0:
         raise UsageError(
             f"--crop {text} is {max(0, x1 - x0)} × {max(0, y1 - y0)} pixels large; the right edge must lie "
-            "beyond the "
-            "left one, and the lower beyond the upper. Correct them."
+            "beyond the left one, and the lower beyond the upper. Correct them."
         )
     if x0 < 0 or y0 < 0 or x1 > width or y1 > height:
         raise UsageError(
@@ -272,6 +275,12 @@ class Show:
                 f"and as for edits, {hint}"
             )
         return path
+
+    def check_edit(self, name: str, settings: Iterable[str] = ()) -> None:
+        """Read an edit with its shots, which take the settings. Raises as `find_edit`, and ShotError."""
+        from flowsculpt.pipeline.shot import read_film
+
+        read_film(self.find_edit(name), settings)
 
     @property
     def defaults(self) -> Path:

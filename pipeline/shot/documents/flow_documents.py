@@ -118,8 +118,8 @@ def _own(base: type[FlowParameters]) -> tuple[Parameter, ...]:
 
 def _kind(p: Parameter) -> Any:
     """Return the type of a parameter in a document."""
-    if p.bounds:
-        return Annotated[p.kind, Field(ge=p.bounds.low, le=p.bounds.high)]
+    if p.doc.bounds:
+        return Annotated[p.kind, Field(ge=p.doc.bounds[0], le=p.doc.bounds[1])]
     kinds = {
         "number": curves.PositiveField if p.positive else curves.NumberField,
         "constant": Positive if p.positive else Real,

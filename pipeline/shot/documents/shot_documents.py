@@ -419,6 +419,9 @@ _OWN_ENTRIES = frozenset(ShotDocument.model_fields)
 if not TYPE_CHECKING:
     ShotDocument = create_model("ShotDocument", __base__=ShotDocument, **_of_plugins())
 
+DOCUMENTS: dict[str, type[Document]] = {"shot": ShotDocument, "edit": FilmDocument}
+"""All that the files of shots and edits may hold."""
+
 
 def entries_of_plugins(document: ShotDocument) -> dict[str, BaseModel]:
     """Return what a shot writes for plug-ins, by names such as `marbling.mist`."""

@@ -20,7 +20,6 @@ from pydantic import (
 )
 
 from flowsculpt.pipeline.errors import UsageError, suggest
-from flowsculpt.pipeline.mesh.read import ModelFile
 from flowsculpt.pipeline.plugin import Plugin, plugins
 from flowsculpt.pipeline.plugin_contracts import require_class
 from flowsculpt.pipeline.shot.copies import MOST_COPIES, Copies, OrderedPlaces
@@ -196,19 +195,13 @@ class ModelDocument(SizedDocument):
     )
 
     def build(self, folder: Path) -> Model:
-        path, paint = folder / self.model, self.paint == "on"
-        files = ModelFile(path).files()
-        painted = tuple(ModelFile(path).paint_files().items()) if paint else ()
-        digests = ["seams 2", files.digest, *dict(painted).values()]
-        return Model(
-            digest=joint_digest(digests) if paint else files.digest,
-            path=path,
-            files=(*files.files, *painted),
-            up=self.up or files.up or "y",
+        return Model.of_file(
+            folder / self.model,
+            self.up,
+            self.paint == "on",
             repair=self.repair == "on",
             prim=self.prim,
             time_code=None if self.time_code is None else float(self.time_code),
-            paint=paint,
             **self.placing(),
         )
 

@@ -290,6 +290,7 @@ def test_targets_that_a_flow_cannot_reach_are_refused(tmp_path: Path) -> None:
         ("{solid: box, model: a.obj}", "what the subject becomes is one of model, solid"),
         ("{solid: boxx}", "boxx is not a solid. Write one of box"),
         ("{solid: box, fit: 2}", "fit is not a setting of the box"),
+        ("{solid: box, size: [1, 2]}", "size of the box has 3 numbers"),
         ("{solid: box, from: 9, to: 3}", "become arrives before it begins"),
         ("{solid: box, from: soon}", "from: soon is not a time"),
         ("{solid: box, from: 2, progress: 0.5}", "become has progress as well as from or to"),

@@ -13,7 +13,7 @@ from flowsculpt.pipeline.frames import FrameRange, FrameSelection
 from flowsculpt.pipeline.plugins.maintenance.why import explain
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.planning.estimate import Forecast
-from flowsculpt.pipeline.production.planning.frame_states import FrameStates, KnownPictures
+from flowsculpt.pipeline.production.planning.frame_states import FrameStates
 from flowsculpt.pipeline.production.request.lookup import Show
 from flowsculpt.pipeline.production.store.event_log import EventReader
 from flowsculpt.pipeline.production.store.history import History
@@ -40,7 +40,7 @@ def states(project: Project) -> dict[str, set[int]]:
     told = FrameStates.of_pictures(request, project.store, History.of(project.root))
     by_state = {name: set(getattr(told, name)) for name in ("done", "stale", "unframed", "missing")}
     for state, numbers in by_state.items():
-        assert {explain(request, n, project.store).state for n in numbers} <= {state}
+        assert {explain(project, request, n).state for n in numbers} <= {state}
     return by_state
 
 
@@ -110,7 +110,7 @@ def test_a_frame_that_was_rendered_alone_is_done_for_all_who_ask(
     now = Project(project.path, 2, settings=STEADY)
     assert states(now) == {"done": {3}, "stale": set(), "unframed": set(), "missing": {1, 2, 4, 5, 6}}
     assert forecast(now, "3") == (set(), set()) and 3 in forecast(now)[0], "all are averaged with all"
-    alone = explain(now.request(Show().find_shot(NAME), QUALITY), 3, now.store)
+    alone = explain(now, now.request(Show().find_shot(NAME), QUALITY), 3)
     assert alone.reasons == ("it is averaged with frames 1-2,4-5 too once they are rendered",)
 
 
@@ -125,7 +125,7 @@ def test_a_late_edit_of_a_long_shot_leaves_early_frames_done(
     project.shot.write_text(text.replace("6: 60", "60: 60, 64: 94"))
     now = Project(project.path, 2)
     request = now.request(Show().find_shot(NAME), "draft.scale5", FrameRange.parse("1,12,40,64"))
-    known = KnownPictures(request, now.store)
+    known = now.known_pictures(request)
     assert [known.state(n) for n in (1, 12, 40, 64)] == ["done", "done", "unframed", "stale"]
 
 

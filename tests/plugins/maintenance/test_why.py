@@ -46,7 +46,7 @@ def test_a_difference_is_told_as_a_path() -> None:
 
 def ask(project: Any, frame: int, settings: tuple[str, ...] = ()) -> Explanation:
     there = Project(project.path, 2, settings=settings)
-    return explain(there.request(Show().find_shot(NAME), QUALITY, FrameRange([frame])), frame, there.store)
+    return explain(there, there.request(Show().find_shot(NAME), QUALITY, FrameRange([frame])), frame)
 
 
 @dataclass(frozen=True)
@@ -305,7 +305,7 @@ def test_why_names_a_file_whose_contents_changed(tmp_path: Any, monkeypatch: pyt
     write_exr(file, pixels, json.loads(json.dumps(request.keys.header(2))))
     write_ply(box((2.0, 2.0, 2.2)), model)
     there = Project(tmp_path, 1)
-    explanation = explain(there.request(Show().find_shot(NAME), QUALITY, FrameRange([2])), 2, there.store)
+    explanation = explain(there, there.request(Show().find_shot(NAME), QUALITY, FrameRange([2])), 2)
     assert explanation.reasons == ("file box.ply changed since it was made", "its mesh differs")
 
 
