@@ -17,7 +17,7 @@ from flowsculpt.pipeline.production.request.keys import FrameKeys, PictureKeys
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.stages import FINISH, STAGES
 from flowsculpt.pipeline.production.tasks.job import Context
-from flowsculpt.render.base.foreign_code import is_of_user, reason_of_foreign
+from flowsculpt.render.base.foreign_code import is_of_user, located_reason
 from flowsculpt.render.movie.codecs import timecode
 from flowsculpt.render.post.compositing import LayerInputs, Viewpoint, compositing_layers, mattes_header
 from flowsculpt.render.post.denoise import FilmDenoiser, RawFrame
@@ -97,12 +97,14 @@ def _made_by(
     except BaseException as error:  # a stranger's function may raise anything
         if is_of_user(error):
             raise
-        raise FrameError(f"{place} raised {reason_of_foreign(error)}", number) from error
+        raise FrameError(f"{place} raised {located_reason(error)}", number) from error
     if not isinstance(made, RenderedFrame):
         raise FrameError(f"{place} returned {type(made).__name__}; a stage returns a RenderedFrame", number)
     for name, shape in shapes.items():
-        if name not in made.arrays or made[name].shape != shape:
-            raise FrameError(f"{place}: layer {name} is missing or of another shape", number)
+        if name not in made.arrays:
+            raise FrameError(f"{place}: layer {name} is missing; return all that the frame has", number)
+        if made[name].shape != shape:
+            raise FrameError(f"{place}: layer {name} has the shape {made[name].shape}, not {shape}", number)
     if not np.isfinite(made["beauty"]).all():
         raise FrameError(f"{place}: the beauty is not finite", number)
     return made
