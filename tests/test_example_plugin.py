@@ -124,7 +124,8 @@ def test_the_example_goes_from_shot_file_to_film(marbling: Installed) -> None:
 def test_its_command_format_encode_and_schema_are_there(marbling: Installed) -> None:
     assert marbling.done("inks").splitlines()[0] == "0.840 0.800 0.710"
     marbling.done("export", "csv", "M020_slab")
-    assert (marbling.show / "M020_slab.csv").read_text().startswith("frame,vertices,faces,area\n1,")
+    table = marbling.show / "renders" / "M020_slab" / "csv" / "M020_slab.csv"
+    assert table.read_text().startswith("frame,vertices,faces,area\n1,")
     marbling.done("deliver", "film", "-q", "draft.scale10", "--as", "marbling.wall")
     delivered = marbling.show / "renders" / "film" / "draft.scale10" / "deliver" / "film.marbling.wall.mp4"
     assert delivered.stat().st_size > 1000
