@@ -67,7 +67,7 @@ class Command:
 
 
 class PictureTask(Protocol):
-    """The function of a stage, called for each frame, in several processes."""
+    """The function of a picture stage, called for each frame, in several processes."""
 
     def __call__(self, frame: RenderedFrame, entry: Any, number: int) -> RenderedFrame:
         """Return a rendered frame with changed layers; equal arguments give equal results.
@@ -101,7 +101,7 @@ class FileFormat:
 
 @dataclass(frozen=True)
 class PictureStage:
-    """A stage between `render` and `finish`, for shots that have its entry.
+    """A picture stage, between `render` and `finish`, for shots that have its entry.
 
     task     "module:function", a `PictureTask`
     version  raised when equal arguments give other results

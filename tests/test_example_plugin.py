@@ -124,7 +124,8 @@ def test_the_example_goes_from_shot_file_to_film(marbling: Installed) -> None:
 def test_its_command_format_encode_and_schema_are_there(marbling: Installed) -> None:
     assert marbling.done("inks").splitlines()[0] == "0.840 0.800 0.710"
     marbling.done("export", "csv", "M020_slab")
-    assert (marbling.show / "M020_slab.csv").read_text().startswith("frame,vertices,faces,area\n1,")
+    table = marbling.show / "renders" / "M020_slab" / "csv" / "M020_slab.csv"
+    assert table.read_text().startswith("frame,vertices,faces,area\n1,")
     marbling.done("deliver", "film", "-q", "draft.scale10", "--as", "marbling.wall")
     delivered = marbling.show / "renders" / "film" / "draft.scale10" / "deliver" / "film.marbling.wall.mp4"
     assert delivered.stat().st_size > 1000
@@ -230,8 +231,9 @@ def test_the_commands_of_the_docs_lead_from_an_empty_folder_to_a_flow(tmp_path: 
     (installed.show / "shots" / "a.txt").write_text("1\n" * 642)
     scan = "subject={ripples.scan: {heights: a.txt}, fit: 2}"
     assert "ripples.scan" in installed.done("validate", "A020_lagoon", "--set", scan)
-    assert installed.done("depths", "A020_lagoon").startswith("1: -1.000\n")
-    installed.done("export", "csv", "A020_lagoon")
-    assert (installed.show / "A020_lagoon.csv").read_text().startswith("frame,vertices\n1,")
+    assert installed.done("depths", "A020_lagoon", "-f", "1-2").startswith("1: -1.000\n2: -1.0")
+    installed.done("export", "csv", "A020_lagoon", "-f", "1-2")
+    table = installed.show / "renders" / "A020_lagoon" / "csv" / "A020_lagoon.csv"
+    assert re.fullmatch(r"frame,vertices\n1,\d+\n2,\d+\n", table.read_text())
     delivery = installed.done("--dry-run", "deliver", "A020_lagoon", "--as", "ripples.wall")
     assert "tinting 24 frames" in delivery and "as ripples.wall" in delivery

@@ -295,9 +295,10 @@ class Stone(SubjectKind):
     open: bool = Field(False, description="with a face that is wound the wrong way")
 
     def files(self):
-        return (self.heights,)
+        return self.heights if self.heights == "text.txt" else (self.heights,)
 
     def surface(self, folder):
+        assert self.heights != "A050_odd.txt"
         heights = np.loadtxt(folder / self.heights, ndmin=1)
         if (heights <= 0).any():
             raise UsageError(f"a height is {heights.min():g}; heights are above 0")
@@ -326,11 +327,18 @@ def test_a_subject_of_a_plug_in_is_placed_keyed_by_its_files_and_refused_at_its_
     write("A020_low", "A020_low.txt", height="-1")
     write("A030_open", "A030_open.txt, open: true")
     write("A040_lost", "no.txt")
+    write("A050_odd", "A050_odd.txt")
+    write("A060_text", "text.txt")
+    (shots / "A070_empty.yaml").write_text(INKED.replace("{solid: box}", "{marbling.stone: , scale: 3}"))
     done = marbling.run("--json", "validate")
     told = done.stdout + done.stderr
     assert "shots/A020_low.yaml:3:11: " in told and "a height is -1; heights are above 0" in told
     assert "shots/A030_open.yaml:3:11: " in told and "Traceback" not in told
     assert "shots/A040_lost.yaml:" in told and "file no.txt is not there" in told
+    line = 1 + (PARTS + STONE).partition("assert")[0].count("\n")
+    assert f"AssertionError ({marbling.folder / 'marbling_parts.py'}:{line})" in told
+    assert "Stone.files returned text; write return ('text.txt',)" in told
+    assert "marbling.stone is empty. Write {marbling.stone: {}} for its defaults." in told
     facts = json.loads(done.stdout)[0]["first_frame"]
     assert facts["extent"] == pytest.approx(3.0, rel=0.01) and facts["subject"].startswith("marbling.stone")
     plans = []
@@ -564,6 +572,25 @@ def test_an_error_in_a_command_of_a_plug_in_is_told_in_a_line_with_its_place(env
     assert done.returncode == 4
     assert done.stderr.endswith(f"greeter.py:{line}: plug-in greeter: {fault}\n")
     assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    "parameter", ['out: shared_option("output") = None', 'out: str = shared_option("output")']
+)
+def test_an_option_of_a_command_that_has_no_type_is_refused_with_what_to_write(environment, parameter):
+    text = GREETER.replace("def greet(common, shot: str)", f"def greet(common, shot: str, {parameter})")
+    environment.install("greeter", f"from flowsculpt.api.options import shared_option\n{text}")
+    done = environment.run("greet", "--help")
+    fault = "its parameter out is an option without a type; write out: Annotated[TYPE, OPTION] = DEFAULT"
+    assert (done.returncode, done.stderr) == (4, f"greeter:greet: {fault}\n")
+
+
+def test_a_look_of_a_plug_in_that_is_out_of_range_is_left_out_with_its_line(marbling):
+    parts = PARTS.replace("roughness=0.1", "roughness=7")
+    (marbling.folder / "marbling_parts.py").write_text(parts)
+    line = 1 + parts.partition("roughness=7")[0].count("\n")
+    told = marbling.run("--dry-run", "simulate", "A010_ink").stderr
+    assert f"(…marbling_parts.py:{line})".replace("…", f"{marbling.folder}/") in told
 
 
 def test_a_command_whose_module_does_not_load_ends_with_one_line(environment):

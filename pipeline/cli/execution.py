@@ -305,9 +305,11 @@ def execute(
     preview: bool | None = None,
     teller: Callable[[Plan], Callable[[Event], None]] | None = None,
 ) -> Outcome:
-    """Execute a plan with progress bars, and report warnings and failures; `preview` as above.
+    """Execute a plan with progress bars, report warnings and failures, and return the outcome with its plan.
 
-    teller  returns, for each plan that is executed, what is called with its events in place of bars
+    make_plan  returns the plan; called again after a round that made what later jobs depend on
+    preview    whether plug-ins that watch the run may draw previews; None where none is to watch it
+    teller     returns, for each plan that is executed, what is called with its events in place of bars
     """
 
     @contextmanager

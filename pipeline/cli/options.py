@@ -13,9 +13,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
+from typer.models import OptionInfo
 
 from flowsculpt.pipeline.cli.output import print_error, print_warning, tell_of_store
-from flowsculpt.pipeline.errors import UsageError, suggest
+from flowsculpt.pipeline.errors import MachineError, UsageError, suggest
 from flowsculpt.pipeline.frames import FrameRange, FrameSelection
 from flowsculpt.pipeline.plugin import Command, plugins
 from flowsculpt.pipeline.production.request.lookup import today_name
@@ -94,6 +95,8 @@ def _today_names(given: str | list[str] | None) -> str | list[str] | None:
 def shared_option(name: str, help: str = "", **settings: Any) -> Any:
     """Return an option that several commands have, with a help of its own where one is given.
 
+        output: Annotated[Path | None, shared_option("output", "Write this file.")] = None
+
     name      `allow_code`; `at`, a frame; `frames`, a FrameRange; `output`, a file; `quality`; `settings` of
               the shot; or `variant`, the renderer
     settings  of `typer.Option`, in place of the usual ones
@@ -138,7 +141,7 @@ Frames = Annotated[
         parser=FrameSelection.of_text,
     ),
 ]
-"""The option `-f`: a range of frames, or words for their states."""
+"""The option `-f`: a FrameRange, words for the states of frames, or None for all."""
 
 Quality = Annotated[str, shared_option("quality", f"One of {', '.join(QUALITIES)}.")]
 """The option `-q`; its default is DEFAULT_QUALITY."""
@@ -376,7 +379,10 @@ class CommonOptions:
 
 def with_options(function: Callable[..., None]) -> Callable[..., None]:
     """Make a function a command: its parameter `common`, if any, stands for the common options, and a
-    parameter whose type is a dataclass for the options that are its fields."""
+    parameter whose type is a dataclass for the options that are its fields.
+
+    Raises MachineError for an option that is not in an `Annotated`.
+    """
     own = inspect.signature(function, eval_str=True).parameters
     groups = {
         name: p.annotation for name, p in own.items() if is_dataclass(p.annotation) and name != "common"
@@ -400,6 +406,13 @@ def with_options(function: Callable[..., None]) -> Callable[..., None]:
             raise typer.Exit(INTERRUPTED) from None
 
     inner = [p for options in groups.values() for p in parameters_of(options)]
+    for p in (*plain, *inner):
+        given = p.default.default if isinstance(p.default, OptionInfo) else None
+        if isinstance(p.annotation, OptionInfo) or str(given).startswith("-"):  # its words taken as a default
+            raise MachineError(
+                f"{function.__module__}:{function.__name__}: its parameter {p.name} is an option without a "
+                f"type; write {p.name}: Annotated[TYPE, OPTION] = DEFAULT"
+            )
     return with_parameters(command, [*plain, *inner, *common])
 
 

@@ -98,7 +98,7 @@ class VelocityField(ABC):
 
     @abstractmethod
     def gradient_bound(self, time: float) -> float:
-        """Return a bound of the velocity gradient's norm, in 1/s: it decides the number of sub-steps."""
+        """Return a bound of the spectral norm of the velocity gradient, in 1/s; it decides the sub-steps."""
 
     @abstractmethod
     def length_scale(self, time: float) -> float:

@@ -53,13 +53,25 @@ def located_reason(error: BaseException) -> str:
     """Return what code of others raised, in one line, with the line of it that did."""
     if isinstance(error, ForeignError):
         return str(error)
-    last, reason = traceback.extract_tb(error.__traceback__)[-1], reason_of_foreign(error)
-    is_theirs = Path(last.filename).is_file() and Path(last.filename) != _REGISTRY
-    return f"{reason} ({last.filename}:{last.lineno})" if is_theirs else reason
+    reason = reason_of_foreign(error)
+    lines = [(Path(frame.filename), frame.lineno) for frame in traceback.extract_tb(error.__traceback__)]
+    theirs = [
+        (path, line)
+        for path, line in lines
+        if path.is_file() and not any(path.is_relative_to(folder) for folder in _OURS)
+    ]
+    if not theirs:
+        return reason
+    home = theirs[0][0].parent  # what it calls, such as numpy, is elsewhere
+    path, line = [each for each in theirs if each[0].parent == home][-1]
+    return f"{reason} ({path}:{line})"
 
 
-_REGISTRY = Path(__file__).resolve().parents[2] / "pipeline" / "plugin.py"
-"""The module that finds faults of plug-ins itself, at no line of theirs."""
+_OURS = [
+    *(Path(__file__).resolve().parents[2] / name for name in ("flowsculpt", "pipeline", "render")),
+    Path(import_module.__code__.co_filename).parent,
+]
+"""Folders of modules that call code of others, or that it calls: ours, and what imports modules."""
 
 _NUMBA_LINES = ("Failed in nopython mode", "During: ")  # around what is wrong
 

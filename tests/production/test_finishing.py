@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
-from flowsculpt.pipeline.production.tasks.finish import _with_groups
+from flowsculpt.pipeline.errors import FrameError
+from flowsculpt.pipeline.production.tasks.finish import _made_by, _with_groups
 from flowsculpt.render.post.denoise import Features, denoise_light, denoiser_features
 from flowsculpt.render.post.image import read_exr
 from flowsculpt.render.scene.aovs import RenderedFrame
@@ -89,3 +92,32 @@ def test_a_picture_stage_that_changes_the_beauty_alone_changes_its_light_groups_
     assert np.allclose(groups["key"][1], 0.25 * darker["beauty"][1])
     own = RenderedFrame({**darker.arrays, "light_key": 0.5 * key})
     assert _with_groups(own, frame) is own, "a stage that changes groups itself knows better"
+
+
+def _colours_out(frame: RenderedFrame, *_: object) -> RenderedFrame:
+    return RenderedFrame({**frame.arrays, "beauty": frame["beauty"][..., 0]}, frame.facts)
+
+
+def _alpha_out(frame: RenderedFrame, *_: object) -> RenderedFrame:
+    return RenderedFrame({"beauty": frame["beauty"]}, frame.facts)
+
+
+def _raises(frame: RenderedFrame, *_: object) -> RenderedFrame:
+    raise ValueError("no tint")
+
+
+@pytest.mark.parametrize(
+    ("task", "fault"),
+    [
+        (_colours_out, "layer beauty has the shape (2, 3), not (2, 3, 3)"),
+        (_alpha_out, "layer alpha is missing; return all that the frame has"),
+        (_raises, f"raised ValueError: no tint ({__file__}:{_raises.__code__.co_firstlineno + 1})"),
+    ],
+)
+def test_a_picture_stage_that_breaks_its_contract_fails_the_frame_with_what_is_wrong(
+    task: Callable[..., RenderedFrame], fault: str
+) -> None:
+    frame = RenderedFrame({"beauty": np.zeros((2, 3, 3), np.float32), "alpha": np.zeros((2, 3), np.float32)})
+    with pytest.raises(FrameError) as raised:
+        _made_by(task, "plug-in tints", frame, None, 7)
+    assert str(raised.value).endswith(fault)

@@ -179,6 +179,8 @@ BAD = [
      ["6:14: flows.0.within.region: a region is one of sphere, box, half_space, capsule, cylinder, mesh, "
       "and this has none. Write one, such as {sphere: {radius: 1}}.",
       "6:45: flows.0.within.flows.0.votex: unknown name. Did you mean 'vortex'?"]),
+    ("within: {region: {sphere: }, flows: [{vortex: }]}",
+     ["6:14: flows.0.within.region: sphere is empty. Write {sphere: {radius: 1}}."]),
     ("within: {region: {sphere: {radius: 1}, falloff_type: smoth}, flows: [{vortex: }]}",
      ["6:44: flows.0.within.region.falloff_type: 'smoth' is not a falloff type. Did you mean 'smooth'?"]),
     ("within: {region: {sphere: {radius: 1}, fall: sine}, flows: [{vortex: }]}",

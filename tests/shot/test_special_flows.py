@@ -113,6 +113,7 @@ WRONG = [
         "attraction: {rate: 2}",
         "attraction is one of points, curve, mesh, and this has none",
     ),
+    ("attraction: {mesh: }", "flows.0.attraction: mesh is empty. Write its value."),
     ("attraction: {points: [[0, 0, 0]], mesh: t.obj}", "and this has points and mesh. Write one."),
     ("attraction: {mesh: gone.obj}", "file gone.obj is not there; it is looked for beside the shot file"),
     ("attraction: {mesh: swirl.py}", ".py is not a mesh format"),

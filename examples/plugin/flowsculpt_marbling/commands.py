@@ -1,13 +1,15 @@
 """The command `inks`, and the format `csv` of the command `export`."""
 
-from pathlib import Path
+from collections.abc import Iterator
 
 import numpy as np
+import typer
 
-from flowsculpt.api.commands import print_result
-from flowsculpt.api.frames import animate
-from flowsculpt.api.options import Common, Shot
-from flowsculpt.api.shots import read_shot
+from flowsculpt import TriangleMesh
+from flowsculpt.api.commands import Project, execute, print_result, report_plan
+from flowsculpt.api.files import atomic_write, disk_errors
+from flowsculpt.api.frames import FrameStates, RenderRequest, StoredFiles
+from flowsculpt.api.options import DEFAULT_QUALITY, Common, Frames, Shot, ShotOptions
 
 
 def inks(common: Common) -> None:
@@ -21,18 +23,44 @@ def inks(common: Common) -> None:
     print_result("\n".join(lines), {"inks": [list(colour) for colour in LAYERS.colours]}, common.json)
 
 
-def csv(common: Common, shot: Shot) -> None:
-    """Write a table of the vertices, faces and area of each frame's mesh.
+def csv(common: Common, shot: Shot, options: ShotOptions, frames: Frames = None) -> None:
+    """Write a table of the vertices, faces and area of each frame's mesh, simulating what is missing.
 
-    `flowsculpt export csv M010_comb` writes M010_comb.csv.
+    `flowsculpt export csv M010_comb -f 1-24` writes renders/M010_comb/csv/M010_comb.csv.
     """
-    name = Path(shot).stem
-    rows = ["frame,vertices,faces,area"]
-    for frame in animate(read_shot(common.root / "shots" / f"{name}.yaml")):
-        first, second, third = frame.mesh.vertices[frame.mesh.faces].swapaxes(0, 1)
-        area = np.linalg.norm(np.cross(second - first, third - first), axis=1).sum() / 2.0
-        rows.append(f"{frame.number},{len(frame.mesh.vertices)},{len(frame.mesh.faces)},{area:.6f}")
-    path = common.root / f"{name}.csv"
-    if not common.dry_run:
-        path.write_text("\n".join(rows) + "\n", encoding="utf-8")
-    print_result(f"{path}: {common.done('written')}.", {"path": str(path)}, common.json)
+    project = options.project(common)
+    request = project.find_request(shot, DEFAULT_QUALITY, frames, FrameStates.of_meshes, variant="none")
+    if common.dry_run:
+        report_plan(common, project.mesh_frames(request))
+        return
+    code = execute(common, lambda: project.mesh_frames(request)).exit_code
+    rows = [
+        "frame,vertices,faces,area",
+        *(_row(number, meshes) for number, meshes in _stored(project, request)),
+    ]
+    path = common.root / request.folders.home / "csv" / f"{request.name}.csv"
+    with disk_errors(path), atomic_write(path) as draft:
+        draft.write_text("\n".join(rows) + "\n", encoding="utf-8")
+    print_result(f"{path}: written.", {"path": str(path)}, common.json)
+    raise typer.Exit(code)
+
+
+def _stored(project: Project, request: RenderRequest) -> Iterator[tuple[int, list[TriangleMesh]]]:
+    """Yield number and surfaces, one for each subject, of frames that are stored, not of failed ones."""
+    for number in request.requested:
+        keys = [(part, part.keys.mesh(number)) for part in request.parts]
+        if all(project.store.holds("mesh", key) for _, key in keys):
+            reader = StoredFiles("mesh").reader
+            frames = [
+                project.store.read("mesh", key, part.place("mesh", number), reader(key, number=number))
+                for part, key in keys
+            ]
+            yield number, [frame.mesh for frame in frames]
+
+
+def _row(number: int, meshes: list[TriangleMesh]) -> str:
+    """Return the number, vertices, faces and area of a frame, separated by commas."""
+    corners = np.concatenate([mesh.vertices[mesh.faces] for mesh in meshes])
+    first, second, third = corners.swapaxes(0, 1)
+    area = np.linalg.norm(np.cross(second - first, third - first), axis=1).sum() / 2.0
+    return f"{number},{sum(len(mesh.vertices) for mesh in meshes)},{len(corners)},{area:.6f}"

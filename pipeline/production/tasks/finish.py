@@ -22,7 +22,7 @@ from flowsculpt.pipeline.production.stages import FINISH, STAGES
 from flowsculpt.pipeline.production.store.store import key_of, shared_file
 from flowsculpt.pipeline.production.tasks.job import Context
 from flowsculpt.render.base.atomic_write import atomic_write
-from flowsculpt.render.base.foreign_code import is_of_user, reason_of_foreign
+from flowsculpt.render.base.foreign_code import is_of_user, located_reason
 from flowsculpt.render.base.root_files import remove_file
 from flowsculpt.render.base.state_files import UNUSABLE
 from flowsculpt.render.movie.codecs import timecode
@@ -156,12 +156,14 @@ def _made_by(
     except BaseException as error:  # a stranger's function may raise anything
         if is_of_user(error):
             raise
-        raise FrameError(f"{place} raised {reason_of_foreign(error)}", number) from error
+        raise FrameError(f"{place} raised {located_reason(error)}", number) from error
     if not isinstance(made, RenderedFrame):
         raise FrameError(f"{place} returned {type(made).__name__}; a stage returns a RenderedFrame", number)
     for name, shape in shapes.items():
-        if name not in made.arrays or made[name].shape != shape:
-            raise FrameError(f"{place}: layer {name} is missing or of another shape", number)
+        if name not in made.arrays:
+            raise FrameError(f"{place}: layer {name} is missing; return all that the frame has", number)
+        if made[name].shape != shape:
+            raise FrameError(f"{place}: layer {name} has the shape {made[name].shape}, not {shape}", number)
     if not np.isfinite(made["beauty"]).all():
         raise FrameError(f"{place}: the beauty is not finite", number)
     return _with_groups(made, frame)

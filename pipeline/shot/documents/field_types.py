@@ -172,6 +172,12 @@ class OneOfSeveral(Document):
     @model_validator(mode="after")
     def _names_one(self) -> Self:
         if len(self.named) != 1:
+            empty = [name for name in self.several if name in self.model_fields_set]
+            if empty and not self.named:
+                kinds = get_args(type(self).model_fields[empty[0]].annotation)
+                has_settings = any(isinstance(kind, type) and issubclass(kind, Document) for kind in kinds)
+                such_as = self.example or (has_settings and f"{{{empty[0]}: {{}}}} for its defaults")
+                raise ValueError(f"{empty[0]} is empty. Write {such_as or 'its value'}.")
             fact = f"is one of {', '.join(self.several)}, and this has {' and '.join(self.named) or 'none'}"
             such_as = f", such as {self.example}" if self.example else ""
             raise ValueError(f"{self.noun} {fact}. Write one{such_as}.")

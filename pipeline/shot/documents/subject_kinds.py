@@ -16,6 +16,7 @@ from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext
 from flowsculpt.pipeline.shot.yaml.yaml_source import Where
 from flowsculpt.render.base.foreign_code import ForeignError, foreign_code
 from flowsculpt.render.base.input_files import joint_digest
+from flowsculpt.render.base.render_errors import quote
 
 
 class SubjectKind(Document):
@@ -40,7 +41,10 @@ class SubjectKind(Document):
     @model_validator(mode="after")
     def _can_be_made(self, info: ValidationInfo) -> Self:
         context = ParseContext.of(info)
-        self._digests = [context.digests[context.file(str(file))] for file in self.files()]
+        files = self.files()
+        if isinstance(files, str):
+            raise ValueError(f"{type(self).__name__}.files returned text; write return ({quote(files)},)")
+        self._digests = [context.digests[context.file(str(file))] for file in files]
         try:
             with foreign_code():
                 self._surface = self.surface(context.folder)

@@ -18,6 +18,7 @@ from flowsculpt.pipeline.errors import suggest
 from flowsculpt.pipeline.plugin import plugins
 from flowsculpt.pipeline.shot.yaml.synonyms import synonym, value_meant
 from flowsculpt.pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource, dotted_path, shown
+from flowsculpt.render.base.foreign_code import located_reason
 from flowsculpt.render.base.plural import plural
 
 Models = list[type[BaseModel]]
@@ -380,6 +381,8 @@ def _message(details: ErrorDetails, where: Where, document: type[BaseModel], wri
         return str(context["text"])
     if kind == "value_error":
         return f"{name}: {context['error']}"
+    if kind == "assertion_error":  # in the code of a plug-in
+        return f"{name}: {located_reason(context['error'])}"
     if kind == "missing":
         return f"{dotted_path((*where, details['loc'][-1]))}: missing; it has no default"
     if kind in _BOUNDS:
