@@ -507,7 +507,7 @@ class _FrameWatch:
         told: set[str],
     ) -> None:
         self._motion, self._frame, self._before, self._callback = motion, frame, before, callback
-        self._began = self._report_frames = time.monotonic()
+        self._began = self._reported = time.monotonic()
         self._last = Progress("", 0, 0)
         self._moved = 0
         self._vertices = 0 if before is None else before.vertices
@@ -526,9 +526,9 @@ class _FrameWatch:
         else:
             self._vertices = progress.done
         self._last, now = progress, time.monotonic()
-        if now - self._report_frames < REPORT_SECONDS:
+        if now - self._reported < REPORT_SECONDS:
             return
-        self._report_frames = now
+        self._reported = now
         share = self._share()
         slow = self._slow(now - self._began, share)
         self._callback(FrameProgress(self._frame, share, progress.activity, self._vertices, slow))
