@@ -46,8 +46,6 @@ SOURCES = Path(render.__file__).absolute().parents[1]
 LEVEL = "FLOWSCULPT_CPU"
 """The environment variable that names what kernels are compiled for: one of LEVELS, or HOST."""
 
-NO_COMPILER = "NUMBA_DISABLE_JIT is set, but flowsculpt needs compiled kernels; unset it"
-
 HOST = "host"
 """Compile for the processor of this machine, as where it lacks what a level asks for."""
 
@@ -128,12 +126,6 @@ def one_at_a_time(function: F) -> F:
     return call  # type: ignore[return-value]
 
 
-def require_compiler() -> None:
-    """Raise MachineError where the environment keeps numba from compiling, without importing it."""
-    if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
-        raise MachineError(NO_COMPILER)
-
-
 def use_kernel_cache() -> None:
     """Have numba compile for `cpu_level`; called before it makes its compiler.
 
@@ -143,7 +135,7 @@ def use_kernel_cache() -> None:
     which it always has.
     """
     if numba.config.DISABLE_JIT:
-        raise MachineError(NO_COMPILER)
+        raise MachineError("NUMBA_DISABLE_JIT is set, but flowsculpt needs compiled kernels; unset it")
     if cpu_level() != HOST:
         numba.config.CPU_NAME, numba.config.CPU_FEATURES = cpu_level(), ""
     if not is_own():

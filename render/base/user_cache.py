@@ -13,7 +13,7 @@ import os
 import stat
 import sys
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
@@ -49,8 +49,13 @@ def writable_cache() -> Path:
 
     Where not even that can be trusted, the folder is of this process alone.
     """
-    temporary = Path(tempfile.gettempdir()) / f"flowsculpt-cache-{user_number()}"
-    return _first_writable(platformdirs.user_cache_path("flowsculpt"), temporary)
+    return _first_writable(platformdirs.user_cache_path("flowsculpt"))
+
+
+def _folders_for_cache(own: Path) -> Iterator[Path]:
+    yield own
+    # Parsers may write nothing, not even the file by which Python finds this folder.
+    yield Path(tempfile.gettempdir()) / f"flowsculpt-cache-{user_number()}"
 
 
 def kernel_homes() -> tuple[Path, ...]:
@@ -64,8 +69,8 @@ def _is_readable(folder: Path) -> bool:
 
 
 @cache
-def _first_writable(*folders: Path) -> Path:
-    for folder in folders:
+def _first_writable(own: Path) -> Path:
+    for folder in _folders_for_cache(own):
         with suppress(OSError):
             _make_private(folder)
             reason = intruder(folder)

@@ -30,7 +30,6 @@ from flowsculpt.pipeline.production.store.locks import Locks
 from flowsculpt.pipeline.production.store.paths import EVENTS
 from flowsculpt.pipeline.production.store.store import Store, remove_checkpoints, sweep
 from flowsculpt.render.base.atomic_write import disk_errors
-from flowsculpt.render.base.kernel_cache import require_compiler
 from flowsculpt.render.base.processes import is_at_work, start_of
 from flowsculpt.render.base.root_files import touch
 from flowsculpt.render.base.work_clock import cpu_seconds
@@ -238,7 +237,8 @@ def run(
 
     Raises MachineError where another run holds a lock, the disk refuses, or nothing can be compiled.
     """
-    require_compiler()
+    if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):  # said once, not by each process
+        raise MachineError("NUMBA_DISABLE_JIT is set, but flowsculpt needs compiled kernels; unset it")
     clock = _RunClock()
     store, plan = Store(root), make_plan()
     locks, names = Locks(root), plan.lock_names if plan.jobs else {}
