@@ -26,6 +26,6 @@ if __name__ == "__main__":
         try:
             benchmark = import_module(f"benchmarks.{name}")
         except ModuleNotFoundError as error:
-            print(f"\n{name} is left out: there is no module {error.name}")
+            print(f"\n{name} is left out, because the module {error.name} is missing")
         else:
             benchmark.main()

@@ -175,8 +175,8 @@ class ProgressBar:
 def progress_bars(wanted: bool) -> Iterator[Callable[[str, int], ProgressBar]]:
     """Yield a function that adds a bar to standard error, by name and total, and returns it.
 
-    A bar shows what is done of all, time elapsed and time left; where standard error is no terminal, it is
-    lines of text. Nothing is drawn unless `wanted`.
+    A bar shows the count and the total, time elapsed and time left. If standard error is not a terminal,
+    lines of text replace it. Nothing is drawn unless `wanted`.
     """
     columns = (
         TextColumn("{task.description:>16}", markup=False),

@@ -203,9 +203,8 @@ class PluginField(ModifiedField):
         rows = self.field.program(time)
         for row in rows:
             if len(row.numbers) > op.COLUMNS or any(map(np.ndim, row.numbers)):
-                raise self._fault(
-                    f"numbers() returned {row.numbers[2:]}", "at most ten numbers, *vectors too"
-                )
+                rule = "at most ten numbers; write *vector for the numbers of a vector"
+                raise self._fault(f"numbers() returned {row.numbers[2:]}", rule)
         return tuple(row._replace(cache_data=[*self.origin, row.as_data()]) for row in rows)
 
     def gradient_bound(self, time: float) -> float:

@@ -112,8 +112,8 @@ class ModelFile:
 
     part  of a scene whose format names parts
 
-    All that reads it raises MissingInputError where the file, or one that it names, is not there; MeshError
-    where it cannot be read; and MachineError without the package that reads its format.
+    Each method that reads it raises MissingInputError where the file, or one that it names, is not there;
+    MeshError where it cannot be read; and MachineError without the package that reads its format.
     """
 
     path: Path

@@ -78,8 +78,8 @@ def kind_of_path(path: Path) -> str:
 class InputFile:
     """A file from outside, of up to `most` bytes.
 
-    All that reads it raises MissingInputError where there is no regular file, or a pointer of Git LFS;
-    BadInputError where it is larger; and MachineError where the disk fails.
+    Each method that reads it raises MissingInputError if no regular file is there, or only a pointer of Git
+    LFS; BadInputError if it is larger; and MachineError if the disk fails.
     """
 
     path: Path

@@ -95,7 +95,7 @@ class Parser:
         """Return what a function answers in a fork of this process, which has loaded what it needs.
 
         The function takes no locks that another thread of this process may hold: it only computes, and does
-        not print or import. Where there are no forks, a new process of its module answers. Raises what
+        not print or import. Systems that cannot fork start a new process of its module instead. Raises what
         `answer` raises.
         """
         seconds = SECONDS + InputFile(path).size() / 2**20

@@ -321,7 +321,7 @@ def trace(tracer: PathTracer, sampler: OwenSampler, si: Any, throughput: Any) ->
 
 
 def _is_guided(tracer: PathTracer, vertex: Any, matt: Any) -> Any:
-    """Tell where the guide chooses directions: next to photons only at what mirrors and glass show."""
+    """Tell where the guide chooses directions: if photons are traced, only behind mirrors and glass."""
     return mi.Bool(True) if tracer.caustics is None else (vertex > 0) & (matt == 0)
 
 

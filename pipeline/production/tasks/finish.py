@@ -67,14 +67,17 @@ def finish(context: Context) -> bool:
 
 @dataclass(frozen=True)
 class _BorderLight:
-    """Light of denoised pictures that several batches average: the first denoises it for the next."""
+    """The light of pictures that two batches need, since both average over the border between them.
+
+    The batch that needs a picture first denoises it, and leaves its light in a file for the other.
+    """
 
     context: Context
     keys: PictureKeys
 
     @cached_property
     def _numbers(self) -> frozenset[int]:
-        """The pictures that other batches of the run average, too; none where all is to be made again."""
+        """The pictures near this batch that other batches of the run need, too; none in a forced run."""
         job, plan, request = self.context.job, self.context.plan, self.context.request
         if self.context.is_forced:
             return frozenset()
@@ -98,7 +101,7 @@ class _BorderLight:
                 light: Pixels = arrays["light"]
         except (*UNUSABLE, zipfile.BadZipFile, zlib.error, EOFError):
             return None
-        with suppress(OSError):  # the batches on both sides of a border have it now
+        with suppress(OSError, MachineError):  # both batches have it now
             remove_file(file)
         return light
 

@@ -62,7 +62,7 @@ def test_a_new_shot_of_a_model_is_good_at_once_and_tells_what_was_repaired(proje
     shown = project.call("preview", "A030_ball", "--at", "2")
     assert shown.code == 0 and shown.err.count("model repaired") == 1, shown.err
     shown = project.call("preview", "A030_ball", "--at", "3")
-    assert shown.code == 0 and "model repaired" not in shown.err, "it is told once"
+    assert shown.code == 0 and "model repaired" not in shown.err, "it is said once"
     assert "model repaired" in project.call("validate", "A030_ball").out
     again = project.call("--json", "new", "A040", "--model", "shots/models/ball.stl", "--from", "bend")
     assert again.code == 0 and json.loads(again.out)["files"] == ["shots/A040.yaml"], again.err
