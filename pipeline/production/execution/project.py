@@ -63,6 +63,11 @@ class Project:
     def store(self) -> Store:
         return Store(self.root)
 
+    @property
+    def cache(self) -> PlanningCache:
+        """What is kept of what was found out about shots, for as long as it holds."""
+        return PlanningCache(self.root)
+
     @cached_property
     def history(self) -> History:
         """The history of frames under its root, as it is when it is first asked for."""
@@ -209,9 +214,8 @@ class Project:
         their files have folders of their own.
         """
         if path not in self._edits:
-            cache = PlanningCache(self.root)
             self._edits[path] = resolve_edit(
-                path, self.settings, cache, lambda shot, edit: self._of_edit(edit)._source(shot).manifest
+                path, self.settings, self.cache, lambda shot, edit: self._of_edit(edit)._source(shot).manifest
             )
         edit, clips = self._edits[path].edit, self._edits[path].clips
         project = self._of_edit(edit)
@@ -349,4 +353,4 @@ class Project:
 
     def _source(self, path: Path) -> ShotSource:
         read = self._texts.source(path.absolute(), self.settings, self.allow_code)
-        return replace(read, cache=PlanningCache(self.root)).with_inputs()
+        return replace(read, cache=self.cache).with_inputs()

@@ -24,9 +24,6 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
-
 from flowsculpt.pipeline.errors import MachineError, MissingInputError, UsageError, suggest
 from flowsculpt.pipeline.production.store.paths import STATE
 from flowsculpt.render.base.atomic_write import atomic_write
@@ -172,6 +169,9 @@ class Profile:
     @cached_property
     def _said(self) -> dict[str, Any]:
         """Raises UsageError where it cannot be read."""
+        from ruamel.yaml import YAML  # takes time to import, and most runs are on this machine
+        from ruamel.yaml.error import YAMLError
+
         try:
             said = YAML(typ="safe", pure=True).load(self._file.read_text(encoding="utf-8")) or {}
         except OSError as error:
