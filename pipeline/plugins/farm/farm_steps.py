@@ -7,6 +7,7 @@ worth a place in a queue.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 from flowsculpt.api.frames import Job, PipelineStage, Plan
@@ -44,6 +45,16 @@ class FarmStep:
         return f"{self.shot}/{STEPS[self.kind][0]}"
 
     @property
+    def chunk(self) -> int:
+        """The frames of a task, by the plan; 0 where one task does all."""
+        return max(len(job.frames) for job in self.jobs) if self.frames else 0
+
+    @property
+    def chunk_seconds(self) -> int:
+        """The time, seconds, that such a task is expected to take; 0 where one task does all."""
+        return math.ceil(max(job.seconds for job in self.jobs)) if self.frames else 0
+
+    @property
     def memory_mib(self) -> int:
         """The memory of a task, MiB."""
         return max(self.plan.memory_mib(job) for job in self.jobs)
@@ -53,10 +64,10 @@ class FarmStep:
         """The GPUs of a task."""
         return max(self.plan.gpus(job) or 0 for job in self.jobs)
 
-    def minutes(self, threads: int, chunk: int) -> int:
-        """Return the time limit of a task on so many threads; `chunk` are the frames of one."""
+    def minutes(self, threads: int) -> int:
+        """Return the time limit of a task on so many threads."""
         if self.frames:
-            return max(self.plan.minutes(job, threads, chunk) or 0 for job in self.jobs)
+            return max(self.plan.minutes(job, threads) or 0 for job in self.jobs)
         return sum(self.plan.minutes(job, threads) or 0 for job in self.jobs)
 
 

@@ -129,7 +129,8 @@ def _jobs(plan: Plan, file: Path, tasks: Sequence[str], part: Part | None) -> It
                 f"--part: {task} cannot be divided; only {' and '.join(BY_FRAMES)} are done in parts. Leave "
                 "it out"
             )
-        if not frames and part is None:
+        requests = {job.requests[0] for job in chosen}
+        if not frames and part is None and (chosen[0].stage not in BY_FRAMES or len(requests) == len(chosen)):
             yield from (job.name for job in chosen)
             continue
         planned = sorted({number for job in chosen for number in job.frames})

@@ -13,7 +13,6 @@ from flowsculpt.pipeline.frames import FrameRange
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.execution.snakemake import _words, complaint
 from flowsculpt.pipeline.production.planning.plan import Job, Plan
-from flowsculpt.pipeline.production.planning.planner import batches
 from flowsculpt.pipeline.production.planning.profile import SIDE_BY_SIDE, Profile
 from flowsculpt.pipeline.production.planning.timings import (
     LEAST_MIB,
@@ -125,11 +124,6 @@ def test_a_farm_that_takes_no_job_is_told_in_its_own_words(tmp_path):
     with log.open("a") as file:
         file.write("    message: Job submission failed: no sbatch.For further error details see the log\n")
     assert complaint(log) == "Job submission failed: no sbatch."
-
-
-def test_batches_are_not_needlessly_short():
-    assert batches(range(6), 100, 4) == [(0, 1, 2, 3), (4, 5)]
-    assert min(map(len, batches(range(1000), 100, 4))) >= 4
 
 
 def test_what_earlier_pictures_took_is_asked_for(tmp_path):
