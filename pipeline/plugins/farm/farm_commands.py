@@ -193,8 +193,8 @@ def task(
         list[str],
         typer.Argument(
             metavar="TASK...",
-            help="Stages in their order: simulate, smooth_normals, frame_camera, render, finish, assemble, "
-            "film; of one shot as A010_cube/render, some of its frames as render:1-8.",
+            help="Stages in their order: simulate, smooth_normals, frame_camera, render, those of plug-ins, "
+            "finish, assemble, film; of one shot as A010_cube/render, some of its frames as render:1-8.",
         ),
     ],
     part: Annotated[

@@ -1,4 +1,5 @@
-"""The steps of a plan on a farm: for each shot its surfaces, its renders, its finished frames, its movie.
+"""The steps of a plan on a farm: for each shot its surfaces, its renders, what plug-ins make of them, its
+finished frames, its movie.
 
 Open Job Description and Flamenco take them: each has jobs that other steps may have to wait for, also those
 of another shot that has the same meshes. The first tasks of a shot are one step, for only its simulation is
@@ -11,11 +12,12 @@ import math
 from dataclasses import dataclass, replace
 
 from flowsculpt.api.frames import Job, PipelineStage, Plan
-from flowsculpt.pipeline.plugins.farm.task_runner import BY_FRAMES
+from flowsculpt.pipeline.plugins.farm.task_runner import BY_FRAMES, OF_PLUGINS
 
 STEPS = {
     "Surfaces": ("simulate", "smooth_normals", "frame_camera"),
     "Render": ("render",),
+    **{name: (name,) for name in OF_PLUGINS},
     "Finish": ("finish",),
     "Assemble": ("assemble",),
     "Film": ("film",),

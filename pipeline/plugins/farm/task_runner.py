@@ -14,9 +14,13 @@ from pathlib import Path
 
 from flowsculpt import MachineError, MissingInputError, UsageError
 from flowsculpt.api import plural, suggest
-from flowsculpt.api.frames import FrameRange, Job, Plan, Store
+from flowsculpt.api.frames import FrameRange, Job, PipelineStage, Plan, Store
 
-BY_FRAMES = ("render", "finish")  # the stages whose frames several workers may share out
+OF_PLUGINS = tuple(name for name, stage in PipelineStage.all().items() if stage.plugin)
+"""The picture stages of plug-ins, in their order."""
+
+BY_FRAMES = ("render", *OF_PLUGINS, "finish")
+"""The stages whose frames several workers may share out."""
 
 
 @dataclass(frozen=True)
