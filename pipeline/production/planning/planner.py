@@ -325,7 +325,7 @@ class Planner:
 
     def _split(self, entry: PlanEntry, stage: str, frames: Sequence[int]) -> list[tuple[int, ...]]:
         """Return the batches of frames of a stage."""
-        if stage == "smooth_normals":
+        if stage == "smooth_normals" or not frames:
             return [tuple(frames)]
         if not self._is_shared_out(stage):
             return batches(frames, self.side_by_side)

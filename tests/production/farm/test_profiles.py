@@ -108,6 +108,15 @@ def test_a_farm_gets_batches_with_cores_of_their_own_in_three_hops(folder):
     }
 
 
+def test_clips_of_the_same_frames_share_the_batches_of_a_farm(folder):
+    clips = ", ".join(f"{{shot: {NAME}, frames: {frames}}}" for frames in ("1-6", "2-4"))
+    (folder / "shots/film.yaml").write_text(f"title: T\nshots: [{clips}]\n")
+    plan = Project(folder, 2).whole(["film"], "final", nodes=3)
+    renders = [(job.frames, job.requests) for job in plan.jobs if job.stage == "render"]
+    assert [frames for frames, _ in renders] == [(1, 2), (3, 4), (5, 6)]
+    assert [places for _, places in renders] == [(0, 1), (0, 1), (0,)]
+
+
 def test_snakemake_is_given_the_profile_and_what_this_machine_has(folder):
     farm = profile(folder, "executor: slurm\n")
     words = _words(Plan((), None, ()), 2, farm)
