@@ -10,6 +10,7 @@ from pathlib import Path
 
 from flowsculpt.pipeline.errors import UsageError, suggest
 from flowsculpt.pipeline.frames import FrameRange, FrameSelection, FrameWords
+from flowsculpt.pipeline.production.planning.estimate import MeanTimings
 from flowsculpt.pipeline.production.planning.frame_states import FrameStates, KnownPictures, select_frames
 from flowsculpt.pipeline.production.planning.plan import Plan
 from flowsculpt.pipeline.production.planning.planner import Planner
@@ -135,8 +136,16 @@ class Project:
             planner.movie(whole)
         keys.remember()
 
-    def whole(self, shots: Sequence[str], quality: str, frames: FrameSelection | None = None) -> Plan:
+    def whole(
+        self,
+        shots: Sequence[str],
+        quality: str,
+        frames: FrameSelection | None = None,
+        nodes: int | None = None,
+    ) -> Plan:
         """Return the plan for a farm of finished frames of shots and their movies, whatever is stored.
+
+        nodes  how many share the frames; by default `jobs` of the profile
 
         A name of an edit stands for its film. Raises UsageError for frames of several shots.
         """
@@ -147,7 +156,8 @@ class Project:
         if len(edits) > 1:
             raise UsageError(f"{', '.join(edits)} are several edits, and a plan makes one film; name one")
         nothing = Store(self.root / STATE / "nothing", url=None)
-        planner = Planner(nothing, 1, 1, self.notes, self.profile.exported_share)
+        nodes, timings = nodes or self.profile.jobs, MeanTimings(self.root)
+        planner = Planner(nothing, nodes, nodes, self.notes, self.profile.exported_share, timings=timings)
         far = replace(self, for_farm=True)
         for shot in shots:
             if shot in edits:
