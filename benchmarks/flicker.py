@@ -1,4 +1,4 @@
-"""`python -m benchmarks.flicker [WIDTH] [REFERENCE]`: flicker of films.
+"""`python -m benchmarks.flicker [WIDTH] [REFERENCE] [efforts]`: flicker of films.
 
 A torus of clay and of glaze in the studio, WIDTH × 9/16 WIDTH pixels (480), eight frames: one film that
 stands still, one that turns by half a degree a frame. Frames are rendered raw with 256 samples, and with 16
@@ -9,6 +9,9 @@ reference would count as flicker of both.
 Flicker is the standard deviation over time of the difference from the reference, steps of an 8-bit display,
 its mean over pixels; the error is the root mean square of the difference. Target: 16 samples denoised over
 time flicker at most half as much as 256 raw ones. Writes `benchmarks/out/flicker.json` and PNGs.
+
+`efforts` compares the denoiser's efforts instead, in turning films of six looks: with the samples of a daily
+and a final averaged over time, and those of a draft alone, and with its CPU seconds of a frame.
 """
 
 from __future__ import annotations
@@ -16,6 +19,8 @@ from __future__ import annotations
 import itertools
 import math
 import sys
+import time
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -43,6 +48,11 @@ FRAMES, TURN = 8, math.radians(0.5)
 CAMERA = Camera((2.2, 2.6, 6.0), (0.0, 0.75, 0.0))
 QUALITY = Quality(480, 270, samples=16, depth=6, auxiliary_samples=16)
 SHOWN = ("clay", "glaze")
+LOOKS_OF_EFFORTS = ("glass", "honey", "chrome", "marble", "glaze", "clay")
+EFFORTS = ("fast", "balanced", "high")
+SAMPLES = {4: 0, 16: 2, 64: 2}
+"""Samples of draft, daily and final, with the frames to either side that are averaged in."""
+
 MOST = 0.5
 """Target: flicker over that of 256 raw samples."""
 
@@ -72,10 +82,10 @@ def subject(angle: float) -> Surface:
 
 
 def rendered(
-    look: str, surface: Surface, samples: int, seed: int, engine: Engine, width: int
+    look: str, surface: Surface, samples: int, seed: int, engine: Engine, width: int, ways: bool = False
 ) -> RenderedFrame:
     quality = replace(QUALITY, width=width, height=width * 9 // 16, samples=samples)
-    aovs = ("before", "after") if samples == QUALITY.samples else ()
+    aovs = ("before", "after") if ways or samples == QUALITY.samples else ()
     parts = (LOOKS[look], LIGHTS["studio"], STAGES["cyclorama"], StagePlacement(), CAMERA)
     return as_read(render_frame(Scene(surface, *parts), quality, seed, engine, aovs=aovs))
 
@@ -91,7 +101,7 @@ def measure(
         return rendered(look, surfaces[i], samples, seed + i, engine, width)
 
     frames = [rendered_at(i, QUALITY.samples, 1) for i in range(len(angles))]
-    denoiser = FilmDenoiser(lambda i: RawFrame(frames[i], CAMERA, StagePlacement()))
+    denoiser = FilmDenoiser(_reader(frames))
     made = {
         "16, raw": [frames[i]["beauty"] for i in inner],
         "16, denoised": [denoiser.light(i, [i]) for i in inner],
@@ -107,6 +117,35 @@ def measure(
         flicker, error = float(off.std(axis=0).mean()), float(np.sqrt((off**2).mean()))
         rows.append({"look": look, "film": film, "samples": way, "flicker": flicker, "error": error})
     return rows
+
+
+def measure_efforts(look: str, width: int, reference: int, engine: Engine) -> list[Row]:
+    """Measure flicker, error and CPU seconds of each effort over the frames that have all neighbours."""
+    surfaces = [subject(TURN * (i + 1)) for i in range(FRAMES)]
+    inner = range(2, FRAMES - 2)
+    truths = [_shown(denoise(rendered(look, surfaces[i], reference, 201 + i, engine, width))) for i in inner]
+    rows: list[Row] = []
+    for samples, reach in SAMPLES.items():
+        frames = [
+            rendered(look, surface, samples, 1 + i, engine, width, ways=True)
+            for i, surface in enumerate(surfaces)
+        ]
+        row: Row = {"look": look, "samples": float(samples)}
+        for effort in EFFORTS:
+            denoiser = FilmDenoiser(_reader(frames), effort)
+            denoise(frames[0], effort)  # allocates
+            begun = time.process_time()
+            lights = [denoiser.light(i, range(i - reach, i + reach + 1)) for i in inner]
+            taken = (time.process_time() - begun) / (len(inner) + 2 * reach)
+            off = np.stack([_shown(light) - truth for light, truth in zip(lights, truths, strict=True)])
+            row |= {f"{effort}: flicker": float(off.std(axis=0).mean())}
+            row |= {f"{effort}: error": float(np.sqrt((off**2).mean())), f"{effort}: CPU s": taken}
+        rows.append(row)
+    return rows
+
+
+def _reader(frames: Sequence[RenderedFrame]) -> Callable[[int], RawFrame]:
+    return lambda number: RawFrame(frames[number], CAMERA, StagePlacement())
 
 
 def _shown(light: AnyArray) -> AnyArray:
@@ -132,5 +171,18 @@ def main(width: int = 480, reference: int = 1024) -> list[Target]:
     return targets
 
 
+def compare_efforts(width: int = 480, reference: int = 1024) -> None:
+    """Measure the denoiser's efforts, print the tables and write the numbers."""
+    engine, rows = choose(), list[Row]()
+    for look in LOOKS_OF_EFFORTS:
+        rows += measure_efforts(look, width, reference, engine)
+        show(f"Efforts, {look}, steps of 255", rows[-len(SAMPLES) :])
+    keep("flicker_efforts", rows)
+
+
 if __name__ == "__main__":
-    show("Targets", [target.row for target in main(*map(int, sys.argv[1:]))])
+    numbers = [int(word) for word in sys.argv[1:] if word.isdigit()]
+    if "efforts" in sys.argv:
+        compare_efforts(*numbers)
+    else:
+        show("Targets", [target.row for target in main(*numbers)])
