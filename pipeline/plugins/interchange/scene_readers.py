@@ -200,10 +200,13 @@ def content_of(answer: bytes, path: Path) -> bytes:
     return content
 
 
+_FACTS = ("base", "notes", "unit")
+
+
 def packed_surface(surface: FileSurface) -> bytes:
     """Return a surface as bytes: a line of JSON, and its arrays as npz."""
-    fields = surface._asdict()
-    facts = {name: fields.pop(name) for name in ("base", "notes", "unit")}
+    fields = {name: value for name, value in surface._asdict().items() if value is not None or name in _FACTS}
+    facts = {name: fields.pop(name) for name in _FACTS}
     file = io.BytesIO()
     np.savez(file, **fields)
     return json.dumps(facts).encode() + b"\n" + file.getvalue()
