@@ -93,6 +93,8 @@ class FileFormat:
 
     surface  a `SurfaceReader` of models
     paint    a `PaintReader` of what lies on the faces of these models
+    motion   a function of a file's path and a `ScenePart` or None, which returns a `MovingSurface`; for files
+             that hold points alone it takes the path of the model with the faces in place of the part
     edit     a function of another program's timeline, the names of the shots and the folder of edits; returns
              the path and the text of an edit
     """
@@ -100,6 +102,7 @@ class FileFormat:
     surface: str = ""
     paint: str = ""
     edit: str = ""
+    motion: str = ""
 
 
 @dataclass(frozen=True)
@@ -313,7 +316,7 @@ class Plugins:
         return {kind: source for plugin in self for kind, source in plugin.frame_sources.items()}
 
     def readers(self, part: str) -> dict[str, str]:
-        """Return the readers of a part of files, `surface`, `paint` or `edit`, by suffix."""
+        """Return the readers of a part of files, `surface`, `paint`, `motion` or `edit`, by suffix."""
         forms = (item for plugin in self for item in plugin.formats.items())
         return {suffix: place for suffix, form in forms if (place := getattr(form, part))}
 

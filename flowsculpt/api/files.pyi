@@ -16,7 +16,6 @@ from flowsculpt.render.base.python_process import ForkedProcess as ForkedProcess
 from flowsculpt.render.base.python_process import python_command as python_command
 from flowsculpt.render.base.root_files import remove_file as remove_file
 from flowsculpt.render.base.root_files import remove_tree as remove_tree
-from flowsculpt.render.base.serialise import NOT_PLAIN as NOT_PLAIN
 from flowsculpt.render.base.serialise import from_plain as from_plain
 from flowsculpt.render.base.serialise import to_plain as to_plain
 from flowsculpt.render.base.user_cache import CachedAnswer as CachedAnswer

@@ -1,7 +1,8 @@
-"""Formats of model files: what reads their surfaces, and what reads the paint that lies on the faces.
+"""Formats of model files: what reads their surfaces, how these move, and the paint that lies on the faces.
 
-A format is a `SurfaceReader` and, where its files hold more than a surface, a `PaintReader`. A plug-in names
-both in a `FileFormat`, by suffix. Surfaces are as files have them: polygons that are not merged or checked.
+A format is a `SurfaceReader` and, where its files hold more than a surface, a `PaintReader`, and a function
+that opens a `MovingSurface`. A plug-in names them in a `FileFormat`, by suffix. Surfaces are as files have
+them: polygons that are not merged or checked.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
-from flowsculpt.pipeline.arrays import AnyArray, Faces, Indices, Points
+from flowsculpt.pipeline.arrays import AnyArray, Faces, Floats, Indices, Points
 from flowsculpt.render.base.input_files import InputFile, joint_digest
 from flowsculpt.render.base.plural import plural
 from flowsculpt.render.scene.painted_faces import PaintedFaces
@@ -32,15 +33,16 @@ LARGEST_COORDINATE = 1e12
 class FileSurface(NamedTuple):
     """Polygons as a file has them, not yet merged or checked.
 
-    points   float64 (V, 3)
-    offsets  int64 (F + 1,): face f has the corners ``corners[offsets[f]:offsets[f + 1]]``
-    corners  int64 (C,), from 0
-    groups   int64 (F,): edges between faces with different numbers are creases
-    tagged   int64 (K, 2): edges that the file itself marks as creases
-    base     number of the first vertex and the first face in the file; None in formats without numbers, whose
-             faces share no vertices
-    notes    lines to tell the user about what else the file holds
-    unit     length of a unit of its coordinates, metres; None in formats that do not say it
+    points      float64 (V, 3)
+    offsets     int64 (F + 1,): face f has the corners ``corners[offsets[f]:offsets[f + 1]]``
+    corners     int64 (C,), from 0
+    groups      int64 (F,): edges between faces with different numbers are creases
+    tagged      int64 (K, 2): edges that the file itself marks as creases
+    base        number of the first vertex and the first face in the file; None in formats without numbers,
+                whose faces share no vertices
+    notes       lines to tell the user about what else the file holds
+    unit        length of a unit of its coordinates, metres; None in formats that do not say it
+    velocities  of the points, float64 (V, 3), units per second; None where the file has none
     """
 
     points: Points
@@ -51,6 +53,7 @@ class FileSurface(NamedTuple):
     base: int | None = 0
     notes: tuple[str, ...] = ()
     unit: float | None = None
+    velocities: Points | None = None
 
     @classmethod
     def of(
@@ -133,10 +136,12 @@ class ScenePart:
 
     prim       path of the prim whose meshes are read; None for the scene's default prim, or all of it
     time_code  time of the scene; None for its first
+    animation  name of the animation of a moving surface; None where the file has one
     """
 
     prim: str | None = None
     time_code: float | None = None
+    animation: str | None = None
 
 
 class SourceFiles(NamedTuple):
@@ -196,6 +201,50 @@ class SurfaceReader:
     ) -> SurfaceReader:
         """Return the reader of surfaces that `parse` makes of the content of a file; the rest as above."""
         return cls(lambda path: parse(InputFile(path, MOST_BYTES).content()), files, **options)
+
+
+class MovingSurface(Protocol):
+    """A surface of a file that moves: its facts, and its polygons at times, which are read when asked for.
+
+    One sample is in memory at a time. A process that reads them is kept from the first until `close`.
+    """
+
+    @property
+    def files(self) -> SourceFiles:
+        """The files that it is read from, their digests, and the axis that points up."""
+
+    @property
+    def times(self) -> Floats:
+        """Seconds of its samples, float64 (T,), ascending; of the first and last key if `is_continuous`."""
+
+    @property
+    def rate(self) -> float | None:
+        """Frames per second; None where the file does not say it."""
+
+    @property
+    def is_in_frames(self) -> bool:
+        """True if its times are frames, not seconds: the file does not say how long a frame is (PC2)."""
+
+    @property
+    def is_fixed(self) -> bool:
+        """True if its faces and their corners are those of the still surface at all times."""
+
+    @property
+    def is_continuous(self) -> bool:
+        """True if the file itself says where vertices are at all times, also between its samples."""
+
+    def at(self, seconds: float) -> FileSurface:
+        """Return the polygons at a time, as `SurfaceReader.read` returns those of a still surface.
+
+        Before the first time it is the first sample, after the last the last. One that is not continuous has
+        the sample at the last of `times` that is not later.
+
+        Raises MeshError, with the file and the time, where it cannot be read; MissingInputError where a file
+        is gone or has changed since the surface was opened.
+        """
+
+    def close(self) -> None:
+        """End the process that reads it; `at` begins another."""
 
 
 class Paint(Protocol):

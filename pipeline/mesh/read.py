@@ -31,6 +31,7 @@ from flowsculpt.pipeline.mesh.face_soup import (
 from flowsculpt.pipeline.mesh.mesh_formats import (
     FileSurface,
     ModelMaterials,
+    MovingSurface,
     Paint,
     PaintReader,
     ScenePart,
@@ -199,6 +200,18 @@ class ModelFile:
                 raise MeshError(f"{path}: {error}") from None
             reason = f"cannot be read as {suffix.upper()} ({reason_of(error)})"
             raise MeshError(f"{path}: {reason}. Copy or export it again.") from error
+
+    def motion(self, points: Path | None = None) -> MovingSurface:
+        """Open the moving surface of the file.
+
+        points  a file with the points of the model's vertices over time, such as PC2; None where they are in
+                the model's own file
+        """
+        readers = plugins().readers("motion")
+        moving, other = (self, self.part) if points is None else (ModelFile(points), self.path)
+        suffix = suffix_of(moving.path)
+        known = {suffix: lambda path: named(readers[suffix])(path, other)} if suffix in readers else {}
+        return moving.read_by(known, "a format of moving surfaces", tuple(readers))
 
     def materials(self) -> ModelMaterials:
         """Read the materials of the model."""

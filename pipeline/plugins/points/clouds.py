@@ -12,7 +12,6 @@ import numpy as np
 
 from flowsculpt import MeshError, TriangleMesh, UsageError
 from flowsculpt.api import quote, suggest
-from flowsculpt.api.files import NOT_PLAIN
 from flowsculpt.api.meshes import Floats
 from flowsculpt.api.shots import Solid, Subject
 from flowsculpt.pipeline.plugins.points.point_files import PointSet, read_points
@@ -117,7 +116,7 @@ class CloudOfFile(Cloud):
     digest: str
     radius: float | str
     scale: float = 1.0
-    path: Path = field(default=Path(), metadata=NOT_PLAIN)
+    path: Path = field(default=Path(), metadata={"plain": False})  # keys have its digest
 
     @property
     def files(self) -> tuple[tuple[Path, str], ...]:

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from flowsculpt import TriangleMesh, UsageError
-from flowsculpt.api.files import NOT_PLAIN
 from flowsculpt.api.meshes import Floats, Lattice
 from flowsculpt.api.shots import Subject
 from flowsculpt.pipeline.plugins.points.point_files import read_net
@@ -165,7 +164,7 @@ class NetOfFile(ControlNet):
     columns: int | None = None
     closed: tuple[bool, bool] = (False, False)
     scale: float = 1.0
-    path: Path = field(default=Path(), metadata=NOT_PLAIN)
+    path: Path = field(default=Path(), metadata={"plain": False})  # keys have its digest
 
     @property
     def files(self) -> tuple[tuple[Path, str], ...]:
