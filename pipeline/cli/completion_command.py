@@ -82,7 +82,8 @@ def completion(
     """Print the script by which Tab completes commands, options, shots, edits, flows, looks and qualities.
 
     Bash: write `source <(flowsculpt completion bash)` into ~/.bashrc. Zsh: the same with zsh into ~/.zshrc,
-    after compinit. Fish: run `flowsculpt completion fish > ~/.config/fish/completions/flowsculpt.fish`.
+    after compinit. Fish: write what `flowsculpt completion fish` prints to
+    ~/.config/fish/completions/flowsculpt.fish.
     """
     require_one_of(shell, SCRIPTS, f"{shell!r} is not a shell that is known here.")
     if table.current_commands() is None:
