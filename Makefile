@@ -96,9 +96,12 @@ setup: .venv/ready
 
 # The pip of old Pythons takes 6 CPU seconds more to find packages; the one that $(PYTHON) has, if any, installs ours,
 # because a venv's own takes 2 seconds to make. What films do not need is compiled when it is first imported.
-UNCOMPILED := /tests?/|/numba/cuda/|/numpy/(distutils|f2py)/
+UNCOMPILED := /tests?/|/numba/cuda/|/numpy/(distutils|f2py|ma|testing)/|/pydantic/v1/|/sqlalchemy/(dialects|ext|testing)/
 UNCOMPILED := $(UNCOMPILED)|/(docutils|fontTools|hatchling|matplotlib|mpl_toolkits|pip|pkg_resources|pygments|setuptools)/
+UNCOMPILED := $(UNCOMPILED)|/(av|contourpy|fileseq|fsspec|git|gitdb|nbformat|opentimelineio|pyparsing|shapely|traitlets|trimesh)/
 PIP := --quiet --no-compile --require-hashes -r requirements-pip.lock
+# Each of two processes installs every other package: one alone unpacks 1.1 GB on one core.
+LOCKED := --quiet --no-compile --no-deps --require-hashes
 
 .venv/ready: requirements-pip.lock requirements.lock pyproject.toml | same-python
 	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))' || \
@@ -111,9 +114,12 @@ PIP := --quiet --no-compile --require-hashes -r requirements-pip.lock
 	@$(PYTHON) -m venv --without-pip .venv
 	@$(PYTHON) -m pip --python $(BIN)/python install $(PIP) 2>/dev/null || \
 		{ $(BIN)/python -m ensurepip >/dev/null && $(BIN)/python -m pip install $(PIP); }
-	@$(BIN)/python -m pip install --quiet --no-compile --no-deps --require-hashes -r requirements.lock
-	@$(BIN)/python -m pip install --quiet --no-compile --no-deps --no-build-isolation -e .
-	@$(BIN)/python -m compileall -q -j $(CORES) -x '$(UNCOMPILED)' .venv/lib flowsculpt pipeline render
+	@for half in 0 1; do awk "/^[^ #]/ { n++ } n % 2 == $$half" requirements.lock >.venv/$$half.lock; done; \
+		$(BIN)/python -m pip install $(LOCKED) -r .venv/0.lock & $(BIN)/python -m pip install $(LOCKED) -r .venv/1.lock; \
+		code=$$?; wait $$! && exit $$code
+	@$(BIN)/python -m pip install --quiet --no-compile --no-deps --no-build-isolation -e . & \
+		$(BIN)/python -m compileall -q -j $(CORES) -x '$(UNCOMPILED)' .venv/lib flowsculpt pipeline render; \
+		code=$$?; wait $$! && exit $$code
 	@echo "2 of 2: the renderer and kernels, on all cores (about a minute on two)"
 	@$(BIN)/flowsculpt -j $(CORES) doctor --prepare
 	@touch $@

@@ -174,6 +174,7 @@ rule finish:
         f"{DONE}/{{shot}}/{{quality}}/finish/{{frames}}.{{key}}",
     log:
         f"{LOGS}/{{shot}}/{{quality}}/finish/{{frames}}.{{key}}.log",
+    priority: 1  # what can be looked at comes first
     retries: 2
     threads: lambda w: plan.threads("finish", w)
     resources:

@@ -92,6 +92,44 @@ if __name__ == "__main__":
 """
 
 
+COLD = """
+import sys, time
+import numpy as np
+from {module} import TWIST, deform
+print("ready", flush=True)
+sys.stdin.readline()
+deform(TWIST, np.zeros(12), 0, 1, np.zeros(768), 0)
+print(sum(deform.stats.cache_misses.values()), flush=True)
+"""
+
+
+@pytest.mark.slow
+def test_of_processes_that_start_cold_at_once_one_compiles_and_no_kill_keeps_the_others_waiting(tmp_path):
+    code = COLD.format(module="flowsculpt.pipeline.flow.kernels.deformation_kernels")
+    environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
+
+    def start():
+        pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
+        process = subprocess.Popen([sys.executable, "-c", code], env=environment, **pipes)
+        assert process.stdout.readline() == "ready\n"
+        return process
+
+    def begin(process):
+        process.stdin.write("\n")
+        process.stdin.flush()
+
+    killed, *others = [start() for _ in range(3)]
+    begin(killed)
+    while not [*tmp_path.rglob("deform-*.lock")]:
+        assert killed.poll() is None
+    for process in others:
+        begin(process)
+    killed.kill()
+    killed.communicate()
+    assert sorted(process.communicate(timeout=300)[0].strip() for process in others) == ["0", "1"]
+    assert not [*tmp_path.rglob("*.lock")]
+
+
 def test_no_vector_library_with_other_bits_is_taken():
     code = "import flowsculpt.pipeline.production, numba.core.config as c\n"
     code += "print(c.DISABLE_INTEL_SVML, c.USING_SVML)"

@@ -36,6 +36,7 @@ from flowsculpt.pipeline.resample.placement import REST, REST_NORMAL
 from flowsculpt.pipeline.resample.resampler import STATELESS
 from flowsculpt.pipeline.shot import Motion, Resampling, Shot
 from flowsculpt.pipeline.statistics import COUNTED_FRAMES, MeshStatistics, mesh_statistics
+from flowsculpt.render.base.kernel_cache import compiled_seconds
 
 
 class RestInterval:
@@ -495,6 +496,11 @@ def _report_frames(
         del frame
 
 
+def _working_seconds() -> float:
+    """Return a time in seconds that stands still while kernels are compiled, once for all frames."""
+    return time.monotonic() - compiled_seconds()
+
+
 class _FrameWatch:
     """Turns the progress of computations into that of one frame."""
 
@@ -507,7 +513,8 @@ class _FrameWatch:
         told: set[str],
     ) -> None:
         self._motion, self._frame, self._before, self._callback = motion, frame, before, callback
-        self._began = self._reported = time.monotonic()
+        self._reported = time.monotonic()
+        self._began = _working_seconds()
         self._last = Progress("", 0, 0)
         self._moved = 0
         self._vertices = 0 if before is None else before.vertices
@@ -516,7 +523,7 @@ class _FrameWatch:
     def receive(self, progress: Progress) -> None:
         """Take progress of a flow or of the resampler."""
         if progress.is_once:
-            self._began = time.monotonic()  # says nothing of the frame
+            self._began = _working_seconds()  # says nothing of the frame
             share = progress.done / progress.total
             self._callback(FrameProgress(self._frame, share, progress.activity, 0))
             return
@@ -530,7 +537,7 @@ class _FrameWatch:
             return
         self._reported = now
         share = self._share()
-        slow = self._slow(now - self._began, share)
+        slow = self._slow(_working_seconds() - self._began, share)
         self._callback(FrameProgress(self._frame, share, progress.activity, self._vertices, slow))
 
     def _share(self) -> float:

@@ -19,11 +19,12 @@ import pickle
 import re
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import cache, wraps
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import IO, Any, NamedTuple, TypeVar
 
 import llvmlite
 import llvmlite.binding
@@ -169,7 +170,7 @@ class KernelCache(Cache):  # type: ignore[misc]  # numba has no types
     """The compiled files of one kernel: one for each of its types, with the digest of its content.
 
     Files are pickles, which run as code: they are read from folders that nobody else may write to. A damaged
-    file counts as none. Processes may write one at once.
+    file counts as none. Of processes that lack the same one at once, one compiles and the others wait.
     """
 
     inner: frozenset[tuple[str, str]] = frozenset()
@@ -185,24 +186,33 @@ class KernelCache(Cache):  # type: ignore[misc]  # numba has no types
         return str(_written_folder() / _folder_of(inspect.getfile(self._py_func)))
 
     def load_overload(self, signature: Any, target: Any) -> Any:
-        """Return the compiled function for a signature, or None where no folder holds a whole one."""
+        """Return the compiled function for a signature, or None where no folder holds a whole one.
+
+        Then numba compiles it and calls `save_overload`; other processes wait until then.
+        """
         target.refresh()
         with suppress(OSError):  # of a source that was removed
             place = self._place(signature, target.codegen())
-            for folder in kernel_folders():
-                if content := _whole_content(folder / place):
-                    return CompileResult._rebuild(target, *pickle.loads(content))
+            content = _stored_content(place)
+            if content is None:
+                reserve_kernel(place)
+                if content := _stored_content(place):  # by another process
+                    release_kernel(place)
+            if content is not None:
+                return CompileResult._rebuild(target, *pickle.loads(content))
         return None
 
     def save_overload(self, signature: Any, result: Any) -> None:
         """File a compiled function; a disk that refuses it costs only time."""
-        if result.library.has_dynamic_globals:
-            return
-        content = dumps(result._reduce())
         with suppress(OSError, MachineError):
-            path = _written_folder() / self._place(signature, result.codegen)
-            with atomic_write(path, flush=False) as draft:
-                draft.write_bytes(hashlib.sha256(content).digest() + content)
+            place = self._place(signature, result.codegen)
+            try:
+                if not result.library.has_dynamic_globals:
+                    content = dumps(result._reduce())
+                    with atomic_write(_written_folder() / place, flush=False) as draft:
+                        draft.write_bytes(hashlib.sha256(content).digest() + content)
+            finally:
+                release_kernel(place)
 
     def is_stored(self, signature: Any, target: Any) -> bool:
         """Tell whether a folder holds a file for a signature. Raises OSError where there is no source."""
@@ -219,6 +229,70 @@ class KernelCache(Cache):  # type: ignore[misc]  # numba has no types
         kind = "inner" if (self._py_func.__module__, self._py_func.__name__) in self.inner else "kernel"
         file = f"{name}-{hashlib.sha256(key.encode()).hexdigest()[:24]}.{kind}"
         return Path(_folder_of(inspect.getfile(self._py_func)), file)
+
+
+class _Reserved(NamedTuple):
+    """A kernel that this process compiles, since when, and the open file whose lock others wait for."""
+
+    place: Path
+    began: float
+    lock: IO[bytes] | None
+
+
+_reserved: list[_Reserved] = []
+"""The kernels that this process compiles now: each is called by the one before it."""
+
+_compiled_seconds = 0.0
+
+MOST_WAITING = 120.0
+"""Seconds after which a process no longer waits for another, but compiles itself."""
+
+
+def reserve_kernel(place: Path) -> None:
+    """Have other processes wait until this one has compiled a kernel; wait for one that does so already.
+
+    Nothing but time depends on it: without locks, as on some network file systems, several compile it.
+    """
+    began, lock = time.monotonic(), None
+    with suppress(OSError, MachineError, ImportError):  # Windows has no fcntl
+        import fcntl
+
+        path = _lock_of(place)
+        path.parent.mkdir(exist_ok=True)
+        lock = path.open("ab")
+        while time.monotonic() < began + MOST_WAITING:
+            with suppress(BlockingIOError):
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            time.sleep(0.02)
+    _reserved.append(_Reserved(place, began, lock))
+
+
+def release_kernel(place: Path) -> None:
+    """End what `reserve_kernel` has begun, and what has failed since."""
+    global _compiled_seconds
+    while any(each.place == place for each in _reserved):
+        ended, began, lock = _reserved.pop()
+        if lock is not None:
+            with suppress(OSError, MachineError):
+                _lock_of(ended).unlink(missing_ok=True)
+            lock.close()
+        if not _reserved:
+            _compiled_seconds += time.monotonic() - began
+
+
+def compiled_seconds() -> float:
+    """Return the seconds in which this process has compiled kernels, or waited for one that did."""
+    return _compiled_seconds
+
+
+def _lock_of(place: Path) -> Path:
+    return _written_folder() / f"{place}.lock"
+
+
+def _stored_content(place: Path) -> bytes | None:
+    """Return the first whole file of that place in the folders of kernels."""
+    return next(filter(None, (_whole_content(folder / place) for folder in kernel_folders())), None)
 
 
 def _whole_content(file: Path) -> bytes | None:

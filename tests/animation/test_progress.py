@@ -21,6 +21,7 @@ from flowsculpt.pipeline.long_computations import Progress
 from flowsculpt.pipeline.plugins.fields.curl_noise import CurlNoise
 from flowsculpt.pipeline.shot import read_shot
 from flowsculpt.pipeline.shot.shot import Shot
+from flowsculpt.render.base.kernel_cache import release_kernel, reserve_kernel
 
 TURBULENT = """
 title: Turbulence on a small scale
@@ -140,6 +141,29 @@ def test_steps_that_a_narrow_vortex_limits_are_blamed_on_it(tmp_path: Path) -> N
     coarser = shot_of(tmp_path, swept, f"max_step: {cost.coarser}").motion
     eased = MotionForecast(coarser).costs(2, points)[0]
     assert eased.substeps == pytest.approx(50, rel=0.1)
+
+
+def test_a_frame_in_which_kernels_are_compiled_is_not_called_slow(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kernel = Path("module-0123/kernel-4567.kernel")
+    monkeypatch.setattr(module, "SLOW_SECONDS", 1.0)
+    monkeypatch.setattr(module, "MEASURED_SECONDS", 0.5)
+    monkeypatch.setattr(module, "REPORT_SECONDS", 0.0)
+    motion = curl_noise(tmp_path).motion
+
+    def said(is_compiled: bool) -> str:
+        heard: list[str] = []
+        watch = module._FrameWatch(motion, 1, None, lambda progress: heard.append(progress.slow), set())
+        if is_compiled:
+            reserve_kernel(kernel)
+        time.sleep(1.2)
+        if is_compiled:
+            release_kernel(kernel)
+        watch.receive(Progress("splitting edges", 5000, 0))
+        return "".join(heard)
+
+    assert said(True) == "" and "has taken 1 s so far" in said(False)
 
 
 def test_maps_have_no_sub_steps(tmp_path: Path) -> None:

@@ -83,6 +83,26 @@ def plan(tmp_path: Path) -> Plan:
     return Project(tmp_path, 2, variant="scalar_rgb").pictures([str(tmp_path / "a.yaml")], "draft")
 
 
+@pytest.mark.parametrize(
+    ("quality", "first"), [("draft", [(1,), (1,)]), ("final", [(1, 2, 3), (1,)])], ids=["draft", "over time"]
+)
+def test_the_first_picture_of_a_run_is_made_before_all_others(
+    tmp_path: Path, quality: str, first: list[tuple[int, ...]]
+) -> None:
+    for name in ("a", "b"):
+        (tmp_path / f"{name}.yaml").write_text(SHOT.format(frames=60))
+    paths = [str(tmp_path / f"{name}.yaml") for name in ("a", "b")]
+    plan = Project(tmp_path, 2, variant="scalar_rgb").pictures(paths, quality)
+    made = [[tuple(job.frames) for job in plan.jobs if job.stage == s] for s in ("render", "finish")]
+    assert [of_stage[0] for of_stage in made] == first
+    for of_stage in made:
+        assert [len(frames) for frames in of_stage].count(len(of_stage[0])) == 1, "of one shot alone"
+        assert sum(map(len, of_stage)) == 2 * 60
+    finish = next(job for job in plan.jobs if job.stage == "finish")
+    needed = plan.inputs(finish, "render")
+    assert needed == [next(job.output for job in plan.jobs if job.stage == "render")]
+
+
 def test_a_frozen_plan_knows_what_each_job_reads(plan: Plan, tmp_path: Path) -> None:
     thawed = Plan.thaw(tmp_path / plan.freeze(tmp_path))
     by_output = {job.output: job for job in thawed.jobs}

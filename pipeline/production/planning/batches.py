@@ -19,6 +19,9 @@ MIN_BATCH = 4
 MIN_LAST_BATCH = 64
 """The smallest last batches, in frames, while there are more batches than cores."""
 
+FEWEST_SPLIT = 24
+"""A run of at least so many pictures makes its first one before all others: somebody waits to see it."""
+
 
 def batches(numbers: Sequence[int], cores: int) -> list[tuple[int, ...]]:
     """Split frames into batches, none longer than MAX_BATCH, enough of them to keep the cores busy, but none
