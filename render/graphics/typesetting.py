@@ -37,19 +37,24 @@ def lettering(text: str, font: str, size: int, spacing: float = 0.0) -> Floats:
     Raises BadInputError for an unknown font.
     """
     fine_size = size * _FINE
-    bearings = _ink_width("HH", fine_size, font)
-    offsets, x = [], 0.0
-    for letter in text:
-        offsets.append(round(x))
-        x += _ink_width(f"H{letter}H", fine_size, font) - bearings + spacing * fine_size
-    width = max(1, round(x - spacing * fine_size))
-    page = oiio.ImageBuf(oiio.ImageSpec(-(-width // _FINE) * _FINE, 2 * fine_size, 3, oiio.FLOAT))
+    offsets, width = _set_letters(text, font, size, spacing)
+    page = oiio.ImageBuf(oiio.ImageSpec(width * _FINE, 2 * fine_size, 3, oiio.FLOAT))
     baseline = int(BASELINE * fine_size)
     for letter, offset in zip(text, offsets, strict=True):
         oiio.ImageBufAlgo.render_text(page, offset, baseline, letter, fine_size, font, [1.0, 1.0, 1.0])
     ink = np.asarray(page.get_pixels(oiio.FLOAT))[..., 0]
     rows, columns = ink.shape[0] // _FINE, ink.shape[1] // _FINE
     return np.asarray(ink.reshape(rows, _FINE, columns, _FINE).mean(axis=(1, 3)), dtype=np.float32)
+
+
+def _set_letters(text: str, font: str, size: int, spacing: float) -> tuple[list[int], int]:
+    """Return where the letters of a line begin, in fine pixels, and the width of the line in pixels."""
+    bearings = _ink_width("HH", size * _FINE, font)
+    offsets, x = [], 0.0
+    for letter in text:
+        offsets.append(round(x))
+        x += _ink_width(f"H{letter}H", size * _FINE, font) - bearings + spacing * size * _FINE
+    return offsets, -(-max(1, round(x - spacing * size * _FINE)) // _FINE)
 
 
 @lru_cache(maxsize=4096)
@@ -93,7 +98,7 @@ class Font:
 
     def width(self, text: str) -> int:
         """Return the width of one line of text, pixels."""
-        return int(self.line(text).shape[1])
+        return _set_letters(text, self.name, self.size, self.spacing)[1] if text else 0
 
     def write(
         self,
@@ -138,6 +143,7 @@ class Font:
         return text
 
 
+@lru_cache(maxsize=4096)
 def _ink_width(text: str, size: int, font: str) -> int:
     box = oiio.ImageBufAlgo.text_size(text, size, font)
     if not box.defined:

@@ -6,6 +6,8 @@ pydantic writes most of the schemas; `fields.SchemaKeywords` adds the rules of v
 from __future__ import annotations
 
 import re
+from copy import deepcopy
+from functools import cache
 from inspect import cleandoc
 from typing import Any
 
@@ -84,6 +86,11 @@ class _Generator(GenerateJsonSchema):
 
 def schema_of(document: type[BaseModel], title: str) -> Schema:
     """Return the schema of a document, with what it needs where it stands, whatever a shot may inherit."""
+    return {"$schema": DIALECT, "title": title, **deepcopy(_pydantic_schema(document))}
+
+
+@cache
+def _pydantic_schema(document: type[BaseModel]) -> Schema:
     schema = document.model_json_schema(schema_generator=_Generator)
     definitions = schema.get("$defs", {})
     for entry in ("FlowDocument", "VelocityDocument"):
@@ -91,7 +98,7 @@ def schema_of(document: type[BaseModel], title: str) -> Schema:
             _describe_flows(definitions[entry]["properties"], definitions)
     for inner in mappings(definitions):
         _use_standard_bounds(inner)
-    return _with_short_names({"$schema": DIALECT, "title": title, **schema})
+    return _with_short_names(schema)
 
 
 _BOUNDS = {

@@ -48,7 +48,7 @@ def test_a_new_shot_of_a_model_is_good_at_once_and_tells_what_was_repaired(proje
     from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
 
     outside = tmp_path_factory.mktemp("outside")
-    ball = icosphere(6)
+    ball = icosphere(3)
     faces = np.where(np.arange(len(ball.faces))[:, None] % 2, ball.faces, ball.faces[:, ::-1])
     write_mesh(TriangleMesh(300 * ball.vertices, faces), outside / "ball.stl")
     done = project.call("--json", "new", "A030_ball", "--model", str(outside / "ball.stl"))
@@ -116,7 +116,7 @@ def test_schemas_are_printed_or_written(project):
 
 def test_new_never_overwrites(project):
     before = project.shot.read_text()
-    done = project.run("new", NAME)
+    done = project.call("new", NAME)
     assert done.code == 2
     assert project.shot.read_text() == before
 
@@ -127,7 +127,7 @@ def test_validate_tells_everything_at_once_with_line_and_column(project):
         .replace("max_edge_length: 0.5", "max_edge_length: 0.5, min_edge_length: 0.3")
         .replace("axis: y", "axxis: y")
     )
-    done = project.run("validate", NAME)
+    done = project.call("validate", NAME)
     assert done.code == 2
     assert re.search(r"T010_tiny\.yaml:4:\d+: .*60%.*50%", done.err)
     assert re.search(r"T010_tiny\.yaml:6:\d+: .*axis", done.err)
@@ -136,7 +136,7 @@ def test_validate_tells_everything_at_once_with_line_and_column(project):
 def test_a_shot_may_extend_another_and_defaults_are_no_shot(project):
     (project.shot.parent / "T020_more.yaml").write_text(f"extends: {NAME}\ntitle: More\n")
     (project.shot.parent / "defaults.yaml").write_text("look: glaze\n")
-    done = project.call("--json", "simulate", "T020_more", "-f", "1-2")
+    done = project.run("--json", "simulate", "T020_more", "-f", "1-2")
     assert done.code == 0 and json.loads(done.out)["made"] == {"simulate": 2}, done.err
     assert {fact["file"] for fact in json.loads(project.call("--json", "validate").out)} == {
         NAME,

@@ -66,10 +66,9 @@ def test_a_shot_of_the_gallery_has_its_keys_also_under_another_name(tmp_path, ke
     for shot, name in names.items():
         done = folder.call("new", name, "--from", shot)
         assert done.code == 0 and not done.err, (done.err, "the defaults of a new show change no shot")
-    assert keys(tmp_path, names) == keys_of_gallery
     (moved := tmp_path / "moved").mkdir()
     (tmp_path / "shots").rename(moved / "shots")
-    assert keys(moved, names) == keys_of_gallery, "it reads nothing from elsewhere"
+    assert keys(moved, names) == keys_of_gallery, "it reads nothing from elsewhere, either"
 
 
 @needs_plugins(*needed_by(MOON))

@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator
+from contextlib import chdir
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -31,19 +33,31 @@ flows:
 """
 
 
+def show(root: Path) -> Path:
+    (root / "shots").mkdir()
+    (root / "shots" / f"{NAME}.yaml").write_text(SHOT)
+    (root / "shots" / "film.yaml").write_text(f"title: A film\nshots: [{NAME}]\n")
+    return root
+
+
 @pytest.fixture
 def root(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    (tmp_path / "shots").mkdir()
-    (tmp_path / "shots" / f"{NAME}.yaml").write_text(SHOT)
-    (tmp_path / "shots" / "film.yaml").write_text(f"title: A film\nshots: [{NAME}]\n")
     monkeypatch.chdir(tmp_path)
-    return tmp_path
+    return show(tmp_path)
 
 
-def bred(root: Path, *words: str) -> dict[str, object]:
+@pytest.fixture(scope="module")
+def family(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+    """A show with a first generation, and what the command told of it; tests add to it at most."""
+    root = show(tmp_path_factory.mktemp("family"))
+    with chdir(root):
+        return root, bred(root, NAME)
+
+
+def bred(root: Path, *words: str) -> dict[str, Any]:
     code, said = commanded(root, "--json", "breed", *words, *FEW)
     assert code == 0, said
-    found: dict[str, object] = json.loads(said[said.index("{\n") :])  # warnings may stand above
+    found: dict[str, Any] = json.loads(said[said.index("{\n") :])  # warnings may stand above
     return found
 
 
@@ -51,8 +65,8 @@ def files(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-def test_children_are_shots_with_a_sheet_a_page_and_a_record(root: Path) -> None:
-    facts = bred(root, NAME)
+def test_children_are_shots_with_a_sheet_a_page_and_a_record(family: tuple[Path, dict[str, Any]]) -> None:
+    root, facts = family
     folder = root / "bred" / f"{NAME}_1"
     children = sorted(folder.glob("*.yaml"))
     assert facts["children"] == [str(path) for path in children] and children
@@ -73,9 +87,12 @@ def test_the_same_seed_gives_the_same_bytes_in_one_process_and_in_two(root: Path
     assert one == two and pages[0] == pages[1]
 
 
-def test_the_choice_of_a_page_makes_the_next_generation_and_its_family_tree(root: Path) -> None:
-    first = bred(root, NAME)
-    parents = "1,2" if len(first["children"]) > 1 else "1"  # type: ignore[arg-type]
+def test_the_choice_of_a_page_makes_the_next_generation_and_its_family_tree(
+    family: tuple[Path, dict[str, Any]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    root, first = family
+    monkeypatch.chdir(root)
+    parents = "1,2" if len(first["children"]) > 1 else "1"
     choice = root / "choice.txt"
     choice.write_text(f"bred/{NAME}_1 parents={parents} favourites=1 change=0.4 seed=3 name=calm\n")
     second = bred(root, "--from-page", str(choice))
@@ -84,7 +101,7 @@ def test_the_choice_of_a_page_makes_the_next_generation_and_its_family_tree(root
     ancestry = read_shot(next(folder.glob("*.yaml"))).entries["breed.ancestry"]
     assert (ancestry.generation, ancestry.seed, ancestry.ancestors) == (2, 3, [NAME])
     rows = rows_of(folder, folder)
-    assert [len(row.pictures) for row in rows] == [1, len(first["children"]), len(second["children"])]  # type: ignore[arg-type]
+    assert [len(row.pictures) for row in rows] == [1, len(first["children"]), len(second["children"])]
     assert rows[2].favourites == (f"{NAME}_1_01",)
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flowsculpt.pipeline.frames import FrameRange
@@ -32,6 +32,7 @@ plain = st.recursive(
 )
 
 
+@settings(max_examples=40)
 @given(plain, plain)
 def test_data_differ_where_they_are_not_the_same(one: Any, other: Any) -> None:
     assert not list(differences(one, one))
