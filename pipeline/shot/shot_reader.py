@@ -32,7 +32,7 @@ from flowsculpt.pipeline.shot.documents.subject_documents import (
     SubjectEntry,
     SubjectSettings,
 )
-from flowsculpt.pipeline.shot.documents.subject_kinds import AnimatedKind, NamedKind, PointsKind
+from flowsculpt.pipeline.shot.documents.subject_kinds import MovingKind, NamedKind, PointsKind
 from flowsculpt.pipeline.shot.motion import Clock, Loop, Motion, parse_frames, parse_rate
 from flowsculpt.pipeline.shot.shot import AovSelection, Picture, Shot, SoundTrack
 from flowsculpt.pipeline.shot.subjects import Model, PluginSurface, SeveralSubjects, Solid, Subject
@@ -339,9 +339,7 @@ def with_speed(clock: Clock, source: YamlSource) -> tuple[Clock, list[Problem]]:
     return (clock, [(("speed",), fault)]) if fault else (retimed, [])
 
 
-def _given(
-    kind: AnimatedKind, source: YamlSource, clock: Clock, where: Where = ("subject",)
-) -> AnimatedModel:
+def _given(kind: MovingKind, source: YamlSource, clock: Clock, where: Where = ("subject",)) -> AnimatedModel:
     """Return the subject that a kind reads. Raises ShotError or MissingInputError with its place."""
     place = source.place((*where, kind.word()))
     try:
@@ -406,7 +404,7 @@ def _motion(
     else:
         built = (
             _given(subject, source, retimed, where)
-            if isinstance(subject, AnimatedKind)
+            if isinstance(subject, MovingKind)
             else subject.build(folder)
         )
     resampling = shape = None

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from flowsculpt import UsageError
-from flowsculpt.api import AnimatedKind, plural
+from flowsculpt.api import MovingKind, plural
 from flowsculpt.api.meshes import Floats, ModelFile, ScenePart
 from flowsculpt.api.shots import Clock, Positive, SurfaceSequence
 from flowsculpt.pipeline.plugins.sequences.given_surfaces import EXACT, GivenSurfaces, SampleTimes
@@ -21,7 +21,7 @@ from flowsculpt.pipeline.plugins.sequences.surface_samples import (
 )
 
 
-class SequenceDocument(AnimatedKind):
+class SequenceDocument(MovingKind):
     """A moving mesh of another program."""
 
     example = "{sequence: cache/fluid_####.ply}"

@@ -39,8 +39,8 @@ from flowsculpt.pipeline.shot.documents.flow_entries import DASHES, FlowDocument
 from flowsculpt.pipeline.shot.documents.look_documents import LookField
 from flowsculpt.pipeline.shot.documents.resampling import ResampleField
 from flowsculpt.pipeline.shot.documents.subject_kinds import (
-    AnimatedKind,
     CopyLayout,
+    MovingKind,
     NamedKind,
     PointsKind,
     SizedDocument,
@@ -204,7 +204,7 @@ def _part_of_plugin(plugin: Plugin, name: str, kind: Any) -> tuple[type[Document
 
     Raises ContractError for a class that is neither, and for points whose name another plug-in may take.
     """
-    require_class(kind, SubjectKind, CopyLayout, PointsKind, AnimatedKind)
+    require_class(kind, SubjectKind, CopyLayout, PointsKind, MovingKind)
     if issubclass(kind, NamedKind) and not kind.__module__.startswith("flowsculpt."):
         kind.require_word_of(plugin.name)
     description = inspect.cleandoc(kind.__doc__ or name).partition("\n")[0]
@@ -264,7 +264,7 @@ def subject_form(value: Any) -> int:
 
 
 if TYPE_CHECKING:
-    SubjectDocument = SolidDocument | ModelDocument | PointsKind | AnimatedKind | PluginSurfaceDocument
+    SubjectDocument = SolidDocument | ModelDocument | PointsKind | MovingKind | PluginSurfaceDocument
 else:
     _FORMS = (SolidDocument, ModelDocument, *NAMED.values(), PluginSurfaceDocument)
     SubjectDocument = Annotated[reduce(or_, _FORMS), ByForm(subject_form)]
@@ -348,7 +348,7 @@ if TYPE_CHECKING:
     class SubjectOfPoints(SubjectSettings, PointsKind):
         """Points among several subjects."""
 
-    class SubjectOfAnimated(SubjectSettings, AnimatedKind):
+    class SubjectOfAnimated(SubjectSettings, MovingKind):
         """A surface that is given, among several subjects."""
 
     SubjectEntry = (

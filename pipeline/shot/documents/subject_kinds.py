@@ -151,7 +151,7 @@ class PointsKind(NamedKind):
         """
 
 
-class AnimatedKind(NamedKind, SizedDocument):
+class MovingKind(NamedKind, SizedDocument):
     """A kind of subject of a plug-in whose surface at every time is given, `{sequence: "a_####.ply"}`."""
 
     up: Literal["y", "z"] | None = optional("the axis of the files that points up: what they state, else y")
@@ -164,7 +164,7 @@ class AnimatedKind(NamedKind, SizedDocument):
 
     @classmethod
     def word(cls) -> str:
-        own = (item for item in cls.model_fields.items() if item[0] not in AnimatedKind.model_fields)
+        own = (item for item in cls.model_fields.items() if item[0] not in MovingKind.model_fields)
         name, first = next(own)
         return first.alias or name
 
