@@ -136,10 +136,12 @@ class ScenePart:
 
     prim       path of the prim whose meshes are read; None for the scene's default prim, or all of it
     time_code  time of the scene; None for its first
+    animation  name of the animation of a moving surface; None where the file has one
     """
 
     prim: str | None = None
     time_code: float | None = None
+    animation: str | None = None
 
 
 class SourceFiles(NamedTuple):
@@ -218,6 +220,10 @@ class MovingSurface(Protocol):
     @property
     def rate(self) -> float | None:
         """Frames per second; None where the file does not say it."""
+
+    @property
+    def is_in_frames(self) -> bool:
+        """True if its times are frames, not seconds: the file does not say how long a frame is (PC2)."""
 
     @property
     def is_fixed(self) -> bool:

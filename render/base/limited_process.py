@@ -121,6 +121,33 @@ class Parser:
             os.close(reading)
         return _parse(content, process.wait())
 
+    def session(self, path: Path, *options: str) -> ParserSession:
+        """Start a process that answers questions about a file, by `serve_session`. Raises MachineError."""
+        return ParserSession(self.module, path, *options)
+
+    @staticmethod
+    def serve_session(begin: Callable[..., Callable[[str], bytes]]) -> None:
+        """Answer questions on stdin, within limits, until it ends: a line of JSON each.
+
+        begin  takes the path and the options of the session, and returns what answers a question
+        """
+        output = os.fdopen(os.dup(1), "wb")
+        os.dup2(2, 1)
+        seconds, path, *options = json.loads(sys.stdin.buffer.readline())
+        _limit()
+        answer: Callable[[str], bytes] | None = None
+        for line in sys.stdin.buffer:
+            Parser.allow_seconds(4 * seconds)
+            try:
+                if answer is None:
+                    answer = begin(path, *options)
+                result = _PARSED + answer(json.loads(line))
+            except Exception as error:  # as in `serve`
+                result = _refusal(error)
+            output.write(len(result).to_bytes(8, "little") + result)
+            output.flush()
+        os._exit(0)
+
     @staticmethod
     def serve(answer: Callable[..., bytes]) -> None:
         """Answer about the path, and options, on stdin within limits. What libraries print goes to stderr."""
@@ -148,6 +175,73 @@ class Parser:
             resource.setrlimit(resource.RLIMIT_CPU, (math.ceil(time.process_time() + count), most))
 
 
+class ParserSession:
+    """A process that answers one question after another about a file; `close` ends it.
+
+    It ends by itself when this process has.
+    """
+
+    def __init__(self, module: str, path: Path, *options: str) -> None:
+        self._seconds = SECONDS + InputFile(path).size() / 2**20
+        try:
+            self._process = subprocess.Popen(
+                python_process.python_command(module),
+                env=python_process.environment(),
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL,
+            )
+        except OSError as error:
+            raise MachineError(f"no process can be started to read a file ({error.strerror})") from None
+        self._opening = json.dumps([self._seconds, str(path.absolute()), *options]) + "\n"
+
+    def ask(self, question: str) -> bytes:
+        """Return the answer to a question. Raises as `Parser.answer`; the process has ended then."""
+        assert self._process.stdin is not None and self._process.stdout is not None
+        words, self._opening = self._opening + json.dumps(question) + "\n", ""
+        try:
+            with suppress(BrokenPipeError):
+                self._process.stdin.write(words.encode())
+                self._process.stdin.flush()
+            end, pipe = time.monotonic() + self._seconds, self._process.stdout.fileno()
+            count = int.from_bytes(_bytes_of(pipe, 8, end, self._seconds), "little")
+            return _parse(_bytes_of(pipe, count, end, self._seconds), self._process.poll() or 0)
+        except _EarlyEndError:
+            self._process.wait()
+            return _parse(b"", self._process.returncode)
+        except BaseException:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        """End the process."""
+        self._process.kill()
+        self._process.wait()
+        for pipe in (self._process.stdin, self._process.stdout):
+            with suppress(OSError):
+                if pipe is not None:
+                    pipe.close()
+
+
+class _EarlyEndError(Exception):
+    """A process ended before its answer did."""
+
+
+def _bytes_of(pipe: int, count: int, end: float, seconds: float) -> bytes:
+    """Return so many bytes of a pipe. Raises ParserError where that takes longer than to the time `end`."""
+    content, at, waiting = bytearray(count), 0, select.poll()
+    waiting.register(pipe, select.POLLIN)
+    while at < count:
+        if not waiting.poll(max(1000.0 * (end - time.monotonic()), 0.0)):
+            raise ParserError(f"its reader took over {seconds:.0f} seconds")
+        part = os.read(pipe, min(count - at, 1 << 20))
+        if not part:
+            raise _EarlyEndError
+        content[at : at + len(part)] = part
+        at += len(part)
+    return bytes(content)
+
+
 def _parse(output: bytes, code: int) -> bytes:
     """Return the answer in what a process wrote. Raises ParserError where there is none."""
     if output.startswith(_PARSED) and code == 0:
@@ -173,23 +267,31 @@ def _write_answer(
     answer: Callable[..., bytes], output: BinaryIO, seconds: float, path: str, *options: str
 ) -> None:
     """Write the answer about a path, or why there is none, and end this process."""
-    _limit(seconds)
+    _limit()
+    with suppress(ImportError, OSError, ValueError):
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_CPU, (int(4 * seconds), int(4 * seconds)))
     try:
         result = _PARSED + answer(path, *options)
-    except Exception as error:  # parsers raise anything, and those in C++ lack memory in their own words
-        is_full = isinstance(error, MemoryError) or "bad_alloc" in str(error)
-        result = _REFUSED + (b"its reader needed too much memory" if is_full else reason_of(error).encode())
+    except Exception as error:  # parsers raise anything
+        result = _refusal(error)
     output.write(result)
     output.flush()
     os._exit(0)  # destructors of a library that met a damaged file may crash
 
 
-def _limit(seconds: float) -> None:
-    """Limit memory and time of this process, and let it write no file."""
+def _refusal(error: Exception) -> bytes:
+    """Return the answer that says why there is none; C++ lacks memory in its own words."""
+    is_full = isinstance(error, MemoryError) or "bad_alloc" in str(error)
+    return _REFUSED + (b"its reader needed too much memory" if is_full else reason_of(error).encode())
+
+
+def _limit() -> None:
+    """Limit the memory of this process, and let it write no file."""
     Parser.allow_memory(Parser.MEMORY)
     with suppress(ImportError, OSError, ValueError):
         import resource
 
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
         resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
-        resource.setrlimit(resource.RLIMIT_CPU, (int(4 * seconds), int(4 * seconds)))

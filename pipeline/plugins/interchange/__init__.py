@@ -34,14 +34,28 @@ PLUGIN = Plugin(
         "stl": FileFormat(f"{_HERE}.stl_files:STL"),
         "off": FileFormat(f"{_HERE}.off_files:OFF"),
         **dict.fromkeys(
-            ("glb", "gltf"), FileFormat(f"{_HERE}.gltf_files:GLTF", f"{_HERE}.gltf_paint:GLTF_PAINT")
+            ("glb", "gltf"),
+            FileFormat(
+                f"{_HERE}.gltf_files:GLTF",
+                f"{_HERE}.gltf_paint:GLTF_PAINT",
+                motion=f"{_HERE}.gltf_motion:open_gltf",
+            ),
         ),
-        "fbx": FileFormat(f"{_HERE}.fbx_files:FBX", f"{_HERE}.fbx_paint:FBX_PAINT"),
+        "fbx": FileFormat(
+            f"{_HERE}.fbx_files:FBX", f"{_HERE}.fbx_paint:FBX_PAINT", motion=f"{_HERE}.fbx_motion:open_fbx"
+        ),
+        "abc": FileFormat(f"{_HERE}.alembic_files:ALEMBIC", motion=f"{_HERE}.alembic_files:open_alembic"),
+        "pc2": FileFormat(motion=f"{_HERE}.point_caches:open_pc2"),
+        "mdd": FileFormat(motion=f"{_HERE}.point_caches:open_mdd"),
         "dae": FileFormat(f"{_HERE}.collada_files:COLLADA"),
         "3mf": FileFormat(f"{_HERE}.threemf_files:THREEMF"),
         **dict.fromkeys(
             ("usd", "usda", "usdc", "usdz"),
-            FileFormat(f"{_HERE}.usd_files:USD", f"{_HERE}.usd_files:USD_PAINT"),
+            FileFormat(
+                f"{_HERE}.usd_files:USD",
+                f"{_HERE}.usd_files:USD_PAINT",
+                motion=f"{_HERE}.usd_motion:open_usd",
+            ),
         ),
     },
     extras=f"{_HERE}.interchange_extras:InterchangeExtras",

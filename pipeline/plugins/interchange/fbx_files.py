@@ -106,7 +106,9 @@ def up_axis(content: bytes) -> str:
     return "z" if axes is not None and axes[1, 2] == 1.0 and np.linalg.det(axes) > 0.0 else "y"
 
 
-def loaded_scene(content: bytes, *, ignore_embedded: bool = True, **options: bool) -> ufbx.Scene:
+def loaded_scene(
+    content: bytes, *, ignore_embedded: bool = True, ignore_animation: bool = True, **options: bool
+) -> ufbx.Scene:
     """Return the scene of a file. Raises UfbxError or ValueError where it cannot be read."""
     import ufbx
 
@@ -114,11 +116,11 @@ def loaded_scene(content: bytes, *, ignore_embedded: bool = True, **options: boo
         scene = ufbx.load_memory(
             content if content.startswith(_BINARY) else text_content(content),
             file_format=ufbx.FileFormat.FBX,  # it would read OBJ too
-            ignore_animation=True,
+            ignore_animation=ignore_animation,
             ignore_embedded=ignore_embedded,
             use_blender_pbr_material=True,  # as metalness and roughness, as Blender reads them
             skip_mesh_parts=True,
-            skip_skin_vertices=True,
+            skip_skin_vertices=ignore_animation,
             index_error_handling=ufbx.IndexErrorHandling.NO_INDEX,
             **options,
         )
@@ -147,7 +149,7 @@ def visible_surface(content: bytes) -> FileSurface:
     read: dict[int, Polygons] = {}
     for node, mesh, matrix in shown_meshes(scene, meshes.left_out):
         if mesh.element_id not in read:
-            read[mesh.element_id] = _polygons(mesh, quote(node.name or mesh.name))
+            read[mesh.element_id] = polygons_of(mesh, quote(node.name or mesh.name))
         bound += len(mesh.skin_deformers) + len(mesh.blend_deformers) > 0
         cages += int(mesh.subdivision_display_mode) != 0
         meshes.add(read[mesh.element_id], matrix)
@@ -176,9 +178,7 @@ _LOD_GROUP = 16
 
 def shown_meshes(scene: ufbx.Scene, left_out: Counter[str]) -> Iterator[tuple[ufbx.Node, ufbx.Mesh, Floats]]:
     """Yield the visible meshes with their nodes, and matrices (4, 4) of row vectors; count the others."""
-    axes, turn = _axes(scene), np.eye(4)
-    if axes is not None and not (np.linalg.det(axes) > 0.0 and max(axes[1, 1], axes[1, 2]) == 1.0):
-        turn[:3, :3] = axes.T  # to y up, as row vectors
+    turn = turn_of(scene)
     for node, is_shown in _nodes(scene):
         mesh = counted(node.mesh)
         kind = _SHAPES.get(int(node.attrib_type), "") if mesh is None else "" if is_shown else "hidden mesh"
@@ -188,6 +188,14 @@ def shown_meshes(scene: ufbx.Scene, left_out: Counter[str]) -> Iterator[tuple[uf
             matrix = np.eye(4)
             matrix[:, :3] = node.geometry_to_world  # with its pivots and geometric transform
             yield node, mesh, matrix @ turn
+
+
+def turn_of(scene: ufbx.Scene) -> Floats:
+    """Return the matrix (4, 4) of row vectors that turns the world of a scene to y up, if need be."""
+    axes, turn = _axes(scene), np.eye(4)
+    if axes is not None and not (np.linalg.det(axes) > 0.0 and max(axes[1, 1], axes[1, 2]) == 1.0):
+        turn[:3, :3] = axes.T
+    return turn
 
 
 def _nodes(scene: ufbx.Scene) -> Iterator[tuple[ufbx.Node, bool]]:
@@ -206,7 +214,7 @@ def _nodes(scene: ufbx.Scene) -> Iterator[tuple[ufbx.Node, bool]]:
         waiting += [(child, is_shown) for child in reversed(children)]
 
 
-def _polygons(mesh: ufbx.Mesh, name: str) -> Polygons:
+def polygons_of(mesh: ufbx.Mesh, name: str) -> Polygons:
     """Return the faces of a mesh in its own coordinates, without holes. Raises as `faces_of`."""
     points, sides, corners = faces_of(mesh, name)
     polygons = Polygons(

@@ -65,7 +65,7 @@ class SceneArrays:
         self.scene, self.document = scene, scene.document
         self._buffers: dict[int, bytes] = {}
         self._views: dict[int, np.ndarray] = {}
-        self._known: dict[int, Triangles] = {}
+        self._known: dict[tuple[int, bool], tuple[Floats, np.ndarray, dict[str, np.ndarray]]] = {}
 
     def surface(self) -> Triangles:
         """Return the triangles of all parts, in the coordinates of the scene. Raises ValueError."""
@@ -82,16 +82,23 @@ class SceneArrays:
         return Triangles(np.concatenate(points), np.concatenate(faces))
 
     def _own(self, part: PlacedPrimitive) -> Triangles:
-        """Return the triangles of a part, read once where many nodes show its mesh."""
-        if part.is_skinned:
-            return self._triangles(part)
-        primitive = id(part.primitive.values)
+        """Return the triangles of a part in its node's coordinates, or in the scene's where it is skinned.
+
+        They are read once where many nodes show its mesh.
+        """
+        primitive = id(part.primitive.values), part.is_skinned
         if primitive not in self._known:
             self._known[primitive] = self._triangles(part)
-        return self._known[primitive]
+        points, faces, others = self._known[primitive]
+        points = self._morphed(part, points)
+        return Triangles(self._skinned(part, points, others) if part.is_skinned else points, faces)
 
-    def _triangles(self, part: PlacedPrimitive) -> Triangles:
-        """Return the triangles of a part in its node's coordinates, or in the scene's where it is skinned."""
+    def _morphed(self, part: PlacedPrimitive, points: Floats) -> Floats:
+        """Return the points (V, 3) of a part where its morph targets take them: still surfaces have none."""
+        return points
+
+    def _triangles(self, part: PlacedPrimitive) -> tuple[Floats, np.ndarray, dict[str, np.ndarray]]:
+        """Return the points of a part at rest, its triangles, and other attributes that Draco has packed."""
         draco = self.scene.draco_of(part)
         if draco is not None:
             points, faces, others = self._from_draco(part, draco)
@@ -103,7 +110,7 @@ class SceneArrays:
             face = int(np.argmax(((faces < 0) | (faces >= len(points))).any(axis=1)))
             wrong = next(int(v) for v in faces[face] if not 0 <= v < len(points))
             raise ValueError(f"face {face} of {part.place} names vertex {wrong} of {len(points)}, from 0")
-        return Triangles(self._skinned(part, points, others) if part.is_skinned else points, faces)
+        return points, faces, others
 
     def _positions(self, part: PlacedPrimitive) -> Floats:
         index = part.primitive.entry("attributes").values["POSITION"]

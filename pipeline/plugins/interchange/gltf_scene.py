@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, reduce
 from typing import Any
@@ -75,6 +75,7 @@ class DefaultScene:
     skipped: int = 0
     morphed: int = 0
     _parents: dict[int, int | None] = field(default_factory=dict)
+    _pose: Mapping[int, Mapping[str, list[float]]] = field(default_factory=dict)
     _locals: dict[int, np.ndarray] = field(default_factory=dict)
 
     @classmethod
@@ -156,9 +157,19 @@ class DefaultScene:
             at = self._parents[at]
         return _rigid(reduce(lambda below, above: np.dot(above, below), chain)) if chain else np.eye(4)
 
+    def pose(self, values: Mapping[int, Mapping[str, list[float]]]) -> None:
+        """Give nodes other values than the file does: `translation` and so on, by the numbers of nodes."""
+        self._pose = values
+        self._locals.clear()
+
+    def posed(self, number: int) -> JsonObject:
+        """Return a node with the values that `pose` gave it."""
+        node = self.document.item("nodes", number, "the scene")
+        return JsonObject({**node.values, **self._pose.get(number, {})}, node.place)
+
     def _local(self, number: int) -> np.ndarray:
         if number not in self._locals:
-            node = self.document.item("nodes", number, "the scene")
+            node = self.posed(number)
             matrix = np.eye(4)
             if "matrix" in node:
                 matrix = np.array(node.numbers("matrix", 16), np.float64).reshape(4, 4).T
@@ -189,11 +200,15 @@ class DefaultScene:
             if draco is not None:
                 found.add(draco.whole("bufferView"))
             for index in self._accessors_of(part, draco):
-                accessor = self.document.item("accessors", index, part.place)
-                sparse = accessor.entry("sparse")
-                holders = [accessor, *(sparse.entry(name) for name in ("indices", "values"))]
-                found |= {holder.whole("bufferView") for holder in holders if "bufferView" in holder}
+                found |= self.views_of(index, part.place)
         return frozenset(found)
+
+    def views_of(self, index: object, place: str) -> set[int]:
+        """Return the buffer views of an accessor; `place` names it."""
+        accessor = self.document.item("accessors", index, place)
+        sparse = accessor.entry("sparse")
+        holders = [accessor, *(sparse.entry(name) for name in ("indices", "values"))]
+        return {holder.whole("bufferView") for holder in holders if "bufferView" in holder}
 
     def _accessors_of(self, part: PlacedPrimitive, draco: JsonObject | None) -> Iterator[object]:
         """Yield the accessors that a part is read from."""

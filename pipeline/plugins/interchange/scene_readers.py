@@ -26,11 +26,12 @@ MOST_MESHES, MOST_CORNERS = 20_000, 20_000_000
 class Polygons(NamedTuple):
     """The faces of a mesh.
 
-    points   float64 (V, 3)
-    sides    int64 (F,): numbers of corners
-    corners  int64 (C,), from 0, counter-clockwise seen from outside
-    creases  int64 (K, 2): the edges that the file marks as creases
-    groups   int64 (F,): edges between faces with different numbers are creases; None for one group
+    points      float64 (V, 3)
+    sides       int64 (F,): numbers of corners
+    corners     int64 (C,), from 0, counter-clockwise seen from outside
+    creases     int64 (K, 2): the edges that the file marks as creases
+    groups      int64 (F,): edges between faces with different numbers are creases; None for one group
+    velocities  float64 (V, 3), units per second; None where the file has none
     """
 
     points: Floats
@@ -38,6 +39,7 @@ class Polygons(NamedTuple):
     corners: np.ndarray
     creases: np.ndarray = np.empty((0, 2), np.int64)
     groups: np.ndarray | None = None
+    velocities: Floats | None = None
 
     def placed(self, matrix: Floats) -> Polygons:
         """Return the mesh transformed by a matrix (4, 4) of row vectors; a mirror turns its faces over."""
@@ -47,7 +49,8 @@ class Polygons(NamedTuple):
         corners = self.corners
         if np.linalg.det(matrix[:3, :3]) < 0.0:
             corners = reversed_faces(corners, self.sides)
-        return self._replace(points=points, corners=corners)
+        velocities = None if self.velocities is None else self.velocities @ matrix[:3, :3]
+        return self._replace(points=points, corners=corners, velocities=velocities)
 
     def without(self, dropped: np.ndarray) -> Polygons:
         """Return the mesh without the faces where `dropped` (F,) is True."""
@@ -132,6 +135,7 @@ def joined(parts: Sequence[Polygons], notes: Sequence[str] = ()) -> FileSurface:
         own = np.zeros(len(part.sides), np.int64) if part.groups is None else part.groups
         groups.append(own + base)
         base += int(own.max(initial=0)) + 1
+    velocities = [part.velocities for part in parts if part.velocities is not None]
     return FileSurface(
         points=np.concatenate([part.points for part in parts]),
         offsets=np.concatenate([[0], np.cumsum(np.concatenate([part.sides for part in parts]))]),
@@ -140,6 +144,7 @@ def joined(parts: Sequence[Polygons], notes: Sequence[str] = ()) -> FileSurface:
         tagged=np.concatenate([part.creases + first for part, first in zip(parts, firsts, strict=True)]),
         base=0 if len(parts) == 1 else None,
         notes=tuple(notes),
+        velocities=np.concatenate(velocities) if len(velocities) == len(parts) else None,
     )
 
 

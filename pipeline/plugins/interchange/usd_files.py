@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import os
-from dataclasses import astuple, replace
+from dataclasses import replace
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
@@ -104,7 +104,8 @@ def _materials(path: Path, part: ScenePart = _WHOLE) -> ModelMaterials:
         version("usd-core"),
         str(path.absolute()),
         stage_files(path).digest,
-        *map(str, astuple(part)),
+        str(part.prim),
+        str(part.time_code),
     ]
     cached = CachedAnswer.of("parsed", ["usd paint", str(_PAINT_VERSION), *depends_on])
 
@@ -197,7 +198,7 @@ def answer(path: str, question: str, options: str) -> bytes:
 
     To `picture` it is the content of the picture at the path that is the first option.
     """
-    _load_usd()
+    load_usd()
     from pxr import Tf
 
     from flowsculpt.pipeline.plugins.interchange.usd_reader import content_of_picture, one_line
@@ -225,7 +226,7 @@ def _answer_about_stage(path: str, question: str, prim: str | None, time_code: f
     return answer_about_paint(stage, question, prim, time_code)
 
 
-def _load_usd() -> None:
+def load_usd() -> None:
     """Import USD and let it reserve addresses; limit memory afterwards.
 
     USD reserves over a gigabyte of addresses when it makes its first paths, and crashes where it cannot.
