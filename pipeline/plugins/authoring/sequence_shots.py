@@ -53,17 +53,23 @@ def shot_of_sequence(sequence: str, name: str) -> tuple[str, list[str]]:
         facts = f"{plural(len(numbers), 'file')}, numbered {numbers[0]} to {numbers[-1]}"
         more += ", missing: hold" if count > len(numbers) else ""
     reference = Path(os.path.relpath(place.absolute(), Show().folder.resolve())).as_posix()
-    subject = to_yaml({"sequence": reference}).strip("{}")
-    text = SHOT.format(
-        title=title_of(name),
-        frames=frames,
-        about=f"# {facts}. If the model lies on its face, its files have z up: add up: z.",
-        subject=f"{{{subject}{more}, fit: {FIT:g}}}",
-        lights=choice(PRESETS["lights"]),
-        stage=choice(PRESETS["stage"]),
-    )
-    shot = read_shot(Show().folder / f"{name}.yaml", text)
-    return text, [f"{sequence} stays where it is; the shot names it {reference}", *shot.motion.subject.notes]
+
+    def text_with(named: str) -> str:
+        subject = to_yaml({"sequence": named}).strip("{}")
+        return SHOT.format(
+            title=title_of(name),
+            frames=frames,
+            about=f"# {facts}. If the model lies on its face, its files have z up: add up: z.",
+            subject=f"{{{subject}{more}, fit: {FIT:g}}}",
+            lights=choice(PRESETS["lights"]),
+            stage=choice(PRESETS["stage"]),
+        )
+
+    shot = read_shot(Path(f"{name}.yaml"), text_with(str(place.absolute())))  # shots/ may not be there yet
+    return text_with(reference), [
+        f"{sequence} stays where it is; the shot names it {reference}",
+        *shot.motion.subject.notes,
+    ]
 
 
 def _numbered(path: Path) -> tuple[Path, list[int]] | None:
@@ -83,7 +89,8 @@ def _numbered(path: Path) -> tuple[Path, list[int]] | None:
         one, other = (f"{before}#{after}" for before, after in sorted(kinds)[:2])
         raise UsageError(f"{path} matches {one} and {other}, which are two sequences. Write one of them.")
     ((before, after),) = kinds
-    digits = min(len(match[0].lstrip("-")) for match in found.values())
+    written = [match[0] for match in found.values()]
+    digits = min(map(len, [each for each in written if each[0] != "-"] or written))
     numbers = sorted(int(match[0]) for match in found.values())
     return path.parent / f"{before}{'#' * digits}{after}", numbers
 

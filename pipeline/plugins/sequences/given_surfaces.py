@@ -305,7 +305,8 @@ def _start(samples: SurfaceSamples, first: int, repair: bool) -> _Start:
     if still is not surface:  # of an animation that the shot does not show from its beginning
         is_same = _same_faces(still, surface)
         moved = imported.mesh.with_vertices(surface.points[origins]) if is_same else None
-        imported = replace(imported, mesh=moved or _repaired(samples, first, repair))
+        mesh = moved or _repaired(samples, first, repair)
+        imported = replace(imported, mesh=mesh, notes=surface.notes)  # those of the still one may not hold
     return _Start(imported, surface, origins, np.column_stack([one[double], double]))
 
 
@@ -319,6 +320,8 @@ def _repaired(samples: SurfaceSamples, sample: int, repair: bool) -> Any:
 
 def _origins(vertices: Floats, points: Floats) -> np.ndarray:
     """Return a point of the file (V,) at the place of each vertex of a surface that was made of it."""
+    if np.array_equal(vertices, points):  # nothing was merged, as in most files
+        return np.arange(len(points))
     every = np.concatenate([points, vertices]) + 0.0  # -0.0 is 0.0
     _, first, place = np.unique(every.view("V24").ravel(), return_index=True, return_inverse=True)
     return np.asarray(first[place.reshape(-1)[len(points) :]])

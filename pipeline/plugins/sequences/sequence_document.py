@@ -76,9 +76,13 @@ class SequenceDocument(MovingKind):
         """Return the samples of a file with an animation, and their times."""
         points = None if self.mesh is None else folder / self.sequence
         file = ModelFile(folder / (self.mesh or self.sequence), self._part)
-        moving = file.motion(points)
-        known = moving.rate or 1.0 / _interval(moving.times, clock)
+        moving, of_shot = file.motion(points), float(clock.rate.fps)
+        if file.reader is None:
+            raise UsageError(f"{self.sequence} has points alone. Write mesh: the model with their faces.")
+        known = moving.rate or (of_shot if moving.is_continuous else 1.0 / _interval(moving.times, clock))
         faster = 1.0 if self._rate is None else self._rate / known
+        if moving.is_in_frames:  # whose length only the shot says
+            known, faster = 1.0, self._rate or of_shot
         begins = float(moving.times[0]) if self.start is None else self.start / known
         first, last = float(moving.times[0]), float(moving.times[-1])
         if not first - EXACT <= begins <= last + EXACT:

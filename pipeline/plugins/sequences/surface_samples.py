@@ -117,7 +117,7 @@ class MovingSamples(SurfaceSamples):
         return self.file
 
     def still(self, sample: int) -> FileSurface:
-        return self.moving.at(float(self.moving.times[0]))
+        return _read(self.file, joint(self.file.files(keeps_digest=True).files))
 
     def surface(self, sample: int) -> FileSurface:
         return _moved(self, float(self.times[sample]))

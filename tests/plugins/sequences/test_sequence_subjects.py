@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import struct
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,7 +15,9 @@ from flowsculpt.pipeline.errors import FlowsculptError, FrameError
 from flowsculpt.pipeline.mesh import TriangleMesh, icosphere
 from flowsculpt.pipeline.production.request.manifest import mesh_keys
 from flowsculpt.pipeline.shot import Shot, read_shot
+from tests.conftest import commanded
 from tests.mesh_files import write_ply
+from tests.needed_plugins import needs_plugins
 
 BALL = icosphere(3)
 
@@ -300,3 +303,30 @@ def test_equal_shots_are_equal(folder: Path) -> None:
     assert mesh_keys(one.motion) == mesh_keys(other.motion)
     moved = replace(one.motion, frames=type(one.motion.frames).parse("11-16"))
     assert list(mesh_keys(moved).values())[:1] == list(mesh_keys(one.motion).values())[:1]
+
+
+@needs_plugins("interchange")
+def test_an_animation_in_one_file_is_shown_at_its_own_times(folder: Path) -> None:
+    samples = np.array([place(BALL.vertices, number) for number in range(1, 7)], "<f4")
+    header = struct.pack("<12siiffi", b"POINTCACHE2", 1, len(BALL.vertices), 1.0, 1.0, len(samples))
+    (folder / "ball.pc2").write_bytes(header + samples.tobytes())
+    subject = "ball.pc2, mesh: cache/ball_0001.ply"
+    frames = list(animate(read(folder, subject, "resample: {max_edge_length: 0.4}\n")))
+    np.testing.assert_allclose(frames[4].mesh.vertices, place(frames[4].material, 5), atol=1e-6)
+    assert "is over. Write frames: 1-6, missing: hold, or loop: true." in told(folder, subject, frames="1-8")
+    held = list(animate(read(folder, f"{subject}, missing: hold", frames="1-8")))
+    np.testing.assert_array_equal(held[7].mesh.vertices, held[5].mesh.vertices)
+
+
+@needs_plugins("interchange")
+def test_one_mesh_for_all_frames_follows_files_and_refuses_changing_faces(folder: Path) -> None:
+    shot = read(folder, "cache/ball_####.ply")
+    points, motion = BALL.vertices, shot.motion
+    for number in range(2, 7):
+        points = motion.step_into(motion.flow, number).apply(points)
+    np.testing.assert_allclose(points, place(BALL.vertices, 6), atol=1e-12)
+    (folder / "shots").mkdir()
+    text = "title: T\nframes: 1-6\nsubject: {sequence: ../cache/splash.#.ply}\n"
+    (folder / "shots/a.yaml").write_text(text)
+    code, said = commanded(folder, "export", "gltf", str(folder / "shots/a.yaml"))
+    assert code == 2 and "its files move it, with other faces in each frame" in said
