@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 
 from flowsculpt import MeshError, MissingInputError
@@ -73,7 +73,14 @@ class NumberedSamples(SurfaceSamples):
         return self.model(0).files(keeps_digest=True).up
 
     def files(self, sample: int) -> Files:
-        return self.model(sample).files(keeps_digest=True).files
+        """Return the files of a sample as they were at first: keys have these digests."""
+        if sample not in self._known:
+            self._known[sample] = self.model(sample).files(keeps_digest=True).files
+        return self._known[sample]
+
+    @cached_property
+    def _known(self) -> dict[int, Files]:
+        return {}
 
     def name(self, sample: int) -> str:
         return self.paths[sample].name
@@ -144,7 +151,7 @@ def _read(model: ModelFile, digest: str) -> FileSurface:
     surface = model.read_by(readers, "a mesh format")
     if joint(model.files(keeps_digest=True).files) != digest:
         raise MissingInputError(
-            f"{model.path}: it was changed while it was read; run again once it is written"
+            f"{model.path}: it was changed since the work was planned; run again once it is written"
         )
     if not len(surface.corners):
         more = "".join(f"; {note}" for note in surface.notes)

@@ -330,3 +330,33 @@ def test_one_mesh_for_all_frames_follows_files_and_refuses_changing_faces(folder
     (folder / "shots/a.yaml").write_text(text)
     code, said = commanded(folder, "export", "gltf", str(folder / "shots/a.yaml"))
     assert code == 2 and "its files move it, with other faces in each frame" in said
+
+
+def test_a_file_that_changes_during_a_run_is_not_stored_under_the_key_of_the_old_one(folder: Path) -> None:
+    shot = read(folder, "cache/splash.#.ply")
+    frames = animate(shot)
+    next(frames)
+    write_splash(folder / "cache", 3)
+    text = (folder / "cache/splash.4.ply").read_text()
+    (folder / "cache/splash.4.ply").write_text(text.replace("end_header", "comment later\nend_header"))
+    with pytest.raises(FrameError, match=r"splash.4.ply: it was changed since the work was planned"):
+        list(frames)
+
+
+@needs_plugins("interchange")
+def test_paint_of_the_first_file_stays_on_a_resampled_surface(tmp_path: Path) -> None:
+    (tmp_path / "a.mtl").write_text("newmtl red\nKd 1 0 0\nnewmtl blue\nKd 0 0 1\n")
+    faces = "usemtl red\nf 1/1 2/2 5/3 4/4\nusemtl blue\nf 2/1 3/2 6/3 5/4\n"
+    uv = "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"
+    for number in range(1, 4):
+        points = [(x + number, y, 0.2 * number * x) for y in (0, 1) for x in (0, 1, 2)]
+        rows = "".join("v {} {} {}\n".format(*point) for point in points)
+        (tmp_path / f"sheet_{number}.obj").write_text(f"mtllib a.mtl\n{rows}{uv}{faces}")
+    shot = read(
+        tmp_path, "sheet_#.obj, paint: on", "resample: {max_edge_length: 0.3}\nlook: model\n", frames="1-3"
+    )
+    *_, last = animate(shot)
+    paint = shot.motion.painted(last.material, last.mesh.faces)
+    middles = last.mesh.vertices[last.mesh.faces].mean(axis=1)
+    assert paint is not None
+    np.testing.assert_array_equal(paint.materials, (middles[:, 0] > 4.0).astype(int))
