@@ -4,7 +4,7 @@ With a ROOT, a run that was recorded there is replayed: a small simulation of di
 workers take jobs whose predecessors are done, the most urgent first, and hold them for as long as the event
 log says. With as many workers as the run had, the result must equal the recorded time. Without a ROOT the
 models of docs/scaling.md are evaluated: planned shots on a farm whose jobs each wait for its queue, and what
-planning takes (`benchmarks.planning`), beside its measurement.
+planning takes (`benchmarks.planning`), beside its measurement. `benchmarks.farm_plans` schedules real plans.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from pathlib import Path
 from benchmarks import planning
 from benchmarks.report import Row, keep, show
 from flowsculpt.pipeline.plugins.maintenance.run_report import named_run
+from flowsculpt.pipeline.production.planning.batches import batches
 from flowsculpt.pipeline.production.planning.plan import Plan
-from flowsculpt.pipeline.production.planning.planner import batches
 from flowsculpt.pipeline.production.store.event_log import EventReader
 from flowsculpt.pipeline.production.store.paths import EVENTS, PLANS
 

@@ -6,7 +6,11 @@ CPU seconds of commands and of all processes that they start, by this code and b
     kernels, shipped     the same on a node that finds them in a remote store, here a folder
     start of simulate    `task plan.json simulate` of a shot of two frames, kernels compiled: medians
     --version, --help    medians
+    flows, schema, new   medians
+    validate             of the same shot, which has not changed: median
+    Tab                  what completes `render st`: median, of the checkouts that complete
     status               of the same shot, rendered: median
+    validate, gallery    of all shots and edits that come with flowsculpt, unchanged: median
     simulate, one frame; render, one frame; render, 8 daily frames
                          in a new root each time, of the same shot: medians
     render, nothing to be done
@@ -18,12 +22,14 @@ kept, as by set-up. Writes `benchmarks/out/start.json`.
 
 from __future__ import annotations
 
+import math
 import os
 import shutil
 import statistics
 import tempfile
 from argparse import ArgumentParser
 from collections.abc import Callable
+from itertools import count
 from pathlib import Path
 
 import platformdirs
@@ -34,6 +40,9 @@ CHECKOUT = Path(__file__).parents[1]
 
 REPEATS, RUNS = 7, 3
 """Times that a start, and a run, is measured."""
+
+SHORT = {"flows": 0.5, "schema": 0.5, "new": 0.5, "validate": 0.6, "validate, gallery": 3.0, "Tab": 0.1}
+"""CPU seconds that commands take at most."""
 
 RUN = {
     "simulate, one frame": ("simulate", "start", "-f", "1"),
@@ -63,6 +72,9 @@ class Tree:
         self.folder = folder
         (folder / "shots").mkdir(parents=True)
         (folder / "shots/start.yaml").write_text(SHOT)
+        shutil.copytree(CHECKOUT / "shots", folder / "gallery/shots")
+        self._completes = (checkout / "pipeline/cli/completion.py").exists()
+        self._numbers = count(1)
 
     def use_kernels(self) -> None:
         """Use the compiled kernels of the user's cache."""
@@ -71,14 +83,25 @@ class Tree:
             if known.name != "planning":
                 (self.folder / "cache/flowsculpt" / known.name).symlink_to(known)
 
-    def seconds(self, *words: str, cache: str = "cache") -> float:
-        """Return the CPU seconds of a command and its processes, with a cache of a name."""
+    def seconds(self, *words: str, cache: str = "cache", folder: str = ".", **variables: str) -> float:
+        """Return the CPU seconds of a command and its processes, with a cache of a name.
+
+        folder, variables  where it works, and environment variables that it gets
+        """
         environment = {
             **{k: v for k, v in os.environ.items() if not k.startswith(("PYTHON", "FLOWSCULPT"))},
             "XDG_CACHE_HOME": str(self.folder / cache),
             "PYTHONPYCACHEPREFIX": str(self.folder / "modules"),
+            **variables,
         }
-        line = ["sh", "-c", 'cd "$0" && exec "$@" >/dev/null', str(self.folder), str(self._command), *words]
+        line = [
+            "sh",
+            "-c",
+            'cd "$0" && exec "$@" >/dev/null',
+            str(self.folder / folder),
+            str(self._command),
+            *words,
+        ]
         process = os.posix_spawnp("sh", line, environment)
         _, status, usage = os.wait4(process, 0)
         assert status == 0, words
@@ -96,6 +119,13 @@ class Tree:
             "start of simulate": lambda: self.in_new_root("task", "plan.json", "simulate"),
             "--version": lambda: self.seconds("--version"),
             "--help": lambda: self.seconds("--help"),
+            "flows": lambda: self.seconds("flows"),
+            "schema": lambda: self.seconds("schema"),
+            "new": lambda: self.seconds("new", f"N{next(self._numbers):03}"),
+            "validate": lambda: self.seconds("validate", "start"),
+            "Tab": lambda: (
+                self.seconds("render", "st", _FLOWSCULPT_COMPLETE="bash") if self._completes else math.nan
+            ),
         }
 
     def runs(self) -> dict[str, Callable[[], float]]:
@@ -103,6 +133,7 @@ class Tree:
         done = {
             "render, nothing to be done": lambda: self.seconds("--root", "root", *RUN["render, one frame"]),
             "status": lambda: self.seconds("--root", "root", "status"),
+            "validate, gallery": lambda: self.seconds("validate", folder="gallery"),
         }
         new = {what: lambda words=words: self.in_new_root(*words) for what, words in RUN.items()}
         return {"render, one frame": new.pop("render, one frame"), **done, **new}
@@ -143,6 +174,12 @@ def main(before: Path | None = None, all_kernels: bool = True) -> list[Target]:
             most=most.get(str(row["what"]), 1.05),
         )
         for row in rows
+        if row["what"] != "Tab"
+    ] + [
+        Target(
+            what, "CPU seconds", next(float(row["CPU s"]) for row in rows if row["what"] == what), most=most
+        )
+        for what, most in SHORT.items()
     ]
 
 

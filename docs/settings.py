@@ -11,7 +11,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from flowsculpt.pipeline.plugins.authoring.shot_schemas import Schema, schema_of
+from flowsculpt.pipeline.plugins.authoring.document_schemas import schema_of
+from flowsculpt.pipeline.plugins.authoring.reference import Schema
 from flowsculpt.pipeline.shot.documents.shot_documents import FilmDocument, ShotDocument
 
 PAGE = Path(__file__).with_suffix(".md")

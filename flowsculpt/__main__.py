@@ -24,12 +24,25 @@ def _start() -> None:
 
     if signal.getsignal(signal.SIGINT) == signal.default_int_handler:
         signal.signal(signal.SIGINT, _end)
+    if asked := "_FLOWSCULPT_COMPLETE" in os.environ:  # a shell asks at each Tab
+        here = os.getcwd()  # noqa: PTH109  # a Path takes time to import
+        sys.path[:] = [entry for entry in sys.path if os.path.isabs(entry) and entry != here]  # noqa: PTH117
+        from flowsculpt.pipeline.cli.completion import answer
+
+        if answer(sys.argv[1:]):
+            return
     from flowsculpt.render.base.python_process import distrust_working_folder, postpone_collection, prepare
 
     prepare()
     distrust_working_folder()  # which `python -m` has put first, before anything else is imported
     _require_packages()
     postpone_collection()
+    if asked:
+        from flowsculpt.pipeline.cli.completion_command import write_table
+
+        write_table()
+        answer(sys.argv[1:])
+        return
     from flowsculpt.pipeline.cli.app import main as start
     from flowsculpt.pipeline.cli.standard_streams import prepare_streams
 

@@ -16,8 +16,6 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import NamedTuple, TypeVar
 
-import numba
-
 T = TypeVar("T")
 
 SIGNAL_SECONDS = 0.2
@@ -64,6 +62,8 @@ def interruptible(compute: Callable[[], T]) -> T:
     After an interrupt the thread is abandoned, and what it changes is in no known state: the process is to
     end. It ends without waiting for the thread. In other threads than the main one this is a plain call.
     """
+    import numba  # takes time to import, and commands that compute nothing report progress too
+
     if threading.current_thread() is not threading.main_thread():
         return compute()
     results: list[T] = []

@@ -8,15 +8,18 @@ imported when used.
 
 from __future__ import annotations
 
+import hashlib
 import logging
+import os
 import re
+import sys
 import threading
 import tomllib
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass, field, fields, is_dataclass
-from functools import cache
+from functools import cache, cached_property
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
@@ -184,27 +187,31 @@ class Plugin:
 
     @property
     def sources(self) -> list[Path]:
-        """The Python files of the packages and modules with what it adds to shots; none of flowsculpt's."""
+        """The files of the packages and modules with what it adds to shots; none of flowsculpt's."""
         return _files_of((self.flows, self.looks, self.subjects, self.entries))
 
     @property
     def files(self) -> list[Path]:
-        """All its Python files; none of flowsculpt's."""
+        """The files of all its packages and modules; none of flowsculpt's."""
         return _files_of(vars(self).values())
 
 
 def _files_of(values: Iterable[Any]) -> list[Path]:
-    """Return the Python files of the packages and modules that places in values of fields name."""
+    """Return the files of the packages and modules that places in values of fields name."""
     tops = {place.partition(":")[0].partition(".")[0] for place in _places(values)}
     found: list[Path] = []
     for spec in filter(None, map(find_spec, sorted(tops - {"flowsculpt"}))):
-        if spec.submodule_search_locations:
-            found += sorted(
-                file for top in spec.submodule_search_locations for file in Path(top).rglob("*.py")
-            )
-        elif spec.origin:
-            found.append(Path(spec.origin))
+        folders = spec.submodule_search_locations or ()
+        found += [Path(file) for folder in folders for file in _files_below(folder)]
+        found += [Path(spec.origin)] if spec.origin and not folders else []
     return found
+
+
+def _files_below(folder: str) -> Iterator[str]:
+    """Yield the files of a package in order, without compiled ones."""
+    for place, folders, names in os.walk(folder):
+        folders[:] = sorted(name for name in folders if name not in ("__pycache__", "compiled"))
+        yield from (f"{place}/{name}" for name in sorted(names))
 
 
 def _places(values: Iterable[Any]) -> Iterator[str]:
@@ -231,6 +238,33 @@ class Plugins:
     def __iter__(self) -> Iterator[Plugin]:
         return iter(self.loaded.values())
 
+    @cached_property
+    def code(self) -> str:
+        """The digest of all code: of Python's version, of our files and of those of plug-ins.
+
+        Cached answers are kept under it: they may depend on too much rather than on too little.
+        """
+        digest, home = hashlib.sha256(f"{sys.version}\n{self!r}".encode()), str(Path(__file__).parents[1])
+        ours = (file for package in ("pipeline", "render") for file in _files_below(f"{home}/{package}"))
+        for file in (*ours, *(str(file) for plugin in self for file in plugin.files)):
+            with suppress(OSError), open(file, "rb") as opened:  # noqa: PTH123  # Paths are slow
+                content = opened.read()
+                digest.update(f"{file.removeprefix(home)}\0{len(content)}\0".encode())
+                digest.update(content)
+        return digest.hexdigest()
+
+    @cached_property
+    def packages(self) -> tuple[str, ...]:
+        """Names and versions of all installed packages, by their folders in Python's search path."""
+        folders = (folder for folder in sys.path if os.path.isdir(folder))  # noqa: PTH112  # Paths are slow
+        names = (name for folder in folders for name in os.listdir(folder))  # noqa: PTH208
+        return tuple(sorted({name for name in names if name.endswith((".dist-info", ".egg-info"))}))
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """Messages about parts of plug-ins that were asked for and are left out."""
+        return tuple(_LEFT_OUT)
+
     def parts(self, door: str, make: Callable[[Plugin, str, Any], T]) -> dict[str, T]:
         """Return what plug-ins add to shot files by a field of `Plugin`, by names such as `marbling.swirl`.
 
@@ -248,7 +282,7 @@ class Plugins:
                 try:
                     found[name] = make(plugin, name, named(place))
                 except Exception as error:
-                    LOG.warning(f"plug-in {plugin.name}: {name} is left out: {_reason(error)}")
+                    _leave_out(plugin.name, name, error)
         return found
 
     def lacking(self, name: str) -> str | None:
@@ -388,8 +422,17 @@ def _unless_left_out(plugin: str, place: str, make: Callable[[], Any]) -> Any:
     except Exception as error:
         if place.startswith("flowsculpt."):
             raise
-        LOG.warning(f"plug-in {plugin}: {place} is left out: {_reason(error)}")
+        _leave_out(plugin, place, error)
         return None
+
+
+_LEFT_OUT: list[str] = []
+
+
+def _leave_out(plugin: str, part: str, error: Exception) -> None:
+    """Warn about a part of a plug-in that is left out."""
+    _LEFT_OUT.append(f"plug-in {plugin}: {part} is left out: {_reason(error)}")
+    LOG.warning(_LEFT_OUT[-1])
 
 
 def _reason(error: Exception) -> str:

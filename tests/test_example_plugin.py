@@ -142,6 +142,17 @@ def s3() -> Iterator[dict[str, str]]:
         yield {**CREDENTIALS, "AWS_ENDPOINT_URL": proxy.url}
 
 
+@needs_plugins("farm")
+@pytest.mark.renderer
+def test_exported_jobs_have_its_stage_between_rendering_and_finishing(marbling: Installed) -> None:
+    marbling.done("export", "flamenco", "M020_slab", "-q", "draft.scale10")
+    settings = json.loads((marbling.show / "flamenco.json").read_text())["settings"]
+    steps = [(step["name"], step["frames"], step["after"]) for step in json.loads(settings["steps"])]
+    assert steps[2:4] == [("marbling.mist M020_slab", [1, 2], [1]), ("Finish M020_slab", [1, 2], [1, 2])]
+    planned = json.loads(marbling.done("--json", "export", "plan", "M020_slab", "-q", "draft.scale10"))
+    assert planned["chunks"] == ["render:1-2", "marbling.mist:1-2", "finish:1-2"]
+
+
 @needs_plugins("farm", "remote")
 @pytest.mark.renderer
 @pytest.mark.soak

@@ -524,6 +524,23 @@ def test_what_a_plug_in_of_flowsculpt_adds_says_which_one_it_needs_where_that_is
     assert Plugins({needed: Plugin(needed, "1", flows={"person": "a:P"})}).lacking(name) != sentence
 
 
+def test_the_digest_of_the_code_covers_all_files_of_plug_ins_and_goes_by_nothing_else(tmp_path, monkeypatch):
+    package = tmp_path / "tabled"
+    (package / "__pycache__").mkdir(parents=True)
+    (package / "__init__.py").write_text("")
+    (package / "table.csv").write_text("1")
+    monkeypatch.syspath_prepend(tmp_path)
+
+    def code(version="1"):
+        return Plugins({"tabled": Plugin("tabled", version, flows={"a": "tabled:A"})}).code
+
+    first = code()
+    (package / "__pycache__" / "a.pyc").write_text("compiled")
+    assert code() == first != code("2")
+    (package / "table.csv").write_text("2")
+    assert len({first, code(), Plugins({}).code}) == 3
+
+
 def test_the_list_of_what_the_plug_ins_of_flowsculpt_add_is_complete():
     listed = tomllib.loads((ROOT / "pipeline/plugins/added.toml").read_text())
     for plugin in plugins():

@@ -178,7 +178,7 @@ def _cost(common: Common, plan: Plan) -> str:
     seconds, by = expected.seconds, expected.by
     if not by:
         seconds, by = (
-            count * typical_seconds(large) / common.cores,
+            count * typical_seconds("render", large) / common.cores,
             "a typical shot; none was rendered here yet",
         )
     samples = f"{'at most ' if large.is_adaptive else ''}{plural(large.samples, 'sample')}"

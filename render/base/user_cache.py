@@ -13,6 +13,7 @@ import os
 import stat
 import sys
 import tempfile
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -24,6 +25,7 @@ import platformdirs
 
 from flowsculpt.render.base.atomic_write import atomic_write
 from flowsculpt.render.base.render_errors import MachineError
+from flowsculpt.render.base.root_files import remove_file
 from flowsculpt.render.base.state_files import mapping, read_state
 
 T = TypeVar("T")
@@ -33,6 +35,9 @@ WARNED = "FLOWSCULPT_CACHE_WARNED"
 
 SHIPPED = Path(__file__).absolute().parents[1] / "compiled"
 """Compiled kernels that came with the packages, and are trusted as these are; others have no such folder."""
+
+KEPT_SECONDS = 60 * 24 * 3600.0
+"""Seconds without use after which what is kept for speed alone is removed."""
 
 _UNMAPPED = 65534
 """The owner that files of others have in a container with user namespaces, those of root too."""
@@ -162,3 +167,18 @@ class CachedAnswer:
         """Store JSON. A folder that cannot be written only means that the next process asks again."""
         with suppress(MachineError), atomic_write(self.path, flush=False) as draft:
             draft.write_text(json.dumps(answer), encoding="utf-8")
+
+    def store_alone(self, answer: dict[str, Any]) -> None:
+        """Store JSON, and remove answers of its kind that nobody has stored or used for long."""
+        remove_unused(self.path.parent)
+        self.store(answer)
+
+
+def remove_unused(folder: str | Path) -> None:
+    """Remove files of a folder of the cache that nobody used for KEPT_SECONDS."""
+    oldest = time.time() - KEPT_SECONDS
+    with suppress(OSError), os.scandir(folder) as entries:
+        for entry in entries:
+            with suppress(OSError):
+                if entry.stat().st_mtime < oldest:
+                    remove_file(Path(entry.path))

@@ -4,7 +4,8 @@ From a matt surface few directions lead by way of mirrors or glass to the sun or
 so such light is found from that end: photons go from the emitter to the first matt surface, and from there to
 the lens (light tracing by Arvo, *Backward ray tracing*, 1986; with importance, Veach 1997). Their picture is
 added to that of the paths (`flowsculpt.render.integrator.path_tracer`), which leave out the same light.
-Caustics seen in mirrors or through glass are left to the paths.
+Caustics that the lens sees in mirrors or through glass are in a map
+(`flowsculpt.render.integrator.caustic_map`).
 """
 
 from __future__ import annotations
@@ -19,22 +20,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flowsculpt.render.base.aligned_array import aligned_columns, components
+from flowsculpt.render.integrator.caustic_map import CausticMap
 from flowsculpt.render.integrator.cut_outs import UnseenLights
 from flowsculpt.render.integrator.light_sampler import Cone, LightSource, emitter_of
 from flowsculpt.render.integrator.photons import (
     CausticSun,
-    Landed,
-    Photons,
     area_rays,
     caster_sphere,
     casters,
     disc_rays,
     followed,
-    photon_count,
 )
 from flowsculpt.render.integrator.scene_emitters import EmitterGroups
 
-SAMPLES_PER_PHOTON = 4
+SAMPLES_PER_PHOTON = 2
 """Camera paths for each photon, which costs half as much as one."""
 
 FIRST_PART = 8
@@ -42,6 +41,9 @@ FIRST_PART = 8
 
 _TOGETHER = 1 << 19
 """Photons that are traced together, which bounds the memory."""
+
+_MAPPED = 1 << 19
+"""Most photons of each emission that are in the map."""
 
 _SIDE, _LEAST_DENSITY = 32, 0.3
 """Rows and columns of the table of an emitter's photons, and its least density over the mean."""
@@ -67,13 +69,15 @@ def can_draw(scene: Any, sources: Sequence[LightSource]) -> bool:
 class CausticPicture:
     """Light that photons bring, and paths leave out.
 
-    radiance   (H, W, 3 · groups) by light group
+    radiance   (H, W, 3 · groups) by light group, where the lens sees caustics itself
+    behind     those that it sees by way of other surfaces
     softboxes  pointers to the emitters of photons
     sun        whose photons are in the picture too, or None. Otherwise it has the light of all emitters that
                next event estimation samples
     """
 
     radiance: NDArray[np.float64]
+    behind: CausticMap
     softboxes: Sequence[Any]
     sun: CausticSun | None
 
@@ -98,8 +102,8 @@ def caustic_picture(
     samples: int,
     seed: int,
     unseen: UnseenLights | None = None,
-) -> tuple[CausticPicture, Photons]:
-    """Trace photons; return what the lens sees of them, and some of them for the guide.
+) -> CausticPicture:
+    """Trace photons, and return their light.
 
     scene       with mirrors or glass, and sources, that `can_draw`
     sources     of the light sampler
@@ -116,13 +120,11 @@ def caustic_picture(
     width, height = (int(side) for side in scene.sensors()[0].film().crop_size())
     total = max(FIRST_PART, samples // SAMPLES_PER_PHOTON)
     sums = np.zeros((3 * groups.count, width * height))
-    kept = min(total, photon_count(samples)) if boxes else 0
-    tracer = _PhotonTracer(scene, groups, depth, unseen, sums, kept)
+    tracer = _PhotonTracer(scene, groups, depth, unseen, sums, min(total, _MAPPED))
     for number, emission in enumerate(emissions):
         tracer.trace_all(emission, total, np.random.default_rng((seed, number)))
     radiance = np.ascontiguousarray(sums.T).reshape(height, width, -1) * (width * height / total)
-    picture = CausticPicture(radiance, [source.emitter for source in boxes], sun)
-    return picture, tracer.photons()
+    return CausticPicture(radiance, tracer.map(), [source.emitter for source in boxes], sun)
 
 
 def _kinds(scene: Any) -> list[Any]:
@@ -212,7 +214,7 @@ class _PhotonTracer:
     """Traces photons to the lens. Fields are those of `caustic_picture`.
 
     sums  (3 · groups, pixels) light that the lens sees of all photons
-    kept  photons of each emission that are kept for the guide, with the light of all
+    kept  photons of each emission that are in the map, with the light of all
     """
 
     scene: Any
@@ -221,8 +223,7 @@ class _PhotonTracer:
     unseen: UnseenLights | None
     sums: NDArray[np.float64]
     kept: int
-    _landed: list[Landed] = field(default_factory=list)
-    _light: float = 0.0
+    _landed: list[tuple[NDArray[Any], ...]] = field(default_factory=list)
 
     def trace_all(self, emission: _Emission, total: int, random: np.random.Generator) -> None:
         """Trace photons of an emission: a few that are spread evenly, and others where those lead to light
@@ -250,10 +251,7 @@ class _PhotonTracer:
         place, share = _places(numbers, table)
         ray, light, emitter, towards = emission.photons(place, numbers)
         light *= share
-        emitted = mi.luminance(light)
-        dr.schedule(
-            place, emitter, emitted
-        )  # with the photons: each piece of compiled code takes milliseconds
+        dr.schedule(place, emitter)  # with the photons: each piece of compiled code takes milliseconds
         limits = dr.opaque(mi.UInt32, self.depth), dr.opaque(mi.UInt32, int(emission.first))
         index, last, weight = followed(self.scene, ray, light, numbers, *limits)
         if not dr.width(index):
@@ -264,29 +262,29 @@ class _PhotonTracer:
             emitter = dr.gather(mi.EmitterPtr, emitter, index)
         parts = self.groups.add(self.groups.zeros(), light, emitter, towards)
         luminance, place = mi.luminance(light), dr.gather(mi.Point2f, place, index)
-        landed = si.p, last.d, mi.luminance(weight)
+        landed = si.p, last.d, self.groups.add(self.groups.zeros(), weight, emitter, towards)
         dr.eval(pixel, parts, luminance, place, landed)
-        self._keep(np.searchsorted(np.array(index), self.kept - first), *landed)
-        self._light += np.array(emitted)[: max(0, self.kept - first)].sum(dtype=np.float64) / max(
-            1, self.kept
-        )
+        self._keep(int(np.searchsorted(np.array(index), self.kept - first)), *landed)
         pixels = np.array(pixel)
         for total, channel in zip(self.sums, (channel for part in parts for channel in part), strict=True):
             values = np.broadcast_to(np.array(channel, dtype=np.float64), pixels.shape)
             total += np.bincount(pixels, values, len(total))
         return components(place), np.array(luminance, dtype=np.float64)
 
-    def photons(self) -> Photons:
-        """Return the photons that were kept."""
-        return Photons.of(caster_sphere(self.scene), self._landed, self._light)
+    def map(self) -> CausticMap:
+        """Return the map of the photons that were kept."""
+        channels = 3 * self.groups.count
+        none = np.zeros((0, 3), np.float32), np.zeros((0, 3), np.float32), np.zeros((0, channels))
+        parts = (np.concatenate(part) for part in zip(none, *self._landed, strict=True))
+        return CausticMap.of(caster_sphere(self.scene), *parts)
 
-    def _keep(self, count: np.intp, place: Any, direction: Any, light: Any) -> None:
+    def _keep(self, count: int, place: Any, direction: Any, light: Sequence[Any]) -> None:
         """Keep the first photons of those that land."""
-        if not count:
-            return
-        places, directions = (components(each)[:, :count] for each in (place, direction))
-        weights = np.array(light, dtype=np.float64)[:count]
-        self._landed.append((places.T, -directions.T, weights / self.kept))
+        if count:
+            channels = [channel for group in light for channel in group]
+            columns = [np.broadcast_to(np.array(each, np.float64), dr.width(place)) for each in channels]
+            places, directions = (components(each)[:, :count].T for each in (place, direction))
+            self._landed.append((places, -directions, np.stack(columns, axis=1)[:count] / self.kept))
 
     def _seen(self, si: Any, ray: Any, weight: Any, random: np.random.Generator) -> tuple[Any, Any]:
         """Return the pixels that see where photons land, and the light that reaches the lens from there.

@@ -290,11 +290,13 @@ def trace(tracer: PathTracer, sampler: OwenSampler, si: Any, throughput: Any) ->
     kept = mi.Color3f(throughput)
     is_exit, after_matt, by_photons = mi.Bool(False), mi.Bool(False), mi.Bool(False)
     while dr.hint(active, label="path", exclude=[tracer, sampler, groups]):
-        bsdf = _bsdf(tracer, si, is_exit, active & _is_guided(tracer, vertex, matt))
+        bsdf = _bsdf(tracer, si, is_exit, active)
         is_matt = mi.has_flag(bsdf.flags(), mi.BSDFFlags.Diffuse)
         by_photons &= ~is_matt
         at = PathVertex(vertex, matt, si, bsdf, throughput, by_photons)
         radiance, counts = _sampled_light(tracer, sampler, at, radiance, active)
+        if dr.hint(tracer.caustics is not None, mode="scalar"):
+            radiance, has_photons = _photon_light(tracer, sampler, at, radiance, active & is_matt)
         bsdf_sample, weight, kept_weight, next_si, is_exit = _next_vertex(
             tracer, sampler, vertex, si, bsdf, active
         )
@@ -307,7 +309,8 @@ def trace(tracer: PathTracer, sampler: OwenSampler, si: Any, throughput: Any) ->
         )
         radiance = groups.add(radiance, dr.select(active, throughput * light, 0.0), emitter, direction)
         after_matt |= ~is_delta | is_exit
-        by_photons |= is_matt & ~is_delta & (vertex == 0)
+        if dr.hint(tracer.caustics is not None, mode="scalar"):
+            by_photons |= has_photons & ~is_delta
         vertex += 1
         matt += dr.select(is_matt, 1, 0)
         length += dr.select(is_exit, 0, 1)
@@ -318,11 +321,6 @@ def trace(tracer: PathTracer, sampler: OwenSampler, si: Any, throughput: Any) ->
         active &= next_si.is_valid() & (length + 1 < tracer.max_depth)
         si = next_si
     return radiance
-
-
-def _is_guided(tracer: PathTracer, vertex: Any, matt: Any) -> Any:
-    """Tell where the guide chooses directions: if photons are traced, only behind mirrors and glass."""
-    return mi.Bool(True) if tracer.caustics is None else (vertex > 0) & (matt == 0)
 
 
 def _bsdf(tracer: PathTracer, si: Any, is_exit: Any, active: Any) -> Any:
@@ -469,6 +467,19 @@ def _direct_light(tracer: PathTracer, at: PathVertex, sample: LightSample, activ
     occluders = tracer.surfaces if tracer.occluders is None else tracer.occluders
     active &= ~occluders.ray_test(si.spawn_ray_to(sample.target), active)
     return dr.select(active, light, 0.0)
+
+
+def _photon_light(
+    tracer: PathTracer, sampler: OwenSampler, at: PathVertex, radiance: Any, active: Any
+) -> tuple[list[Any], Any]:
+    """Add the caustics on matt surfaces behind the first to the radiance by light group. Return it, and where
+    photons bring all of them: there, and where the lens sees the surface."""
+    behind, is_first = tracer.caustics.behind, at.vertex == 0
+    wanted = active & ~is_first & behind.reaches(at.si.p)
+    beside = sampler.vertex_2d(at.vertex, EMITTER_POSITION, MAX_SAMPLED_TOGETHER + 1)
+    parts = behind.reflected(at.si, at.bsdf, beside, wanted)
+    sums = [total + at.throughput * part for total, part in zip(radiance, parts, strict=True)]
+    return sums, wanted | (active & is_first)
 
 
 def power_heuristic(pdf: Any, others: Any) -> Any:

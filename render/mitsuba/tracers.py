@@ -87,10 +87,9 @@ def _path_tracer(
 def _with_caustics(
     tracer: PathTracer, scene: Scene, size: tuple[int, int], samples: int, seed: int
 ) -> PathTracer:
-    """Return a path tracer that finds caustics: with a picture of those that the lens sees, and a guide to
-    others where softboxes shine.
+    """Return a path tracer that finds caustics: by photons where these can bring them, else with a guide.
 
-    The guide finds all where suns and environment maps shine, through rough glass and materials written out
+    The guide finds those of other suns and of environment maps, through rough glass and materials written out
     for Mitsuba, past surfaces with holes, where photons do not pass, and for lenses that Mitsuba lacks.
     """
     lit, light_sampler, sun, depth = tracer.scene, tracer.light_sampler, tracer.caustic_sun, tracer.max_depth
@@ -100,10 +99,8 @@ def _with_caustics(
         photons = trace_photons(lit, light_sampler, sun, depth, photon_count(samples))
         return replace(tracer, guide=photons and guide_of(photons))
     unseen = tracer.unseen if emitters.unseen_softboxes(scene, size) else None
-    picture, photons = caustic_picture(
-        lit, light_sampler.sources, sun, tracer.groups, depth, samples, seed, unseen
-    )
-    return replace(tracer, caustics=picture, guide=guide_of(photons))
+    picture = caustic_picture(lit, light_sampler.sources, sun, tracer.groups, depth, samples, seed, unseen)
+    return replace(tracer, caustics=picture)
 
 
 def _with_catcher(tracer: PathTracer, scene: Scene, size: tuple[int, int]) -> PathTracer:

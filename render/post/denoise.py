@@ -204,6 +204,14 @@ class FilmDenoiser:
                 self._denoised[n] = self._single(n)
         return temporal_denoise(self._denoised, number, self.size, self.corner)
 
+    def share(self, number: int) -> None:
+        """Denoise a frame that others need, before `light` needs it, and let them have its light.
+
+        Raises MachineError where the denoiser cannot run.
+        """
+        if self.shared is not None and self.shared.get(number) is None:
+            self.shared.put(number, self._single_light(self.read(number)))
+
     def _single(self, number: int) -> DenoisedFrame:
         """Return a frame denoised by itself, with what reprojection needs of it, halves as in files."""
         raw = self.read(number)

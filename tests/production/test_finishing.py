@@ -8,12 +8,16 @@ import numpy as np
 import pytest
 
 from flowsculpt.pipeline.errors import FrameError
+from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.store.paths import CHECKPOINTS
+from flowsculpt.pipeline.production.store.store import Store
 from flowsculpt.pipeline.production.tasks.finish import _made_by, _with_groups
-from flowsculpt.render.post.denoise import Features, denoise_light, denoiser_features
+from flowsculpt.pipeline.production.tasks.worker import do_job
+from flowsculpt.render.post.denoise import Features, FilmDenoiser, denoise_light, denoiser_features
 from flowsculpt.render.post.image import read_exr
 from flowsculpt.render.scene.aovs import RenderedFrame
 from flowsculpt.render.scene.scene_lights import groups_in
-from tests.conftest import ProjectFolder
+from tests.conftest import QUALITY, ProjectFolder
 
 
 def finished_light(project: ProjectFolder) -> np.ndarray:
@@ -121,3 +125,32 @@ def test_a_picture_stage_that_breaks_its_contract_fails_the_frame_with_what_is_w
     with pytest.raises(FrameError) as raised:
         _made_by(task, "plug-in tints", frame, None, 7)
     assert str(raised.value).endswith(fault)
+
+
+def test_batches_of_any_size_denoise_each_frame_once_and_give_the_same_files(
+    project: ProjectFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also where three batches need a frame, as those of two frames do that average five."""
+    project.shot.write_text(f"{project.shot.read_text()}\nquality: {{draft: {{temporal_denoise: 2}}}}\n")
+    project.render("1-6")
+    whole = [frame.read_bytes() for frame in project.frames()]
+    denoised, single = list[int](), FilmDenoiser._single_light
+    monkeypatch.setattr(
+        FilmDenoiser, "_single_light", lambda self, raw: (denoised.append(1), single(self, raw))[1]
+    )
+    monkeypatch.chdir(project.path)
+    plan = Project(project.path, 1).whole([project.shot.stem], QUALITY)
+    plan.write(project.path / "plan.json")
+    finishing = next(job.name for job in plan.jobs if job.stage == "finish")
+    store = Store(project.path)
+    for batches in (("1-2", "3-4", "5-6"), ("5-6", "1", "2-4"), ("1-6",)):
+        denoised.clear()
+        keys = plan.requests[0].keys.pictures(store)
+        assert keys is not None
+        for key in map(keys.__getitem__, range(1, 7)):
+            store.discard("frame", key.frame)
+        for frames in batches:
+            assert do_job("plan.json", f"{finishing}:{frames}", insist=True) == 0
+        assert len(denoised) == 6, batches
+        assert [frame.read_bytes() for frame in project.frames()] == whole
+        assert not list((project.path / CHECKPOINTS).glob("*")), "light that no batch needs any more"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from pathlib import Path
 
@@ -10,8 +11,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.planning.batches import (
+    MAX_BATCH,
+    MIN_BATCH,
+    MIN_LAST_BATCH,
+    FrameWork,
+    batch_sizes,
+    batches,
+    even_batches,
+)
 from flowsculpt.pipeline.production.planning.plan import Plan
-from flowsculpt.pipeline.production.planning.planner import MAX_BATCH, MIN_BATCH, MIN_LAST_BATCH, batches
 from flowsculpt.pipeline.production.stages import STAGES, forced_with
 from flowsculpt.pipeline.production.store.event_log import EventLog
 from flowsculpt.pipeline.production.store.paths import EVENTS
@@ -39,6 +48,33 @@ def test_long_shots_begin_with_long_batches_and_end_with_short_ones() -> None:
     assert sizes[0] == 250 and sizes[-2] == MIN_LAST_BATCH
     assert len(sizes) < 12
     assert [len(batch) for batch in batches(range(96), 2)] == [48, 48]
+
+
+FINAL, DRAFT = 56.0, 0.5  # seconds of a frame on a node of four cores
+
+
+def sizes(nodes: int, seconds: float, start: float = 3.0, shots: int = 3) -> set[int]:
+    works = [FrameWork(56, seconds, math.ceil(start / seconds)) for _ in range(shots)]
+    return set(batch_sizes(works, nodes, start))
+
+
+def test_all_nodes_of_a_farm_have_a_batch_and_none_is_shorter_than_its_start() -> None:
+    assert sizes(64, FINAL) == {3}, "168 frames: three on each of 56 nodes, where two on each were two rounds"
+    assert sizes(256, FINAL) == {1}
+    assert sizes(2, FINAL) == {28}
+    assert sizes(2, FINAL, shots=1) == {28}
+    assert min(sizes(256, DRAFT)) >= 6
+    assert min(sizes(256, DRAFT, start=12.0)) >= 19  # 56 frames in three batches
+    mixed = [FrameWork(56, FINAL), FrameWork(56, 4 * FINAL)]
+    assert batch_sizes(mixed, 28, 3.0) == (12, 3), "24 batches of the same time, in one round"
+
+
+@given(st.lists(st.integers(), unique=True, min_size=1), st.integers(1, 300))
+def test_even_batches_hold_every_frame_once(order: list[int], size: int) -> None:
+    found = even_batches(order, size)
+    assert sorted(n for batch in found for n in batch) == sorted(order)
+    assert max(map(len, found)) <= min(size, min(map(len, found)) + 1)
+    assert {batch[0] for batch in found} == set(order[: len(found)]) or order == sorted(order)
 
 
 @pytest.fixture

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from flowsculpt.pipeline.errors import UsageError
 from flowsculpt.pipeline.frames import FrameRange, FrameSelection, FrameWords
 from flowsculpt.pipeline.production.execution.project import Project
+from flowsculpt.pipeline.production.planning.batches import MAX_BATCH, batches
 from flowsculpt.pipeline.production.planning.frame_states import FrameStates, select_frames
-from flowsculpt.pipeline.production.planning.planner import MAX_BATCH, batches
 from flowsculpt.pipeline.production.store.event_log import EventLog
 from flowsculpt.pipeline.production.store.history import History
 from flowsculpt.pipeline.production.store.paths import EVENTS

@@ -63,6 +63,16 @@ def tracer(sphere: Surface, engine: Engine) -> Callable[..., Any]:
     return build
 
 
+def guide(ours: Any) -> Any:
+    """Return a guide for the paths that find caustics."""
+    from flowsculpt.render.integrator.caustic_guide import guide_of
+    from flowsculpt.render.integrator.photons import trace_photons
+
+    light = trace_photons(ours.scene, ours.light_sampler, ours.caustic_sun, ours.max_depth, 1 << 16)
+    assert light is not None
+    return guide_of(light)
+
+
 @pytest.mark.parametrize(
     ("look", "lights", "stage", "lens", "crop"),
     [
@@ -84,23 +94,71 @@ def tracer(sphere: Surface, engine: Engine) -> Callable[..., Any]:
 def test_photons_bring_the_light_that_paths_leave_to_them(
     look: str, lights: LightRig, stage: Stage, lens: Camera, crop: Crop | None, tracer: Callable[..., Any]
 ) -> None:
-    from flowsculpt.render.integrator.caustic_guide import guide_of
-    from flowsculpt.render.integrator.photons import trace_photons
-
     others = tracer(look, lights, stage=stage, lens=lens, crop=crop, seed=2).caustics.radiance @ LUMA
     ours = tracer(look, lights, stage=stage, lens=lens, crop=crop)
     photons = ours.caustics.radiance @ LUMA
-    light = trace_photons(ours.scene, ours.light_sampler, ours.caustic_sun, ours.max_depth, 1 << 16)
-    assert light is not None
-    guide = guide_of(light)
-    all_light = replace(ours, caustics=None, guide=guide).render(1024, 0, 5)[..., :3] @ LUMA
+    all_light = replace(ours, caustics=None, guide=guide(ours)).render(1024, 0, 5)[..., :3] @ LUMA
     nothing = replace(ours.caustics, radiance=np.zeros_like(ours.caustics.radiance))
-    left = replace(ours, caustics=nothing, guide=guide).render(1024, 0, 5)[..., :3] @ LUMA
+    left = replace(ours, caustics=nothing).render(1024, 0, 5)[..., :3] @ LUMA
     by_paths = all_light - left
     assert photons.mean() > 0.001 * all_light.mean()
     assert photons.mean() == pytest.approx(by_paths.mean(), rel=NOISE[look])
     bright = others > np.quantile(others, 0.9)
     assert photons[bright].mean() == pytest.approx(by_paths[bright].mean(), rel=NOISE[look])
+
+
+@pytest.mark.parametrize("lights", [SUN, BOXES], ids=["daylight", "a studio"])
+@pytest.mark.parametrize("look", ["glass", "chrome"])
+def test_caustics_behind_mirrors_and_glass_are_as_bright_as_by_paths(
+    look: str, lights: LightRig, tracer: Callable[..., Any]
+) -> None:
+    ours = tracer(look, lights)
+    by_photons = ours.render(512, 0, 5)
+    by_paths = replace(ours, caustics=None, guide=guide(ours)).render(1024, 0, 6)
+    behind = by_paths[..., 6] > 0.99  # seen in or through the sphere
+    light, others = (picture[behind][:, :3] @ LUMA for picture in (by_photons, by_paths))
+    assert light.mean() == pytest.approx(others.mean(), rel=0.01)
+    nothing = replace(ours.caustics.behind, irradiances=0.0 * ours.caustics.behind.irradiances)
+    dark = (
+        replace(ours, caustics=replace(ours.caustics, behind=nothing)).render(512, 0, 5)[behind][:, :3] @ LUMA
+    )
+    assert light.mean() > 1.003 * dark.mean(), "a caustic is there to see"
+
+
+def test_caustics_behind_glass_have_less_than_a_tenth_of_the_noise(tracer: Callable[..., Any]) -> None:
+    noise = []
+    for by_photons in (True, False):
+        pictures = []
+        for seed in range(6):
+            ours = tracer("glass", LightRig(daylight=Daylight()), seed=seed)
+            ours = ours if by_photons else replace(ours, caustics=None)
+            pictures.append(ours.render(16, 0, seed))
+        behind = pictures[0][..., 6] > 0.99
+        noise.append(float(np.var([each[behind][:, :3] @ LUMA for each in pictures], axis=0).mean()))
+    assert noise[0] < 0.1 * noise[1]
+
+
+@pytest.mark.usefixtures("engine")
+def test_a_map_has_the_light_of_all_its_photons() -> None:
+    """On a floor, by cells of all widths, some of them within others."""
+    import drjit as dr
+    import mitsuba as mi
+
+    from flowsculpt.render.integrator.caustic_map import CausticMap
+
+    random = np.random.default_rng(3)
+    spread = np.concatenate([random.normal(0.0, width, (n, 2)) for width, n in ((0.1, 4000), (1.0, 900))])
+    places = np.stack([spread[:, 0], np.zeros(len(spread)), spread[:, 1]], axis=1).astype(np.float32)
+    light = random.random((len(places), 3))
+    up = np.tile(np.float32([0.0, 1.0, 0.0]), (len(places), 1))
+    found = CausticMap.of((mi.Point3f(0.0), mi.Float(1.0)), places, up, light)
+    side = np.float32((np.arange(1024) + 0.5 - 512 - 0.37) / 64.0)
+    x, z = np.meshgrid(side, side)
+    value = found._value(mi.Point3f(x.ravel(), 0.0, z.ravel()), mi.Bool(True))
+    irradiance = dr.gather(mi.Color3f, found.irradiances, value)
+    assert np.unique(np.array(dr.gather(mi.Float, found.widths, value))).size == 4
+    total = np.array([np.array(channel).sum(dtype=np.float64) for channel in irradiance]) / 64.0**2
+    assert total == pytest.approx(light.sum(axis=0), rel=1e-3)
 
 
 def test_light_groups_sum_to_all_light(tracer: Callable[..., Any]) -> None:

@@ -74,3 +74,9 @@ def test_frames_that_two_batches_average_are_denoised_by_the_first_alone(monkeyp
     shelf = Shelf()
     assert np.array_equal(light(range(1, 4), shelf) + light(range(4, 7), shelf), alone)
     assert len(denoised) == 12
+    shelf = Shelf()
+    films = [denoiser.FilmDenoiser(frames.__getitem__, "fast", shared=shelf) for _ in range(3)]
+    for number in range(1, 7):  # at the same time, each begins with its own two
+        films[(number - 1) // 2].share(number)
+    together = [films[(n - 1) // 2].light(n, range(max(1, n - 1), min(6, n + 1) + 1)) for n in range(1, 7)]
+    assert np.array_equal(together, alone) and len(denoised) == 18

@@ -16,12 +16,11 @@ from flowsculpt.api.commands import print_result, print_warning, require_one_of
 from flowsculpt.api.files import disk_errors
 from flowsculpt.api.frames import Show
 from flowsculpt.api.options import Common
-from flowsculpt.api.shots import FLOW_DOCUMENTS, WrittenShot, YamlSource, read_shot
 from flowsculpt.pipeline.plugins.authoring.gallery_shots import GALLERY, gallery_files, gallery_names
 from flowsculpt.pipeline.plugins.authoring.new_files import Content, same_contents, write_new
 from flowsculpt.pipeline.plugins.authoring.schema_command import SCHEMAS, defaults_of, write_schemas
 from flowsculpt.pipeline.plugins.authoring.sequence_shots import shot_of_sequence
-from flowsculpt.pipeline.plugins.authoring.shot_copies import CopiedShot, copied_shot, whole_text
+from flowsculpt.pipeline.plugins.authoring.shot_schemas import flows
 from flowsculpt.pipeline.plugins.authoring.shot_templates import (
     FIRST_SHOT,
     FLOW_FILES,
@@ -169,13 +168,16 @@ class _NewShot:
 
 def _of_source(source: str, name: str) -> _NewShot:
     """Return a new shot of a flow, or the copy of a shot."""
-    if source in FLOW_DOCUMENTS:
+    if source in flows():
         file = FLOW_FILES.get(source)
         text = without_shared(shot_of_flow(source, name), defaults_of(Show().folder))
         return _NewShot(text, {Show().folder / f"{name}{file[0]}": file[1]} if file else {})
+    from flowsculpt.api.shots import YamlSource, read_shot  # takes time to import
+    from flowsculpt.pipeline.plugins.authoring.shot_copies import CopiedShot, copied_shot, whole_text
+
     known, of_gallery = Show().shots(), gallery_names()
     if source not in known and not source.endswith((".yaml", ".yml")):
-        words = dict.fromkeys((*known, *of_gallery, *FLOW_DOCUMENTS))
+        words = dict.fromkeys((*known, *of_gallery, *flows()))
         require_one_of(source, words, f"{source!r} is neither a flow nor a shot.")
     is_here = source in known or source not in of_gallery
     path, target = (
@@ -204,6 +206,8 @@ def _of_source(source: str, name: str) -> _NewShot:
 
 def _about_defaults(target: Path, text: str, source: str) -> list[str]:
     """Return a remark about a copy that is not as the shot in another folder, by the defaults of this one."""
+    from flowsculpt.api.shots import WrittenShot, read_shot
+
     alone = WrittenShot.read(target, text, beside={}).source.data
     here = WrittenShot.read(target, text).source.data
     names = ", ".join(name for name, value in here.items() if value != alone.get(name))
@@ -222,7 +226,7 @@ def _of_sequence(sequence: str, name: str, alone: bool) -> _NewShot:
 
 def _of_model(model: Path, source: str, name: str) -> _NewShot:
     """Return a new shot of a model under a flow."""
-    if source not in FLOW_DOCUMENTS:
+    if source not in flows():
         remedy = "Leave --from out, or name a flow; in a copy of a shot, write the model into its subject."
         raise UsageError(
             f"--from {source} is not a flow, and --model shows its file under one. "
@@ -261,7 +265,7 @@ def _begin_show(common: Common, folder: Path, source: str, gallery: bool) -> Non
     shots = [*gallery_names()] if gallery else Show(folder / Show().folder).shots()
     files: dict[Path, Content] = {}
     if not shots:
-        require_one_of(source, FLOW_DOCUMENTS, f"{source!r} is not a flow.")
+        require_one_of(source, flows(), f"{source!r} is not a flow.")
         shot = _SHOT_SCHEMA + without_shared(shot_of_flow(source, FIRST_SHOT), SHARED)
         if source in FLOW_FILES:
             ending, write = FLOW_FILES[source]

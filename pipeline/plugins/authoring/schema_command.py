@@ -13,12 +13,12 @@ from rich.console import Group
 from rich.text import Text
 
 from flowsculpt import FlowsculptError, MachineError
-from flowsculpt.api import ShotExtras
 from flowsculpt.api.commands import empty_table, print_result, require_one_of
 from flowsculpt.api.files import atomic_write
 from flowsculpt.api.frames import Show
 from flowsculpt.api.options import Common, shared_option
-from flowsculpt.api.shots import FLOW_DOCUMENTS, YamlSource
+from flowsculpt.pipeline.plugins.authoring import shot_schemas
+from flowsculpt.pipeline.plugins.authoring.reference import kept
 from flowsculpt.pipeline.plugins.authoring.shot_schemas import (
     default_text,
     defaults_schema,
@@ -35,14 +35,16 @@ SCHEMAS = Path(".schema")
 KINDS = ("shot", "film", "defaults")
 """Kinds of files beside shots, which editors check."""
 
-MODELS = {
-    kind: (plugin, model)
-    for plugin, extras in ShotExtras.of_plugins().items()
-    for kind, model in extras.schemas().items()
-}
-"""The models of further kinds of files, each with the plug-in that has it."""
 
-ALL_KINDS = (*KINDS, *MODELS)
+def _models() -> dict[str, tuple[str, Any]]:
+    """Return the models of further kinds of files, each with the plug-in that has it."""
+    from flowsculpt.api import ShotExtras
+
+    extras = ShotExtras.of_plugins().items()
+    return {kind: (plugin, model) for plugin, each in extras for kind, model in each.schemas().items()}
+
+
+ALL_KINDS = (*KINDS, *kept("kinds", lambda: [*_models()]))
 """Kinds beside shots, and those of plug-ins."""
 
 
@@ -85,15 +87,22 @@ def write_text(path: Path, text: str) -> None:
 def _schema_of(kind: str, folder: Path) -> dict[str, Any]:
     if kind == "shot":
         return shot_schema(defaults_of(folder))
-    if kind in MODELS:
-        plugin, model = MODELS[kind]
-        if not (isinstance(model, type) and issubclass(model, BaseModel)):
-            raise MachineError(
-                f"plug-in {plugin}: its schema {kind} is a {type(model).__name__}; it must be a class that "
-                "extends pydantic's BaseModel"
-            )
-        return model.model_json_schema()
-    return film_schema() if kind == "film" else defaults_schema()
+    if kind == "film":
+        return film_schema()
+    if kind == "defaults":
+        return defaults_schema()
+    return kept(f"plug-in's schema of {kind}", lambda: _of_plugin(kind))
+
+
+def _of_plugin(kind: str) -> dict[str, Any]:
+    """Return the schema of a plug-in's kind of files. Raises MachineError for a model of another type."""
+    plugin, model = _models()[kind]
+    if not (isinstance(model, type) and issubclass(model, BaseModel)):
+        raise MachineError(
+            f"plug-in {plugin}: its schema {kind} is a {type(model).__name__}; it must be a class that "
+            "extends pydantic's BaseModel"
+        )
+    return model.model_json_schema()
 
 
 def _as_text(content: dict[str, Any]) -> str:
@@ -102,6 +111,10 @@ def _as_text(content: dict[str, Any]) -> str:
 
 def defaults_of(folder: Path) -> Mapping[str, Any]:
     """Return the defaults of a folder; empty if they cannot be read."""
+    if not (folder / Show().defaults.name).exists():
+        return {}
+    from flowsculpt.api.shots import YamlSource  # takes time to import
+
     try:
         data = YamlSource.read(folder / Show().defaults.name).data
     except FlowsculptError:
@@ -111,7 +124,7 @@ def defaults_of(folder: Path) -> Mapping[str, Any]:
 
 def flows(
     common: Common,
-    name: Annotated[str | None, typer.Argument(metavar="NAME", help="One flow, with its parameters.")] = None,
+    name: Annotated[str | None, typer.Argument(metavar="FLOW", help="One flow, with its parameters.")] = None,
     as_markdown: Annotated[
         bool, typer.Option("--markdown", help="The table of all flows as docs/flows.md has it.")
     ] = False,
@@ -124,7 +137,7 @@ def flows(
     if name is not None:
         _report_one({**facts(name), "strength": usual_strength(name)}, common.json)
         return
-    flows = [facts(flow) for flow in FLOW_DOCUMENTS]
+    flows = [*shot_schemas.flows().values()]
     listing = empty_table("flow", "is a", "what it does")
     for flow in flows:
         listing.add_row(flow["name"], flow["kind"], flow["description"])

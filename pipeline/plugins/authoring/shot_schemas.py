@@ -1,32 +1,58 @@
 """The reference of shot files, from their documents: JSON Schemas for editors, and flows for people.
 
-Editors complete and check files by the schemas (draft 2020-12). pydantic writes most of them;
-`fields.SchemaKeywords` adds the rules of validators. A schema sees the form of one file. Whether keys lie
-within the shot, what a formula means and what a shot extends is for `flowsculpt validate`.
+Editors complete and check files by the schemas (draft 2020-12). A schema sees the form of one file. Whether
+keys lie within the shot, what a formula means and what a shot extends is for `flowsculpt validate`.
+`document_schemas` finds them, which takes a second; they are kept for the same code and plug-ins.
 """
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator, Mapping
-from inspect import cleandoc
+from collections.abc import Mapping
+from functools import cache
 from types import MappingProxyType
 from typing import Any
 
-from pydantic import BaseModel
-from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
-from pydantic_core import core_schema
-
-from flowsculpt import VelocityField
 from flowsculpt.api.commands import require_one_of
-from flowsculpt.api.shots import DOCUMENTS, FLOW_DOCUMENTS, PRESETS, FlowParameters
-
-DIALECT = "https://json-schema.org/draft/2020-12/schema"
+from flowsculpt.pipeline.plugins.authoring.reference import Schema, definition_name, kept, mappings
 
 BEGIN, END = "<!-- from the code: flowsculpt flows --markdown -->", "<!-- to here -->"
 """The lines before and after the table in the docs."""
 
-Schema = dict[str, Any]
+
+def schema_of_document(kind: str, title: str) -> Schema:
+    """Return the schema of a kind of files, `shot` or `edit`, with what it needs where it stands."""
+
+    def found() -> Schema:
+        from flowsculpt.api.shots import DOCUMENTS
+        from flowsculpt.pipeline.plugins.authoring.document_schemas import schema_of
+
+        return schema_of(DOCUMENTS[kind], title)
+
+    return kept(f"schema of {kind}", found)
+
+
+@cache
+def flows() -> dict[str, dict[str, Any]]:
+    """Return the flows of the catalogue by name, described as JSON-able data in the units of shot files."""
+
+    def found() -> dict[str, dict[str, Any]]:
+        from flowsculpt.pipeline.plugins.authoring.document_schemas import flow_facts
+
+        return flow_facts()
+
+    return kept("flows", found)
+
+
+@cache
+def preset_names() -> dict[str, list[str]]:
+    """Return the names of presets by their kind, `look`, `lights` and `stage`; measures by `solid NAME`."""
+
+    def found() -> dict[str, list[str]]:
+        from flowsculpt.pipeline.plugins.authoring import document_schemas
+
+        return document_schemas.preset_names()
+
+    return kept("names", found)
 
 
 def shot_schema(defaults: Mapping[str, Any] = MappingProxyType({})) -> Schema:
@@ -35,10 +61,10 @@ def shot_schema(defaults: Mapping[str, Any] = MappingProxyType({})) -> Schema:
     Names without a default are required unless the shot extends another, which may set them. Editors propose
     the looks and light rigs that `defaults` names.
     """
-    schema = schema_of(DOCUMENTS["shot"], "A shot of flowsculpt")
-    for registry, name in ((PRESETS["look"], "looks"), (PRESETS["lights"], "rigs")):
+    schema = schema_of_document("shot", "A shot of flowsculpt")
+    for kind, name in (("look", "looks"), ("lights", "rigs")):
         named = defaults.get(name)
-        _let_shows_name(schema, list(registry), list(named) if isinstance(named, Mapping) else [])
+        _let_shows_name(schema, preset_names()[kind], list(named) if isinstance(named, Mapping) else [])
     needs = {name: _extracted_needs(value, schema["$defs"]) for name, value in schema["properties"].items()}
     alone: Schema = {
         "required": [name for name in schema.pop("required") if name not in defaults],
@@ -62,81 +88,14 @@ def defaults_schema() -> Schema:
 
 def film_schema() -> Schema:
     """Return the schema of film files."""
-    return schema_of(DOCUMENTS["edit"], "A film of flowsculpt")
+    return schema_of_document("edit", "A film of flowsculpt")
 
 
 def _let_shows_name(schema: Schema, known: list[str], named: list[str]) -> None:
     """Propose names instead of demanding them: `looks` and `rigs` of a shot or a parent may define others."""
-    for inner in list(_mappings(schema)):
+    for inner in list(mappings(schema)):
         if inner.get("enum") == known:
             inner["anyOf"] = [{"enum": inner.pop("enum") + named}, {"type": "string"}]
-
-
-class _Generator(GenerateJsonSchema):
-    """pydantic's generator, without titles and class docstrings."""
-
-    schema_dialect = DIALECT
-
-    def tagged_union_schema(self, schema: core_schema.TaggedUnionSchema) -> JsonSchemaValue:
-        """Return a union without its tags: the forms differ visibly, so any that fits will do."""
-        forms = super().tagged_union_schema(schema)["oneOf"]
-        different = [form for i, form in enumerate(forms) if form not in forms[:i]]
-        return different[0] if len(different) == 1 else {"anyOf": different}
-
-    def model_schema(self, schema: core_schema.ModelSchema) -> JsonSchemaValue:
-        result, document = super().model_schema(schema), schema["cls"]
-        del result["title"]
-        if not issubclass(document, FlowParameters):
-            result.pop("description", None)  # a docstring is for readers of the code
-        own = {p.name: p for p in document.own} if issubclass(document, FlowParameters) else {}
-        for name, value in result["properties"].items():
-            value.pop("title", None)
-            if value.get("default", ...) is None:
-                del value["default"]
-            if name in own:
-                value["description"] = own[name].description
-        return result
-
-
-def schema_of(document: type[BaseModel], title: str) -> Schema:
-    """Return the schema of a document, with what it needs where it stands, whatever a shot may inherit."""
-    schema = document.model_json_schema(schema_generator=_Generator)
-    definitions = schema.get("$defs", {})
-    for entry in ("FlowDocument", "VelocityDocument"):
-        if entry in definitions:
-            _describe_flows(definitions[entry]["properties"], definitions)
-    for inner in _mappings(definitions):
-        _use_standard_bounds(inner)
-    return _with_short_names({"$schema": DIALECT, "title": title, **schema})
-
-
-_BOUNDS = {
-    "ge": ("minimum", max),
-    "gt": ("exclusiveMinimum", max),
-    "le": ("maximum", min),
-    "lt": ("exclusiveMaximum", min),
-}
-
-
-def _use_standard_bounds(schema: Schema) -> None:
-    """Rename bounds that pydantic leaves under its own names where a number has several; keep the tighter."""
-    for word, (standard, tighter) in _BOUNDS.items():
-        bound = schema.get(word)
-        if isinstance(bound, int | float):
-            del schema[word]
-            schema[standard] = tighter(bound, schema.get(standard, bound))
-
-
-def _describe_flows(properties: Schema, definitions: Schema) -> None:
-    """Copy the summary of each flow to its entry; a flow without needs may be a name alone (`- enright:`)."""
-    for entry in properties.values():
-        flow = entry["anyOf"][0]
-        definition = definitions[_name(flow["$ref"])] if "$ref" in flow else {}
-        definition = definition.get("anyOf", [definition])[0]
-        if not definition or "required" in definition:
-            entry.update(flow)
-            del entry["anyOf"]
-        entry.setdefault("description", definition.get("description", ""))
 
 
 def _extracted_needs(value: Schema, definitions: Schema) -> Schema:
@@ -147,7 +106,9 @@ def _extracted_needs(value: Schema, definitions: Schema) -> Schema:
     if isinstance(entries := value.get("additionalProperties"), dict):
         inner = _extracted_needs(entries, definitions)
         return {"additionalProperties": inner} if inner else {}
-    forms = [definitions[_name(form["$ref"])] for form in value.get("anyOf", [value]) if "$ref" in form]
+    forms = [
+        definitions[definition_name(form["$ref"])] for form in value.get("anyOf", [value]) if "$ref" in form
+    ]
     needs = [
         {word: form.pop(word)}
         for form in forms
@@ -157,61 +118,10 @@ def _extracted_needs(value: Schema, definitions: Schema) -> Schema:
     return {"if": {"type": "object"}, "then": {"anyOf": needs}} if needs else {}
 
 
-def _name(reference: str) -> str:
-    return reference.removeprefix("#/$defs/")
-
-
-def _with_short_names(schema: Schema) -> Schema:
-    """Shorten the names of definitions to the class, without what pydantic adds for type parameters."""
-    names: dict[str, str] = {}
-    for name in schema.get("$defs", {}):
-        short = re.sub(r"Document|Parameters|_?Annotated.*|_+$", "", name).strip("_")
-        number = sum(re.fullmatch(rf"{short}\d*", other) is not None for other in names.values())
-        names[name] = f"{short}{number + 1 if number else ''}"
-    for inner in _mappings(schema):
-        if isinstance(inner.get("$ref"), str):
-            inner["$ref"] = f"#/$defs/{names[_name(inner['$ref'])]}"
-    if names:
-        schema["$defs"] = {names[name]: value for name, value in schema["$defs"].items()}
-    return schema
-
-
-def _mappings(value: Any) -> Iterator[Schema]:
-    if isinstance(value, dict):
-        yield value
-        value = list(value.values())
-    for inner in value if isinstance(value, list) else ():
-        yield from _mappings(inner)
-
-
 def facts(name: str) -> dict[str, Any]:
-    """Describe a flow of the catalogue as JSON-able data, in the units of shot files.
-
-    Raises UsageError for an unknown name.
-    """
-    require_one_of(name, FLOW_DOCUMENTS, f"{name!r} is not a flow.")
-    document = FLOW_DOCUMENTS[name]
-    kind = "function" if name == "python" else "map"
-    return {
-        "name": name,
-        "kind": "velocity" if issubclass(document.flow, VelocityField) else kind,
-        "description": cleandoc(document.flow.__doc__ or "").partition("\n")[0],
-        "parameters": [_fact(parameter) for parameter in (*document.own, *document.parameters)],
-    }
-
-
-def _fact(parameter: Any) -> dict[str, Any]:
-    return {
-        "name": parameter.name,
-        "form": parameter.form,
-        "keyed": parameter.form in ("number", "vector"),
-        "positive": parameter.positive,
-        "choices": list(parameter.choices),
-        "unit": parameter.doc.unit,
-        "required": parameter.needed,
-        "default": parameter.default_in_file,
-        "description": parameter.doc.text,
-    }
+    """Return a flow of the catalogue as `flows` has it. Raises UsageError for an unknown name."""
+    require_one_of(name, flows(), f"{name!r} is not a flow.")
+    return flows()[name]
 
 
 def default_text(fact: dict[str, Any]) -> str:
@@ -231,8 +141,7 @@ def default_text(fact: dict[str, Any]) -> str:
 def markdown() -> str:
     """Return the table of the docs, one line a flow."""
     lines = [BEGIN, "| | in a shot | what it does | parameters |", "|---|---|---|---|"]
-    for name in FLOW_DOCUMENTS:
-        fact = facts(name)
+    for name, fact in flows().items():
         parameters = ", ".join(_short(parameter) for parameter in fact["parameters"])
         picture = f"![{name}](pictures/flows/{name}.png)" if fact["kind"] != "function" else ""
         lines.append(f"| {picture} | `{name}` | {fact['description']} | {parameters} |")

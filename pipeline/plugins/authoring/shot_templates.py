@@ -13,15 +13,14 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
+from flowsculpt import FlowsculptError
+from flowsculpt.pipeline.plugins.authoring.reference import kept
+from flowsculpt.pipeline.plugins.authoring.shot_schemas import default_text, facts, preset_names
 
-from flowsculpt import FlowsculptError, PolygonMesh
-from flowsculpt.api.meshes import ModelFile
-from flowsculpt.api.shots import PRESETS, Model, Solid
-from flowsculpt.pipeline.plugins.authoring.first_frame import small_parts
-from flowsculpt.pipeline.plugins.authoring.shot_schemas import default_text, facts
+if TYPE_CHECKING:
+    from flowsculpt import PolygonMesh
 
 SCHEMA = "# yaml-language-server: $schema={}\n"
 """Tells editors the schema of a file, relative to it."""
@@ -80,6 +79,8 @@ def _write_function(path: Path) -> None:
 
 def _write_samples(path: Path) -> None:
     """Write velocities of two eddies on a grid, in place of those of a simulation."""
+    import numpy as np
+
     axis = np.linspace(-1.5, 1.5, 13)
     x, y, z = np.meshgrid(axis, axis, axis, indexing="ij")
     velocity = np.stack([-np.sin(2 * y), np.sin(2 * x), 0.3 * np.cos(2 * x) + 0.0 * z], axis=-1)
@@ -125,10 +126,14 @@ class FlowPreset:
 
 def _table(name: str) -> Any:
     """Return what a YAML file of this package holds."""
-    from ruamel.yaml import YAML  # takes time to import, and most commands write no shot
 
-    text = resources.files(__package__).joinpath(name).read_text(encoding="utf-8")
-    return YAML(typ="safe", pure=True).load(text)
+    def read() -> Any:
+        from ruamel.yaml import YAML
+
+        text = resources.files(__package__).joinpath(name).read_text(encoding="utf-8")
+        return YAML(typ="safe", pure=True).load(text)
+
+    return kept(name, read)
 
 
 def usual_strength(flow: str) -> tuple[str, list[float]] | None:
@@ -236,6 +241,8 @@ class ModelTemplate:
 
 def _is_painted(file: Path, is_copy: bool) -> bool:
     """Tell whether a shot can show a model's paint: a copy of the file alone lacks those that it names."""
+    from flowsculpt.api.meshes import ModelFile
+
     try:
         materials, files, _ = ModelFile(file).materials()
     except FlowsculptError:
@@ -251,6 +258,10 @@ def model_template(file: Path, reference: str, is_copy: bool = False) -> ModelTe
 
     Raises MissingInputError or MeshError for a file that is not a model.
     """
+    from flowsculpt.api.meshes import ModelFile
+    from flowsculpt.api.shots import Model
+    from flowsculpt.pipeline.plugins.authoring.first_frame import small_parts
+
     imported = Model("", path=file).imported()
     mesh, up = imported.mesh, ModelFile(file).up()
     reader = ModelFile(file).reader
@@ -292,6 +303,8 @@ def model_template(file: Path, reference: str, is_copy: bool = False) -> ModelTe
 
 def usual_edge(mesh: PolygonMesh) -> float:
     """Return the median length of a mesh's edges, scene units."""
+    import numpy as np
+
     ends = mesh.vertices[mesh.edges]
     return float(np.median(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)))
 
@@ -323,7 +336,8 @@ def shot_of_flow(flow: str, name: str, model: ModelTemplate | None = None) -> st
     Raises UsageError for an unknown flow.
     """
     preset = preset_of(flow)
-    solids = " · ".join(f"{solid} {', '.join(kind.measures)}" for solid, kind in Solid.KINDS.items())
+    names = preset_names()
+    solids = " · ".join(f"{solid} {', '.join(names[f'solid {solid}'])}" for solid in names["solids"])
     about_subject = f"# Solids: {solids}.\n# A mesh file beside this one: {{model: bunny.obj, fit: 2}}."
     if model is not None:
         about_subject = "\n".join(f"# {line}" for line in model.facts)
@@ -341,11 +355,11 @@ def shot_of_flow(flow: str, name: str, model: ModelTemplate | None = None) -> st
         flows="\n".join(_entry(flow, preset)).replace("NAME", name),
         look=preset.look,
         coloured="clay" if preset.look == "model" else preset.look,
-        looks=", ".join(PRESETS["look"]),
+        looks=", ".join(preset_names()["look"]),
         left=preset.azimuth[0],
         right=preset.azimuth[1],
-        lights=choice(PRESETS["lights"], preset.lights),
-        stage=choice(PRESETS["stage"]),
+        lights=choice(preset_names()["lights"], preset.lights),
+        stage=choice(preset_names()["stage"]),
     )
     return re.sub(
         r"^(.*\S)  # (.*)$", lambda line: f"{line[1]:<{COLUMN}}  # {line[2]}", text, flags=re.MULTILINE
@@ -445,7 +459,7 @@ def show_files(name: str, shots: Sequence[str]) -> Mapping[str, str]:
     """
     return {
         "shots/defaults.yaml": SCHEMA.format(".schema/defaults.json")
-        + DEFAULTS.format(lights=choice(PRESETS["lights"]), stage=choice(PRESETS["stage"])),
+        + DEFAULTS.format(lights=choice(preset_names()["lights"]), stage=choice(preset_names()["stage"])),
         "shots/film.yaml": SCHEMA.format(".schema/film.json")
         + FILM.format(title=title_of(name[:1].upper() + name[1:]), shots=", ".join(shots)),
         "shots/models/README.txt": MODELS,

@@ -19,7 +19,7 @@ from flowsculpt.api.frames import FrameRange, Plan, Store
 from flowsculpt.api.options import DEFAULT_QUALITY, Common, PictureOptions, Quality, shared_option
 from flowsculpt.pipeline.plugins.farm.flamenco import JOB_TYPE, submitted_job
 from flowsculpt.pipeline.plugins.farm.openjd import template
-from flowsculpt.pipeline.plugins.farm.task_runner import Part, do
+from flowsculpt.pipeline.plugins.farm.task_runner import BY_FRAMES, Part, do
 
 FrameNumbers = Annotated[
     FrameRange | None,
@@ -28,6 +28,17 @@ FrameNumbers = Annotated[
 
 Names = Annotated[
     list[str], typer.Argument(metavar="SHOT|EDIT...", help="Shots, by name or path, or an edit.")
+]
+
+Nodes = Annotated[
+    int | None,
+    typer.Option(
+        "--nodes",
+        min=1,
+        metavar="N",
+        help="Divide the frames among N workers, by the time that they take. Default: `jobs` of the profile, "
+        "or 100.",
+    ),
 ]
 
 
@@ -42,26 +53,29 @@ def plan(
     output: Annotated[Path, _file("plan.json")] = Path("plan.json"),
     frames: FrameNumbers = None,
     quality: Quality = DEFAULT_QUALITY,
+    nodes: Nodes = None,
 ) -> None:
     """Write a plan for `flowsculpt task`, which does parts of it on the workers of any render manager.
 
     `flowsculpt export plan A010_cube -o plan.json` freezes the shot as it is now. Tasks skip what is already
-    rendered.
+    rendered. With --json, `chunks` lists the tasks that share the frames among the workers.
     """
     _require_ending(output, "a plan", ".json")
-    made = _plan(common, names, options, frames, quality)
+    made = _plan(common, names, options, frames, quality, nodes)
     if not common.dry_run:
         _make_folders(common, output)
         made.write(output)
     tasks: dict[str, set[int]] = {}
+    chunks: list[str] = []
     shots = {request.name for request in made.requests}
     for job in made.jobs:
         alone = len(shots) == 1 or job.stage == "film"
         shot = "" if alone else f"{made.requests[job.requests[0]].name}/"
         tasks.setdefault(shot + job.stage, set()).update(job.frames)
+        chunks += [f"{shot}{job.stage}:{job.frames}"] if job.stage in BY_FRAMES else []
     numbers = {task: sorted(each) for task, each in tasks.items()}
     words = ", ".join(f"{task}:{FrameRange.of(each)}" for task, each in numbers.items())
-    facts = {"plan": str(output), "tasks": numbers, "targets": list(made.targets)}
+    facts = {"plan": str(output), "tasks": numbers, "chunks": chunks, "targets": list(made.targets)}
     print_result(f"{output}: {common.done('written')}. Tasks: {words}.", facts, common.json)
 
 
@@ -72,6 +86,7 @@ def openjd(
     output: Annotated[Path, _file("template.yaml")] = Path("template.yaml"),
     frames: FrameNumbers = None,
     quality: Quality = DEFAULT_QUALITY,
+    nodes: Nodes = None,
 ) -> None:
     """Write a job template of Open Job Description that renders shots and assembles their movies.
 
@@ -82,7 +97,7 @@ def openjd(
     or share a remote store. Tasks skip what is already rendered.
     """
     _require_ending(output, "a template", ".yaml", ".yml", ".json")
-    made = _plan(common, names, options, frames, quality)
+    made = _plan(common, names, options, frames, quality, nodes)
     plan_file = output.with_name(f"{output.name}.plan.json")
     share = common.profile.exported_share
     job = template(made, plan_file.name, common.root, "+".join(names), share.threads, Store(common.root).url)
@@ -101,6 +116,7 @@ def flamenco(
     output: Annotated[Path, _file("flamenco.json")] = Path("flamenco.json"),
     frames: FrameNumbers = None,
     quality: Quality = DEFAULT_QUALITY,
+    nodes: Nodes = None,
 ) -> None:
     """Write a job of Flamenco that renders shots and assembles their movies, and the job type that it has.
 
@@ -109,7 +125,7 @@ def flamenco(
     the same paths, or share a remote store. Tasks skip what is already rendered.
     """
     _require_ending(output, "a job of Flamenco", ".json")
-    made = _plan(common, names, options, frames, quality)
+    made = _plan(common, names, options, frames, quality, nodes)
     plan_file, script = output.with_name(f"{output.name}.plan.json"), output.with_name(JOB_TYPE.name)
     root = common.root.absolute()
     job = submitted_job(made, plan_file.absolute(), root, "+".join(names), Store(root).url)
@@ -128,11 +144,16 @@ def flamenco(
 
 
 def _plan(
-    common: Common, names: list[str], options: PictureOptions, frames: FrameRange | None, quality: str
+    common: Common,
+    names: list[str],
+    options: PictureOptions,
+    frames: FrameRange | None,
+    quality: str,
+    nodes: int | None,
 ) -> Plan:
     """Return the plan of all that shots or an edit need, as if nothing was rendered."""
     project = options.project(common)
-    made = project.whole(names, options.quality(quality, project, names), frames)
+    made = project.whole(names, options.quality(quality, project, names), frames, nodes)
     for note in dict.fromkeys(made.notes):
         print_warning(note)
     return made
@@ -172,8 +193,8 @@ def task(
         list[str],
         typer.Argument(
             metavar="TASK...",
-            help="Stages in their order: simulate, smooth_normals, frame_camera, render, finish, assemble, "
-            "film; of one shot as A010_cube/render, some of its frames as render:1-8.",
+            help="Stages in their order: simulate, smooth_normals, frame_camera, render, those of plug-ins, "
+            "finish, assemble, film; of one shot as A010_cube/render, some of its frames as render:1-8.",
         ),
     ],
     part: Annotated[

@@ -1,4 +1,5 @@
-"""The steps of a plan on a farm: for each shot its surfaces, its renders, its finished frames, its movie.
+"""The steps of a plan on a farm: for each shot its surfaces, its renders, what plug-ins make of them, its
+finished frames, its movie.
 
 Open Job Description and Flamenco take them: each has jobs that other steps may have to wait for, also those
 of another shot that has the same meshes. The first tasks of a shot are one step, for only its simulation is
@@ -7,14 +8,16 @@ worth a place in a queue.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 from flowsculpt.api.frames import Job, PipelineStage, Plan
-from flowsculpt.pipeline.plugins.farm.task_runner import BY_FRAMES
+from flowsculpt.pipeline.plugins.farm.task_runner import BY_FRAMES, OF_PLUGINS
 
 STEPS = {
     "Surfaces": ("simulate", "smooth_normals", "frame_camera"),
     "Render": ("render",),
+    **{name: (name,) for name in OF_PLUGINS},
     "Finish": ("finish",),
     "Assemble": ("assemble",),
     "Film": ("film",),
@@ -44,6 +47,16 @@ class FarmStep:
         return f"{self.shot}/{STEPS[self.kind][0]}"
 
     @property
+    def chunk(self) -> int:
+        """The frames of a task, by the plan; 0 where one task does all."""
+        return max(len(job.frames) for job in self.jobs) if self.frames else 0
+
+    @property
+    def chunk_seconds(self) -> int:
+        """The time, seconds, that such a task is expected to take; 0 where one task does all."""
+        return math.ceil(max(job.seconds for job in self.jobs)) if self.frames else 0
+
+    @property
     def memory_mib(self) -> int:
         """The memory of a task, MiB."""
         return max(self.plan.memory_mib(job) for job in self.jobs)
@@ -53,10 +66,10 @@ class FarmStep:
         """The GPUs of a task."""
         return max(self.plan.gpus(job) or 0 for job in self.jobs)
 
-    def minutes(self, threads: int, chunk: int) -> int:
-        """Return the time limit of a task on so many threads; `chunk` are the frames of one."""
+    def minutes(self, threads: int) -> int:
+        """Return the time limit of a task on so many threads."""
         if self.frames:
-            return max(self.plan.minutes(job, threads, chunk) or 0 for job in self.jobs)
+            return max(self.plan.minutes(job, threads) or 0 for job in self.jobs)
         return sum(self.plan.minutes(job, threads) or 0 for job in self.jobs)
 
 

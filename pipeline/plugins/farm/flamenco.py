@@ -18,9 +18,6 @@ from flowsculpt.pipeline.plugins.farm.farm_steps import FarmStep, steps_of
 JOB_TYPE = Path(__file__).with_name("flowsculpt.js")
 """The script of the job type; Flamenco calls the type as the file."""
 
-CHUNK = 8
-"""Frames of a task, where the job does not say otherwise."""
-
 PLATFORMS = {"win32": "windows", "darwin": "darwin"}
 """How Flamenco calls operating systems, by Python's names; all others are linux."""
 
@@ -41,7 +38,7 @@ def submitted_job(plan: Plan, plan_file: Path, root: Path, name: str, store: str
             "root": str(root),
             "store": store or "",
             "executable": "flowsculpt",
-            "chunk_size": CHUNK,
+            "chunk_size": 0,
             "steps": json.dumps([_step(step) for step in steps_of(plan)]),
         },
         "metadata": {},
@@ -53,5 +50,6 @@ def _step(step: FarmStep) -> dict[str, Any]:
         "name": f"{step.kind} {step.shot}".strip(),
         "tasks": [step.task] if step.frames else [job.name for job in step.jobs],
         "frames": list(step.frames),
+        "chunk": step.chunk,
         "after": list(step.after),
     }

@@ -13,7 +13,8 @@ const JOB_TYPE = {
           description: "The remote store, where workers have roots of their own; or nothing" },
         { key: "executable", type: "string", default: "flowsculpt",
           description: "The command on the workers, or a variable of the Manager such as {flowsculpt}" },
-        { key: "chunk_size", type: "int32", default: 8, description: "Frames that a task renders, or finishes" },
+        { key: "chunk_size", type: "int32", default: 0,
+          description: "Frames that a task renders, or finishes; 0: as many as the plan says" },
         { key: "steps", type: "string", required: true, visible: "web",
           description: "The steps of the plan, as JSON: each has a name, tasks, frames, and the steps it waits for" },
     ],
@@ -24,7 +25,7 @@ function compileJob(job) {
     const made = []; // the tasks of each step
     for (const step of JSON.parse(settings.steps)) {
         const own = [];
-        for (const chunk of chunksOf(step.frames, settings.chunk_size)) {
+        for (const chunk of chunksOf(step.frames, settings.chunk_size || step.chunk)) {
             const task = taskOf(step, chunk, settings);
             for (const place of step.after) {
                 made[place].forEach((earlier) => task.addDependency(earlier));
@@ -38,8 +39,8 @@ function compileJob(job) {
 
 // Frames in parts of some each; one part without frames where one task does it all.
 function chunksOf(frames, size) {
-    if (size < 1) {
-        throw new Error(`chunk_size is ${size}; it must be at least 1`);
+    if (size < 0) {
+        throw new Error(`chunk_size is ${size}; it must be at least 1, or 0 for as many as the plan says`);
     }
     const chunks = [];
     for (let first = 0; first < frames.length; first += size) {

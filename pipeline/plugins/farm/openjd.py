@@ -21,10 +21,6 @@ from flowsculpt.api.frames import FrameRange, Plan
 from flowsculpt.pipeline.plugins.farm.farm_steps import FarmStep, steps_of
 from flowsculpt.pipeline.plugins.farm.task_runner import do
 
-CHUNK = 8  # frames that a task makes until the manager knows how long one takes
-
-CHUNK_SECONDS = 900  # target length of a task: tasks lose nothing when killed, but each starts a renderer
-
 TIME_MARGIN = 4
 """Time limit of a task, as a multiple of its target length: nodes differ, and so do frames."""
 
@@ -84,11 +80,11 @@ def template(
 def _step(step: FarmStep, number: int, names: Sequence[str], threads: int) -> dict[str, Any]:
     """Return a step of the template; `names` are those of all steps."""
     tasks = [job.name for job in step.jobs]
-    seconds = 60 * step.minutes(threads, CHUNK)
+    seconds = 60 * step.minutes(threads)
     space: dict[str, Any] = {}
     if step.frames:
-        tasks, seconds = [f"{step.task}:{{{{Task.Param.Frame}}}}"], seconds + TIME_MARGIN * CHUNK_SECONDS
-        space = {"parameterSpace": {"taskParameterDefinitions": [_chunks(step.frames)]}}
+        tasks, seconds = [f"{step.task}:{{{{Task.Param.Frame}}}}"], seconds + TIME_MARGIN * step.chunk_seconds
+        space = {"parameterSpace": {"taskParameterDefinitions": [_chunks(step)]}}
     given = ["{{Param.Root}}", "{{Param.Plan}}", "{{Param.Store}}"]
     action = {
         "command": "{{Param.Python}}",
@@ -108,15 +104,18 @@ def _step(step: FarmStep, number: int, names: Sequence[str], threads: int) -> di
     }
 
 
-def _chunks(frames: Sequence[int]) -> dict[str, Any]:
-    """Return the parameter of a step whose tasks make some of its frames each."""
+def _chunks(step: FarmStep) -> dict[str, Any]:
+    """Return the parameter of a step whose tasks make some of its frames each.
+
+    A manager that measures how long frames take keeps to the time that makes all nodes end together.
+    """
     return {
         "name": "Frame",
         "type": "CHUNK[INT]",
-        "range": _written(frames),
+        "range": _written(step.frames),
         "chunks": {
-            "defaultTaskCount": CHUNK,
-            "targetRuntimeSeconds": CHUNK_SECONDS,
+            "defaultTaskCount": step.chunk,
+            "targetRuntimeSeconds": step.chunk_seconds,
             "rangeConstraint": "NONCONTIGUOUS",
         },
     }

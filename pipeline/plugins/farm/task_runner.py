@@ -14,9 +14,13 @@ from pathlib import Path
 
 from flowsculpt import MachineError, MissingInputError, UsageError
 from flowsculpt.api import plural, suggest
-from flowsculpt.api.frames import FrameRange, Job, Plan, Store
+from flowsculpt.api.frames import FrameRange, Job, PipelineStage, Plan, Store
 
-BY_FRAMES = ("render", "finish")  # the stages whose frames several workers may share out
+OF_PLUGINS = tuple(name for name, stage in PipelineStage.all().items() if stage.plugin)
+"""The picture stages of plug-ins, in their order."""
+
+BY_FRAMES = ("render", *OF_PLUGINS, "finish")
+"""The stages whose frames several workers may share out."""
 
 
 @dataclass(frozen=True)
@@ -129,7 +133,8 @@ def _jobs(plan: Plan, file: Path, tasks: Sequence[str], part: Part | None) -> It
                 f"--part: {task} cannot be divided; only {' and '.join(BY_FRAMES)} are done in parts. Leave "
                 "it out"
             )
-        if not frames and part is None:
+        requests = {job.requests[0] for job in chosen}
+        if not frames and part is None and (chosen[0].stage not in BY_FRAMES or len(requests) == len(chosen)):
             yield from (job.name for job in chosen)
             continue
         planned = sorted({number for job in chosen for number in job.frames})

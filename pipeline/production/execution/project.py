@@ -10,6 +10,7 @@ from pathlib import Path
 
 from flowsculpt.pipeline.errors import UsageError, suggest
 from flowsculpt.pipeline.frames import FrameRange, FrameSelection, FrameWords
+from flowsculpt.pipeline.production.planning.estimate import MeanTimings
 from flowsculpt.pipeline.production.planning.frame_states import FrameStates, KnownPictures, select_frames
 from flowsculpt.pipeline.production.planning.plan import Plan
 from flowsculpt.pipeline.production.planning.planner import Planner
@@ -62,6 +63,11 @@ class Project:
     @property
     def store(self) -> Store:
         return Store(self.root)
+
+    @property
+    def cache(self) -> PlanningCache:
+        """What is kept of what was found out about shots, for as long as it holds."""
+        return PlanningCache(self.root)
 
     @cached_property
     def history(self) -> History:
@@ -130,8 +136,16 @@ class Project:
             planner.movie(whole)
         keys.remember()
 
-    def whole(self, shots: Sequence[str], quality: str, frames: FrameSelection | None = None) -> Plan:
+    def whole(
+        self,
+        shots: Sequence[str],
+        quality: str,
+        frames: FrameSelection | None = None,
+        nodes: int | None = None,
+    ) -> Plan:
         """Return the plan for a farm of finished frames of shots and their movies, whatever is stored.
+
+        nodes  how many share the frames; by default `jobs` of the profile
 
         A name of an edit stands for its film. Raises UsageError for frames of several shots.
         """
@@ -142,7 +156,8 @@ class Project:
         if len(edits) > 1:
             raise UsageError(f"{', '.join(edits)} are several edits, and a plan makes one film; name one")
         nothing = Store(self.root / STATE / "nothing", url=None)
-        planner = Planner(nothing, 1, 1, self.notes, self.profile.exported_share)
+        nodes, timings = nodes or self.profile.jobs, MeanTimings(self.root)
+        planner = Planner(nothing, nodes, nodes, self.notes, self.profile.exported_share, timings=timings)
         far = replace(self, for_farm=True)
         for shot in shots:
             if shot in edits:
@@ -209,9 +224,8 @@ class Project:
         their files have folders of their own.
         """
         if path not in self._edits:
-            cache = PlanningCache(self.root)
             self._edits[path] = resolve_edit(
-                path, self.settings, cache, lambda shot, edit: self._of_edit(edit)._source(shot).manifest
+                path, self.settings, self.cache, lambda shot, edit: self._of_edit(edit)._source(shot).manifest
             )
         edit, clips = self._edits[path].edit, self._edits[path].clips
         project = self._of_edit(edit)
@@ -349,4 +363,4 @@ class Project:
 
     def _source(self, path: Path) -> ShotSource:
         read = self._texts.source(path.absolute(), self.settings, self.allow_code)
-        return replace(read, cache=PlanningCache(self.root)).with_inputs()
+        return replace(read, cache=self.cache).with_inputs()

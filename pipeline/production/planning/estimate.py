@@ -28,7 +28,7 @@ from flowsculpt.pipeline.production.planning.frame_states import KnownPictures
 from flowsculpt.pipeline.production.planning.plan import Job, Plan
 from flowsculpt.pipeline.production.planning.timings import SHARED_STAGES, statistics_in
 from flowsculpt.pipeline.production.request.lookup import QualityName, pixels
-from flowsculpt.pipeline.production.request.render_request import FORMS
+from flowsculpt.pipeline.production.request.render_request import FORMS, RenderRequest
 from flowsculpt.pipeline.production.store.event_log import Event
 from flowsculpt.pipeline.production.store.history import History
 from flowsculpt.pipeline.production.store.paths import RENDERS
@@ -81,8 +81,16 @@ class Forecast:
 _FRAMES = 100
 """The most frames of one kind that are read."""
 
-TYPICAL_LIGHT, TYPICAL_REST = 1.8e-6, 3.6e-5
-"""Core-seconds for a sample of light, and for all else of a pixel: A010_cube at final, on an AMD EPYC."""
+TYPICAL_LIGHT, TYPICAL_FEATURES = 1.8e-6, 5.6e-7
+"""Core-seconds for a sample of light, and of features, of a pixel: A010_cube at final, on an AMD EPYC."""
+
+TYPICAL = {"simulate": 0.08, "smooth_normals": 0.02, "frame_camera": 0.005}
+"""CPU seconds of a frame of the shots of `shots/`, for stages that make no pictures."""
+
+TYPICAL_OF_PIXELS = {"finish": 5e-6, "assemble": 2e-7, "film": 2e-7}
+"""CPU seconds of a pixel of theirs at draft; stills take TYPICAL_OF_STILLS."""
+
+TYPICAL_OF_STILLS = 1e-6
 
 _FOLDERS = {"simulate": "meshes", "smooth_normals": "normals", "render": "raw", "finish": "frames"}
 
@@ -127,6 +135,12 @@ class MeanTimings:
                 return Sample(scale * taken / len(made), len(made), f"{name} at {at}")
         return None
 
+    def expected(self, stage: str, request: RenderRequest) -> float:
+        """Return the core-seconds of a frame of a request: measured or, where nothing was, typical."""
+        width, height = request.pictures.quality.rendered_size
+        sample = self.seconds(stage, *shot_and_quality(request, stage), width * height)
+        return typical_seconds(stage, request.pictures.quality) if sample is None else sample.seconds
+
     def _render_seconds(self, shot: str, quality: str, size: int) -> Sample | None:
         for name, at in ((shot, quality), (shot, "*"), ("*", quality), ("*", "*")):
             for folder in _statistics_folders(self._root, name, at):
@@ -164,10 +178,13 @@ def samples(quality: str) -> float:
     return QUALITIES[QualityName.of(quality).base].typical_samples
 
 
-def typical_seconds(quality: Quality) -> float:
-    """Return the core-seconds of a frame of the shots of `shots/`, for a root where none was rendered yet."""
+def typical_seconds(stage: str, quality: Quality) -> float:
+    """Return the core-seconds of a frame of the shots of `shots/`, for a root where none was made yet."""
     width, height = quality.rendered_size
-    return width * height * (TYPICAL_LIGHT * quality.typical_samples + TYPICAL_REST)
+    if stage == "render":
+        light, features = quality.typical_samples, quality.auxiliary_samples
+        return width * height * (TYPICAL_LIGHT * light + TYPICAL_FEATURES * features)
+    return TYPICAL.get(stage) or width * height * TYPICAL_OF_PIXELS.get(stage, TYPICAL_OF_STILLS)
 
 
 def _statistics_folders(root: Path, name: str, quality: str) -> Iterator[Path]:
@@ -241,8 +258,9 @@ def estimate(plan: Plan, root: Path, cores: int) -> Estimate:
     render: Sample | None = None
     size: float | None = 0.0
     for job in plan.jobs:
-        shot, quality = shot_and_quality(plan, job)
-        width, height = plan.requests[job.requests[0]].pictures.quality.rendered_size
+        request = plan.requests[job.requests[0]]
+        shot, quality = shot_and_quality(request, job.stage)
+        width, height = request.pictures.quality.rendered_size
         sample = timings.seconds(job.stage, shot, quality, width * height)
         if sample is None:
             unmeasured[job.stage] = None
@@ -272,25 +290,16 @@ def _wall_clock(by_stage: Mapping[str, float], chains: Mapping[int, float], core
     return max(max(chains.values(), default=0.0), motion / cores) + rest / cores + film
 
 
-def shot_and_quality(plan: Plan, job: Job) -> tuple[str, str]:
-    """Return the name of the folder of a job's shot, and its quality."""
-    request = plan.requests[job.requests[0]]
+def shot_and_quality(request: RenderRequest, stage: str) -> tuple[str, str]:
+    """Return the name of the folder of a request's shot, as a stage has it, and its quality."""
     name = request.name
-    if (kind := request.frame_source.kind) and job.stage not in SHARED_STAGES:
+    if (kind := request.frame_source.kind) and stage not in SHARED_STAGES:
         name = request.folders.home.relative_to(RENDERS / kind).as_posix()
     return name, request.quality_name
 
 
 SMOOTHING = 8.0
 """Seconds in which the end that is shown comes closer by two thirds to the one that is estimated."""
-
-TYPICAL = {"simulate": 0.08, "smooth_normals": 0.02, "frame_camera": 0.005}
-"""CPU seconds of a frame of the shots of `shots/`, for stages that make no pictures."""
-
-TYPICAL_OF_PIXELS = {"render": 7e-6, "finish": 5e-6, "assemble": 2e-7, "film": 2e-7}
-"""CPU seconds of a pixel of theirs at draft; stills take TYPICAL_OF_STILLS."""
-
-TYPICAL_OF_STILLS = 1e-6
 
 
 @dataclass(eq=False)
@@ -329,7 +338,7 @@ class TimeLeft:
         self._looked = 0.0
         timings, works = MeanTimings(root), dict[tuple[str, str, str], _Work]()
         for job in plan.jobs:
-            place = job.stage, *shot_and_quality(plan, job)
+            place = job.stage, *shot_and_quality(plan.requests[job.requests[0]], job.stage)
             if place not in works:
                 works[place] = _new_work(plan, job, timings)
             works[place].total += len(job.frames)
@@ -392,9 +401,8 @@ class TimeLeft:
 
 
 def _new_work(plan: Plan, job: Job, timings: MeanTimings) -> _Work:
-    shot, quality = shot_and_quality(plan, job)
-    width, height = plan.requests[job.requests[0]].pictures.quality.rendered_size
-    pixels, stage = width * height, job.stage
-    guess = timings.seconds(stage, shot, quality, pixels)
-    typical = TYPICAL.get(stage) or pixels * TYPICAL_OF_PIXELS.get(stage, TYPICAL_OF_STILLS)
+    request, stage = plan.requests[job.requests[0]], job.stage
+    width, height = request.pictures.quality.rendered_size
+    guess = timings.seconds(stage, *shot_and_quality(request, stage), width * height)
+    typical = typical_seconds(stage, request.pictures.quality)
     return _Work(stage, None if guess is None else guess.seconds, typical)

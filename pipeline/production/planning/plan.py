@@ -112,6 +112,7 @@ class Job:
     key       the digest, 16 hex digits, of the keys of what it makes
     output    the file by which Snakemake sees that it is done, relative to the root
     present   true if the store holds all that it makes
+    seconds   the time that a farm's node is expected to take for its frames; 0 where no time is expected
     """
 
     name: str
@@ -124,6 +125,7 @@ class Job:
     output: str = ""
     threads: int = 1
     present: bool = False
+    seconds: float = 0.0
 
     @property
     def is_local(self) -> bool:

@@ -9,246 +9,32 @@ they make, so what several requests need is made once.
 
 from __future__ import annotations
 
-import re
-from collections import Counter, defaultdict
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property
-from itertools import groupby
+import math
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from flowsculpt.pipeline.errors import UsageError
-from flowsculpt.pipeline.frames import FrameRange
-from flowsculpt.pipeline.production.planning.plan import Job, Link, Plan, done_file, with_threads
+from flowsculpt.pipeline.production.planning.batches import (
+    FrameWork,
+    SharedFrames,
+    batch_sizes,
+    batches,
+    even_batches,
+)
+from flowsculpt.pipeline.production.planning.estimate import MeanTimings
+from flowsculpt.pipeline.production.planning.plan import Link, Plan, with_threads
+from flowsculpt.pipeline.production.planning.planned_jobs import PlanEntry, PlannedJobs
 from flowsculpt.pipeline.production.planning.profile import Share
 from flowsculpt.pipeline.production.planning.timings import measure_renders
-from flowsculpt.pipeline.production.request.cameras import CameraFile
 from flowsculpt.pipeline.production.request.edit import Edit
-from flowsculpt.pipeline.production.request.keys import FrameKeys, PictureKeys, staged_keys
+from flowsculpt.pipeline.production.request.keys import PictureKeys
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.stages import STAGES
-from flowsculpt.pipeline.production.store.store import Key, Store, key_of
-
-
-class _PlaceholderFramings(CameraFile):
-    """Stand-ins for framings that are not known yet: where these are equal, so will the framings be."""
-
-    def __getitem__(self, number: int) -> Any:
-        return {"cameras": self.key, "number": number}
-
-
-class _PlaceholderKeys(dict[int, FrameKeys]):
-    """Stand-ins for the keys of a request's pictures, which tell them apart within one shot file."""
-
-    def __init__(self, request: RenderRequest) -> None:
-        super().__init__()
-        self._request, self._asked = request, frozenset(request.requested)
-
-    def __missing__(self, number: int) -> FrameKeys:
-        window = self._request.pictures.window(number, self._asked.__contains__)
-        raw = f"{self._request.keys.identity}.{number}"
-        staged = staged_keys(self._request.manifest.stages, raw)
-        self[number] = FrameKeys(raw, f"{raw}.{window[0]}.{window[-1]}", window, staged)
-        return self[number]
-
-
-@dataclass(eq=False)
-class PlanEntry:
-    """A request in the plan, and what is known of its pictures.
-
-    keys        those of its pictures; None where its cameras are not known
-    comparable  keys are needed even before cameras are known, to find equal pictures of other requests
-    wanted      mesh frames that jobs need and the store lacks
-    wholes      places of the requests that show the subject with others, for an entry of one of several
-    """
-
-    place: int
-    request: RenderRequest
-    keys: PictureKeys | None
-    store: Store
-    comparable: bool
-    wanted: set[int] = field(default_factory=set)
-    wholes: list[int] = field(default_factory=list)
-
-    @property
-    def places(self) -> tuple[int, ...]:
-        """The places of the requests that need what the entry needs."""
-        return self.place, *self.wholes
-
-    @cached_property
-    def names(self) -> Mapping[int, FrameKeys]:
-        """The keys of the pictures, or what stands for them until the cameras are known."""
-        request = self.request
-        if self.keys is not None:
-            return self.keys
-        if not self.comparable:
-            return _PlaceholderKeys(request)
-        key = f"promised {request.keys.cameras}"
-        framings = _PlaceholderFramings(self.store, key, request.angles, dict)
-        return PictureKeys(request, self.store, framings)
-
-    @cached_property
-    def shown(self) -> list[int]:
-        """The mesh frames that pictures of the whole request show."""
-        return self.request.meshes(self.request.angles)
-
-    def require_permission(self) -> None:
-        """Raises UsageError where the shot runs Python files, and may not."""
-        if self.request.manifest.runs_python:
-            self.request.shot.require_permission()
-
-    def mesh_keys(self, numbers: Sequence[int]) -> tuple[Key, ...]:
-        """Return the keys of mesh frames, in order."""
-        return tuple(map(self.request.keys.mesh, numbers))
-
-    def key(self, stage: str, number: int) -> Key:
-        """The key by which a frame of a stage is known in the plan."""
-        if stage == "simulate":
-            return self.request.keys.mesh(number)
-        if stage == "smooth_normals":
-            return self.request.keys.normals(number)
-        keys = self.names[number]
-        if stage == "render":
-            return keys.raw
-        if stage in keys.staged:
-            return keys.staged[stage]
-        return keys.frame if stage == "finish" else self.request.keys.still(stage, keys.frame)
-
-
-MAX_BATCH = 256
-"""Frames a process renders at most before it gives its memory back."""
-
-MIN_BATCH = 4
-"""Frames that are not worth the start of a second process: one renders them on all cores."""
-
-MIN_LAST_BATCH = 64
-"""The smallest last batches, in frames, while there are more batches than cores."""
-
-MIN_SHARED = 8
-"""A simulation waits for another that makes at least this many of the same frames: waiting costs the start of
-one more process."""
-
-
-@dataclass
-class PlannedJobs:
-    """Collects jobs, and notes which requests need them.
-
-    jobs       in the order in which they were added
-    spared     frames by stage that a request needs and the job of another makes
-    manifests  what the jobs whose files are there have made: the kind and the keys, by output
-    """
-
-    jobs: list[Job] = field(default_factory=list)
-    spared: Counter[str] = field(default_factory=Counter)
-    manifests: dict[str, tuple[str, list[Key]]] = field(default_factory=dict)
-    _makers: defaultdict[str, dict[Key, int]] = field(default_factory=lambda: defaultdict(dict))
-
-    def is_new(self, entry: PlanEntry, stage: str, key: Key, present: bool, frames: int = 1) -> bool:
-        """Tell whether no job makes a file yet; a job that does then serves this request too."""
-        maker = self._makers[stage].get(key)
-        if maker is None:
-            return True
-        self._serve(maker, entry)
-        if self.jobs[maker].requests[0] != entry.place and not present:
-            self.spared[stage] += frames
-        return False
-
-    def _serve(self, maker: int, entry: PlanEntry) -> None:
-        """Note that a request needs what a job makes."""
-        job = self.jobs[maker]
-        self.jobs[maker] = replace(job, requests=tuple(dict.fromkeys((*job.requests, *entry.places))))
-
-    def add(
-        self,
-        entry: PlanEntry,
-        stage: str,
-        frames: Sequence[int],
-        keys: Sequence[Key],
-        reads: Sequence[int],
-        present: bool,
-        **fields: Any,
-    ) -> None:
-        """Add a job that makes files of `keys`; those that are there stand in its manifest.
-
-        fields  fields of the job that differ from the usual ones
-        """
-        request, key = entry.request, key_of(stage, list(keys))[:16]
-        label = re.sub(r"\W", "_", request.label)
-        name = f"{stage}_{label}_{min(frames):04d}_{max(frames):04d}_{key[:8]}"
-        output = done_file(stage, request.name, request.quality_name, frames, key)
-        if present:
-            self.manifests[output] = STAGES[stage].makes, list(keys)
-        for made in keys:
-            self._makers[stage].setdefault(made, len(self.jobs))
-        others = None if list(reads) == list(frames) else tuple(reads)
-        job = Job(
-            name, stage, entry.places, FrameRange(frames), others, key=key, output=output, present=present
-        )
-        self.jobs.append(replace(job, **fields))
-
-    def add_simulations(self, entries: Collection[PlanEntry]) -> None:
-        """Add the jobs that simulate meshes; a long beginning that requests share is made once."""
-        makers = self._makers["simulate"]
-        wanted = [(entry, sorted(entry.wanted)) for entry in entries]
-        users = Counter(key for chain in {e.mesh_keys(numbers) for e, numbers in wanted} for key in chain)
-        for entry, numbers in wanted:
-            before: list[int] = []
-            for is_shared, piece in _pieces(entry, numbers, users):
-                keys = entry.mesh_keys(piece)
-                if all(key in makers for key in keys) or (is_shared and keys[0] in makers):
-                    for maker in {makers[key] for key in keys if key in makers}:
-                        self._serve(maker, entry)
-                    self.spared["simulate"] += len(piece)
-                else:
-                    self.add(entry, "simulate", piece, keys, before, present=False)
-                before = piece[-1:]
-
-
-def _pieces(
-    entry: PlanEntry, numbers: Sequence[int], users: Mapping[Key, int]
-) -> list[tuple[bool, list[int]]]:
-    """Return frames that the same number of simulations go through, and whether one makes them for all.
-
-    Short pieces are not worth waiting for: each simulation makes those itself, to the same bits.
-    """
-    pieces: list[tuple[bool, list[int]]] = []
-    for many, group in groupby(numbers, key=lambda n: users[entry.request.keys.mesh(n)]):
-        piece = list(group)
-        is_shared = many > 1 and len(piece) >= MIN_SHARED
-        if pieces and not is_shared and not pieces[-1][0]:
-            pieces[-1][1].extend(piece)
-        else:
-            pieces.append((is_shared, piece))
-    return pieces
-
-
-def batches(numbers: Sequence[int], cores: int, least: int = MIN_BATCH) -> list[tuple[int, ...]]:
-    """Split frames into batches, none longer than MAX_BATCH, enough of them to keep the cores busy, but none
-    needlessly shorter than `least`.
-
-    Frames in ascending order are split into neighbours, long batches first, for each costs a process the time
-    to start, and shorter ones towards the end, so that no core waits long for another (guided
-    self-scheduling: Polychronopoulos & Kuck, 1987). Frames in another order, such as coarse first, are dealt
-    out, so that all cores work on the first ones first.
-    """
-    cores = max(1, cores)
-    share = -(-len(numbers) // cores)
-    if list(numbers) == sorted(numbers):
-        return list(_halving_batches(numbers, cores, max(least, min(MIN_LAST_BATCH, share))))
-    size = min(MAX_BATCH, max(least, share))
-    hands = [numbers[i : i + size * cores] for i in range(0, len(numbers), size * cores)]
-    dealt = (tuple(hand[i::cores]) for hand in hands for i in range(cores))
-    return [batch for batch in dealt if batch]
-
-
-def _halving_batches(numbers: Sequence[int], cores: int, least: int) -> Iterator[tuple[int, ...]]:
-    """Yield batches of half of each core's share of what is left."""
-    begun = 0
-    while begun < len(numbers):
-        size = min(MAX_BATCH, max(least, (len(numbers) - begun) // (2 * cores)))
-        yield tuple(numbers[begun : begun + size])
-        begun += size
+from flowsculpt.pipeline.production.store.store import Key, Store
 
 
 @dataclass
@@ -258,6 +44,8 @@ class Planner:
     side_by_side  how many jobs of one request work side by side
     cores         how many of all requests do
     share         what each of them has for itself on a farm's nodes; None where they share this machine
+    timings       what frames took, by which those of a farm are divided among its nodes; by default under the
+                  root of the store
     force         stages that are made again, each with the time (nanoseconds since the epoch) from which on
                   the store's files count
     comparable    requests differ by settings, as the cells of a wedge do, and may have pictures in common
@@ -270,8 +58,11 @@ class Planner:
     share: Share | None = None
     force: Mapping[str, int] = field(default_factory=dict)
     comparable: bool = False
+    timings: MeanTimings | None = None
     _entries: dict[RenderRequest, PlanEntry] = field(default_factory=dict)
     _planned: PlannedJobs = field(default_factory=PlannedJobs)
+    _waiting: list[Callable[[], None]] = field(default_factory=list)
+    _shared_out: defaultdict[str, SharedFrames] = field(default_factory=lambda: defaultdict(SharedFrames))
     _links: dict[str, Link] = field(default_factory=dict)
     _targets: list[str] = field(default_factory=list)
     _goals: list[tuple[int, str]] = field(default_factory=list)
@@ -358,10 +149,12 @@ class Planner:
         with_rest  plan also jobs whose files are there, or that nothing needs: a user of Snakemake may
                    force them to run again
         """
+        self._add_jobs()
         self._planned.add_simulations(self._entries.values())
         if with_rest:
             for entry in list(self._entries.values()):
                 self._add_rest(entry)
+            self._add_jobs()
         planned = [job for job in self._planned.jobs if with_rest or not job.present]
         jobs = sorted(planned, key=lambda job: job.stage != "simulate")
         rendered = {job.requests[0] for job in jobs if job.stage == "render"}
@@ -461,8 +254,7 @@ class Planner:
             self._meshes_of(part, sorted({*rough, *needed}) if framed else entry.shown)
             self._batches(part, "smooth_normals", rough)
         frames = sorted(request.angles)
-        if self._planned.is_new(entry, "frame_camera", key, framed, len(frames)):
-            self._planned.add(entry, "frame_camera", frames, [key], entry.shown, framed)
+        self._ask(entry, "frame_camera", frames, key, entry.shown, framed)
 
     def _meshes(self, entry: PlanEntry, wanted: Sequence[int]) -> None:
         """Note the mesh frames of all subjects that are not there."""
@@ -476,16 +268,48 @@ class Planner:
             entry.require_permission()
         entry.wanted.update(missing)
 
-    # Jobs
+    # Jobs, which are added once all frames are known: a farm's nodes share them
+
+    def _ask(
+        self,
+        entry: PlanEntry,
+        stage: str,
+        frames: Sequence[int],
+        key: Key,
+        reads: Sequence[int],
+        present: bool,
+        **fields: Any,
+    ) -> None:
+        """Ask for a job that makes one file of all frames; arguments as of `PlannedJobs.add`."""
+        counted = 0 if stage in ("assemble", "film") else len(frames)
+
+        def add() -> None:
+            if self._planned.is_new(entry, stage, key, present, counted):
+                self._planned.add(entry, stage, frames, [key], reads, present, **fields)
+
+        self._waiting.append(add)
 
     def _batches(self, entry: PlanEntry, stage: str, frames: Sequence[int], present: bool = False) -> None:
-        """Plan the jobs of frames that are made one by one."""
-        request = entry.request
-        least = self.share.frames if self.share else MIN_BATCH
+        """Ask for the jobs of frames that are made one by one."""
         keys = {n: entry.key(stage, n) for n in frames}
-        fresh = [n for n in frames if self._planned.is_new(entry, stage, keys[n], present)]
-        split = [fresh] if stage == "smooth_normals" else batches(fresh, self.side_by_side, least)
-        for batch in filter(None, split):
+        if self._is_shared_out(stage):
+            self._shared_out[stage].count(entry.place, keys.values())
+        self._waiting.append(partial(self._add_batches, entry, stage, keys, present))
+
+    def _is_shared_out(self, stage: str) -> bool:
+        return self.share is not None and STAGES[stage].on_farm
+
+    def _add_jobs(self) -> None:
+        """Add the jobs that were asked for since the last call."""
+        waiting, self._waiting = self._waiting, []
+        for add in waiting:
+            add()
+        self._shared_out.clear()
+
+    def _add_batches(self, entry: PlanEntry, stage: str, keys: Mapping[int, Key], present: bool) -> None:
+        request = entry.request
+        fresh = [n for n, key in keys.items() if self._planned.is_new(entry, stage, key, present)]
+        for batch in filter(None, self._split(entry, stage, fresh)):
             reads: Sequence[int] = batch
             meshes: tuple[int, ...] = ()
             if stage == "render":
@@ -494,7 +318,43 @@ class Planner:
                 meshes = tuple(dict.fromkeys(request.angles[n].mesh for n in needed))
             elif stage == "finish":
                 reads = _union(entry.names[n].window for n in batch)
-            self._planned.add(entry, stage, batch, [keys[n] for n in batch], reads, present, meshes=meshes)
+            made, seconds = [keys[n] for n in batch], len(batch) * self._node_seconds(request, stage)
+            self._planned.add(
+                entry, stage, batch, made, reads, present, meshes=meshes, seconds=round(seconds, 1)
+            )
+
+    def _split(self, entry: PlanEntry, stage: str, frames: Sequence[int]) -> list[tuple[int, ...]]:
+        """Return the batches of frames of a stage."""
+        if stage == "smooth_normals" or not frames:
+            return [tuple(frames)]
+        if not self._is_shared_out(stage):
+            return batches(frames, self.side_by_side)
+        return even_batches(frames, self._batch_sizes(stage)[entry.place])
+
+    def _batch_sizes(self, stage: str) -> Mapping[int, int]:
+        """Return the frames of a batch of a stage by request: the time that they take decides.
+
+        A batch takes as long as its start, at least. One that averages over time has as many frames as it
+        reads on both sides, so that no frame is needed by three batches.
+        """
+        shared, share = self._shared_out[stage], self.share
+        if not shared.sizes and share is not None:
+            works, requests = [], tuple(self._entries)
+            for place, frames in shared.frames.items():
+                seconds = self._node_seconds(requests[place], stage)
+                least = share.frames or math.ceil(share.start / seconds)
+                reach = requests[place].pictures.reach if stage == "finish" else 0
+                works.append(FrameWork(frames, seconds, max(least, 2 * reach)))
+            shared.sizes = dict(zip(shared.frames, batch_sizes(works, self.cores, share.start), strict=True))
+        return shared.sizes
+
+    def _node_seconds(self, request: RenderRequest, stage: str) -> float:
+        """Return what a node of a farm takes for a frame of a stage; 0 where none makes it."""
+        if self.share is None or not STAGES[stage].on_farm:
+            return 0.0
+        if self.timings is None:
+            self.timings = MeanTimings(self.store.root)
+        return max(self.timings.expected(stage, request) / self.share.threads, 1e-3)
 
     def _add_rest(self, entry: PlanEntry) -> None:
         """Plan the jobs of an entry whose files are there, and those that nothing needs."""
@@ -528,11 +388,8 @@ class Planner:
         place = path.as_posix()
         self._targets.append(place)
         present = all(entry.keys is not None for entry in entries) and self._has(stage, "movie", key, place)
-        if self._planned.is_new(entries[0], stage, key, present, 0):
-            places = tuple(entry.place for entry in entries)
-            self._planned.add(
-                entries[0], stage, frames, [key], frames, present, output=place, requests=places
-            )
+        places = tuple(entry.place for entry in entries)
+        self._ask(entries[0], stage, frames, key, frames, present, output=place, requests=places)
 
 
 def _union(windows: Iterable[Sequence[int]]) -> list[int]:

@@ -2,7 +2,7 @@
 
 A profile is a folder with `profile.yaml` (or `config.yaml`): settings of Snakemake and of the executor plugin
 it names, passed to Snakemake unchanged. Planning reads how many jobs the farm takes at once (`jobs`), and
-under `config` the cores of a job (`threads`), the least number of its frames (`min_frames`), and the Mitsuba
+under `config` the cores of a job (`threads`), the fewest of its frames (`min_frames`), and the Mitsuba
 variant of its nodes (`variant`).
 
 A shot is rendered by the first variant that works on this machine and has not failed on the shot. A GPU is
@@ -17,15 +17,12 @@ from __future__ import annotations
 import json
 import platform
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
-
-from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
 
 from flowsculpt.pipeline.errors import MachineError, MissingInputError, UsageError, suggest
 from flowsculpt.pipeline.production.store.paths import STATE
@@ -45,22 +42,29 @@ SIDE_BY_SIDE = 100
 THREADS = 4
 """Default of `threads`: cores of a job on a farm."""
 
-FRAMES = 4
-"""Default of `min_frames`: the least frames of a job on a farm, since each job waits in a queue."""
+START_OF_JOB, START_OF_TASK = 12.0, 3.0
+"""Seconds that a node takes to start a job of Snakemake, on SLURM 5 to 12, and a task of a render manager."""
 
 
 @dataclass(frozen=True)
 class Share:
-    """The size of a job on a farm: its cores, and the least number of its frames."""
+    """The size of a job on a farm.
+
+    threads  its cores
+    frames   fewest of its frames; None for so many that they take as long as its start
+    start    seconds that a node takes to start it
+    """
 
     threads: int
-    frames: int
+    frames: int | None = None
+    start: float = START_OF_JOB
 
     @classmethod
     def of(cls, settings: Mapping[str, Any], source: str = "--config") -> Share:
         """Read the `config` of a profile. Raises UsageError for what is no whole number from 1 on."""
-        threads = _whole(source, "threads", settings.get("threads"), THREADS)
-        return cls(threads, _whole(source, "min_frames", settings.get("min_frames"), FRAMES))
+        threads, least = settings.get("threads"), settings.get("min_frames")
+        frames = None if least is None else _whole(source, "min_frames", least, 1)
+        return cls(_whole(source, "threads", threads, THREADS), frames)
 
 
 @dataclass(frozen=True)
@@ -132,11 +136,15 @@ class Profile:
     @property
     def share(self) -> Share | None:
         """The size of each job; None where jobs share this machine's cores."""
-        return None if self.is_local else self.exported_share
+        return None if self.is_local else self._share
 
     @property
     def exported_share(self) -> Share:
         """The size of each task of an exported job, for which a profile without an executor speaks too."""
+        return replace(self._share, start=START_OF_TASK)
+
+    @property
+    def _share(self) -> Share:
         if "frames" in self._config:
             raise UsageError(f"{self._file}: config: frames is called min_frames; rename it")
         return Share.of(self._config, f"{self._file}: config")
@@ -172,6 +180,9 @@ class Profile:
     @cached_property
     def _said(self) -> dict[str, Any]:
         """Raises UsageError where it cannot be read."""
+        from ruamel.yaml import YAML  # takes time to import, and most runs are on this machine
+        from ruamel.yaml.error import YAMLError
+
         try:
             said = YAML(typ="safe", pure=True).load(self._file.read_text(encoding="utf-8")) or {}
         except OSError as error:

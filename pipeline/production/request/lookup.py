@@ -13,7 +13,7 @@ import shlex
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from flowsculpt.pipeline.errors import MissingInputError, UsageError, suggest
 from flowsculpt.pipeline.plugin import plugins
@@ -28,6 +28,9 @@ from flowsculpt.pipeline.shot.yaml.named_files import (
 from flowsculpt.pipeline.shot.yaml.synonyms import value_meant
 from flowsculpt.render.base.input_files import kind_of_path
 from flowsculpt.render.scene.render_quality import FORMER_NAMES, QUALITIES, Crop, Quality
+
+if TYPE_CHECKING:  # reading shots takes a second
+    from flowsculpt.pipeline.shot import Film
 
 LEAST, MOST = 1.0, 400.0
 """Limits of `--scale`, per cent."""
@@ -276,11 +279,11 @@ class Show:
             )
         return path
 
-    def check_edit(self, name: str, settings: Iterable[str] = ()) -> None:
+    def check_edit(self, name: str, settings: Iterable[str] = ()) -> Film:
         """Read an edit with its shots, which take the settings. Raises as `find_edit`, and ShotError."""
         from flowsculpt.pipeline.shot import read_film
 
-        read_film(self.find_edit(name), settings)
+        return read_film(self.find_edit(name), settings)
 
     @property
     def defaults(self) -> Path:

@@ -16,7 +16,6 @@ import gc
 import hashlib
 import json
 import os
-import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -39,9 +38,9 @@ from flowsculpt.pipeline.production.store.store import Store, key_of
 from flowsculpt.pipeline.shot.yaml.named_files import DEFAULTS, is_file, text_of
 from flowsculpt.render.base.atomic_write import atomic_write, make_folder
 from flowsculpt.render.base.render_errors import BadInputError
-from flowsculpt.render.base.root_files import remove_file, set_time
+from flowsculpt.render.base.root_files import set_time
 from flowsculpt.render.base.serialise import NOT_PLAIN, from_plain, to_plain
-from flowsculpt.render.base.user_cache import writable_cache
+from flowsculpt.render.base.user_cache import KEPT_SECONDS, remove_unused, writable_cache
 
 if TYPE_CHECKING:
     from flowsculpt.pipeline.shot import Shot
@@ -50,10 +49,8 @@ if TYPE_CHECKING:
 Data = TypeVar("Data")
 
 PACKAGES = ("numpy", "numba", "trimesh", "pydantic", "ruamel.yaml", "fileseq", "mitsuba", "OpenImageIO")
-KEPT_SECONDS = 60 * 24 * 3600.0
-"""Seconds without use after which an entry is removed."""
-
-_PROJECT = Path(__file__).parents[3]
+MOST_NAMES = 5000
+"""Names of files below the folders that a shot reads from, up to which answers about it are kept."""
 
 
 @dataclass(frozen=True)
@@ -92,9 +89,29 @@ class PlanningCache:
         self.put(data, *found_from)
         return data
 
+    def found_of_files(
+        self, make: Callable[[], tuple[Any, InputDigests | None]], *found_from: Any, fresh: bool = False
+    ) -> Any:
+        """Return the plain data that `make` returned last for `found_from`, if its files are as they were.
+
+        make   returns data, and path and digest of each file that decides them, "" for one that must not be
+               there; None in place of the files where others may decide. Nothing is kept of files that change
+               meanwhile, and while parts of plug-ins are left out
+        fresh  True if what it returned before is not to be used
+        """
+        known = None if fresh else self.get(_AnswerOfFiles, *found_from)
+        if known is not None and known.is_current:
+            return known.data
+        data, inputs = make()
+        if inputs is not None and not plugins().left_out:
+            made = _AnswerOfFiles(inputs, _names_around(inputs), data)
+            if made.is_current:
+                self.put(made, *found_from)
+        return data
+
     def prune(self) -> None:
         """Remove entries that nobody used for long. Runs do this once: listing a large folder takes time."""
-        _prune(self._folder)
+        remove_unused(self._folder)
 
     @property
     def _folder(self) -> str:
@@ -109,20 +126,44 @@ class PlanningCache:
 NO_CACHE = PlanningCache(None)
 
 
+@dataclass(frozen=True)
+class _AnswerOfFiles:
+    """Plain data that follow from files.
+
+    names  digests of the names below the folders of the files: what is looked for may come to be there
+    """
+
+    inputs: InputDigests
+    names: InputDigests | None
+    data: Any
+
+    @property
+    def is_current(self) -> bool:
+        """True if the files, and the names around them, are as they were."""
+        if self.names is None or next(changed_inputs(self.inputs), None) is not None:
+            return False
+        return _names_around(self.inputs) == self.names
+
+
+def _names_around(inputs: InputDigests) -> InputDigests | None:
+    """Return digests of the names below the folders of files other than shots; None for too many names."""
+    found, left = [], MOST_NAMES
+    for folder in sorted({str(Path(path).parent) for path, _ in inputs if not path.endswith(".yaml")}):
+        names = []
+        for place, folders, files in os.walk(folder):
+            folders[:] = sorted(name for name in folders if not name.startswith("."))
+            names.append((place, sorted(files)))
+            left -= 1 + len(files)
+            if left < 0:
+                return None
+        found.append((folder, key_of(names)))
+    return tuple(found)
+
+
 @cache
 def _code() -> list[str]:
     """Return everything besides a shot that entries may depend on: too much rather than too little."""
-    digest = hashlib.sha256()
-    for package in ("pipeline", "render"):
-        for file in sorted((_PROJECT / package).rglob("*.py")):
-            digest.update(file.relative_to(_PROJECT).as_posix().encode())
-            digest.update(file.read_bytes())
-    for plugin in plugins():
-        for file in plugin.sources:
-            digest.update(file.read_bytes())
-    versions = [f"{name}={version(name)}" for name in PACKAGES]
-    versions += map(repr, plugins())
-    return [digest.hexdigest(), sys.version, *versions]
+    return [plugins().code, *(f"{name}={version(name)}" for name in PACKAGES)]
 
 
 def _entry(path: str) -> Any:
@@ -149,17 +190,8 @@ def _user_folder() -> str:
 @cache
 def _pruned_user_folder() -> str:
     """Return the same folder without entries that nobody used for long: no run looks after it."""
-    _prune(_user_folder())
+    remove_unused(_user_folder())
     return _user_folder()
-
-
-def _prune(folder: str) -> None:
-    oldest = time.time() - KEPT_SECONDS
-    with contextlib.suppress(OSError), os.scandir(folder) as entries:
-        for entry in entries:
-            with contextlib.suppress(OSError):
-                if entry.stat().st_mtime < oldest:
-                    remove_file(Path(entry.path))
 
 
 def _digest(text: str) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zipfile
 import zlib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -59,6 +59,7 @@ def finish(context: Context) -> bool:
     lost = {number for stage in FINISH.reads for number in context.failures.frames(stage)}
     ready = [n for n in context.job.frames if not lost & {*keys[n].window}]
     well = context.for_each(ready, work)
+    denoiser.shared.clear()
     for number in {*context.job.frames} - {*ready} - lost:
         others = ", ".join(str(n) for n in sorted(lost & {*keys[number].window}))
         context.fail(FrameError(f"frame {number} averages frame {others}, which failed"), number)
@@ -67,25 +68,38 @@ def finish(context: Context) -> bool:
 
 @dataclass(frozen=True)
 class _BorderLight:
-    """The light of pictures that two batches need, since both average over the border between them.
+    """The light of pictures that several batches need, since they average over the borders between them.
 
-    The batch that needs a picture first denoises it, and leaves its light in a file for the other.
+    The batch that needs a picture first denoises it, and leaves its light in a file for the others. Each
+    begins with its own, so that batches that work at the same time find what they need of each other.
     """
 
     context: Context
     keys: PictureKeys
 
     @cached_property
-    def _numbers(self) -> frozenset[int]:
-        """The pictures near this batch that other batches of the run need, too; none in a forced run."""
-        job, plan, request = self.context.job, self.context.plan, self.context.request
-        if self.context.is_forced:
-            return frozenset()
+    def _users(self) -> Mapping[int, Sequence[int]]:
+        """The pictures of other batches that average over one that this batch needs, too, by its number; none
+        in a forced run."""
+        job, plan, reach = self.context.job, self.context.plan, self.context.request.pictures.reach
+        if self.context.is_forced or not reach:
+            return {}
         batches = [each for each in plan.jobs if (each.stage, each.requests) == (job.stage, job.requests)]
-        reach = request.pictures.reach
         first, last = min(job.frames) - 2 * reach, max(job.frames) + 2 * reach
         others = {n for each in batches for n in each.frames if first <= n <= last} - {*job.frames}
-        return frozenset(number for other in others for number in self.keys[other].window)
+        read = {number for own in job.frames for number in self.keys[own].window}
+        users = {number: [n for n in others if number in self.keys[n].window] for number in read}
+        return {number: near for number, near in users.items() if near}
+
+    @property
+    def own(self) -> list[int]:
+        """The pictures that this batch finishes and other batches still need."""
+        return [number for number in self.context.job.frames if self._is_needed(number)]
+
+    def _is_needed(self, number: int) -> bool:
+        """Tell whether another batch still needs a picture."""
+        store = self.context.store
+        return any(not store.holds("frame", self.keys[n].frame) for n in self._users.get(number, ()))
 
     def _file(self, number: int) -> Path:
         names, quality = self.keys[number], self.context.request.pictures.quality
@@ -93,20 +107,17 @@ class _BorderLight:
         return shared_file(self.context.store, Path(self.context.request.place("raw", number)), key)
 
     def get(self, number: int) -> Pixels | None:
-        if number not in self._numbers:
+        if number not in self._users:
             return None
-        file = self._file(number)
         try:
-            with np.load(file, allow_pickle=False) as arrays:
+            with np.load(self._file(number), allow_pickle=False) as arrays:
                 light: Pixels = arrays["light"]
+                return light
         except (*UNUSABLE, zipfile.BadZipFile, zlib.error, EOFError):
             return None
-        with suppress(OSError, MachineError):  # both batches have it now
-            remove_file(file)
-        return light
 
     def put(self, number: int, light: Pixels) -> None:
-        if number not in self._numbers:
+        if not self._is_needed(number):
             return
         file = self._file(number)
         with (
@@ -115,6 +126,13 @@ class _BorderLight:
             draft.open("wb") as written,
         ):
             np.savez(written, allow_pickle=False, light=light)
+
+    def clear(self) -> None:
+        """Remove the light that no other batch needs any more."""
+        for number in self._users:
+            if not self._is_needed(number):
+                with suppress(OSError, MachineError):
+                    remove_file(self._file(number))
 
 
 def plugin_stage(context: Context) -> bool:
@@ -213,6 +231,10 @@ class _Denoiser:
     framings: Mapping[int, Framing]
     kept: dict[int, tuple[RenderedFrame, dict[str, Any]]] = field(default_factory=dict)
 
+    @cached_property
+    def shared(self) -> _BorderLight:
+        return _BorderLight(self.context, self.keys)
+
     def finished(self, number: int) -> tuple[RenderedFrame, dict[str, Any]]:
         """Return a picture with its beauty free of noise, and its header: the raw one's, and the stage's."""
         window = self.keys[number].window
@@ -240,9 +262,13 @@ class _Denoiser:
     def _denoiser(self) -> FilmDenoiser:
         quality = self.context.request.pictures.quality
         corner = quality.crop[:2] if quality.crop else (0, 0)
-        shared = _BorderLight(self.context, self.keys)
         size = quality.width, quality.height
-        return FilmDenoiser(self._raw, quality.denoise, size, corner, shared)
+        denoiser = FilmDenoiser(self._raw, quality.denoise, size, corner, self.shared)
+        for number in self.shared.own:
+            with suppress(FrameError):  # of a damaged raw picture, which fails the frames that average it
+                denoiser.share(number)
+        self.kept.clear()
+        return denoiser
 
     def _raw(self, number: int) -> RawFrame:
         framing, (layers, header) = self.framings[number], self._read(number)

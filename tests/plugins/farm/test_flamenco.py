@@ -111,10 +111,16 @@ def test_the_tasks_of_a_job_make_the_film(project: ProjectFolder, monkeypatch: p
     assert Project(project.path / "out", 2).pictures([NAME], QUALITY).jobs == ()
 
 
-def test_a_chunk_of_no_frames_is_refused(project: ProjectFolder) -> None:
+def test_a_chunk_of_fewer_frames_than_none_is_refused(project: ProjectFolder) -> None:
     assert project.call("export", "flamenco", NAME, "-q", QUALITY).code == 0
     file = project.path / "flamenco.json"
+    assert [task["name"] for task in compiled(file)] == [
+        f"Surfaces {NAME}",
+        f"Render {NAME} 1 to 6",
+        f"Finish {NAME} 1 to 6",
+        f"Assemble {NAME}",
+    ]
     job = json.loads(file.read_text())
-    file.write_text(json.dumps({**job, "settings": {**job["settings"], "chunk_size": 0}}))
-    with pytest.raises(AssertionError, match="chunk_size is 0; it must be at least 1"):
+    file.write_text(json.dumps({**job, "settings": {**job["settings"], "chunk_size": -1}}))
+    with pytest.raises(AssertionError, match="chunk_size is -1; it must be at least 1"):
         compiled(file)

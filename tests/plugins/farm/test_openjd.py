@@ -146,6 +146,22 @@ def test_tasks_ask_for_a_time_limit_cores_and_what_earlier_frames_took(edit):
     assert amounts(measured[f"Finish {NAME}"])["amount.worker.memory"] == 4096
 
 
+@pytest.mark.parametrize(("nodes", "frames"), [(2, 3), (4, 2), (100, 1)])
+def test_chunks_are_as_small_as_the_workers_need_and_so_are_those_of_a_plan(edit, nodes, frames):
+    words = (NAME, "-q", "final", "--nodes", str(nodes))
+    assert edit.call("export", "openjd", *words).code == 0
+    render, finish = (steps(edit.path / "template.yaml")[f"{kind} {NAME}"] for kind in ("Render", "Finish"))
+    chunks = render["parameterSpace"]["taskParameterDefinitions"][0]["chunks"]
+    assert chunks["defaultTaskCount"] == frames
+    assert chunks["targetRuntimeSeconds"] == pytest.approx(
+        frames * 56, rel=0.05
+    )  # of a typical final, on 4 cores
+    assert finish["parameterSpace"]["taskParameterDefinitions"][0]["chunks"]["defaultTaskCount"] >= 3
+    planned = json.loads(edit.call("--json", "export", "plan", *words).out)["chunks"]
+    renders = [chunk for chunk in planned if chunk.startswith("render:")]
+    assert len(renders) == 6 // frames and renders[0] == ("render:1" if frames == 1 else f"render:1-{frames}")
+
+
 @pytest.mark.parametrize(
     ("names", "told"),
     [

@@ -15,7 +15,7 @@ from flowsculpt.pipeline.errors import UsageError
 from flowsculpt.pipeline.frames import FrameRange
 from flowsculpt.pipeline.plugins.sheets.wedge import Grid, Variation, Wedge
 from flowsculpt.pipeline.production.execution.project import Project
-from flowsculpt.pipeline.production.planning import planner
+from flowsculpt.pipeline.production.planning import planned_jobs
 from flowsculpt.pipeline.production.planning.plan import Plan
 from flowsculpt.pipeline.production.planning.profile import avoid
 from flowsculpt.render.movie.probe import probe_movie
@@ -248,9 +248,9 @@ def test_a_simulation_that_was_shared_has_the_bits_of_one_that_was_not(desk: Des
     (tmp_path / "shots").mkdir()
     (tmp_path / "shots" / f"{NAME}.yaml").write_text(SHOT)
     folders = []
-    for many in (planner.MIN_SHARED, 1000):
+    for many in (planned_jobs.MIN_SHARED, 1000):
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(planner, "MIN_SHARED", many)
+            patch.setattr(planned_jobs, "MIN_SHARED", many)
             root = tmp_path / str(many)
             root.mkdir()
             wedge = Wedge(

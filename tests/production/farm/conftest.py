@@ -61,7 +61,7 @@ def quick_profile(folder: Path) -> None:
     text = (shipped() / "slurm" / "profile.yaml").read_text()
     for old, new in (
         ("threads: 4", "threads: 1"),
-        ("min_frames: 4", "min_frames: 6"),
+        ("# min_frames: 4", "min_frames: 6"),
         ("status-checks: 5", "status-checks: 1"),
     ):
         assert old in text

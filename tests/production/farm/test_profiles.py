@@ -13,7 +13,6 @@ from flowsculpt.pipeline.frames import FrameRange
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.execution.snakemake import _words, complaint
 from flowsculpt.pipeline.production.planning.plan import Job, Plan
-from flowsculpt.pipeline.production.planning.planner import batches
 from flowsculpt.pipeline.production.planning.profile import SIDE_BY_SIDE, Profile
 from flowsculpt.pipeline.production.planning.timings import (
     LEAST_MIB,
@@ -109,6 +108,15 @@ def test_a_farm_gets_batches_with_cores_of_their_own_in_three_hops(folder):
     }
 
 
+def test_clips_of_the_same_frames_share_the_batches_of_a_farm(folder):
+    clips = ", ".join(f"{{shot: {NAME}, frames: {frames}}}" for frames in ("1-6", "2-4"))
+    (folder / "shots/film.yaml").write_text(f"title: T\nshots: [{clips}]\n")
+    plan = Project(folder, 2).whole(["film"], "final", nodes=3)
+    renders = [(job.frames, job.requests) for job in plan.jobs if job.stage == "render"]
+    assert [frames for frames, _ in renders] == [(1, 2), (3, 4), (5, 6)]
+    assert [places for _, places in renders] == [(0, 1), (0, 1), (0,)]
+
+
 def test_snakemake_is_given_the_profile_and_what_this_machine_has(folder):
     farm = profile(folder, "executor: slurm\n")
     words = _words(Plan((), None, ()), 2, farm)
@@ -125,11 +133,6 @@ def test_a_farm_that_takes_no_job_is_told_in_its_own_words(tmp_path):
     with log.open("a") as file:
         file.write("    message: Job submission failed: no sbatch.For further error details see the log\n")
     assert complaint(log) == "Job submission failed: no sbatch."
-
-
-def test_batches_are_not_needlessly_short():
-    assert batches(range(6), 100, 4) == [(0, 1, 2, 3), (4, 5)]
-    assert min(map(len, batches(range(1000), 100, 4))) >= 4
 
 
 def test_what_earlier_pictures_took_is_asked_for(tmp_path):
