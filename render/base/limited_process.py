@@ -17,6 +17,7 @@ import subprocess
 import sys
 import time
 import warnings
+import weakref
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -178,7 +179,7 @@ class Parser:
 class ParserSession:
     """A process that answers one question after another about a file; `close` ends it.
 
-    It ends by itself when this process has.
+    It ends by itself when nothing refers to it, and when this process has ended.
     """
 
     def __init__(self, module: str, path: Path, *options: str) -> None:
@@ -193,6 +194,7 @@ class ParserSession:
             )
         except OSError as error:
             raise MachineError(f"no process can be started to read a file ({error.strerror})") from None
+        self._end = weakref.finalize(self, _end_process, self._process)
         self._opening = json.dumps([self._seconds, str(path.absolute()), *options]) + "\n"
 
     def ask(self, question: str) -> bytes:
@@ -207,20 +209,25 @@ class ParserSession:
             count = int.from_bytes(_bytes_of(pipe, 8, end, self._seconds), "little")
             return _parse(_bytes_of(pipe, count, end, self._seconds), self._process.poll() or 0)
         except _EarlyEndError:
-            self._process.wait()
-            return _parse(b"", self._process.returncode)
+            code = self._process.wait()
+            self.close()
+            return _parse(b"", code)
         except BaseException:
             self.close()
             raise
 
     def close(self) -> None:
         """End the process."""
-        self._process.kill()
-        self._process.wait()
-        for pipe in (self._process.stdin, self._process.stdout):
-            with suppress(OSError):
-                if pipe is not None:
-                    pipe.close()
+        self._end()
+
+
+def _end_process(process: subprocess.Popen[bytes]) -> None:
+    process.kill()
+    process.wait()
+    for pipe in (process.stdin, process.stdout):
+        with suppress(OSError):
+            if pipe is not None:
+                pipe.close()
 
 
 class _EarlyEndError(Exception):

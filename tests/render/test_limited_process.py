@@ -52,3 +52,34 @@ def test_a_parser_answers_whatever_its_library_prints(
 ) -> None:
     monkeypatch.syspath_prepend(tmp_path)
     assert Parser("answers").answer(parser(tmp_path, "answers", "pass")) == b"content"
+
+
+def test_a_session_answers_one_question_after_another_and_ends_where_its_parser_does(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "several.py").write_text(
+        "import os, time\nfrom pathlib import Path\n"
+        "from flowsculpt.render.base.limited_process import Parser\n"
+        "def begin(path, word):\n    print('noise')\n    content = Path(path).read_bytes()\n"
+        "    def answer(question):\n"
+        "        if question == 'crash': os.abort()\n"
+        "        if question == 'hang': time.sleep(30)\n"
+        "        if question == 'refuse': raise ValueError('no header')\n"
+        "        return content + word.encode() + question.encode()\n"
+        "    return answer\n"
+        "Parser.serve_session(begin)\n"
+    )
+    (tmp_path / "file").write_bytes(b"content")
+    monkeypatch.syspath_prepend(tmp_path)
+    session = Parser("several").session(tmp_path / "file", "-")
+    assert [session.ask(word) for word in ("a", "b" * 100_000)] == [
+        b"content-a",
+        b"content-" + b"b" * 100_000,
+    ]
+    with pytest.raises(ParserError, match="no header"):
+        session.ask("refuse")
+    with pytest.raises(ParserError, match="its reader crashed or ran out of memory"):
+        Parser("several").session(tmp_path / "file", "-").ask("crash")
+    monkeypatch.setattr(limited_process, "SECONDS", 3.0)
+    with pytest.raises(ParserError, match="its reader took over 3 seconds"):
+        Parser("several").session(tmp_path / "file", "-").ask("hang")

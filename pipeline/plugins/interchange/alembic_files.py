@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+from flowsculpt import MeshError
 from flowsculpt.api.files import InputFile, Parser
 from flowsculpt.api.meshes import FileSurface, MovingSurface, ScenePart, SourceFiles, SurfaceReader
 from flowsculpt.pipeline.plugins.interchange.moving_files import (
@@ -30,6 +31,9 @@ def _read(path: Path) -> FileSurface:
 
 def _files(path: Path) -> SourceFiles:
     _require_alembic()
+    with InputFile(path).open() as (file, _):
+        if file.read(4) == b"\x89HDF":
+            raise MeshError("it is an archive of HDF5, as Alembic was until 2013. Export it as Ogawa.")
     return SourceFiles.of([(path, InputFile(path).digest())])
 
 
@@ -44,7 +48,7 @@ def open_alembic(path: Path, part: ScenePart | None) -> MovingSurface:
 def begin(path: str) -> Callable[[str], bytes]:
     """Return what answers about an archive."""
     size = InputFile(Path(path), LARGEST_CACHE).size()
-    Parser.allow_memory(Parser.MEMORY + size + min(40 * size, LARGEST_CACHE // 8))
+    Parser.allow_memory(Parser.MEMORY + size + min(40 * size, LARGEST_CACHE))
     from flowsculpt.pipeline.plugins.interchange.alembic_samples import AlembicSource
 
     return answer_about(lambda: AlembicSource(path))

@@ -28,8 +28,8 @@ from flowsculpt.pipeline.plugins.interchange.scene_readers import (
     unpacked_surface,
 )
 
-LARGEST_CACHE = 64 << 30
-"""Size of the largest file of which one sample at a time is read, bytes."""
+LARGEST_CACHE = 8 << 30
+"""Size of the largest file of which one sample at a time is read, bytes: the largest that is read at all."""
 
 _VERSION = "1"  # goes up when the processes answer otherwise about the same files
 
@@ -55,16 +55,31 @@ class MotionSource(Protocol):
 
 
 def answer_about(begin: Callable[[], MotionSource]) -> Callable[[str], bytes]:
-    """Return what answers the questions of a `MovingFile`; `begin` opens the file at the first."""
+    """Return what answers the questions of a `MovingFile`; `begin` opens the file at the first.
+
+    `facts` are its Motion, `sample` a surface, `surface` and `points` are those of a motion with fixed faces.
+    """
     opened = cache(begin)
+    first = cache(lambda: opened().surface(opened().motion.times[0]))
 
     def content(kind: str, seconds: float) -> bytes:
         if kind == "facts":
             times, *facts = opened().motion
             return json.dumps([times.tolist(), *facts]).encode()
-        return _sample(opened().surface(seconds), kind == "points")
+        surface = opened().surface(seconds)
+        if kind != "sample":
+            _require_same_faces(surface, first())
+        return _sample(surface, kind == "points")
 
     return lambda question: answered(lambda: content(*json.loads(question)))
+
+
+def _require_same_faces(surface: FileSurface, first: FileSurface) -> None:
+    """Raise MeshError where a surface has other faces than the first; a mirror turns them over."""
+    if len(surface.points) != len(first.points):
+        raise MeshError(f"it has {len(surface.points)} vertices, and {len(first.points)} at its first time")
+    if not np.array_equal(surface.corners, first.corners):
+        raise MeshError("it has other faces than at its first time, or a scale mirrors it from then on")
 
 
 def _sample(surface: FileSurface, points_alone: bool) -> bytes:
@@ -147,18 +162,16 @@ class MovingFile:
     def at(self, seconds: float) -> FileSurface:
         seconds = float(np.clip(seconds, self.times[0], self.times[-1]))
         try:
-            if not self.is_fixed or self._first is None:
-                surface = unpacked_surface(self._ask("surface", seconds))
-                self._first = surface if self.is_fixed else None
-                return surface
+            if not self.is_fixed:
+                return unpacked_surface(self._ask("sample", seconds))
+            if self._first is None:
+                self._first = unpacked_surface(self._ask("surface", seconds))
+                return self._first
             rows = np.load(io.BytesIO(self._ask("points", seconds)), allow_pickle=False)
         except MissingInputError:
             raise
         except (MeshError, ValueError) as error:
             raise MeshError(f"{self.path}: at {seconds:.6g} s: {error}. Export it again.") from None
-        if rows.shape[1:] != self._first.points.shape:
-            fact = f"it has {rows.shape[1]} vertices, and {len(self._first.points)} at other times"
-            raise MeshError(f"{self.path}: at {seconds:.6g} s: {fact}. Export it again.")
         return self._first._replace(points=rows[0], velocities=rows[1] if len(rows) > 1 else None)
 
     def close(self) -> None:
@@ -203,7 +216,7 @@ def first_sample(path: Path, module: str, *options: str) -> FileSurface:
     """Return the first sample of a file, even if nothing moves in it. Raises as `MovingFile.opened`."""
     session = Parser(module).session(path, *options)
     try:
-        return unpacked_surface(content_of(session.ask(json.dumps(["surface", -_NEVER])), path))
+        return unpacked_surface(content_of(session.ask(json.dumps(["sample", -_NEVER])), path))
     finally:
         session.close()
 

@@ -6,8 +6,10 @@ Meshes are read in the coordinates of the stage, with transforms, instances and 
 from __future__ import annotations
 
 import json
+import math
+import re
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -28,7 +30,8 @@ from flowsculpt.pipeline.plugins.interchange.scene_readers import (
     reversed_faces,
 )
 
-MOST_BYTES = 1 << 30  # size of the largest layer
+MOST_BYTES = 8 << 30  # size of the largest layer, of which only the samples at one time are read
+_MOST_MEMORY = 40 << 30  # bytes that a stage of large layers may take
 _MOST_LAYERS = 10_000
 MOST_PRIMS = 50_000  # prims that are visited; those of instances count each time
 _DEEPEST = 8  # point instancers within prototypes of point instancers
@@ -216,10 +219,11 @@ def numbers_at(attribute: Any, time: Usd.TimeCode, path: str, kinds: str, column
 
 def open_stage(path: str) -> tuple[Usd.Stage, list[str]]:
     """Return a stage and the files of its layers. Raises MissingInputError or MeshError."""
-    Parser.allow_memory(Parser.MEMORY // 4 + 40 * InputFile(Path(path), MOST_BYTES).size())
+    size = InputFile(Path(path), MOST_BYTES).size()
+    Parser.allow_memory(Parser.MEMORY // 4 + min(40 * size, _MOST_MEMORY))
     layers = StageLayers(path)
     layers.open_all()
-    Parser.allow_memory(Parser.MEMORY + 40 * layers.size)
+    Parser.allow_memory(Parser.MEMORY + min(40 * layers.size, _MOST_MEMORY))
     return _opened(path), list(layers.files)
 
 
@@ -306,14 +310,29 @@ def _clips_of(layer: Sdf.Layer) -> Iterator[str]:
             if not isinstance(clips, dict):
                 raise MeshError(f"{path}: its value clips are not a dictionary")
             if clips.get("templateAssetPath"):
-                raise MeshError(
-                    f"{path} uses a template for its value clips, which is not supported. "
-                    "Flatten the stage at one frame."
-                )
+                yield from _clips_of_template(clips, path)
             yield from (asset.path for asset in clips.get("assetPaths") or ())
             manifest = clips.get("manifestAssetPath")
             if manifest is not None:
                 yield manifest.path
+
+
+def _clips_of_template(clips: Mapping[str, Any], path: Sdf.Path) -> Iterator[str]:
+    """Yield the files of numbered value clips: `clip.###.usd`, or `clip.##.##.usd` with fractions."""
+    template, found = clips["templateAssetPath"], None
+    start, end, stride = (
+        clips.get(name, 0.0) for name in ("templateStartTime", "templateEndTime", "templateStride")
+    )
+    if isinstance(template, str):
+        found = re.search(r"(#+)(?:\.(#+))?(?=[^#]*$)", template)
+    numbers = all(isinstance(value, float | int) and math.isfinite(value) for value in (start, end, stride))
+    if found is None or not numbers or stride <= 0.0 or (end - start) / stride > _MOST_LAYERS:
+        raise MeshError(f"{path}: the template of its value clips and its times do not fit. Export it again.")
+    decimals = len(found[2] or "")
+    width = len(found[1]) + (1 + decimals if decimals else 0)
+    for k in range(math.floor((end - start) / stride + 1e-9) + 1):
+        number = f"{start + k * stride:0{width}.{decimals}f}"
+        yield template[: found.start()] + number + template[found.end() :]
 
 
 def _opened(path: str) -> Usd.Stage:

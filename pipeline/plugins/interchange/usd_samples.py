@@ -27,6 +27,9 @@ from flowsculpt.pipeline.plugins.interchange.usd_reader import (
 
 _MOST_TIMES = 1_000_000
 
+_JUMP = 1e-3
+"""Time codes between the two samples of a jump, as between value clips: the later one counts."""
+
 _FACES = {"faceVertexCounts", "faceVertexIndices", "holeIndices", "orientation", "visibility", "invisibleIds"}
 _FACES |= {"protoIndices"}
 """Attributes whose samples change the faces."""
@@ -52,7 +55,8 @@ class StageSource:
                 self._is_continuous = self._is_continuous and (name != "points" or len(times) < 2)
             if len(codes) > _MOST_TIMES:
                 raise MeshError(f"it has over {_MOST_TIMES} times. Export fewer frames")
-        self._codes = np.array(sorted(codes))
+        every = np.array(sorted(codes))
+        self._codes = every[np.append(np.diff(every) > _JUMP, True)[: len(every)]]
         self._is_continuous = self._is_continuous and self._is_fixed
 
     def _attributes(self) -> Iterator[Usd.Attribute]:

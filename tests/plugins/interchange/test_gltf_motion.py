@@ -177,6 +177,11 @@ def test_a_file_is_opened_once_read_at_any_time_and_refused_once_it_changed(tmp_
         surface = moving.at(seconds)
         assert surface.points == pytest.approx(BOX.vertices + np.array([x, 0, 0]))
         assert np.array_equal(surface.corners, still.read(path).corners)
+    turned = animate(box_scene(BOX), 0, "scale", [0, 1], [[1, 1, 1], [-1, 1, 1]]).glb(tmp_path / "b.glb")
+    with pytest.raises(
+        MeshError, match=r"b\.glb: at 0\.75 s: .* a scale mirrors it from then on. Export it again"
+    ):
+        ModelFile(turned).motion().at(0.75)
     os.utime(tmp_path / "buffer.bin", ns=(1, 1))
     with pytest.raises(MissingInputError, match=r"a\.gltf: it changed, or a file that it names"):
         moving.at(1.0)

@@ -10,7 +10,7 @@ import imath
 import numpy as np
 import pytest
 from alembic3d import Abc, AbcCoreAbstract, AbcGeom
-from pxr import Gf, Usd, UsdGeom, UsdSkel, Vt
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel, Vt
 
 from flowsculpt.pipeline.arrays import Floats
 from flowsculpt.pipeline.errors import MeshError, MissingInputError
@@ -129,6 +129,33 @@ def test_a_skeleton_carries_its_mesh(tmp_path: Path) -> None:
     assert source.surface(1.0).points == pytest.approx(expected)
 
 
+def test_numbered_value_clips_are_read_and_a_missing_one_is_refused(tmp_path: Path) -> None:
+    for k in range(3):
+        clip = stage_at(tmp_path / f"clip.{k + 9:03d}.usda")
+        usd_mesh(clip, "/box", {9.0 + k: BOX.vertices + k * RISE})
+        clip.Save()
+    stage = stage_at(tmp_path / "a.usda")
+    box = usd_mesh(stage, "/box", {}).GetPrim()
+    clips = Usd.ClipsAPI(box)
+    clips.SetClipPrimPath("/box")
+    clips.SetClipTemplateAssetPath("./clip.###.usda")
+    clips.SetClipTemplateStartTime(9)
+    clips.SetClipTemplateEndTime(11)
+    clips.SetClipTemplateStride(1)
+    manifest = Sdf.Layer.CreateNew(str(tmp_path / "manifest.usda"))
+    Sdf.CreatePrimInLayer(manifest, "/box").specifier = Sdf.SpecifierOver
+    Sdf.AttributeSpec(manifest.GetPrimAtPath("/box"), "points", Sdf.ValueTypeNames.Point3fArray)
+    manifest.Save()
+    clips.SetClipManifestAssetPath("./manifest.usda")
+    stage.Save()
+    source = StageSource(str(tmp_path / "a.usda"), None)
+    assert source.motion.times * 24 == pytest.approx([9, 10, 11])
+    assert source.surface(10 / 24).points == pytest.approx(BOX.vertices + RISE)
+    (tmp_path / "clip.010.usda").unlink()
+    with pytest.raises(MissingInputError, match=r"a\.usda refers to .*clip\.010\.usda: file not found"):
+        StageSource(str(tmp_path / "a.usda"), None)
+
+
 # ---- Alembic
 
 
@@ -207,7 +234,7 @@ def test_numbers_that_are_not_finite_in_one_sample_are_named_with_its_time(tmp_p
     moving.close()
 
 
-@pytest.mark.parametrize("damage", ["cut", "empty", "noise", "still"])
+@pytest.mark.parametrize("damage", ["cut", "empty", "noise", "still", "hdf"])
 def test_a_damaged_archive_is_one_line(tmp_path: Path, damage: str) -> None:
     made = archive(tmp_path / "a.abc")
     alembic_mesh(
@@ -221,7 +248,7 @@ def test_a_damaged_archive_is_one_line(tmp_path: Path, damage: str) -> None:
         "noise": b"Ogawa" + bytes(range(256)) * 4,
         "still": content,
     }
-    path.write_bytes(changed[damage])
+    path.write_bytes((changed | {"hdf": b"\x89HDF" + content})[damage])
     with pytest.raises(MeshError, match=r"a\.abc: .*(Export it|Copy or export)") as error:
         ModelFile(path).motion().at(1.0)
     assert "\n" not in str(error.value)
