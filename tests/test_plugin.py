@@ -347,7 +347,7 @@ def test_a_subject_of_a_plug_in_is_placed_keyed_by_its_files_and_refused_at_its_
         plans.append(json.loads(marbling.run("--json", "--dry-run", "simulate", "A010_ink").stdout)["jobs"])
     assert plans[0] == plans[2] != plans[1]
     (marbling.folder / "marbling_parts.py").write_text(PARTS + STONE.replace("Stone(SubjectKind)", "Stone"))
-    left_out = "it is neither a SubjectKind nor a CopyLayout nor a PointsKind; write class Stone("
+    left_out = "neither a SubjectKind nor a CopyLayout nor a PointsKind nor a MovingKind; write class Stone("
     assert left_out in marbling.run("validate").stderr
 
 

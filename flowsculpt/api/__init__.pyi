@@ -20,6 +20,7 @@ from flowsculpt.pipeline.resample import PolygonMethod as PolygonMethod
 from flowsculpt.pipeline.resample import PolygonReport as PolygonReport
 from flowsculpt.pipeline.resample import PolygonResampler as PolygonResampler
 from flowsculpt.pipeline.shot.documents.subject_kinds import CopyLayout as CopyLayout
+from flowsculpt.pipeline.shot.documents.subject_kinds import MovingKind as MovingKind
 from flowsculpt.pipeline.shot.documents.subject_kinds import PointsKind as PointsKind
 from flowsculpt.pipeline.shot.documents.subject_kinds import SubjectKind as SubjectKind
 from flowsculpt.render.base.plural import plural as plural

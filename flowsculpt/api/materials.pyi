@@ -4,7 +4,6 @@ from flowsculpt.render.scene.materials import LOOKS as LOOKS
 from flowsculpt.render.scene.materials import Diffuse as Diffuse
 from flowsculpt.render.scene.materials import Material as Material
 from flowsculpt.render.scene.materials import Opacity as Opacity
-from flowsculpt.render.scene.materials import PreviewSurface as PreviewSurface
 from flowsculpt.render.scene.materials import Satin as Satin
 from flowsculpt.render.scene.painted_faces import PaintedFaces as PaintedFaces
 from flowsculpt.render.scene.patterns import Pigment as Pigment

@@ -8,7 +8,6 @@ from flowsculpt.pipeline.mesh.face_soup import find_coincident as find_coinciden
 from flowsculpt.pipeline.mesh.mesh_formats import FileSurface as FileSurface
 from flowsculpt.pipeline.mesh.mesh_formats import ModelMaterials as ModelMaterials
 from flowsculpt.pipeline.mesh.mesh_formats import MovingSurface as MovingSurface
-from flowsculpt.pipeline.mesh.mesh_formats import Paint as Paint
 from flowsculpt.pipeline.mesh.mesh_formats import PaintReader as PaintReader
 from flowsculpt.pipeline.mesh.mesh_formats import ScenePart as ScenePart
 from flowsculpt.pipeline.mesh.mesh_formats import SourceFiles as SourceFiles

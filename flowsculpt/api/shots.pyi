@@ -2,6 +2,7 @@
 
 from flowsculpt.pipeline.shot import Motion as Motion
 from flowsculpt.pipeline.shot import Shot as Shot
+from flowsculpt.pipeline.shot.animated_models import SurfaceSequence as SurfaceSequence
 from flowsculpt.pipeline.shot.documents.curves import Changing as Changing
 from flowsculpt.pipeline.shot.documents.curves import WeightField as WeightField
 from flowsculpt.pipeline.shot.documents.field_types import ByForm as ByForm

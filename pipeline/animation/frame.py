@@ -21,6 +21,7 @@ from flowsculpt.pipeline.mesh.placed_copies import COPIES, STARTS, Placements
 from flowsculpt.pipeline.resample import PolygonReport, Report
 from flowsculpt.pipeline.resample.placement import REST
 from flowsculpt.pipeline.shot import Motion
+from flowsculpt.pipeline.shot.animated_models import VELOCITY
 from flowsculpt.pipeline.statistics import MeshStatistics
 from flowsculpt.render.base.serialise import to_plain
 
@@ -275,7 +276,7 @@ def moved_to_subframe(motion: Motion, frame: MeshFrame, subframe: float) -> Mesh
 
     Vertices and faces are those of `frame`, in their order, moved by the shot's flow for the exact time,
     speed curves included. At the next frame's time they are where the simulation has them before it
-    resamples. An earlier time runs the flow backwards.
+    resamples. An earlier time runs the flow backwards. Frames of animated models move along their velocities.
 
     Raises UsageError for a sub-frame more than MAX_DISTANCE from the frame, FrameError where the flow fails.
     """
@@ -283,6 +284,9 @@ def moved_to_subframe(motion: Motion, frame: MeshFrame, subframe: float) -> Mesh
         fact = f"sub-frame {subframe:g} is more than a frame from frame {frame.number}"
         raise UsageError(f"{fact}; take a nearer frame")
     time, dt = motion.clock.between(frame.number, subframe)
+    velocities = frame.own.attributes.get(VELOCITY)
+    if velocities is not None:
+        return replace(frame, own=_with_points(frame.own, frame.own.vertices + dt * velocities))
     flow = motion.limit_steps(motion.flow, frame.number + (subframe > frame.number))
 
     def displace(points: Points) -> Points:
@@ -290,5 +294,8 @@ def moved_to_subframe(motion: Motion, frame: MeshFrame, subframe: float) -> Mesh
 
     if frame.copies is not None:
         return frame.with_moved_copies(displace)
-    moved = TriangleMesh(displace(frame.own.vertices), frame.own.faces, creases=frame.own.creases)
-    return replace(frame, own=moved)
+    return replace(frame, own=_with_points(frame.own, displace(frame.own.vertices)))
+
+
+def _with_points(mesh: TriangleMesh, points: Points) -> TriangleMesh:
+    return TriangleMesh(points, mesh.faces, creases=mesh.creases)

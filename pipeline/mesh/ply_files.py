@@ -92,7 +92,8 @@ def read_polygon_file(content: bytes) -> FileSurface:
     if not len(faces.lengths) and _rows(tables, _GRID):
         fact = f"it has a scanner's grid of ranges ({_GRID}) and no faces"
         raise MeshError(f"{fact}. Export faces from the scanner's program.")
-    return polygon_surface(_vertex_positions(tables), faces.offsets, faces.values.reshape(-1))
+    surface = polygon_surface(_vertex_positions(tables), faces.offsets, faces.values.reshape(-1))
+    return surface._replace(velocities=_velocities(tables.get("vertex", {})))
 
 
 def read_ply_vertices(content: bytes) -> tuple[Points, dict[str, AnyArray]]:
@@ -107,6 +108,27 @@ def read_ply_vertices(content: bytes) -> tuple[Points, dict[str, AnyArray]]:
         if name not in ("x", "y", "z") and isinstance(column, np.ndarray)
     }
     return _vertex_positions(tables), others
+
+
+_VELOCITIES = (
+    *((f"{name}x", f"{name}y", f"{name}z") for name in ("v", "velocity_", "velocity", "velocities_", "vel_")),
+    *((f"{name}{k}", f"{name}{k + 1}", f"{name}{k + 2}") for name in ("velocity_", "v_") for k in (0, 1)),
+)
+"""Names of the components of velocities, as programs write them as three properties of vertices."""
+
+
+def _velocities(vertex: Table) -> Points | None:
+    """Return the velocities (V, 3) of vertices; None where the file has none."""
+    named = {name.lower().lstrip("."): column for name, column in vertex.items()}
+    for name in ("velocity", "velocities", "v"):
+        column = named.get(name)
+        if isinstance(column, Lists) and column.values.ndim == 2 and column.values.shape[1] == 3:
+            return np.asarray(column.values, np.float64)
+    for names in _VELOCITIES:
+        columns = [named[name] for name in names if isinstance(named.get(name), np.ndarray)]
+        if len(columns) == 3:
+            return np.column_stack(columns).astype(np.float64)
+    return None
 
 
 def _rows(tables: dict[str, Table], element: str) -> int:

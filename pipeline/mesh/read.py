@@ -44,6 +44,7 @@ from flowsculpt.pipeline.mesh.validation import validate
 from flowsculpt.pipeline.mesh.winding import Winding, detached_corners, find_winding, link_sides
 from flowsculpt.pipeline.plugin import named, plugins
 from flowsculpt.render.base.input_files import InputFile, other_content
+from flowsculpt.render.base.kept_digests import KeptDigests
 
 
 def mesh_suffixes() -> tuple[str, ...]:
@@ -159,10 +160,16 @@ class ModelFile:
             mesh, repairs, suffix, vertices, len(loaded.offsets) - 1, loaded.notes, loaded.unit
         )
 
-    def files(self) -> SourceFiles:
-        """Return the files of the model, and their digests."""
+    def files(self, keeps_digest: bool = False) -> SourceFiles:
+        """Return the files of the model, and their digests.
+
+        keeps_digest  True for one of many files: it is read again only once it has changed (`KeptDigests`)
+        """
         reader = self.reader
         if reader is None or reader.files is None:
+            if keeps_digest:
+                digest = KeptDigests.of(self.path.parent).digest(self.path.name)
+                return SourceFiles(digest, ((self.path, digest),))
             return _own_file(self.path, None if reader is None else reader.misread)
         return self.read_by({suffix_of(self.path): reader.files}, "a mesh format")
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from flowsculpt.pipeline.arrays import AnyArray, Faces, Floats, Points
 from flowsculpt.pipeline.errors import FrameError, UsageError
-from flowsculpt.pipeline.flow import Flow
+from flowsculpt.pipeline.flow import Flow, Sequence
 from flowsculpt.pipeline.flow.flow_map import FrameStep, cache_data_or_failure, checked_cache_data
 from flowsculpt.pipeline.flow.keyframes import elapsed
 from flowsculpt.pipeline.flow.parameters import ORIGIN, Curve, Number, Vector
@@ -22,6 +22,7 @@ from flowsculpt.pipeline.mesh.meshes import PolygonMesh, TriangleMesh
 from flowsculpt.pipeline.mesh.placed_copies import Mesh, Placements
 from flowsculpt.pipeline.resample import Curvature, DistanceToCamera, Thresholds
 from flowsculpt.pipeline.resample.thresholds import DEFAULT_ROUNDNESS, Region, edges_by_angle, edges_in_region
+from flowsculpt.pipeline.shot.animated_models import AnimatedFlow, AnimatedModel
 from flowsculpt.pipeline.shot.copies import Copies, bounding_sphere
 from flowsculpt.pipeline.shot.subjects import PluginSurface, Solid, Subject, as_data
 from flowsculpt.render.base.serialise import NOT_PLAIN, OMIT_DEFAULT
@@ -346,6 +347,10 @@ class Motion:
 
     def place_of_flow(self, index: int) -> str:
         """Return the place in the shot file of one of its flows, such as `flows.0`."""
+        if isinstance(self.flow.members[0], AnimatedFlow):
+            if not index:
+                return "subject"
+            index -= 1
         return self.flow_places[index] if self.flow_places else f"flows.{index}"
 
     def step_into(self, flow: Flow, frame: int) -> FrameStep:
@@ -359,11 +364,63 @@ class Motion:
         """
         return FrameStep(self.flow, *self.clock.between(start, end), int(end)).apply(points)
 
+    # Animated models
+
+    @property
+    def animated(self) -> AnimatedModel | None:
+        """The subject, if its files move it."""
+        return self.subject if isinstance(self.subject, AnimatedModel) else None
+
+    @property
+    def is_given(self) -> bool:
+        """True if its frames do not follow from each other: those of an animated model, not resampled."""
+        return self.animated is not None and self.resampling is None
+
+    @cached_property
+    def without_animation(self) -> Motion:
+        """The motion with the flows that act after the files of an animated model."""
+        flow = self.without_animation_in(self.flow)
+        return self if flow is self.flow else replace(self, flow=flow)
+
+    @staticmethod
+    def without_animation_in(flow: Flow) -> Flow:
+        """Return a flow without the motion of an animated model."""
+        others = tuple(each for each in flow.members if not isinstance(each, AnimatedFlow))
+        return flow if len(others) == len(flow.members) else Sequence(others)
+
+    def given_points(self, rest: Points, seconds: float) -> Points:
+        """Return where the files of an animated model have points (V, 3) of its surface at rest."""
+        assert self.animated is not None, "only animated models are given"
+        if self._is_at_origin:
+            return self.animated.carried(rest, seconds)
+        copy, placements = self.copy_indices(rest), self._standing[1]
+        return placements.placed(self.animated.carried(placements.local(rest, copy), seconds), copy)
+
+    def given_vertices(self, seconds: float) -> Points:
+        """Return where they have the vertices (V, 3) of `mesh_at_rest`, at a time of the flow."""
+        assert self.animated is not None, "only animated models are given"
+        points = self.animated.vertices(seconds)
+        return points if self._is_at_origin else self._standing[1].points(points)
+
+    def given_mesh(self, frame: int) -> TriangleMesh:
+        """Return the surface that the files of an animated model have at a frame."""
+        assert self.animated is not None, "only animated models are given"
+        return self._placed(self.animated.surface(self.clock.flow_time(frame)))
+
+    def given_data(self, frame: int) -> Any:
+        """Return what decides the surface of an animated model at a frame, and its velocities; JSON-able."""
+        assert self.animated is not None, "only animated models are given"
+        data = self.animated.sequence.data(self.clock.flow_time(frame))
+        after = self.without_animation
+        return [data, after.velocity_data(frame)] if after.flow.members else data
+
     def flow_data(self, frame: int, offsets: tuple[float, ...]) -> list[Any]:
         """Return the cache data of the flow between a frame and offsets near it: equal data, equal paths.
 
-        Beyond the ends of the shot, the flow at that end counts.
+        Beyond the ends of the shot, the flow at that end counts. Frames of animated models have velocities.
         """
+        if self is not self.without_animation:
+            return self.without_animation.flow_data(frame, offsets)
         first, last = self.frames.first, self.frames.last
         found = []
         for offset in offsets:
@@ -522,7 +579,17 @@ class Motion:
             del data["copies"]["is"]
         if self.shape is not None:
             data["shape"] = self.shape.data()
+        if self.animated is not None:
+            data["given"] = self.given_data(self.frames.first)
         return data
+
+    def acting_data(self, frame: int, is_checked: bool = True) -> Any:
+        """Return what the flow does on the way into `frame` as JSON-able data; `is_checked` as below."""
+        find = checked_cache_data if is_checked else cache_data_or_failure
+        try:
+            return find(self.limit_steps(self.flow, frame), *self.step(frame))
+        except FrameError as error:  # of the speed
+            return {"fails": str(error)}
 
     def step_data(self, frame: int, is_checked: bool = True) -> Any:
         """Return what acts on the way into `frame` as JSON-able data.
@@ -531,15 +598,13 @@ class Motion:
 
         is_checked  False spares a look at every number, and the data may then hold NaN and infinities
         """
-        find = checked_cache_data if is_checked else cache_data_or_failure
-        try:
-            data = find(self.limit_steps(self.flow, frame), *self.step(frame))
-        except FrameError as error:  # of the speed
-            data = {"fails": str(error)}
+        data = self.acting_data(frame, is_checked)
         now = self.resampling_at(frame)
         changes: dict[str, Any] = {}
         if now is not None and now is not self.resampling:
             changes["thresholds"] = now.thresholds_data()
         if self.begins_rest_interval(frame):
             changes["renewed"] = True
+        if self.animated is not None:
+            changes["given"] = self.given_data(frame)
         return {"flow": data, **changes} if changes else data

@@ -13,7 +13,7 @@ from flowsculpt.pipeline.resample import polygon_methods
 from flowsculpt.pipeline.resample.thresholds import DEFAULT_RATIO, HIGHEST_RATIO
 from flowsculpt.pipeline.shot.documents.field_types import is_number, is_triple
 from flowsculpt.pipeline.shot.documents.flow_documents import FLOW_DOCUMENTS
-from flowsculpt.pipeline.shot.documents.subject_documents import points_kind
+from flowsculpt.pipeline.shot.documents.subject_documents import named_kind, points_kind
 from flowsculpt.pipeline.shot.motion import FURTHEST, Clock
 from flowsculpt.pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource, dotted_path
 from flowsculpt.render.base.plural import plural
@@ -231,10 +231,10 @@ def check_splits(source: YamlSource) -> Iterator[Problem]:
 
 
 def check_resample_entry(source: YamlSource) -> Iterator[Problem]:
-    """Check that surfaces have the entry `resample`, and points have not."""
-    kind = points_kind(source.mapping("subject"))
-    written = source.get("resample")
-    if kind is None and isinstance(source.data, dict) and "resample" not in source.data:
+    """Check that surfaces that flows carry have the entry `resample`, and points have not."""
+    subject = source.mapping("subject")
+    kind, written = points_kind(subject), source.get("resample")
+    if named_kind(subject) is None and isinstance(source.data, dict) and "resample" not in source.data:
         yield (
             ("resample",),
             "resample: missing; it has no default. Write resample: {max_edge_length: 0.05}.",

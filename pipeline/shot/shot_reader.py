@@ -18,6 +18,7 @@ from flowsculpt.pipeline.frames import FrameRate
 from flowsculpt.pipeline.mesh.control_net import PIECES
 from flowsculpt.pipeline.mesh.read import ModelFile
 from flowsculpt.pipeline.shot import motion_checks, picture_checks, subject_checks
+from flowsculpt.pipeline.shot.animated_models import AnimatedFlow, AnimatedModel
 from flowsculpt.pipeline.shot.camera_path import Shutter
 from flowsculpt.pipeline.shot.documents.curves import NumberField, number
 from flowsculpt.pipeline.shot.documents.field_types import vector
@@ -31,10 +32,10 @@ from flowsculpt.pipeline.shot.documents.subject_documents import (
     SubjectEntry,
     SubjectSettings,
 )
-from flowsculpt.pipeline.shot.documents.subject_kinds import PointsKind
+from flowsculpt.pipeline.shot.documents.subject_kinds import MovingKind, NamedKind, PointsKind
 from flowsculpt.pipeline.shot.motion import Clock, Loop, Motion, parse_frames, parse_rate
 from flowsculpt.pipeline.shot.shot import AovSelection, Picture, Shot, SoundTrack
-from flowsculpt.pipeline.shot.subjects import Model, PluginSurface, SeveralSubjects, Solid
+from flowsculpt.pipeline.shot.subjects import Model, PluginSurface, SeveralSubjects, Solid, Subject
 from flowsculpt.pipeline.shot.yaml.document_validation import Checks, ParseContext, unforeseen, validated
 from flowsculpt.pipeline.shot.yaml.inheritance import inherited_source
 from flowsculpt.pipeline.shot.yaml.named_files import name_fault, quote_name
@@ -61,7 +62,7 @@ CHECKS = (
     picture_checks.check_camera,
     picture_checks.check_wide_camera,
     motion_checks.check_resample_entry,
-    subject_checks.check_points,
+    subject_checks.check_named_kind,
     motion_checks.check_tolerance,
     motion_checks.check_sounds,
     picture_checks.check_dimmed_lights,
@@ -180,7 +181,7 @@ def _read(source: YamlSource, allow_code: bool) -> Shot:
         name=source.path.stem,
         title=document.title,
         intent=document.intent,
-        motion=_motion(document, document.subject, clock, source.path.parent),
+        motion=_motion(document, document.subject, clock, source),
         picture=_picture(document, clock),
         path=source.path,
         sounds=_sounds(document, parse_context),
@@ -189,12 +190,13 @@ def _read(source: YamlSource, allow_code: bool) -> Shot:
     )
     digests = dict(parse_context.digests)
     if document.subjects is not None:
-        shot = _with_subjects(shot, document, clock, source.path.parent)
+        shot = _with_subjects(shot, document, clock, source)
         _require_room(shot, source)
         parts = tuple(_with_materials(part, source, digests) for part in shot.subjects)
         notes = tuple(dict.fromkeys(note for part in parts for note in part.notes))
         picture = replace(shot.picture, look=parts[0].picture.look)
         shot = replace(shot, subjects=parts, picture=picture, notes=notes)
+    _require_fixed_faces(shot, source)
     return _with_files(_with_materials(shot, source, digests), digests)
 
 
@@ -236,7 +238,7 @@ def _checked(checks: Checks, clock: Clock | None) -> list[Problem]:
     return list(subject_checks.check_files(checks.source))
 
 
-def _with_subjects(shot: Shot, document: ShotDocument, clock: Clock, folder: Path) -> Shot:
+def _with_subjects(shot: Shot, document: ShotDocument, clock: Clock, source: YamlSource) -> Shot:
     """Return the shot with the shots of its subjects. The first one's look decides the stage's colour."""
     shared = [f"flows.{index}" for index in range(len(document.flows))]
     subjects = tuple(
@@ -244,7 +246,7 @@ def _with_subjects(shot: Shot, document: ShotDocument, clock: Clock, folder: Pat
             shot,
             subject=name,
             motion=replace(
-                _motion(document, entry, clock, folder),
+                _motion(document, entry, clock, source, ("subjects", name)),
                 flow_places=(*shared, *(f"subjects.{name}.flows.{i}" for i in range(len(entry.flows)))),
             ),
             picture=_picture(document, clock, entry),
@@ -337,22 +339,74 @@ def with_speed(clock: Clock, source: YamlSource) -> tuple[Clock, list[Problem]]:
     return (clock, [(("speed",), fault)]) if fault else (retimed, [])
 
 
+def _given(kind: MovingKind, source: YamlSource, clock: Clock, where: Where = ("subject",)) -> AnimatedModel:
+    """Return the subject that a kind reads. Raises ShotError or MissingInputError with its place."""
+    place = source.place((*where, kind.word()))
+    try:
+        return kind.build(source.path.parent, clock)
+    except MissingInputError as error:
+        raise MissingInputError(f"{place}: {error}") from None
+    except (MeshError, UsageError, BadInputError) as error:
+        raise ShotError(f"{place}: {error}") from None
+
+
+def _require_fixed_faces(shot: Shot, source: YamlSource) -> None:
+    """Raise ShotError for what an animated model cannot have because its faces change, or in any case."""
+    faults = []
+    for part in shot.parts:
+        if (model := part.motion.animated) is None:
+            continue
+        motion, name, entry = part.motion, model.path.name, ("subjects", part.subject) if part.subject else ()
+        asks = {"resample": motion.resampling, "flows": motion.flow.members, "copies": motion.copies}
+        asked = [setting for setting, value in asks.items() if value]
+        place = source.place((*entry, *asked[:1]) if asked else entry or ("subject",))
+        if motion.is_rigid:
+            faults.append(f"{place}: rigid copies keep one shape, and {name} moves. Leave rigid out.")
+        elif not model.keeps_faces and (asked or model.paint):
+            setting = [*asked, "paint"][0]
+            faults.append(
+                f"{place}: the faces of {name} are not those of later files, so frames show their own, and "
+                f"{setting} has no surface to follow. Leave {setting} out."
+            )
+        elif motion.resampling and (motion.resampling.method, motion.resampling.placement) != (
+            "triangles",
+            "exact",
+        ):
+            faults.append(
+                f"{place}: new vertices get exact places on {name}. Leave method and placement out."
+            )
+    if faults:
+        raise ShotError(*faults)
+
+
 def _motion(
-    document: ShotDocument, subject: SubjectDocument | SubjectEntry | None, clock: Clock, folder: Path
+    document: ShotDocument,
+    subject: SubjectDocument | SubjectEntry | None,
+    clock: Clock,
+    source: YamlSource,
+    where: Where = ("subject",),
 ) -> Motion:
     """Return the motion of a subject; without one, of what moves all subjects."""
-    resample, flows = document.resample, document.flows
+    resample, flows, folder = document.resample, document.flows, source.path.parent
     place, copies = ORIGIN, None
     if isinstance(subject, SubjectSettings):
         flows = [*flows, *subject.flows]
-        of_shot = "off" if isinstance(subject, PointsKind) else document.resample
+        of_shot = "off" if isinstance(subject, NamedKind) else document.resample
         resample = of_shot if subject.resample is None else subject.resample
         place = vector(subject.place)
         copies = None if subject.copies is None else subject.copies.build(clock)
     integrate = partial(Streamlines, substeps=document.substeps, tolerance=_tolerance(document))
     if subject is None:
         resample = "off"
-    built = SeveralSubjects(tuple(document.subjects or ())) if subject is None else subject.build(folder)
+    retimed = replace(clock, speed=number(document.speed, clock))
+    if subject is None:
+        built: Subject = SeveralSubjects(tuple(document.subjects or ()))
+    else:
+        built = (
+            _given(subject, source, retimed, where)
+            if isinstance(subject, MovingKind)
+            else subject.build(folder)
+        )
     resampling = shape = None
     if isinstance(resample, ResampleDocument):
         resampling = resample.build(clock)
@@ -361,12 +415,18 @@ def _motion(
     if copies is not None and copies.rigid:
         resampling, shape = None, resampling
     acting: list[Flow] = []
+    if isinstance(built, AnimatedModel) and built.keeps_faces:
+        acting.append(AnimatedFlow(built))
     for entry in flows:
         flow = entry.build(clock, integrate)
         acting.append(flow if subject is None else flow.of_subject(built, place, acting))
     if isinstance(resample, ResampleDocument) and resample.rest_interval is None and resampling is not None:
         intervals = [flow.rest_interval for flow in acting if flow.rest_interval is not None]
         resampling = replace(resampling, rest_interval=min([resampling.rest_interval, *intervals]))
+    if (
+        isinstance(built, AnimatedModel) and resampling is not None
+    ):  # points find their faces in the first frame
+        resampling = replace(resampling, normals="geometric", rest_interval=len(clock.frames) + 1)
     return Motion(
         frames=clock.frames,
         rate=clock.rate,

@@ -16,7 +16,12 @@ from flowsculpt.pipeline.errors import (
 from flowsculpt.pipeline.mesh.read import ModelFile
 from flowsculpt.pipeline.shot.documents.camera_documents import FOCUS_WORDS
 from flowsculpt.pipeline.shot.documents.field_types import is_written_number
-from flowsculpt.pipeline.shot.documents.subject_documents import POINTS, SolidDocument, points_kind
+from flowsculpt.pipeline.shot.documents.subject_documents import (
+    POINTS,
+    SolidDocument,
+    named_kind,
+    points_kind,
+)
 from flowsculpt.pipeline.shot.yaml.document_validation import missing_file
 from flowsculpt.pipeline.shot.yaml.named_files import is_file
 from flowsculpt.pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource
@@ -88,7 +93,7 @@ def check_copies(source: YamlSource) -> Iterator[Problem]:
                 "place is for a subject without copies, which lie in their region. Move the region's centre, "
                 "and leave place out.",
             )
-        if (kind := points_kind(entry)) and kind.not_copied:
+        if (kind := named_kind(entry)) and kind.not_copied:
             yield (*where, "copies"), kind.not_copied
         if source.get(*where, "copies", "rigid") is True:
             yield from _unfit_for_rigid(source, where)
@@ -161,10 +166,10 @@ def check_solid(source: YamlSource) -> Iterator[Problem]:
         yield ("subject", *where), text
 
 
-def check_points(source: YamlSource) -> Iterator[Problem]:
-    """Check the settings and the points of a subject of points."""
+def check_named_kind(source: YamlSource) -> Iterator[Problem]:
+    """Check the settings of a subject of a plug-in that stand in the subject itself, and its points."""
     given = source.mapping("subject")
-    if kind := points_kind(given):
+    if kind := named_kind(given):
         yield from ((("subject", *where), text) for where, text in kind.faults(given, source.path.parent))
 
 
@@ -193,8 +198,8 @@ class SubjectView:
         entry, shared = source.data["subjects"][name], source.listing("flows")
         overridden = tuple(setting for setting in OVERRIDING if setting in entry)
         data = {setting: value for setting, value in source.data.items() if setting != "subjects"}
-        if points_kind(entry):
-            data.pop("resample", None)  # that of the shot is for surfaces
+        if named_kind(entry):
+            data.pop("resample", None)  # that of the shot is for surfaces that flows carry
         data |= {setting: entry[setting] for setting in overridden}
         data["subject"] = {setting: value for setting, value in entry.items() if setting not in OWN}
         data["flows"] = [*shared, *source.listing("subjects", name, "flows")]

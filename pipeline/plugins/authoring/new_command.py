@@ -19,6 +19,7 @@ from flowsculpt.api.options import Common
 from flowsculpt.pipeline.plugins.authoring.gallery_shots import GALLERY, gallery_files, gallery_names
 from flowsculpt.pipeline.plugins.authoring.new_files import Content, same_contents, write_new
 from flowsculpt.pipeline.plugins.authoring.schema_command import SCHEMAS, defaults_of, write_schemas
+from flowsculpt.pipeline.plugins.authoring.sequence_shots import shot_of_sequence
 from flowsculpt.pipeline.plugins.authoring.shot_schemas import flows
 from flowsculpt.pipeline.plugins.authoring.shot_templates import (
     FIRST_SHOT,
@@ -73,6 +74,15 @@ def new(
             "with edges that suit its detail.",
         ),
     ] = None,
+    sequence: Annotated[
+        str | None,
+        typer.Option(
+            "--sequence",
+            metavar="FILES",
+            help="Show this moving mesh of another program: numbered files, as 'cache/*.ply', or a file with "
+            "an animation.",
+        ),
+    ] = None,
 ) -> None:
     """Begin a shot, or a show: write files that are ready to render.
 
@@ -89,14 +99,17 @@ def new(
     flow that `--from` names. A model outside the project's folder is copied to shots/models; one inside stays
     where it is. It says what had to be repaired.
 
+    `flowsculpt new A050_splash --sequence "cache/*.ply"` writes a shot of numbered files, which stay where
+    they are.
+
     The schemas by which editors complete and check shot files are written to shots/.schema, and a file that
     the flow reads beside the shot.
     """
     if show:
-        if model is not None:
+        if alone := "--model" if model is not None else "--sequence" if sequence is not None else "":
             raise UsageError(
-                "--show begins a folder and --model one shot; begin the show first, then run flowsculpt new "
-                "NAME --model FILE in its folder"
+                f"--show begins a folder and {alone} one shot; begin the show first, then run flowsculpt new "
+                f"NAME {alone} FILE in its folder"
             )
         if gallery and source != "twist":
             raise UsageError(f"--gallery brings its shots along; leave --from {source} out")
@@ -119,7 +132,10 @@ def new(
     path = Show().folder / f"{name}.yaml"
     if path.exists():
         raise UsageError(f"{path} is there already; choose another name or edit that file")
-    shot = _of_source(source, name) if model is None else _of_model(model, source, name)
+    if sequence is not None:
+        shot = _of_sequence(sequence, name, alone=model is None and source == "twist")
+    else:
+        shot = _of_source(source, name) if model is None else _of_model(model, source, name)
     files = [path, *shot.beside]
     for file in shot.beside:
         if file.exists():
@@ -198,6 +214,14 @@ def _about_defaults(target: Path, text: str, source: str) -> list[str]:
     if not names or read_shot(target, text) == read_shot(target, text, beside={}):
         return []
     return [f"{Show().defaults} changes this copy of {source}: {names}; what the shot itself says wins"]
+
+
+def _of_sequence(sequence: str, name: str, alone: bool) -> _NewShot:
+    """Return a new shot of a moving mesh; not `alone` beside a model or a flow."""
+    if not alone:
+        raise UsageError("--sequence shows files as they are; leave --model and --from out")
+    text, remarks = shot_of_sequence(sequence, name)
+    return _NewShot(without_shared(text, defaults_of(Show().folder)), remarks=remarks)
 
 
 def _of_model(model: Path, source: str, name: str) -> _NewShot:

@@ -5,11 +5,11 @@ A picture of numbers has roughness in green and metalness in blue, as glTF has t
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from flowsculpt.api.materials import Material, PaintedFaces, PreviewSurface, Satin, Texture
+from flowsculpt.api.materials import Material, PaintedFaces, Satin, Texture
 from flowsculpt.pipeline.plugins.interchange.embedded_pictures import EmbeddedPicture
 
 COMPACT = 2048
@@ -29,7 +29,7 @@ class ExportedMaterial(NamedTuple):
     cutoff       from which alpha on all is there, and below nothing; None for a fraction
     """
 
-    surface: PreviewSurface
+    surface: Any
     colour: EmbeddedPicture | None
     numbers: EmbeddedPicture | None
     is_coloured: bool
@@ -102,9 +102,7 @@ def _with_alpha(part: Material, mask: Texture, widest: int) -> EmbeddedPicture:
     return EmbeddedPicture.with_alpha(part.colour_pixels(with_factor=False), mask.numbers(), widest, wrap)
 
 
-def _numbers(
-    part: Material, surface: PreviewSurface, widest: int
-) -> tuple[EmbeddedPicture | None, PreviewSurface]:
+def _numbers(part: Material, surface: Any, widest: int) -> tuple[EmbeddedPicture | None, Any]:
     """Return the picture of roughness and metalness, if there is one, and the surface with factors on it."""
     rough = part.texture("roughness")
     metal = part.texture("metallic")

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from flowsculpt import MeshError, PolygonMesh, TriangleMesh, UsageError
 from flowsculpt.api import plural
-from flowsculpt.api.meshes import FileSurface, Floats, ModelFile, Paint, find_coincident, repair_surface
+from flowsculpt.api.meshes import FileSurface, Floats, ModelFile, find_coincident, repair_surface
 from flowsculpt.pipeline.plugins.interchange.mesh_writers import UV
 from flowsculpt.pipeline.plugins.interchange.model_paint import ModelPaint
 
@@ -80,7 +81,7 @@ class TextureCoordinates:
         textured = texture.split(sculpture.mesh)  # textured.attributes["uv"]
     """
 
-    _paint: Paint
+    _paint: Any
 
     def __init__(self, vertices: ArrayLike, faces: ArrayLike, uv: ArrayLike) -> None:
         mesh, given = TriangleMesh(vertices, faces), np.asarray(uv, np.float64)

@@ -328,7 +328,8 @@ class PictureKeys(Mapping[int, FrameKeys]):
 def _known_header(request: RenderRequest, number: int) -> dict[str, Any]:
     """Return the part of a header that is known before the shot is framed.
 
-    inputs  digests of the files that the shot reads, by their names without folders
+    inputs  digests of the files that the shot reads, by their names without folders; those of the many files
+            of an animated model are in the keys of meshes
     """
     angle, pictures = request.angles[number], request.pictures
     picture = pictures.of(number)
@@ -343,7 +344,7 @@ def _known_header(request: RenderRequest, number: int) -> dict[str, Any]:
         "seed": request.seed(number),
         "angle": to_plain(angle),
         "normals_key": request.keys.normals(angle.mesh),
-        "inputs": {Path(path).name: digest for path, digest in request.manifest.inputs},
+        "inputs": {Path(path).name: digest for path, digest in _shown_inputs(request)},
         "stages": {stage.name: stage.recipe for stage in (SIMULATE, SMOOTH_NORMALS, FRAME_CAMERA, RENDER)},
         "look": to_plain(picture.look),
         "lights": to_plain(replace(picture.lights, exposure=0.0)),
@@ -356,6 +357,14 @@ def _known_header(request: RenderRequest, number: int) -> dict[str, Any]:
         **(resampling.settings() if resampling else {"resample": "off"}),
         **(several if request.shot.subjects else {}),
     }
+
+
+def _shown_inputs(request: RenderRequest) -> Iterator[tuple[str, str]]:
+    """Yield the files that a shot reads, and their digests: of animated models those of the first frame."""
+    given = [part.motion.animated for part in request.shot.parts]
+    others = {str(path) for model in given if model is not None for path, _ in model.sequence.files}
+    others -= {str(model.path) for model in given if model is not None}
+    yield from (item for item in request.manifest.inputs if item[0] not in others)
 
 
 def projection_of(header: Mapping[str, Any]) -> Projection:

@@ -19,6 +19,7 @@ from flowsculpt.pipeline.production.stages import PLUGIN_STAGES, SIMULATE, SMOOT
 from flowsculpt.pipeline.production.store.paths import STATE
 from flowsculpt.pipeline.production.store.store import Key, key_of
 from flowsculpt.render.base.input_files import InputFile
+from flowsculpt.render.base.kept_digests import KeptDigests
 from flowsculpt.render.scene.render_quality import Quality, flat_qualities
 
 if TYPE_CHECKING:  # reading shots takes a second; planning spares it where the cache holds all
@@ -177,7 +178,12 @@ class SurfaceKeys:
 
 
 def mesh_keys(motion: Motion) -> dict[int, Key]:
-    """Return keys by frame: each is made of the one before and of what acts between the two frames."""
+    """Return keys by frame: each is made of the one before and of what acts between the two frames.
+
+    Frames that are given do not follow from those before: of these, only flows after the model count.
+    """
+    if motion.is_given:
+        return _given_keys(motion)
     key = key_of(SIMULATE.recipe, motion.start_data())
     first, *others = sorted(motion.frames)
     keys = {first: key}
@@ -187,6 +193,16 @@ def mesh_keys(motion: Motion) -> dict[int, Key]:
         except ValueError:  # NaN or infinity
             key = key_of(key, motion.step_data(number))
         keys[number] = key
+    return keys
+
+
+def _given_keys(motion: Motion) -> dict[int, Key]:
+    start, after = {**motion.start_data(), "given": None}, motion.without_animation
+    key, first, keys = key_of(SIMULATE.recipe, start), motion.frames.first, {}
+    for number in sorted(motion.frames):
+        if number > first and after.flow.members:
+            key = key_of(key, after.acting_data(number))
+        keys[number] = key_of(key, motion.given_data(number))
     return keys
 
 
@@ -219,11 +235,17 @@ def changed_inputs(inputs: InputDigests) -> Iterator[str]:
     """Yield the paths of the files that are not as they were."""
     for path, digest in inputs:
         try:
-            now = InputFile(Path(path)).digest()
+            now = _kept(path) or InputFile(Path(path)).digest()
         except MissingInputError:
             now = ""
         if now != digest:
             yield path
+
+
+def _kept(path: str) -> str | None:
+    """Return the digest of one of the files of a sequence, if it has not changed since that was kept."""
+    folder, _, name = path.rpartition("/")
+    return KeptDigests.of(Path(folder)).known(name)
 
 
 def _listings(inputs: InputDigests) -> tuple[tuple[str, str], ...]:

@@ -47,12 +47,14 @@ def simulate(context: Context) -> bool:
     if not missing:
         return True
     return_freed_memory()
-    last, resume = max(missing), _last_before(context, min(missing))
+    last, is_given = max(missing), request.shot.motion.is_given
+    resume = None if is_given else _last_before(context, min(missing))
     begins = resume is None
     try:
         with _FrameWriter(context, missing) as writer:
             report = partial(_report_progress, context)
-            frames = animate(request.shot, resume, ready=writer.wait, progress=report)
+            only = frozenset(missing) if is_given else None
+            frames = animate(request.shot, resume, ready=writer.wait, progress=report, only=only)
             del resume  # the generator drops it too, once the simulation has begun
             for frame in frames:
                 if begins:

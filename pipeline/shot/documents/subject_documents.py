@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import (
-    BeforeValidator,
     ConfigDict,
     Field,
     create_model,
@@ -24,11 +23,9 @@ from flowsculpt.pipeline.plugin import Plugin, plugins
 from flowsculpt.pipeline.plugin_contracts import require_class
 from flowsculpt.pipeline.shot.copies import MOST_COPIES, Copies, OrderedPlaces
 from flowsculpt.pipeline.shot.documents.field_types import (
-    DEGREE,
     LARGEST,
     ORIGIN,
     ByForm,
-    Degrees,
     Document,
     OneOfSeveral,
     Positive,
@@ -41,7 +38,14 @@ from flowsculpt.pipeline.shot.documents.field_types import (
 from flowsculpt.pipeline.shot.documents.flow_entries import DASHES, FlowDocument, RegionDocument
 from flowsculpt.pipeline.shot.documents.look_documents import LookField
 from flowsculpt.pipeline.shot.documents.resampling import ResampleField
-from flowsculpt.pipeline.shot.documents.subject_kinds import CopyLayout, PointsKind, SubjectKind
+from flowsculpt.pipeline.shot.documents.subject_kinds import (
+    CopyLayout,
+    MovingKind,
+    NamedKind,
+    PointsKind,
+    SizedDocument,
+    SubjectKind,
+)
 from flowsculpt.pipeline.shot.motion import Clock
 from flowsculpt.pipeline.shot.subjects import Measure, Model, PluginSurface, Solid
 from flowsculpt.pipeline.shot.yaml.yaml_source import Problem, Where
@@ -152,30 +156,6 @@ def _has_form(value: Any, default: Measure) -> bool:
     return all(is_number(part) and 0 < part <= LARGEST for part in parts)
 
 
-def _require_angles(value: Any) -> Any:
-    if is_number(value):
-        raise ValueError(
-            f"{value} is one number; it must be three, about x, then y, then z. Write [0, {value}, 0]."
-        )
-    return value
-
-
-class SizedDocument(Document):
-    """Size and rotation of a surface that is as a file or a plug-in says."""
-
-    scale: Positive = Field(1.0, description="factor on all coordinates; or use fit")
-    fit: Positive | None = optional("its largest extent, centred on the origin (units)")
-    rotate: Annotated[list[Degrees], BeforeValidator(_require_angles), Field(min_length=3, max_length=3)] = (
-        Field(ORIGIN, description="about x, then y, then z (degrees)")
-    )
-
-    def placing(self) -> dict[str, Any]:
-        """Return scale, fit and rotation as a `Model` takes them."""
-        fit = None if self.fit is None else float(self.fit)
-        x, y, z = (DEGREE * angle for angle in self.rotate)
-        return {"scale": float(self.scale), "fit": fit, "rotate": (x, y, z)}
-
-
 class ModelDocument(SizedDocument):
     """A model that is read from a file."""
 
@@ -224,8 +204,8 @@ def _part_of_plugin(plugin: Plugin, name: str, kind: Any) -> tuple[type[Document
 
     Raises ContractError for a class that is neither, and for points whose name another plug-in may take.
     """
-    require_class(kind, SubjectKind, CopyLayout, PointsKind)
-    if issubclass(kind, PointsKind) and not kind.__module__.startswith("flowsculpt."):
+    require_class(kind, SubjectKind, CopyLayout, PointsKind, MovingKind)
+    if issubclass(kind, NamedKind) and not kind.__module__.startswith("flowsculpt."):
         kind.require_word_of(plugin.name)
     description = inspect.cleandoc(kind.__doc__ or name).partition("\n")[0]
     return kind, plugin.version, (kind | None, optional(description))
@@ -252,15 +232,26 @@ if not TYPE_CHECKING:
     PluginSurfaceDocument = _add_parts(PluginSurfaceDocument, SubjectKind)
 
 
-POINTS: dict[str, type[PointsKind]] = {
-    kind.word(): kind for kind, _, _ in _PARTS.values() if issubclass(kind, PointsKind)
+NAMED: dict[str, type[NamedKind]] = {
+    kind.word(): kind for kind, _, _ in _PARTS.values() if issubclass(kind, NamedKind)
 }
-"""The kinds of subjects that are points, by the names that shots write."""
+"""The kinds of subjects whose settings stand in the subject itself, by the names that shots write."""
+
+POINTS: dict[str, type[PointsKind]] = {
+    word: kind for word, kind in NAMED.items() if issubclass(kind, PointsKind)
+}
+"""Those of them that are points."""
+
+
+def named_kind(subject: Mapping[str, Any]) -> type[NamedKind] | None:
+    """Return the kind of a subject, as the file has it, whose settings stand there; None for any other."""
+    return next((kind for word, kind in NAMED.items() if word in subject), None)
 
 
 def points_kind(subject: Mapping[str, Any]) -> type[PointsKind] | None:
     """Return the kind of a subject, as the file has it, that is points; None for any other."""
-    return next((kind for word, kind in POINTS.items() if word in subject), None)
+    kind = named_kind(subject)
+    return kind if kind is not None and issubclass(kind, PointsKind) else None
 
 
 def subject_form(value: Any) -> int:
@@ -268,16 +259,16 @@ def subject_form(value: Any) -> int:
     if isinstance(value, str):  # is wrong; the message proposes what it looks like
         return int("." in value)
     names = value if isinstance(value, dict) else ()
-    made = (len(POINTS) + 2) * any("." in str(name) for name in names)
-    return next((i for i, name in enumerate(("model", *POINTS), 1) if name in names), made)
+    made = (len(NAMED) + 2) * any("." in str(name) for name in names)
+    return next((i for i, name in enumerate(("model", *NAMED), 1) if name in names), made)
 
 
 if TYPE_CHECKING:
-    SubjectDocument = SolidDocument | ModelDocument | PointsKind | PluginSurfaceDocument
+    SubjectDocument = SolidDocument | ModelDocument | PointsKind | MovingKind | PluginSurfaceDocument
 else:
-    _FORMS = (SolidDocument, ModelDocument, *POINTS.values(), PluginSurfaceDocument)
+    _FORMS = (SolidDocument, ModelDocument, *NAMED.values(), PluginSurfaceDocument)
     SubjectDocument = Annotated[reduce(or_, _FORMS), ByForm(subject_form)]
-"""Each has `build(folder)`, with the folder of the shot file."""
+"""Each has `build(folder)`, with the folder of the shot file; those that are given take the clock too."""
 
 
 class CopiesDocument(OneOfSeveral):
@@ -347,8 +338,8 @@ class SubjectOfPluginDocument(SubjectSettings, PluginSurfaceDocument):
     """A surface of a plug-in among several subjects."""
 
 
-def _among_several(kind: type[PointsKind]) -> Any:
-    """Return the document of points of a kind among several subjects."""
+def _among_several(kind: type[NamedKind]) -> Any:
+    """Return the document of a kind among several subjects."""
     return create_model(f"SubjectOf{kind.__name__}", __base__=(SubjectSettings, kind), __doc__=kind.__doc__)
 
 
@@ -357,9 +348,18 @@ if TYPE_CHECKING:
     class SubjectOfPoints(SubjectSettings, PointsKind):
         """Points among several subjects."""
 
-    SubjectEntry = SubjectOfSolidDocument | SubjectOfModelDocument | SubjectOfPoints | SubjectOfPluginDocument
+    class SubjectOfAnimated(SubjectSettings, MovingKind):
+        """A surface that is given, among several subjects."""
+
+    SubjectEntry = (
+        SubjectOfSolidDocument
+        | SubjectOfModelDocument
+        | SubjectOfPoints
+        | SubjectOfAnimated
+        | SubjectOfPluginDocument
+    )
 else:
-    _ENTRIES = (SubjectOfSolidDocument, SubjectOfModelDocument, *map(_among_several, POINTS.values()))
+    _ENTRIES = (SubjectOfSolidDocument, SubjectOfModelDocument, *map(_among_several, NAMED.values()))
     SubjectEntry = reduce(or_, (*_ENTRIES, SubjectOfPluginDocument))
 
 SubjectsField = dict[str, Annotated[SubjectEntry, ByForm(subject_form)]]

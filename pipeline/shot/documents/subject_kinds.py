@@ -3,14 +3,24 @@
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import PrivateAttr, ValidationInfo, model_validator
+from pydantic import BeforeValidator, Field, PrivateAttr, ValidationInfo, model_validator
 
 from flowsculpt.pipeline.arrays import Floats, Points
 from flowsculpt.pipeline.mesh import TriangleMesh, validate
 from flowsculpt.pipeline.plugin_contracts import ContractError
-from flowsculpt.pipeline.shot.documents.field_types import Document
+from flowsculpt.pipeline.shot.animated_models import AnimatedModel, SurfaceSequence
+from flowsculpt.pipeline.shot.documents.field_types import (
+    DEGREE,
+    ORIGIN,
+    Degrees,
+    Document,
+    Positive,
+    is_number,
+    optional,
+)
+from flowsculpt.pipeline.shot.motion import Clock
 from flowsculpt.pipeline.shot.subjects import Subject
 from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext
 from flowsculpt.pipeline.shot.yaml.yaml_source import Where
@@ -62,20 +72,39 @@ class SubjectKind(Document):
         return joint_digest([*origin, settings, *self._digests]), self._surface
 
 
-class PointsKind(Document):
-    """A kind of subject of a plug-in that is points, which move one by one and are not resampled.
+def _require_angles(value: Any) -> Any:
+    if is_number(value):
+        raise ValueError(
+            f"{value} is one number; it must be three, about x, then y, then z. Write [0, {value}, 0]."
+        )
+    return value
 
-    Its settings stand in the subject itself, `{cloud: a.ply, radius: 0.1}`. The first has the name by which
-    shots know the kind; a text there names a file. Where the plug-in is not one of ours, the alias of that
-    field begins with the name of the plug-in and a point.
 
-    is_net         True if the points control a smooth surface; False if they are drawn as spheres
-    not_resampled  fact that begins the message about `resample`
-    not_copied     message about `copies`; empty if there may be any
+class SizedDocument(Document):
+    """Size and rotation of a surface that is as a file or a plug-in says."""
+
+    scale: Positive = Field(1.0, description="factor on all coordinates; or use fit")
+    fit: Positive | None = optional("its largest extent, centred on the origin (units)")
+    rotate: Annotated[list[Degrees], BeforeValidator(_require_angles), Field(min_length=3, max_length=3)] = (
+        Field(ORIGIN, description="about x, then y, then z (degrees)")
+    )
+
+    def placing(self) -> dict[str, Any]:
+        """Return scale, fit and rotation as a `Model` takes them."""
+        fit = None if self.fit is None else float(self.fit)
+        x, y, z = (DEGREE * angle for angle in self.rotate)
+        return {"scale": float(self.scale), "fit": fit, "rotate": (x, y, z)}
+
+
+class NamedKind(Document):
+    """A kind of subject of a plug-in whose settings stand in the subject itself.
+
+    The first of them has the name by which shots know the kind. Where the plug-in is not one of ours, the
+    alias of that field begins with the name of the plug-in and a point.
+
+    not_copied  message about `copies`; empty if there may be any
     """
 
-    is_net: ClassVar[bool] = False
-    not_resampled: ClassVar[str] = "points have no edges"
     not_copied: ClassVar[str] = ""
 
     @classmethod
@@ -99,6 +128,19 @@ class PointsKind(Document):
         """
         yield from ()
 
+
+class PointsKind(NamedKind):
+    """A kind of subject of a plug-in that is points, which move one by one and are not resampled.
+
+    Its settings stand in the subject itself, `{cloud: a.ply, radius: 0.1}`; a text in the first names a file.
+
+    is_net         True if the points control a smooth surface; False if they are drawn as spheres
+    not_resampled  fact that begins the message about `resample`
+    """
+
+    is_net: ClassVar[bool] = False
+    not_resampled: ClassVar[str] = "points have no edges"
+
     @abstractmethod
     def build(self, folder: Path) -> Subject:
         """Return the subject.
@@ -107,6 +149,41 @@ class PointsKind(Document):
 
         Raises MeshError or UsageError where it cannot be made.
         """
+
+
+class MovingKind(NamedKind, SizedDocument):
+    """A kind of subject of a plug-in whose surface at every time is given, `{sequence: "a_####.ply"}`."""
+
+    up: Literal["y", "z"] | None = optional("the axis of the files that points up: what they state, else y")
+    repair: Literal["on", "off"] = Field(
+        "on", description="mends faults such as third faces on an edge; off refuses them"
+    )
+    paint: Literal["on", "off"] = Field(
+        "off", description="keeps texture coordinates, vertex colours and materials for the look to show"
+    )
+
+    @classmethod
+    def word(cls) -> str:
+        own = (item for item in cls.model_fields.items() if item[0] not in MovingKind.model_fields)
+        name, first = next(own)
+        return first.alias or name
+
+    @abstractmethod
+    def surfaces(self, folder: Path, clock: Clock) -> SurfaceSequence:
+        """Return what reads the surface of every frame.
+
+        folder  of the shot file
+        clock   of the shot, by which it finds what its frames show
+
+        Raises MeshError, MissingInputError or UsageError where it cannot be made: its message is reported at
+        the place of the kind's name.
+        """
+
+    def build(self, folder: Path, clock: Clock) -> AnimatedModel:
+        """Return the subject. Raises what `surfaces` raises."""
+        sequence = self.surfaces(folder, clock)
+        repair = self.repair == "on"
+        return AnimatedModel.of(sequence, self.up, self.paint == "on", repair=repair, **self.placing())
 
 
 class CopyLayout(Document):

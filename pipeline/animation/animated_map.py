@@ -1,0 +1,50 @@
+"""The map of an animated model: where its files have a point at rest, and then the flows since the first."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from flowsculpt.pipeline.arrays import Points, Vectors
+from flowsculpt.pipeline.flow.flow_map import FlowMap, FrameStep
+from flowsculpt.pipeline.shot import Motion
+from flowsculpt.pipeline.shot.motion import VELOCITY_STEP
+
+
+class AnimatedMap(FlowMap):
+    """Carries points of an animated model at rest to a frame.
+
+    The flows act on the surface as its files have it at the frame, for the time since the first one: they
+    deform space, through which the model moves.
+    """
+
+    def __init__(self, motion: Motion) -> None:
+        super().__init__()
+        self._motion = motion.without_animation
+        self._model, self._number = motion, motion.frames.first
+
+    def add(self, step: FrameStep) -> None:
+        super().add(replace(step, flow=self._motion.without_animation_in(step.flow)))
+        self._number = step.frame
+
+    def carry(self, rest_points: Points) -> Points:
+        return super().carry(self._model.given_points(rest_points, self._seconds))
+
+    def carry_given(self, given: Callable[[float], Points]) -> tuple[Points, Vectors]:
+        """Return points (N, 3) at the last frame, and their velocities, units per second of the flow.
+
+        given  returns where the files have them at a time of the flow
+        """
+        step = VELOCITY_STEP / float(self._motion.rate.fps)
+        ends = []
+        for ahead in (-step, step):
+            points = super().carry(given(self._seconds + ahead))
+            flow = self._motion.limit_steps(self._motion.flow, self._number + (ahead > 0.0))
+            ends.append(FrameStep(flow, self._seconds, ahead, self._number).apply(points))
+        return super().carry(given(self._seconds)), np.asarray((ends[1] - ends[0]) / (2.0 * step))
+
+    @property
+    def _seconds(self) -> float:
+        return self._motion.clock.flow_time(self._number)
