@@ -9,8 +9,7 @@ import numpy as np
 
 from flowsculpt.pipeline.arrays import Points, Vectors
 from flowsculpt.pipeline.flow.flow_map import FlowMap, FrameStep
-from flowsculpt.pipeline.shot import Motion
-from flowsculpt.pipeline.shot.motion import VELOCITY_STEP
+from flowsculpt.pipeline.shot.motion import VELOCITY_STEP, AnimatedSubject, without_animation
 
 
 class AnimatedMap(FlowMap):
@@ -20,17 +19,17 @@ class AnimatedMap(FlowMap):
     deform space, through which the model moves.
     """
 
-    def __init__(self, motion: Motion) -> None:
+    def __init__(self, subject: AnimatedSubject) -> None:
         super().__init__()
-        self._motion = motion.without_animation
-        self._model, self._number = motion, motion.frames.first
+        self._subject, self._motion = subject, subject.motion.without_animation
+        self._number = self._motion.frames.first
 
     def add(self, step: FrameStep) -> None:
-        super().add(replace(step, flow=self._motion.without_animation_in(step.flow)))
+        super().add(replace(step, flow=without_animation(step.flow)))
         self._number = step.frame
 
     def carry(self, rest_points: Points) -> Points:
-        return super().carry(self._model.given_points(rest_points, self._seconds))
+        return super().carry(self._subject.points(rest_points, self._seconds))
 
     def carry_given(self, given: Callable[[float], Points]) -> tuple[Points, Vectors]:
         """Return points (N, 3) at the last frame, and their velocities, units per second of the flow.

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from flowsculpt.pipeline.animation.frame import MeshFrame
 from flowsculpt.pipeline.animation.motion_forecast import MotionForecast
-from flowsculpt.pipeline.animation.surfaces import at_rest, resumed
+from flowsculpt.pipeline.animation.simulated_surfaces import at_rest, resumed
 from flowsculpt.pipeline.arrays import Points
 from flowsculpt.pipeline.flow import Displacement, Flow, Streamlines, as_flow
 from flowsculpt.pipeline.flow.flow_map import CARRYING

@@ -364,55 +364,16 @@ class Motion:
         """
         return FrameStep(self.flow, *self.clock.between(start, end), int(end)).apply(points)
 
-    # Animated models
-
-    @property
-    def animated(self) -> AnimatedModel | None:
+    @cached_property
+    def animated(self) -> AnimatedSubject | None:
         """The subject, if its files move it."""
-        return self.subject if isinstance(self.subject, AnimatedModel) else None
-
-    @property
-    def is_given(self) -> bool:
-        """True if its frames do not follow from each other: those of an animated model, not resampled."""
-        return self.animated is not None and self.resampling is None
+        return AnimatedSubject(self, self.subject) if isinstance(self.subject, AnimatedModel) else None
 
     @cached_property
     def without_animation(self) -> Motion:
         """The motion with the flows that act after the files of an animated model."""
-        flow = self.without_animation_in(self.flow)
+        flow = without_animation(self.flow)
         return self if flow is self.flow else replace(self, flow=flow)
-
-    @staticmethod
-    def without_animation_in(flow: Flow) -> Flow:
-        """Return a flow without the motion of an animated model."""
-        others = tuple(each for each in flow.members if not isinstance(each, AnimatedFlow))
-        return flow if len(others) == len(flow.members) else Sequence(others)
-
-    def given_points(self, rest: Points, seconds: float) -> Points:
-        """Return where the files of an animated model have points (V, 3) of its surface at rest."""
-        assert self.animated is not None, "only animated models are given"
-        if self._is_at_origin:
-            return self.animated.carried(rest, seconds)
-        copy, placements = self.copy_indices(rest), self._standing[1]
-        return placements.placed(self.animated.carried(placements.local(rest, copy), seconds), copy)
-
-    def given_vertices(self, seconds: float) -> Points:
-        """Return where they have the vertices (V, 3) of `mesh_at_rest`, at a time of the flow."""
-        assert self.animated is not None, "only animated models are given"
-        points = self.animated.vertices(seconds)
-        return points if self._is_at_origin else self._standing[1].points(points)
-
-    def given_mesh(self, frame: int) -> TriangleMesh:
-        """Return the surface that the files of an animated model have at a frame."""
-        assert self.animated is not None, "only animated models are given"
-        return self._placed(self.animated.surface(self.clock.flow_time(frame)))
-
-    def given_data(self, frame: int) -> Any:
-        """Return what decides the surface of an animated model at a frame, and its velocities; JSON-able."""
-        assert self.animated is not None, "only animated models are given"
-        data = self.animated.sequence.data(self.clock.flow_time(frame))
-        after = self.without_animation
-        return [data, after.velocity_data(frame)] if after.flow.members else data
 
     def flow_data(self, frame: int, offsets: tuple[float, ...]) -> list[Any]:
         """Return the cache data of the flow between a frame and offsets near it: equal data, equal paths.
@@ -580,7 +541,7 @@ class Motion:
         if self.shape is not None:
             data["shape"] = self.shape.data()
         if self.animated is not None:
-            data["given"] = self.given_data(self.frames.first)
+            data["given"] = self.animated.data(self.frames.first)
         return data
 
     def acting_data(self, frame: int, is_checked: bool = True) -> Any:
@@ -606,5 +567,46 @@ class Motion:
         if self.begins_rest_interval(frame):
             changes["renewed"] = True
         if self.animated is not None:
-            changes["given"] = self.given_data(frame)
+            changes["given"] = self.animated.data(frame)
         return {"flow": data, **changes} if changes else data
+
+
+def without_animation(flow: Flow) -> Flow:
+    """Return a flow without the motion of an animated model."""
+    others = tuple(each for each in flow.members if not isinstance(each, AnimatedFlow))
+    return flow if len(others) == len(flow.members) else Sequence(others)
+
+
+def given_subject(motion: Motion) -> AnimatedSubject | None:
+    """Return the animated model of a motion if that alone gives each frame: it is not resampled."""
+    return motion.animated if motion.resampling is None else None
+
+
+@dataclass(frozen=True, eq=False)
+class AnimatedSubject:
+    """An animated model where a motion has it. Times are seconds of the flow."""
+
+    motion: Motion
+    model: AnimatedModel
+
+    def points(self, rest: Points, seconds: float) -> Points:
+        """Return where points (V, 3) of the surface at rest are at a time."""
+        if self.motion._is_at_origin:
+            return self.model.carried(rest, seconds)
+        copy, placements = self.motion.copy_indices(rest), self.motion._standing[1]
+        return placements.placed(self.model.carried(placements.local(rest, copy), seconds), copy)
+
+    def vertices(self, seconds: float) -> Points:
+        """Return where the vertices (V, 3) of `Motion.mesh_at_rest` are at a time."""
+        points = self.model.vertices(seconds)
+        return points if self.motion._is_at_origin else self.motion._standing[1].points(points)
+
+    def mesh(self, frame: int) -> TriangleMesh:
+        """Return the surface of a frame."""
+        return self.motion._placed(self.model.surface(self.motion.clock.flow_time(frame)))
+
+    def data(self, frame: int) -> Any:
+        """Return what decides the surface of a frame, and its velocities; JSON-able."""
+        data = self.model.sequence.data(self.motion.clock.flow_time(frame))
+        after = self.motion.without_animation
+        return [data, after.velocity_data(frame)] if after.flow.members else data

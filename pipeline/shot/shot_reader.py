@@ -354,9 +354,10 @@ def _require_fixed_faces(shot: Shot, source: YamlSource) -> None:
     """Raise ShotError for what an animated model cannot have because its faces change, or in any case."""
     faults = []
     for part in shot.parts:
-        if (model := part.motion.animated) is None:
+        if part.motion.animated is None:
             continue
-        motion, name, entry = part.motion, model.path.name, ("subjects", part.subject) if part.subject else ()
+        motion, model = part.motion, part.motion.animated.model
+        name, entry = model.path.name, ("subjects", part.subject) if part.subject else ()
         asks = {"resample": motion.resampling, "flows": motion.flow.members, "copies": motion.copies}
         asked = [setting for setting, value in asks.items() if value]
         place = source.place((*entry, *asked[:1]) if asked else entry or ("subject",))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from flowsculpt.pipeline.animation import animate
-from flowsculpt.pipeline.animation.surfaces import at_rest
+from flowsculpt.pipeline.animation.simulated_surfaces import at_rest
 from flowsculpt.pipeline.arrays import Points
 from flowsculpt.pipeline.flow import Flow
 from flowsculpt.pipeline.mesh import TriangleMesh, validate

@@ -142,7 +142,7 @@ def test_statistics_are_those_of_all_copies() -> None:
 
 
 def test_more_vertices_than_can_be_drawn_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("flowsculpt.pipeline.animation.surfaces.MOST_SHOWN", 300)
+    monkeypatch.setattr("flowsculpt.pipeline.animation.simulated_surfaces.MOST_SHOWN", 300)
     with pytest.raises(FrameError, match="5 copies of 78 vertices are 390, and 300 are the most"):
         next(animate(MOTION))
 

@@ -32,7 +32,7 @@ def validate(
     ] = None,
     settings: Annotated[list[str] | None, shared_option("settings")] = None,
     fresh: Annotated[
-        bool, typer.Option("--fresh", help="Check again what has not changed since it was checked.")
+        bool, typer.Option("--fresh", help="Check unchanged files again, too.")
     ] = False,
 ) -> None:
     """Check shot files and the scenes they describe; report every mistake by file, line and column.

@@ -16,7 +16,7 @@ from alembic3d import Abc, AbcGeom
 from flowsculpt import MeshError
 from flowsculpt.api import plural, shorten
 from flowsculpt.api.meshes import FileSurface, Floats
-from flowsculpt.pipeline.plugins.interchange.moving_files import Motion, require_times
+from flowsculpt.pipeline.plugins.interchange.moving_files import MotionFacts, require_times
 from flowsculpt.pipeline.plugins.interchange.scene_readers import (
     PlacedMeshes,
     Polygons,
@@ -78,7 +78,7 @@ class AlembicSource:
             waiting += reversed(below)
 
     @property
-    def motion(self) -> Motion:
+    def motion(self) -> MotionFacts:
         schemas = [mesh.object.getSchema() for mesh in self._meshes]
         moving = [schema for schema in schemas if not schema.isConstant()]
         moving += [schema for mesh in self._meshes for schema in mesh.transforms if not schema.isConstant()]
@@ -96,7 +96,7 @@ class AlembicSource:
         steps = {kind.getTimePerCycle() for kind in samplings if kind.isUniform()}
         rate = 1.0 / min(steps) if steps and min(steps) > 0.0 else None
         is_fixed = not hidden and all(schema.getTopologyVariance() != _CHANGING for schema in schemas)
-        return Motion(times, rate, is_fixed, False)
+        return MotionFacts(times, rate, is_fixed, False)
 
     def surface(self, seconds: float) -> FileSurface:
         meshes = PlacedMeshes("export fewer")

@@ -29,7 +29,7 @@ from flowsculpt.pipeline.plugins.interchange.fbx_files import (
     uncollected,
 )
 from flowsculpt.pipeline.plugins.interchange.moving_files import (
-    Motion,
+    MotionFacts,
     MovingFile,
     answer_about,
     require_times,
@@ -77,7 +77,7 @@ class FbxSource:
         return found
 
     @property
-    def motion(self) -> Motion:
+    def motion(self) -> MotionFacts:
         times, is_fixed = np.empty(0), True
         if self._stack is not None:
             times = np.array([self._stack.time_begin, self._stack.time_end])
@@ -91,7 +91,7 @@ class FbxSource:
                 times = np.array([min(c.min_time for c in curves), max(c.max_time for c in curves)])
         require_times(np.unique(times), "Export it with its animation, or write model in place of sequence.")
         rate = float(self._scene.settings.frames_per_second)
-        return Motion(np.unique(times), rate if 0.0 < rate < np.inf else None, is_fixed, True)
+        return MotionFacts(np.unique(times), rate if 0.0 < rate < np.inf else None, is_fixed, True)
 
     @uncollected()
     def surface(self, seconds: float) -> FileSurface:

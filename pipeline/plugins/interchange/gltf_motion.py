@@ -18,7 +18,7 @@ from flowsculpt.pipeline.plugins.interchange.gltf_document import MOST_BYTES, Gl
 from flowsculpt.pipeline.plugins.interchange.gltf_files import SceneArrays, files_of_buffers
 from flowsculpt.pipeline.plugins.interchange.gltf_scene import DefaultScene, PlacedPrimitive
 from flowsculpt.pipeline.plugins.interchange.moving_files import (
-    Motion,
+    MotionFacts,
     MovingFile,
     answer_about,
     require_times,
@@ -214,11 +214,11 @@ class GltfSource:
                 raise ValueError(f"{channel.place} moves node {channel.node}, which has a matrix")
 
     @property
-    def motion(self) -> Motion:
+    def motion(self) -> MotionFacts:
         ends = [time for track in self._tracks.values() for time in (track.times[0], track.times[-1])]
         times = np.unique([min(ends), max(ends)]) if ends else np.empty(0)
         require_times(times, "Export it with its animation, or write model in place of sequence.")
-        return Motion(times, None, True, True)
+        return MotionFacts(times, None, True, True)
 
     def surface(self, seconds: float) -> FileSurface:
         pose: dict[int, dict[str, Any]] = {}

@@ -29,12 +29,12 @@ from flowsculpt.pipeline.plugins.interchange.scene_readers import (
 )
 
 LARGEST_CACHE = 8 << 30
-"""Size of the largest file of which one sample at a time is read, bytes: the largest that is read at all."""
+"""Size of the largest file that is read sample by sample, bytes: the largest that is read at all."""
 
 _VERSION = "1"  # goes up when the processes answer otherwise about the same files
 
 
-class Motion(NamedTuple):
+class MotionFacts(NamedTuple):
     """The facts of a moving surface, as `MovingSurface` has them."""
 
     times: Floats
@@ -47,7 +47,7 @@ class MotionSource(Protocol):
     """An open file, in the process that reads it."""
 
     @property
-    def motion(self) -> Motion:
+    def motion(self) -> MotionFacts:
         """The facts. Raises MeshError where nothing moves."""
 
     def surface(self, seconds: float) -> FileSurface:
@@ -57,7 +57,8 @@ class MotionSource(Protocol):
 def answer_about(begin: Callable[[], MotionSource]) -> Callable[[str], bytes]:
     """Return what answers the questions of a `MovingFile`; `begin` opens the file at the first.
 
-    `facts` are its Motion, `sample` a surface, `surface` and `points` are those of a motion with fixed faces.
+    `facts` are its MotionFacts, `sample` a surface, `surface` and `points` are those of a motion with fixed
+    faces.
     """
     opened = cache(begin)
     first = cache(lambda: opened().surface(opened().motion.times[0]))
@@ -109,7 +110,7 @@ class MovingFile:
     options: Sequence[str]
     files: SourceFiles
     samples: int = 0
-    _motion: Motion = field(default=None)  # type: ignore[assignment]  # `opened` sets it
+    _motion: MotionFacts = field(default=None)  # type: ignore[assignment]  # `opened` sets it
     _session: Any = None
     _first: FileSurface | None = None
     _state: object = None
@@ -224,9 +225,9 @@ def first_sample(path: Path, module: str, *options: str) -> FileSurface:
 _NEVER = 1e12  # seconds
 
 
-def _motion_of(facts: list[Any]) -> Motion:
+def _motion_of(facts: list[Any]) -> MotionFacts:
     times, rate, is_fixed, is_continuous = facts
-    return Motion(np.array(times, np.float64), rate, is_fixed, is_continuous)
+    return MotionFacts(np.array(times, np.float64), rate, is_fixed, is_continuous)
 
 
 def require_times(times: Floats, remedy: str) -> Floats:

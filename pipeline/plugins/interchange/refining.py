@@ -343,7 +343,7 @@ def require_surface(request: RenderRequest) -> None:
     if not motion.subject.is_surface:
         raise UsageError(f"{name}: points and control nets have no triangles to refine; export usd instead")
     if motion.animated is not None and (
-        not motion.animated.keeps_faces or motion.without_animation.flow.members
+        not motion.animated.model.keeps_faces or motion.without_animation.flow.members
     ):
         raise UsageError(
             f"{name}: its files move it, with other faces in each frame or under flows, and one mesh for all "

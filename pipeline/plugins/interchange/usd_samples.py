@@ -15,7 +15,7 @@ from pxr import Usd, UsdGeom, UsdSkel, Vt
 from flowsculpt import MeshError
 from flowsculpt.api import shorten
 from flowsculpt.api.meshes import FileSurface, Floats
-from flowsculpt.pipeline.plugins.interchange.moving_files import Motion, require_times
+from flowsculpt.pipeline.plugins.interchange.moving_files import MotionFacts, require_times
 from flowsculpt.pipeline.plugins.interchange.scene_readers import Polygons, joined
 from flowsculpt.pipeline.plugins.interchange.usd_reader import (
     StageMeshes,
@@ -74,14 +74,14 @@ class StageSource:
                 yield from prim.GetAttributes()
 
     @property
-    def motion(self) -> Motion:
+    def motion(self) -> MotionFacts:
         times = (
             self._codes if not self._is_continuous else np.unique(self._codes[[0, -1]][: len(self._codes)])
         )
         require_times(times, "Export it with its animation, or write model in place of sequence.")
         rate = self._stage.GetFramesPerSecond()
         times = times / self._stage.GetTimeCodesPerSecond()
-        return Motion(times, rate, self._is_fixed, self._is_continuous)
+        return MotionFacts(times, rate, self._is_fixed, self._is_continuous)
 
     def surface(self, seconds: float) -> FileSurface:
         code = seconds * self._stage.GetTimeCodesPerSecond()

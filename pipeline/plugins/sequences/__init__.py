@@ -5,5 +5,5 @@ from flowsculpt.api import Plugin
 PLUGIN = Plugin(
     name="sequences",
     version="1",
-    subjects={"sequence": "flowsculpt.pipeline.plugins.sequences.sequence_document:SequenceDocument"},
+    subjects={"sequence": "flowsculpt.pipeline.plugins.sequences.sequence_document:MeshSequenceDocument"},
 )

@@ -133,7 +133,7 @@ class GivenSurfaces(SurfaceSequence):
             return (
                 f"{self.path.name} has no velocities; blur follows vertices where files have the same faces",
             )
-        return (f"{self.path.name} has no velocities, and its faces change, so there is no motion blur",)
+        return (f"{self.path.name} has no velocities, and its faces change, so nothing is blurred",)
 
     def start(self) -> Any:
         return self._start.imported

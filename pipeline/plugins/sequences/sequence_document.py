@@ -21,7 +21,7 @@ from flowsculpt.pipeline.plugins.sequences.surface_samples import (
 )
 
 
-class SequenceDocument(MovingKind):
+class MeshSequenceDocument(MovingKind):
     """A moving mesh of another program."""
 
     example = "{sequence: cache/fluid_####.ply}"

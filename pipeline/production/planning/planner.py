@@ -69,7 +69,7 @@ class Planner:
     _goals: list[tuple[int, str]] = field(default_factory=list)
     _cut: Edit | None = None
     _begun: set[str] = field(default_factory=set)
-    """Stages of which some frames are planned."""
+    """Stages with frames that are planned."""
 
     # What can be asked for
 

@@ -361,9 +361,9 @@ def _known_header(request: RenderRequest, number: int) -> dict[str, Any]:
 
 def _shown_inputs(request: RenderRequest) -> Iterator[tuple[str, str]]:
     """Yield the files that a shot reads, and their digests: of animated models those of the first frame."""
-    given = [part.motion.animated for part in request.shot.parts]
-    others = {str(path) for model in given if model is not None for path, _ in model.sequence.files}
-    others -= {str(model.path) for model in given if model is not None}
+    models = [each.model for part in request.shot.parts if (each := part.motion.animated) is not None]
+    others = {str(path) for model in models for path, _ in model.sequence.files}
+    others -= {str(model.path) for model in models}
     yield from (item for item in request.manifest.inputs if item[0] not in others)
 
 

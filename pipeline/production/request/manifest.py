@@ -18,6 +18,7 @@ from flowsculpt.pipeline.production.request.audio import AudioTrack
 from flowsculpt.pipeline.production.stages import PLUGIN_STAGES, SIMULATE, SMOOTH_NORMALS
 from flowsculpt.pipeline.production.store.paths import STATE
 from flowsculpt.pipeline.production.store.store import Key, key_of
+from flowsculpt.pipeline.shot.motion import AnimatedSubject, given_subject
 from flowsculpt.render.base.input_files import InputFile
 from flowsculpt.render.base.kept_digests import KeptDigests
 from flowsculpt.render.scene.render_quality import Quality, flat_qualities
@@ -182,8 +183,8 @@ def mesh_keys(motion: Motion) -> dict[int, Key]:
 
     Frames that are given do not follow from those before: of these, only flows after the model count.
     """
-    if motion.is_given:
-        return _given_keys(motion)
+    if (subject := given_subject(motion)) is not None:
+        return _given_keys(subject)
     key = key_of(SIMULATE.recipe, motion.start_data())
     first, *others = sorted(motion.frames)
     keys = {first: key}
@@ -196,13 +197,14 @@ def mesh_keys(motion: Motion) -> dict[int, Key]:
     return keys
 
 
-def _given_keys(motion: Motion) -> dict[int, Key]:
+def _given_keys(subject: AnimatedSubject) -> dict[int, Key]:
+    motion = subject.motion
     start, after = {**motion.start_data(), "given": None}, motion.without_animation
     key, first, keys = key_of(SIMULATE.recipe, start), motion.frames.first, {}
     for number in sorted(motion.frames):
         if number > first and after.flow.members:
             key = key_of(key, after.acting_data(number))
-        keys[number] = key_of(key, motion.given_data(number))
+        keys[number] = key_of(key, subject.data(number))
     return keys
 
 

@@ -24,6 +24,7 @@ from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.request.shading import Shading
 from flowsculpt.pipeline.production.store import readers
 from flowsculpt.pipeline.production.tasks.job import Context
+from flowsculpt.pipeline.shot.motion import given_subject
 from flowsculpt.render.base.serialise import to_plain
 from flowsculpt.render.base.work_clock import Timing, WorkClock
 
@@ -47,7 +48,7 @@ def simulate(context: Context) -> bool:
     if not missing:
         return True
     return_freed_memory()
-    last, is_given = max(missing), request.shot.motion.is_given
+    last, is_given = max(missing), given_subject(request.shot.motion) is not None
     resume = None if is_given else _last_before(context, min(missing))
     begins = resume is None
     try:

@@ -35,6 +35,7 @@ from flowsculpt.pipeline.resample.placement import REST, REST_NORMAL
 from flowsculpt.pipeline.resample.resampler import STATELESS
 from flowsculpt.pipeline.shot import Motion, Resampling
 from flowsculpt.pipeline.shot.animated_models import VELOCITY
+from flowsculpt.pipeline.shot.motion import AnimatedSubject, given_subject
 from flowsculpt.pipeline.statistics import COUNTED_FRAMES, MeshStatistics, mesh_statistics
 
 
@@ -52,7 +53,7 @@ class RestInterval:
         first, length = motion.frames.first, resampling.rest_interval
         start = first + (number - first) // length * length
         self.end = start + length
-        self.history = AnimatedMap(motion) if motion.animated is not None else FlowMap()
+        self.history = FlowMap() if motion.animated is None else AnimatedMap(motion.animated)
         for frame in range(start + 1, number + 1):
             self.history.add(motion.step_into(flow, frame))
         project = motion.analytic_surface() if start == first else None
@@ -67,7 +68,7 @@ MOST_SHOWN = 20_000_000
 """Vertices of all rigid copies of a subject: renders and exports take about 0.4 kB for each."""
 
 
-class MovingSurface:
+class SimulatedSurface:
     """A surface, point cloud or control net whose vertices only move."""
 
     def __init__(self, motion: Motion, mesh: TriangleMesh, lattice: Lattice | None = None) -> None:
@@ -90,7 +91,7 @@ class MovingSurface:
         return replace(frame, births=self._register.births, identities=self._register.given)
 
 
-class RigidCopies(MovingSurface):
+class RigidCopies(SimulatedSurface):
     """Copies that the flow carries and turns, and whose shape is that of the first frame."""
 
     def __init__(self, frame: MeshFrame) -> None:
@@ -144,7 +145,7 @@ def _statistics_of_copies(one: TriangleMesh, copies: Placements) -> MeshStatisti
     )
 
 
-class _ResampledSurface(MovingSurface, Generic[R]):
+class _ResampledSurface(SimulatedSurface, Generic[R]):
     """A surface that is resampled when its frame is taken."""
 
     def __init__(
@@ -278,11 +279,10 @@ class AnimatedSurface(ExactSurface):
         self._resampler.vertices[:] = self._interval.history.carry(self._rest)
 
     def _shown(self, mesh: TriangleMesh) -> TriangleMesh:
-        history, rest = self._interval.history, self._rest
-        assert isinstance(history, AnimatedMap), "the rest interval of an animated model has one"
-        return mesh.with_attributes(
-            **{VELOCITY: history.carry_given(lambda seconds: self._motion.given_points(rest, seconds))[1]}
-        )
+        history, subject = self._interval.history, self._motion.animated
+        assert isinstance(history, AnimatedMap) and subject is not None, "so it is with animated models"
+        velocities = history.carry_given(partial(subject.points, self._rest))[1]
+        return mesh.with_attributes(**{VELOCITY: velocities})
 
     @property
     def _rest(self) -> Points:
@@ -291,17 +291,16 @@ class AnimatedSurface(ExactSurface):
         return np.array(rest)
 
 
-class GivenSurface(MovingSurface):
+class GivenSurface(SimulatedSurface):
     """The surface of an animated model with the faces that its files have at each frame."""
 
-    def __init__(self, motion: Motion, flow: Flow, number: int) -> None:
-        self._motion, self._history = motion, AnimatedMap(motion)
+    def __init__(self, subject: AnimatedSubject, flow: Flow, number: int) -> None:
+        motion = subject.motion
+        self._subject, self._history = subject, AnimatedMap(subject)
         for frame in range(motion.frames.first + 1, number + 1):
             self.move(motion.step_into(flow, frame))
-        self._model = motion.animated
-        assert self._model is not None, "only frames of animated models are given"
         self._mesh, self._register = TriangleMesh(np.empty((0, 3)), []), None
-        if self._model.keeps_faces:
+        if subject.model.keeps_faces:
             self._mesh = with_material(with_identities(motion.mesh_at_rest()))
             self._register = Register.of(self._mesh)
 
@@ -324,8 +323,8 @@ class GivenSurface(MovingSurface):
 
     def _mesh_at(self, number: int) -> TriangleMesh:
         if self._register is None:
-            return with_material(self._motion.given_mesh(number))
-        points, velocities = self._history.carry_given(self._motion.given_vertices)
+            return with_material(self._subject.mesh(number))
+        points, velocities = self._history.carry_given(self._subject.vertices)
         return self._mesh.with_vertices(points).with_attributes(**{VELOCITY: velocities})
 
 
@@ -335,7 +334,7 @@ def _report(motion: Motion, number: int, mesh: TriangleMesh, resampling: Report 
     return FrameReport(resampling, partial(mesh_statistics, mesh, is_counted) if len(mesh.faces) else None)
 
 
-def at_rest(motion: Motion, flow: Flow) -> MovingSurface:
+def at_rest(motion: Motion, flow: Flow) -> SimulatedSurface:
     """Return the subject before anything has moved it, not resampled yet.
 
     Raises UsageError where points are to be resampled.
@@ -343,12 +342,12 @@ def at_rest(motion: Motion, flow: Flow) -> MovingSurface:
     if motion.is_rigid:
         return RigidCopies.at_rest(motion, flow)
     first = motion.frames.first
-    if motion.is_given:
-        return GivenSurface(motion, flow, first)
+    if (subject := given_subject(motion)) is not None:
+        return GivenSurface(subject, flow, first)
     resampling = motion.resampling_at(first)
     if resampling is None:
         mesh = with_material(with_identities(motion.mesh_at_rest()))
-        return MovingSurface(motion, mesh, motion.subject.lattice)
+        return SimulatedSurface(motion, mesh, motion.subject.lattice)
     if not motion.subject.is_surface:
         raise UsageError("points and control nets are not resampled; leave out resampling")
     thresholds = resampling.thresholds
@@ -401,18 +400,18 @@ def _normals_at_rest(motion: Motion, mesh: TriangleMesh) -> Vectors:
     return normals
 
 
-def resumed(motion: Motion, flow: Flow, frame: MeshFrame) -> MovingSurface:
+def resumed(motion: Motion, flow: Flow, frame: MeshFrame) -> SimulatedSurface:
     """Return the surface as it was at a frame; vertices and faces keep their order.
 
     Raises UsageError where the frame lacks what the shot's resampling resumes from.
     """
     if motion.is_rigid:
         return RigidCopies(frame)
-    if motion.is_given:
-        return GivenSurface(motion, flow, frame.number)
+    if (subject := given_subject(motion)) is not None:
+        return GivenSurface(subject, flow, frame.number)
     resampling = motion.resampling_at(frame.number)
     if resampling is None:
-        return MovingSurface(motion, frame.mesh, frame.lattice)
+        return SimulatedSurface(motion, frame.mesh, frame.lattice)
     thresholds = resampling.thresholds
     if not resampling.cuts_triangles:
         polygons = frame.polygons
