@@ -31,9 +31,7 @@ def validate(
         list[str] | None, typer.Argument(metavar="SHOT", help="Shots and edits. Default: all.")
     ] = None,
     settings: Annotated[list[str] | None, shared_option("settings")] = None,
-    fresh: Annotated[
-        bool, typer.Option("--fresh", help="Check unchanged files again, too.")
-    ] = False,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Check unchanged files again, too.")] = False,
 ) -> None:
     """Check shot files and the scenes they describe; report every mistake by file, line and column.
 
