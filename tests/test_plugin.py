@@ -13,7 +13,7 @@ import pytest
 
 from flowsculpt.pipeline.plugin import Plugin, Plugins, plugins
 from flowsculpt.pipeline.plugin_contracts import API
-from flowsculpt.pipeline.shot.documents.subject_documents import POINTS
+from flowsculpt.pipeline.shot.documents.subject_documents import NAMED
 from tests.needed_plugins import needs_plugins
 
 ROOT = Path(__file__).parents[1]
@@ -550,9 +550,9 @@ def test_the_list_of_what_the_plug_ins_of_flowsculpt_add_is_complete():
                 f".{each}" for each in plugin.formats
             }
             added |= {*plugin.resamplers} | {name for door in doors for name in door if name == plugin.name}
-            added |= {*plugin.flows, *(POINTS.keys() & plugin.subjects)}
+            added |= {*plugin.flows, *(NAMED.keys() & plugin.subjects)}
             added |= {"--store"} if plugin.remote_stores else set()
-            added |= {word for word, kind in POINTS.items() if f".plugins.{plugin.name}." in kind.__module__}
+            added |= {word for word, kind in NAMED.items() if f".plugins.{plugin.name}." in kind.__module__}
             assert set(listed[plugin.name]) == added, plugin.name
 
 

@@ -187,7 +187,7 @@ def _pixels(text: str, width: int, height: int) -> Crop:
     return x0, y0, x1, y1
 
 
-OTHER_MODELS = ("3ds", "abc", "ac", "bgeo", "blend", "lwo", "ma", "max", "mb", "vrml", "wrl", "x3d")
+OTHER_MODELS = ("3ds", "ac", "bgeo", "blend", "lwo", "ma", "max", "mb", "vrml", "wrl", "x3d")
 """Endings of model files of formats that are not read, for the message to one who names such a file."""
 
 NO_SHOTS = (

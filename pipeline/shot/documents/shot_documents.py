@@ -250,9 +250,11 @@ class ShotDocument(Document):
     intent: str = Field("", description="what the shot should show, in a sentence")
     frames: Frames = Field(description="as in 1-96; the first shows the subject at rest")
     rate: Rate = Field(24, description="24, 23.976 or 24000/1001 (frames per second)")
-    subject: SubjectDocument | None = optional("a solid by name, a model from a file, a cloud or a net")
+    subject: SubjectDocument | None = optional(
+        "a solid by name, a model from a file, a moving mesh, a cloud or a net"
+    )
     subjects: SubjectsField | None = optional(
-        "several subjects by name in place of one, each a solid, model, cloud or net"
+        "several subjects by name in place of one, each a solid, model, moving mesh, cloud or net"
     )
     resample: ResampleField = Field(
         "off",
