@@ -14,7 +14,6 @@ from contextlib import chdir, redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
-from types import SimpleNamespace
 from typing import TYPE_CHECKING
 from unittest import mock
 
@@ -22,8 +21,8 @@ import psutil
 import pytest
 from hypothesis import HealthCheck, settings
 
-from flowsculpt.render.base import limited_process, python_process
-from tests.command_server import HARMLESS, CommandServer
+from flowsculpt.render.base import python_process
+from tests.command_server import CommandServer
 from tests.needed_plugins import watch_imports
 from tests.processes import wait_until
 
@@ -151,27 +150,6 @@ shots: [T010_tiny]
 title_seconds: 0.5
 credits_seconds: 0
 """
-
-
-@pytest.fixture(scope="session", autouse=True)
-def _forked_readers() -> Iterator[None]:
-    """Have COMMANDS fork the processes that read files of others: Python and libraries start slowly."""
-    with pytest.MonkeyPatch.context() as patch:
-        started = SimpleNamespace(**{**vars(subprocess), "run": COMMANDS.read})
-        patch.setattr(limited_process, "subprocess", started)
-        yield
-
-
-@pytest.fixture(autouse=True)
-def _same_environment() -> Iterator[None]:
-    """Take back what a test has left in the environment: no command after it would be forked."""
-    before = dict(os.environ)
-    yield
-    for name in {*before, *os.environ} - HARMLESS:
-        if name not in before:
-            del os.environ[name]
-        elif os.environ.get(name) != before[name]:
-            os.environ[name] = before[name]
 
 
 @dataclass(frozen=True)
