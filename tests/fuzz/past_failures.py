@@ -365,7 +365,7 @@ PAST_FAILURES = (  # one line each, however long
         "stage",
         "template.usda",
         _bytes(_clips('dictionary default = { string templateAssetPath = "./a.#.usd" }')),
-        "uses a template for its value clips",
+        "/A: the template of its value clips and its times do not fit",
     ),
     PastFailure("stage", "number.usda", _bytes(_clips("int default = 3")), "/A: its value clips are no"),
     PastFailure("stage", "crowd.usda", _bytes(_crowd(60_000)), "it has over 50000 prims"),

@@ -130,6 +130,7 @@ def open_fbx(path: Path, part: ScenePart | None) -> MovingSurface:
     """Open the animation of a file: see `FileFormat.motion`. Raises MachineError without ufbx."""
     require_ufbx()
     assert FBX.files is not None
+    InputFile(path, MOST_BYTES).size()
     name = part.animation or "" if part else ""
     return MovingFile.opened(path, _MODULE, FBX.files(path), "ufbx", name, samples=_SAMPLES)
 

@@ -18,13 +18,13 @@ from flowsculpt.pipeline.production.request.audio import AudioTrack
 from flowsculpt.pipeline.production.stages import PLUGIN_STAGES, SIMULATE, SMOOTH_NORMALS
 from flowsculpt.pipeline.production.store.paths import STATE
 from flowsculpt.pipeline.production.store.store import Key, key_of
-from flowsculpt.pipeline.shot.motion import AnimatedSubject, given_subject
 from flowsculpt.render.base.input_files import InputFile
 from flowsculpt.render.base.kept_digests import KeptDigests
 from flowsculpt.render.scene.render_quality import Quality, flat_qualities
 
 if TYPE_CHECKING:  # reading shots takes a second; planning spares it where the cache holds all
     from flowsculpt.pipeline.shot import Motion, Shot
+    from flowsculpt.pipeline.shot.motion import AnimatedSubject
 
 InputDigests = tuple[tuple[str, str], ...]
 """Paths of the files that a shot reads, in order, and the SHA-256 of their contents."""
@@ -183,6 +183,8 @@ def mesh_keys(motion: Motion) -> dict[int, Key]:
 
     Frames that are given do not follow from those before: of these, only flows after the model count.
     """
+    from flowsculpt.pipeline.shot.motion import given_subject
+
     if (subject := given_subject(motion)) is not None:
         return _given_keys(subject)
     key = key_of(SIMULATE.recipe, motion.start_data())

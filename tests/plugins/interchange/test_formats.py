@@ -11,6 +11,61 @@ ROOT = Path(__file__).parents[3]
 PAGE = (ROOT / "docs" / "interchange.md").read_text(encoding="utf-8")
 SECTION = PAGE.partition("\n## In\n")[2].partition("\n## ")[0]
 
+MOVING = {
+    "glTF": {
+        "needs": ["gltf_motion:a_node_goes_between_keys"],
+        "what moves": ["gltf_motion:morph_targets_add_up"],
+        "faces": ["gltf_motion:morph_targets_add_up"],
+        "between samples": ["gltf_motion:a_node_goes_between_keys"],
+        "times": ["gltf_motion:a_file_is_opened_once_read_at_any_time"],
+        "axes": ["gltf_motion:a_node_goes_between_keys"],
+        "several animations": ["gltf_motion:animations_of_different_nodes"],
+        "refused by name": ["gltf_motion:a_damaged_animation"],
+        "largest file": ["moving:a_larger_file"],
+    },
+    "FBX": {
+        "what moves": ["fbx_motion:a_skin_carries"],
+        "between samples": ["fbx_motion:a_skin_carries"],
+        "times": ["fbx_motion:a_skin_carries"],
+        "frames per second": ["fbx_motion:a_skin_carries"],
+        "several animations": ["fbx_motion:one_of_several_animations"],
+        "largest file": ["moving:a_larger_file"],
+    },
+    "USD": {
+        "needs": ["moving:time_samples"],
+        "what moves": ["moving:a_skeleton_carries", "moving:numbered_value_clips"],
+        "between samples": ["moving:layers_of_other_rates"],
+        "times": ["moving:layers_of_other_rates"],
+        "frames per second": ["moving:time_samples"],
+        "velocities": ["moving:time_samples"],
+        "axes": ["moving:time_samples"],
+        "refused by name": ["moving:numbered_value_clips"],
+        "largest file": ["moving:a_larger_file"],
+    },
+    "Alembic": {
+        "needs": ["moving:meshes_of_an_archive"],
+        "what moves": ["moving:meshes_of_an_archive"],
+        "faces": ["moving:an_archive_has_faces_that_change"],
+        "between samples": ["moving:meshes_of_an_archive"],
+        "times": ["moving:meshes_of_an_archive"],
+        "frames per second": ["moving:meshes_of_an_archive"],
+        "velocities": ["moving:an_archive_has_faces_that_change"],
+        "axes": ["moving:meshes_of_an_archive"],
+        "refused by name": ["moving:a_damaged_archive"],
+        "largest file": ["moving:a_larger_file"],
+    },
+    "PC2, MDD": {
+        "what moves": ["moving:points_of_pc2_and_mdd"],
+        "faces": ["moving:points_of_pc2_and_mdd"],
+        "between samples": ["moving:points_of_pc2_and_mdd"],
+        "times": ["moving:points_of_pc2_and_mdd"],
+        "axes": ["moving:points_of_pc2_and_mdd"],
+        "refused by name": ["moving:caches_of_points_that_do_not_fit"],
+        "largest file": ["moving:a_larger_file"],
+    },
+}
+"""Tests of formats of surfaces that move, by row, as in SHOWN."""
+
 SHOWN = {
     "OBJ": {
         "encodings": ["obj:encodings_and_line_ends_of_other_systems"],
@@ -211,13 +266,13 @@ def cells() -> list[tuple[str, str]]:
 
 
 def test_every_cell_of_the_tables_is_shown_by_tests_and_no_other_is_claimed() -> None:
-    claimed = {(format, row) for format, rows in SHOWN.items() for row in rows}
+    claimed = {(format, row) for tests in (SHOWN, MOVING) for format, rows in tests.items() for row in rows}
     assert claimed == set(cells())
 
 
-@pytest.mark.parametrize("format", SHOWN)
+@pytest.mark.parametrize("format", {**SHOWN, **MOVING})
 def test_the_tests_that_show_a_format_are_there(format: str) -> None:
-    for row, shown in SHOWN[format].items():
+    for row, shown in (*SHOWN.get(format, {}).items(), *MOVING.get(format, {}).items()):
         for name in shown:
             module, _, beginning = name.partition(":")
             files = (f"test_{module}_files.py", f"test_{module}.py")

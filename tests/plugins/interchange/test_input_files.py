@@ -23,6 +23,7 @@ from tests.plugins.interchange.fbx_writer import N, binary, box_geometry, model,
 from tests.plugins.interchange.gltf_scenes import box_scene
 from tests.plugins.interchange.test_collada_files import document
 from tests.plugins.interchange.test_model_paint import painted_box as paint_of_box
+from tests.plugins.interchange.test_moving_files import BOX, alembic_mesh, archive
 from tests.plugins.interchange.test_threemf_files import corner, model_part, package
 from tests.sounds import sine, write_sound
 
@@ -81,12 +82,17 @@ def _package(path: Path, size: float) -> None:
     package(path, a=model_part(corner(1), placed))
 
 
+def _archive(path: Path, size: float) -> None:
+    alembic_mesh(archive(path).getTop(), "box", 24.0, [BOX.vertices * size])
+
+
 MODELS: Mapping[str, Maker] = {
     **dict.fromkeys(("obj", "ply", "stl", "off", "glb"), _mesh),
     "gltf": _gltf,
     "fbx": _fbx,
     "dae": _collada,
     "3mf": _package,
+    "abc": _archive,
     **dict.fromkeys(("usd", "usda", "usdc", "usdz"), _stage),
 }
 """How a sample of each format is written: a new reader needs one here."""

@@ -18,7 +18,7 @@ from flowsculpt.pipeline.mesh import box
 from flowsculpt.pipeline.mesh.mesh_formats import FileSurface
 from flowsculpt.pipeline.mesh.read import ModelFile
 from flowsculpt.pipeline.plugins.interchange.alembic_samples import AlembicSource
-from flowsculpt.pipeline.plugins.interchange.usd_samples import StageSource
+from flowsculpt.render.base.render_errors import BadInputError
 
 BOX = box(2.0)
 FACES = BOX.faces.reshape(-1)
@@ -79,9 +79,9 @@ def test_faces_that_change_are_those_of_the_last_sample(tmp_path: Path) -> None:
     mesh.GetFaceVertexIndicesAttr().Set(Vt.IntArray(list(map(int, FACES))), 1.0)
     mesh.GetFaceVertexIndicesAttr().Set([0, 1, 2], 2.0)
     stage.Save()
-    source = StageSource(str(tmp_path / "a.usda"), None)
-    assert not source.motion.is_fixed and not source.motion.is_continuous
-    counts = [len(source.surface(code / 24).offsets) - 1 for code in (1.0, 1.7, 2.0, 3.0)]
+    source = ModelFile(tmp_path / "a.usda").motion()
+    assert not source.is_fixed and not source.is_continuous
+    counts = [len(source.at(code / 24).offsets) - 1 for code in (1.0, 1.7, 2.0, 3.0)]
     assert counts == [12, 12, 1, 1]
 
 
@@ -95,9 +95,9 @@ def test_layers_of_other_rates_and_transforms_between_samples_are_as_usd_combine
     stage = stage_at(tmp_path / "a.usda", 24.0)
     stage.GetRootLayer().subLayerPaths.append("fast.usda")
     stage.Save()
-    source = StageSource(str(tmp_path / "a.usda"), None)
-    assert source.motion.times.tolist() == [0.0, 2.0] and source.motion.is_continuous
-    assert source.surface(0.5).points == pytest.approx(BOX.vertices + 2 * RISE)
+    source = ModelFile(tmp_path / "a.usda").motion()
+    assert source.times.tolist() == [0.0, 2.0] and source.is_continuous
+    assert source.at(0.5).points == pytest.approx(BOX.vertices + 2 * RISE)
 
 
 def test_a_skeleton_carries_its_mesh(tmp_path: Path) -> None:
@@ -122,11 +122,11 @@ def test_a_skeleton_carries_its_mesh(tmp_path: Path) -> None:
     binding.CreateJointIndicesPrimvar(False, 1).Set(Vt.IntArray([0, 0, 0, 0, 1, 1, 1, 1]))
     binding.CreateJointWeightsPrimvar(False, 1).Set(Vt.FloatArray(8, 1.0))
     stage.Save()
-    source = StageSource(str(tmp_path / "a.usda"), None)
-    assert source.motion.times.tolist() == [0.0, 2.0] and source.motion.is_continuous
+    source = ModelFile(tmp_path / "a.usda").motion()
+    assert source.times.tolist() == [0.0, 2.0] and source.is_continuous
     expected = BOX.vertices + np.array([5.0, 0.0, 0.0])
     expected[4:] += RISE
-    assert source.surface(1.0).points == pytest.approx(expected)
+    assert source.at(1.0).points == pytest.approx(expected)
 
 
 def test_numbered_value_clips_are_read_and_a_missing_one_is_refused(tmp_path: Path) -> None:
@@ -148,12 +148,12 @@ def test_numbered_value_clips_are_read_and_a_missing_one_is_refused(tmp_path: Pa
     manifest.Save()
     clips.SetClipManifestAssetPath("./manifest.usda")
     stage.Save()
-    source = StageSource(str(tmp_path / "a.usda"), None)
-    assert source.motion.times * 24 == pytest.approx([9, 10, 11])
-    assert source.surface(10 / 24).points == pytest.approx(BOX.vertices + RISE)
+    source = ModelFile(tmp_path / "a.usda").motion()
+    assert source.times * 24 == pytest.approx([9, 10, 11])
+    assert source.at(10 / 24).points == pytest.approx(BOX.vertices + RISE)
     (tmp_path / "clip.010.usda").unlink()
     with pytest.raises(MissingInputError, match=r"a\.usda refers to .*clip\.010\.usda: file not found"):
-        StageSource(str(tmp_path / "a.usda"), None)
+        ModelFile(tmp_path / "a.usda").motion()
 
 
 # ---- Alembic
@@ -309,3 +309,24 @@ def test_caches_of_points_that_do_not_fit_are_refused_by_name(tmp_path: Path) ->
     (tmp_path / "a.mdd").write_bytes(b"")
     with pytest.raises(MissingInputError, match=r"a\.mdd: it changed"):
         moving.at(0.0)
+
+
+@pytest.mark.parametrize(
+    ("suffix", "most"),
+    [
+        ("glb", 1 << 30),
+        ("fbx", 1 << 30),
+        ("usdc", 8 << 30),
+        ("abc", 8 << 30),
+        ("pc2", 8 << 30),
+        ("mdd", 8 << 30),
+    ],
+)
+def test_a_larger_file_is_refused_by_its_size(tmp_path: Path, suffix: str, most: int) -> None:
+    obj(tmp_path / "a.obj")
+    with (tmp_path / f"a.{suffix}").open("wb") as file:
+        file.write(b"Kaydara FBX Binary  \0")
+        file.truncate(2 * most)  # a hole, which takes no room on the disk
+    with pytest.raises(BadInputError, match=rf"a\.{suffix}: .* up to {most >> 30} GiB are read") as error:
+        ModelFile(tmp_path / f"a.{suffix}").motion()
+    assert "\n" not in str(error.value)
