@@ -166,6 +166,10 @@ class GuidedBsdf:
         """Return Mitsuba's flags of the BSDF."""
         return self._flags
 
+    def eval(self, context: Any, si: Any, direction: Any, active: Any) -> Any:
+        """Return the BSDF times the cosine."""
+        return self._bsdf.eval(context, si, direction, active)
+
     def eval_pdf(self, context: Any, si: Any, direction: Any, active: Any) -> tuple[Any, Any]:
         """Return the BSDF times the cosine, and the density of a local direction."""
         value, density = self._bsdf.eval_pdf(context, si, direction, active)

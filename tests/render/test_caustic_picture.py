@@ -34,9 +34,8 @@ BOXES = LightRig(
 BEFORE_THE_LENS = LightRig((*BOXES.softboxes, Softbox((1.6, 2.0, 4.0), 1.5, 1.5, (3.0, 3.0, 3.0))))
 BOTH = replace(BOXES, daylight=SUN.daylight)
 
-NOISE = {"glass": 0.06, "chrome": 0.06}
-"""Greatest relative differences: the paths that find caustics have 1 to 2% of noise, and those that do not
-take the caustics behind the first surface from cells, which blurs them."""
+NOISE = {"glass": 0.06, "chrome": 0.05}
+"""Greatest relative differences: paths that find caustics have 1 to 2% of noise, more on a shiny floor."""
 
 PINHOLE = Camera((3.2, 2.9, 8.8), (0.0, 0.0, 0.0))
 WIDE_OPEN = replace(PINHOLE, lens_radius=0.3, focus_distance=9.0)
@@ -98,9 +97,11 @@ def test_photons_bring_the_light_that_paths_leave_to_them(
     others = tracer(look, lights, stage=stage, lens=lens, crop=crop, seed=2).caustics.radiance @ LUMA
     ours = tracer(look, lights, stage=stage, lens=lens, crop=crop)
     photons = ours.caustics.radiance @ LUMA
-    all_light = replace(ours, caustics=None, guide=guide(ours)).render(1024, 0, 5)[..., :3] @ LUMA
-    nothing = replace(ours.caustics, radiance=np.zeros_like(ours.caustics.radiance))
-    left = replace(ours, caustics=nothing).render(1024, 0, 5)[..., :3] @ LUMA
+    guided = replace(ours, guide=guide(ours))
+    all_light = replace(guided, caustics=None).render(1024, 0, 5)[..., :3] @ LUMA
+    elsewhere = replace(ours.caustics.behind, middle=ours.caustics.behind.middle + 1e6)  # paths find the rest
+    nothing = replace(ours.caustics, radiance=np.zeros_like(ours.caustics.radiance), behind=elsewhere)
+    left = replace(guided, caustics=nothing).render(1024, 0, 5)[..., :3] @ LUMA
     by_paths = all_light - left
     assert photons.mean() > 0.001 * all_light.mean()
     assert photons.mean() == pytest.approx(by_paths.mean(), rel=NOISE[look])
