@@ -30,6 +30,7 @@ from flowsculpt.render.base.kernel_cache import (
     KernelCache,
     cached_kernel,
     one_at_a_time,
+    release_after,
     use_kernel_cache,
 )
 
@@ -123,7 +124,7 @@ class BlockKernel:
             signature = sigutils.normalize_signature(BLOCK_SIGNATURE)
             callback: Any = CFunc(self._function, signature, {}, {"error_model": "numpy"})
             callback._cache = KernelCache(self._function)
-            callback.compile()
+            release_after(callback.compile)()
             vars(self)["_compiled"] = callback
             return callback
 

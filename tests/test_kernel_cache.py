@@ -9,6 +9,7 @@ import sys
 import tempfile
 
 import pytest
+from numba.core.errors import TypingError
 
 from flowsculpt.render.base import kernel_cache, user_cache
 from flowsculpt.render.base.kernel_build import build_kernels, kernel_calls
@@ -128,6 +129,23 @@ def test_of_processes_that_start_cold_at_once_one_compiles_and_no_kill_keeps_the
     killed.communicate()
     assert sorted(process.communicate(timeout=300)[0].strip() for process in others) == ["0", "1"]
     assert not [*tmp_path.rglob("*.lock")]
+
+
+def test_a_kernel_that_cannot_be_compiled_keeps_nobody_waiting(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+
+    @kernel_cache.compiled()
+    def inner(number):
+        return number + unknown_name  # noqa: F821
+
+    @kernel_cache.compiled()
+    def outer(number):
+        return inner(number)
+
+    before = kernel_cache.compiled_seconds()
+    with pytest.raises(TypingError):
+        outer(1.0)
+    assert kernel_cache.compiled_seconds() > before and not [*tmp_path.rglob("*.lock")]
 
 
 def test_no_vector_library_with_other_bits_is_taken():

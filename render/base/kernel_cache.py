@@ -31,6 +31,7 @@ import llvmlite.binding
 import numba
 from numba.core.caching import Cache
 from numba.core.compiler import CompileResult
+from numba.core.compiler_lock import global_compiler_lock
 from numba.core.serialize import dumps
 
 from flowsculpt import render
@@ -91,6 +92,7 @@ def cached_kernel(function: F, **options: Any) -> F:
     # Nobody takes the address of a kernel: the wrapper for that is a tenth of the time of compiling.
     dispatcher: Any = numba.njit(nogil=True, no_cfunc_wrapper=True, **options)(function)
     dispatcher._cache = KernelCache(function)
+    dispatcher.compile = release_after(dispatcher.compile)
     return dispatcher
 
 
@@ -188,7 +190,7 @@ class KernelCache(Cache):  # type: ignore[misc]  # numba has no types
     def load_overload(self, signature: Any, target: Any) -> Any:
         """Return the compiled function for a signature, or None where no folder holds a whole one.
 
-        Then numba compiles it and calls `save_overload`; other processes wait until then.
+        Then numba compiles it and calls `save_overload`; others wait until that ends (`release_after`).
         """
         target.refresh()
         with suppress(OSError):  # of a source that was removed
@@ -196,23 +198,20 @@ class KernelCache(Cache):  # type: ignore[misc]  # numba has no types
             content = _stored_content(place)
             if content is None:
                 reserve_kernel(place)
-                if content := _stored_content(place):  # by another process
-                    release_kernel(place)
+                content = _stored_content(place)  # by another process
             if content is not None:
                 return CompileResult._rebuild(target, *pickle.loads(content))
         return None
 
     def save_overload(self, signature: Any, result: Any) -> None:
         """File a compiled function; a disk that refuses it costs only time."""
+        if result.library.has_dynamic_globals:
+            return
         with suppress(OSError, MachineError):
             place = self._place(signature, result.codegen)
-            try:
-                if not result.library.has_dynamic_globals:
-                    content = dumps(result._reduce())
-                    with atomic_write(_written_folder() / place, flush=False) as draft:
-                        draft.write_bytes(hashlib.sha256(content).digest() + content)
-            finally:
-                release_kernel(place)
+            content = dumps(result._reduce())
+            with atomic_write(_written_folder() / place, flush=False) as draft:
+                draft.write_bytes(hashlib.sha256(content).digest() + content)
 
     def is_stored(self, signature: Any, target: Any) -> bool:
         """Tell whether a folder holds a file for a signature. Raises OSError where there is no source."""
@@ -268,10 +267,25 @@ def reserve_kernel(place: Path) -> None:
     _reserved.append(_Reserved(place, began, lock))
 
 
-def release_kernel(place: Path) -> None:
-    """End what `reserve_kernel` has begun, and what has failed since."""
+def release_after(function: F) -> F:
+    """Return a function that compiles; when it ends or fails, the kernels that it has reserved are released."""
+
+    @wraps(function)
+    def call(*arguments: Any) -> Any:
+        with global_compiler_lock:
+            before = len(_reserved)
+            try:
+                return function(*arguments)
+            finally:
+                _release_kernels(before)
+
+    return call  # type: ignore[return-value]
+
+
+def _release_kernels(kept: int) -> None:
+    """End what `reserve_kernel` has begun, except for the first `kept` of them."""
     global _compiled_seconds
-    while any(each.place == place for each in _reserved):
+    while len(_reserved) > kept:
         ended, began, lock = _reserved.pop()
         if lock is not None:
             with suppress(OSError, MachineError):

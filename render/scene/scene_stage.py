@@ -36,6 +36,10 @@ _CAMERA_MOVES = {"plinth": (1.14, 0.13), WITH_REFERENCES: (1.08, 0.04)}
 """Camera distance as a multiple of the distance for the subject alone, and stage units to lower the
 camera."""
 
+_IN_VIEW = 0.98
+"""The least distance of the lowered camera, as that multiple, less the lowering over half the height of the
+picture at the target: what was in the picture stays there, however near the lens is."""
+
 _WIDE, _AROUND, _FARTHEST = 16 / 9, 1.06, 2.0
 """Width to height from which on a picture shows all of a plinth; the width that it needs over that of the
 plinth; and the factor on the distance at which wider ones are cut off."""
@@ -173,6 +177,11 @@ class Stage:
         if (move := self.camera_move(aspect)) is None:
             return camera
         back, down, *widths = move
+        if aspect is not None:
+            half_height = (
+                math.dist(camera.origin, camera.target) * math.tan(camera.field_of_view / 2.0) / aspect
+            )
+            back = max(back, _IN_VIEW + down * placement.size / half_height)
         for half in (width / 2.0 * placement.size for width in widths):
             needed = half + _AROUND * half / math.tan(camera.field_of_view / 2.0)
             back = min(max(back, needed / math.dist(camera.origin, camera.target)), _FARTHEST * back)

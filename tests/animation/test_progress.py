@@ -21,7 +21,7 @@ from flowsculpt.pipeline.long_computations import Progress
 from flowsculpt.pipeline.plugins.fields.curl_noise import CurlNoise
 from flowsculpt.pipeline.shot import read_shot
 from flowsculpt.pipeline.shot.shot import Shot
-from flowsculpt.render.base.kernel_cache import release_kernel, reserve_kernel
+from flowsculpt.render.base.kernel_cache import release_after, reserve_kernel
 
 TURBULENT = """
 title: Turbulence on a small scale
@@ -152,14 +152,16 @@ def test_a_frame_in_which_kernels_are_compiled_is_not_called_slow(
     monkeypatch.setattr(module, "REPORT_SECONDS", 0.0)
     motion = curl_noise(tmp_path).motion
 
-    def said(is_compiled: bool) -> str:
-        heard: list[str] = []
-        watch = module._FrameWatch(motion, 1, None, lambda progress: heard.append(progress.slow), set())
+    @release_after
+    def take_long(is_compiled: bool) -> None:
         if is_compiled:
             reserve_kernel(kernel)
         time.sleep(1.2)
-        if is_compiled:
-            release_kernel(kernel)
+
+    def said(is_compiled: bool) -> str:
+        heard: list[str] = []
+        watch = module._FrameWatch(motion, 1, None, lambda progress: heard.append(progress.slow), set())
+        take_long(is_compiled)
         watch.receive(Progress("splitting edges", 5000, 0))
         return "".join(heard)
 
