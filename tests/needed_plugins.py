@@ -111,11 +111,16 @@ def gallery_rows(paths: Iterable[Path]) -> list[ParameterSet]:
 
 
 def needed_in(text: str) -> list[str]:
-    """Return the plug-ins that a part of a shot file needs, by the names and suffixes that they add."""
+    """Return the plug-ins that a part of a shot file, or of a command, needs.
+
+    They are those that add its names and suffixes, and those that shots of the gallery need which it names.
+    """
     owners = {name: plugin for plugin, names in ADDED.items() for name in names}
     words = re.findall(r"[\w.]+", text)
     found = {owners.get(word) or owners.get(f".{word.rpartition('.')[2]}", "") for word in words}
-    return sorted(found - {""} | {*SHIPPED} & {word.partition(".")[0] for word in words if "." in word})
+    found |= {*SHIPPED} & {word.partition(".")[0] for word in words if "." in word}
+    shots = (GALLERY / f"{word}.yaml" for word in words if word.isidentifier())
+    return sorted(found.union(needed_by(*(shot for shot in shots if shot.is_file()))) - {""})
 
 
 def shot_rows(rows: Iterable[object]) -> list[ParameterSet]:

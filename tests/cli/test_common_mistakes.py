@@ -18,7 +18,7 @@ from flowsculpt.pipeline.mesh.read import mesh_suffixes
 from flowsculpt.pipeline.production.request.lookup import OTHER_MODELS, Show
 from tests.conftest import FILM, TINY, commanded
 from tests.mistakes import is_named
-from tests.needed_plugins import SHIPPED, installed, needs_plugins
+from tests.needed_plugins import SHIPPED, installed, needed_in, needs_plugins
 
 ROWS = YAML(typ="safe").load((Path(__file__).parent / "mistakes.yaml").read_text(encoding="utf-8"))
 
@@ -56,7 +56,11 @@ def test_the_messages_name_what_is_right_in_nine_of_ten_cases(
 
 
 @pytest.mark.parametrize(
-    "words", [row["right"] for row in ROWS if installed(shlex.split(row.get("right", "none")))]
+    "words",
+    [
+        pytest.param(words, marks=needs_plugins(*needed_in(words)))
+        for words in (row["right"] for row in ROWS if installed(shlex.split(row.get("right", "none"))))
+    ],
 )
 def test_what_is_right_works(folder: Path, monkeypatch: pytest.MonkeyPatch, words: str) -> None:
     monkeypatch.chdir(folder)

@@ -16,6 +16,7 @@ from ruamel.yaml import YAML
 from flowsculpt.pipeline.errors import FlowsculptError
 from flowsculpt.pipeline.shot import read_film, read_shot
 from tests.mistakes import is_named
+from tests.needed_plugins import SHIPPED, needed_in, needs_plugins
 
 SHOT = """\
 title: Cube
@@ -45,7 +46,12 @@ TABLES = {
     for name in ("shots", "edits", "settings")
 }
 CASES = [
-    pytest.param(name, row, id=f"{name}: {row['write'][:40]}")
+    pytest.param(
+        name,
+        row,
+        marks=needs_plugins(*needed_in(" ".join(map(str, row.values())))),
+        id=f"{name}: {row['write'][:40]}",
+    )
     for name, rows in TABLES.items()
     for row in rows
 ]
@@ -98,6 +104,7 @@ def test_a_mistake_is_reported_and_what_is_right_reads(folder: Path, table: str,
     assert "right" not in row or messages(folder, table, row["right"], row.get("instead_of")) == []
 
 
+@needs_plugins(*SHIPPED)
 @pytest.mark.slow
 def test_the_messages_name_what_is_right_in_nine_of_ten_cases(folder: Path) -> None:
     wrong = [

@@ -68,11 +68,12 @@ Idea = Callable[[Draft], str]
 
 @cache
 def palette() -> dict[str, dict[str, Any]]:
-    """Return the rows of `flow_palette.yaml` by flow."""
+    """Return the rows of `flow_palette.yaml` by flow, without flows of plug-ins that are not installed."""
     from ruamel.yaml import YAML  # takes time to import
 
     text = resources.files(__package__).joinpath("flow_palette.yaml").read_text(encoding="utf-8")
-    return YAML(typ="safe", pure=True).load(text)
+    rows = YAML(typ="safe", pure=True).load(text)
+    return {name: row for name, row in rows.items() if name in FLOW_DOCUMENTS}
 
 
 def called(leaf: Leaf, count: int = 1) -> str:

@@ -17,6 +17,7 @@ from tests.full_disk import disk_of
 from tests.needed_plugins import needed_by, needed_by_gallery, needs_plugins
 
 MOON = GALLERY / "B190_moon.yaml"
+BLOOM = GALLERY / "B060_bloom.yaml"
 
 
 def keys(root: Path, shots: dict[str, str]) -> dict[str, list[str]]:
@@ -89,6 +90,7 @@ def test_a_shot_of_the_show_wins_over_one_of_the_gallery(tmp_path):
     assert "twist" in (tmp_path / "shots/A020.yaml").read_text()
 
 
+@needs_plugins(*needed_by(BLOOM))
 def test_a_copy_that_the_defaults_of_the_show_change_is_told(tmp_path):
     (tmp_path / "shots").mkdir()
     (tmp_path / "shots/defaults.yaml").write_text("camera: {roll: 5}\nlook: clay\n")

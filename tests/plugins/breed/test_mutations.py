@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flowsculpt.pipeline.plugins.breed.breeding import Litter, child_of
-from flowsculpt.pipeline.plugins.breed.flow_mutations import MOTION, Draft, Idea, bounded
+from flowsculpt.pipeline.plugins.breed.flow_mutations import MOTION, Draft, Idea, bounded, reseeded
 from flowsculpt.pipeline.plugins.breed.gene_values import Chance
 from flowsculpt.pipeline.plugins.breed.picture_mutations import (
     CLEAR_RIGS,
@@ -77,7 +77,14 @@ def test_every_cross_of_two_shots_validates(names: list[str], seed: int, change:
 
 
 @needs_plugins("points")
-@pytest.mark.parametrize("idea", [*MOTION, *FORM, *PICTURE], ids=lambda idea: idea.__name__)
+@pytest.mark.parametrize(
+    "idea",
+    [
+        pytest.param(idea, marks=needs_plugins(*(["fields"] if idea is reseeded else [])))
+        for idea in (*MOTION, *FORM, *PICTURE)
+    ],
+    ids=lambda idea: idea.__name__,
+)
 def test_a_single_mutation_changes_a_shot_and_it_still_validates(idea: Idea) -> None:
     changed = 0
     for name in BREEDABLE:
