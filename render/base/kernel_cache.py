@@ -268,7 +268,7 @@ def reserve_kernel(place: Path) -> None:
 
 
 def release_after(function: F) -> F:
-    """Return a function that compiles; when it ends or fails, the kernels that it has reserved are released."""
+    """Return a function that compiles; when it ends or fails, the kernels that it reserved are released."""
 
     @wraps(function)
     def call(*arguments: Any) -> Any:
