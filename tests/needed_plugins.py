@@ -119,8 +119,8 @@ def needed_in(text: str) -> list[str]:
     words = re.findall(r"[\w.]+", text)
     found = {owners.get(word) or owners.get(f".{word.rpartition('.')[2]}", "") for word in words}
     found |= {*SHIPPED} & {word.partition(".")[0] for word in words if "." in word}
-    shots = (GALLERY / f"{word}.yaml" for word in words if word.isidentifier())
-    return sorted(found.union(needed_by(*(shot for shot in shots if shot.is_file()))) - {""})
+    shots = (shot for shot in GALLERY.glob("*.yaml") if shot.stem in words)
+    return sorted(found.union(needed_by(*shots)) - {""})
 
 
 def shot_rows(rows: Iterable[object]) -> list[ParameterSet]:
