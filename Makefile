@@ -92,13 +92,18 @@ wheel: .venv/ready
 	$(BIN)/python -m pip wheel --quiet --no-deps --no-build-isolation --wheel-dir dist .
 	rm -rf dist/cache render/compiled
 
+# All kernels now; a film goes without some, and has them compiled in the background.
 setup: .venv/ready
+	@$(BIN)/flowsculpt -j $(CORES) doctor --prepare
 
 # The pip of old Pythons takes 6 CPU seconds more to find packages; the one that $(PYTHON) has, if any, installs ours,
 # because a venv's own takes 2 seconds to make. What films do not need is compiled when it is first imported.
-UNCOMPILED := /tests?/|/numba/cuda/|/numpy/(distutils|f2py|ma|testing)/|/pydantic/v1/|/sqlalchemy/(dialects|ext|testing)/
+UNCOMPILED := /tests?/|/numba/(cuda|misc|pycc|testing)/|/numpy/(distutils|f2py|ma|testing)/|/pipeline/plugins/[^/]+/(?!__init__)
+UNCOMPILED := $(UNCOMPILED)|/pydantic/(deprecated|experimental|v1)/|/sqlalchemy/(dialects|ext|testing)/|/PIL/\w+ImagePlugin
 UNCOMPILED := $(UNCOMPILED)|/(docutils|fontTools|hatchling|matplotlib|mpl_toolkits|pip|pkg_resources|pygments|setuptools)/
 UNCOMPILED := $(UNCOMPILED)|/(av|contourpy|fileseq|fsspec|git|gitdb|nbformat|opentimelineio|pyparsing|shapely|traitlets|trimesh)/
+UNCOMPILED := $(UNCOMPILED)|/(cffi|dateutil|fastjsonschema|humanfriendly|imageio/plugins|jsonschema|jupyter_core|packaging|pathspec)/
+UNCOMPILED := $(UNCOMPILED)|/(pluggy|pycparser|referencing|rich/_unicode_data|smmap|tomlkit|trove_classifiers)/
 PIP := --quiet --no-compile --require-hashes -r requirements-pip.lock
 # Each of two processes installs every other package: one alone unpacks 1.1 GB on one core.
 LOCKED := --quiet --no-compile --no-deps --require-hashes
@@ -120,8 +125,8 @@ LOCKED := --quiet --no-compile --no-deps --require-hashes
 	@$(BIN)/python -m pip install --quiet --no-compile --no-deps --no-build-isolation -e . & \
 		$(BIN)/python -m compileall -q -j $(CORES) -x '$(UNCOMPILED)' .venv/lib flowsculpt pipeline render; \
 		code=$$?; wait $$! && exit $$code
-	@echo "2 of 2: the renderer and kernels, on all cores (about a minute on two)"
-	@$(BIN)/flowsculpt -j $(CORES) doctor --prepare
+	@echo "2 of 2: the renderer, and the kernels of films, on all cores (half a minute on two)"
+	@$(BIN)/flowsculpt -j $(CORES) doctor --prepare --background
 	@touch $@
 
 same-python:
@@ -132,6 +137,7 @@ same-python:
 
 .venv/ready-dev: .venv/ready requirements-dev.lock
 	$(BIN)/python -m pip install --quiet --require-hashes -r requirements-dev.lock
+	@$(BIN)/flowsculpt -j $(CORES) doctor --prepare
 	-@$(BIN)/python tests/production/farm/slurm.py fetch
 	@touch $@
 

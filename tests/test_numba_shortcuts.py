@@ -110,7 +110,8 @@ def test_a_kernel_that_only_kernels_call_has_no_machine_code_until_python_calls_
 @pytest.mark.slow
 def test_no_kernel_that_python_calls_counts_as_called_by_kernels_alone() -> None:
     inner = kernels_called_by_kernels()
-    assert ("flowsculpt.pipeline.resample.kernels.collapse", "collapse_queued") not in inner
+    assert ("flowsculpt.pipeline.resample.kernels.collapse", "collapse_and_flip") not in inner
     assert ("flowsculpt.pipeline.flow.kernels.streamline_kernels", "advect") not in inner
     assert ("flowsculpt.pipeline.flow.kernels.streamline_kernels", "advance_span") in inner
-    assert len(inner) > 100
+    assert ("flowsculpt.pipeline.resample.kernels.collapse", "can_collapse") in inner
+    assert len(inner) > 200

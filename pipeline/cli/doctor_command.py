@@ -10,11 +10,19 @@ import typer
 
 from flowsculpt.pipeline.cli.options import Common
 from flowsculpt.pipeline.cli.output import print_result, print_warning, progress_bars
-from flowsculpt.pipeline.production.store.shared_kernels import fetch_kernels, note_all_compiled, send_kernels
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.production.store.shared_kernels import (
+    fetch_kernels,
+    has_kernels,
+    kernels_key,
+    note_all_compiled,
+    send_kernels,
+)
 from flowsculpt.pipeline.production.store.store import Store
-from flowsculpt.render.base.kernel_build import build_kernels, kernel_calls
+from flowsculpt.render.base.kernel_build import build_kernels, film_calls, kernel_calls
 from flowsculpt.render.base.kernel_cache import cache_folder
 from flowsculpt.render.base.plural import plural
+from flowsculpt.render.base.remaining_kernels import note_remaining_kernels
 from flowsculpt.render.base.render_errors import MachineError
 from flowsculpt.render.graphics import three_js
 from flowsculpt.render.mitsuba import engine
@@ -28,6 +36,13 @@ def doctor(
         bool,
         typer.Option("--prepare", help="Finish the installation: libLLVM, three.js, compiled kernels."),
     ] = False,
+    background: Annotated[
+        bool,
+        typer.Option(
+            "--background",
+            help="With --prepare: compile what films need; the first run starts a process for the rest.",
+        ),
+    ] = False,
 ) -> None:
     """Show the renderer and packages in use, and what would make rendering faster.
 
@@ -35,8 +50,12 @@ def doctor(
     where none works (on Debian and Ubuntu) and three.js for pages, and compiles all kernels, on as many
     cores as -j says, so that no later command waits for them. Where --store names a remote store, kernels
     that it holds are fetched and others uploaded: compiled kernels are code, so name one that only people
-    you trust may write to. The exit code is 4 if no renderer works.
+    you trust may write to. With --background only kernels that films need are compiled; the first command
+    that renders has a process of the lowest priority compile the others, for previews, polygons of models and
+    flows of plug-ins. The exit code is 4 if no renderer works.
     """
+    if background and not prepare:
+        raise UsageError("--background needs --prepare, which compiles kernels")
     store = Store(common.root)
     remote = store.remote
     if prepare and not common.dry_run:
@@ -44,9 +63,10 @@ def doctor(
         with progress_bars(common.progress) as bar:
             if remote is not None:
                 fetch_kernels(remote)
-            calls = kernel_calls()
+            some_may_wait = background and not has_kernels(kernels_key())
+            calls = film_calls(kernel_calls()) if some_may_wait else kernel_calls()
             build_kernels(calls, common.cores, bar("compiling kernels", len(calls)))
-            note_all_compiled()
+            note_remaining_kernels() if some_may_wait else note_all_compiled()
             if remote is not None:
                 send_kernels(remote)
     renderer = engine.facts()

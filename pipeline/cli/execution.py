@@ -37,6 +37,7 @@ from flowsculpt.pipeline.production.stages import STAGES
 from flowsculpt.pipeline.production.store.event_log import Event, EventReader, poll
 from flowsculpt.pipeline.production.store.store import Store
 from flowsculpt.render.base.plural import plural
+from flowsculpt.render.base.remaining_kernels import compile_remaining_kernels, kernels_remain
 
 
 class RunObserver:
@@ -56,7 +57,7 @@ class RunObserver:
 
         common   the options that every command has, among them the root and the profile
         plan     the jobs, and the requests that they belong to
-        preview  False where the user wants no previews
+        preview  False where no previews are to be drawn
         """
         return nullcontext()
 
@@ -76,6 +77,11 @@ class RunObserver:
 
 
 POLL_SECONDS = 0.2
+
+BACKGROUND_WORDS = (
+    "Kernels that films rarely need are compiled in the background, at the lowest priority. "
+    "Animatics are drawn once they are there."
+)
 
 
 class StageBars:
@@ -324,6 +330,10 @@ def execute(
                     watching.enter_context(observer.watch(common, plan, preview))
             yield
 
+    if common.profile.is_local and kernels_remain():
+        if compile_remaining_kernels() and common.progress:
+            err.print(BACKGROUND_WORDS)
+        preview = None if preview is None else False  # they would wait, and delay the first frame
     reported: set[str] = set()
 
     def planned() -> Plan:

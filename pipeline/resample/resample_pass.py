@@ -29,7 +29,6 @@ from flowsculpt.pipeline.resample.kernels.collapse import (
     REASONS,
     TOO_LONG,
     collapse_and_flip,
-    collapse_queued,
 )
 from flowsculpt.pipeline.resample.kernels.edge_scans import (
     BLOCK,
@@ -267,10 +266,17 @@ class ResamplePass:
         vertices, faces = (int(size) for size in self.mesh.sizes)
         return self.mesh.scratch("dead faces", 1 + faces), self.mesh.scratch("dead vertices", 1 + vertices)
 
-    def _collapse_and_flip(self) -> None:
+    def _collapse_and_flip(self, limits: Limits | None = None, flips_too: bool = True) -> None:
         rings, stack = self._scratch
         collapses, flips = collapse_and_flip(
-            self.mesh.arrays, self.limits, rings, self.changes, self._dead, self.obtuse_edges, stack
+            self.mesh.arrays,
+            limits or self.limits,
+            rings,
+            self.changes,
+            self._dead,
+            self.obtuse_edges,
+            stack,
+            flips_too,
         )
         self.collapses += collapses
         self.flips += flips
@@ -310,10 +316,7 @@ class ResamplePass:
         if not refused.any():
             return
         self.changes.edge_states[refused] = QUEUED
-        slack = self.limits._replace(squared_slack=_SLACK**2)
-        self.collapses += collapse_queued(
-            self.mesh.arrays, slack, self._scratch[0], self.changes, *self._dead
-        )
+        self._collapse_and_flip(self.limits._replace(squared_slack=_SLACK**2), flips_too=False)
         self.long_edges = work_list(3 * int(self.changes.fresh[0]))
         list_long_edges(self.mesh.arrays, self.limits, self.changes, self.long_edges)
         self.split_long_edges()

@@ -40,6 +40,18 @@ PREPARED = (
 )
 """Modules whose function `prepare` compiles the kernels of pictures, and bakes the tables of displays."""
 
+LATER = (
+    "flowsculpt.pipeline.mesh.kernels.triangulation",
+    "flowsculpt.pipeline.plugins.",
+    "flowsculpt.pipeline.resample.refinement",
+    "flowsculpt.render.raster",
+)
+"""What the names of units begin with that most films do without: polygons of models, flows and files of
+plug-ins, one mesh for all frames, previews."""
+
+ANYWHERE = "*"
+"""Stands for the name of an unknown module."""
+
 
 def build_kernels(calls: Mapping[str, set[str]], processes: int, advance: Callable[[], None]) -> None:
     """Compile what the cache does not hold, in so many processes; first those that most others wait for.
@@ -90,10 +102,15 @@ def kernel_calls() -> dict[str, set[str]]:
     return calls | {name: set() for name in PREPARED}
 
 
-def kernels_called_by_kernels() -> set[tuple[str, str]]:
-    """Return module and name of the kernels that Python does not call: no other code mentions their names.
+def film_calls(calls: Mapping[str, set[str]]) -> dict[str, set[str]]:
+    """Return those of `kernel_calls` without which no film is rendered."""
+    return {unit: called for unit, called in calls.items() if not unit.startswith(LATER)}
 
-    One that shares its name with something else is left out, which costs time and nothing more.
+
+def kernels_called_by_kernels() -> set[tuple[str, str]]:
+    """Return module and name of the kernels that Python does not call: no other code mentions them.
+
+    One whose name something else has in the same module is left out, which costs time and nothing more.
     """
     texts = {
         module_of(source): source.read_text(encoding="utf-8")
@@ -113,9 +130,8 @@ def kernels_called_by_kernels() -> set[tuple[str, str]]:
         words = set(re.findall(r"\w+", texts[module]))
         if any(holder in words and name in words for holder, name in names):  # parsing all takes a second
             trees[module] = ast.parse(texts[module])
-    statements = (statement for tree in trees.values() for statement in tree.body)
-    mentioned = set[str]().union(*(_names(each) for each in statements if not _is_kernel(each)))
-    return {(module, name) for module, name in kernels if name not in mentioned}
+    mentioned = set[tuple[str, str]]().union(*(_mentions(module, tree) for module, tree in trees.items()))
+    return {(m, name) for m, name in kernels if not {(m, name), (ANYWHERE, name)} & mentioned}
 
 
 def _is_kernel(statement: ast.stmt) -> TypeGuard[ast.FunctionDef]:
@@ -124,14 +140,30 @@ def _is_kernel(statement: ast.stmt) -> TypeGuard[ast.FunctionDef]:
     return any(isinstance(node, ast.Name) and node.id in DECORATORS for node in called)
 
 
-def _names(statement: ast.stmt) -> set[str]:
-    """Return the names that a statement mentions; of imports those that it gives other names."""
-    names: set[str] = set()
-    for node in ast.walk(statement):
-        match node:
-            case ast.Name(id=name) | ast.Attribute(attr=name) | ast.alias(name=name, asname=str()):
-                names.add(name)
-    return names
+def _mentions(module: str, tree: ast.Module) -> set[tuple[str, str]]:
+    """Return module and name of what a module mentions outside of its kernels, its imports apart.
+
+    The module is ANYWHERE where the source does not tell it: of what a package hands on, and of `a.b.name`.
+    """
+    imported = {
+        alias.asname or alias.name: (node.module or "", alias.name)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    sources = {of: of if source_of(of).is_file() else ANYWHERE for of, _ in imported.values()}
+    mentioned: set[tuple[str, str]] = set()
+    for statement in tree.body:
+        for node in () if _is_kernel(statement) else ast.walk(statement):
+            match node:
+                case ast.Name(id=name):
+                    of, original = imported.get(name, (module, name))
+                    mentioned.add((sources.get(of, of), original))
+                case ast.Attribute(value=ast.Name(id=holder), attr=name):
+                    mentioned.add((".".join(imported.get(holder, "")), name))
+                case ast.Attribute(attr=name):
+                    mentioned.add((ANYWHERE, name))
+    return mentioned
 
 
 def _build(unit: str) -> None:

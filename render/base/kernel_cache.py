@@ -37,6 +37,7 @@ from numba.core.serialize import dumps
 from flowsculpt import render
 from flowsculpt.render.base.atomic_write import atomic_write
 from flowsculpt.render.base.python_process import is_own
+from flowsculpt.render.base.remaining_kernels import is_in_background
 from flowsculpt.render.base.render_errors import MachineError
 from flowsculpt.render.base.user_cache import kernel_homes, readable_cache, writable_cache
 
@@ -250,7 +251,9 @@ MOST_WAITING = 120.0
 def reserve_kernel(place: Path) -> None:
     """Have other processes wait until this one has compiled a kernel; wait for one that does so already.
 
-    Nothing but time depends on it: without locks, as on some network file systems, several compile it.
+    Nobody waits for a process in the background, whose priority is the lowest: who needs its kernel at once
+    compiles it too. Nothing but time depends on it: without locks, as on some network file systems, several
+    compile it.
     """
     began, lock = time.monotonic(), None
     with suppress(OSError, MachineError, ImportError):  # Windows has no fcntl
@@ -264,6 +267,10 @@ def reserve_kernel(place: Path) -> None:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 break
             time.sleep(0.02)
+        if is_in_background():
+            path.unlink(missing_ok=True)
+            lock.close()
+            lock = None
     _reserved.append(_Reserved(place, began, lock))
 
 

@@ -115,6 +115,11 @@ def test_bad_usage_gets_one_line_and_its_exit_code(project, words, code, says):
     assert not (project.path / "renders").exists()
 
 
+def test_doctor_prepares_in_the_background_only_where_it_prepares(project):
+    refused = project.call("doctor", "--background")
+    assert refused.code == 2 and "--background needs --prepare" in refused.err
+
+
 def test_doctor_says_which_renderer_is_in_use(project):
     facts = json.loads(project.run("--json", "doctor").out)
     assert re.search("llvm_ad_rgb|scalar_rgb", facts["renderer"])

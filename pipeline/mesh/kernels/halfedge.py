@@ -24,6 +24,9 @@ Without numba's run-time system no call counts references to its arrays, which c
 times their own work.
 """
 
+LEAN_CALLS: dict[str, Any] = {**LEAN, "forceinline": False}
+"""LEAN for large kernels that others call in several places: each of these would compile them once more."""
+
 
 class MeshArrays(NamedTuple):
     """The arrays of a half-edge mesh, with room to grow, as kernels take them."""

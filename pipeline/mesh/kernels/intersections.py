@@ -8,7 +8,7 @@ from numba import prange
 
 from flowsculpt.pipeline.arrays import AnyArray, Faces, Floats, Indices, Points
 from flowsculpt.pipeline.kernels import kernel, only_read
-from flowsculpt.pipeline.mesh.kernels.halfedge import CONST_MATRIX, INTS, LEAN, VECTOR
+from flowsculpt.pipeline.mesh.kernels.halfedge import CONST_MATRIX, INTS, LEAN, LEAN_CALLS, VECTOR
 
 _FACES = only_read(numba.int32[:, ::1])
 _BOXES = numba.float32[:, ::1]
@@ -131,7 +131,7 @@ def _touches(faces: Faces, f: int, p: int, q: int) -> bool:
     return touches
 
 
-@kernel(numba.boolean(CONST_MATRIX, _FACES, numba.int64, numba.int64, _NORMAL), **LEAN)
+@kernel(numba.boolean(CONST_MATRIX, _FACES, numba.int64, numba.int64, _NORMAL), **LEAN_CALLS)
 def _one_pierces(points: Points, faces: Faces, f: int, g: int, normal: tuple[float, float, float]) -> bool:
     """Tell whether an edge of f passes through g, which has the normal; but edges with an end in g."""
     p, corner = faces[f, 2], faces[g, 0]

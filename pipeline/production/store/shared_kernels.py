@@ -14,6 +14,7 @@ from pathlib import Path
 from flowsculpt.pipeline.production.store.digests import DIGITS, digest_of
 from flowsculpt.pipeline.production.store.remote_store import LOG, RemoteStore, is_read_only
 from flowsculpt.render.base.atomic_write import atomic_write
+from flowsculpt.render.base.remaining_kernels import note_no_remaining_kernels
 from flowsculpt.render.base.user_cache import kernel_homes
 
 KERNELS = "kernels"
@@ -86,3 +87,4 @@ def note_all_compiled() -> None:
     if not has_kernels(key := kernels_key()):
         with atomic_write(kernel_homes()[1] / f"complete-{key}", flush=False) as draft:
             draft.touch()
+    note_no_remaining_kernels()

@@ -13,6 +13,7 @@ from flowsculpt.pipeline.kernels import kernel
 from flowsculpt.pipeline.mesh.kernels.halfedge import (
     INTS,
     LEAN,
+    LEAN_CALLS,
     MATRIX,
     MESH_ARRAYS,
     VECTOR,
@@ -242,7 +243,7 @@ def _collapse_positions(
     return AT_END, AT_START if two > _STRAIGHT else NONE, NONE
 
 
-@kernel(numba.int64(MESH_ARRAYS, RING, numba.int64, numba.int64, VECTOR, LIMITS), **LEAN)
+@kernel(numba.int64(MESH_ARRAYS, RING, numba.int64, numba.int64, VECTOR, LIMITS), **LEAN_CALLS)
 def _collapse_fault(
     mesh: MeshArrays, ring: Ring, centre: int, other: int, place: Floats, limits: Limits
 ) -> int:
@@ -286,7 +287,7 @@ def _would_flip_at_rest(
     return would_flip(mesh.attributes, near, a, b, limits)
 
 
-@kernel(numba.types.UniTuple(numba.int64, 2)(MESH_ARRAYS, numba.int64, RING, RING, LIMITS), **LEAN)
+@kernel(numba.types.UniTuple(numba.int64, 2)(MESH_ARRAYS, numba.int64, RING, RING, LIMITS), **LEAN_CALLS)
 def can_collapse(mesh: MeshArrays, h: int, near: Ring, far: Ring, limits: Limits) -> tuple[int, int]:
     """Return (position of the merged vertex, NONE) if the edge of h may collapse, else (NONE, the reason).
 
@@ -402,7 +403,7 @@ def collapse_edge(
         _remove_face(mesh, back, dead_faces)
 
 
-@kernel((MESH_ARRAYS, numba.int64, RING, numba.boolean, LIMITS, CHANGES), **LEAN)
+@kernel((MESH_ARRAYS, numba.int64, RING, numba.boolean, LIMITS, CHANGES), **LEAN_CALLS)
 def _enqueue_around(
     mesh: MeshArrays, centre: int, ring: Ring, opened: bool, limits: Limits, changes: Changes
 ) -> None:
@@ -527,7 +528,7 @@ _DEAD = numba.types.UniTuple(INTS, 2)
 _PAIR = numba.types.UniTuple(numba.int64, 2)
 
 
-@kernel(_PAIR(MESH_ARRAYS, LIMITS, RINGS, CHANGES, _DEAD, INTS, INTS))
+@kernel(_PAIR(MESH_ARRAYS, LIMITS, RINGS, CHANGES, _DEAD, INTS, INTS, numba.boolean))
 def collapse_and_flip(
     mesh: MeshArrays,
     limits: Limits,
@@ -536,8 +537,12 @@ def collapse_and_flip(
     dead: tuple[Indices, Indices],
     obtuse_edges: Indices,
     stack: Indices,
+    flips_too: bool,
 ) -> tuple[int, int]:
     """Collapse queued edges, flip badly shaped ones and requeue refused ones, until none can collapse.
+
+    Without `flips_too` the queued edges are only tried once. One kernel does both, since the operations are
+    inlined, and compile for seconds.
 
     Returns the numbers of collapses and flips. Afterwards every short edge stands in `changes.short_edges`
     with its reason. The loop ends because every round but the last removes a vertex. `dead` receives the
@@ -547,6 +552,8 @@ def collapse_and_flip(
     while True:
         done = collapse_queued(mesh, limits, rings, changes, dead[0], dead[1])
         collapses += done
+        if not flips_too:
+            return collapses, flips
         flips += flip_fresh(mesh, limits, changes, obtuse_edges, stack)
         if requeue_refused(mesh, changes) == 0:
             return collapses, flips

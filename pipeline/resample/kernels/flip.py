@@ -13,6 +13,7 @@ from flowsculpt.pipeline.kernels import kernel
 from flowsculpt.pipeline.mesh.kernels.halfedge import (
     INTS,
     LEAN,
+    LEAN_CALLS,
     MATRIX,
     MESH_ARRAYS,
     MeshArrays,
@@ -191,7 +192,7 @@ def flip_and_touch(mesh: MeshArrays, h: int, changes: Changes) -> None:
         enqueue(changes, k)
 
 
-@kernel(numba.int64(MESH_ARRAYS, numba.int64, LIMITS, CHANGES, INTS), **LEAN)
+@kernel(numba.int64(MESH_ARRAYS, numba.int64, LIMITS, CHANGES, INTS), **LEAN_CALLS)
 def _flip_from(mesh: MeshArrays, h: int, limits: Limits, changes: Changes, stack: Indices) -> int:
     """Flip the edge of h if it should flip, then the four edges around, and so on; return the flips done.
 

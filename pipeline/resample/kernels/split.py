@@ -18,6 +18,7 @@ from flowsculpt.pipeline.mesh.kernels.halfedge import (
     BYTES,
     INTS,
     LEAN,
+    LEAN_CALLS,
     MATRIX,
     MESH_ARRAYS,
     VECTOR,
@@ -306,7 +307,7 @@ def _add_face_normal(mesh: MeshArrays, h: int, total: Floats, at: int) -> None:
     total[at + 2] += weight * z
 
 
-@kernel(numba.boolean(MESH_ARRAYS, numba.int64, numba.float64, VECTOR, numba.int64), **LEAN)
+@kernel(numba.boolean(MESH_ARRAYS, numba.int64, numba.float64, VECTOR, numba.int64), **LEAN_CALLS)
 def side_normal(mesh: MeshArrays, h: int, cosine: float, out: Floats, at: int) -> bool:
     """Write the unit normal of the smooth surface at the start of h, up to the next creases, into `out[at:]`.
 
@@ -334,7 +335,7 @@ def side_normal(mesh: MeshArrays, h: int, cosine: float, out: Floats, at: int) -
     return whole
 
 
-@kernel(numba.int64(MESH_ARRAYS, numba.int64, numba.int64, numba.float64), **LEAN)
+@kernel(numba.int64(MESH_ARRAYS, numba.int64, numba.int64, numba.float64), **LEAN_CALLS)
 def _next_along_crease(mesh: MeshArrays, h: int, before: int, cosine: float) -> int:
     """Return the vertex where the crease from `before` continues beyond the start of h; -1 at its end."""
     vert, twin = mesh.vert, mesh.twin
