@@ -9,7 +9,8 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -87,6 +88,17 @@ def command_words() -> list[str]:
     """Return what calls each command, in the order of the help: its name, or `export FORMAT`."""
     formats = [f"export {form}" for form in _formats()]
     return [words for name in all_commands() for words in (formats if name == "export" else [name])]
+
+
+def click_commands() -> Iterator[tuple[str, Any]]:
+    """Yield all commands as click has them, and what calls each; first the command line, which nothing does.
+
+    `export` is among them besides its formats. Those of plug-ins that do not load are left out.
+    """
+    yield "", typer.main.get_command(command_line())
+    for words in ("export", *command_words()):
+        with suppress(MachineError):
+            yield words, command_named(words)
 
 
 class _WithoutTypes:

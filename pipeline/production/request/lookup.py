@@ -196,10 +196,6 @@ NO_SHOTS = (
 """The message of commands where nothing was begun yet."""
 
 
-def _is_model(name: str) -> bool:
-    return Path(name).suffix.lower().lstrip(".") in plugins().readers("surface")
-
-
 def _require_name(path: Path, kind: str) -> None:
     """Raise UsageError for a name that no shot or edit can have."""
     if fault := name_fault(path.stem, kind):
@@ -227,7 +223,8 @@ class Show:
 
         Raises MissingInputError with the nearest names, UsageError for a name that no frames can have.
         """
-        if _is_model(name) and not InputFile(self.folder / f"{name}.yaml").is_there():
+        is_model = Path(name).suffix.lower().lstrip(".") in plugins().readers("surface")
+        if is_model and not InputFile(self.folder / f"{name}.yaml").is_there():
             own = re.sub(r"[^A-Za-z0-9_-]", "_", Path(name).stem)
             raise UsageError(
                 f"{quote_name(name)} is a model, not a shot; flowsculpt new A010_{own} --model "

@@ -7,21 +7,11 @@ import typing
 from dataclasses import MISSING
 from typing import Annotated, Any, ClassVar
 
-from pydantic import (
-    BeforeValidator,
-    Field,
-    create_model,
-)
+from pydantic import BeforeValidator, Field, create_model
 
 from flowsculpt.pipeline.flow import Flow, VelocityField, catalogue
 from flowsculpt.pipeline.flow.flow import PluginMap
-from flowsculpt.pipeline.flow.parameters import (
-    Parameter,
-    parameter,
-    parameters_of,
-    shot_name,
-    summary,
-)
+from flowsculpt.pipeline.flow.parameters import Parameter, parameter, parameters_of, shot_name, summary
 from flowsculpt.pipeline.flow.velocity import PluginField
 from flowsculpt.pipeline.plugin import Plugin, plugins
 from flowsculpt.pipeline.plugin_contracts import require_class
