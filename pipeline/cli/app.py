@@ -37,7 +37,7 @@ from flowsculpt.pipeline.cli.standard_streams import READER_LEFT, OutputError, d
 from flowsculpt.pipeline.errors import FlowsculptError, MachineError
 from flowsculpt.pipeline.plugin import Command, fault_of_plugin, named, plugins
 from flowsculpt.render.base.foreign_code import reason_of_foreign
-from flowsculpt.render.base.python_process import ENDING
+from flowsculpt.render.base.python_process import ENDING, interrupt_once
 from flowsculpt.render.base.render_errors import REMEDIES
 
 HELP = """Films of shapes that flow like putty, from a shot file to a finished film.
@@ -126,7 +126,7 @@ class _Command(_WithoutTypes, TyperCommand):
         return super().parse_args(ctx, args)
 
     def invoke(self, ctx: Any) -> Any:
-        _handle_signals(_end_at_once, _interrupt_once)
+        _handle_signals(_end_at_once, interrupt_once)
         return super().invoke(ctx)
 
 
@@ -238,13 +238,6 @@ def name_a_home() -> None:
 def _end_at_once(number: int, frame: FrameType | None) -> None:
     """End this process, in which no command has begun: imports may take an interrupt for a fault."""
     os._exit(INTERRUPTED)
-
-
-def _interrupt_once(number: int, frame: FrameType | None) -> None:
-    """Interrupt this process, and let no further signal disturb how it ends its jobs and says so."""
-    for other in ENDING:
-        signal.signal(other, signal.SIG_IGN)
-    raise KeyboardInterrupt
 
 
 def _handle_signals(before: Any, handler: Any) -> None:
