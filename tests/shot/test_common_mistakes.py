@@ -16,6 +16,7 @@ from ruamel.yaml import YAML
 from flowsculpt.pipeline.errors import FlowsculptError
 from flowsculpt.pipeline.shot import read_film, read_shot
 from tests.mistakes import is_named
+from tests.needed_plugins import needed_in, needs_plugins
 
 SHOT = """\
 title: Cube
@@ -45,7 +46,12 @@ TABLES = {
     for name in ("shots", "edits", "settings")
 }
 CASES = [
-    pytest.param(name, row, id=f"{name}: {row['write'][:40]}")
+    pytest.param(
+        name,
+        row,
+        id=f"{name}: {row['write'][:40]}",
+        marks=needs_plugins(*needed_in(" ".join(map(str, row.values())))),
+    )
     for name, rows in TABLES.items()
     for row in rows
 ]
