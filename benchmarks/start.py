@@ -73,7 +73,7 @@ class Tree:
         (folder / "shots").mkdir(parents=True)
         (folder / "shots/start.yaml").write_text(SHOT)
         shutil.copytree(CHECKOUT / "shots", folder / "gallery/shots")
-        self._completes = (checkout / "pipeline/cli/completion.py").exists()
+        self._completes = (checkout / "pipeline/plugins/completion").exists()
         self._numbers = count(1)
 
     def use_kernels(self) -> None:

@@ -25,9 +25,10 @@ from flowsculpt.pipeline.flow.catalogue.basic import (
     Translation,
 )
 from flowsculpt.pipeline.flow.catalogue.deformations import Bend, Deformation
-from flowsculpt.pipeline.flow.catalogue.external_fields import FormulaField, Sampled
+from flowsculpt.pipeline.flow.catalogue.sampled_field import Sampled
 from flowsculpt.pipeline.plugins.fields.attraction import Attraction, Target, Wind
 from flowsculpt.pipeline.plugins.fields.curl_noise import CurlNoise
+from flowsculpt.pipeline.plugins.fields.formula_field import FormulaField
 from flowsculpt.pipeline.plugins.fields.grid_files import read_samples
 
 if TYPE_CHECKING:

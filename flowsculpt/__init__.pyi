@@ -26,7 +26,6 @@ from flowsculpt.pipeline.flow.catalogue.deformations import Shear as Shear
 from flowsculpt.pipeline.flow.catalogue.deformations import Stretch as Stretch
 from flowsculpt.pipeline.flow.catalogue.deformations import Taper as Taper
 from flowsculpt.pipeline.flow.catalogue.deformations import Twist as Twist
-from flowsculpt.pipeline.flow.catalogue.external_fields import FormulaField as FormulaField
 from flowsculpt.pipeline.flow.catalogue.vortices import SpiralVortex as SpiralVortex
 from flowsculpt.pipeline.flow.catalogue.vortices import Vortex as Vortex
 from flowsculpt.pipeline.flow.catalogue.vortices import VortexPair as VortexPair
@@ -43,6 +42,7 @@ from flowsculpt.pipeline.mesh import torus as torus
 from flowsculpt.pipeline.mesh import validate as validate
 from flowsculpt.pipeline.mesh import vertex_normals as vertex_normals
 from flowsculpt.pipeline.plugins.fields.curl_noise import CurlNoise as CurlNoise
+from flowsculpt.pipeline.plugins.fields.formula_field import FormulaField as FormulaField
 from flowsculpt.pipeline.plugins.interchange.foreign_meshes import TextureCoordinates as TextureCoordinates
 from flowsculpt.pipeline.plugins.interchange.foreign_meshes import repair_mesh as repair_mesh
 from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh as write_mesh

@@ -27,9 +27,10 @@ def _start() -> None:
     if asked := "_FLOWSCULPT_COMPLETE" in os.environ:  # a shell asks at each Tab
         here = os.getcwd()  # noqa: PTH109  # a Path takes time to import
         sys.path[:] = [entry for entry in sys.path if os.path.isabs(entry) and entry != here]  # noqa: PTH117
-        from flowsculpt.pipeline.cli.completion import answer
+        from importlib import import_module
 
-        if answer(sys.argv[1:]):
+        completion = import_module("flowsculpt.pipeline.plugins.completion.tab_answers")
+        if completion.answer(sys.argv[1:]):
             return
     from flowsculpt.render.base.python_process import distrust_working_folder, postpone_collection, prepare
 
@@ -38,10 +39,8 @@ def _start() -> None:
     _require_packages()
     postpone_collection()
     if asked:
-        from flowsculpt.pipeline.cli.completion_command import write_table
-
-        write_table()
-        answer(sys.argv[1:])
+        import_module("flowsculpt.pipeline.plugins.completion.completion_command").write_table()
+        completion.answer(sys.argv[1:])
         return
     from flowsculpt.pipeline.cli.app import main as start
     from flowsculpt.pipeline.cli.standard_streams import prepare_streams

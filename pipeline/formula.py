@@ -14,7 +14,7 @@ import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -93,9 +93,11 @@ MOST_CHARACTERS, MOST_PARTS, DEEPEST = 1000, 300, 40
 
 LARGEST_EXPONENT = 64
 
+FRAME_DECIMALS = 9  # decimals of the frame number, so that `floor(frame)` is the number of the frame
 
-class FormulaError(UsageError):
-    """An invalid formula; `column` counts its characters from 1."""
+
+class FormulaError(UsageError, ValueError):
+    """An invalid formula, a ValueError for validators; `column` counts its characters from 1."""
 
     def __init__(self, text: str, column: int, message: str) -> None:
         super().__init__(f"formula {quote(text)}, column {column}: {message}")
@@ -175,6 +177,8 @@ class _Check:
             raise self.error(node, "this number is too large; 1e100 is the largest")
 
     def check_name(self, node: ast.Name) -> None:
+        if node.id == "nan":
+            raise self.error(node, "this is not a number; write one plainly, such as 0.05")
         if node.id in FUNCTIONS:
             raise self.error(node, f"{node.id} is a function; write {node.id}(…)")
         if node.id not in self.names and node.id not in CONSTANTS:
@@ -303,6 +307,22 @@ class Expression:
                     column_of(self.text, node),
                     f"{shorten(ast.unparse(node))} is {value:g}; a formula must be finite. Write another.",
                 )
+
+    RESERVED: ClassVar[frozenset[str]] = frozenset({*CONSTANTS, *FUNCTIONS})
+    """Words with a meaning, which cannot name values."""
+
+    @staticmethod
+    def number_text(value: Any) -> Any:
+        """Return the text of a number as formulas have it; anything else unchanged."""
+        if not isinstance(value, int | float) or isinstance(value, bool):
+            return value
+        text = repr(value)
+        return "1e999" if text.endswith("inf") else text  # which is refused as too large
+
+    @staticmethod
+    def frame_at(seconds: Any, fps: float, first: int) -> Any:
+        """Return the values of `frame` at seconds (…), where the frame `first` is at 0 seconds."""
+        return first + np.round(np.multiply(seconds, fps), FRAME_DECIMALS)
 
     @cached_property
     def uses(self) -> frozenset[str]:

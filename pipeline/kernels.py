@@ -11,11 +11,15 @@ would depend on its place in a block: commands and jobs keep numba from it (see 
 from __future__ import annotations
 
 import ctypes
+import hashlib
 import inspect
+import math
+import sys
 import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from functools import cached_property
+from functools import cache, cached_property
+from types import ModuleType
 from typing import Any, TypeVar
 
 import numba
@@ -24,11 +28,13 @@ from numba.core import sigutils
 from numba.core.ccallback import CFunc
 from numpy.typing import NDArray
 
+from flowsculpt.render.base.atomic_write import atomic_write
 from flowsculpt.render.base.kernel_cache import (
     BLOCK_KERNELS,
     DECLARED,
     KernelCache,
     cached_kernel,
+    formula_folder,
     one_at_a_time,
     release_after,
     use_kernel_cache,
@@ -152,3 +158,21 @@ def block_kernel(function: Callable[..., None]) -> BlockKernel:
     found = BlockKernel(function)
     BLOCK_KERNELS.append(found)
     return found
+
+
+@cache
+def generated_kernel(name: str, source: str) -> BlockKernel:
+    """Return the function of a name, with the parameters of a `block_kernel`, of a generated source.
+
+    The source may use `math` and `np`. It must follow from checked parts alone, for it is executed. A file
+    that its digest names keeps it: numba caches by file name.
+    """
+    file = formula_folder() / f"{name}_{hashlib.sha256(source.encode()).hexdigest()[:24]}.py"
+    if not file.exists():
+        with atomic_write(file, flush=False) as draft:  # several processes may compile one at once
+            draft.write_text(source, encoding="utf-8")
+    module = ModuleType(file.stem)
+    vars(module).update(math=math, np=np)
+    sys.modules[file.stem] = module  # where numba looks up cached functions
+    exec(compile(source, str(file), "exec", dont_inherit=True), vars(module))
+    return BlockKernel(vars(module)[name])

@@ -18,6 +18,8 @@ from dataclasses import dataclass
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 
+from flowsculpt.render.graphics.three_js import three_js_script
+
 SHARED = files("flowsculpt.pipeline") / "web"
 
 
@@ -26,6 +28,8 @@ class PageFolder:
     """The folder of a page in its plug-in."""
 
     folder: Traversable
+
+    three_js = staticmethod(three_js_script)
 
     @property
     def index(self) -> str:

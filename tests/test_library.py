@@ -19,10 +19,10 @@ import pytest
 import flowsculpt
 from flowsculpt import api, render
 from flowsculpt.pipeline import flow, mesh, resample, shot
-from flowsculpt.pipeline.flow.catalogue.external_fields import FormulaField
 from flowsculpt.pipeline.flow.composition import Sum, within
 from flowsculpt.pipeline.flow.regions import ClosedSurface, MeshRegion
 from flowsculpt.pipeline.plugins.fields.attraction import Attraction, Target, Wind
+from flowsculpt.pipeline.plugins.fields.formula_field import FormulaField
 from tests.needed_plugins import SHIPPED, needs_plugins
 
 

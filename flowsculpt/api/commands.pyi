@@ -1,5 +1,6 @@
 """What commands print, and the project in which they look up shots and run plans."""
 
+from flowsculpt.pipeline.cli.app import click_commands as click_commands
 from flowsculpt.pipeline.cli.execution import execute as execute
 from flowsculpt.pipeline.cli.execution import execute_and_report as execute_and_report
 from flowsculpt.pipeline.cli.execution import report_plan as report_plan

@@ -17,8 +17,6 @@ from flowsculpt.pipeline.mesh.meshes import morton_order as morton_order
 from flowsculpt.pipeline.mesh.normals import carried_normals as carried_normals
 from flowsculpt.pipeline.mesh.normals import split_at_creases as split_at_creases
 from flowsculpt.pipeline.mesh.placed_copies import Placements as Placements
-from flowsculpt.pipeline.mesh.ply_files import read_ply_vertices as read_ply_vertices
 from flowsculpt.pipeline.mesh.read import ModelFile as ModelFile
 from flowsculpt.pipeline.mesh.read import repair_surface as repair_surface
 from flowsculpt.pipeline.resample.refinement import RefinableSurface as RefinableSurface
-from flowsculpt.pipeline.resample.thresholds import edges_by_angle as edges_by_angle

@@ -6,7 +6,6 @@ from flowsculpt.render.base.render_errors import RenderError as RenderError
 from flowsculpt.render.graphics.contact_sheet import ContactSheet as ContactSheet
 from flowsculpt.render.graphics.plot import Curves as Curves
 from flowsculpt.render.graphics.plot import plot_panels as plot_panels
-from flowsculpt.render.graphics.three_js import three_js_script as three_js_script
 from flowsculpt.render.graphics.typesetting import BurnIn as BurnIn
 from flowsculpt.render.graphics.typesetting import Font as Font
 from flowsculpt.render.movie.codecs import ENCODES as ENCODES

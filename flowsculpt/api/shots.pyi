@@ -4,6 +4,7 @@ from flowsculpt.pipeline.shot import Motion as Motion
 from flowsculpt.pipeline.shot import Shot as Shot
 from flowsculpt.pipeline.shot.animated_models import SurfaceSequence as SurfaceSequence
 from flowsculpt.pipeline.shot.documents.curves import Changing as Changing
+from flowsculpt.pipeline.shot.documents.curves import NumberField as NumberField
 from flowsculpt.pipeline.shot.documents.curves import WeightField as WeightField
 from flowsculpt.pipeline.shot.documents.field_types import ByForm as ByForm
 from flowsculpt.pipeline.shot.documents.field_types import Document as Document
@@ -25,6 +26,5 @@ from flowsculpt.pipeline.shot.subjects import Solid as Solid
 from flowsculpt.pipeline.shot.subjects import Subject as Subject
 from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext as ParseContext
 from flowsculpt.pipeline.shot.yaml.named_files import NAME_PATTERN as NAME_PATTERN
-from flowsculpt.pipeline.shot.yaml.named_files import is_file as is_file
 from flowsculpt.pipeline.shot.yaml.yaml_source import YamlSource as YamlSource
 from flowsculpt.pipeline.shot.yaml.yaml_source import to_yaml as to_yaml

@@ -9,7 +9,8 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -36,7 +37,7 @@ from flowsculpt.pipeline.cli.standard_streams import READER_LEFT, OutputError, d
 from flowsculpt.pipeline.errors import FlowsculptError, MachineError
 from flowsculpt.pipeline.plugin import Command, fault_of_plugin, named, plugins
 from flowsculpt.render.base.foreign_code import reason_of_foreign
-from flowsculpt.render.base.python_process import ENDING
+from flowsculpt.render.base.python_process import ENDING, interrupt_once
 from flowsculpt.render.base.render_errors import REMEDIES
 
 HELP = """Films of shapes that flow like putty, from a shot file to a finished film.
@@ -89,6 +90,17 @@ def command_words() -> list[str]:
     return [words for name in all_commands() for words in (formats if name == "export" else [name])]
 
 
+def click_commands() -> Iterator[tuple[str, Any]]:
+    """Yield all commands as click has them, and what calls each; first the command line, which nothing does.
+
+    `export` is among them besides its formats. Those of plug-ins that do not load are left out.
+    """
+    yield "", typer.main.get_command(command_line())
+    for words in ("export", *command_words()):
+        with suppress(MachineError):
+            yield words, command_named(words)
+
+
 class _WithoutTypes:
     """Leaves the types of arguments and flags out of the help, such as `<list[str]>` and `<bool>`."""
 
@@ -114,7 +126,7 @@ class _Command(_WithoutTypes, TyperCommand):
         return super().parse_args(ctx, args)
 
     def invoke(self, ctx: Any) -> Any:
-        _handle_signals(_end_at_once, _interrupt_once)
+        _handle_signals(_end_at_once, interrupt_once)
         return super().invoke(ctx)
 
 
@@ -226,13 +238,6 @@ def name_a_home() -> None:
 def _end_at_once(number: int, frame: FrameType | None) -> None:
     """End this process, in which no command has begun: imports may take an interrupt for a fault."""
     os._exit(INTERRUPTED)
-
-
-def _interrupt_once(number: int, frame: FrameType | None) -> None:
-    """Interrupt this process, and let no further signal disturb how it ends its jobs and says so."""
-    for other in ENDING:
-        signal.signal(other, signal.SIG_IGN)
-    raise KeyboardInterrupt
 
 
 def _handle_signals(before: Any, handler: Any) -> None:

@@ -27,11 +27,6 @@ PLUGIN = Plugin(
             "Show what is installed, and what would make it faster.",
             "Maintain",
         ),
-        "completion": Command(
-            "flowsculpt.pipeline.cli.completion_command:completion",
-            "Print a script by which Tab completes commands in bash, zsh or fish.",
-            "Maintain",
-        ),
     },
     formats={"ply": FileFormat("flowsculpt.pipeline.mesh.ply_files:PLY")},
 )

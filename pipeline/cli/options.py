@@ -121,8 +121,8 @@ _SHARED: dict[str, tuple[tuple[str, ...], dict[str, Any]]] = {
     "variant": (
         ("--variant",),
         {
-            "metavar": "VARIANT",
-            "help": f"Mitsuba variant: {', '.join(VARIANTS)}. Default: the first that works.",
+            "metavar": "|".join(VARIANTS),
+            "help": "Mitsuba variant. Default: the first that works.",
         },
     ),
 }
@@ -160,9 +160,9 @@ Crop = Annotated[
 Layers = Annotated[
     str | None,
     typer.Option(
-        metavar="PROGRAM",
-        help="Write layers for compositing into finished frames, with the channel names of "
-        f"{', '.join(CONVENTIONS)}; see docs/compositing.md. Default: what the shot says.",
+        metavar="|".join(CONVENTIONS),
+        help="Write layers for compositing into finished frames, with the channel names of a program; see "
+        "docs/compositing.md. Default: what the shot says.",
     ),
 ]
 Force = Annotated[

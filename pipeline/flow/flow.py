@@ -6,11 +6,9 @@ import dataclasses
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 from flowsculpt.pipeline.arrays import Points
-from flowsculpt.pipeline.errors import UsageError
 from flowsculpt.pipeline.flow.parameters import Vector
 
 Displacement = Callable[[Points, float, float], Points]
@@ -39,6 +37,13 @@ class Flow(ABC):
     def steps(self, time: float, dt: float) -> Iterator[FlowStep]:
         """Yield the flows that act one after another within this step: `displace` is all of them in order."""
         yield FlowStep(self, time, dt)
+
+    runs_code: ClassVar[bool] = False
+    """True if it runs code of the user's, which can do anything: only with permission."""
+
+    def require_permission(self) -> None:
+        """Raise UsageError where it runs code without permission; `displace` does so too."""
+        assert not self.runs_code, "flows that run code override this"
 
     @property
     def members(self) -> tuple[Flow, ...]:
@@ -171,32 +176,12 @@ def as_flow(flow: Flow | Displacement) -> Flow:
     return flow if isinstance(flow, Flow) else Function(flow)
 
 
-class ForeignFlow(Flow):
-    """A flow that runs a Python file of the user's, which can do anything: only with permission.
-
-    path     the file
-    allowed  True if it may run; otherwise `displace` calls `require_permission`
-    """
-
-    path: Path
-    allowed: bool
-
-    def require_permission(self) -> None:
-        """Raise UsageError where the file may not run."""
-        if not self.allowed:
-            raise UsageError(
-                f"{self.path}: the shot would run this Python file, which can do anything you can; "
-                "that needs permission. Read the file, then add --allow-code "
-                "(for snakemake, --config allow_code=true)."
-            )
-
-
-def foreign_flows(flow: Flow) -> Iterator[ForeignFlow]:
-    """Yield the flows that run files of the user's, of a composed flow."""
+def foreign_flows(flow: Flow) -> Iterator[Flow]:
+    """Yield the flows that run code of the user's, of a composed flow."""
     stack: list[Any] = [flow]
     while stack:
         part = stack.pop(0)
-        if isinstance(part, ForeignFlow):
+        if isinstance(part, Flow) and part.runs_code:
             yield part
         elif isinstance(part, tuple | list):
             stack += part

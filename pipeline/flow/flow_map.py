@@ -15,7 +15,6 @@ import numpy as np
 from flowsculpt.pipeline.arrays import Points
 from flowsculpt.pipeline.errors import FlowsculptError, FrameError
 from flowsculpt.pipeline.flow.catalogue.deformations import Deformation
-from flowsculpt.pipeline.flow.catalogue.external_fields import FormulaField
 from flowsculpt.pipeline.flow.flow import Flow, FlowStep
 from flowsculpt.pipeline.flow.streamlines import StepPlan, Streamlines
 from flowsculpt.pipeline.plugin import fault_of_plugin
@@ -99,21 +98,21 @@ def _displace(step: FlowStep, points: Points, frame: int, first: int) -> Points:
 
 
 def diagnose(flow: Flow, point: Points, time: float, dt: float) -> str | None:
-    """Return the formula that is not finite on the path of a point (3,); None where there is none.
+    """Return why a field is not finite on the path of a point (3,); None where no field says it.
 
     The point follows the same sub-steps once more, one stage at a time.
     """
     if not isinstance(flow, Streamlines):
         return None
     position = np.array(point)
-    formulas = any(isinstance(leaf, FormulaField) for leaf, _ in flow.field.leaves(position, time))
+    can_diagnose = any(leaf.can_diagnose for leaf, _ in flow.field.leaves(position, time))
     fixed = replace(flow, tolerance=None, max_step=None)
-    for h in fixed.step_plan(time, dt).spans[:, 0] if formulas else ():
+    for h in fixed.step_plan(time, dt).spans[:, 0] if can_diagnose else ():
         slopes: list[Points] = [np.zeros(3)]
         for share in (0.0, 0.5, 0.5, 1.0):
             stage, stage_time = position + share * h * slopes[-1], time + share * h
             for leaf, seen in flow.field.leaves(stage, stage_time):
-                if isinstance(leaf, FormulaField) and (reason := leaf.diagnose(seen, stage_time)):
+                if reason := leaf.diagnose(seen, stage_time):
                     return reason
             slopes.append(flow.field.velocity(stage[None], stage_time)[0])
         position = position + h / 6.0 * (slopes[1] + 2.0 * (slopes[2] + slopes[3]) + slopes[4])

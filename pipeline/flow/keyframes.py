@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from itertools import pairwise
-from typing import Any, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -409,14 +409,6 @@ def keyed(
     return Keyframes(tuple(times), rows, (ease,) * len(rows))
 
 
-FRAME_DECIMALS = 9  # decimals of the frame number, so that `floor(frame)` is the number of the frame
-
-
-def frame_at(seconds: Any, fps: float, first: int) -> Any:
-    """Return the frame number at seconds (…), with a fraction between frames."""
-    return first + np.round(np.multiply(seconds, fps), FRAME_DECIMALS)
-
-
 @dataclass(frozen=True)
 class FormulaCurve(Curve):
     """One formula a value: `FormulaCurve(("4 * sin(2 * pi * t)",), fps=24.0, first=1)`.
@@ -447,7 +439,7 @@ class FormulaCurve(Curve):
     def over(self, times: Iterable[float]) -> Floats:
         """Return the values (T, K) at many times. Raises UsageError with the first that is not finite."""
         seconds = np.fromiter(times, np.float64)
-        now = time_values(frame_at(seconds, self.fps, self.first), seconds)
+        now = time_values(Expression.frame_at(seconds, self.fps, self.first), seconds)
         columns = [formula(**now) for formula in self._expressions]
         return self.unit * np.stack(columns, axis=1)
 

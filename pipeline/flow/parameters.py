@@ -112,6 +112,7 @@ PositiveNumber = Annotated[Number, POSITIVE]
 """A number above 0, constant or keyed."""
 
 PositiveConstant = Annotated[float, POSITIVE]
+"""A number above 0 that no keys change."""
 
 Direction = Annotated[Vector, DIRECTION]
 """Any vector but 0; its length does not count. Shot files may name an axis."""

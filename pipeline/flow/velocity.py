@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, is_dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, ClassVar, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -110,6 +110,13 @@ class VelocityField(ABC):
     def leaves(self, point: Points, time: float) -> Iterator[tuple[VelocityField, Points]]:
         """Yield the fields it is composed of, each with a point (3,) in that field's coordinates."""
         yield self, point
+
+    can_diagnose: ClassVar[bool] = False
+    """True if `diagnose` may say something."""
+
+    def diagnose(self, point: Points, time: float) -> str | None:
+        """Return why the velocity at a point (3,) is not finite; None where it is, or where nobody knows."""
+        return None
 
     @property
     def name(self) -> str:

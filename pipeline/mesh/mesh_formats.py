@@ -177,6 +177,8 @@ class SurfaceReader:
     states_up  whether files say which axis points up; `files` then returns it
     usual_up   axis, y or z, that points up in most files of a format that does not say it
     read_part  reads a part of a scene; None where parts have no names
+    vertices   reads the positions (V, 3) of vertices and their other numbers (V,) by name, also of files
+               without faces; None where `read` has the positions, and there are no others
     misread    matches the beginning of files that an earlier reader read otherwise: they are other models now
     """
 
@@ -185,6 +187,7 @@ class SurfaceReader:
     states_up: bool = False
     usual_up: str = "y"
     read_part: Callable[[Path, ScenePart], FileSurface] | None = None
+    vertices: Callable[[Path], tuple[Points, Mapping[str, AnyArray]]] | None = None
     misread: re.Pattern[bytes] | None = None
 
     def reads(self, part: ScenePart | None) -> Callable[[Path], FileSurface]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -11,12 +12,14 @@ from flowsculpt.pipeline.arrays import AnyArray, Points
 from flowsculpt.pipeline.errors import MeshError
 from flowsculpt.pipeline.file_contents import as_utf8, number_fault
 from flowsculpt.pipeline.mesh.mesh_formats import (
+    MOST_BYTES,
     FileSurface,
     SurfaceReader,
     early_end,
     offsets_of,
     polygon_surface,
 )
+from flowsculpt.render.base.input_files import InputFile
 from flowsculpt.render.base.plural import plural
 
 _OLD_NAMES = {
@@ -96,12 +99,12 @@ def read_polygon_file(content: bytes) -> FileSurface:
     return surface._replace(velocities=_velocities(tables.get("vertex", {})))
 
 
-def read_ply_vertices(content: bytes) -> tuple[Points, dict[str, AnyArray]]:
+def _read_vertices(path: Path) -> tuple[Points, dict[str, AnyArray]]:
     """Return the positions (V, 3) of the vertices of a PLY file, and its other numbers of each (V,), by name.
 
     Raises ValueError for unreadable input, and where vertices have no positions.
     """
-    tables = read_elements(content)
+    tables = read_elements(InputFile(path, MOST_BYTES).content())
     others = {
         name: column
         for name, column in tables.get("vertex", {}).items()
@@ -430,5 +433,5 @@ def _uneven_rows(element: _Element, content: bytes, order: str, at: int) -> tupl
 
 
 PLY = SurfaceReader.of_content(  # a reader left out strips of triangles
-    read_polygon_file, misread=re.compile(rb"[\r\n]element[ \t]+tristrips[ \t]")
+    read_polygon_file, vertices=_read_vertices, misread=re.compile(rb"[\r\n]element[ \t]+tristrips[ \t]")
 )

@@ -300,7 +300,7 @@ def repair_surface(surface: FileSurface, repair: bool = True) -> RepairedSurface
     _require_faces(soup)
     mesh, origin = soup.to_mesh()
     problem = _problem(mesh)
-    if problem is not None or (repair and _is_inside_out(soup)):
+    if problem is not None or (repair and find_winding(soup, link_sides(soup).link).inwards.any()):
         soup = _cut_and_drop(soup, faults)
         mesh, soup, origin = _separate(soup, faults)
         problem = _problem(mesh)
@@ -461,10 +461,6 @@ def _tell_fans(soup: FaceSoup, labels: AnyArray, crowded: AnyArray, faults: Repa
 def _problem(mesh: PolygonMesh) -> str | None:
     """Return the first fault of a mesh, or None; kernels are quicker where all faces are triangles."""
     return validate(mesh if mesh.sides.max() > 3 else mesh.triangulated()).problem
-
-
-def _is_inside_out(soup: FaceSoup) -> bool:
-    return bool(find_winding(soup, link_sides(soup).link).inwards.any())
 
 
 def _between_groups(mesh: PolygonMesh, groups: AnyArray) -> AnyArray:

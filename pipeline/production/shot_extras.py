@@ -58,9 +58,9 @@ class ShotExtras:
     """What a plug-in has of a shot besides its frames. Its class overrides what it has; the rest is empty.
 
     An object of the class is made without arguments, once in a process. Other plug-ins ask all of them:
-    `review` shows sequences and animations, `publish` freezes notes, `verify` checks versions,
-    `clean` deletes what is unneeded. Keep the module of the class small and import in its methods: each of
-    these commands imports it.
+    `review` shows sequences and animations, `preview` prints warnings, `publish` freezes notes, `verify`
+    checks versions, `clean` deletes what is unneeded. Keep the module of the class small and import in its
+    methods: each of these commands imports it.
     """
 
     @staticmethod
@@ -80,6 +80,10 @@ class ShotExtras:
         Raises FlowsculptError where the shot has none; its message says why.
         """
         return None
+
+    def warnings(self, request: RenderRequest, last: int) -> Iterable[str]:
+        """Yield lines about what the frames up to `last` will cost, before they are simulated."""
+        return ()
 
     def notes(self, root: Path, shot: str) -> bytes:
         """Return the file of a shot's notes, to be published with it; empty bytes where there are none."""

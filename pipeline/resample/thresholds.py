@@ -260,6 +260,11 @@ class Thresholds:
         rule = "between 0 and pi radians"
         return _over("hard_angle", self.hard_angle, mesh, lambda v: (v > 0) & (v <= math.pi), rule)
 
+    def with_hard_edges(self, mesh: TriangleMesh) -> TriangleMesh:
+        """Return a mesh whose hard edges are creases as well. Raises UsageError like `fields`."""
+        edges = edges_by_angle(mesh, self.hard_angles(mesh))
+        return mesh.with_creases(np.concatenate([mesh.creases, edges]))
+
     def at(self, frame: int, time: float) -> Thresholds:
         """Return the thresholds of one frame, `time` seconds from the start of the shot.
 

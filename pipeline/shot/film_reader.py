@@ -21,12 +21,12 @@ from flowsculpt.pipeline.shot.yaml.document_validation import Checks, unforeseen
 from flowsculpt.pipeline.shot.yaml.inheritance import OPTION
 from flowsculpt.pipeline.shot.yaml.named_files import (
     is_edit,
-    is_file,
     name_fault,
     quote_name,
     shot_files,
 )
 from flowsculpt.pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource
+from flowsculpt.render.base.input_files import InputFile
 from flowsculpt.render.base.plural import plural
 from flowsculpt.render.scene.render_camera import Projection
 
@@ -120,7 +120,7 @@ def _at_the_edit(error: ShotError, setting: str, source: YamlSource) -> ShotErro
 def _shot(folder: Path, name: str, place: str, settings: tuple[str, ...]) -> Shot:
     """Read a shot of an edit. Raises ShotError, and MissingInputError with its place in the edit."""
     file = folder / f"{name}.yaml"
-    if is_file(file):
+    if InputFile(file).is_there():
         return read_shot(file, settings=settings)
     known = [shot.stem for shot in shot_files(folder) if not is_edit(shot)]
     hint = suggest(name, known) if known else "No shot is beside the edit; flowsculpt new NAME makes one."
@@ -229,7 +229,7 @@ def _words(projection: Projection) -> str:
 
 def _missing_sound(source: YamlSource, folder: Path) -> Iterator[Problem]:
     name = source.get("sound", "file")
-    if isinstance(name, str) and not is_file(folder / name):
+    if isinstance(name, str) and not InputFile(folder / name).is_there():
         known = sorted(file.name for file in folder.glob("[!.]*") if file.suffix.lower() in SUFFIXES)
         remedy = "and no other beside the edit. Put it there, or remove sound."
         if known:

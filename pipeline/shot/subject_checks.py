@@ -23,7 +23,6 @@ from flowsculpt.pipeline.shot.documents.subject_documents import (
     points_kind,
 )
 from flowsculpt.pipeline.shot.yaml.document_validation import missing_file
-from flowsculpt.pipeline.shot.yaml.named_files import is_file
 from flowsculpt.pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource
 from flowsculpt.render.base.input_files import InputFile
 
@@ -127,7 +126,7 @@ def check_files(source: YamlSource) -> Iterator[Problem]:
         if not isinstance(name, str):
             continue
         path = source.path.parent / name
-        if not is_file(path):
+        if not InputFile(path).is_there():
             yield ("subject", kind), missing_file(name, path, f"{kind} file")
             continue
         try:

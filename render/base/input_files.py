@@ -85,6 +85,17 @@ class InputFile:
     path: Path
     most: int = MOST_BYTES
 
+    def is_there(self) -> bool:
+        """Tell whether the path names a file; a name too long for a file does not."""
+        try:
+            return self.path.is_file()
+        except OSError as error:
+            if error.errno in (errno.EIO, errno.ESTALE):
+                raise MachineError.of_path(self.path, error, "read") from None
+            return False
+        except ValueError:
+            return False
+
     def size(self) -> int:
         """Return its number of bytes."""
         path = self.path

@@ -20,6 +20,7 @@ from collections.abc import Callable, Iterator
 from contextlib import chdir, contextmanager, suppress
 from functools import cache
 from pathlib import Path
+from types import FrameType
 
 import flowsculpt
 
@@ -32,6 +33,14 @@ LOADED_OBJECTS = 400_000
 ENDING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 """Signals that end a process: of a user, a farm or service manager, and a terminal that is closed. Windows
 lacks the last."""
+
+
+def interrupt_once(number: int, frame: FrameType | None) -> None:
+    """Interrupt this process once: a signal often comes several times, and must not disturb the clean-up."""
+    for other in ENDING:
+        signal.signal(other, signal.SIG_IGN)
+    raise KeyboardInterrupt
+
 
 SAFE_PATH = "PYTHONSAFEPATH"
 """The environment variable that means `-P` to every Python, also to one that others start."""

@@ -28,7 +28,6 @@ from flowsculpt.pipeline.flow import (
 from flowsculpt.pipeline.flow.catalogue.attractors import Aizawa, Lorenz
 from flowsculpt.pipeline.flow.catalogue.basic import ABC, Rotation, Strain, Translation
 from flowsculpt.pipeline.flow.catalogue.deformations import Twist
-from flowsculpt.pipeline.flow.catalogue.external_fields import FormulaField
 from flowsculpt.pipeline.flow.catalogue.vortices import Vortex
 from flowsculpt.pipeline.flow.composition import Mirror, Placed, RegionField, Transform, Within
 from flowsculpt.pipeline.flow.flow_map import FlowMap, FrameStep
@@ -42,7 +41,6 @@ FIELDS: dict[str, VelocityField] = {
     "lorenz": Lorenz(time_scale=0.3),
     "aizawa": Aizawa(),
     "abc": ABC(),
-    "formula": FormulaField(("-y*cos(t)", "x", "0.3*sin(5*t)*z")),
 }
 each_field = pytest.mark.parametrize("field", FIELDS.values(), ids=FIELDS)
 TOLERANT = Streamlines(SWIRL, tolerance=1e-6)
@@ -282,12 +280,6 @@ def test_a_tolerance_out_of_reach_is_told_with_the_place() -> None:
     ):
         Streamlines(Translation((50.0, 0.0, 0.0)), max_step=1e-6).displace(points, 0.0, DT)
     assert MAX_SUBSTEPS == 10_000
-
-
-def test_a_formula_that_divides_by_zero_is_told_as_such() -> None:
-    flow = Streamlines(FormulaField(("1/x", "0", "0")), tolerance=1e-6)
-    with pytest.raises(FrameError, match="formula"):
-        checked_displacement(flow, np.zeros((3, 3)), 0.0, DT, 2)
 
 
 def test_courses_of_both_kinds_are_not_joined(points: Points, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,7 +11,6 @@ from flowsculpt.pipeline.flow import Flow, Sequence, Streamlines, Sum
 from flowsculpt.pipeline.flow.catalogue.attractors import Lorenz
 from flowsculpt.pipeline.flow.catalogue.basic import Enright, Expansion, Rotation
 from flowsculpt.pipeline.flow.catalogue.deformations import Bend, Twist
-from flowsculpt.pipeline.flow.catalogue.external_fields import FormulaField
 from flowsculpt.pipeline.flow.catalogue.vortices import SpiralVortex, Vortex, VortexRing
 from flowsculpt.pipeline.flow.keyframes import Keyframes, keyed
 from flowsculpt.pipeline.mesh import (
@@ -28,6 +27,7 @@ from flowsculpt.pipeline.mesh.analytic_surfaces import SphereSurface
 from flowsculpt.pipeline.mesh.halfedge_mesh import with_identities
 from flowsculpt.pipeline.plugins.fields.attraction import Attraction, Target
 from flowsculpt.pipeline.plugins.fields.curl_noise import CurlNoise
+from flowsculpt.pipeline.plugins.fields.formula_field import FormulaField
 from flowsculpt.pipeline.resample import (
     Chord,
     Curvature,

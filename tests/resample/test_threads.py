@@ -13,11 +13,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flowsculpt.pipeline.flow.catalogue.external_fields import FormulaField, Sampled, Samples
+from flowsculpt.pipeline.flow.catalogue.sampled_field import Sampled, Samples
 from flowsculpt.pipeline.flow.regions import ClosedSurface
 from flowsculpt.pipeline.kernels import BlockKernel
 from flowsculpt.pipeline.mesh import box
 from flowsculpt.pipeline.plugins.fields.attraction import Target, Wind
+from flowsculpt.pipeline.plugins.fields.formula_field import FormulaField
 from tests.needed_plugins import needs_plugins
 from tests.resample.films import FILMS
 

@@ -8,9 +8,9 @@ import pytest
 
 from flowsculpt.pipeline.errors import ShotError
 from flowsculpt.pipeline.flow import Sequence, Streamlines
-from flowsculpt.pipeline.flow.catalogue.external_fields import FormulaField
 from flowsculpt.pipeline.plugins.fields.attraction import Attraction, Wind
 from flowsculpt.pipeline.plugins.fields.curl_noise import CurlNoise
+from flowsculpt.pipeline.plugins.fields.formula_field import FormulaField
 from flowsculpt.pipeline.plugins.python.python_flow import PythonFlow
 from flowsculpt.pipeline.shot import Shot, read_shot
 from tests.needed_plugins import needs_plugins, shot_rows

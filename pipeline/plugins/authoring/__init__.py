@@ -30,4 +30,5 @@ PLUGIN = Plugin(
             "Write shots",
         ),
     },
+    extras="flowsculpt.pipeline.plugins.authoring.authoring_extras:AuthoringExtras",
 )

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from flowsculpt import FrameError, PolygonMesh
-from flowsculpt.api.flows import MotionForecast
 from flowsculpt.api.frames import animate
 from flowsculpt.api.meshes import Floats, connected_components
 from flowsculpt.api.shots import Model, Motion, Solid
+from flowsculpt.pipeline.plugins.authoring.growth_forecast import estimated_vertices
 
 LARGEST_COMPUTED = 3_000_000
 """Vertices up to which the first frame is computed; a larger one is estimated by its area."""
@@ -96,7 +96,7 @@ def _first_frame(motion: Motion) -> FirstFrame:
     if resampling is None or longest is None:
         return _computed(motion, longest)
     at_rest, budget = motion.mesh_at_rest(), resampling.thresholds.max_vertices
-    estimated = MotionForecast.estimated_vertices(at_rest, longest)
+    estimated = estimated_vertices(at_rest, longest)
     exceeds = estimated > CERTAINLY * budget
     if not exceeds and estimated <= LARGEST_COMPUTED:
         try:

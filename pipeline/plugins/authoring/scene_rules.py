@@ -22,6 +22,7 @@ from flowsculpt.api.frames import Framer
 from flowsculpt.api.meshes import Floats
 from flowsculpt.api.shots import Model, Motion, Shot
 from flowsculpt.pipeline.plugins.authoring.first_frame import FirstFrame, small_parts
+from flowsculpt.pipeline.plugins.authoring.growth_forecast import GrowthForecast
 
 Where = tuple[Any, ...]
 
@@ -157,9 +158,9 @@ def grows(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
     """Check that the surface does not multiply in the course of the shot."""
     if first.exceeds:
         return
-    forecast = MotionForecast(shot.motion)
-    if warning := forecast.growth_warning(first.points, first.faces, first.vertices):
-        yield Finding(_where(warning.growth.place), str(warning))
+    if warning := GrowthForecast(shot.motion, first.points, first.faces, first.vertices).warning():
+        place, text = warning
+        yield Finding(_where(place), text)
 
 
 def _lengths(corners: Floats) -> Floats:

@@ -1,4 +1,4 @@
-"""Fields: velocities on grids in files, turbulence, attraction to shapes, and wind along curves."""
+"""Fields: velocities by formulas, on grids in files, turbulence, attraction to shapes, wind along curves."""
 
 from flowsculpt.api import Plugin
 
@@ -8,6 +8,7 @@ PLUGIN = Plugin(
     name="fields",
     version="",
     flows={
+        "formula": "flowsculpt.pipeline.plugins.fields.formula_document:FormulaDocument",
         "curl_noise": "flowsculpt.pipeline.plugins.fields.curl_noise:CurlNoise",
         "attraction": f"{_DOCUMENTS}:AttractionDocument",
         "wind": f"{_DOCUMENTS}:WindDocument",

@@ -11,7 +11,8 @@ from typing import Any
 
 from flowsculpt import UsageError
 from flowsculpt.api import shorten
-from flowsculpt.api.shots import ParseContext, is_file
+from flowsculpt.api.files import InputFile
+from flowsculpt.api.shots import ParseContext
 
 _INTEGER, _DECIMAL = (re.compile(rf"((?:(?<![^\W_])-)?[0-9]+{rest})") for rest in ("", r"(?:\.[0-9]+)?"))
 """Numbers in names; a minus after a letter or a digit separates, as in wind-3."""
@@ -25,13 +26,13 @@ def files_named(name: str, context: ParseContext) -> tuple[Path, ...]:
     """
     if "*" not in name:
         path = context.folder / name
-        return (path if is_file(path) else context.file(name),)
+        return (path if InputFile(path).is_there() else context.file(name),)
     folder = context.folder / Path(name).parent
     try:
         if "**" in name:  # from Python 3.13 on, glob takes it for one *
             raise ValueError
         found = folder.glob(Path(name).name)  # hidden files are of other programs
-        paths = [path for path in found if is_file(path) and not path.name.startswith(".")]
+        paths = [path for path in found if InputFile(path).is_there() and not path.name.startswith(".")]
     except (OSError, ValueError):
         raise UsageError(
             f"file {shorten(name)} is not a name of a sequence; each * stands for any letters. "

@@ -32,7 +32,7 @@ from flowsculpt import FrameError, Thresholds, TriangleMesh, UsageError, vertex_
 from flowsculpt.api import VertexBudgetError
 from flowsculpt.api.flows import FlowMap
 from flowsculpt.api.frames import PipelineStage, RenderRequest, Store, StoredFiles, key_of
-from flowsculpt.api.meshes import Floats, Indices, RefinableSurface, edges_by_angle
+from flowsculpt.api.meshes import Floats, Indices, RefinableSurface
 from flowsculpt.api.shots import Motion
 from flowsculpt.pipeline.plugins.interchange.birth_values import mix_births
 
@@ -293,10 +293,10 @@ class Refiner:
         """The subject at rest, with its creases."""
         motion, first = self._motion, self.frames[0]
         mesh, resampling = motion.mesh_at_rest(), motion.resampling_at(first)
-        angles = motion.thresholds_at(first).hard_angles(mesh)
+        thresholds = motion.thresholds_at(first)
         if resampling is None:
-            return with_hard_edges(mesh, angles)
-        return resampling.tag_creases(mesh, angles)
+            return thresholds.with_hard_edges(mesh)
+        return resampling.tag_creases(mesh, thresholds.hard_angles(mesh))
 
     def _rest(self, born: Sequence[Floats]) -> Floats:
         """Return the positions (V, 3) at rest of the vertices born so far."""
@@ -324,11 +324,6 @@ def carries_normals(motion: Motion) -> bool:
     """Tell whether normals of frames are carried through the flow."""
     resampling = motion.resampling
     return resampling is not None and (resampling.placement, resampling.normals) == ("exact", "carried")
-
-
-def with_hard_edges(mesh: TriangleMesh, angles: float | Floats) -> TriangleMesh:
-    """Return a mesh whose edges above hard angles, radians, are creases as well."""
-    return mesh.with_creases(np.concatenate([mesh.creases, edges_by_angle(mesh, angles)]))
 
 
 def _name(before: Sequence[_Sweep]) -> str:

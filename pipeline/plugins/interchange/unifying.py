@@ -42,7 +42,6 @@ from flowsculpt.pipeline.plugins.interchange.refining import (
     Refined,
     Refiner,
     carries_normals,
-    with_hard_edges,
 )
 
 
@@ -160,7 +159,7 @@ class Unification:
             return None
         motion, frames = self.request.shot.motion, self.rigid_frames
         first = frames[motion.frames.first]
-        own = with_hard_edges(first.own, motion.thresholds_at(first.number).hard_angles(first.own))
+        own = motion.thresholds_at(first.number).with_hard_edges(first.own)
 
         def points_at(number: int) -> Floats:
             copies = frames[number].copies

@@ -24,7 +24,7 @@ from flowsculpt.api.files import PageFolder, disk_errors
 from flowsculpt.api.frames import Framing
 from flowsculpt.api.materials import LightRig, Material
 from flowsculpt.api.meshes import Floats
-from flowsculpt.api.pictures import Camera, three_js_script
+from flowsculpt.api.pictures import Camera
 from flowsculpt.api.shots import Shot
 from flowsculpt.pipeline.plugins.interchange.animated_gltf import Moving, closes
 from flowsculpt.pipeline.plugins.interchange.embedded_pictures import EmbeddedPicture
@@ -47,7 +47,7 @@ _SHADOWS = 6  # the most lights that cast shadows: each is drawn into a texture 
 
 def require_three_js() -> str:
     """Return the text of three.js. Raises MissingInputError where set-up has not fetched it."""
-    return three_js_script("no page was written")
+    return PAGE.three_js("no page was written")
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,7 +23,6 @@ from flowsculpt.api.frames import (
     Store,
     StoredFiles,
 )
-from flowsculpt.api.shots import is_file
 
 
 @dataclass(frozen=True)
@@ -100,7 +99,7 @@ def shown_with_digest(store: Store) -> list[Path]:
     apart = [Folders.of_root(store.root).state, *_of_versions(store.root)]
     folders = (f for f in store.digests.folders() if not any(map(f.is_relative_to, apart)))
     paths = (folder / name for folder in folders for name in sorted(store.digests.in_folder(folder)))
-    return [path for path in paths if is_file(path)]
+    return [path for path in paths if InputFile(path).is_there()]
 
 
 def verify_shown(
@@ -146,7 +145,7 @@ def shown_files(root: Path) -> Iterator[Path]:
     """Yield the files in renders/, but those of versions."""
     apart = _of_versions(root)
     for path in sorted(Folders.of_root(root).renders.rglob("*")):
-        if is_file(path) and not any(map(path.is_relative_to, apart)):
+        if InputFile(path).is_there() and not any(map(path.is_relative_to, apart)):
             yield path
 
 

@@ -11,7 +11,7 @@ from flowsculpt import MeshError, MissingInputError
 from flowsculpt.api import PointsKind, plural, quote
 from flowsculpt.api.files import InputFile
 from flowsculpt.api.meshes import Lattice
-from flowsculpt.api.shots import ByForm, Document, Positive, SolidDocument, Triple, is_file, one_of
+from flowsculpt.api.shots import ByForm, Document, Positive, SolidDocument, Triple, one_of
 from flowsculpt.pipeline.plugins.points.clouds import MOST_POINTS, Cloud, CloudInSolid, CloudOfFile, radii_of
 from flowsculpt.pipeline.plugins.points.nets import NETS, ControlNet, NetOfFile, NetOfRows, NetOfSolid
 from flowsculpt.pipeline.plugins.points.point_files import read_net, read_points
@@ -88,7 +88,7 @@ class CloudDocument(PointsKind):
 
 def _faults_of_cloud(path: Path, radius: float | str) -> Iterator[tuple[Where, str]]:
     try:
-        if is_file(path):
+        if InputFile(path).is_there():
             radii_of(read_points(path), radius, str(path))
     except MissingInputError:
         return  # is reported as such
@@ -168,7 +168,7 @@ _OWNERS_BESIDE = {
 
 def _faults_of_net(path: Path, columns: int | None) -> Iterator[tuple[Where, str]]:
     try:
-        if is_file(path):
+        if InputFile(path).is_there():
             Lattice(*read_net(path, columns).shape[:2])
     except MissingInputError:
         return  # is reported as such

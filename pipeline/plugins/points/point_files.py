@@ -12,7 +12,7 @@ import numpy as np
 from flowsculpt import MeshError
 from flowsculpt.api import plural, suggest
 from flowsculpt.api.files import Archive, InputFile, number_fault, text_content
-from flowsculpt.api.meshes import Floats, ModelFile, read_ply_vertices
+from flowsculpt.api.meshes import Floats, ModelFile
 
 _POINTS = ("points", "vertices")
 _ATTRIBUTE = "attribute:"
@@ -136,15 +136,15 @@ def _arrays(content: bytes) -> PointSet:
 
 
 def _vertices(path: Path) -> PointSet:
-    """Return the vertices of a file of a plug-in's mesh format."""
+    """Return the vertices of a file of a mesh format."""
     form = ModelFile(path).reader
     if form is None:
         raise MeshError("the plug-in that reads it is missing. Install flowsculpt again.")
-    return PointSet(form.read(path).points, {})
+    return PointSet(form.read(path).points, {}) if form.vertices is None else PointSet(*form.vertices(path))
 
 
 _READERS: Mapping[str, Callable[[Path], PointSet]] = {
-    "ply": lambda path: PointSet(*read_ply_vertices(InputFile(path, MOST_BYTES).content())),
+    "ply": _vertices,
     "xyz": lambda path: _xyz(InputFile(path, MOST_BYTES).content()),
     "npz": lambda path: _arrays(InputFile(path, MOST_BYTES).content()),
     "obj": _vertices,

@@ -11,10 +11,9 @@ from typing import Annotated, Any
 import typer
 
 from flowsculpt import FlowsculptError, UsageError
-from flowsculpt.api import Progress, plural
+from flowsculpt.api import Progress, ShotExtras, plural
 from flowsculpt.api.commands import print_error, print_result, print_warning, progress_bars
 from flowsculpt.api.files import make_folder
-from flowsculpt.api.flows import MotionForecast
 from flowsculpt.api.frames import Edit, FrameRange, RenderRequest, Show, Store
 from flowsculpt.api.options import DEFAULT_QUALITY, Common, ShotOptions, shared_option
 from flowsculpt.api.pictures import BurnIn
@@ -142,7 +141,7 @@ def _draw_once(common: Common, sketch: Sketch, store: Store, at: int | None, pat
             played = animatic.played(numbers) if at is None else animatic.played_for_still(at)
             with _bars(common, [animatic], {"simulating": len(played), "drawing": len(numbers)}) as report:
                 if not all(stream.knows(sketch.request, number) for number in played):
-                    _warn_of_growth(sketch.request, max(played))
+                    _warn_of_cost(sketch.request, max(played))
                 if at is None:
                     animatic.movie(path, report)
                 else:
@@ -181,18 +180,11 @@ def _print_notes(sketches: Sequence[Sketch]) -> None:
         print_warning(line)
 
 
-def _warn_of_growth(request: RenderRequest, last: int) -> None:
-    """Warn of subjects whose vertices multiply up to the frame `last`, before they are simulated."""
-    for part in request.shot.parts:
-        motion = part.motion
-        longest = motion.longest_edge(motion.frames.first)
-        if motion.resampling is None or longest is None:
-            continue
-        mesh = motion.mesh_at_rest()
-        forecast = MotionForecast(motion)
-        vertices = forecast.estimated_vertices(mesh, longest)
-        if warning := forecast.growth_warning(mesh.vertices, mesh.faces, vertices, last):
-            print_warning(f"{request.name}: {warning}")
+def _warn_of_cost(request: RenderRequest, last: int) -> None:
+    """Print what plug-ins foresee of the frames up to `last`, before they are simulated."""
+    for extras in ShotExtras.of_plugins().values():
+        for line in extras.warnings(request, last):
+            print_warning(f"{request.name}: {line}")
 
 
 def _redraw(

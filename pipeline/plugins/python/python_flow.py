@@ -18,9 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from flowsculpt import FrameError
+from flowsculpt import Flow, FrameError, UsageError
 from flowsculpt.api.files import InputFile
-from flowsculpt.api.flows import ForeignFlow
 from flowsculpt.api.meshes import Floats
 
 Displacement = Callable[[Floats, float, float], Floats]
@@ -84,13 +83,15 @@ def _check(event: str, arguments: tuple[Any, ...]) -> None:
 
 
 @dataclass(frozen=True)
-class PythonFlow(ForeignFlow):
+class PythonFlow(Flow):
     """A function `points, time, dt -> points` of a Python file, run only with permission.
 
     digest   SHA-256 of the file, for keys; the modules it imports do not count
     allowed  True if the file may run; otherwise every step fails
     reads    digests of the `files` that it may open
     """
+
+    runs_code = True
 
     function: str
     digest: str
@@ -102,6 +103,15 @@ class PythonFlow(ForeignFlow):
     @property
     def name(self) -> str:
         return f"{self.function} of {self.path}"
+
+    def require_permission(self) -> None:
+        """Raise UsageError where the file may not run."""
+        if not self.allowed:
+            raise UsageError(
+                f"{self.path}: the shot would run this Python file, which can do anything you can; "
+                "that needs permission. Read the file, then add --allow-code "
+                "(for snakemake, --config allow_code=true)."
+            )
 
     def displace(self, points: Floats, time: float, dt: float) -> Floats:
         self.require_permission()

@@ -19,9 +19,9 @@ from pydantic import BaseModel, ConfigDict, Field, StringConstraints, Validation
 
 from flowsculpt import MachineError, MissingInputError, UsageError
 from flowsculpt.api import shorten
-from flowsculpt.api.files import ChangedFileError, atomic_write
+from flowsculpt.api.files import ChangedFileError, InputFile, atomic_write
 from flowsculpt.api.frames import Folders, Locks
-from flowsculpt.api.shots import NAME_PATTERN, is_file
+from flowsculpt.api.shots import NAME_PATTERN
 
 FORMAT = "flowsculpt notes"
 VERSION = 1
@@ -173,7 +173,7 @@ def as_text(notes: Iterable[ReviewNote]) -> str:
 
 def read_notes(path: Path) -> list[ReviewNote]:
     """Return the notes of a file. Raises MissingInputError, UsageError, or MachineError if it is refused."""
-    if not is_file(path):
+    if not InputFile(path).is_there():
         raise MissingInputError(f"{path}: no such file of notes; the page of flowsculpt review downloads one")
     try:
         content = path.read_bytes()
@@ -274,7 +274,7 @@ def notes_file(root: Path, shot: str) -> bytes:
 
 
 def _notes_in(path: Path) -> list[ReviewNote]:
-    return read_notes(path) if is_file(path) else []
+    return read_notes(path) if InputFile(path).is_there() else []
 
 
 def _count(notes: Iterable[ReviewNote], before: Iterable[ReviewNote]) -> int:

@@ -34,7 +34,6 @@ from flowsculpt.api.frames import (
     key_of,
 )
 from flowsculpt.api.options import DEFAULT_QUALITY
-from flowsculpt.api.pictures import three_js_script
 from flowsculpt.pipeline.plugins.review import view_3d
 from flowsculpt.pipeline.plugins.review.measures import TIMED_STAGES, limits_of, measured
 from flowsculpt.pipeline.plugins.review.page_pictures import LayerWriter, Proxies, ProxyWriter
@@ -114,7 +113,7 @@ class ReviewPage:
     def three_js(self) -> tuple[str, str]:
         """The text of three.js, which draws the 3-D view, and why the page has none; one of them is empty."""
         try:
-            return three_js_script("the page has no 3-D view"), ""
+            return PAGE.three_js("the page has no 3-D view"), ""
         except MissingInputError as error:
             return "", str(error)
 

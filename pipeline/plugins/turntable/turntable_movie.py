@@ -42,7 +42,7 @@ from flowsculpt.api.options import (
     shared_option,
 )
 from flowsculpt.api.pictures import ContactSheet, prefetch, write_movie, write_still
-from flowsculpt.api.shots import NAME_PATTERN, PRESETS, WrittenShot, YamlSource, is_file
+from flowsculpt.api.shots import NAME_PATTERN, PRESETS, WrittenShot, YamlSource
 from flowsculpt.pipeline.plugins.turntable.turntable_frames import REFERENCES, TURNS, Turntable
 
 TURNTABLE_SHEET = PipelineStage(
@@ -393,7 +393,7 @@ def _with_absolute_files(settings: Any, folder: Path) -> Any:
         return {name: _with_absolute_files(value, folder) for name, value in settings.items()}
     if isinstance(settings, list):
         return [_with_absolute_files(value, folder) for value in settings]
-    names_file = isinstance(settings, str) and is_file(folder / settings)
+    names_file = isinstance(settings, str) and InputFile(folder / settings).is_there()
     return str((folder / settings).absolute()) if names_file else settings
 
 

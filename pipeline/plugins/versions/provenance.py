@@ -22,7 +22,7 @@ from flowsculpt.api.frames import (
     QualityName,
     ShotSource,
 )
-from flowsculpt.api.shots import NAME_PATTERN, is_file
+from flowsculpt.api.shots import NAME_PATTERN
 
 FILE = "provenance.json"
 FORMAT = 2
@@ -128,7 +128,7 @@ class Provenance:
     @classmethod
     def read(cls, path: Path) -> Provenance:
         """Raises MissingInputError where it is not there, UsageError where it is none."""
-        if not is_file(path):
+        if not InputFile(path).is_there():
             raise MissingInputError(
                 f"{path}: no such file; flowsculpt versions lists the published versions; each has a {FILE}"
             )

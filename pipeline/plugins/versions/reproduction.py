@@ -19,7 +19,6 @@ from flowsculpt.api.commands import Project
 from flowsculpt.api.files import InputFile
 from flowsculpt.api.frames import Folders, FrameKeys, FrameRange, Plan, RenderRequest, ShotSource, Store
 from flowsculpt.api.pictures import RenderError, read_exr
-from flowsculpt.api.shots import is_file
 from flowsculpt.pipeline.plugins.versions.provenance import Provenance
 
 
@@ -43,7 +42,7 @@ def restored(record: Provenance, allow_code: bool) -> ShotSource:
     """
     gone, changed = [], []
     for place, digest in record.source.inputs or ():
-        if not is_file(Path(place)):
+        if not InputFile(Path(place)).is_there():
             gone.append(place)
         elif InputFile(Path(place)).digest() != digest:
             changed.append(place)

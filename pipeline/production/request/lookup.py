@@ -20,13 +20,12 @@ from flowsculpt.pipeline.plugin import plugins
 from flowsculpt.pipeline.shot.yaml.named_files import (
     DEFAULTS,
     is_edit,
-    is_file,
     name_fault,
     quote_name,
     shot_files,
 )
 from flowsculpt.pipeline.shot.yaml.synonyms import value_meant
-from flowsculpt.render.base.input_files import kind_of_path
+from flowsculpt.render.base.input_files import InputFile, kind_of_path
 from flowsculpt.render.scene.render_quality import FORMER_NAMES, QUALITIES, Crop, Quality
 
 if TYPE_CHECKING:  # reading shots takes a second
@@ -197,10 +196,6 @@ NO_SHOTS = (
 """The message of commands where nothing was begun yet."""
 
 
-def _is_model(name: str) -> bool:
-    return Path(name).suffix.lower().lstrip(".") in plugins().readers("surface")
-
-
 def _require_name(path: Path, kind: str) -> None:
     """Raise UsageError for a name that no shot or edit can have."""
     if fault := name_fault(path.stem, kind):
@@ -228,7 +223,8 @@ class Show:
 
         Raises MissingInputError with the nearest names, UsageError for a name that no frames can have.
         """
-        if _is_model(name) and not is_file(self.folder / f"{name}.yaml"):
+        is_model = Path(name).suffix.lower().lstrip(".") in plugins().readers("surface")
+        if is_model and not InputFile(self.folder / f"{name}.yaml").is_there():
             own = re.sub(r"[^A-Za-z0-9_-]", "_", Path(name).stem)
             raise UsageError(
                 f"{quote_name(name)} is a model, not a shot; flowsculpt new A010_{own} --model "
@@ -244,7 +240,7 @@ class Show:
             own = "" if path == self.film else f" {quote_name(name)}"
             raise UsageError(f"{quote_name(path)} is an edit, not a shot; flowsculpt film{own} renders it")
         _require_name(path, "shot")
-        if is_file(path):
+        if InputFile(path).is_there():
             return path
         if kind := kind_of_path(path):
             raise MissingInputError(
@@ -269,7 +265,7 @@ class Show:
         path = self._path(name)
         _require_name(path, "edit")
         hint = _near(path.stem, self.edits(), "flowsculpt new --show writes shots/film.yaml")
-        if not is_file(path):
+        if not InputFile(path).is_there():
             self._require_shots()
             raise MissingInputError(f"{quote_name(path)}: no such edit; {hint}")
         if path.stem in self.shots() and path.absolute() == (self.folder / path.name).absolute():

@@ -35,8 +35,9 @@ from flowsculpt.pipeline.production.request.manifest import (
 )
 from flowsculpt.pipeline.production.store.paths import STATE
 from flowsculpt.pipeline.production.store.store import Store, key_of
-from flowsculpt.pipeline.shot.yaml.named_files import DEFAULTS, is_file, text_of
+from flowsculpt.pipeline.shot.yaml.named_files import DEFAULTS, text_of
 from flowsculpt.render.base.atomic_write import atomic_write, make_folder
+from flowsculpt.render.base.input_files import InputFile
 from flowsculpt.render.base.render_errors import BadInputError
 from flowsculpt.render.base.root_files import set_time
 from flowsculpt.render.base.serialise import NOT_PLAIN, from_plain, to_plain
@@ -346,11 +347,11 @@ def _rests_on(path: Path, text: str) -> dict[str, str]:
 
         return inherited_files(path, text)
     defaults = path.with_name(DEFAULTS)
-    return {DEFAULTS: text_of(defaults)} if is_file(defaults) else {}
+    return {DEFAULTS: text_of(defaults)} if InputFile(defaults).is_there() else {}
 
 
 def _text(path: Path) -> str:
-    if not is_file(path):
+    if not InputFile(path).is_there():
         raise MissingInputError(f"{path}: no such shot file; flowsculpt new makes one")
     return text_of(path)
 

@@ -19,7 +19,6 @@ from functools import partial
 from importlib import import_module
 from pathlib import Path
 from subprocess import Popen
-from types import FrameType
 from typing import Any
 
 from flowsculpt.pipeline.errors import FlowsculptError, FrameError, MachineError
@@ -51,7 +50,12 @@ from flowsculpt.pipeline.production.tasks.worker_end import (
 )
 from flowsculpt.render.base import python_process
 from flowsculpt.render.base.foreign_code import is_of_user
-from flowsculpt.render.base.python_process import ENDING, ForkedProcess, postpone_collection
+from flowsculpt.render.base.python_process import (
+    ENDING,
+    ForkedProcess,
+    interrupt_once,
+    postpone_collection,
+)
 from flowsculpt.render.base.root_files import open_file
 from flowsculpt.render.mitsuba.engine import GPU_VARIANTS, available_cores
 
@@ -102,7 +106,7 @@ def _heeding_signals(context: Context, work: Callable[[], int]) -> int:
     """Work on a job, which a signal interrupts; return the exit code: 1 if the log says what failed."""
     for number in ENDING:
         if signal.getsignal(number) != signal.SIG_IGN:
-            signal.signal(number, _interrupt_once)
+            signal.signal(number, interrupt_once)
     try:
         report_store_warnings(context)
         return work()
@@ -231,13 +235,6 @@ def _limit_kernels(threads: int) -> None:
     import numba
 
     numba.set_num_threads(min(threads, numba.config.NUMBA_NUM_THREADS))
-
-
-def _interrupt_once(number: int, frame: FrameType | None) -> None:
-    """Interrupt this process once: a signal often comes several times, and must not disturb the clean-up."""
-    for other in ENDING:
-        signal.signal(other, signal.SIG_IGN)
-    raise KeyboardInterrupt
 
 
 def run(words: Sequence[str]) -> int:

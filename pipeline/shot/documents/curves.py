@@ -379,6 +379,8 @@ _SOUND_WORDS = ("sound", "file", "music")
 CURVE_FORM = BeforeValidator(_require_form)
 
 NumberField = Annotated[Real | Keyed[Real] | OverTime | FromSound, CURVE, within(ANYWHERE), CURVE_FORM]
+"""A number that may change over time: a constant, or a `Changing` value."""
+
 PositiveField = Annotated[
     Positive | Keyed[Positive] | OverTime | FromSound, CURVE, within(ABOVE_0), CURVE_FORM
 ]

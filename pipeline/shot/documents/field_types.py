@@ -20,13 +20,13 @@ from pydantic import (
     Tag,
     model_validator,
 )
-from pydantic_core import CoreSchema, PydanticCustomError
+from pydantic_core import CoreSchema
 from pydantic_core.core_schema import ValidatorFunctionWrapHandler, no_info_wrap_validator_function
 
 from flowsculpt.pipeline.errors import FlowsculptError, quote, suggest
 from flowsculpt.pipeline.flow.parameters import Vector, X, Y, Z
 from flowsculpt.pipeline.flow.streamlines import MAX_SUBSTEPS
-from flowsculpt.pipeline.formula import Expression, FormulaError
+from flowsculpt.pipeline.formula import Expression
 from flowsculpt.pipeline.plugin import plugins
 from flowsculpt.pipeline.shot.yaml.document_validation import finding
 from flowsculpt.pipeline.shot.yaml.messages import number_in
@@ -265,36 +265,14 @@ def is_triple(value: Any) -> TypeGuard[list[float]]:
     return isinstance(value, list) and len(value) == 3 and all(map(is_number, value))
 
 
-def formula_error(column: int, message: str) -> PydanticCustomError:
-    """Return a finding about a formula, from its character `column` on."""
-    return PydanticCustomError("formula", "{message}", {"message": message, "column": column})
-
-
-def parsed_formula(text: str, names: tuple[str, ...]) -> str:
-    """Return a text that is a formula over these names. Raises a finding at the column of the mistake."""
-    try:
-        Expression(text, names)
-    except FormulaError as error:
-        raise formula_error(error.column, error.message) from None
-    return text
-
-
 def formula_over(names: tuple[str, ...]) -> AfterValidator:
     """Return a validator of text that must be a formula over these names."""
-    return AfterValidator(lambda text: parsed_formula(text, names))
+    return AfterValidator(lambda text: Expression(text, names).text)
 
 
-def _as_text(value: Any) -> Any:
-    if not is_number(value):
-        return value
-    if math.isnan(value):
-        raise formula_error(1, "this is not a number; write one plainly, such as 0.05")
-    if math.isinf(value):
-        raise formula_error(1, "this number is too large; 1e100 is the largest")
-    return repr(value)
-
-
-NumberOrText = Annotated[str, BeforeValidator(_as_text), SchemaKeywords(type=["string", "number"])]
+NumberOrText = Annotated[
+    str, BeforeValidator(Expression.number_text), SchemaKeywords(type=["string", "number"])
+]
 """Text of a formula, which may be a number."""
 
 

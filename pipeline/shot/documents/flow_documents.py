@@ -5,54 +5,27 @@ Angles are degrees in the file and radians in the code.
 
 import typing
 from dataclasses import MISSING
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar
 
-from pydantic import (
-    AfterValidator,
-    BeforeValidator,
-    Field,
-    GetJsonSchemaHandler,
-    ValidationInfo,
-    create_model,
-    model_validator,
-)
-from pydantic_core import CoreSchema
+from pydantic import BeforeValidator, Field, create_model
 
-from flowsculpt.pipeline.errors import quote
 from flowsculpt.pipeline.flow import Flow, VelocityField, catalogue
-from flowsculpt.pipeline.flow.catalogue.external_fields import (
-    MAX_NUMBERS,
-    FormulaField,
-)
-from flowsculpt.pipeline.flow.compiled_formulas import NAMES
 from flowsculpt.pipeline.flow.flow import PluginMap
-from flowsculpt.pipeline.flow.parameters import (
-    Parameter,
-    ParameterDoc,
-    parameter,
-    parameters_of,
-    shot_name,
-    summary,
-)
+from flowsculpt.pipeline.flow.parameters import Parameter, parameter, parameters_of, shot_name, summary
 from flowsculpt.pipeline.flow.velocity import PluginField
-from flowsculpt.pipeline.formula import CONSTANTS, FUNCTIONS
 from flowsculpt.pipeline.plugin import Plugin, plugins
 from flowsculpt.pipeline.plugin_contracts import require_class
 from flowsculpt.pipeline.shot.documents import curves
-from flowsculpt.pipeline.shot.documents.curves import NumberField, number
 from flowsculpt.pipeline.shot.documents.field_types import (
     Axis,
     Document,
-    NumberOrText,
     Positive,
     Real,
     Triple,
     axis,
-    parsed_formula,
     vector,
 )
 from flowsculpt.pipeline.shot.motion import Clock
-from flowsculpt.pipeline.shot.yaml.document_validation import finding
 
 
 class FlowParameters(Document):
@@ -152,66 +125,8 @@ def _value(p: Parameter, value: Any, clock: Clock) -> Any:
             return value
 
 
-def _check_name(word: str) -> str:
-    if not word.isidentifier() or word in {*NAMES, *CONSTANTS, *FUNCTIONS}:
-        rule = "it is not a word, or has a meaning"
-        raise finding(f"{quote(word)} cannot name a number: {rule}. Choose another.")
-    return word
-
-
-def _check_formula(text: str, info: ValidationInfo) -> str:
-    if "numbers" not in info.data:
-        return text  # the names are wrong themselves, so the formula's words are unknown
-    return parsed_formula(text, (*NAMES, *info.data["numbers"]))
-
-
-Text = Annotated[NumberOrText, AfterValidator(_check_formula)]
-
-
-class FormulaDocument(FlowParameters):
-    """`[-y, x, 0.3 * sin(t)]`, or with numbers of its own under `with`, which are validated first."""
-
-    flow = FormulaField
-
-    numbers: Annotated[
-        dict[Annotated[str, AfterValidator(_check_name)], NumberField],
-        Field(default_factory=dict, alias="with", max_length=MAX_NUMBERS),
-        ParameterDoc("numbers for the formulas by their names, each constant or keyed"),
-    ]
-    velocity: Annotated[
-        list[Text], Field(min_length=3, max_length=3), ParameterDoc("along x, y and z, over these", "units/s")
-    ]
-
-    @model_validator(mode="before")
-    @classmethod
-    def _bare(cls, value: Any) -> Any:
-        """`formula: [a, b, c]` is `formula: {velocity: [a, b, c]}`."""
-        given = value.get("velocity", []) if isinstance(value, dict) else value
-        if isinstance(given, str | int | float):
-            raise finding(f"formula: {quote(given)} is not a list of three, such as [-y, x, 0]")
-        return {"velocity": value} if isinstance(value, list) else value
-
-    @classmethod
-    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        bare = {"type": "array", "items": {"type": ["string", "number"]}, "minItems": 3, "maxItems": 3}
-        return {"anyOf": [handler(core), bare]}
-
-    def own_values(self, clock: Clock) -> dict[str, Any]:
-        words = tuple((name, number(value, clock)) for name, value in self.numbers.items())
-        rate = {"fps": float(clock.rate.fps), "first": clock.frames.first}  # which `frame` counts by
-        return {"texts": tuple(self.velocity), "words": words, **rate}
-
-    @model_validator(mode="after")
-    def _fits(self) -> Self:
-        """Check that all numbers and `frame` fit the flow."""
-        x, y, z = self.velocity
-        FormulaField((x, y, z), tuple((name, 0.0) for name in self.numbers))
-        return self
-
-
 FLOW_DOCUMENTS: dict[str, type[FlowParameters]] = {
     **{shot_name(flow): document_of(flow) for flow in catalogue.FLOWS},
-    "formula": document_of(FormulaField, FormulaDocument),
     **plugins().parts("flows", _document_of_plugin),
 }
 """The flows that a shot can name, in the order of the docs; those of plug-ins last."""

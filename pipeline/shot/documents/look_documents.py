@@ -44,7 +44,6 @@ from flowsculpt.pipeline.shot.documents.look_parts import (
     WireframeDocument,
 )
 from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext, finding, missing_file
-from flowsculpt.pipeline.shot.yaml.named_files import is_file
 from flowsculpt.pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource, listed
 from flowsculpt.render.base.input_files import InputFile
 from flowsculpt.render.base.render_errors import RenderError
@@ -183,7 +182,7 @@ def _file(plugin: dict[str, Any], where: Where, folder: Path) -> Iterator[Proble
         yield where, f"{plugin['type']} names no file. Add `filename: …`."
     elif isinstance(name, str):
         path = folder / name
-        if not is_file(path):
+        if not InputFile(path).is_there():
             yield (*where, "filename"), missing_file(name, path)
         elif plugin["type"] == "bitmap":
             space = plugin.get("space")

@@ -20,7 +20,7 @@ from flowsculpt.pipeline.errors import FlowsculptError, MissingInputError, ShotE
 from flowsculpt.pipeline.mesh.read import ModelFile
 from flowsculpt.pipeline.plugin import fault_of_plugin
 from flowsculpt.pipeline.shot.yaml.messages import problems_of
-from flowsculpt.pipeline.shot.yaml.named_files import is_file, is_folder, quote_name
+from flowsculpt.pipeline.shot.yaml.named_files import is_folder, quote_name
 from flowsculpt.pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource
 from flowsculpt.render.base.input_files import InputFile, kind_of_path
 
@@ -83,7 +83,7 @@ class ParseContext:
 
     def _path(self, name: str) -> Path:
         path = self.folder / name
-        if not is_file(path):
+        if not InputFile(path).is_there():
             raise finding(missing_file(name, path))
         return path
 

@@ -18,7 +18,7 @@ from typing import Any
 
 from flowsculpt.pipeline.errors import MissingInputError, ShotError, UsageError, quote, shorten, suggest
 from flowsculpt.pipeline.shot.motion import Clock, parse_frames, parse_rate
-from flowsculpt.pipeline.shot.yaml.named_files import DEFAULTS, is_file, quote_name, shot_files, text_of
+from flowsculpt.pipeline.shot.yaml.named_files import DEFAULTS, quote_name, shot_files, text_of
 from flowsculpt.pipeline.shot.yaml.yaml_source import (
     HEX_COLOUR,
     Spot,
@@ -28,6 +28,7 @@ from flowsculpt.pipeline.shot.yaml.yaml_source import (
     in_yaml,
     to_yaml,
 )
+from flowsculpt.render.base.input_files import InputFile
 
 OPTION = "--set"
 
@@ -346,4 +347,4 @@ def _require_mapping(base: YamlSource) -> YamlSource:
 
 def _text(path: Path) -> str | None:
     """Return the text of a file, None if there is none. Raises what `text_of` raises."""
-    return text_of(path) if is_file(path) else None
+    return text_of(path) if InputFile(path).is_there() else None

@@ -15,6 +15,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from flowsculpt.pipeline.errors import suggest
+from flowsculpt.pipeline.formula import FormulaError
 from flowsculpt.pipeline.plugin import plugins
 from flowsculpt.pipeline.shot.yaml.synonyms import synonym, value_meant
 from flowsculpt.pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource, dotted_path, shown
@@ -342,10 +343,9 @@ def problems_of(
             continue
         if details["type"] == "missing" and (*where, details["loc"][-1]) in unknown.supplied:
             continue
-        if details["type"] == "formula":
-            column, message = details["ctx"]["column"], details["msg"]
-            if (spot := source.spot(where, column)) is None:
-                message = f"column {column} of the formula: {message}"
+        if isinstance(fault := details.get("ctx", {}).get("error"), FormulaError):
+            spot = source.spot(where, fault.column)
+            message = fault.message if spot else f"column {fault.column} of the formula: {fault.message}"
             problems.append((spot or where, message))
         else:
             written = source.spot_of(where).written

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import re
 from pathlib import Path
 
@@ -11,7 +10,7 @@ from flowsculpt.pipeline.file_contents import as_utf8
 from flowsculpt.pipeline.plugin import plugins
 from flowsculpt.render.base.input_files import InputFile
 from flowsculpt.render.base.plural import indefinite
-from flowsculpt.render.base.render_errors import BadInputError, MachineError
+from flowsculpt.render.base.render_errors import BadInputError
 
 DEFAULTS = "defaults.yaml"
 """The file beside shots that holds defaults for all of them."""
@@ -31,21 +30,6 @@ _TOO_LARGE = (
 )
 
 _EDIT, _SHOT = re.compile(r"^shots\s*:", re.MULTILINE), re.compile(r"^(subjects?|extends)\s*:", re.MULTILINE)
-
-
-def is_file(path: Path) -> bool:
-    """Tell whether a path names a file; a name too long for a file does not.
-
-    Raises MachineError where the disk does not say.
-    """
-    try:
-        return path.is_file()
-    except OSError as error:
-        if error.errno in (errno.EIO, errno.ESTALE):
-            raise MachineError.of_path(path, error, "read") from None
-        return False
-    except ValueError:
-        return False
 
 
 def is_folder(path: Path) -> bool:

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 
 import flowsculpt.pipeline.plugins.authoring.shot_templates as templates
-from flowsculpt.pipeline.animation.motion_forecast import MotionForecast
 from flowsculpt.pipeline.errors import FlowsculptError
 from flowsculpt.pipeline.mesh import icosphere
+from flowsculpt.pipeline.plugins.authoring.growth_forecast import GrowthForecast
 from flowsculpt.pipeline.plugins.authoring.shot_schemas import facts
 from flowsculpt.pipeline.shot import read_shot
 from flowsculpt.pipeline.shot.documents.flow_documents import FLOW_DOCUMENTS
@@ -37,7 +37,7 @@ def growth_at(flow: str, parameter: str, value: float) -> float:
     keys = f"{{keys: {{1: 0, 72: {value!r}}}}}" if facts(flow)["kind"] == "map" else repr(float(value))
     shot = read_shot(Path("growth.yaml"), SHOT.format(flow=flow, parameter=parameter, value=keys))
     ball = icosphere(8)
-    forecasts = list(MotionForecast(shot.motion).growth(ball.vertices, ball.faces, len(ball.vertices)))
+    forecasts = list(GrowthForecast(shot.motion, ball.vertices, ball.faces, len(ball.vertices)).frames())
     is_whole = bool(forecasts) and forecasts[-1].frame == 72
     return max(forecast.times for forecast in forecasts) if is_whole else float("inf")
 

@@ -12,10 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flowsculpt.pipeline.animation import animate
-from flowsculpt.pipeline.animation.motion_forecast import MotionForecast
 from flowsculpt.pipeline.errors import FrameError
 from flowsculpt.pipeline.mesh import icosphere
 from flowsculpt.pipeline.plugins.authoring.first_frame import FirstFrame, FirstFrames
+from flowsculpt.pipeline.plugins.authoring.growth_forecast import estimated_vertices
 from flowsculpt.pipeline.plugins.authoring.scene_rules import Finding, findings, is_inside, rounded_up
 from flowsculpt.pipeline.plugins.authoring.shot_templates import model_template
 from flowsculpt.pipeline.resample import Thresholds, resample
@@ -102,7 +102,7 @@ def test_a_first_frame_over_the_budget_is_an_error_and_both_remedies_fit(tmp_pat
 def test_vertices_are_estimated_within_a_factor_of_about_two(edge: float) -> None:
     ball = icosphere(3)
     after, _ = resample(ball, Thresholds(max_edge_length=edge))
-    assert 0.4 < MotionForecast.estimated_vertices(ball, edge) / len(after.vertices) < 2.0
+    assert 0.4 < estimated_vertices(ball, edge) / len(after.vertices) < 2.0
 
 
 def write_scan(path: Path, away: float) -> None:

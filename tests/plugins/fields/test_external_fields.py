@@ -15,7 +15,6 @@ from flowsculpt.pipeline.arrays import Floats, Points
 from flowsculpt.pipeline.errors import FrameError, UsageError
 from flowsculpt.pipeline.flow import Streamlines, Sum, VelocityField, checked_displacement, keyed
 from flowsculpt.pipeline.flow.catalogue.basic import Rotation
-from flowsculpt.pipeline.flow.catalogue.external_fields import FormulaField, largest_norm
 from flowsculpt.pipeline.flow.composition import Mirror, ScaledField, Transform, TransformedField
 from flowsculpt.pipeline.flow.kernels import streamline_kernels as kernels
 from flowsculpt.pipeline.flow.kernels.field_kernels import velocities
@@ -23,6 +22,7 @@ from flowsculpt.pipeline.flow.velocity import ExternalField
 from flowsculpt.pipeline.mesh import icosphere, torus
 from flowsculpt.pipeline.plugins.fields.attraction import Attraction, Target, Wind, catmull_rom
 from flowsculpt.pipeline.plugins.fields.curl_noise import RMS, CurlNoise
+from flowsculpt.pipeline.plugins.fields.formula_field import FormulaField, largest_norm
 
 PATH = ((-1.0, 0.0, 0.0), (0.0, 1.0, 0.5), (1.0, 0.0, 0.0), (2.0, 0.5, 1.0))
 FIELDS: dict[str, ExternalField] = {
@@ -156,6 +156,12 @@ def test_a_formula_that_divides_by_zero_is_told_with_column_and_place(points: Po
         FrameError, match=r"^frame 9: flow .*column 1: 0.1 / y is inf at x 1, y 0, z 0.5, t 2"
     ):
         checked_displacement(flow, points, 2.0, 0.04, 9)
+
+
+def test_it_is_told_with_an_error_limit_too() -> None:
+    flow = Streamlines(FormulaField(("1/x", "0", "0")), tolerance=1e-6)
+    with pytest.raises(FrameError, match="formula"):
+        checked_displacement(flow, np.zeros((3, 3)), 0.0, 1 / 24, 2)
 
 
 DIVIDES = FormulaField(("0", "0", "0.1 / y"))

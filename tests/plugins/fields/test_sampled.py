@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from flowsculpt.pipeline.arrays import Floats, Points, Vectors
 from flowsculpt.pipeline.errors import MissingInputError, UsageError
 from flowsculpt.pipeline.flow import Streamlines
-from flowsculpt.pipeline.flow.catalogue.external_fields import Sampled
+from flowsculpt.pipeline.flow.catalogue.sampled_field import Sampled
 from flowsculpt.pipeline.plugins.fields.grid_files import read_samples
 
 X, Y, Z = np.array([-1.0, -0.4, 0.1, 0.3, 1.0]), np.linspace(-1, 1, 6), np.array([-1.0, -0.5, 0.4, 1.0])

@@ -9,7 +9,7 @@ import pytest
 
 from flowsculpt.pipeline.errors import MissingInputError, ShotError
 from flowsculpt.pipeline.flow import Sequence, Streamlines
-from flowsculpt.pipeline.flow.catalogue.external_fields import Sampled
+from flowsculpt.pipeline.flow.catalogue.sampled_field import Sampled
 from flowsculpt.pipeline.shot import Shot, read_shot
 
 HEAD = "title: T\nframes: 1-24\nsubject: {solid: icosphere}\nresample: off\nflows:\n"

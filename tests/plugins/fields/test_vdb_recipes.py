@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from flowsculpt.pipeline.arrays import Points
-from flowsculpt.pipeline.flow.catalogue.external_fields import Samples
+from flowsculpt.pipeline.flow.catalogue.sampled_field import Samples
 from flowsculpt.pipeline.plugins.fields.grid_files import read_samples
 
 BLENDER = Path(os.environ.get("BLENDER_MODULE", Path(sys.prefix) / "cycles"))

@@ -12,8 +12,8 @@ from hypothesis import given, reject, settings
 from hypothesis import strategies as st
 
 from flowsculpt.pipeline.errors import UsageError
-from flowsculpt.pipeline.flow.compiled_formulas import NAMES, compile_formulas, source
 from flowsculpt.pipeline.formula import Expression, FormulaError
+from flowsculpt.pipeline.plugins.fields.compiled_formulas import NAMES, compile_formulas, source
 
 NAMES = (*NAMES, "k")
 PLACES = np.array([[-1.5, 0.0, 0.5, 2.0], [3.0, 1.0, -2.0, 0.25], [0.0, -0.5, 1.0, 7.0]])
@@ -94,7 +94,7 @@ def test_what_two_formulas_share_is_computed_once() -> None:
 
 ONCE = """
 from flowsculpt.pipeline.formula import Expression
-from flowsculpt.pipeline.flow.compiled_formulas import NAMES, compile_formulas
+from flowsculpt.pipeline.plugins.fields.compiled_formulas import NAMES, compile_formulas
 block = compile_formulas(tuple(Expression(text, NAMES) for text in {texts!r}))
 block.address
 again = compile_formulas(tuple(Expression(text, NAMES) for text in {texts!r}))

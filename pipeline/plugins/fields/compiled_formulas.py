@@ -1,27 +1,18 @@
 """Formulas compiled to functions that add a velocity to each point of a block.
 
 A formula becomes Python source of plain arithmetic, one line an operation. Infinities and NaN come out as in
-numpy (see `flowsculpt.pipeline.formula`): tests compare the two. The source is compiled on first use and
-cached with the kernels. The values of names are arguments: changing them compiles nothing.
+numpy (see `Expression`): tests compare the two. The source is compiled on first use and cached with the
+kernels. The values of names are arguments: changing them compiles nothing.
 """
 
 from __future__ import annotations
 
 import ast
-import hashlib
-import math
-import sys
 from collections.abc import Iterable, Mapping
-from functools import cache
 from itertools import pairwise
-from types import ModuleType
+from typing import Any
 
-import numpy as np
-
-from flowsculpt.pipeline.formula import PLACE, TIME, Expression
-from flowsculpt.pipeline.kernels import BlockKernel
-from flowsculpt.render.base.atomic_write import atomic_write
-from flowsculpt.render.base.kernel_cache import formula_folder
+from flowsculpt.api.flows import Expression, generated_kernel
 
 _MATH = ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sqrt", "exp", "log")
 _NUMPY = ("floor", "ceil")
@@ -137,7 +128,7 @@ class ScalarCode:
         return self._line("{0} if {0} >= {1} or {0} != {0} else {1}", a, b)
 
 
-NAMES = (*PLACE, *TIME)  # the names that such formulas may always use
+NAMES = ("x", "y", "z", "t", "time", "frame")  # that such formulas may always use
 FRAME = "frame"  # the name whose value is an argument: formulas that use it have it among their numbers
 
 _MODULE = """\
@@ -154,31 +145,17 @@ def formula(numbers, count, xs, ys, zs, t, us, vs, ws):
 
 def compile_formulas(
     formulas: tuple[Expression, Expression, Expression], numbers: tuple[str, ...] = ()
-) -> BlockKernel:
+) -> Any:
     """Return the block function of three formulas over x, y, z, t and `numbers`, its first argument."""
-    return _load(source(formulas, numbers))
+    return generated_kernel("formula", source(formulas, numbers))
 
 
 def source(formulas: tuple[Expression, Expression, Expression], numbers: tuple[str, ...] = ()) -> str:
     """Return the Python source of the function."""
     words = {name: f"number{k}" for k, name in enumerate(numbers)}
-    code = ScalarCode({"x": "x", "y": "y", "z": "z", "t": "t", "time": "t", **words}, PLACE)
+    code = ScalarCode({"x": "x", "y": "y", "z": "z", "t": "t", "time": "t", **words}, NAMES[:3])
     u, v, w = (code.value(formula.tree) for formula in formulas)
     once = [f"{word} = numbers[{k}]" for k, word in enumerate(words.values())] + code.once
     return _MODULE.format(
         once="\n    ".join(once or ["pass"]), each="\n        ".join(code.each or ["pass"]), u=u, v=v, w=w
     )
-
-
-@cache
-def _load(text: str) -> BlockKernel:
-    """Return the function of a source, kept in a file named by its digest: numba caches by file name."""
-    file = formula_folder() / f"formula_{hashlib.sha256(text.encode()).hexdigest()[:24]}.py"
-    if not file.exists():
-        with atomic_write(file, flush=False) as draft:  # several processes may compile one at once
-            draft.write_text(text, encoding="utf-8")
-    module = ModuleType(file.stem)
-    vars(module).update(math=math, np=np)
-    sys.modules[file.stem] = module  # where numba looks up cached functions
-    exec(compile(text, str(file), "exec", dont_inherit=True), vars(module))  # generated from a checked tree
-    return BlockKernel(vars(module)["formula"])

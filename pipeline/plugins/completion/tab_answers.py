@@ -78,13 +78,11 @@ def answer(words: list[str]) -> bool:
     """Print what may stand in place of the last word, a line each; False without a table that holds."""
     if (commands := current_commands()) is None:
         return False
-    words, cut = (_joined if os.environ.get(VARIABLE) == "bash" else _as_typed)(words or [""])
+    words, cut = words or [""], 0
+    if os.environ.get(VARIABLE) == "bash":
+        words, cut = _joined(words)
     sys.stdout.write("".join(f"{line[cut:]}\n" for line in completions(commands, words)))
     return True
-
-
-def _as_typed(words: list[str]) -> tuple[list[str], int]:
-    return words, 0
 
 
 def _joined(words: list[str]) -> tuple[list[str], int]:

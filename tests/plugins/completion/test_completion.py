@@ -13,8 +13,8 @@ from typing import Any
 
 import pytest
 
-from flowsculpt.pipeline.cli import completion
-from flowsculpt.pipeline.cli.completion import answer, completions
+from flowsculpt.pipeline.plugins.completion import tab_answers as completion
+from flowsculpt.pipeline.plugins.completion.tab_answers import answer, completions
 from tests.cli.test_start_up import HEAVY
 from tests.conftest import ProjectFolder
 

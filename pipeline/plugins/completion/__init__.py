@@ -1,0 +1,1 @@
+"""Completion: what Tab completes in shells. Each Tab imports this package, so it holds nothing."""
