@@ -18,7 +18,7 @@ import numpy as np
 from flowsculpt import FrameError, TriangleMesh, vertex_normals
 from flowsculpt.api.flows import TriangleTree
 from flowsculpt.api.meshes import Floats, Indices, RefinableSurface, edge_keys
-from flowsculpt.pipeline.plugins.interchange.mesh_smoothing import smoothed, unit
+from flowsculpt.pipeline.plugins.interchange.mesh_smoothing import smoothed
 from flowsculpt.pipeline.plugins.interchange.refining import Began
 from flowsculpt.pipeline.plugins.interchange.shown_surfaces import (
     Places,
@@ -27,6 +27,7 @@ from flowsculpt.pipeline.plugins.interchange.shown_surfaces import (
     edges_of,
     ends_of_keys,
     nearest_places,
+    unit,
 )
 
 VERSION = 1

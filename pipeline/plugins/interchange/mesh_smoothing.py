@@ -11,6 +11,7 @@ from flowsculpt.pipeline.plugins.interchange.shown_surfaces import (
     ShownSurface,
     bound_vertices,
     edges_of,
+    unit,
 )
 
 POOR = 0.2
@@ -88,9 +89,3 @@ def _worst(faces: Indices, shapes: Floats, count: int) -> Floats:
     for corners in faces.T:
         np.minimum.at(worst, corners, shapes)
     return worst
-
-
-def unit(vectors: Floats) -> Floats:
-    """Return unit vectors (N, 3), and zero for zero."""
-    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
-    return np.asarray(vectors / np.where(lengths > 0.0, lengths, 1.0))

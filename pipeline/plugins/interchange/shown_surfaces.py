@@ -22,8 +22,8 @@ from flowsculpt.api.meshes import (
 AGREEING = 0.3
 """The cosine of the angle of two normals from which on they agree: the back of a thin wall does not."""
 
-REACH = 0.2
-"""Distance, in median edges, over which points are drawn to a surface that agrees, or to a crease."""
+FOLLOWED, REACH = 0.5, 0.2
+"""Distances, in median edges, over which points are drawn to faces that agree, and to creases."""
 
 _VELOCITY = "velocity"  # the attribute of vertices, units per second of the flow
 
@@ -41,7 +41,7 @@ class Places(NamedTuple):
     shares: Floats
 
     def put(self, rows: np.ndarray, places: Places) -> None:
-        """Put other places at rows of these."""
+        """Put other places at rows of these: numbers, or flags (N,)."""
         for values, own in zip(self, places, strict=True):
             values[rows] = own
 
@@ -176,14 +176,17 @@ class ShownSurface:
     def followed(self, points: Floats, normals: Floats) -> Places:
         """Return the places to which points (N, 3) that are nearly on the surface belong.
 
-        Where no face within REACH agrees with the normal, as at the tips of spires, the nearest face counts.
+        Where no face within FOLLOWED agrees with the normal, as at the tips of spires, the nearest one counts
+        that is not a back.
         """
-        agreeing = self.nearest(points, normals)
-        far = np.linalg.norm(agreeing.points - points, axis=1) > REACH * self.edge
-        rows = np.flatnonzero(far | (agreeing.face < 0))
-        if len(rows):
-            agreeing.put(rows, self.nearest(points[rows], normals[rows], -1.0))
-        return agreeing
+        places = self.nearest(points, normals)
+        far = np.linalg.norm(places.points - points, axis=1) > FOLLOWED * self.edge
+        rows = (places.face < 0) | far
+        for least in (-AGREEING, -1.0):
+            if rows.any():
+                places.put(rows, self.nearest(points[rows], normals[rows], least))
+            rows = places.face < 0
+        return places
 
     def on_bounds(self, points: Floats) -> Floats:
         """Return the nearest points (N, 3) on creases and rims; points that are far from any stay."""
@@ -204,9 +207,9 @@ class ShownSurface:
         return TriangleTree.of(ends[:, [0, 1, 1]]) if len(ends) else None, ends
 
     def shading(self, places: Places) -> Floats:
-        """Return the normals (N, 3) at places, smooth up to creases."""
+        """Return unit normals (N, 3) at places, smooth up to creases."""
         shaded = split_at_creases(self.mesh, self.hard_angle)
-        return places.values(shaded.faces, shaded.normals)
+        return unit(places.values(shaded.faces, shaded.normals))
 
     def velocities(self, places: Places) -> Floats:
         """Return the velocities (N, 3) at places; zero where they are not known."""
@@ -226,3 +229,9 @@ def nearest_places(
     whole = np.column_stack([1.0 - shares.sum(axis=1), shares])
     on = np.einsum("nk,nkj->nj", whole, mesh.vertices[mesh.faces[face]])
     return Places(np.where((face < 0)[:, None], points, on), face, whole)
+
+
+def unit(vectors: Floats) -> Floats:
+    """Return unit vectors (N, 3), and zero for zero."""
+    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.asarray(vectors / np.where(lengths > 0.0, lengths, 1.0))
