@@ -62,6 +62,8 @@ def measure(root: Path, name: str) -> Iterator[Row]:
         now = resource.getrusage(resource.RUSAGE_CHILDREN)
         row: Row = {"sequence": name, "frames": part, "seconds": time.perf_counter() - began}
         row["CPU s"] = now.ru_utime + now.ru_stime - used.ru_utime - used.ru_stime
+        if run.returncode not in (0, 1):
+            raise RuntimeError(run.stderr)
         if run.returncode:
             words = run.stderr.strip().splitlines()[-1]
             yield {**row, "refused": words}
@@ -73,7 +75,7 @@ def measure(root: Path, name: str) -> Iterator[Row]:
 
 def command(root: Path, *words: str) -> subprocess.CompletedProcess[str]:
     program = python_command("flowsculpt", "--root", str(root), "--no-progress", *words)
-    return subprocess.run(program, capture_output=True, text=True, check=False)
+    return subprocess.run(program, cwd=root, capture_output=True, text=True, check=False)
 
 
 def compared(root: Path, name: str, cache: Path) -> Row:
@@ -159,7 +161,8 @@ def write_files(root: Path, name: str) -> tuple[Path, str]:
     if name in SHOTS:
         (root / "shots").mkdir()
         shutil.copy(shot_file(name), root / "shots")
-        command(root, "export", "ply", name, "-f", SHOTS[name])
+        if (run := command(root, "export", "ply", name, "-f", SHOTS[name])).returncode:
+            raise RuntimeError(run.stderr)
         return root / f"renders/{name}/models", SHOTS[name]
     cache, of = root / "cache", {"fluid": fluid, "cloth": cloth}[name]
     cache.mkdir()
