@@ -15,7 +15,7 @@ from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 
-from flowsculpt.pipeline.arrays import AnyArray, Floats, Points
+from flowsculpt.pipeline.arrays import AnyArray, Floats, Points, Vectors
 from flowsculpt.pipeline.errors import FrameError, UsageError
 from flowsculpt.pipeline.flow.kernels import external_kernels
 from flowsculpt.pipeline.flow.kernels import instructions as op
@@ -62,36 +62,51 @@ class TriangleTree:
     def of(cls, corners: Floats) -> TriangleTree:
         """Build the tree of corners (T, 3, 3), T at least 1, by halving boxes across their longest side."""
         centres, order = corners.mean(axis=1), np.arange(len(corners))
-        boxes: list[list[float]] = []
-        ranges: list[tuple[int, int]] = []
-        stack: list[tuple[int, int, int]] = [(0, len(corners), -1)]
-        while stack:
-            first, last, parent = stack.pop()
-            members = order[first:last]
-            if parent >= 0:
-                boxes[parent][6] = float(len(boxes))  # the second child; the first follows its parent
-            around = corners[members].reshape(-1, 3)
-            box = [*around.min(axis=0), *around.max(axis=0), float(first), float(last - first)]
-            boxes.append(box)
-            ranges.append((first, last))
-            if last - first <= LEAF:
-                continue
-            box[7], index, middle = 0.0, len(boxes) - 1, (first + last) // 2
-            axis = int(np.argmax(np.ptp(centres[members], axis=0)))
-            order[first:last] = members[np.argsort(centres[members, axis], kind="stable")]
-            stack += [(middle, last, index), (first, middle, -1)]
-        memory = np.concatenate([np.array(boxes).ravel(), corners[order].ravel()])
-        return cls(memory, 8 * len(boxes), order, np.array(ranges))
+        low, high = corners.min(axis=1), corners.max(axis=1)
+        counts = _counts_of_boxes(len(corners))
+        boxes, ranges = np.empty((counts[len(corners)], 8)), np.empty((counts[len(corners)], 2), np.int64)
+        begin, count, index = np.zeros(1, np.int64), np.array([len(corners)]), np.zeros(1, np.int64)
+        while len(begin):  # one level of the tree; the first child of a box follows it, with its own children
+            boxes[index, 0:3] = _joined(np.minimum, low[order], begin, count)
+            boxes[index, 3:6] = _joined(np.maximum, high[order], begin, count)
+            boxes[index, 6], boxes[index, 7] = begin, count
+            ranges[index] = np.column_stack([begin, begin + count])
+            inner = count > LEAF
+            begin, count, index = begin[inner], count[inner], index[inner]
+            if not len(begin):
+                break
+            width = _joined(np.maximum, centres[order], begin, count)
+            width -= _joined(np.minimum, centres[order], begin, count)
+            rows = np.repeat(begin - np.cumsum(count) + count, count) + np.arange(count.sum())
+            along = centres[order[rows], np.repeat(np.argmax(width, axis=1), count)]
+            order[rows] = order[rows][np.lexsort([along, np.repeat(np.arange(len(count)), count)])]
+            half = count // 2
+            second = index + 1 + counts[half]
+            boxes[index, 6], boxes[index, 7] = second, 0.0
+            begin = np.column_stack([begin, begin + half]).ravel()
+            count = np.column_stack([half, count - half]).ravel()
+            index = np.column_stack([index + 1, second]).ravel()
+        memory = np.concatenate([boxes.ravel(), corners[order].ravel()])
+        return cls(memory, boxes.size, order, ranges)
 
-    def nearest(self, points: Points) -> tuple[AnyArray, Floats]:
+    def nearest(
+        self, points: Points, normals: Vectors | None = None, least: float = 0.0
+    ) -> tuple[AnyArray, Floats]:
         """Return the triangle (P,) nearest to each of points (P, 3), and shares (P, 2) of its corners.
 
-        Triangles are numbered as they were given; the shares are those of the second and the third corner in
-        the nearest point.
+        normals  unit (P, 3): only triangles count whose normals make an angle with them that has a cosine of
+                 at least `least`
+
+        Triangles are numbered as they were given, and -1 where none counts; the shares are those of the
+        second and the third corner in the nearest point.
         """
         found, shares = np.empty(len(points), np.int64), np.empty((len(points), 2))
-        external_kernels.find_nearest(self.memory.ctypes.data, self.triangles, points, found, shares)
-        return self.order[found], shares
+        at = self.memory.ctypes.data, self.triangles
+        if normals is None:
+            external_kernels.find_nearest(*at, points, found, shares)
+        else:
+            external_kernels.find_facing(*at, points, normals, least, found, shares)
+        return np.where(found < 0, -1, self.order[found]), shares
 
     def with_distances(self, first: Points, spacing: float, shape: tuple[int, ...]) -> Floats:
         """Return the array of `region_kernels`; it ends with signed distances on a grid of a shape.
@@ -112,6 +127,26 @@ class TriangleTree:
     def with_more(self, numbers: Floats) -> Floats:
         """Return the array with numbers appended to its triangles."""
         return np.concatenate([self.memory, numbers.ravel()])
+
+
+def _counts_of_boxes(most: int) -> AnyArray:
+    """Return how many boxes (most + 1,) a tree of each number of triangles has."""
+    counts = np.ones(most + 1, np.int64)
+    sizes = {most}
+    halves = list[int]()
+    while sizes:
+        halves += sizes
+        sizes = {half for size in sizes if size > LEAF for half in (size // 2, size - size // 2)}
+    for size in sorted(set(halves)):
+        if size > LEAF:
+            counts[size] = 1 + counts[size // 2] + counts[size - size // 2]
+    return counts
+
+
+def _joined(least: np.ufunc, rows: Floats, begin: AnyArray, count: AnyArray) -> Floats:
+    """Return the minimum or maximum (B, 3) of `count` rows from `begin` on; ranges ascend, apart."""
+    ends = np.column_stack([begin, begin + count]).ravel()
+    return np.asarray(least.reduceat(rows, ends[:-1] if ends[-1] == len(rows) else ends, axis=0)[::2])
 
 
 NODES = 64  # grid nodes along the longest side: they make lookups fast, not more exact

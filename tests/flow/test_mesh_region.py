@@ -12,7 +12,7 @@ from flowsculpt.pipeline.errors import FrameError, MeshError
 from flowsculpt.pipeline.flow import Streamlines, keyed
 from flowsculpt.pipeline.flow.catalogue.basic import Translation
 from flowsculpt.pipeline.flow.composition import RegionField
-from flowsculpt.pipeline.flow.regions import BoxRegion, ClosedSurface, MeshRegion
+from flowsculpt.pipeline.flow.regions import BoxRegion, ClosedSurface, MeshRegion, TriangleTree
 from flowsculpt.pipeline.mesh import TriangleMesh, box, icosphere, sheet, torus
 
 POINTS = np.random.default_rng(8).uniform(-2, 2, size=(600, 3))
@@ -164,3 +164,28 @@ def test_a_surface_that_holds_nothing_is_refused() -> None:
     pinched = TriangleMesh(crossed.vertices[: len(crossed.vertices) // 2], crossed.faces % 12)
     with pytest.raises(MeshError, match="one is there twice; remove duplicates"):
         ClosedSurface.of(pinched)
+
+
+@pytest.mark.parametrize("least", [-0.4, 0.0, 0.7])
+def test_the_nearest_triangle_that_faces_a_direction_is_that_of_the_tree_of_those_alone(least: float) -> None:
+    mesh = bumpy()
+    corners, directions = mesh.vertices[mesh.faces], np.roll(POINTS[:80], 1, axis=1)
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    found, shares = TriangleTree.of(corners).nearest(POINTS[:80], directions, least)
+    for point, direction, face, share in zip(POINTS[:80], directions, found, shares, strict=True):
+        facing = corners[mesh.face_normals @ direction >= least]
+        alone, there = TriangleTree.of(facing).nearest(point[None])
+        (a, b, c), (p, q, r) = corners[face], facing[alone[0]]
+        away = a + share @ [b - a, c - a] - point
+        np.testing.assert_allclose(
+            np.linalg.norm(away), np.linalg.norm(p + there[0] @ [q - p, r - p] - point), rtol=1e-12
+        )
+        assert mesh.face_normals[face] @ direction >= least
+
+
+def test_without_a_triangle_that_faces_a_direction_there_is_none() -> None:
+    flat = sheet()
+    found, _ = TriangleTree.of(flat.vertices[flat.faces]).nearest(
+        POINTS[:3], np.tile([0.0, -1.0, 0.0], (3, 1))
+    )
+    assert found.tolist() == [-1, -1, -1]

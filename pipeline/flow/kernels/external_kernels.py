@@ -55,7 +55,7 @@ def nearest_on_triangle(m: Floats, at: int, x: float, y: float, z: float) -> tup
     if ab_b >= 0.0 and ac_b <= ab_b:
         return 1.0, 0.0
     over_c = ab_a * ac_b - ab_b * ac_a
-    if over_c <= 0.0 and ab_a >= 0.0 and ab_b <= 0.0:
+    if over_c <= 0.0 and ab_a >= 0.0 and ab_b <= 0.0 and ab_a > ab_b:
         return ab_a / (ab_a - ab_b), 0.0
     ab_c, ac_c = abx * cpx + aby * cpy + abz * cpz, acx * cpx + acy * cpy + acz * cpz
     if ac_c >= 0.0 and ab_c <= ac_c:
@@ -68,7 +68,18 @@ def nearest_on_triangle(m: Floats, at: int, x: float, y: float, z: float) -> tup
         share = (ac_b - ab_b) / ((ac_b - ab_b) + (ab_c - ac_c))
         return 1.0 - share, share
     whole = over_a + over_b + over_c
+    if not whole > 0.0:  # its corners lie on a line, by rounding
+        return 0.0, 0.0
     return over_b / whole, over_c / whole
+
+
+@kernel(f"b1({_FLOATS}, i8, f8, f8, f8, f8)", forceinline=True)
+def is_facing(m: Floats, at: int, nx: float, ny: float, nz: float, least: float) -> Any:
+    """Tell whether the normal of a triangle and n, a unit vector, make an angle of at least that cosine."""
+    abx, aby, abz = m[at + 3] - m[at], m[at + 4] - m[at + 1], m[at + 5] - m[at + 2]
+    acx, acy, acz = m[at + 6] - m[at], m[at + 7] - m[at + 1], m[at + 8] - m[at + 2]
+    cx, cy, cz = aby * acz - abz * acy, abz * acx - abx * acz, abx * acy - aby * acx
+    return cx * nx + cy * ny + cz * nz >= least * math.sqrt(cx * cx + cy * cy + cz * cz)
 
 
 @kernel(f"Tuple((f8, i8, f8, f8))({_FLOATS}, i8, f8, f8, f8, f8, i8[::1])")
@@ -79,6 +90,24 @@ def nearest(
 
     The limit and -1 where no triangle is nearer. Of equally near triangles the first visited counts.
     """
+    return nearest_facing(m, triangles, x, y, z, limit2, stack, 0.0, 0.0, 0.0, 0.0)
+
+
+@kernel(f"Tuple((f8, i8, f8, f8))({_FLOATS}, i8, f8, f8, f8, f8, i8[::1], f8, f8, f8, f8)")
+def nearest_facing(
+    m: Floats,
+    triangles: int,
+    x: float,
+    y: float,
+    z: float,
+    limit2: float,
+    stack: AnyArray,
+    nx: float,
+    ny: float,
+    nz: float,
+    least: float,
+) -> tuple[float, int, float, float]:
+    """Return what `nearest` does, of triangles that are facing n (`is_facing`)."""
     best, found, best_s, best_r = limit2, -1, 0.0, 0.0
     stack[0], depth = 0, 1
     while depth:
@@ -94,7 +123,7 @@ def nearest(
                 dy = m[t + 1] + s * (m[t + 4] - m[t + 1]) + r * (m[t + 7] - m[t + 1]) - y
                 dz = m[t + 2] + s * (m[t + 5] - m[t + 2]) + r * (m[t + 8] - m[t + 2]) - z
                 d2 = dx * dx + dy * dy + dz * dz
-                if d2 < best:
+                if d2 < best and is_facing(m, t, nx, ny, nz, least):
                     best, found, best_s, best_r = d2, t, s, r
             continue
         one, two = at // 8 + 1, int(m[at + 6])
@@ -118,6 +147,30 @@ def find_nearest(address: int, triangles: int, points: Points, found: AnyArray, 
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
         _, at, shares[i, 0], shares[i, 1] = nearest(m, triangles, x, y, z, np.inf, stack)
         found[i] = (at - triangles) // 9
+
+
+@kernel("void(i8, i8, f8[:, ::1], f8[:, ::1], f8, i8[::1], f8[:, ::1])")
+def find_facing(
+    address: int,
+    triangles: int,
+    points: Points,
+    normals: Points,
+    least: float,
+    found: AnyArray,
+    shares: Floats,
+) -> None:
+    """Find the nearest triangle that is facing the normal (N, 3) of each point, as `find_nearest` does.
+
+    found  receives -1 where no triangle is
+    """
+    m, stack = doubles_at(address), np.empty(DEEPEST, np.int64)
+    for i in range(len(points)):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
+        _, at, shares[i, 0], shares[i, 1] = nearest_facing(
+            m, triangles, x, y, z, np.inf, stack, nx, ny, nz, least
+        )
+        found[i] = (at - triangles) // 9 if at >= 0 else -1
 
 
 @block_kernel

@@ -52,7 +52,7 @@ def gltf(
     With `--instances` rigid copies are nodes that share a mesh, in NAME.instances.glb.
     """
     project, asked, folder = asked_for(common, shot, options, DEFAULT_QUALITY, "models")
-    parts = tuple(Unification(part, project.store, options.vertices, options.until) for part in asked.parts)
+    parts = options.unifications(asked, project)
     if instances:
         require_rigid(parts)
         _export(common, [GltfInstancesExport(asked, project.store, folder, parts, plain)])
@@ -68,7 +68,7 @@ def abc(common: Common, shot: Shot, options: OneMeshOptions) -> None:
     """
     require_alembic()
     project, asked, folder = asked_for(common, shot, options, DEFAULT_QUALITY, "models")
-    parts = tuple(Unification(part, project.store, options.vertices, options.until) for part in asked.parts)
+    parts = options.unifications(asked, project)
     _export(common, [AlembicExport(asked, project.store, folder, parts)])
 
 
@@ -83,9 +83,8 @@ def vat(common: Common, shot: Shot, options: OneMeshOptions) -> None:
     _export(
         common,
         [
-            VertexTextureExport(part, project.store, folder, (mesh,))
-            for part in asked.parts
-            for mesh in [Unification(part, project.store, options.vertices, options.until)]
+            VertexTextureExport(mesh.request, project.store, folder, (mesh,))
+            for mesh in options.unifications(asked, project)
         ],
     )
 
@@ -99,7 +98,7 @@ def web(common: Common, shot: Shot, options: OneMeshOptions) -> None:
     """
     require_three_js()
     project, asked, folder = asked_for(common, shot, options, DEFAULT_QUALITY, "web")
-    parts = tuple(Unification(part, project.store, options.vertices, options.until) for part in asked.parts)
+    parts = options.unifications(asked, project)
     if common.dry_run:
         report_plan(common, project.geometry(asked))
         if not common.json:

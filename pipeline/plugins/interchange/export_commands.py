@@ -26,6 +26,7 @@ from flowsculpt.pipeline.plugins.interchange.model_export import LONGEST_SIDE, M
 from flowsculpt.pipeline.plugins.interchange.usd_files import require_usd
 
 if TYPE_CHECKING:
+    from flowsculpt.pipeline.plugins.interchange.unifying import Unification
     from flowsculpt.pipeline.plugins.interchange.usd_export import UsdExport
 
 Folder = Annotated[
@@ -60,6 +61,40 @@ class OneMeshOptions(ModelOptions):
             min=0.0, metavar="E", help="Leave out vertices whose error is below E, in edge lengths: 0.1."
         ),
     ] = None
+    tolerance: Annotated[
+        float | None,
+        typer.Option(
+            min=0.01,
+            max=10.0,
+            metavar="E",
+            help="Of a sequence whose faces change: how far, in its median edges, the mesh may be from it. "
+            "Default: 0.25.",
+        ),
+    ] = None
+    carry_from: Annotated[
+        int | None,
+        typer.Option(
+            "--carry-from",
+            metavar="N",
+            help="Of such a sequence: the frame whose mesh is carried through all others. Default: the "
+            "middle one.",
+        ),
+    ] = None
+
+    def unifications(self, asked: RenderRequest, project: Project) -> tuple[Unification, ...]:
+        """Return how one mesh of each subject is made."""
+        from flowsculpt.pipeline.plugins.interchange.unifying import Unification
+
+        named = {"tolerance": self.tolerance, "carry_from": self.carry_from}
+        return tuple(
+            Unification(part, project.store, self.vertices, self.until, **named) for part in asked.parts
+        )
+
+    @property
+    def changes_one_mesh(self) -> bool:
+        """True if an option asks for another mesh than the usual one."""
+        options = self.vertices, self.until, self.tolerance, self.carry_from
+        return any(option is not None for option in options)
 
 
 OneMesh = Annotated[
@@ -97,12 +132,12 @@ def usd(
     require_usd()
     if one_mesh and instances:
         raise UsageError("--one-mesh and --instances are two ways to write copies; choose one")
-    if one_mesh or (instances and options.vertices is None and options.until is None):
+    if one_mesh or (instances and not options.changes_one_mesh):
         _one_mesh_stage(common, project, asked, folder, options, instances)
         return
-    if options.vertices is not None or options.until is not None:
+    if options.changes_one_mesh:
         remedy = "leave them out with --instances" if instances else "add --one-mesh"
-        raise UsageError(f"--vertices and --until reduce one mesh; {remedy}")
+        raise UsageError(f"--vertices, --until, --tolerance and --carry-from change one mesh; {remedy}")
     from flowsculpt.pipeline.plugins.interchange.usd_export import UsdExport
 
     _export(common, project, asked, [UsdExport(asked, project.store, folder)])
@@ -118,11 +153,10 @@ def _one_mesh_stage(
 ) -> None:
     """Write a stage with one mesh of each subject, or with the instances of each."""
     from flowsculpt.pipeline.plugins.interchange.copy_instances import require_rigid
-    from flowsculpt.pipeline.plugins.interchange.unifying import Unification
     from flowsculpt.pipeline.plugins.interchange.usd_instances import InstancesStage
     from flowsculpt.pipeline.plugins.interchange.usd_one_mesh import OneMeshStage
 
-    parts = tuple(Unification(part, project.store, options.vertices, options.until) for part in asked.parts)
+    parts = options.unifications(asked, project)
     if instances:
         require_rigid(parts)
     kind = InstancesStage if instances else OneMeshStage

@@ -337,12 +337,10 @@ def require_surface(request: RenderRequest) -> None:
     resampling, name = motion.resampling, request.motion_folders.part_name
     if not motion.subject.is_surface:
         raise UsageError(f"{name}: points and control nets have no triangles to refine; export usd instead")
-    if motion.animated is not None and (
-        not motion.animated.model.keeps_faces or motion.without_animation.flow.members
-    ):
+    if motion.animated is not None and motion.without_animation.flow.members:
         raise UsageError(
-            f"{name}: its files move it, with other faces in each frame or under flows, and one mesh for all "
-            "frames follows flows alone; export ply, obj, glb or abc, which write each frame"
+            f"{name}: its files move it under flows, and one mesh for all frames follows one of the two; "
+            "export ply, obj or usd, which write each frame"
         )
     if resampling is not None and resampling.method == "polyhedra":
         raise UsageError(

@@ -28,6 +28,7 @@ from flowsculpt.api.frames import (
 from flowsculpt.api.meshes import Floats, Indices, carried_normals
 from flowsculpt.api.shots import Motion
 from flowsculpt.pipeline.plugins.interchange.birth_values import raise_to_dependents
+from flowsculpt.pipeline.plugins.interchange.carried_sequence import TOLERANCE, CarriedSequence
 from flowsculpt.pipeline.plugins.interchange.exported_frame import (
     has_colours,
     rendered_surface,
@@ -60,8 +61,9 @@ class Unification:
     vertices  the most vertices; None for as many as no edge is too long with
     until     the error up to which births are left out; None for none
     is_plain  True for the shape alone, without colours and texture coordinates
+    tolerance, carry_from  of a sequence whose faces change, see `CarriedSequence`; None for its own
 
-    Raises UsageError for a subject that has no one mesh for all frames.
+    Raises UsageError for a subject that has no one mesh for all frames, and for settings of other subjects.
     """
 
     request: RenderRequest
@@ -69,9 +71,21 @@ class Unification:
     vertices: int | None = None
     until: float | None = None
     is_plain: bool = False
+    tolerance: float | None = None
+    carry_from: int | None = None
 
     def __post_init__(self) -> None:
-        if not self._is_rigid:
+        is_reduced = self.vertices is not None or self.until is not None
+        if self._carried is not None and is_reduced:
+            raise UsageError(
+                f"{self.name}: its files move it, with other faces in each frame, and --vertices and --until "
+                "leave out what flows have refined; choose a coarser --tolerance"
+            )
+        if self._carried is None and not (self.tolerance is None and self.carry_from is None):
+            raise UsageError(
+                f"{self.name} is not a sequence whose faces change; leave out --tolerance and --carry-from"
+            )
+        if not self._is_rigid and self._carried is None:
             _ = self._refiner  # raises before anything is computed
 
     @property
@@ -83,15 +97,21 @@ class Unification:
     def key(self) -> str:
         """The key of the mesh, known before it is computed."""
         shot = self.request.shot
+        if self._carried is not None:
+            key = self._carried.key
+        else:
+            key = self.request.keys.mesh(max(self.request.requested)) if self._is_rigid else self._refiner.key
         return key_of(
             UNIFY.recipe,
-            self.request.keys.mesh(max(self.request.requested)) if self._is_rigid else self._refiner.key,
+            key,
             *(self.request.requested, str(shot.rate), self.vertices, self.until),
             *([None] if self.is_plain else surface_recipe(shot)),
         )
 
     def missing(self) -> list[int]:
         """Return the frames that are not refined yet."""
+        if self._carried is not None:
+            return self._carried.missing()
         return [] if self._is_rigid else self._refiner.missing()
 
     def one_mesh(self, began: Began = lambda name, total: lambda: None) -> OneMesh:
@@ -100,9 +120,13 @@ class Unification:
         began  called with the name of each part of the work and its number of frames; returns what is called
                after each
 
-        Raises FrameError where the surface cannot be refined (see `Refiner.refined`), and UsageError where
-        fewer vertices are asked for than the subject has at rest.
+        Raises FrameError where the surface cannot be refined or carried (see `Refiner.refined` and
+        `CarriedSequence.one_mesh`), and UsageError where fewer vertices are asked for than the subject has at
+        rest.
         """
+        if self._carried is not None:
+            name = self.request.source.subject or self.request.name
+            return self._colour(self._carried.one_mesh(name, self.key, began))
         rigid = self._rigid_copies
         start = len(rigid.rest) if rigid else self._refiner.vertices_at_rest
         if self.vertices is not None and self.vertices < start:
@@ -133,6 +157,13 @@ class Unification:
         mesh = replace(mesh, longest_at=lambda number: float(np.median(refined.lengths_at(number))))
         mesh = replace(mesh, reduction=reduction)
         return self._colour(mesh)
+
+    @cached_property
+    def _carried(self) -> CarriedSequence | None:
+        if not CarriedSequence.is_of(self.request):
+            return None
+        tolerance = TOLERANCE if self.tolerance is None else self.tolerance
+        return CarriedSequence(self.request, self.store, tolerance, self.carry_from)
 
     @property
     def _is_rigid(self) -> bool:

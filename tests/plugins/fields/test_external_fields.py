@@ -255,6 +255,7 @@ def test_the_nearest_point_of_any_triangles_is_found(seed: int, count: int) -> N
     rng = np.random.default_rng(seed)
     triangles = rng.normal(size=(count, 1, 3)) + 0.3 * rng.normal(size=(count, 3, 3))
     triangles[: count // 3, 2] = triangles[: count // 3, 1]  # segments
+    triangles[count // 4 : count // 3, 1] = triangles[count // 4 : count // 3, 0]
     triangles[: count // 6, 1] = triangles[: count // 6, 2] = triangles[: count // 6, 0]  # points
     places, far = rng.normal(size=(4, 3)), 1e6
     pulled = Attraction(Target.of(triangles), 1.0, far).velocity(places, 0.0)

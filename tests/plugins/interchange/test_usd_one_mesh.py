@@ -127,8 +127,9 @@ def test_fewer_vertices_are_another_mesh_and_need_the_option(root: Path, stage: 
         patch.chdir(root)
         code, said = commanded(root, "export", "usd", NAME, "--vertices", "320")
         instances = commanded(root, "export", "usd", NAME, "--vertices", "320", "--instances")
-    assert (code, said) == (2, "--vertices and --until reduce one mesh; add --one-mesh")
-    assert instances == (2, "--vertices and --until reduce one mesh; leave them out with --instances")
+    options = "--vertices, --until, --tolerance and --carry-from"
+    assert (code, said) == (2, f"{options} change one mesh; add --one-mesh")
+    assert instances == (2, f"{options} change one mesh; leave them out with --instances")
 
 
 @pytest.mark.parametrize("form", ["--one-mesh", ""], ids=["one mesh", "clips"])

@@ -15,7 +15,6 @@ from flowsculpt.pipeline.errors import FlowsculptError, FrameError
 from flowsculpt.pipeline.mesh import TriangleMesh, icosphere
 from flowsculpt.pipeline.production.request.manifest import mesh_keys
 from flowsculpt.pipeline.shot import Shot, read_shot
-from tests.conftest import commanded
 from tests.mesh_files import write_ply
 from tests.needed_plugins import needs_plugins
 
@@ -318,18 +317,12 @@ def test_an_animation_in_one_file_is_shown_at_its_own_times(folder: Path) -> Non
     np.testing.assert_array_equal(held[7].mesh.vertices, held[5].mesh.vertices)
 
 
-@needs_plugins("interchange")
-def test_one_mesh_for_all_frames_follows_files_and_refuses_changing_faces(folder: Path) -> None:
+def test_one_mesh_for_all_frames_follows_files(folder: Path) -> None:
     shot = read(folder, "cache/ball_####.ply")
     points, motion = BALL.vertices, shot.motion
     for number in range(2, 7):
         points = motion.step_into(motion.flow, number).apply(points)
     np.testing.assert_allclose(points, place(BALL.vertices, 6), atol=1e-12)
-    (folder / "shots").mkdir()
-    text = "title: T\nframes: 1-6\nsubject: {sequence: ../cache/splash.#.ply}\n"
-    (folder / "shots/a.yaml").write_text(text)
-    code, said = commanded(folder, "export", "gltf", str(folder / "shots/a.yaml"))
-    assert code == 2 and "its files move it, with other faces in each frame" in said
 
 
 def test_a_file_that_changes_during_a_run_is_not_stored_under_the_key_of_the_old_one(folder: Path) -> None:

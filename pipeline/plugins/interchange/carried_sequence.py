@@ -1,0 +1,188 @@
+"""One mesh of a sequence whose faces change: what is refused, and what is stored."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache, partial
+from itertools import groupby
+
+import numpy as np
+
+from flowsculpt import FlowsculptError, FrameError, TriangleMesh, UsageError
+from flowsculpt.api import plural
+from flowsculpt.api.frames import RenderRequest, Store, StoredFiles, key_of
+from flowsculpt.api.meshes import Floats
+from flowsculpt.pipeline.plugins.interchange.carrying import VERSION, Carrier, farthest, in_words
+from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh
+from flowsculpt.pipeline.plugins.interchange.refining import KIND, UNIFY, Began
+from flowsculpt.pipeline.plugins.interchange.shown_surfaces import ShownSurface, Topology
+
+TOLERANCE = 0.25
+"""The largest distance of the mesh and a file's surface, in median edges of that, by default."""
+
+_KEPT = 4  # surfaces in memory
+
+
+@dataclass(frozen=True, eq=False)
+class CarriedSequence:
+    """One mesh of a sequence whose faces change, for the frames requested and those between.
+
+    tolerance   in median edges of each frame's surface
+    carry_from  the frame whose surface is carried; None for the middle one
+
+    Raises UsageError for a frame that is not among them.
+    """
+
+    request: RenderRequest
+    store: Store
+    tolerance: float = TOLERANCE
+    carry_from: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.carry_from is not None and self.carry_from not in self._numbers:
+            raise UsageError(
+                f"--carry-from {self.carry_from}: the frames are {_range(self._numbers)}. Choose one of "
+                "these."
+            )
+
+    @staticmethod
+    def is_of(request: RenderRequest) -> bool:
+        """Tell whether the subject of a request is such a sequence."""
+        animated = request.shot.motion.animated
+        return animated is not None and not animated.model.keeps_faces
+
+    @cached_property
+    def key(self) -> str:
+        """The key of the mesh, known before it is computed."""
+        keys = [self.request.keys.mesh(number) for number in self._numbers]
+        return key_of(UNIFY.recipe, "carried", VERSION, self.tolerance, self._start, keys)
+
+    def missing(self) -> list[int]:
+        """Return the frames through which the mesh is not carried yet."""
+        return [n for n in self._numbers if not self.store.holds(KIND, self._frame_key(n))]
+
+    def one_mesh(self, name: str, key: str, began: Began) -> OneMesh:
+        """Return the mesh; what is not stored is computed.
+
+        began  called with the name of each part of the work and its number of frames; returns what is called
+               after each
+
+        Raises FrameError, with the frame, the place and the remedy, where parts of the surface merge or
+        split, or where the mesh is farther from a surface than the tolerance.
+        """
+        if self.missing() or not self.store.holds(KIND, self.key):
+            self._carry(began)
+        arrays, motion = self._read(self.key), self.request.shot.motion
+        mesh = TriangleMesh(arrays["vertices"], arrays["faces"], creases=arrays["creases"])
+        values: Callable[[str, int], Floats] = lambda kind, n: self._read(self._frame_key(n))[kind]  # noqa: E731
+        whole = OneMesh.of(
+            *(name, self.request.requested, motion.rate, mesh, key),
+            points_at=partial(values, "points"),
+            velocities_at=self._velocities,
+        )
+        return replace(
+            whole,
+            normals_at=partial(values, "normals"),
+            longest_at=lambda number: float(self._read(self._frame_key(number))["edge"]),
+        )
+
+    @property
+    def _numbers(self) -> range:
+        return range(min(self.request.requested), max(self.request.requested) + 1)
+
+    @property
+    def _start(self) -> int:
+        return self._numbers[len(self._numbers) // 2] if self.carry_from is None else self.carry_from
+
+    def _frame_key(self, number: int) -> str:
+        return key_of(self.key, "frame", number - self._numbers[0])
+
+    def _carry(self, began: Began) -> None:
+        """Compute the mesh and store it, if it follows all surfaces."""
+        motion = self.request.shot.motion
+        surface_of = lru_cache(_KEPT)(self._surface)
+        self._require_topology(surface_of, began("reading", len(self._numbers)))
+        budget = motion.thresholds_at(self._start).max_vertices
+        carrier = Carrier(surface_of, self._numbers, self._start, self.tolerance, budget)
+        carried = carrier.carried(began)
+        worst = farthest(carried.deviations)
+        if carried.deviations[worst].distance > self.tolerance:
+            found = carried.deviations[worst]
+            near = _around(
+                self._start, {n for n, d in carried.deviations.items() if d.distance <= self.tolerance}
+            )
+            raise FrameError(
+                f"the mesh of frame {self._start}, carried here, is {in_words(found)} from the file's "
+                f"surface, and --tolerance is {self.tolerance:g}. Choose -f {_range(near)}, another frame's "
+                "mesh (--carry-from), or a coarser --tolerance",
+                worst,
+            )
+        for number, places in carried.places.items():
+            shown, key = surface_of(number), self._frame_key(number)
+            arrays = {"points": places.points, "normals": shown.shading(places), "edge": np.array(shown.edge)}
+            self.store.put(KIND, key, StoredFiles.writer(key, arrays))
+        mesh = carried.mesh
+        arrays = {"vertices": mesh.vertices, "faces": mesh.faces, "creases": mesh.creases}
+        self.store.put(KIND, self.key, StoredFiles.writer(self.key, arrays))
+
+    def _surface(self, number: int) -> ShownSurface:
+        motion = self.request.shot.motion
+        assert motion.animated is not None, "it is a sequence"
+        try:
+            mesh = motion.animated.mesh(number)
+            angle = motion.thresholds_at(number).hard_angles(mesh)
+            return ShownSurface(number, motion.clock.flow_time(number), mesh, float(np.mean(angle)))
+        except FlowsculptError as error:
+            raise FrameError(str(error), number) from error
+
+    def _require_topology(
+        self, surface_of: Callable[[int], ShownSurface], passed: Callable[[], None]
+    ) -> None:
+        """Raise FrameError where a frame has other parts, handles or rims than the one before."""
+        found: dict[int, Topology] = {}
+        for number in self._numbers:
+            found[number] = surface_of(number).topology(self.tolerance)
+            passed()
+        runs = [list(run) for _, run in groupby(self._numbers, key=found.__getitem__)]
+        if len(runs) == 1:
+            return
+        before, after = runs[0][-1], runs[1][0]
+        step = Carrier(surface_of, range(before, after + 1), before, self.tolerance, 0).step()
+        x, y, z = step.place
+        longest = max(runs, key=len)
+        raise FrameError(
+            f"the surface merges or splits at ({x:.4g}, {y:.4g}, {z:.4g}): it has {_words(found[after])}, "
+            f"and {_words(found[before])} in frame {before}, so no mesh for all frames follows it. Choose "
+            f"-f {_range(longest)}, or make two subjects of what is apart",
+            after,
+        )
+
+    def _velocities(self, number: int) -> Floats:
+        """Return the velocities (V, 3) of a frame, from its neighbours."""
+        one, two = (n if n in self._numbers else number for n in (number - 1, number + 1))
+        here, there = (self._read(self._frame_key(n))["points"] for n in (one, two))
+        return (there - here) * (float(self.request.shot.motion.rate.fps) / max(two - one, 1))
+
+    def _read(self, key: str) -> dict[str, np.ndarray]:
+        place = self.store.path(KIND, key).relative_to(self.store.root)
+        return self.store.read(KIND, key, place, StoredFiles(KIND).reader(key))
+
+
+def _around(start: int, numbers: set[int]) -> list[int]:
+    """Return the numbers around one that are in a set, as far as they follow each other."""
+    first = last = start
+    while first - 1 in numbers:
+        first -= 1
+    while last + 1 in numbers:
+        last += 1
+    return list(range(first, last + 1))
+
+
+def _range(numbers: range | list[int]) -> str:
+    return f"{numbers[0]}-{numbers[-1]}"
+
+
+def _words(found: Topology) -> str:
+    counts = [plural(found.parts, "part"), plural(found.handles, "handle"), plural(found.rims, "rim")]
+    return f"{counts[0]}, {counts[1]} and {counts[2]}"

@@ -1,0 +1,193 @@
+"""One mesh of sequences whose faces change: how near it is to the files, and what is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.flow.regions import TriangleTree
+from flowsculpt.pipeline.mesh import TriangleMesh, box, icosphere, sheet
+from flowsculpt.pipeline.mesh.normals import vertex_normals
+from flowsculpt.pipeline.production.store.store import Store
+from tests.conftest import commanded
+from tests.mesh_files import write_ply
+from tests.needed_plugins import needs_plugins
+
+pytestmark = needs_plugins("interchange")
+
+Place = Callable[[np.ndarray, float], np.ndarray]
+
+
+def write(folder: Path, number: int, rest: TriangleMesh, place: Place, moves: bool = True) -> TriangleMesh:
+    """Write a file of a surface at rest, moved to a frame, with its velocities at 24 frames a second."""
+    points = place(rest.vertices, number)
+    speed = (place(rest.vertices, number + 0.01) - place(rest.vertices, number - 0.01)) / 0.02 * 24.0
+    named = dict(zip(("vx", "vy", "vz"), speed.T, strict=True)) if moves else {}
+    write_ply(TriangleMesh(points, rest.faces, named), folder / "cache" / f"s_{number:04d}.ply")
+    return TriangleMesh(points, rest.faces)
+
+
+def shot(folder: Path, frames: str) -> Path:
+    path = folder / "shots/T010_s.yaml"
+    path.parent.mkdir(exist_ok=True)
+    path.write_text(f"title: S\nframes: {frames}\nsubject: {{sequence: ../cache/s_####.ply}}\n")
+    return path
+
+
+def carried(folder: Path, frames: str, **settings: float | int) -> tuple[np.ndarray, dict[int, np.ndarray]]:
+    """Return the faces of one mesh of all frames, and its points in each."""
+    from flowsculpt.pipeline.plugins.interchange.unifying import Unification
+    from tests.plugins.interchange.unified_shots import of_text
+
+    request = of_text(folder / "shots", shot(folder, frames).read_text())
+    mesh = Unification(request, Store(folder), **settings).one_mesh()  # type: ignore[arg-type]
+    return mesh.faces, {number: mesh.frame(number).points for number in mesh.frames}
+
+
+def away(points: np.ndarray, mesh: TriangleMesh) -> float:
+    """Return the largest distance of points from a surface."""
+    face, shares = TriangleTree.of(mesh.vertices[mesh.faces]).nearest(points)
+    a, b, c = mesh.vertices[mesh.faces[face]].swapaxes(0, 1)
+    return float(np.linalg.norm(a + shares[:, :1] * (b - a) + shares[:, 1:] * (c - a) - points, axis=1).max())
+
+
+def apart(faces: np.ndarray, points: np.ndarray, file: TriangleMesh) -> float:
+    """Return the largest distance of a mesh and a file's surface, both ways, in median edges of the file."""
+    ours = TriangleMesh(points, faces)
+    sides = file.vertices[file.faces]
+    edge = np.median(np.linalg.norm(np.roll(sides, 1, axis=1) - sides, axis=2))
+    both = [(ours, file), (file, ours)]
+    return max(away(one.scattered(4000, 3)[0], other) for one, other in both) / float(edge)
+
+
+def turned_ball(number: int) -> TriangleMesh:
+    """Return a ball whose triangles are others in each frame."""
+    turn, _ = np.linalg.qr(np.random.default_rng(number).normal(size=(3, 3)))
+    turn[0] *= np.linalg.det(turn)
+    ball = icosphere(10 + number % 3)
+    return ball.with_vertices(ball.vertices @ turn.T)
+
+
+def stretched(points: np.ndarray, frame: float) -> np.ndarray:
+    """Return where points of a ball are while it turns and becomes three times as long."""
+    angle, long = 0.15 * frame, 1.0 + 0.25 * frame
+    turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+    return points * [long, long**-0.5, long**-0.5] @ turn.T
+
+
+@pytest.fixture(scope="module")
+def balls(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[int, TriangleMesh]]:
+    folder = tmp_path_factory.mktemp("balls")
+    return folder, {n: write(folder, n, turned_ball(n), stretched) for n in range(1, 9)}
+
+
+def test_one_mesh_stays_on_a_ball_that_turns_stretches_and_is_meshed_again(
+    balls: tuple[Path, dict[int, TriangleMesh]],
+) -> None:
+    folder, files = balls
+    faces, points = carried(folder, "1-8", carry_from=1)
+    for number, file in files.items():
+        assert apart(faces, points[number], file) < 0.25
+    lengths = np.linalg.norm(points[8][faces] - np.roll(points[8][faces], 1, axis=1), axis=2)
+    assert len(points[1]) > len(files[1].vertices), "it is refined where it stretches"
+    assert np.quantile(lengths, 0.99) < 3 * np.median(lengths)
+
+
+def test_material_stays_where_velocities_carry_it(balls: tuple[Path, dict[int, TriangleMesh]]) -> None:
+    _, points = carried(balls[0], "1-8")
+    at_rest = points[5] @ np.linalg.inv(stretched(np.eye(3), 5))
+    off = np.linalg.norm(stretched(at_rest, 8) - points[8], axis=1)
+    assert np.quantile(off, 0.95) < 0.02
+
+
+def test_its_normals_are_those_of_the_files(balls: tuple[Path, dict[int, TriangleMesh]]) -> None:
+    from flowsculpt.pipeline.plugins.interchange.unifying import Unification
+    from tests.plugins.interchange.unified_shots import of_text
+
+    request = of_text(balls[0] / "shots", shot(balls[0], "1-8").read_text())
+    frame = Unification(request, Store(balls[0])).one_mesh().frame(8)
+    file = balls[1][8]
+    face, shares = TriangleTree.of(file.vertices[file.faces]).nearest(frame.points)
+    weights = np.column_stack([1 - shares.sum(axis=1), shares])
+    theirs = np.einsum("nk,nkj->nj", weights, vertex_normals(file)[file.faces[face]])
+    theirs /= np.linalg.norm(theirs, axis=1, keepdims=True)
+    degrees = np.degrees(np.arccos(np.clip(np.einsum("ij,ij->i", theirs, frame.normals), -1, 1)))
+    assert np.quantile(degrees, 0.95) < 5.0
+
+
+def test_both_sides_of_a_thin_plate_stay_apart_and_its_edges_stay_sharp(tmp_path: Path) -> None:
+    def place(points: np.ndarray, frame: float) -> np.ndarray:
+        return points + np.array([0.0, 0.05 * frame**2, 0.0])
+
+    files = {n: write(tmp_path, n, box((2.0, 0.02, 2.0), 0.2 + 0.03 * (n % 3)), place) for n in range(1, 6)}
+    faces, points = carried(tmp_path, "1-5")
+    side = {n: points[n][:, 1] > 0.05 * n**2 for n in files}
+    for number, file in files.items():
+        np.testing.assert_array_equal(side[number], side[3])
+        assert apart(faces, points[number], file) < 0.01
+
+
+def test_a_cloth_keeps_its_rim(tmp_path: Path) -> None:
+    def place(points: np.ndarray, frame: float) -> np.ndarray:
+        x, y, z = points.T
+        return np.column_stack([x + 0.1 * frame * z, y + 0.1 * frame * np.sin(2 * x), z])
+
+    files = {n: write(tmp_path, n, sheet((2.0, 2.0), 0.12 + 0.02 * (n % 3)), place) for n in range(1, 6)}
+    faces, points = carried(tmp_path, "1-5")
+    for number, file in files.items():
+        assert apart(faces, points[number], file) < 0.25
+
+
+def drops(folder: Path) -> None:
+    """Write two drops that near each other and are one from frame 5 on."""
+    ball = icosphere(10)
+    for number in range(1, 7):
+        apart = 1.25 - 0.05 * number if number < 5 else 1.15 - 0.05 * number
+        moves = np.array([-0.05 * 24.0, 0.0, 0.0])
+        if number < 5:
+            away = np.array([apart, 0.0, 0.0])
+            points = np.concatenate([ball.vertices + away, ball.vertices - away])
+            faces = np.concatenate([ball.faces, ball.faces + len(ball.vertices)])
+        else:
+            x = ball.vertices[:, :1]
+            points, faces = ball.vertices * (apart * abs(x) + np.sqrt(1 - apart**2 * (1 - x**2))), ball.faces
+        speed = np.sign(points[:, :1]) * moves
+        named = dict(zip(("vx", "vy", "vz"), speed.T, strict=True))
+        write_ply(TriangleMesh(points, faces, named), folder / "cache" / f"s_{number:04d}.ply")
+
+
+def test_drops_that_merge_are_refused_at_that_frame_and_place_and_followed_before(tmp_path: Path) -> None:
+    drops(tmp_path)
+    words = "export", "gltf", str(shot(tmp_path, "1-6"))
+    code, said = commanded(tmp_path, *words)
+    assert code == 1
+    assert "frame 5: the surface merges or splits at (" in said and "-f 1-4" in said
+    assert "it has 1 part, 0 handles and 0 rims, and 2 parts, 0 handles and 0 rims in frame 4" in said
+    place = np.array(said.split("splits at (")[1].split(")")[0].split(","), float)
+    assert np.linalg.norm(place) < 0.6
+    assert not list((tmp_path / "renders").rglob("*.glb"))
+    code, said = commanded(tmp_path, *words, "-f", "1-4")
+    assert code == 0 and "4 frames" in said
+    assert len(list((tmp_path / "renders").rglob("*.glb"))) == 1
+
+
+def test_a_surface_that_the_velocities_do_not_lead_to_is_refused_with_frame_and_remedy(
+    tmp_path: Path,
+) -> None:
+    for number in range(1, 6):
+        write(tmp_path, number, turned_ball(number), lambda p, n: p + 3.0 * (round(n) == 5))
+    code, said = commanded(tmp_path, "export", "abc", str(shot(tmp_path, "1-5")), "--carry-from", "2")
+    assert code == 1
+    assert "frame 5: the mesh of frame 2, carried here, is" in said and "-f 1-4" in said
+    assert not list((tmp_path / "renders").rglob("*.abc"))
+
+
+def test_settings_of_a_carried_mesh_are_checked(balls: tuple[Path, dict[int, TriangleMesh]]) -> None:
+    with pytest.raises(UsageError, match="--carry-from 9: the frames are 1-8"):
+        carried(balls[0], "1-8", carry_from=9)
+    with pytest.raises(UsageError, match="choose a coarser --tolerance"):
+        carried(balls[0], "1-8", vertices=100)
