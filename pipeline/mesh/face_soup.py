@@ -66,14 +66,23 @@ class FaceSoup(FaceLists):
 
         vertex  (C,) labels: corners with one label share a vertex; by default those at one vertex of the soup
         """
-        labels = self.corners if vertex is None else vertex
-        _, first, corners = np.unique(labels, return_index=True, return_inverse=True)
+        if vertex is None:
+            origin, corners = _renumbered(self.corners, len(self.points))
+            return PolygonMesh.from_arrays(self.points[origin], self.offsets, corners), origin
+        _, first, corners = np.unique(vertex, return_index=True, return_inverse=True)
         order = np.argsort(self.corners[first], kind="stable")
         place = np.empty_like(order)
         place[order] = np.arange(len(order))
         origin = self.corners[first][order]
         mesh = PolygonMesh.from_arrays(self.points[origin], self.offsets, place[corners.reshape(-1)])
         return mesh, origin
+
+
+def _renumbered(values: AnyArray, count: int) -> tuple[AnyArray, AnyArray]:
+    """Return the different values below `count`, ascending, and the place of each value among them."""
+    is_used = np.zeros(count, bool)
+    is_used[values] = True
+    return np.flatnonzero(is_used), (np.cumsum(is_used) - 1)[values]
 
 
 def connected_components(count: int, ends: AnyArray, others: AnyArray) -> AnyArray:
@@ -117,16 +126,19 @@ def merge_coincident(surface: FileSurface) -> MergedSurface:
     named[surface.corners] = True
     _require_numbers(surface, named)
     joined = find_coincident(points, named)
-    corners, face = joined[surface.corners], np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
+    corners, sides = joined[surface.corners], np.diff(offsets)
     following = np.arange(1, len(corners) + 1)
     some = offsets[1:] > offsets[:-1]
     following[offsets[1:][some] - 1] = offsets[:-1][some]
     kept = corners != corners[following]
-    sides = np.bincount(face[kept], minlength=len(offsets) - 1)
+    if not kept.all() or (sides < 3).any():
+        face = np.repeat(np.arange(len(sides)), sides)
+        sides = np.bincount(face[kept], minlength=len(sides))
+        corners = corners[kept & (sides >= 3)[face]]
     whole = sides >= 3
-    used, renumbered = np.unique(corners[kept & whole[face]], return_inverse=True)
+    used, renumbered = _renumbered(corners, len(points))
     starts = np.concatenate([[0], np.cumsum(sides[whole])])
-    soup = FaceSoup(points[used], starts, renumbered.reshape(-1), np.flatnonzero(whole), used)
+    soup = FaceSoup(points[used], starts, renumbered, np.flatnonzero(whole), used)
     return MergedSurface(
         soup, joined, np.flatnonzero(~named & (joined == np.arange(len(points)))), np.flatnonzero(~whole)
     )
@@ -160,11 +172,23 @@ def find_coincident(points: Points, named: AnyArray) -> AnyArray:
     number = np.flatnonzero(np.isfinite(points).all(axis=1))
     steps = (points[number] - lowest) / max(_MERGE * span, np.finfo(float).smallest_subnormal)
     cells = np.round(np.clip(steps, -1e18, 1e18)).astype(np.int64)
+    first = np.arange(len(points))
+    if _are_distinct(cells):
+        return first
     order = np.lexsort(cells.T)
     starts = np.append(True, (np.diff(cells[order], axis=0) != 0).any(axis=1))
-    first = np.arange(len(points))
     first[number[order]] = number[order[starts]][np.cumsum(starts) - 1]
     return first
+
+
+_MIXING = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np.uint64)
+"""Odd factors whose products with whole numbers differ in all bits."""
+
+
+def _are_distinct(cells: AnyArray) -> bool:
+    """Return True where hashes prove that no two of some cells (N, 3), int64, are the same."""
+    hashes = np.sort((cells.view(np.uint64) * _MIXING).sum(axis=1))
+    return bool((hashes[1:] != hashes[:-1]).all())
 
 
 def cut_repeats(soup: FaceSoup) -> tuple[FaceSoup, AnyArray]:

@@ -43,6 +43,7 @@ class FileSurface(NamedTuple):
     notes       lines to tell the user about what else the file holds
     unit        length of a unit of its coordinates, metres; None in formats that do not say it
     velocities  of the points, float64 (V, 3), units per second; None where the file has none
+    normals     of the points, float64 (V, 3), of any length; None where the file has none
     """
 
     points: Points
@@ -54,6 +55,7 @@ class FileSurface(NamedTuple):
     notes: tuple[str, ...] = ()
     unit: float | None = None
     velocities: Points | None = None
+    normals: Points | None = None
 
     @classmethod
     def of(

@@ -96,7 +96,8 @@ def read_polygon_file(content: bytes) -> FileSurface:
         fact = f"it has a scanner's grid of ranges ({_GRID}) and no faces"
         raise MeshError(f"{fact}. Export faces from the scanner's program.")
     surface = polygon_surface(_vertex_positions(tables), faces.offsets, faces.values.reshape(-1))
-    return surface._replace(velocities=_velocities(tables.get("vertex", {})))
+    vertex = tables.get("vertex", {})
+    return surface._replace(velocities=_velocities(vertex), normals=_vectors(vertex, "nx", "ny", "nz"))
 
 
 def _read_vertices(path: Path) -> tuple[Points, dict[str, AnyArray]]:
@@ -127,11 +128,13 @@ def _velocities(vertex: Table) -> Points | None:
         column = named.get(name)
         if isinstance(column, Lists) and column.values.ndim == 2 and column.values.shape[1] == 3:
             return np.asarray(column.values, np.float64)
-    for names in _VELOCITIES:
-        columns = [named[name] for name in names if isinstance(named.get(name), np.ndarray)]
-        if len(columns) == 3:
-            return np.column_stack(columns).astype(np.float64)
-    return None
+    return next((found for names in _VELOCITIES if (found := _vectors(named, *names)) is not None), None)
+
+
+def _vectors(vertex: Table, *names: str) -> Points | None:
+    """Return the vectors (V, 3) whose components three properties of vertices are; None without them."""
+    columns = [column for name in names if isinstance(column := vertex.get(name), np.ndarray)]
+    return np.column_stack(columns).astype(np.float64) if len(columns) == 3 else None
 
 
 def _rows(tables: dict[str, Table], element: str) -> int:

@@ -28,6 +28,7 @@ from flowsculpt.pipeline.mesh.face_soup import (
     find_duplicates,
     merge_coincident,
 )
+from flowsculpt.pipeline.mesh.kernels.face_measures import may_face_inwards
 from flowsculpt.pipeline.mesh.mesh_formats import (
     FileSurface,
     ModelMaterials,
@@ -40,7 +41,7 @@ from flowsculpt.pipeline.mesh.mesh_formats import (
     suffix_of,
 )
 from flowsculpt.pipeline.mesh.meshes import PolygonMesh, TriangleMesh, edge_keys
-from flowsculpt.pipeline.mesh.validation import validate
+from flowsculpt.pipeline.mesh.validation import Soundness, validate
 from flowsculpt.pipeline.mesh.winding import Winding, detached_corners, find_winding, link_sides
 from flowsculpt.pipeline.plugin import named, plugins
 from flowsculpt.render.base.input_files import InputFile, other_content
@@ -299,11 +300,12 @@ def repair_surface(surface: FileSurface, repair: bool = True) -> RepairedSurface
     faults = RepairLog(surface)
     _require_faces(soup)
     mesh, origin = soup.to_mesh()
-    problem = _problem(mesh)
-    if problem is not None or (repair and find_winding(soup, link_sides(soup).link).inwards.any()):
+    found = _soundness(mesh)
+    problem = found.problem
+    if problem is not None or (repair and _is_inside_out(soup, mesh, found)):
         soup = _cut_and_drop(soup, faults)
         mesh, soup, origin = _separate(soup, faults)
-        problem = _problem(mesh)
+        problem = _soundness(mesh).problem
     if faults.lines and not repair:
         raise MeshError(f"{'; '.join(faults.faults)}. Write repair: on, or repair the model.")
     if problem is not None:
@@ -458,9 +460,21 @@ def _tell_fans(soup: FaceSoup, labels: AnyArray, crowded: AnyArray, faults: Repa
     faults.add(soup.vertices[split], one, many, "split")
 
 
-def _problem(mesh: PolygonMesh) -> str | None:
-    """Return the first fault of a mesh, or None; kernels are quicker where all faces are triangles."""
-    return validate(mesh if mesh.sides.max() > 3 else mesh.triangulated()).problem
+def _soundness(mesh: PolygonMesh) -> Soundness:
+    """Return the result of `validate`; kernels are quicker where all faces are triangles."""
+    return validate(mesh if mesh.sides.max() > 3 else mesh.triangulated())
+
+
+def _is_inside_out(soup: FaceSoup, mesh: PolygonMesh, found: Soundness) -> bool:
+    """Return whether a sound surface has closed parts that face inwards and should not.
+
+    mesh  of the soup, vertex by vertex
+    """
+    if found.twins is not None:
+        faces = mesh.corners.reshape(-1, 3)
+        if not may_face_inwards(soup.centred_points, faces, found.twins):
+            return False
+    return bool(find_winding(soup, link_sides(soup).link).inwards.any())
 
 
 def _between_groups(mesh: PolygonMesh, groups: AnyArray) -> AnyArray:

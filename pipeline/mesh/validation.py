@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -18,6 +18,7 @@ class Soundness:
     """The result of `validate`. If `problem` is set, edges are not counted.
 
     euler is V - E + F: 2 for each closed piece with the topology of a sphere, 0 for a torus.
+    twins (3F,) are the half-edges across those of sound triangles.
     """
 
     vertices: int
@@ -25,6 +26,7 @@ class Soundness:
     edges: int = 0
     boundary_edges: int = 0
     problem: str | None = None
+    twins: Indices | None = field(default=None, repr=False, compare=False)
 
     @property
     def sound(self) -> bool:
@@ -68,7 +70,8 @@ def validate(mesh: TriangleMesh | PolygonMesh) -> Soundness:
     if problem is not None:
         return Soundness(len(mesh.vertices), faces, problem=problem)
     boundary = int(np.count_nonzero(twin < 0))
-    return Soundness(len(mesh.vertices), faces, (corners + boundary) // 2, boundary)
+    twins = twin if isinstance(mesh, TriangleMesh) else None
+    return Soundness(len(mesh.vertices), faces, (corners + boundary) // 2, boundary, twins=twins)
 
 
 def _points_problem(mesh: TriangleMesh) -> str | None:
@@ -93,7 +96,8 @@ def _vertices_problem(vertices: Points, faces: int) -> str | None:
 
 
 def _unused_problem(vertices: Points, corners: Indices) -> str | None:
-    unused = np.bincount(corners, minlength=len(vertices)) == 0
+    unused = np.ones(len(vertices), bool)
+    unused[corners] = False
     if not unused.any():
         return None
     more = int(unused.sum()) - 1

@@ -21,7 +21,7 @@ from flowsculpt.pipeline.flow import Flow
 from flowsculpt.pipeline.flow.regions import TriangleTree
 from flowsculpt.pipeline.mesh import PolygonMesh, TriangleMesh
 from flowsculpt.pipeline.mesh.analytic_surfaces import AnalyticSurface
-from flowsculpt.pipeline.mesh.normals import unit, vertex_normals
+from flowsculpt.pipeline.mesh.normals import NORMAL, unit, vertex_normals
 from flowsculpt.pipeline.mesh.read import ImportedSurface, ModelFile
 from flowsculpt.pipeline.shot.subjects import Model, as_data
 from flowsculpt.render.base.input_files import joint_digest
@@ -81,7 +81,10 @@ class SurfaceSequence(ABC):
 
     @abstractmethod
     def surface(self, seconds: float) -> tuple[PolygonMesh, Vectors | None]:
-        """Return the surface at a time, and the velocities (V, 3) of its vertices per second, where known."""
+        """Return the surface at a time, and the velocities (V, 3) of its vertices per second, where known.
+
+        The surface has the attribute `normal` (V, 3), where the files have normals; 0 where they are unknown.
+        """
 
     @abstractmethod
     def data(self, seconds: float) -> Any:
@@ -154,6 +157,9 @@ class AnimatedModel(Model):
         if velocities is not None:
             moved = self._placed(polygons.vertices + velocities, around)
             polygons = polygons.with_attributes(**{VELOCITY: moved - points})
+        if NORMAL in polygons.attributes:
+            ends = self._placed(polygons.vertices + polygons.attributes[NORMAL], around)
+            polygons = polygons.with_attributes(**{NORMAL: unit(ends - points)})
         return polygons.with_vertices(points).triangulated()
 
     @cached_property

@@ -8,6 +8,7 @@ import pytest
 from flowsculpt.pipeline.arrays import AnyArray
 from flowsculpt.pipeline.errors import MeshError
 from flowsculpt.pipeline.mesh import PolygonMesh, read_polygons
+from flowsculpt.pipeline.mesh.ply_files import read_polygon_file
 from tests.mesh.brick import POINTS, QUADS, TRIANGLES, read, require_brick, rows
 
 UNEVEN = (
@@ -249,3 +250,26 @@ def test_a_text_ply_is_read(tmp_path: Path) -> None:
     rows = "\n".join(" ".join(str(n) for n in row) for row in ROWS)
     (tmp_path / "two.ply").write_text(f"ply\nformat ascii 1.0\n{UNEVEN}{rows}\n4 0 1 2 3 7\n3 2 1 4 7\n")
     assert polygons(read_polygons(tmp_path / "two.ply")) == [[0, 1, 2, 3], [2, 1, 4]]
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        *(
+            "vx vy vz",
+            "velocity_x velocity_y velocity_z",
+            "velocityx velocityy velocityz",
+            "vel_x vel_y vel_z",
+        ),
+        *("velocity_0 velocity_1 velocity_2", "v_1 v_2 v_3", "velocity", "velocities", "v", ".velocities"),
+    ],
+)
+def test_velocities_are_read_by_the_names_that_programs_give_them(names: str) -> None:
+    is_list = len(names.split()) == 1
+    kinds = [f"property {'list uchar float' if is_list else 'float'} {name}" for name in names.split()]
+    header = ["ply", "format ascii 1.0", "element vertex 3", *(f"property float {axis}" for axis in "xyz")]
+    header += [*kinds, "element face 1", "property list uchar int vertex_indices", "end_header"]
+    rows = [f"{x} {x * x} 0 {'3 ' if is_list else ''}{x} 2 3" for x in range(3)]
+    surface = read_polygon_file("\n".join([*header, *rows, "3 0 1 2"]).encode())
+    assert surface.velocities is not None
+    assert surface.velocities.tolist() == [[0, 2, 3], [1, 2, 3], [2, 2, 3]]

@@ -5,12 +5,16 @@ from __future__ import annotations
 import math
 
 import numba
+import numpy as np
 
 from flowsculpt.pipeline.arrays import Faces, Floats, Indices, Points
 from flowsculpt.pipeline.kernels import kernel, only_read
-from flowsculpt.pipeline.mesh.kernels.halfedge import CONST_MATRIX, INTS, LEAN, VECTOR
+from flowsculpt.pipeline.mesh.kernels.halfedge import CONST_INTS, CONST_MATRIX, INTS, LEAN, VECTOR
 
 _CONST_FACES = only_read(numba.int32[:, ::1])
+_CERTAIN = 1e-6
+"""Volume of a part, over the sum of those of its faces, from which on rounding does not decide its sign."""
+
 _NORMAL = numba.types.UniTuple(numba.float64, 3)
 
 
@@ -29,6 +33,42 @@ def lengths_and_areas(points: Points, faces: Faces) -> tuple[float, float]:
         x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
         area += 0.5 * math.sqrt(x * x + y * y + z * z)
     return length, area
+
+
+@kernel(numba.boolean(CONST_MATRIX, _CONST_FACES, CONST_INTS))
+def may_face_inwards(points: Points, faces: Faces, twins: Indices) -> bool:
+    """Return False where the volume of each closed part of a surface is surely above 0.
+
+    points  with the origin near them, so that the sums keep their digits
+    twins   (3F,): the half-edges across
+    """
+    part = np.arange(len(faces))
+    for h in range(len(twins)):
+        if twins[h] > h:
+            one, other = h // 3, twins[h] // 3
+            while part[one] != one:
+                part[one] = part[part[one]]
+                one = part[one]
+            while part[other] != other:
+                part[other] = part[part[other]]
+                other = part[other]
+            part[max(one, other)] = min(one, other)
+    volumes, sizes = np.zeros(len(faces)), np.zeros(len(faces))
+    is_open = np.zeros(len(faces), np.bool_)
+    for f in range(len(faces)):
+        root = part[f] = part[part[f]]  # parents are lower, so theirs are roots by now
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        x = points[b, 1] * points[c, 2] - points[b, 2] * points[c, 1]
+        y = points[b, 2] * points[c, 0] - points[b, 0] * points[c, 2]
+        z = points[b, 0] * points[c, 1] - points[b, 1] * points[c, 0]
+        volume = points[a, 0] * x + points[a, 1] * y + points[a, 2] * z
+        volumes[root] += volume
+        sizes[root] += abs(volume)
+        is_open[root] |= twins[3 * f] < 0 or twins[3 * f + 1] < 0 or twins[3 * f + 2] < 0
+    for f in range(len(faces)):
+        if part[f] == f and not is_open[f] and volumes[f] <= _CERTAIN * sizes[f]:
+            return True
+    return False
 
 
 @kernel(_NORMAL(CONST_MATRIX, _CONST_FACES, numba.int64), **LEAN)

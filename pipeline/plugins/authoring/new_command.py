@@ -80,7 +80,7 @@ def new(
             "--sequence",
             metavar="FILES",
             help="Show this moving mesh of another program: numbered files, as 'cache/*.ply', or a file with "
-            "an animation.",
+            "an animation: Alembic, USD, glTF, FBX, PC2 or MDD.",
         ),
     ] = None,
 ) -> None:

@@ -18,11 +18,13 @@ from flowsculpt.api import plural, shorten
 from flowsculpt.api.meshes import FileSurface, Floats
 from flowsculpt.pipeline.plugins.interchange.moving_files import MotionFacts, require_times
 from flowsculpt.pipeline.plugins.interchange.scene_readers import (
+    VELOCITIES,
     PlacedMeshes,
     Polygons,
     joined,
     require_vertices,
     reversed_faces,
+    vertex_normals,
 )
 
 _MOST_OBJECTS, _MOST_TIMES = 50_000, 1_000_000
@@ -149,7 +151,11 @@ def _around(values: Any, seconds: float) -> tuple[int, int, float]:
 
 def _sample(values: Any, number: int) -> Any:
     """Return a sample of a schema or property: of a number the library makes a time, so it gets the time."""
-    return values.getValue(Abc.ISampleSelector(float(values.getTimeSampling().getSampleTime(number))))
+    return values.getValue(Abc.ISampleSelector(_time_of(values, number)))
+
+
+def _time_of(values: Any, number: int) -> float:
+    return float(values.getTimeSampling().getSampleTime(number))
 
 
 def _matrix_at(schema: Any, seconds: float) -> Floats:
@@ -191,11 +197,32 @@ def _polygons(schema: Any, path: str, seconds: float) -> Polygons:
             f"{shorten(path)}: its faces ask for {sides.sum()} corners, and it has {len(corners)}"
         )
     require_vertices(corners, sides, len(points), shorten(path))
-    velocities = sample.getVelocities()
-    rows = None if velocities is None or not len(velocities) else _rows(velocities)
-    if rows is not None and rows.shape != points.shape:
-        raise MeshError(f"{shorten(path)} has {len(points)} points and {len(rows)} velocities")
-    return Polygons(points, sides, reversed_faces(corners, sides), velocities=rows)
+    velocities = _velocities(schema, sample, before)
+    if velocities is not None and velocities.shape != points.shape:
+        raise MeshError(f"{shorten(path)} has {len(points)} points and {len(velocities)} velocities")
+    normals = None
+    if isinstance(schema, AbcGeom.IPolyMeshSchema) and schema.getNormalsParam().valid() and not share:
+        values = _expanded(schema.getNormalsParam(), _time_of(schema, before))
+        normals = vertex_normals(values, corners, len(points))
+    return Polygons(points, sides, reversed_faces(corners, sides), velocities=velocities, normals=normals)
+
+
+def _velocities(schema: Any, sample: Any, number: int) -> Floats | None:
+    """Return the velocities (V, 3) of a sample: Alembic's own, or an attribute of points."""
+    own = sample.getVelocities()
+    if own is not None and len(own):
+        return _rows(own)
+    others = schema.getArbGeomParams()
+    for name in VELOCITIES if others.valid() else ():
+        header = others.getPropertyHeader(name)
+        if header is not None and AbcGeom.IV3fGeomParam.matches(header):
+            return _expanded(AbcGeom.IV3fGeomParam(others, name), _time_of(schema, number))
+    return None
+
+
+def _expanded(values: Any, seconds: float) -> Floats:
+    """Return the vectors (N, 3) of an attribute at a time, one for each of its elements."""
+    return _rows(values.getExpandedValue(Abc.ISampleSelector(seconds)).getVals())
 
 
 def _rows(values: Any) -> Floats:

@@ -166,7 +166,7 @@ class MovingFile:
             if not self.is_fixed:
                 return unpacked_surface(self._ask("sample", seconds))
             if self._first is None:
-                self._first = unpacked_surface(self._ask("surface", seconds))
+                self._first = unpacked_surface(self._ask("surface", seconds))._replace(normals=None)
                 return self._first
             rows = np.load(io.BytesIO(self._ask("points", seconds)), allow_pickle=False)
         except MissingInputError:

@@ -32,6 +32,7 @@ class Polygons(NamedTuple):
     creases     int64 (K, 2): the edges that the file marks as creases
     groups      int64 (F,): edges between faces with different numbers are creases; None for one group
     velocities  float64 (V, 3), units per second; None where the file has none
+    normals     float64 (V, 3), of any length; None where the file has none
     """
 
     points: Floats
@@ -40,6 +41,7 @@ class Polygons(NamedTuple):
     creases: np.ndarray = np.empty((0, 2), np.int64)
     groups: np.ndarray | None = None
     velocities: Floats | None = None
+    normals: Floats | None = None
 
     def placed(self, matrix: Floats) -> Polygons:
         """Return the mesh transformed by a matrix (4, 4) of row vectors; a mirror turns its faces over."""
@@ -50,7 +52,10 @@ class Polygons(NamedTuple):
         if np.linalg.det(matrix[:3, :3]) < 0.0:
             corners = reversed_faces(corners, self.sides)
         velocities = None if self.velocities is None else self.velocities @ matrix[:3, :3]
-        return self._replace(points=points, corners=corners, velocities=velocities)
+        normals = None
+        if self.normals is not None and np.linalg.det(matrix[:3, :3]):
+            normals = self.normals @ np.linalg.inv(matrix[:3, :3]).T
+        return self._replace(points=points, corners=corners, velocities=velocities, normals=normals)
 
     def without(self, dropped: np.ndarray) -> Polygons:
         """Return the mesh without the faces where `dropped` (F,) is True."""
@@ -58,6 +63,23 @@ class Polygons(NamedTuple):
         groups = None if self.groups is None else self.groups[kept]
         corners = self.corners[np.repeat(kept, self.sides)]
         return self._replace(sides=self.sides[kept], corners=corners, groups=groups)
+
+
+VELOCITIES = ("velocities", "velocity", "v")
+"""Names that programs give velocities which are not the format's own."""
+
+
+def vertex_normals(normals: Floats, corners: np.ndarray, count: int) -> Floats | None:
+    """Return normals (V, 3) of `count` vertices by those of vertices, or of corners (C, 3).
+
+    A vertex whose corners differ has none: 0. Returns None where the normals are of neither.
+    """
+    if len(normals) == count or len(normals) != len(corners):
+        return normals if len(normals) == count else None
+    found = np.zeros((count, 3))
+    found[corners] = normals
+    found[corners[np.abs(normals - found[corners]).max(axis=1) > 1e-3]] = 0.0
+    return found
 
 
 def reversed_faces(corners: np.ndarray, sides: np.ndarray) -> np.ndarray:
@@ -136,6 +158,7 @@ def joined(parts: Sequence[Polygons], notes: Sequence[str] = ()) -> FileSurface:
         groups.append(own + base)
         base += int(own.max(initial=0)) + 1
     velocities = [part.velocities for part in parts if part.velocities is not None]
+    normals = [part.normals for part in parts if part.normals is not None]
     return FileSurface(
         points=np.concatenate([part.points for part in parts]),
         offsets=np.concatenate([[0], np.cumsum(np.concatenate([part.sides for part in parts]))]),
@@ -145,6 +168,7 @@ def joined(parts: Sequence[Polygons], notes: Sequence[str] = ()) -> FileSurface:
         base=0 if len(parts) == 1 else None,
         notes=tuple(notes),
         velocities=np.concatenate(velocities) if len(velocities) == len(parts) else None,
+        normals=np.concatenate(normals) if len(normals) == len(parts) else None,
     )
 
 

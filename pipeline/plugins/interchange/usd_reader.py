@@ -22,12 +22,14 @@ from flowsculpt.api import plural, shorten, suggest
 from flowsculpt.api.files import InputFile, Parser
 from flowsculpt.api.meshes import Floats
 from flowsculpt.pipeline.plugins.interchange.scene_readers import (
+    VELOCITIES,
     PlacedMeshes,
     Polygons,
     joined,
     packed_surface,
     require_vertices,
     reversed_faces,
+    vertex_normals,
 )
 
 MOST_BYTES = 8 << 30  # size of the largest layer, of which only the samples at one time are read
@@ -106,7 +108,8 @@ class StageMeshes:
         path = str(source.GetPath())
         if path not in self._read:
             mesh = UsdGeom.Mesh(source)
-            self._read[path] = polygons_of(mesh, self.time, shorten(prim.GetPath()))
+            polygons = polygons_of(mesh, self.time, shorten(prim.GetPath()))
+            self._read[path] = with_vectors(polygons, mesh, self.time, shorten(prim.GetPath()))
             scheme = mesh.GetSubdivisionSchemeAttr()
             self.cages += scheme.HasAuthoredValue() and scheme.Get() != UsdGeom.Tokens.none
         return self._read[path]
@@ -201,6 +204,32 @@ def _creases(mesh: UsdGeom.Mesh, time: Usd.TimeCode, path: str, points: int) -> 
     starts = np.flatnonzero(within)
     each = sharpness if len(sharpness) == edges else np.repeat(sharpness, lengths - 1)
     return np.column_stack([chain[starts], chain[starts + 1]])[each > 0.0]
+
+
+def with_vectors(polygons: Polygons, mesh: UsdGeom.Mesh, time: Usd.TimeCode, path: str) -> Polygons:
+    """Return the faces of a mesh with its velocities, and with its normals if it is not to be subdivided.
+
+    Raises MeshError, with its path.
+    """
+    count, named = len(polygons.points), UsdGeom.PrimvarsAPI(mesh)
+    others = [named.GetPrimvar(name).GetAttr() for name in VELOCITIES]
+    vectors = [it for it in others if it and it.GetTypeName().cppTypeName == "VtArray<GfVec3f>"]
+    for attribute in (mesh.GetVelocitiesAttr(), *vectors):
+        velocities = numbers_at(attribute, time, path, "f", 3).astype(np.float64)
+        if len(velocities):
+            if len(velocities) != count:
+                raise MeshError(f"{path} has {count} points and {len(velocities)} velocities")
+            polygons = polygons._replace(velocities=velocities)
+            break
+    if mesh.GetSubdivisionSchemeAttr().Get() != UsdGeom.Tokens.none:
+        return polygons
+    primvar = named.GetPrimvar("normals")
+    values = primvar.ComputeFlattened(time) if primvar else mesh.GetNormalsAttr().Get(time)
+    if values is None:
+        return polygons
+    corners = numbers_at(mesh.GetFaceVertexIndicesAttr(), time, path, "iu").astype(np.int64)
+    normals = np.array(values, np.float64).reshape(-1, 3)
+    return polygons._replace(normals=vertex_normals(normals, corners, count))
 
 
 def numbers_at(attribute: Any, time: Usd.TimeCode, path: str, kinds: str, columns: int = 1) -> np.ndarray:

@@ -19,10 +19,10 @@ from flowsculpt.pipeline.plugins.interchange.moving_files import MotionFacts, re
 from flowsculpt.pipeline.plugins.interchange.scene_readers import Polygons, joined
 from flowsculpt.pipeline.plugins.interchange.usd_reader import (
     StageMeshes,
-    numbers_at,
     open_stage,
     polygons_of,
     start_of,
+    with_vectors,
 )
 
 _MOST_TIMES = 1_000_000
@@ -117,18 +117,13 @@ class _MovingMeshes(StageMeshes):
         if is_carried:
             cache = UsdGeom.XformCache(self.time)
             to_stage = np.array(cache.GetLocalToWorldTransform(skeleton.GetPrim()))
-        self.placed.add(polygons._replace(points=points, velocities=None), to_stage)
+        self.placed.add(polygons._replace(points=points, velocities=None, normals=None), to_stage)
 
     def _polygons(self, prim: Usd.Prim) -> Polygons:
         mesh, path = UsdGeom.Mesh(prim), shorten(prim.GetPath())
         polygons = polygons_of(mesh, self.time, path)
-        velocities = numbers_at(mesh.GetVelocitiesAttr(), self.time, path, "f", 3).astype(np.float64)
-        if not len(velocities) or _is_carried(prim):
-            return polygons
-        if len(velocities) != len(polygons.points):
-            counts = f"{len(polygons.points)} points and {len(velocities)} velocities"
-            raise MeshError(f"{path} has {counts}")
-        return polygons._replace(velocities=velocities)
+        polygons = with_vectors(polygons, mesh, self.time, path)
+        return polygons._replace(velocities=None) if _is_carried(prim) else polygons
 
 
 def _is_carried(prim: Usd.Prim) -> bool:

@@ -3,6 +3,7 @@
 A time of the flow is one of the samples, times `speed`. Where all samples have the same faces, vertices
 follow the line, or the cubic curve, through their samples. Where faces change, the nearest sample is shown,
 moved by its velocities: those of the file, else those of vertices whose faces are the same a sample later.
+Normals of the file are those of its vertices, except where it has several at one place.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from flowsculpt.api.meshes import FileSurface, Floats, find_coincident, repair_s
 from flowsculpt.api.shots import SurfaceSequence
 from flowsculpt.pipeline.plugins.sequences.surface_samples import Files, SurfaceSamples, joint
 
-VERSION = 1
+VERSION = 2
 """Raised when equal files and settings give other surfaces."""
 
 EXACT = 1e-6
@@ -30,6 +31,9 @@ EARLY = 1 / 16
 
 WELDED = 1e-5
 """Distance, over the size of the surface, up to which vertices that were one in the first frame still are."""
+
+AGREEING = 0.9999
+"""Cosine of the angle between normals of vertices at one place from which on they are one normal."""
 
 Between = Literal["linear", "cubic", "hold"]
 
@@ -159,10 +163,12 @@ class GivenSurfaces(SurfaceSequence):
         nearest = self.times.following(sample) if share > 0.5 and not self._is_end(sample) else sample
         polygons = self.samples.surface(nearest)
         mesh = _repaired(self.samples, nearest, self.repair)
-        velocities = self._velocities(nearest, polygons)
+        velocities, origins = self._velocities(nearest, polygons), _origins(mesh.vertices, polygons.points)
+        if polygons.normals is not None:
+            mesh = mesh.with_attributes(normal=_single_normals(polygons)[origins])
         if velocities is None:
             return mesh, None
-        moving = velocities[_origins(mesh.vertices, polygons.points)]
+        moving = velocities[origins]
         away = (
             share * self.times.length(sample)
             if nearest == sample
@@ -325,6 +331,17 @@ def _origins(vertices: Floats, points: Floats) -> np.ndarray:
     every = np.concatenate([points, vertices]) + 0.0  # -0.0 is 0.0
     _, first, place = np.unique(every.view("V24").ravel(), return_index=True, return_inverse=True)
     return np.asarray(first[place.reshape(-1)[len(points) :]])
+
+
+def _single_normals(surface: FileSurface) -> Floats:
+    """Return the normals (V, 3) of a file's vertices, 0 where vertices at one place have others."""
+    assert surface.normals is not None, "the file has them"
+    one = find_coincident(surface.points, np.ones(len(surface.points), bool))
+    normals = surface.normals.copy()
+    cosines = np.einsum("ij,ij->i", normals, normals[one])
+    sizes = np.linalg.norm(normals, axis=1)
+    normals[one[~(cosines >= AGREEING * sizes * sizes[one])]] = 0.0
+    return normals
 
 
 def _same_faces(one: FileSurface, other: FileSurface) -> bool:

@@ -27,7 +27,8 @@ class MeshSequenceDocument(MovingKind):
     example = "{sequence: cache/fluid_####.ply}"
 
     sequence: str = Field(
-        description="numbered mesh files beside the shot file, as fluid_####.ply; or a file with an animation"
+        description="numbered mesh files beside the shot file, as fluid_####.ply; or a file with an "
+        "animation: Alembic, USD, glTF, FBX, PC2 or MDD"
     )
     rate: Positive | None = Field(
         None, description="files per second; by default as many as the shot has frames (1/s)"

@@ -18,6 +18,7 @@ from flowsculpt.pipeline.mesh import box
 from flowsculpt.pipeline.mesh.mesh_formats import FileSurface
 from flowsculpt.pipeline.mesh.read import ModelFile
 from flowsculpt.pipeline.plugins.interchange.alembic_samples import AlembicSource
+from flowsculpt.pipeline.plugins.interchange.usd_files import read_usd
 from flowsculpt.render.base.render_errors import BadInputError
 
 BOX = box(2.0)
@@ -83,6 +84,28 @@ def test_faces_that_change_are_those_of_the_last_sample(tmp_path: Path) -> None:
     assert not source.is_fixed and not source.is_continuous
     counts = [len(source.at(code / 24).offsets) - 1 for code in (1.0, 1.7, 2.0, 3.0)]
     assert counts == [12, 12, 1, 1]
+
+
+def test_normals_of_corners_and_velocities_by_other_names_are_read_of_a_stage(tmp_path: Path) -> None:
+    stage = stage_at(tmp_path / "a.usda")
+    mesh = usd_mesh(stage, "/box", {1.0: BOX.vertices, 2.0: BOX.vertices})
+    mesh.CreateFaceVertexCountsAttr().Set(Vt.IntArray([3] * 12), 1.0)
+    mesh.CreateFaceVertexCountsAttr().Set(Vt.IntArray([3] * 11), 2.0)
+    mesh.CreateFaceVertexIndicesAttr().Set(Vt.IntArray(BOX.faces[:11].ravel().tolist()), 2.0)
+    mesh.CreateFaceVertexIndicesAttr().Set(Vt.IntArray(BOX.faces.ravel().tolist()), 1.0)
+    mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+    corners = BOX.vertices[BOX.faces.ravel()].astype(np.float32)
+    corners[BOX.faces.ravel() == 3] = BOX.face_normals.repeat(3, axis=0)[BOX.faces.ravel() == 3]
+    mesh.CreateNormalsAttr().Set(Vt.Vec3fArray.FromNumpy(corners), 1.0)
+    named = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("velocity", Sdf.ValueTypeNames.Vector3fArray, "vertex")
+    named.Set(Vt.Vec3fArray(8, Gf.Vec3f(0, 3, 0)))
+    stage.Save()
+    moving = ModelFile(tmp_path / "a.usda").motion()
+    expected = np.where(np.arange(8)[:, None] == 3, 0.0, BOX.vertices)
+    for surface in (moving.at(1 / 24), read_usd(tmp_path / "a.usda")):
+        assert surface.velocities is not None and surface.velocities.tolist() == [[0.0, 3.0, 0.0]] * 8
+        assert surface.normals == pytest.approx(expected), "corners that differ have no one normal"
+    moving.close()
 
 
 def test_layers_of_other_rates_and_transforms_between_samples_are_as_usd_combines_them(
@@ -216,6 +239,25 @@ def test_an_archive_has_faces_that_change_and_velocities(tmp_path: Path) -> None
     first, second = (source.surface(seconds) for seconds in (1.0, 1.0 + 1 / 24))
     assert (len(first.offsets), len(second.offsets)) == (13, 2)
     assert first.velocities is not None and first.velocities.tolist() == [[0.0, 3.0, 0.0]] * 8
+
+
+def test_normals_and_velocities_by_other_names_are_read_of_an_archive(tmp_path: Path) -> None:
+    made = archive(tmp_path / "a.abc")
+    mesh = AbcGeom.OPolyMesh(made.getTop(), "fluid")
+    sides, corners = np.full(12, 3, np.int32), np.ascontiguousarray(BOX.faces[:, ::-1].ravel(), np.int32)
+    points = imath.V3fArrayFromBuffer(BOX.vertices.astype(np.float32))
+    values = [points, imath.IntArrayFromBuffer(corners), imath.IntArrayFromBuffer(sides)]
+    sample = AbcGeom.OPolyMeshSchemaSample(*values)
+    sample.setNormals(AbcGeom.ON3fGeomParamSample(points, AbcGeom.GeometryScope.kVertexScope))
+    mesh.getSchema().set(sample)
+    others, scope = mesh.getSchema().getArbGeomParams(), AbcGeom.GeometryScope.kVertexScope
+    speeds = imath.V3fArrayFromBuffer(np.tile(np.array([0, 3, 0], np.float32), (8, 1)))
+    named = AbcGeom.OV3fGeomParam(others, "v", False, scope, 1)
+    named.set(AbcGeom.OV3fGeomParamSample(speeds, scope))
+    del made, mesh, others, named
+    surface = AlembicSource(str(tmp_path / "a.abc")).surface(0.0)
+    assert surface.velocities is not None and surface.velocities.tolist() == [[0.0, 3.0, 0.0]] * 8
+    assert surface.normals == pytest.approx(BOX.vertices)
 
 
 def test_numbers_that_are_not_finite_in_one_sample_are_named_with_its_time(tmp_path: Path) -> None:

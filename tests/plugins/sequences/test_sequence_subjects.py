@@ -13,6 +13,7 @@ import pytest
 from flowsculpt.pipeline.animation import animate, moved_to_subframe
 from flowsculpt.pipeline.errors import FlowsculptError, FrameError
 from flowsculpt.pipeline.mesh import TriangleMesh, icosphere
+from flowsculpt.pipeline.mesh.normals import trusted_normals
 from flowsculpt.pipeline.production.request.manifest import mesh_keys
 from flowsculpt.pipeline.shot import Shot, read_shot
 from tests.mesh_files import write_ply
@@ -95,6 +96,26 @@ def test_faces_that_change_are_shown_as_they_are(folder: Path) -> None:
     moved = moved_to_subframe(shot.motion, frames[3], 4.25).mesh
     np.testing.assert_allclose(moved.vertices, place(icosphere(3).vertices, 4.25), atol=2e-3)
     assert frames[0].births is None  # nothing says which vertex was which
+
+
+def test_normals_of_files_shade_faces_that_change_except_where_a_vertex_has_several(tmp_path: Path) -> None:
+    ball = icosphere(2)
+    slanted = ball.vertices + np.array([0.0, 0.2, 0.0])
+    apart = TriangleMesh(ball.vertices[ball.faces.ravel()], np.arange(3 * len(ball.faces)).reshape(-1, 3))
+    slanted_apart = np.where(ball.faces.ravel()[:, None] == 0, apart.face_normals.repeat(3, axis=0), 0.0)
+    for number, mesh, normals in [
+        (1, ball, 3.0 * slanted),
+        (2, apart, slanted_apart + np.array([0.0, 1e-9, 0.0])),
+    ]:
+        named = dict(zip(("nx", "ny", "nz"), normals.T, strict=True))
+        write_ply(TriangleMesh(mesh.vertices, mesh.faces, named), tmp_path / f"n.{number}.ply")
+    shot = read(tmp_path, "n.#.ply, faces: changing, rotate: [0, 0, 90], scale: 5", frames="1-2")
+    first, second = (frame.mesh for frame in animate(shot))
+    expected = slanted[:, [1, 0, 2]] * [-1, 1, 1] / np.linalg.norm(slanted, axis=1, keepdims=True)
+    np.testing.assert_allclose(first.attributes["normal"], expected, atol=1e-9)
+    assert trusted_normals(first).all()
+    given = np.linalg.norm(second.attributes["normal"], axis=1)
+    assert (given[0], given[1:].min()) == pytest.approx((0.0, 1.0)), "corners that differ have no one normal"
 
 
 def test_vertices_follow_lines_or_curves_between_files(folder: Path) -> None:
