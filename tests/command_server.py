@@ -1,71 +1,140 @@
-"""Runs commands for tests, each in a fork of a process that has loaded what commands load.
+"""Starts commands of tests as forks of a process that has loaded what commands load.
 
-Python, numba, the documents of shot files and Snakemake take two seconds of CPU time to load, a third of a
-run of a small shot. A command remains a process of its own, with its environment, folder and output. It is
-started as users start it where its environment could change what is loaded.
+Python, numba, the documents of shot files, Snakemake and what jobs need take two to three seconds of CPU time
+to load, longer than most commands of tests then work. From `COMMANDS.begin` on, a `subprocess.Popen` of one
+of our modules or of Snakemake, also one in our own code, is such a fork. It is a child of the process that
+asked, with the folder, the environment, the open files and the exit code that it would have.
+
+What a fork does not show, processes that are started anew do (`--start-anew`, as `make soak` has it, and the
+fixture `started_anew`):
+
+- a module that is used and not imported, an import that fails or takes long: all is imported
+- settings that are looked at when a module is imported. Where a variable of the environment, a limit or a
+  processor differs from those of the server, a process is started anew; HARMLESS lists variables that may
+- a sequence that follows the order of a set: all forks have one seed for hashes of text
+- files of the working folder that Python or a library reads while it is imported
+- what libraries do or say when Python takes them down: that would take a second, so a fork ends before
 """
 
 from __future__ import annotations
 
 import atexit
+import ctypes
+import gc
 import json
 import os
+import re
+import resource
 import runpy
-import signal
 import socket
 import subprocess
 import sys
-from multiprocessing import get_context
+import threading
+import time
+import warnings
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from tempfile import TemporaryFile
+from typing import Any, NamedTuple
+
+from flowsculpt.render.base.python_process import PACKAGE_ROOT, SAFE_PATH, ForkedProcess
 
 HARMLESS = {
     *("DRJIT_LIBLLVM_PATH", "NUMBA_DISABLE_INTEL_SVML", "OMP_WAIT_POLICY", "OpenImageIO_ROOT"),
-    "PYTEST_CURRENT_TEST",
+    *("FLOWSCULPT_PROCESS", "FLOWSCULPT_STORE", "FLOWSCULPT_STORE_READ_ONLY", "PYTEST_CURRENT_TEST"),
+    *("AWS_ACCESS_KEY_ID", "AWS_DEFAULT_REGION", "AWS_ENDPOINT_URL", "AWS_SECRET_ACCESS_KEY", SAFE_PATH),
 }
-"""Variables that libraries and pytest set in a process, and that do not change what is loaded."""
+"""Variables that libraries, our code and tests set in a process, and that do not change what is loaded."""
 
-REQUEST_BYTES = 1 << 17
+FORKED = re.compile(r"flowsculpt(\.[a-z_.]+)?|snakemake")
+"""Modules whose processes are forked."""
+
+MESSAGE_BYTES = 1 << 17
+
+SUBREAPER = 36
+"""PR_SET_CHILD_SUBREAPER. Source: https://man7.org/linux/man-pages/man2/PR_SET_CHILD_SUBREAPER.2const.html"""
+
+PLAIN = (None, 0, False, True, None, None, None, -1, False, -1)
+"""Arguments of `Popen._execute_child` that a fork has, beside those that `ForkingPopen` names: startupinfo,
+creationflags, shell, restore_signals, gid, gids, uid, umask, start_new_session and process_group."""
+
+LIMITS = [name for name in dir(resource) if name.startswith("RLIMIT_")]
+
+
+class Command(NamedTuple):
+    """What a process runs: a module and its words, with `-P` or without, in a folder and an environment."""
+
+    module: str
+    words: list[str]
+    is_safe: bool
+    folder: str
+    environment: dict[str, str]
+
+
+def _command(args: Any, cwd: Any, env: Mapping[str, str] | None) -> Command | None:
+    """Return the command that arguments of `subprocess.Popen` name, if it is one of FORKED."""
+    environment = dict(os.environ if env is None else env)
+    match [*map(os.fspath, args)] if isinstance(args, list) else []:
+        case [sys.executable, "-P", "-m", module, *words] | [sys.executable, "-m", module, *words]:
+            is_safe = args[1] == "-P" or SAFE_PATH in environment
+            if FORKED.fullmatch(module):
+                return Command(module, words, is_safe, str(Path(cwd or ".").absolute()), environment)
+    return None
+
+
+def _state(environment: Mapping[str, str]) -> tuple[object, ...]:
+    """Return what may decide what a process that this one starts with an environment loads and does."""
+    deciding = {name: value for name, value in environment.items() if name not in HARMLESS}
+    named = deciding.pop("PYTHONPATH", "").split(os.pathsep)
+    limits = [resource.getrlimit(getattr(resource, name)) for name in LIMITS]
+    return deciding, {*named} - {"", str(PACKAGE_ROOT)}, limits, os.sched_getaffinity(0)
 
 
 class CommandServer:
-    """A process that forks one for each command. It starts with the first command, and ends with this one."""
+    """The process that forks commands. It starts with the first command, and ends with this process.
+
+    forks  how many it has forked
+    is_on  false where each command is started anew, as before `begin`
+    """
 
     def __init__(self) -> None:
-        self._environment = _deciding()
+        self.forks = 0
+        self.is_on = False
+        self._state: tuple[object, ...] = ()
         self._connection: socket.socket | None = None
+        self._turn = threading.Lock()
 
-    def run(
-        self, command: list[str], folder: Path, timeout: float, stderr: int = subprocess.PIPE
-    ) -> subprocess.CompletedProcess[str]:
-        """Run `python [-P] -m MODULE WORDS…` in a folder, as `subprocess.run` does; return its output."""
-        if sys.platform != "linux" or _deciding() != self._environment:
-            output = {"stdout": subprocess.PIPE, "stderr": stderr}
-            return subprocess.run(command, cwd=folder, **output, text=True, timeout=timeout)
-        if self._connection is None:
-            self._connection = self._start()
-        request = {"command": command, "folder": str(folder), "environment": dict(os.environ)}
-        with TemporaryFile() as out, TemporaryFile() as err:
-            outputs = [out.fileno(), (out if stderr == subprocess.STDOUT else err).fileno()]
-            socket.send_fds(self._connection, [json.dumps(request).encode()], outputs)
-            process = int(self._connection.recv(32))
-            self._connection.settimeout(timeout)
+    def begin(self) -> None:
+        """Fork commands from now on, under Linux: those that are started as this process is now."""
+        if sys.platform == "linux":
+            self.is_on, self._state = True, _state(os.environ)
+            subprocess.Popen = ForkingPopen  # type: ignore[misc]
+
+    def takes(self, command: Command) -> bool:
+        """Tell whether a process for a command, started anew, would load what the server has loaded."""
+        return self.is_on and _state(command.environment) == self._state and Path(command.folder).is_dir()
+
+    def fork(self, command: Command, files: Sequence[int]) -> int:
+        """Fork a child of this process for a command, with files as its first three; return its number."""
+        with self._turn:
+            if self._connection is None:
+                self._connection = self._start()
+            _take_orphans(True)
             try:
-                code = int(self._connection.recv(32))
-            except TimeoutError:
-                os.kill(process, signal.SIGKILL)
-                raise
-            self._connection.settimeout(None)
-            said = [os.pread(number, os.fstat(number).st_size, 0).decode() for number in outputs]
-        return subprocess.CompletedProcess(command, code, *said)
+                socket.send_fds(self._connection, [json.dumps(command).encode()], files)
+                answer = self._connection.recv(32)
+            finally:
+                _take_orphans(False)
+            assert answer, "the process that forks commands has ended"
+            self.forks += 1
+            return int(answer)
 
-    @staticmethod
-    def _start() -> socket.socket:
+    def _start(self) -> socket.socket:
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with theirs:
             process = subprocess.Popen(
                 [sys.executable, "-P", __file__, str(theirs.fileno())],
                 cwd="/",
+                env={name: value for name, value in os.environ.items() if name not in HARMLESS},
                 pass_fds=[theirs.fileno()],
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
@@ -75,52 +144,115 @@ class CommandServer:
         return ours
 
 
-def _deciding() -> dict[str, str]:
-    """Return the variables of the environment that may decide what a process loads."""
-    return {name: value for name, value in os.environ.items() if name not in HARMLESS}
+COMMANDS = CommandServer()
 
 
-def _serve(connection: socket.socket) -> None:
-    """Fork a process for each command that is asked for; in the process, run the command."""
-    while True:
-        request, outputs, *_ = socket.recv_fds(connection, REQUEST_BYTES, 2)
-        if not request:
+class ForkingPopen(subprocess.Popen[Any]):
+    """A `subprocess.Popen` that has COMMANDS fork what it can."""
+
+    def _execute_child(
+        self, args: Any, executable: Any, preexec_fn: Any, close_fds: Any, pass_fds: Any, *rest: Any
+    ) -> None:
+        cwd, env, pipes, options = *rest[:2], rest[5:11], (*rest[2:5], *rest[11:])
+        is_plain = (executable, preexec_fn, close_fds, pass_fds, options) == (None, None, True, (), PLAIN)
+        command = _command(args, cwd, env) if is_plain else None
+        if command is None or not COMMANDS.takes(command):
+            super()._execute_child(args, executable, preexec_fn, close_fds, pass_fds, *rest)  # type: ignore[misc]
             return
-        process = get_context("fork").Process(target=_run, args=(outputs,), kwargs=json.loads(request))
-        process.start()
-        for output in outputs:
-            os.close(output)
-        connection.send(str(process.pid).encode())
-        process.join()
-        connection.send(str(process.exitcode).encode())
+        sys.audit("subprocess.Popen", args[0], args, cwd, env)
+        files = [own if pipe == -1 else pipe for own, pipe in enumerate((pipes[0], pipes[3], pipes[5]))]
+        self.pid = COMMANDS.fork(command, files)
+        self._child_created = True
+        self._close_pipe_fds(*pipes)  # type: ignore[attr-defined]
 
 
-def _run(outputs: list[int], command: list[str], folder: str, environment: dict[str, str]) -> None:
-    """Run a command in this process, which ends with it."""
-    for number, output in zip((1, 2), outputs, strict=True):
-        os.dup2(output, number)
-    os.chdir(folder)
-    loaded = {name: os.environ[name] for name in HARMLESS & set(os.environ)}
+def _take_orphans(is_wanted: bool) -> None:
+    """Have processes whose parent has ended become children of this one, or no longer."""
+    ctypes.CDLL(None).prctl(SUBREAPER, int(is_wanted))
+
+
+def _serve(connection: socket.socket) -> Command | None:
+    """Fork a process for each command that comes; in it, return the command. Returns None at the end."""
+    while True:
+        message, files, *_ = socket.recv_fds(connection, MESSAGE_BYTES, 3)
+        if not message:
+            return None
+        number = _fork()
+        if number == 0:
+            connection.close()
+            for own, file in enumerate(files):
+                os.dup2(file, own)
+        for file in files:
+            os.close(file)
+        if number == 0:
+            return Command(*json.loads(message))
+        connection.send(str(number).encode())
+
+
+def _fork() -> int:
+    """Fork a process that becomes a child of the one that takes orphans; return its number, in it 0."""
+    reading, writing = os.pipe()
+    with os.fdopen(reading, "rb", buffering=0) as answer, os.fdopen(writing, "wb", buffering=0) as asked:
+        if (between := os.fork()) == 0:
+            parent = os.getpid()
+            if number := os.fork():
+                asked.write(str(number).encode())
+                os._exit(0)
+            while os.getppid() == parent:
+                time.sleep(0.001)
+            return 0
+        os.waitpid(between, 0)
+        return int(answer.read(32))
+
+
+def _run(command: Command, loaded: dict[str, str]) -> None:
+    """Run a command in this process, as Python does, with variables that loading has set; end the process."""
+    os.chdir(command.folder)
     os.environ.clear()
-    os.environ.update(loaded | environment)
-    module = command.index("-m") + 1
-    if "-P" not in command[:module]:
-        sys.path.insert(0, folder)
-    sys.argv = command[module:]
-    runpy.run_module(sys.argv[0], run_name="__main__", alter_sys=True)
+    os.environ.update(loaded | command.environment)
+    if not command.is_safe:
+        sys.path.insert(0, command.folder)
+    named = os.environ.get("PYTHONPATH", "").split(os.pathsep)
+    sys.path[:0] = [entry for entry in named if entry and entry not in sys.path]
+    sys.argv = [command.module, *command.words]
+    warnings.filterwarnings("ignore", ".* found in sys.modules", RuntimeWarning)  # as what was loaded is
+    code = 0
+    try:
+        runpy.run_module(command.module, run_name="__main__", alter_sys=True)
+    except SystemExit as end:
+        if end.code is not None and not isinstance(end.code, int):
+            print(end.code, file=sys.stderr)
+            end.code = 1
+        code = end.code or 0
+    except BaseException:
+        gc.unfreeze()  # libraries report what is never collected
+        raise
+    threading._shutdown()  # type: ignore[attr-defined]  # waits for threads
+    atexit._run_exitfuncs()
+    for stream in (sys.stdout, sys.stderr):
+        stream.flush()
+    os._exit(code & 0xFF)
 
 
 def _load() -> None:
-    """Load what the commands of tests load."""
+    """Load what commands load; start no thread, which no fork would have."""
+    import smart_open  # noqa: F401  # Snakemake reads the Snakefile with it
     import snakemake.cli  # noqa: F401
 
     from flowsculpt.pipeline.cli import commands, render_commands  # noqa: F401
     from flowsculpt.pipeline.production.tasks import worker_pool
 
     worker_pool.load_what_jobs_need()
+    from numba.np.ufunc import parallel  # where libgomp ends each fork of a process that has its threads
+
+    assert not parallel._is_initialized and ForkedProcess.may_start(), "what is loaded has started threads"
 
 
 if __name__ == "__main__":
+    before = dict(os.environ)
     _load()
-    _serve(socket.socket(fileno=int(sys.argv[1])))
-    os._exit(0)  # without looking for what was never freed
+    changed = {name: value for name, value in os.environ.items() if before.get(name) != value}
+    command = _serve(socket.socket(fileno=int(sys.argv[1])))
+    if command is None:
+        os._exit(0)  # without looking for what was never freed
+    _run(command, changed)

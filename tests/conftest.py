@@ -22,7 +22,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from flowsculpt.render.base import python_process
-from tests.command_server import CommandServer
+from tests.command_server import COMMANDS
 from tests.needed_plugins import watch_imports
 from tests.processes import wait_until
 
@@ -48,8 +48,6 @@ settings.load_profile("repeatable")
 
 watch_imports()  # those of plug-ins that are not installed skip tests
 
-COMMANDS = CommandServer()
-
 FIXTURES = {
     "renderer": {"engine", "project", "finished", "finished_project", "published"},
     "slow": {"browser", "s3", "site", "slurm", "turned_in_two_looks", "wheel"},
@@ -67,6 +65,13 @@ MAY_BE_SKIPPED = re.compile(
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--complete", action="store_true", help="fail where a test misses what set-up installs")
+    parser.addoption("--start-anew", action="store_true", help="start all commands anew: fork none of them")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Have commands forked, unless they are to be started as users start them."""
+    if not config.getoption("--start-anew"):
+        COMMANDS.begin()
 
 
 @pytest.hookimpl(trylast=True)
@@ -208,7 +213,7 @@ class ProjectFolder:
     def run(self, *words: str, cores: int = 1) -> Run:
         """Run the command, by default on one core: on two, two renderers start for a few frames."""
         command = python_process.python_command("flowsculpt", "--no-progress", "-j", str(cores), *words)
-        done = COMMANDS.run(command, self.path, timeout=900)
+        done = subprocess.run(command, cwd=self.path, capture_output=True, text=True, timeout=900)
         assert "Traceback" not in done.stdout + done.stderr, done.stderr
         return Run(done.returncode, done.stdout, done.stderr)
 
@@ -292,6 +297,12 @@ class ProjectFolder:
     def copy(self, place: Path) -> ProjectFolder:
         shutil.copytree(self.path, place, copy_function=shutil.copy2)
         return ProjectFolder(place)
+
+
+@pytest.fixture
+def started_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have the commands of a test started as users start them, for what a fork does not show."""
+    monkeypatch.setattr(COMMANDS, "is_on", False)
 
 
 @pytest.fixture

@@ -8,8 +8,6 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from tests.conftest import COMMANDS
-
 CHECKOUT = Path(__file__).parents[2]
 
 
@@ -21,7 +19,9 @@ def snakemake(folder: Path, *words: str, cores: int | None = 2) -> subprocess.Co
     command = [sys.executable, "-m", "snakemake", "--snakefile", str(CHECKOUT / "Snakefile")]
     command += ["--workflow-profile", str(CHECKOUT / "profiles" / "default")]
     command += [*(() if cores is None else ("--cores", str(cores))), *words]
-    return COMMANDS.run(command, folder, timeout=300, stderr=subprocess.STDOUT)
+    return subprocess.run(
+        command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=300
+    )
 
 
 def workflow(*targets: str, nodes: int | None = None, **settings: Any) -> Any:

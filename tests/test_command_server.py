@@ -1,0 +1,45 @@
+"""Commands of tests are forked, and are what processes that are started anew would be."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+import flowsculpt.pipeline.production.execution.project  # noqa: F401  # sets variables of the environment
+from flowsculpt.render.base.limited_process import Parser, ParserError
+from flowsculpt.render.base.python_process import environment, python_command
+from tests.command_server import COMMANDS
+from tests.conftest import ProjectFolder
+
+pytestmark = pytest.mark.skipif(not COMMANDS.is_on, reason="commands are started anew")
+
+
+def test_a_command_is_forked_unless_its_environment_may_change_what_is_loaded(
+    project: ProjectFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = COMMANDS.forks
+    assert project.run("--version").code == 0 and COMMANDS.forks == before + 1
+    monkeypatch.setenv("NUMBA_NUM_THREADS", "1")
+    assert project.run("--version").code == 0 and COMMANDS.forks == before + 1
+
+
+def test_processes_that_read_files_are_forked(tmp_path: Path) -> None:
+    (tmp_path / "a.png").write_bytes(b"nothing")
+    before = COMMANDS.forks
+    with suppress(ParserError):
+        Parser("flowsculpt.render.scene.textures").answer(tmp_path / "a.png")
+    assert COMMANDS.forks == before + 1
+
+
+def test_a_killed_command_has_ended_by_that_signal() -> None:
+    before = COMMANDS.forks
+    process = subprocess.Popen(
+        python_command("flowsculpt.render.scene.textures"), stdin=subprocess.PIPE, env=environment()
+    )
+    with process:
+        process.kill()
+    assert (process.returncode, COMMANDS.forks) == (-signal.SIGKILL, before + 1)
