@@ -11,7 +11,6 @@ This replaces private parts of numba, of the versions that VERSIONS names: with 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
-from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numba
@@ -148,12 +147,15 @@ def _remembering(resolve: Callable[..., Any]) -> Callable[..., Any]:
 
 def _at_once(list_values: Callable[[Any], dict[str, Any]]) -> Callable[[Any], dict[str, Any]]:
     """Return numba's list of options and their values, made without asking for each."""
+    defaults: dict[Any, dict[str, Any]] = {}
 
-    @cache
-    def defaults(kind: type) -> dict[str, Any]:
-        return list_values(kind())
+    def values(config: Any) -> dict[str, Any]:
+        kind = type(config)
+        if kind not in defaults:
+            defaults[kind] = list_values(kind())
+        return {**defaults[kind], **config._values}
 
-    return lambda config: {**defaults(type(config)), **config._values}
+    return values
 
 
 _NO_VARIABLES = (ir.Loc, str, int, float, bool, type(None))
