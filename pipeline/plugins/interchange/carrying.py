@@ -21,32 +21,30 @@ from flowsculpt.api.meshes import Floats, Indices, RefinableSurface, edge_keys
 from flowsculpt.pipeline.plugins.interchange.mesh_smoothing import smoothed
 from flowsculpt.pipeline.plugins.interchange.refining import Began
 from flowsculpt.pipeline.plugins.interchange.shown_surfaces import (
+    AGREEING,
     Places,
     ShownSurface,
     bound_vertices,
     edges_of,
     ends_of_keys,
-    nearest_places,
+    nearest_points,
     unit,
 )
 
 VERSION = 1
 """Raised when equal frames and settings give another mesh."""
 
-MOST_ROUNDS = 8
+MOST_ROUNDS = 5
 """Times that the mesh is refined and carried again."""
 
-REFINED = 0.5
+REFINED = 0.7
 """The share of the tolerance from which on edges are split: the rest is for places between samples."""
 
 STRETCHED = 2.0
-"""The length of an edge, over that of the file's edges around it, from which on it is split."""
+"""The length of an edge, over the median of the file's or those around it, from which on it is split."""
 
 SHORTEST = 0.3
 """The length of an edge, over the file's, up to which it is never split."""
-
-NARROW = 0.05
-"""The height of a triangle, in median edges, up to which it may lie backwards: nobody sees that."""
 
 
 class Deviation(NamedTuple):
@@ -103,14 +101,17 @@ class Carrier:
             passed = began(f"carrying {count + 1}" if count else "carrying", len(self.numbers))
             for shown, here in self._through(mesh):
                 places[shown.number] = here
-                self._compare_edges(shown, mesh.with_vertices(here.points))
+                self._compare_edges(shown, mesh, here)
                 passed()
-            if not self._marks or count == MOST_ROUNDS:
-                passed = began("comparing", len(self.numbers))
-                for number in self.numbers:
-                    self._compare_faces(self.surface_of(number), mesh.with_vertices(places[number].points))
-                    passed()
-            if not self._marks or count == MOST_ROUNDS:
+            if self._marks and count < MOST_ROUNDS:
+                self._split(surface, mesh, first)
+                continue
+            passed = began("comparing", len(self.numbers))
+            for number in self.numbers:
+                self._compare_faces(self.surface_of(number), mesh.with_vertices(places[number].points))
+                passed()
+            worst = self._deviations[farthest(self._deviations)].distance
+            if worst <= self.tolerance or not self._marks or count == MOST_ROUNDS:
                 break
             self._split(surface, mesh, first)
         return CarriedMesh(mesh, places, self._deviations)
@@ -137,46 +138,51 @@ class Carrier:
                 yield after, places
                 before = after
 
-    def _compare_edges(self, shown: ShownSurface, mesh: TriangleMesh) -> None:
+    def _compare_edges(self, shown: ShownSurface, mesh: TriangleMesh, here: Places) -> None:
         """Mark the edges that are too long in a frame, or whose middles are off its surface."""
         edges = edges_of(mesh.faces)[0]
-        ends, normals = mesh.vertices[edges], vertex_normals(mesh)[edges]
-        middles = ends.mean(axis=1)
-        places, away = self._measure(shown, middles, unit(normals.sum(axis=1)))
+        ends, facing = here.points[edges], unit(here.normals[edges].sum(axis=1))
+        places, away = self._measure(shown, ends.mean(axis=1), facing)
         lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-        stretch = lengths / places.values(shown.mesh.faces, shown.lengths)[:, 0]
+        of_file = places.values(shown.mesh.faces, shown.lengths)[:, 0]
+        stretch = lengths / np.maximum(of_file, shown.edge)
         need = np.maximum(away / (REFINED * self.tolerance), stretch / STRETCHED)
-        rows = np.flatnonzero((need > 1.0) & (stretch > SHORTEST))
+        rows = np.flatnonzero((need > 1.0) & (lengths > SHORTEST * of_file))
         self._mark(edges[rows], lengths[rows])
 
     def _compare_faces(self, shown: ShownSurface, mesh: TriangleMesh) -> None:
         """Mark the longest edges of faces that are off the surface of a frame, or that it is off."""
         limit, corners = REFINED * self.tolerance, mesh.vertices[mesh.faces]
         lengths = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
-        areas = 0.5 * np.linalg.norm(
-            np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
-        )
-        is_narrow = 2.0 * areas < NARROW * shown.edge * lengths.max(axis=1)
-        facing = np.where(is_narrow[:, None], 0.0, mesh.face_normals)
-        _, off = self._measure(shown, corners.mean(axis=1), facing)
-        theirs, normals = shown.samples
-        places = nearest_places(TriangleTree.of(corners), mesh, theirs, normals, 0.0)
-        away = self._distances(shown, places, theirs)
-        faces = np.union1d(places.face[(away > limit) & (places.face >= 0)], np.flatnonzero(off > limit))
+        _, off = self._measure(shown, corners.mean(axis=1), self._facing(shown, mesh))
+        theirs = np.concatenate([shown.mesh.vertices, shown.mesh.vertices[shown.mesh.faces].mean(axis=1)])
+        normals = np.concatenate([shown.normals, self._facing(shown, shown.mesh)])
+        on, face, _ = nearest_points(TriangleTree.of(corners), mesh, theirs, normals, -AGREEING)
+        away = self._distances(shown, theirs, on, face)
+        faces = np.union1d(face[(away > limit) & (face >= 0)], np.flatnonzero(off > limit))
         faces = faces[lengths[faces].max(axis=1) > SHORTEST * shown.edge]
         side = np.argmax(lengths[faces], axis=1)
         ends = np.stack([mesh.faces[faces, side], mesh.faces[faces, (side + 1) % 3]], axis=1)
         self._mark(ends, lengths[faces, side])
 
+    def _facing(self, shown: ShownSurface, mesh: TriangleMesh) -> Floats:
+        """Return the normals (F, 3) of faces, zero for those lower than the tolerance: they may be folded."""
+        corners = mesh.vertices[mesh.faces]
+        sides = np.roll(corners, -1, axis=1) - corners
+        areas = 0.5 * np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+        longest = np.linalg.norm(sides, axis=2).max(axis=1)
+        is_low = 2.0 * areas < self.tolerance * shown.edge * longest
+        return np.where(is_low[:, None], 0.0, mesh.face_normals)
+
     def _measure(self, shown: ShownSurface, points: Floats, normals: Floats) -> tuple[Places, Floats]:
         """Return the places of points (N, 3) of the mesh on a surface, and their distances (N,) in edges."""
         places = shown.nearest(points, normals, 0.0)
-        return places, self._distances(shown, places, points)
+        return places, self._distances(shown, points, places.points, places.face)
 
-    def _distances(self, shown: ShownSurface, places: Places, points: Floats) -> Floats:
-        """Return the distances (N,) of points from places, in edges, and note the largest."""
-        away = np.linalg.norm(places.points - points, axis=1) / shown.edge
-        away[places.face < 0] = np.inf
+    def _distances(self, shown: ShownSurface, points: Floats, on: Floats, face: np.ndarray) -> Floats:
+        """Return the distances (N,) of points from those on faces, in edges, and note the largest."""
+        away = np.linalg.norm(on - points, axis=1) / shown.edge
+        away[face < 0] = np.inf
         worst = int(np.argmax(away))
         known = self._deviations.get(shown.number)
         if known is None or away[worst] > known.distance:
@@ -207,15 +213,13 @@ class Carrier:
 def moved(before: ShownSurface, after: ShownSurface, mesh: TriangleMesh, places: Places) -> Places:
     """Return the places on the surface of a frame of vertices that are at places on that of another."""
     seconds, here = after.seconds - before.seconds, before.velocities(places)
-    goals = places.points + seconds * here
-    there = after.velocities(after.followed(goals, vertex_normals(mesh.with_vertices(goals))))
-    goals = places.points + 0.5 * seconds * (here + there)
-    normals = vertex_normals(mesh.with_vertices(goals))
-    arrived = after.followed(goals, normals)
+    first = after.followed(places.points + seconds * here, places.normals)
+    goals = places.points + 0.5 * seconds * (here + after.velocities(first))
+    arrived = after.followed(goals, first.normals)
     rows = bound_vertices(mesh)
     if len(rows):
         on = after.on_bounds(arrived.points[rows])
-        arrived.put(rows, after.followed(on, normals[rows])._replace(points=on))
+        arrived.put(rows, after.followed(on, arrived.normals[rows])._replace(points=on))
     return arrived
 
 

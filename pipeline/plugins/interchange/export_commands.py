@@ -85,9 +85,13 @@ class OneMeshOptions(ModelOptions):
         """Return how one mesh of each subject is made."""
         from flowsculpt.pipeline.plugins.interchange.unifying import Unification
 
-        named = {"tolerance": self.tolerance, "carry_from": self.carry_from}
         return tuple(
-            Unification(part, project.store, self.vertices, self.until, **named) for part in asked.parts
+            Unification(
+                *(part, project.store, self.vertices, self.until),
+                tolerance=self.tolerance,
+                carry_from=self.carry_from,
+            )
+            for part in asked.parts
         )
 
     @property

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flowsculpt import TriangleMesh, vertex_normals
+from flowsculpt import TriangleMesh
 from flowsculpt.api.meshes import Floats, Indices
 from flowsculpt.pipeline.plugins.interchange.shown_surfaces import (
     Places,
@@ -34,7 +34,7 @@ def smoothed(shown: ShownSurface, mesh: TriangleMesh, places: Places) -> Places:
     is_fixed = np.zeros(len(mesh.vertices), bool)
     is_fixed[bound_vertices(mesh)] = True
     for _ in range(PASSES):
-        normals = vertex_normals(mesh.with_vertices(places.points))
+        normals = places.normals
         shapes = _shapes(places.points, mesh.faces, normals)
         is_poor = np.zeros(len(mesh.vertices), bool)
         is_poor[mesh.faces[shapes < POOR]] = True

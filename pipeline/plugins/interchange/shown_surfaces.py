@@ -31,14 +31,16 @@ _VELOCITY = "velocity"  # the attribute of vertices, units per second of the flo
 class Places(NamedTuple):
     """Places on the faces of a surface.
 
-    points  (N, 3)
-    face    (N,) faces; -1 where the surface has no face whose normal agrees
-    shares  (N, 3) of the corners of each
+    points   (N, 3)
+    face     (N,) faces; -1 where the surface has no face whose normal agrees
+    shares   (N, 3) of the corners of each
+    normals  (N, 3) of the surface, unit, smooth everywhere
     """
 
     points: Floats
     face: np.ndarray
     shares: Floats
+    normals: Floats
 
     def put(self, rows: np.ndarray, places: Places) -> None:
         """Put other places at rows of these: numbers, or flags (N,)."""
@@ -151,27 +153,20 @@ class ShownSurface:
         mesh = TriangleMesh(self.mesh.vertices, self.mesh.faces)
         return mesh.with_creases(edges_by_angle(mesh, self.hard_angle))
 
-    @cached_property
-    def samples(self) -> tuple[Floats, Floats]:
-        """Points (N, 3), the vertices and the middles of faces, and their normals."""
-        middles = self.mesh.vertices[self.mesh.faces].mean(axis=1)
-        return (
-            np.concatenate([self.mesh.vertices, middles]),
-            np.concatenate([self.normals, self.mesh.face_normals]),
-        )
-
     def vertices_places(self) -> Places:
         """Return the places of its own vertices."""
         corner = np.zeros(len(self.mesh.vertices), np.int64)
         corner[self.mesh.faces.ravel()] = np.arange(self.mesh.faces.size)
-        return Places(self.mesh.vertices, corner // 3, np.eye(3)[corner % 3])
+        return Places(self.mesh.vertices, corner // 3, np.eye(3)[corner % 3], self.normals)
 
     def nearest(self, points: Floats, normals: Floats, least: float = AGREEING) -> Places:
         """Return the nearest places to points (N, 3) on faces whose normals agree with normals (N, 3).
 
         least  the cosine of their angle, at least
         """
-        return nearest_places(self.tree, self.mesh, points, normals, least)
+        on, face, shares = nearest_points(self.tree, self.mesh, points, normals, least)
+        found = Places(on, face, shares, self.normals[:0])
+        return found._replace(normals=unit(found.values(self.mesh.faces, self.normals)))
 
     def followed(self, points: Floats, normals: Floats) -> Places:
         """Return the places to which points (N, 3) that are nearly on the surface belong.
@@ -221,14 +216,18 @@ class ShownSurface:
         return Topology.of(self.mesh, tolerance * self.edge)
 
 
-def nearest_places(
-    tree: TriangleTree, mesh: TriangleMesh, points: Floats, normals: Floats, least: float
-) -> Places:
-    """Return the nearest places to points (N, 3) on the faces of a mesh that are facing normals (N, 3)."""
-    face, shares = tree.nearest(points, normals, least)
-    whole = np.column_stack([1.0 - shares.sum(axis=1), shares])
-    on = np.einsum("nk,nkj->nj", whole, mesh.vertices[mesh.faces[face]])
-    return Places(np.where((face < 0)[:, None], points, on), face, whole)
+def nearest_points(
+    tree: TriangleTree, mesh: TriangleMesh, points: Floats, facing: Floats, least: float = 0.0
+) -> tuple[Floats, np.ndarray, Floats]:
+    """Return the nearest points (N, 3) on faces of a mesh that face directions (N, 3).
+
+    Returns their faces (N,), and the shares (N, 3) of the corners, too. Where no face does, the face is -1,
+    and the point the given one.
+    """
+    face, two = tree.nearest(points, facing, least)
+    shares = np.column_stack([1.0 - two.sum(axis=1), two])
+    on = np.einsum("nk,nkj->nj", shares, mesh.vertices[mesh.faces[face]])
+    return np.where((face < 0)[:, None], points, on), face, shares
 
 
 def unit(vectors: Floats) -> Floats:

@@ -78,8 +78,8 @@ class Unification:
         is_reduced = self.vertices is not None or self.until is not None
         if self._carried is not None and is_reduced:
             raise UsageError(
-                f"{self.name}: its files move it, with other faces in each frame, and --vertices and --until "
-                "leave out what flows have refined; choose a coarser --tolerance"
+                f"{self.name}: its files move it, with other faces in each frame, and such a mesh is not "
+                "reduced; leave out --vertices and --until"
             )
         if self._carried is None and not (self.tolerance is None and self.carry_from is None):
             raise UsageError(
