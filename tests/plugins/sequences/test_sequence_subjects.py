@@ -340,6 +340,22 @@ def test_an_animation_in_one_file_is_shown_at_its_own_times(folder: Path) -> Non
 
 
 @needs_plugins("interchange")
+def test_one_of_several_animations_of_a_file_is_chosen_by_its_name(tmp_path: Path) -> None:
+    from tests.plugins.interchange.gltf_scenes import box_scene
+    from tests.plugins.interchange.test_gltf_motion import animate as animate_node
+
+    scene = box_scene(BALL)
+    for name, far in [("Walk", 1.0), ("Run", 3.0)]:
+        animate_node(scene, 0, "translation", [0, 0.5], [[0, 0, 0], [far, 0, 0]], name=name)
+    scene.glb(tmp_path / "a.glb")
+    assert "it has several animations: Walk, Run. Write animation: Walk, or another." in told(
+        tmp_path, "a.glb"
+    )
+    frames = list(animate(read(tmp_path, "a.glb, animation: Run", frames="1-13")))
+    assert frames[12].mesh.vertices[:, 0].mean() == pytest.approx(3.0)
+
+
+@needs_plugins("interchange")
 def test_one_mesh_for_all_frames_follows_files_and_refuses_changing_faces(folder: Path) -> None:
     shot = read(folder, "cache/ball_####.ply")
     points, motion = BALL.vertices, shot.motion
