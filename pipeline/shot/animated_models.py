@@ -72,6 +72,10 @@ class SurfaceSequence(ABC):
     def start(self) -> ImportedSurface:
         """Return the surface of the first frame."""
 
+    def posed(self, points: Points) -> Points:
+        """Return where points (V, 3) of the model at `path`, as a still one, are in the first frame."""
+        return points
+
     @abstractmethod
     def points(self, seconds: float) -> Points:
         """Return where the vertices (V, 3) of `start` are at a time, if faces are kept.
@@ -105,7 +109,7 @@ class AnimatedModel(Model):
     def of(cls, sequence: SurfaceSequence, up: str | None, paint: bool, **placing: Any) -> AnimatedModel:
         """Return the model of a sequence; arguments are those of `Model.of_file`."""
         painted = tuple(ModelFile(sequence.path).paint_files().items()) if paint else ()
-        digests = ["seams 2", sequence.digest, *dict(painted).values()]
+        digests = ["seams 3", sequence.digest, *dict(painted).values()]
         return cls(
             joint_digest(digests) if paint else sequence.digest,
             path=sequence.path,
@@ -137,6 +141,9 @@ class AnimatedModel(Model):
 
     def imported(self) -> ImportedSurface:
         return self.sequence.start()
+
+    def _posed(self, points: Points) -> Points:
+        return self.sequence.posed(points)
 
     def vertices(self, seconds: float) -> Points:
         """Return where the vertices (V, 3) of `build` are at a time of the flow, where faces are kept."""

@@ -314,7 +314,9 @@ class Model(Subject):
     def build(self, max_edge_length: float | None = None) -> TriangleMesh:
         mesh = self.imported().mesh.triangulated()
         if self.paint:
-            mesh = mesh.with_seams(_paint(self).seams(mesh.vertices, mesh.halfedge_ends))
+            paint = _paint(self)
+            posed = paint.placed(self._posed(paint.points))
+            mesh = mesh.with_seams(posed.seams(mesh.vertices, mesh.halfedge_ends))
         return mesh.with_vertices(self._placed(mesh.vertices))
 
     def painted(self, rest: Points, faces: Faces) -> PaintedFaces | None:
@@ -374,6 +376,10 @@ class Model(Subject):
     @property
     def _read_from(self) -> tuple[Any, ...]:
         return self.path, self.digest, self.repair, self.prim, self.time_code
+
+    def _posed(self, points: Points) -> Points:
+        """Return where points (V, 3) of the file's surface are in the first frame, in its coordinates."""
+        return points
 
     def _placed(self, points: Points, around: Points | None = None) -> Points:
         """Return points (V, 3) of the file where the shot has them. `fit` fits `around`, by default them."""
@@ -438,7 +444,7 @@ def _paint(model: Model) -> Paint:
 def _placed_paint(model: Model) -> Paint:
     """Return the paint of a model where the shot has it at rest."""
     paint = _paint(model)
-    return paint.placed(model._placed(paint.points, model.imported().mesh.vertices))
+    return paint.placed(model._placed(model._posed(paint.points), model.imported().mesh.vertices))
 
 
 def _distance_and_size(mesh: PolygonMesh) -> tuple[float, float]:

@@ -95,8 +95,8 @@ class ModelPaint:
         return replace(self, place=place)
 
     def seams(self, vertices: Floats, edges: Indices) -> Indices:
-        """Return those edges (of E, 2) between charts of a surface whose vertices are points of the file."""
-        both = np.concatenate([self.points, vertices])
+        """Return those edges (of E, 2) between charts of a surface whose vertices are points of `place`."""
+        both = np.concatenate([self.place, vertices])
         joined = find_coincident(both, np.ones(len(both), bool))
         keys, chart = _sides(joined[self.corners], self.charts)
         order = np.lexsort([chart, keys])

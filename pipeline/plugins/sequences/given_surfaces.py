@@ -142,6 +142,16 @@ class GivenSurfaces(SurfaceSequence):
     def start(self) -> Any:
         return self._start.imported
 
+    def posed(self, points: Floats) -> Floats:
+        surface, still = self._start.surface, self.samples.still(self._first)
+        if still is surface or not _same_faces(still, surface):
+            return points
+        if np.array_equal(points, still.points):
+            return surface.points
+        origins = _origins(points, still.points)
+        known = origins < len(still.points)
+        return np.where(known[:, None], surface.points[np.where(known, origins, 0)], points)
+
     def points(self, seconds: float) -> Floats:
         sample, share = self._place(seconds)
         if not share:

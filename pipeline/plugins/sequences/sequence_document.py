@@ -53,6 +53,7 @@ class MeshSequenceDocument(MovingKind):
     )
     mesh: str | None = Field(None, description="of files of points alone, as PC2: the model with their faces")
     prim: str | None = Field(None, description="of USD stages: the path of the prim to read, as /World/Chair")
+    animation: str | None = Field(None, description="of files with several animations: the name of one")
 
     def surfaces(self, folder: Path, clock: Clock) -> SurfaceSequence:
         if self.rate is not None and self.interval is not None:
@@ -71,7 +72,8 @@ class MeshSequenceDocument(MovingKind):
 
     @property
     def _part(self) -> ScenePart | None:
-        return None if self.prim is None else ScenePart(self.prim)
+        named = self.prim is not None or self.animation is not None
+        return ScenePart(self.prim, animation=self.animation) if named else None
 
     def _moving(self, folder: Path, clock: Clock) -> tuple[SampleTimes, SurfaceSamples]:
         """Return the samples of a file with an animation, and their times."""

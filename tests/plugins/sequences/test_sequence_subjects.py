@@ -338,6 +338,22 @@ def test_an_animation_in_one_file_is_shown_at_its_own_times(folder: Path) -> Non
     np.testing.assert_array_equal(held[7].mesh.vertices, held[5].mesh.vertices)
 
 
+@needs_plugins("interchange")
+def test_one_of_several_animations_of_a_file_is_chosen_by_its_name(tmp_path: Path) -> None:
+    from tests.plugins.interchange.gltf_scenes import box_scene
+    from tests.plugins.interchange.test_gltf_motion import animate as animate_node
+
+    scene = box_scene(BALL)
+    for name, far in [("Walk", 1.0), ("Run", 3.0)]:
+        animate_node(scene, 0, "translation", [0, 0.5], [[0, 0, 0], [far, 0, 0]], name=name)
+    scene.glb(tmp_path / "a.glb")
+    assert "it has several animations: Walk, Run. Write animation: Walk, or another." in told(
+        tmp_path, "a.glb"
+    )
+    frames = list(animate(read(tmp_path, "a.glb, animation: Run", frames="1-13")))
+    assert frames[12].mesh.vertices[:, 0].mean() == pytest.approx(3.0)
+
+
 def test_one_mesh_for_all_frames_follows_files(folder: Path) -> None:
     shot = read(folder, "cache/ball_####.ply")
     points, motion = BALL.vertices, shot.motion
@@ -374,3 +390,27 @@ def test_paint_of_the_first_file_stays_on_a_resampled_surface(tmp_path: Path) ->
     middles = last.mesh.vertices[last.mesh.faces].mean(axis=1)
     assert paint is not None
     np.testing.assert_array_equal(paint.materials, (middles[:, 0] > 4.0).astype(int))
+
+
+@needs_plugins("interchange")
+def test_paint_of_a_model_stays_on_its_faces_where_an_animation_begins_in_another_pose(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "a.mtl").write_text("newmtl red\nKd 1 0 0\nnewmtl blue\nKd 0 0 1\n")
+    flat = np.array([(x, y, 0.0) for y in (0, 1) for x in (0, 1, 2)])
+    rows = "".join("v {} {} {}\n".format(*point) for point in flat)
+    faces = "usemtl red\nf 1/1 2/2 5/3 4/4\nusemtl blue\nf 2/1 3/2 6/3 5/4\n"
+    (tmp_path / "a.obj").write_text(f"mtllib a.mtl\n{rows}vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n{faces}")
+    turned = np.array([2.0, 1.0, 0.0]) + flat * [-1.0, -1.0, 1.0]
+    samples = np.array([turned, turned + np.array([0.0, 0.0, 1.0])], "<f4")
+    (tmp_path / "a.pc2").write_bytes(
+        struct.pack("<12siiffi", b"POINTCACHE2", 1, 6, 1.0, 1.0, 2) + samples.tobytes()
+    )
+    subject = "a.pc2, mesh: a.obj, paint: on"
+    shot = read(tmp_path, subject, "resample: {max_edge_length: 0.3}\nlook: model\n", frames="1-2")
+    for frame in animate(shot):
+        paint = shot.motion.painted(frame.material, frame.mesh.faces)
+        middles = frame.mesh.vertices[frame.mesh.faces].mean(axis=1)
+        assert paint is not None
+        np.testing.assert_array_equal(paint.materials, (middles[:, 0] < 1.0).astype(int))
+        assert len(frame.mesh.seams) >= 1
