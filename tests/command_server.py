@@ -99,6 +99,7 @@ class CommandServer:
     def __init__(self) -> None:
         self.forks = 0
         self.is_on = False
+        self._owner = os.getpid()
         self._state: tuple[object, ...] = ()
         self._connection: socket.socket | None = None
         self._turn = threading.Lock()
@@ -110,8 +111,12 @@ class CommandServer:
             subprocess.Popen = ForkingPopen  # type: ignore[misc]
 
     def takes(self, command: Command) -> bool:
-        """Tell whether a process for a command, started anew, would load what the server has loaded."""
-        return self.is_on and _state(command.environment) == self._state and Path(command.folder).is_dir()
+        """Tell whether a process for a command, started anew by this one, would load what the server has.
+
+        A fork of this process starts all anew, for it would not be the parent of what the server forks.
+        """
+        is_ours = self.is_on and os.getpid() == self._owner and Path(command.folder).is_dir()
+        return is_ours and _state(command.environment) == self._state
 
     def fork(self, command: Command, files: Sequence[int]) -> int:
         """Fork a child of this process for a command, with files as its first three; return its number."""

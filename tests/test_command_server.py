@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import subprocess
+import warnings
 from contextlib import suppress
 from pathlib import Path
 
@@ -11,7 +12,7 @@ import pytest
 
 import flowsculpt.pipeline.production.execution.project  # noqa: F401  # sets variables of the environment
 from flowsculpt.render.base.limited_process import Parser, ParserError
-from flowsculpt.render.base.python_process import environment, python_command
+from flowsculpt.render.base.python_process import ForkedProcess, environment, python_command
 from tests.command_server import COMMANDS
 from tests.conftest import ProjectFolder
 
@@ -43,3 +44,14 @@ def test_a_killed_command_has_ended_by_that_signal() -> None:
     with process:
         process.kill()
     assert (process.returncode, COMMANDS.forks) == (-signal.SIGKILL, before + 1)
+
+
+def test_a_fork_of_the_process_of_tests_starts_commands_anew() -> None:
+    before = COMMANDS.forks
+
+    def start() -> int:
+        done = subprocess.run(python_command("flowsculpt", "--version"), stdout=subprocess.DEVNULL)
+        return done.returncode or COMMANDS.forks - before
+
+    with warnings.catch_warnings(action="ignore", category=DeprecationWarning):  # of forks with threads
+        assert ForkedProcess(start).wait() == 0
