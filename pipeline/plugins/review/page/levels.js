@@ -58,15 +58,24 @@ class LevelsPanel {
   constructor(element, review) {
     Object.assign(this, { element, review });
     this.scopes = new ScriptStore("scopes", "reviewScope", async (data) => Scope.unpacked(await inflated(data)), () => this.draw());
+    const waves = (channels) => make("canvas", { className: "waves", role: "img", width: channels * SCOPE_COLUMNS, height: SCOPE_LEVELS });
+    Object.assign(this, { words: make("p", "note"), numbers: make("p", "legend"), luma: waves(1), parade: waves(3) });
+    this.lines = svg("svg", { viewBox: "0 0 256 100", preserveAspectRatio: "none", role: "img" });
+    const figureOf = (title, hint, shape, holder = shape) => {
+      shape.ariaLabel = `${title}: ${hint}`;
+      return make("figure", "chart levels", make("figcaption", {}, make("span", {}, title), make("span", {}, hint)), holder);
+    };
+    this.figures = make("div", {}, figureOf("Waveform", "luma by column", this.luma), figureOf("RGB parade", "red, green, blue by column", this.parade),
+      figureOf("Histogram", "pixels by level", this.lines, make("div", "histogram", this.lines)), this.numbers);
+    element.append(this.words, this.figures);
   }
 
   draw() {
     if (this.element.hidden) return;
-    if (!this.figures) this.#build();
     const { review } = this, sequence = review.shownSequence, { frame } = review.transport;
     const scope = this.scopeOf(sequence, frame);
     this.words.textContent = scope ? "" : this.#without(sequence, frame);
-    for (const figure of this.figures) figure.hidden = !scope;
+    this.figures.hidden = !scope;
     if (!scope) return;
     this.#drawWaves(this.luma, scope, [0]);
     this.#drawWaves(this.parade, scope, [1, 2, 3]);
@@ -81,39 +90,20 @@ class LevelsPanel {
 
   /** The levels of a frame as it is seen; null while they are read, or where the page has none. */
   scopeOf(sequence, frame) {
-    const { viewing } = this.review;
-    if (!viewing.isNeutral) {
-      const canvas = viewing.source(sequence, frame);
-      return canvas && Scope.of(canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height));
-    }
-    return this.scopes.get(sequence.scopes[sequence.places.get(frame)]);
+    const { viewing } = this.review, canvas = viewing.source(sequence, frame);
+    if (viewing.isNeutral) return this.scopes.get(sequence.scopes[sequence.places.get(frame)]);
+    return canvas && Scope.of(canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height));
   }
 
   #without(sequence, frame) {
-    if (!this.review.viewing.isNeutral) return this.review.viewing.without(sequence, frame);
     const file = sequence.scopes[sequence.places.get(frame)];
+    if (!this.review.viewing.isNeutral) return this.review.viewing.without(sequence, frame);
     if (!file) return `Frame ${frame} has no picture.`;
     return this.scopes.isBroken(file) ? "Its levels cannot be read; write the page again." : "The levels are being read.";
   }
 
-  #build() {
-    const figureOf = (title, hint, shape) => make("figure", "chart levels", make("figcaption", {}, make("span", {}, title), make("span", {}, hint)), shape);
-    const waves = (title, hint, count) => {
-      const canvas = make("canvas", { className: "waves", role: "img", ariaLabel: `${title}: ${hint}`, width: count * SCOPE_COLUMNS, height: SCOPE_LEVELS });
-      return { canvas, figure: figureOf(title, hint, canvas) };
-    };
-    this.luma = waves("Waveform", "luma by column", 1);
-    this.parade = waves("RGB parade", "red, green, blue by column", 3);
-    this.lines = svg("svg", { viewBox: "0 0 256 100", preserveAspectRatio: "none", role: "img", "aria-label": "Histogram: pixels by level" });
-    this.words = make("p", "note");
-    this.numbers = make("p", "legend");
-    const histogram = figureOf("Histogram", "pixels by level", make("div", "histogram", this.lines));
-    this.figures = [this.luma.figure, this.parade.figure, histogram, this.numbers];
-    this.element.append(this.words, ...this.figures);
-  }
-
   /** Draw waveforms of channels side by side, a pixel for each level of each column. */
-  #drawWaves({ canvas }, scope, channels) {
+  #drawWaves(canvas, scope, channels) {
     const image = new ImageData(SCOPE_COLUMNS, SCOPE_LEVELS);
     channels.forEach((channel, place) => {
       const ink = SCOPE_CHANNELS[channel][1];
