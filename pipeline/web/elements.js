@@ -3,9 +3,6 @@
 const id = (name) => document.getElementById(name);
 const clamp = (value, low, high) => Math.min(high, Math.max(low, value));
 
-/** How many pixels of the display a pixel of the page has. */
-const dotsOf = () => window.devicePixelRatio || 1;
-
 /**
  * Give an element properties; ARIA names are properties too: `role`, `ariaLabel`, `ariaPressed`. `data` becomes
  * data attributes. What is a function, but no handler, is asked at each `refresh`.

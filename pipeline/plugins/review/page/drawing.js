@@ -64,35 +64,26 @@ function drawStroke(context, stroke, place) {
   context.save();
   Object.assign(context, { lineJoin: "round", lineCap: "round", shadowColor: "rgba(0, 0, 0, 0.75)", shadowBlur: Math.max(2, 0.6 * width) });
   Object.assign(context, { strokeStyle: stroke.ink, fillStyle: stroke.ink, lineWidth: width });
-  context.beginPath();
   if (kind === "text") drawWords(context, stroke, at(0), 6 * width);
-  else if (kind === "rectangle") context.rect(...at(0), at(2)[0] - at(0)[0], at(2)[1] - at(0)[1]);
-  else if (kind === "arrow") arrowPath(context, at(0), at(2), width);
-  else penPath(context, at, points.length);
-  if (kind !== "text") context.stroke();
+  else context.stroke(new Path2D(pathOf(stroke, at, width)));
   context.restore();
 }
 
-/** A smooth line: curves between the middles of its points. A line of one point is a dot. */
-function penPath(context, at, count) {
-  context.moveTo(...at(0));
-  if (count === 2) context.lineTo(...at(0));
-  for (let i = 2; i < count - 2; i += 2) {
-    const [x, y] = at(i), [nextX, nextY] = at(i + 2);
-    context.quadraticCurveTo(x, y, (x + nextX) / 2, (y + nextY) / 2);
+/** The path of a stroke, as SVG has paths; `at(i)` is the point whose numbers begin at i. */
+function pathOf({ kind, points: { length } }, at, width) {
+  const [x, y] = at(0), [toX, toY] = at(length - 2), line = `L${toX} ${toY}`;
+  if (kind === "rectangle") return `M${x} ${y}H${toX}V${toY}H${x}Z`;
+  if (kind === "arrow") {
+    const angle = Math.atan2(toY - y, toX - x), head = Math.min(4.5 * width, 0.6 * Math.hypot(toX - x, toY - y));
+    const side = (turn) => `M${toX - head * Math.cos(angle + turn)} ${toY - head * Math.sin(angle + turn)}${line}`;
+    return `M${x} ${y}${line}${side(-0.5)}${side(0.5)}`;
   }
-  if (count > 2) context.lineTo(...at(count - 2));
-}
-
-function arrowPath(context, [fromX, fromY], [toX, toY], width) {
-  const angle = Math.atan2(toY - fromY, toX - fromX), length = Math.hypot(toX - fromX, toY - fromY);
-  const head = Math.min(4.5 * width, 0.6 * length);
-  context.moveTo(fromX, fromY);
-  context.lineTo(toX, toY);
-  for (const side of [-0.5, 0.5]) {
-    context.moveTo(toX - head * Math.cos(angle + side), toY - head * Math.sin(angle + side));
-    context.lineTo(toX, toY);
+  let path = `M${x} ${y}`; // a smooth line: curves between the middles of its points; of one point a dot
+  for (let i = 2; i < length - 2; i += 2) {
+    const [bendX, bendY] = at(i), [nextX, nextY] = at(i + 2);
+    path += `Q${bendX} ${bendY} ${(bendX + nextX) / 2} ${(bendY + nextY) / 2}`;
   }
+  return path + line;
 }
 
 function drawWords(context, stroke, [x, y], size) {
@@ -188,18 +179,14 @@ class Drawing {
 
   #add(sequence, stroke) {
     const { notes } = this.review, note = this.#noteOf(sequence, stroke.frame);
-    if (note) {
-      notes.editUndoably(note.id, { drawings: [...note.drawings, stroke] });
-    } else {
-      const id = notes.add(sequence, stroke.frame, stroke.frame);
-      this.review.chosenNote = id;
-      notes.editUndoably(id, { drawings: [stroke] });
-    }
+    const id = note?.id ?? notes.add(sequence, stroke.frame, stroke.frame);
+    if (!note) this.review.chosenNote = id;
+    notes.editUndoably(id, { drawings: [...notes.get(id).drawings, stroke] });
   }
 
   /** Ask for the words of a text where it will stand. */
   #askWords({ sequence, place }, stroke, point) {
-    const field = make("input", { type: "text", className: "ink-words", maxLength: 400, ariaLabel: "Words on the picture" }), dots = dotsOf();
+    const field = make("input", { type: "text", className: "ink-words", maxLength: 400, ariaLabel: "Words on the picture" }), dots = devicePixelRatio;
     Object.assign(field.style, {
       left: `${point.x / dots}px`, top: `${point.y / dots}px`, color: stroke.ink,
       fontSize: `${Math.max(9, (6 * stroke.width * place.width) / UNITS / dots)}px`,

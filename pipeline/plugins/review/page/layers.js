@@ -149,12 +149,10 @@ class Grader {
     const texels = isDisplay ? Float32Array.from(layer.bits) : layer.bits;
     gl.texImage2D(gl.TEXTURE_2D, 0, isDisplay ? gl.RGBA32F : gl.RGBA16F, width, height, 0, gl.RGBA, isDisplay ? gl.FLOAT : gl.HALF_FLOAT, texels);
     gl.uniform2f(place("range"), low, high);
-    gl.uniform1f(place("gain"), 2 ** settings.exposure);
-    gl.uniform1f(place("power"), 1 / settings.gamma);
-    gl.uniform1f(place("height"), height);
-    gl.uniform1i(place("channel"), CHANNELS.indexOf(settings.channel));
-    gl.uniform1i(place("kind"), KINDS[kind]);
-    gl.uniform1i(place("clipping"), settings.clipping);
+    const floats = { gain: 2 ** settings.exposure, power: 1 / settings.gamma, height };
+    for (const [name, value] of Object.entries(floats)) gl.uniform1f(place(name), value);
+    const whole = { channel: CHANNELS.indexOf(settings.channel), kind: KINDS[kind], clipping: settings.clipping };
+    for (const [name, value] of Object.entries(whole)) gl.uniform1i(place(name), value);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     return this.canvas;
   }

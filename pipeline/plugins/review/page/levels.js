@@ -39,18 +39,22 @@ class Scope {
     return new Scope(waves, counts);
   }
 
+  /** Pixels by steps of luma, red, green or blue. */
+  countsOf(channel) { return this.counts.subarray(256 * channel, 256 * channel + 256); }
+
+  get total() { return this.countsOf(0).reduce((sum, count) => sum + count, 0); }
+
   /** The step of luma below or at which a share of the pixels lies. */
   percentile(share) {
-    const luma = this.counts.subarray(0, 256), total = luma.reduce((sum, count) => sum + count, 0);
+    const { total } = this;
     let below = 0;
-    return luma.findIndex((count) => (below += count) >= share * total);
+    return this.countsOf(0).findIndex((count) => (below += count) >= share * total);
   }
 
   /** The largest share of pixels of red, green or blue whose step passes a test. */
   clipped(passes) {
-    const total = this.counts.subarray(0, 256).reduce((sum, count) => sum + count, 0);
-    const of = (channel) => this.counts.subarray(256 * channel, 256 * channel + 256).reduce((sum, count, step) => sum + (passes(step) ? count : 0), 0);
-    return Math.max(of(1), of(2), of(3)) / total;
+    const passing = [1, 2, 3].map((channel) => this.countsOf(channel).reduce((sum, count, step) => sum + (passes(step) ? count : 0), 0));
+    return Math.max(...passing) / this.total;
   }
 }
 
@@ -120,11 +124,9 @@ class LevelsPanel {
   }
 
   #drawHistogram(scope) {
-    const inner = (channel) => scope.counts.subarray(256 * channel + 1, 256 * channel + 255);
-    const most = Math.max(1, ...[0, 1, 2, 3].map((channel) => Math.max(...inner(channel))));  // clipped pixels may go beyond
+    const most = Math.max(1, ...[0, 1, 2, 3].flatMap((channel) => [...scope.countsOf(channel).subarray(1, 255)])); // clipped pixels may go beyond
     this.lines.replaceChildren(...SCOPE_CHANNELS.map(([, ink], channel) => {
-      const counts = Array.from(scope.counts.subarray(256 * channel, 256 * channel + 256));
-      const shares = counts.map((count) => Math.min(1, Math.sqrt(count / most)));
+      const shares = Array.from(scope.countsOf(channel), (count) => Math.min(1, Math.sqrt(count / most)));
       return svg("path", { d: `M${shares.map((share, step) => `${step + 0.5} ${98 - 96 * share}`).join("L")}`, stroke: `rgb(${ink.join(" ")})` });
     }));
   }

@@ -3,7 +3,7 @@
 
 class MeshPanel {
   constructor(element, review, three, hint) {
-    Object.assign(this, { element, review, three, hint, plays: true, moving: new Map(), words: make("p", "note") });
+    Object.assign(this, { element, review, three, hint, plays: true, lines: false, moving: new Map(), words: make("p", "note") });
     element.classList.add("mesh");
   }
 
@@ -27,16 +27,14 @@ class MeshPanel {
   #bar() {
     const { view } = this, { orbit } = view;
     return make("div", "mesh-bar",
-      buttonOf("Motion", "One mesh that plays every frame, or simulated frames (Shift M)", () => this.togglePlay(), { ariaPressed: () => this.plays, hidden: () => !this.hasMotion }),
-      buttonOf("Triangles", "Show the triangles (E)", () => this.toggleLines(), { ariaPressed: () => view.lines }),
+      buttonOf("Motion", "One mesh that plays every frame, or simulated frames (Shift M)", () => this.toggle("plays"), { ariaPressed: () => this.plays, hidden: () => !this.hasMotion }),
+      buttonOf("Triangles", "Show the triangles (E)", () => this.toggle("lines"), { ariaPressed: () => this.lines }),
       buttonOf("Shot's camera", "Look through the camera of the shot (C)", () => view.follow(!view.follows), { ariaPressed: () => view.follows }),
       buttonOf("Free", "Turn freely, not about the vertical axis", () => this.review.change(orbit, { isFree: !orbit.isFree }), { ariaPressed: () => orbit.isFree }));
   }
 
-  /** Show one mesh in all frames, or simulated ones. */
-  togglePlay() { this.review.change(this, { plays: !this.plays }); }
-
-  toggleLines() { if (this.view) this.review.change(this.view, { lines: !this.view.lines }); }
+  /** Switch `plays`, one mesh in all frames, or `lines`, the triangles. */
+  toggle(name) { this.review.change(this, { [name]: !this[name] }); }
 
   /** Show what is known of the frame; what is still being read is shown when it comes. */
   #show() {
@@ -50,6 +48,7 @@ class MeshPanel {
     if (data === false) this.words.textContent = `${file} cannot be read.`;
     if (!data) return;
     if (this.view.shownName !== file) this.view.put(file, plays ? this.#motion(file, data) : new StillMeshes(this.view.THREE, data, number));
+    this.view.lines = this.lines;
     const words = this.view.show(transport.frame), without = isBroken ? "its file cannot be read." : motion.without;
     this.words.textContent = without ? `${words}. It does not play: ${without}` : words;
   }
@@ -64,7 +63,7 @@ class MeshPanel {
 class MeshView extends ShotView {
   constructor(THREE, review) {
     super(THREE, new THREE.WebGLRenderer({ antialias: true }));
-    Object.assign(this, { review, lines: false });
+    this.review = review;
     give(this.canvas, { role: "img", ariaLabel: "Mesh", tabIndex: 0, className: "inset grab" });
     this.scene.background = new THREE.Color(0x1f1f1f);
     this.scene.add(new THREE.HemisphereLight(0xffffff, 0x4a4a4a, 1.5), this.camera);
@@ -125,7 +124,7 @@ class MeshView extends ShotView {
   /** Lines grow faint where they would cover all. */
   #inkLines() {
     const edge = this.review.a.about.measures[this.shownNumber]?.mean_edge ?? 0, tall = this.orbit.slope * this.orbit.distance;
-    const pixels = (edge / tall) * this.canvas.clientHeight * dotsOf();
+    const pixels = (edge / tall) * this.canvas.clientHeight * devicePixelRatio;
     for (const lines of this.shown.lined) {
       lines.visible = this.lines;
       lines.material.opacity = clamp(pixels / 20, 0.14, 0.6);

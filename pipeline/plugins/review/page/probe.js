@@ -14,7 +14,7 @@ class Probe {
   toggleLoupe() { this.review.change(this, { hasLoupe: !this.hasLoupe }); }
 
   #moved(event) {
-    const dots = dotsOf();
+    const dots = devicePixelRatio;
     this.at = { x: event.offsetX * dots, y: event.offsetY * dots, left: event.offsetX, top: event.offsetY };
     if (this.isOn || this.hasLoupe) this.draw();
   }
@@ -63,7 +63,7 @@ class Probe {
 
   /** The stage around the pointer, larger; its middle is framed. */
   #drawLoupe() {
-    const dots = dotsOf(), side = LOUPE.size * dots, part = side / LOUPE.zoom;
+    const dots = devicePixelRatio, side = LOUPE.size * dots, part = side / LOUPE.zoom;
     Object.assign(this.loupe, { width: side, height: side });
     Object.assign(this.loupe.style, { left: `${this.at.left + 22}px`, top: `${this.at.top + 22}px` });
     const context = this.loupe.getContext("2d"), { x, y } = this.at;

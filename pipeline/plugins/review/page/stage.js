@@ -22,7 +22,7 @@ class Stage {
   get needsB() { return this.mode !== "a"; }
 
   resize() {
-    const box = this.canvas.parentElement.getBoundingClientRect(), dots = dotsOf();
+    const box = this.canvas.parentElement.getBoundingClientRect(), dots = devicePixelRatio;
     const width = Math.max(1, Math.round(box.width * dots)), height = Math.max(1, Math.round(box.height * dots));
     if (this.canvas.width !== width || this.canvas.height !== height) Object.assign(this.canvas, { width, height });
   }
@@ -96,7 +96,7 @@ class Stage {
     context.fillRect(x - 1, top, 3, bottom - top);
     context.fillStyle = "#f2f2f2";
     context.fillRect(x, top, 1, bottom - top);
-    const dots = dotsOf(), y = (top + bottom) / 2;
+    const dots = devicePixelRatio, y = (top + bottom) / 2;
     context.beginPath();
     context.arc(x + 0.5, y, 5 * dots, 0, 2 * Math.PI);
     context.fill();
@@ -206,12 +206,12 @@ const WIPE_REACH = 12; // CSS pixels around the edge where it is taken hold of
 
 function stagePointer(stage, drawing, changed) {
   const { canvas } = stage;
-  const at = (event) => ({ x: event.offsetX * dotsOf(), y: event.offsetY * dotsOf() }); // in pixels of the display
-  const isAtWipe = (event) => stage.mode === "wipe" && Math.abs(event.offsetX - stage.wipeAt() / dotsOf()) < WIPE_REACH;
+  const at = (event) => ({ x: event.offsetX * devicePixelRatio, y: event.offsetY * devicePixelRatio }); // in pixels of the display
+  const isAtWipe = (event) => stage.mode === "wipe" && Math.abs(event.offsetX - stage.wipeAt() / devicePixelRatio) < WIPE_REACH;
   let last, drawsWipe;
   const pan = (dx, dy) => {
     if (stage.zoom === null) stage.zoomTo(stage.fitting);
-    stage.pan = { x: stage.pan.x + dx * dotsOf(), y: stage.pan.y + dy * dotsOf() };
+    stage.pan = { x: stage.pan.x + dx * devicePixelRatio, y: stage.pan.y + dy * devicePixelRatio };
     changed();
   };
   const setWipe = (event) => {
