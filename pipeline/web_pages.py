@@ -3,10 +3,12 @@
 A page is a folder with index.html, `*.css` and `*.js`. Scripts declare; `main.js`, the last, begins. Shared:
 
 style.css    colours in light and dark, type, controls, the ring of the focus, bars, strip, messages, help
-elements     elements, buttons, lists and sliders; `icons`, `vectors`, `packed` data, `messages`
+elements     elements, buttons, lists and sliders that show how things are; icons, messages
 keyboard     the keys of a page, and their help; arrow keys of an element
-gestures     mouse, pen, fingers and trackpad on an element; `orbit` turns a camera by them
-transport    time: frames, loops, speeds; `playback` has its controls and keys, `strip` shows the frames
+gestures     mouse, pen, fingers and trackpad on an element
+orbit        vectors, a camera turned by gestures, and views of three.js through it
+transport    time: frames, loops, speeds; `playback` has its controls and keys, and the strip of frames
+data         packed data and modules in pages, and files to be kept
 """
 
 from __future__ import annotations

@@ -51,7 +51,7 @@ class Keyboard {
 
 /** Tell whether an element itself does something with a key. */
 function isUsedBy(element, key) {
-  if (element.matches("textarea, input:not([type=range], [type=checkbox])")) return true;
+  if (isField(element)) return true;
   if (element.matches("select, input[type=range]")) return /^(Arrow|Home|End|Page| $|Enter)/.test(key);
   return element.matches("a, button, summary, input[type=checkbox], [role=tab]") && [" ", "Enter"].includes(key);
 }

@@ -1,4 +1,18 @@
-// A camera around a place, turned by pointer and keys: about the vertical axis, as on a turntable, or freely.
+// Vectors of three numbers, and a camera around a place: turned by pointer and keys about the vertical axis, as on a
+// turntable, or freely.
+
+const minus = (a, b) => a.map((x, i) => x - b[i]);
+const plus = (a, b, factor = 1) => a.map((x, i) => x + factor * b[i]);
+const dot = (a, b) => a.reduce((sum, x, i) => sum + x * b[i], 0);
+const length = (a) => Math.sqrt(dot(a, a));
+const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+const unitOf = (vector) => vector.map((x) => x / (length(vector) || 1));
+
+/** A vector turned about an axis, by radians. */
+function rotated([x, y, z], axis, angle) {
+  const turned = new DOMMatrix().rotateAxisAngle(...axis, (180 / Math.PI) * angle).transformPoint({ x, y, z });
+  return [turned.x, turned.y, turned.z];
+}
 
 const TURN = (0.35 * Math.PI) / 180; // radians a pixel
 const STEEPEST = 0.02; // radians between a turntable's camera and its axis
@@ -76,5 +90,48 @@ class Orbit {
       ["Shift drag", "Move sideways; also the right button, two fingers"],
       ["T", "Turn freely, or about the vertical axis", { t: () => { this.isFree = !this.isFree; } }],
     ];
+  }
+}
+
+/**
+ * A scene of three.js in a canvas, seen by the shot's camera until somebody turns it. Its classes have `aim()`, which
+ * points the orbit as the shot's camera is, and `render()`.
+ */
+class ShotView {
+  constructor(THREE, renderer) {
+    Object.assign(this, { THREE, renderer, canvas: renderer.domElement, follows: true, scene: new THREE.Scene() });
+    this.camera = new THREE.PerspectiveCamera(26, 1, 0.01, 10000);
+    this.orbit = new Orbit(this.canvas, () => this.look(), () => this.follow(false));
+  }
+
+  /** Look through the shot's camera, or stay where it is. */
+  follow(follows) {
+    this.follows = follows;
+    refresh();
+    if (follows) this.look();
+  }
+
+  look() {
+    if (this.follows) this.aim();
+    this.orbit.point(this.camera);
+    this.render();
+  }
+
+  /** See so much in height at a distance of 1. */
+  widen(slope) {
+    this.orbit.slope = slope;
+    this.camera.fov = (360 / Math.PI) * Math.atan(slope / 2);
+    this.camera.updateProjectionMatrix();
+  }
+
+  /** Take the size that CSS gives the canvas. */
+  resize() {
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    if (!width || !height) return;
+    this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
+    this.renderer.setSize(width, height, false);
+    this.camera.aspect = width / height;
+    this.camera.updateProjectionMatrix();
+    this.look();
   }
 }

@@ -1,57 +1,44 @@
-// The controls of a transport: its buttons, its fields and its keys.
+// The controls of time: buttons, fields and keys, and the frames side by side.
 
 class Playback {
-  /** `buttons` is the element that they are put into, `field` the one of the frame's number; both may be null. */
-  constructor(transport, buttons, field, names = Object.keys(Playback.acts(transport))) {
-    Object.assign(this, { transport, field });
-    const acts = Playback.acts(transport);
-    for (const name of names) {
-      const button = buttons.appendChild(iconButton(name, ...acts[name]));
-      if (name === "play") this.button = button;
+  /** Fills the page's elements `buttons` and `frame`, and `range` and `speed` where it has them; `names` are of buttons. */
+  constructor(transport, names) {
+    this.transport = transport;
+    const acts = this.#acts, shown = names ?? Object.keys(acts), buttons = shown.map((name) => iconButton(name, ...acts[name]));
+    const play = buttons[shown.indexOf("play")];
+    id("buttons").prepend(...buttons);
+    this.field = give(id("frame"), { value: () => Math.min(Math.round(transport.frame), transport.last), onchange: () => this.#type() });
+    const range = () => (transport.isLooped ? `Loop ${transport.inPoint}–${transport.outPoint}` : `${transport.first}–${transport.last}`);
+    if (id("range")) give(id("range"), { textContent: range });
+    if (id("speed")) {
+      id("speed").append(...SPEEDS.map((speed) => new Option(`${speed}×`, speed)));
+      give(id("speed"), { value: () => transport.speed, onchange: (event) => transport.setSpeed(+event.target.value) });
     }
-    field.addEventListener("change", () => this.#type());
-    this.range = id("range");
-    this.speed = id("speed");
-    this.speed?.append(...SPEEDS.map((speed) => new Option(`${speed}×`, speed)));
-    this.speed?.addEventListener("change", () => transport.setSpeed(+this.speed.value));
-    this.draw();
+    transport.listen((what) => {
+      if (what === "playing") play.replaceChildren(icon(transport.playing ? "pause" : "play"));
+    });
   }
 
   /** What each button says and does, by its icon. */
-  static acts(transport) {
+  get #acts() {
+    const { transport: t } = this, words = () => (t.playing ? "Pause (Space)" : "Play (Space)");
     return {
-      first: ["First frame (Home)", () => transport.jump(transport.first)],
-      back: ["Back a frame (←)", () => transport.step(-1)],
-      play: ["Play (Space)", () => transport.toggle()],
-      ahead: ["On a frame (→)", () => transport.step(1)],
-      last: ["Last frame (End)", () => transport.jump(transport.last)],
-      loopIn: ["Loop from here ([)", () => transport.setIn()],
-      loopOut: ["Loop to here (])", () => transport.setOut()],
-      loopReset: ["Loop over all (\\)", () => transport.resetRange()],
+      first: ["First frame (Home)", () => t.jump(t.first)],
+      back: ["Back a frame (←)", () => t.step(-1)],
+      play: ["Play (Space)", () => t.toggle(), { title: words, ariaLabel: words, disabled: () => t.numbers.length < 2 }],
+      ahead: ["On a frame (→)", () => t.step(1)],
+      last: ["Last frame (End)", () => t.jump(t.last)],
+      loopIn: ["Loop from here ([)", () => t.setIn()],
+      loopOut: ["Loop to here (])", () => t.setOut()],
+      loopReset: ["Loop over all (\\)", () => t.resetRange()],
     };
   }
 
   #type() {
     const frame = Number.parseInt(this.field.value, 10);
-    if (Number.isFinite(frame)) this.transport.jump(frame);
-    this.drawFrame(true);
     this.field.blur();
-  }
-
-  /** Show the number of the frame, unless somebody is typing one. */
-  drawFrame(isTyped = false) {
-    const { field, transport } = this;
-    if (isTyped || document.activeElement !== field) field.value = Math.min(Math.round(transport.frame), transport.last);
-  }
-
-  draw() {
-    const { transport, range, speed } = this, { inPoint, outPoint } = transport;
-    const words = transport.playing ? "Pause (Space)" : "Play (Space)";
-    this.button.replaceChildren(icon(transport.playing ? "pause" : "play"));
-    Object.assign(this.button, { title: words, ariaLabel: words, disabled: transport.numbers.length < 2 });
-    if (range) range.textContent = transport.isLooped ? `Loop ${inPoint}–${outPoint}` : `${transport.first}–${transport.last}`;
-    if (speed) speed.value = transport.speed;
-    this.drawFrame();
+    if (Number.isFinite(frame)) this.transport.jump(frame);
+    refresh(this.field.parentElement);
   }
 
   /** The keys that all pages share, for the help. */
@@ -68,5 +55,79 @@ class Playback {
       ["\\", "Loop over all frames", { "\\": () => t.resetRange() }],
       ["Enter", "Type a frame", { Enter: () => field.select() }],
     ];
+  }
+}
+
+const RULER_STEPS = [1, 2, 5, 10, 12, 24, 48, 100, 250, 500, 1000, 5000];
+
+/** The frames side by side: their states, their numbers, the loop, and where time is. A drag scrubs. */
+class FrameStrip {
+  /**
+   * stateOf   (frame) the class of its mark, "" for none
+   * describe  (frame) words about it, for those who listen
+   * hovered   (event, frame) the pointer is over a frame
+   */
+  constructor(element, transport, { stateOf, describe = () => "", hovered }) {
+    Object.assign(this, { element, transport, stateOf, describe });
+    Object.assign(element, { role: "slider", tabIndex: 0, ariaLabel: "Frame" });
+    this.marks = svg("svg", { class: "marks", preserveAspectRatio: "none" });
+    this.ruler = make("div", "ruler");
+    this.loop = make("div", "loop");
+    this.head = make("div", "head");
+    element.append(this.loop, this.marks, this.ruler, this.head);
+    const seek = (event) => transport.go(this.frameAt(event));
+    gestures(element, { start: seek, move: seek, hover: (event) => hovered?.(event, this.frameAt(event)) });
+    whenResized(element, () => this.draw());
+    transport.listen((what) => (what === "frame" ? this.drawHead() : this.draw()));
+  }
+
+  get #count() { return this.transport.numbers.length; }
+
+  /** The frame under a pointer. */
+  frameAt(event) {
+    const { numbers } = this.transport;
+    return numbers[clamp(Math.floor(shareOf(this.element, event).x * numbers.length), 0, numbers.length - 1)];
+  }
+
+  /** Where the frame at a place begins, as the share of the width that CSS takes. */
+  left(place) { return `${(100 * place) / this.#count}%`; }
+
+  /** Draw everything again. */
+  draw() {
+    this.marks.setAttribute("viewBox", `0 0 ${this.#count} 1`);
+    this.marks.replaceChildren(...this.#runs().map(([state, from, to]) => svg("rect", { class: state, x: from, y: 0, width: to - from, height: 1 })));
+    this.#drawRuler();
+    const { numbers, isLooped, inPoint, outPoint } = this.transport;
+    this.loop.hidden = !isLooped;
+    Object.assign(this.loop.style, { left: this.left(numbers.indexOf(inPoint)), right: this.left(numbers.length - 1 - numbers.indexOf(outPoint)) });
+    this.drawHead();
+  }
+
+  /** Frames with one state after another: [state, place of the first, place after the last]. */
+  #runs() {
+    const runs = [];
+    this.transport.numbers.forEach((frame, place) => {
+      const state = this.stateOf(frame);
+      if (runs.at(-1)?.[0] === state) runs.at(-1)[2] = place + 1;
+      else runs.push([state, place, place + 1]);
+    });
+    return runs.filter(([state]) => state);
+  }
+
+  #drawRuler() {
+    const { numbers } = this.transport, cell = this.element.clientWidth / numbers.length;
+    const step = RULER_STEPS.find((each) => each * cell > 52) ?? 10000;
+    const shown = numbers.map((number, place) => [number, place]).filter(([number, place]) => !place || (number % step === 0 && place >= 0.6 * step));
+    this.ruler.replaceChildren(...shown.map(([number, place]) => make("span", { textContent: number, style: `left: ${this.left(place + 0.5)}` })));
+  }
+
+  /** Show where time is. */
+  drawHead() {
+    const { transport, element } = this, { numbers, first, last } = transport, frame = Math.min(transport.frame, last);
+    const place = numbers.includes(frame) ? numbers.indexOf(frame) : ((frame - first) / (last - first || 1)) * (numbers.length - 1);
+    Object.assign(this.head.style, { left: this.left(place), width: this.left(1) });
+    const words = this.describe(frame);
+    Object.assign(element, { ariaValueMin: first, ariaValueMax: last, ariaValueNow: Math.round(frame) });
+    element.ariaValueText = `frame ${Math.round(frame)} of ${last}${words && `, ${words}`}`;
   }
 }

@@ -3,17 +3,26 @@
 const SPEEDS = [0.25, 0.5, 1, 1.5, 2];
 const EARLY = 2; // ms by which a display may be before the time of a frame
 
+/** The nearest of numbers to one. */
+function nearestOf(numbers, wanted) {
+  return numbers.reduce((best, each) => (Math.abs(each - wanted) < Math.abs(best - wanted) ? each : best));
+}
+
 class Transport {
   /**
-   * changed(what)   called with "frame", "playing", "range" or "speed"
    * isReady(frame)  tells whether a frame could be shown at once; playing never skips one, but waits
    * isSmooth        shows all times between frames too, and waits for none
    * tail            frames of smooth time after the last one, until the first comes again
    */
-  constructor(changed, { isReady = () => true, isSmooth = false, tail = 0 } = {}) {
-    Object.assign(this, { changed, isReady, isSmooth, tail, numbers: [1], dissolve: 0, frame: 1, fps: 24 });
+  constructor({ isReady = () => true, isSmooth = false, tail = 0 } = {}) {
+    Object.assign(this, { isReady, isSmooth, tail, numbers: [1], dissolve: 0, frame: 1, fps: 24, listeners: [] });
     Object.assign(this, { speed: 1, direction: 1, playing: false, measured: 0, shownAt: [] });
   }
+
+  /** Call `act` with "frame", "playing", "range" or "speed" whenever that has changed. */
+  listen(act) { this.listeners.push(act); }
+
+  #tell(what) { for (const act of this.listeners) act(what); }
 
   /**
    * Go over to other frames, staying at the frame where it is among them. Of a shot that loops, the last
@@ -40,15 +49,13 @@ class Transport {
   }
 
   /** The nearest frame that there is. */
-  nearest(frame) {
-    return this.numbers.reduce((best, n) => (Math.abs(n - frame) < Math.abs(best - frame) ? n : best));
-  }
+  nearest(frame) { return nearestOf(this.numbers, frame); }
 
   go(frame) {
     const next = this.isSmooth ? clamp(frame, this.first, this.last + this.tail) : this.nearest(frame);
     if (next === this.frame) return;
     this.frame = next;
-    this.changed("frame");
+    this.#tell("frame");
   }
 
   /** Stop, and go to a frame. */
@@ -83,12 +90,12 @@ class Transport {
 
   #loop(inPoint, outPoint) {
     Object.assign(this, { inPoint, outPoint });
-    this.changed("range");
+    this.#tell("range");
   }
 
   setSpeed(speed) {
     Object.assign(this, { speed, shownAt: [] });
-    this.changed("speed");
+    this.#tell("speed");
   }
 
   /** Faster or slower by so many of SPEEDS. */
@@ -111,26 +118,24 @@ class Transport {
       this.due = performance.now();
       requestAnimationFrame((now) => this.#tick(now));
     }
-    this.changed("playing");
+    this.#tell("playing");
   }
 
   pause() {
     if (!this.playing) return;
     Object.assign(this, { playing: false, direction: 1, measured: 0 });
-    this.changed("playing");
+    this.#tell("playing");
   }
 
   #tick(now) {
     if (!this.playing) return;
-    if (this.isSmooth) this.#glide(now);
-    else this.#advance(now);
+    if (this.isSmooth) {
+      this.glide(clamp(now - this.due, 0, 100) / 1000); // a page in the background does not jump
+      this.due = now;
+    } else {
+      this.#advance(now);
+    }
     requestAnimationFrame((then) => this.#tick(then));
-  }
-
-  #glide(now) {
-    const passed = clamp(now - this.due, 0, 100) / 1000; // a page in the background does not jump
-    this.due = now;
-    this.glide(passed);
   }
 
   /** Let seconds of smooth time pass. */

@@ -60,7 +60,7 @@ class Follower:
         return int(self.tab.input_value("#frame"))
 
     def at(self, frame: int) -> None:
-        self.tab.evaluate(f"page.film.seek({frame})")
+        self.tab.evaluate(f"page.film.transport.jump({frame})")
 
     def box(self, selector: str) -> FloatRect:
         """Return where an element is, in pixels of the window, perhaps once a new state has replaced it."""

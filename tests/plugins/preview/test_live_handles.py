@@ -73,7 +73,7 @@ def spot(follower: Follower, name: str) -> list[float]:
     """Return the place of the handle of a centre, in pixels of the viewer."""
     return list(
         follower.tab.evaluate(
-            f"(() => {{ const dot = document.querySelector('[data-handle=\"{name}\"] .spot');"
+            f"(() => {{ const dot = document.querySelector('[data-focus=\"{name}\"] .spot');"
             " return ['cx', 'cy'].map((each) => Number(dot.getAttribute(each))); })()"
         )
     )
@@ -91,13 +91,13 @@ def test_a_handle_of_a_placed_flow_writes_what_the_flow_has_within(follower: Fol
     x, y = spot(follower, f"{VORTEX}.centre")
     depth = f"page.projection.point({PLACES[f'{VORTEX}.centre']}).depth"
     unit = follower.tab.evaluate(f"page.projection.unit({depth})")
-    follower.drag(f'[data-handle="{VORTEX}.centre"] .spot', 0, -40, "Approximate: moved")
+    follower.drag(f'[data-focus="{VORTEX}.centre"] .spot', 0, -40, "Approximate: moved")
     found = follower.wait_for_text(r"vortex: \{axis: x, centre: \[(?!1, )([-\d.]+), ([-\d.]+), ([-\d.]+)\]")
     up = float(found[1]) - 1
     assert up == pytest.approx(2 * 40 * unit, rel=0.1), "up in the scene is along x within, at half the scale"
     follower.wait(f"{SHOWN} && {CURRENT}")
     assert spot(follower, f"{VORTEX}.centre") == pytest.approx([x, y - 40], abs=3)
-    follower.tab.focus(f'[data-handle="{VORTEX}.radius"]')
+    follower.tab.focus(f'[data-focus="{VORTEX}.radius"]')
     follower.tab.keyboard.press("ArrowUp")
     follower.wait_for_text(r"radius: 1\.05, strength")
 
@@ -124,7 +124,7 @@ def late_edits(follower: Follower) -> Iterator[None]:
 @pytest.mark.usefixtures("late_edits")
 def test_undo_waits_for_a_drag_that_is_still_being_written(follower: Follower) -> None:
     tab = follower.tab
-    follower.drag('[data-handle="flows.0.placed.translate"] .spot', 0, -30)
+    follower.drag('[data-focus="flows.0.placed.translate"] .spot', 0, -30)
     assert follower.shot.read_text() == SHOT and tab.is_enabled("#undo")
     tab.click("#undo")
     tab.evaluate("sendEdits()")
@@ -135,8 +135,8 @@ def test_undo_waits_for_a_drag_that_is_still_being_written(follower: Follower) -
 
 @pytest.mark.usefixtures("late_edits")
 def test_a_drag_that_begins_while_another_is_being_written_is_written_too(follower: Follower) -> None:
-    follower.drag('[data-handle="flows.0.placed.translate"] .spot', 0, -30)
-    follower.drag('[data-handle="flows.1.mirrored.centre"] .spot', 0, -30)
+    follower.drag('[data-focus="flows.0.placed.translate"] .spot', 0, -30)
+    follower.drag('[data-focus="flows.1.mirrored.centre"] .spot', 0, -30)
     follower.tab.evaluate("sendEdits()")
     follower.wait("!page.shot.writes")
     assert not follower.trouble
@@ -160,7 +160,7 @@ def test_a_text_that_a_person_saves_meanwhile_is_kept_shown_and_said(follower: F
     theirs = SHOT.replace("A block and motes", "A block and many motes").replace(
         "radius: 0.06", "radius: 0.07"
     )
-    slider = follower.box('[data-handle="flows.0.placed.translate"] .spot')
+    slider = follower.box('[data-focus="flows.0.placed.translate"] .spot')
     follower.tab.mouse.move(slider["x"] + 5, slider["y"] + 5)
     follower.tab.mouse.down()
     follower.tab.mouse.move(slider["x"] + 5, slider["y"] - 30)
@@ -190,7 +190,7 @@ def test_handles_follow_the_camera_while_it_is_dragged(follower: Follower) -> No
 def test_keys_of_what_goes_backwards_are_set_at_its_own_time(follower: Follower) -> None:
     name = "flows.2.reversed.flows.0.vortex.centre"
     assert follower.tab.input_value(f'[data-path="{name}"] input >> nth=1') == "0.2"
-    follower.tab.focus(f'[data-handle="{name}"]')
+    follower.tab.focus(f'[data-focus="{name}"]')
     follower.tab.keyboard.press("ArrowUp")
     follower.wait_for_text(r"keys: \{1: \[0, 0, 0\], 2: \[[-\d.]+, 0\.[2-9]\d*, [-\d.]+\], 6: ")
 

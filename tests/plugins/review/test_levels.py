@@ -61,14 +61,14 @@ def test_levels_are_those_of_the_frame_that_is_shown(opened: Opened) -> None:
     """The upper half has the frame's number in eight squares, white for ones; the rest is black."""
     look = levels(opened(frame=3))
     for frame, white in ((3, 2 / 16), (15, 4 / 16), (12, 2 / 16)):
-        look.ask(f"review.seek({frame})")
+        look.ask(f"review.transport.go({frame})")
         look.wait(f"review.panels.levels.scopeOf(review.a, {frame})")
         told = " ".join(look.tab.inner_text("#panel-levels .legend").split("\n"))
         assert f"white {100 * white:.1f} %" in told and f"black {100 - 100 * white:.1f} %" in told
         assert "1 % of pixels up to 0" in told and "99 % up to 254" in told
     assert look.seen("#panel-levels canvas >> nth=0").max() > 200
     assert look.findings() == []
-    look.ask("review.seek(17)")
+    look.ask("review.transport.go(17)")
     assert look.tab.inner_text("#panel-levels .note") == "Frame 17 has no picture."
     assert not look.tab.is_visible("#panel-levels canvas >> nth=0")
 

@@ -225,7 +225,7 @@ def test_a_click_in_the_grid_makes_a_cell_a_and_with_shift_b(opened: Opened) -> 
 def test_the_mesh_nearest_to_the_playhead_is_drawn(opened: Opened) -> None:
     look = opened(frame=LAST)
     look.press("m", "Shift+M")
-    look.wait("review.panels.mesh.shownName")
+    look.wait("review.panels.mesh.view?.shownName")
     assert "Frame 24, 6" in look.tab.inner_text("#panel-mesh .note")
     plain = look.seen(".mesh-stage").astype(int)
     assert np.ptp(plain) > 60 and (plain.max(axis=2) > 60).mean() > 0.03

@@ -70,7 +70,7 @@ def test_a_point_is_drawn_beside_a_surface_and_as_large_as_one(
     for subject in (ball((1.5, 0, 0), 1.0), cloud([(1.5, 0, 0)], [1.0])):
         look = opened(page_of(ball((-1.5, 0, 0), 0.8), subject, box), frame=1)
         look.press("m")
-        look.wait("review.panels.mesh.shownName")
+        look.wait("review.panels.mesh.view?.shownName")
         lit.append(look.seen(".mesh-stage").max(axis=2) > 40)
         assert "triangles and " in look.tab.inner_text("#panel-mesh .note")
     middle = lit[0].shape[1] // 2
@@ -86,10 +86,10 @@ needs_three_js = pytest.mark.skipif(not installed_file().exists(), reason="three
 def test_the_motion_looks_as_the_simulated_frames_do_in_each(opened: Opened) -> None:
     look = opened(frame=1)
     look.press("m")
-    look.wait("review.panels.mesh.shownName")
+    look.wait("review.panels.mesh.view?.shownName")
     pictures = []
     for number in (1, 13, LAST):
-        look.ask("(number) => review.jump(number)", number)
+        look.ask("(number) => review.transport.jump(number)", number)
         seen = []
         for words in ("one mesh in all frames", "[0-9] triangles"):
             look.wait(
@@ -108,11 +108,11 @@ def test_the_motion_looks_as_the_simulated_frames_do_in_each(opened: Opened) -> 
 def test_the_motion_plays_in_step_with_the_film_and_keeps_a_camera_that_was_turned(opened: Opened) -> None:
     look = opened(frame=1)
     look.press("m")
-    look.wait("review.panels.mesh.shownNumber === 1")
+    look.wait("review.panels.mesh.view?.shownNumber === 1")
     look.ask("review.transport.setNumbers([2, 3, 4, 5, 6], 24)")
     look.ask("""(() => {
         window.steps = [];
-        const panel = review.panels.mesh, show = panel.shown.show.bind(panel.shown);
+        const panel = review.panels.mesh.view, show = panel.shown.show.bind(panel.shown);
         panel.shown.show = (frame) => { steps.push([frame, show(frame)]); return show(frame); };
     })()""")
     look.press(" ")
@@ -126,7 +126,7 @@ def test_the_motion_plays_in_step_with_the_film_and_keeps_a_camera_that_was_turn
     look.tab.mouse.down()
     look.tab.mouse.move(box["x"] + 160, box["y"] + 120, steps=3)
     look.tab.mouse.up()
-    camera = "review.panels.mesh.camera.position.toArray()"
+    camera = "review.panels.mesh.view.camera.position.toArray()"
     turned = look.ask(camera)
     look.press("ArrowRight", "Shift+M", "Shift+M")
     assert look.ask(camera) == turned
@@ -143,7 +143,7 @@ def test_a_motion_that_cannot_be_read_leaves_the_simulated_frames(
     file.write_text(f'reviewModel("{file.name}", {{"glb": "AAAA"}});')
     look = opened(folder / "index.html", frame=5)
     look.press("m")
-    look.wait("review.panels.mesh.shownName")
+    look.wait("review.panels.mesh.view?.shownName")
     words = look.tab.inner_text("#panel-mesh .note")
     assert words.startswith("Frame 5, ") and "It does not play: " in words and "\n" not in words
     assert not look.tab.get_by_role("button", name="Motion").is_visible()

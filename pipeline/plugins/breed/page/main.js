@@ -3,16 +3,7 @@
 const facts = JSON.parse(id("facts").textContent);
 const MOST_PARENTS = 2, MILLISECONDS = 160, HOLD = 4; // the last picture stays for some beats
 
-const state = { parents: [], favourites: [], change: facts.change, seed: facts.seed + 1, name: facts.next, ...remembered() };
-
-function remembered() {
-  try { return JSON.parse(localStorage.getItem(facts.folder)); } catch { return {}; }
-}
-
-function remember() {
-  try { localStorage.setItem(facts.folder, JSON.stringify(state)); } catch { /* the page works without */ }
-}
-
+const state = { parents: [], favourites: [], change: facts.change, seed: facts.seed + 1, name: facts.next, ...remembered(facts.folder) };
 const address = (picture) => `data:image/jpeg;base64,${picture}`;
 const playing = new Set();
 let playsAll = false, beat = 0;
@@ -20,7 +11,7 @@ let playsAll = false, beat = 0;
 function playAll() {
   playsAll = !playsAll;
   beat = 0;
-  id("play").ariaPressed = playsAll;
+  refresh();
 }
 
 setInterval(() => {
@@ -42,15 +33,18 @@ function toggle(choice, number, most) {
 }
 
 facts.children.forEach((child, index) => {
-  const number = index + 1, like = () => toggle("favourites", number, facts.children.length);
-  child.image = make("img", { alt: child.intent, onclick: like });
-  child.like = buttonOf("Favourite", `Keep child ${number}`, like);
-  child.choose = buttonOf("Parent", `Breed from child ${number}`, () => toggle("parents", number, MOST_PARENTS), { className: "choose" });
+  const number = index + 1, isFavourite = () => state.favourites.includes(number), isParent = () => state.parents.includes(number);
+  child.like = () => toggle("favourites", number, facts.children.length);
+  const choose = () => toggle("parents", number, MOST_PARENTS);
+  child.image = make("img", { alt: child.intent, onclick: child.like });
   const words = make("p", { title: child.name }, make("b", {}, String(number)), child.changes.join(", "));
-  child.card = make("article", {}, child.image, words, make("div", {}, child.like, child.choose));
-  for (const name of ["pointerenter", "focusin"]) child.card.addEventListener(name, () => { beat = 0; playing.add(child); });
-  for (const name of ["pointerleave", "focusout"]) child.card.addEventListener(name, () => playing.delete(child));
-  id("children").append(child.card);
+  const buttons = make("div", {}, buttonOf("Favourite", `Keep child ${number}`, child.like, { ariaPressed: isFavourite }),
+    buttonOf("Parent", `Breed from child ${number}`, choose, { className: "choose", ariaPressed: isParent }));
+  const className = () => [isFavourite() && "favourite", isParent() && "parent"].filter(Boolean).join(" ");
+  const card = make("article", { className }, child.image, words, buttons);
+  for (const name of ["pointerenter", "focusin"]) card.addEventListener(name, () => { beat = 0; playing.add(child); });
+  for (const name of ["pointerleave", "focusout"]) card.addEventListener(name, () => playing.delete(child));
+  id("children").append(card);
 });
 
 if (facts.parents.length) id("ancestors").append("Children of");
@@ -73,19 +67,8 @@ function prospect([one, other]) {
 }
 
 function show() {
-  facts.children.forEach(({ card, like, choose }, index) => {
-    const isLiked = state.favourites.includes(index + 1), isParent = state.parents.includes(index + 1);
-    like.ariaPressed = isLiked;
-    choose.ariaPressed = isParent;
-    card.classList.toggle("favourite", isLiked);
-    card.classList.toggle("parent", isParent);
-  });
-  const hasParents = state.parents.length > 0;
-  id("chosen").textContent = prospect(state.parents);
-  id("amount").textContent = state.change;
-  id("command").textContent = hasParents ? `flowsculpt breed --from-page "${choice()}"` : "";
-  id("copy").disabled = id("save").disabled = !hasParents;
-  remember();
+  refresh();
+  remember(facts.folder, state);
 }
 
 /** What the fields make of what is typed. */
@@ -99,7 +82,7 @@ for (const [name, read] of Object.entries(READERS)) {
   id(name).oninput = () => { state[name] = read(id(name).value); show(); };
 }
 
-id("copy").onclick = async () => {
+async function copy() {
   try {
     await navigator.clipboard.writeText(id("command").textContent);
   } catch { // a page of a file may not be allowed to
@@ -108,12 +91,18 @@ id("copy").onclick = async () => {
   }
   id("copy").textContent = "Copied";
   setTimeout(() => { id("copy").textContent = "Copy"; }, 1500);
-};
-id("save").onclick = () => download(`${facts.name}_choice.txt`, `${choice()}\n`, "text/plain");
-id("play").onclick = playAll;
+}
+
+const hasNoParents = () => !state.parents.length;
+give(id("chosen"), { textContent: () => prospect(state.parents) });
+give(id("amount"), { textContent: () => state.change });
+give(id("command"), { textContent: () => (hasNoParents() ? "" : `flowsculpt breed --from-page "${choice()}"`) });
+give(id("copy"), { onclick: copy, disabled: hasNoParents });
+give(id("save"), { onclick: () => download(`${facts.name}_choice.txt`, `${choice()}\n`, "text/plain"), disabled: hasNoParents });
+give(id("play"), { onclick: playAll, ariaPressed: () => playsAll });
 new Keyboard([["Children", [
   ["Space", "Play all", { " ": playAll }],
-  ["1 … 9", "Make a child a favourite; with Tab the others too", Object.fromEntries(facts.children.slice(0, 9).map((child, i) => [i + 1, child.like.onclick]))],
+  ["1 … 9", "Make a child a favourite; with Tab the others too", Object.fromEntries(facts.children.slice(0, 9).map((child, i) => [i + 1, child.like]))],
   ["?", "These keys"],
 ]]]);
 show();

@@ -3,46 +3,33 @@
 const HOLD = 0.8; // seconds that the last frame stays before a clip that does not close begins again
 const AWAKE = 2500; // ms that the bar stays
 
-/** The bar, the keys, and time. */
-class Controls {
-  constructor(player) {
-    const tail = facts.closes ? 0 : facts.loops ? 1 : HOLD * facts.rate;
-    Object.assign(this, { player, shots: facts.cameras.every(Boolean) });
-    this.transport = new Transport((what) => this.#changed(what), { isSmooth: true, tail });
-    this.transport.setNumbers(facts.numbers.slice(facts.dissolve), facts.rate);
-    this.playback = new Playback(this.transport, id("buttons"), id("frame"), ["play"]);
-    this.strip = new FrameStrip(id("strip"), this.transport, { stateOf: () => "there" });
-    Object.assign(id("follow"), { hidden: !this.shots, onclick: () => this.#follow() });
-    new Keyboard([["Playing", this.playback.keys], ["Looking", [
-      ...player.orbit.keys,
-      ["C", "The shot's camera", { c: () => this.#follow() }],
-      ["?", "These keys"],
-    ]]]);
-    for (const name of ["pointermove", "pointerdown", "keydown"]) addEventListener(name, () => this.#wake());
-    if (!matchMedia("(prefers-reduced-motion: reduce)").matches) this.transport.play();
-    this.#wake();
-  }
+/** Time, with its controls and keys; it is what the player shows. */
+function timeOf(player) {
+  const hasCameras = facts.cameras.every(Boolean), tail = facts.closes ? 0 : facts.loops ? 1 : HOLD * facts.rate;
+  const transport = new Transport({ isSmooth: true, tail }), follow = () => player.follow(hasCameras && !player.follows);
+  const playback = new Playback(transport, ["play"]);
+  new FrameStrip(id("strip"), transport, { stateOf: () => "there" });
+  give(id("follow"), { hidden: !hasCameras, onclick: follow, ariaPressed: () => player.follows });
+  new Keyboard([["Playing", playback.keys], ["Looking", [
+    ...player.orbit.keys,
+    ["C", "The shot's camera", { c: follow }],
+    ["?", "These keys"],
+  ]]]);
+  transport.listen(() => {
+    refresh();
+    const frame = facts.loops ? transport.frame : Math.min(transport.frame, transport.last); // the last one stays for a while
+    if (frame !== player.number) player.show(frame);
+  });
+  transport.setNumbers(facts.numbers.slice(facts.dissolve), facts.rate);
+  if (!matchMedia("(prefers-reduced-motion: reduce)").matches) transport.play();
+  return transport;
+}
 
-  #follow() { this.player.follow(!this.player.follows); }
-
-  #changed(what) {
-    if (!this.strip) return;
-    const { frame, last } = this.transport;
-    if (what !== "frame") {
-      this.playback.draw();
-      this.strip.draw();
-      return;
-    }
-    this.playback.drawFrame();
-    this.strip.drawHead();
-    this.player.show(facts.loops ? frame : Math.min(frame, last)); // else the last frame stays for a while
-  }
-
-  #wake() {
-    id("bar").classList.remove("idle");
-    clearTimeout(this.sleep);
-    this.sleep = setTimeout(() => id("bar").classList.add("idle"), AWAKE);
-  }
+/** Show the bar; it fades after a while in which nobody does anything. */
+function wake() {
+  id("bar").classList.remove("idle");
+  clearTimeout(wake.timer);
+  wake.timer = setTimeout(() => id("bar").classList.add("idle"), AWAKE);
 }
 
 async function begin() {
@@ -50,7 +37,9 @@ async function begin() {
   try {
     const player = new Player(await moduleOf(await bytesOf(facts.three)));
     await player.build();
-    window.flowsculpt = { player, transport: new Controls(player).transport };
+    window.flowsculpt = { player, transport: timeOf(player) };
+    for (const name of ["pointermove", "pointerdown", "keydown"]) addEventListener(name, wake);
+    wake();
     const draw = () => {
       player.draw();
       requestAnimationFrame(draw);

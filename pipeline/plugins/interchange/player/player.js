@@ -37,23 +37,17 @@ const SOFT_SHADOW = `
   }
 `;
 
-class Player {
-  constructor(bundle) {
-    this.THREE = bundle.THREE;
-    const { THREE } = this, chunks = THREE.ShaderChunk;
+class Player extends ShotView {
+  constructor({ THREE }) {
+    const chunks = THREE.ShaderChunk;
     const [before, , after] = chunks.shadowmap_pars_fragment.split(/(?=float getShadow\(|vec2 cubeToUV\()/);
     chunks.shadowmap_pars_fragment = before + SOFT_SHADOW + after;
-    this.canvas = id("view");
-    this.renderer = new THREE.WebGLRenderer({ canvas: this.canvas, antialias: false, powerPreference: "high-performance" });
-    this.renderer.shadowMap.enabled = true;
-    this.renderer.shadowMap.type = THREE.PCFShadowMap;
-    this.renderer.shadowMap.autoUpdate = false;
+    super(THREE, new THREE.WebGLRenderer({ canvas: id("view"), antialias: false, powerPreference: "high-performance" }));
+    Object.assign(this.renderer.shadowMap, { enabled: true, type: THREE.PCFShadowMap, autoUpdate: false });
     this.renderer.toneMapping = THREE.NoToneMapping;
-    this.scene = new THREE.Scene();
     this.scene.background = new THREE.Color(0, 0, 0);
     this.set = new THREE.Group(); // floor and lights, which follow the sculpture
     this.scene.add(this.set);
-    this.camera = new THREE.PerspectiveCamera(26, 1, 0.01, 10000);
     this.blend = { value: 0 };
     this.images = new Map(); // decoded pictures, by the number of their blob
     this.follows = facts.cameras.every(Boolean);
@@ -66,11 +60,10 @@ class Player {
     this.#buildSurroundings();
     this.sculptures = [];
     for (const part of facts.parts) this.sculptures.push(await this.#sculpture(part));
-    this.orbit = new Orbit(this.canvas, () => this.#look(), () => this.follow(false));
     this.show(facts.numbers[0] + facts.dissolve);
     if (!this.follows) this.#standBack();
-    whenResized(this.canvas, () => this.#resize());
-    this.#resize();
+    whenResized(this.canvas, () => this.resize());
+    this.resize();
   }
 
   // The view of the shot: light, rendered to a texture, becomes display values by a table of colours.
@@ -120,36 +113,23 @@ class Player {
       const [points, normals, colours, sent, faces] = await Promise.all(numbers.map(bytesOf));
       const geometry = new THREE.BufferGeometry();
       const channels = (3 * colours.length) / points.length;  // 4 where the horizon fades
-      const add = (name, bytes, size = 3) =>
-        geometry.setAttribute(name, new THREE.BufferAttribute(new Float32Array(bytes.buffer), size));
-      add("position", points);
-      add("normal", normals);
-      add("color", colours, channels);
+      const floats = (bytes, size = 3) => new THREE.BufferAttribute(new Float32Array(bytes.buffer), size);
+      geometry.setAttribute("position", floats(points)).setAttribute("normal", floats(normals)).setAttribute("color", floats(colours, channels));
       geometry.setIndex(new THREE.BufferAttribute(new Uint32Array(faces.buffer), 1));
-      const shines = facts.stage.roughness !== null;
-      const material = shines
-        ? this.#lit(new THREE.MeshPhysicalMaterial({
-            vertexColors: true, roughness: 1, specularIntensity: 0, clearcoat: 1, clearcoatRoughness: facts.stage.roughness,
-          }))
-        : new THREE.MeshLambertMaterial({ vertexColors: true });
-      Object.assign(material, { side: THREE.DoubleSide, transparent: channels === 4 });
-      const mesh = new THREE.Mesh(geometry, material);
-      mesh.receiveShadow = true;
-      this.set.add(mesh);
-      const seen = geometry.clone();
-      seen.setAttribute("color", new THREE.BufferAttribute(new Float32Array(sent.buffer), channels));
-      const sends = { vertexColors: true, side: THREE.DoubleSide, transparent: channels === 4 };
-      this.floors.push(new THREE.Mesh(seen, new THREE.MeshBasicMaterial(sends)));
+      const shown = { vertexColors: true, side: THREE.DoubleSide, transparent: channels === 4 }, clearcoatRoughness = facts.stage.roughness;
+      const shines = { ...shown, roughness: 1, specularIntensity: 0, clearcoat: 1, clearcoatRoughness };
+      const material = clearcoatRoughness === null ? new THREE.MeshLambertMaterial(shown) : this.#lit(new THREE.MeshPhysicalMaterial(shines));
+      this.set.add(Object.assign(new THREE.Mesh(geometry, material), { receiveShadow: true }));
+      const sends = geometry.clone().setAttribute("color", floats(sent, channels));
+      this.floors.push(new THREE.Mesh(sends, new THREE.MeshBasicMaterial(shown)));
     }
   }
 
   #buildLights() {
     const { THREE } = this, { lights } = facts;
     this.spots = lights.spots.map((spot) => {
-      const brightest = Math.max(...spot.power, 1e-9);
-      const light = new THREE.SpotLight(new THREE.Color(...spot.power.map((value) => value / brightest)));
-      light.userData = { ...spot, power: brightest };
-      Object.assign(light, { angle: 1.5, penumbra: 1, decay: 2, castShadow: spot.casts });
+      const light = new THREE.SpotLight(new THREE.Color(...spot.power));
+      Object.assign(light, { userData: spot, angle: 1.5, penumbra: 1, decay: 2, castShadow: spot.casts });
       light.position.set(...spot.position);
       light.target.position.set(...spot.target);
       light.shadow.mapSize.set(1024, 1024);
@@ -171,15 +151,12 @@ class Player {
 
   /** Adds light from a direction and around it by the tangent of an angle; it casts shadows. */
   #distant(colour, intensity, direction, side, spread) {
-    const { THREE } = this, brightest = Math.max(...colour, 1e-9);
-    const shade = new THREE.Color(...colour.map((value) => value / brightest));
-    const light = new THREE.DirectionalLight(shade, intensity * brightest);
+    const { THREE } = this, light = new THREE.DirectionalLight(new THREE.Color(...colour), intensity);
     light.userData = { direction: new THREE.Vector3(...direction).normalize(), spread };
     light.castShadow = true;
     light.shadow.mapSize.set(side, side);
     this.suns.push(light);
     this.scene.add(light, light.target);
-    return light;
   }
 
   #sky(radius) {
@@ -210,8 +187,7 @@ class Player {
       quad.lookAt(...box.target);
       around.add(quad);
     }
-    const generator = new THREE.PMREMGenerator(this.renderer);
-    const position = new THREE.Vector3(0, 1, 0);
+    const generator = new THREE.PMREMGenerator(this.renderer), position = new THREE.Vector3(0, 1, 0);
     this.scene.environment = generator.fromScene(around, 0, 0.01, 100, { size: 512, position }).texture;
     generator.dispose();
   }
@@ -223,11 +199,7 @@ class Player {
     const [faces, positions, normals] = await Promise.all([part.faces, part.positions, part.normals].map(bytesOf));
     const geometry = new THREE.BufferGeometry();
     geometry.setIndex(new THREE.BufferAttribute(new Uint32Array(summed(faces, 3 * part.triangles, Int32Array)[0].buffer), 1));
-    const attributes = (all, normalized) =>
-      all.map((rows) => {
-        const buffer = new THREE.InterleavedBuffer(rows, 4);
-        return new THREE.InterleavedBufferAttribute(buffer, 3, 0, normalized);
-      });
+    const attributes = (all, normalized) => all.map((rows) => new THREE.InterleavedBufferAttribute(new THREE.InterleavedBuffer(rows, 4), 3, 0, normalized));
     if (part.colours !== null) {
       const colours = new Uint16Array((await bytesOf(part.colours)).buffer);
       geometry.setAttribute("color", new THREE.BufferAttribute(colours, 3, true));
@@ -236,9 +208,7 @@ class Player {
       geometry.setAttribute("uv", new THREE.BufferAttribute(pairs(await bytesOf(part.texture), count), 2));
     }
     const materials = [];
-    for (const look of part.materials) {
-      materials.push(this.#moving(this.#lit(await this.#material(look), part.closed), part.closed));
-    }
+    for (const look of part.materials) materials.push(this.#moving(this.#lit(await this.#material(look), part.closed), part.closed));
     for (const [start, indices, number] of part.groups) geometry.addGroup(start, indices, number);
     const mesh = new THREE.Mesh(geometry, part.groups.length ? materials : materials[0]);
     mesh.customDepthMaterial = this.#moving(new THREE.MeshDepthMaterial({ depthPacking: THREE.RGBADepthPacking, side: THREE.DoubleSide }));
@@ -264,18 +234,15 @@ class Player {
       const asStored = { colorSpaceConversion: "none", premultiplyAlpha: "none" };
       this.images.set(number, await createImageBitmap(content, asStored));
     }
-    const texture = new THREE.Texture(this.images.get(number));
     const anisotropy = this.renderer.capabilities.getMaxAnisotropy();
-    return Object.assign(texture, {
-      wrapS, wrapT, flipY: false, colorSpace, anisotropy, needsUpdate: true,
-    });
+    return Object.assign(new THREE.Texture(this.images.get(number)), { wrapS, wrapT, flipY: false, colorSpace, anisotropy, needsUpdate: true });
   }
 
   async #material(look) {
     const { THREE } = this;
-    const map = look.map && (await this.#picture(look.map, THREE.SRGBColorSpace));
-    const numbers = look.numbers && (await this.#picture(look.numbers, THREE.NoColorSpace));
-    const normals = look.normals && (await this.#picture(look.normals, THREE.NoColorSpace));
+    const picture = async (about, space) => about && this.#picture(about, space);
+    const map = await picture(look.map, THREE.SRGBColorSpace), numbers = await picture(look.numbers, THREE.NoColorSpace);
+    const normals = await picture(look.normals, THREE.NoColorSpace);
     const material = new THREE.MeshPhysicalMaterial({
       map, roughnessMap: numbers, metalnessMap: numbers, normalMap: normals,
       normalScale: new THREE.Vector2(look.bump, -look.bump), // its green is up, and coordinates go down
@@ -359,86 +326,70 @@ class Player {
     this.scene.environmentRotation.y = turn;
     this.set.updateMatrixWorld(true);
     this.#aimLights(size);
-    if (this.follows) this.#aim(number);
+    if (this.follows) {
+      this.aim(number);
+      this.orbit.point(this.camera);
+    }
     this.renderer.shadowMap.needsUpdate = true;
   }
 
   #aimLights(size) {
     for (const light of this.spots) {
-      const { power, position, radius } = light.userData, distance = Math.hypot(position[0], position[1] - 1, position[2]);
-      light.intensity = power * size ** 2;
-      const camera = light.shadow.camera;
-      camera.near = Math.max(distance - 4, 0.1) * size;
-      camera.far = (distance + 6) * size;
+      const { position, radius } = light.userData, distance = Math.hypot(position[0], position[1] - 1, position[2]), { camera } = light.shadow;
+      light.intensity = size ** 2;
+      Object.assign(camera, { near: Math.max(distance - 4, 0.1) * size, far: (distance + 6) * size });
       light.shadow.focus = Math.atan(REACH / distance) / light.angle;
       const width = (radius * distance) / (2 * REACH); // of the light, in shares of a map at a distance of 1
       light.shadow.radius = (width * size * (camera.far - camera.near)) / (camera.far * camera.near);
       light.shadow.intensity = Math.min((width * TALL) / (distance * (distance + TALL / 2)), 0.2);
-      light.shadow.normalBias = 0.035 * size;
-      camera.updateProjectionMatrix();
     }
     const middle = this.set.localToWorld(new this.THREE.Vector3(0, 1, 0));
     for (const light of this.suns) {
-      const { direction, spread } = light.userData, camera = light.shadow.camera, reach = REACH * size;
+      const { direction, spread } = light.userData, { camera } = light.shadow, reach = REACH * size;
       light.position.copy(direction).multiplyScalar(-10 * size).add(middle);
       light.target.position.copy(middle);
       Object.assign(camera, { left: -reach, right: reach, top: reach, bottom: -reach, near: 0.1 * size, far: 20 * size });
       light.shadow.radius = (spread * 19.9) / (2 * REACH);
       light.shadow.intensity = Math.min((spread * TALL) / (2 * REACH), 0.2);
-      light.shadow.normalBias = 0.035 * size;
-      camera.updateProjectionMatrix();
+    }
+    for (const { shadow } of [...this.spots, ...this.suns]) {
+      shadow.normalBias = 0.035 * size;
+      shadow.camera.updateProjectionMatrix();
     }
   }
 
   // Cameras.
 
-  follow(wanted) {
-    this.follows = wanted && facts.cameras.every(Boolean);
-    id("follow").ariaPressed = this.follows;
-    if (this.follows) this.show(this.number);
-  }
-
-  #aim(number) {
+  aim(number = this.number) {
     const [x, y, z, a, b, c, up, over, away, angle] = mixed(facts.cameras, number);
-    this.#widen(angle);
+    this.#fit(angle);
     this.orbit.view = { position: [x, y, z], target: [a, b, c], up: [up, over, away] };
-    this.#look();
-  }
-
-  #look() {
-    this.orbit.point(this.camera);
-    this.stale = true;
   }
 
   /** All of the shot's picture is seen, whatever the shape of the window. */
-  #widen(angle) {
+  #fit(angle) {
     this.angle = angle;
-    const half = Math.tan(angle / 2) / Math.min(facts.aspect, this.camera.aspect);
-    this.orbit.slope = 2 * half;
-    this.camera.fov = (360 / Math.PI) * Math.atan(half);
-    this.camera.updateProjectionMatrix();
+    this.widen((2 * Math.tan(angle / 2)) / Math.min(facts.aspect, this.camera.aspect));
   }
 
   #standBack() {
     const [x, y, z, size] = facts.placements[0];
-    this.#widen(0.6);
+    this.#fit(0.6);
     this.orbit.view = { position: [x, y + 1.4 * size, z + 6 * size], target: [x, y + size, z], up: [0, 1, 0] };
-    this.#look();
+    this.look();
   }
 
   // Drawing.
 
-  #resize() {
-    const { clientWidth: width, clientHeight: height } = this.canvas;
-    if (!width || !height) return;
-    const ratio = Math.min(dotsOf(), 2);
-    this.renderer.setPixelRatio(ratio);
-    this.renderer.setSize(width, height, false);
-    for (const target of [this.light, this.beginning]) target.setSize(Math.round(width * ratio), Math.round(height * ratio));
-    this.camera.aspect = width / height;
-    this.#widen(this.angle);
-    this.stale = true;
+  resize() {
+    super.resize();
+    this.#fit(this.angle);
+    const size = this.renderer.getDrawingBufferSize(new this.THREE.Vector2());
+    for (const target of [this.light, this.beginning]) target.setSize(size.x, size.y);
   }
+
+  /** What is seen has changed; it is drawn soon. */
+  render() { this.stale = true; }
 
   draw() {
     if (!this.stale) return;
@@ -446,13 +397,13 @@ class Player {
     // As in the movie: the last frames of a dissolve are mixed with the first, by display values.
     const into = this.number - facts.numbers.at(-1) + facts.dissolve;
     this.weight.value = facts.dissolve ? Math.max(into / (facts.dissolve + 1), 0) : 0;
-    if (this.weight.value > 0) this.#render(this.beginning, facts.numbers[0] + into - 1);
-    this.#render(this.light, this.number);
+    if (this.weight.value > 0) this.#renderTo(this.beginning, facts.numbers[0] + into - 1);
+    this.#renderTo(this.light, this.number);
     this.renderer.setRenderTarget(null);
     this.renderer.render(this.screen, this.flat);
   }
 
-  #render(target, number) {
+  #renderTo(target, number) {
     if (this.posed !== number) this.#pose(number);
     this.camera.near = 0.05 * this.orbit.distance; // depths stay precise
     this.camera.far = 1200 * this.set.scale.x;

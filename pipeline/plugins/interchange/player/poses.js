@@ -68,7 +68,7 @@ function between(numbers, number) {
   let k = 0;
   while (k < numbers.length - 2 && numbers[k + 1] <= number) k++;
   const next = Math.min(k + 1, numbers.length - 1), apart = numbers[next] - numbers[k];
-  return [k, next, apart ? Math.min(Math.max((number - numbers[k]) / apart, 0), 1) : 0];
+  return [k, next, apart ? clamp((number - numbers[k]) / apart, 0, 1) : 0];
 }
 
 /** Poses around a frame: of a loop that returns, the first is a frame after the last; `turns` may only look so. */

@@ -5,7 +5,7 @@ class Film {
   constructor(page) {
     Object.assign(this, { page, take: null, pictures: new Map(), arrived: new Set(), trial: null, begun: 0 });
     this.follows = true; // the newest frame, until the whole take is there; then time goes on by itself
-    this.transport = new Transport((what) => page.timeChanged(what), { isReady: () => !this.follows });
+    this.transport = new Transport({ isReady: () => !this.follows });
   }
 
   get at() { return this.transport.frame; }
@@ -83,9 +83,6 @@ class Film {
     this.trial = null;
     this.page.drawFrame();
   }
-
-  /** Stop, and go to a frame. */
-  seek(frame) { this.transport.jump(frame); }
 
   /** Stay at this frame, whatever comes. */
   hold() {

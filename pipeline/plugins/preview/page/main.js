@@ -10,17 +10,26 @@ class LivePage {
     this.handles = new Handles(this, id("handles"));
     this.camera = new CameraDrag(this, id("picture"));
     this.strip = new FrameStrip(id("strip"), this.film.transport, { stateOf: (frame) => this.film.stateOf(frame) });
-    this.playback = new Playback(this.film.transport, id("buttons"), id("frame"), ["play"]);
-    id("buttons").prepend(this.playback.button);
+    this.playback = new Playback(this.film.transport, ["play"]);
     this.fault = { file: "", edit: "" };
-    id("undo").onclick = () => this.shot.undo();
-    id("redo").onclick = () => this.shot.redo();
-    id("panel-button").onclick = () => this.togglePanel();
-    id("handles-button").onclick = () => this.toggleHandles();
-    if (window.matchMedia("(max-width: 860px)").matches) this.togglePanel(); // there it covers the picture
+    id("panel").hidden = window.matchMedia("(max-width: 860px)").matches; // there it covers the picture
+    this.#liven();
+    this.film.transport.listen(() => this.drawFrame());
     whenResized(id("viewer"), () => { this.timeline.draw(); this.drawFrame(); });
     new Keyboard(this.#keys, () => this.film.take);
     this.film.listen();
+  }
+
+  /** What the page's elements do, and show of how things are. */
+  #liven() {
+    const { shot, film, handles } = this, fault = () => this.fault.edit || this.fault.file;
+    give(id("shot"), { textContent: () => film.take?.shot ?? "…" });
+    give(id("undo"), { onclick: () => shot.undo(), disabled: () => !shot.state?.can_undo });
+    give(id("redo"), { onclick: () => shot.redo(), disabled: () => !shot.state?.can_redo });
+    give(id("panel-button"), { onclick: () => this.togglePanel(), ariaPressed: () => !id("panel").hidden });
+    give(id("handles-button"), { onclick: () => handles.toggle(), ariaPressed: () => handles.isShown });
+    give(id("trouble"), { textContent: fault, hidden: () => !fault() });
+    refresh();
   }
 
   get #keys() {
@@ -32,7 +41,7 @@ class LivePage {
         ["Ctrl Shift Z", "Redo; also Ctrl Y", { "Ctrl+Z": () => shot.redo(), "Ctrl+y": () => shot.redo() }],
         ["↑ ↓", "In a number: a step; with Shift ten"],
         ["Esc", "Give up a drag"],
-        ["V H", "Show or hide values, handles", { v: () => this.togglePanel(), h: () => this.toggleHandles() }],
+        ["V H", "Show or hide values, handles", { v: () => this.togglePanel(), h: () => this.handles.toggle() }],
         ["?", "These keys"],
       ]],
       ["A key of a curve", [
@@ -52,10 +61,8 @@ class LivePage {
   /** A new take begins; its text may be another. */
   began(isSame) {
     const { take } = this.film;
-    id("shot").textContent = take.shot;
     document.title = `${take.shot} – flowsculpt live`;
     this.fault.file = "";
-    this.#drawFault();
     if (!isSame) this.handles.draw();
     this.shot.refresh();
     this.drawFrame();
@@ -66,68 +73,40 @@ class LivePage {
   say(words, isTrouble) {
     id("state").textContent = isTrouble ? "" : words;
     this.fault.file = isTrouble ? words : "";
-    this.#drawFault();
+    refresh();
   }
 
   /** What is wrong with an edit, until the next one. */
   refused(words) {
     this.fault.edit = words;
-    this.#drawFault();
+    refresh();
   }
 
   /** A passing word about a drag. */
   note(words) { id("tag").textContent = words; }
 
-  #drawFault() {
-    const words = this.fault.edit || this.fault.file;
-    if (id("trouble").textContent !== words) id("trouble").textContent = words;
-    id("trouble").hidden = !words;
-  }
-
   /** A new state of the file. */
   draw() {
     const { state } = this.shot;
     if (!state || gestures.active) return;
-    this.drawSteps();
     this.values.take(state.values);
     this.timeline.take(state.values);
     this.handles.draw();
-  }
-
-  /** Whether there is something to undo and to redo. */
-  drawSteps() {
-    id("undo").disabled = !this.shot.state.can_undo;
-    id("redo").disabled = !this.shot.state.can_redo;
-  }
-
-  /** Time, the loop or the speed has changed. */
-  timeChanged(what) {
-    if (!this.playback || !this.film.take) return;
-    if (what !== "frame") {
-      this.playback.draw();
-      this.strip.draw();
-    }
-    this.drawFrame();
+    refresh();
   }
 
   /** Another frame or another picture. */
   drawFrame() {
     const { film } = this, { shown, at } = film, picture = id("picture");
     if (!film.take) return;
-    this.playback.drawFrame();
-    this.strip.drawHead();
+    refresh();
     if (shown) {
       if (picture.src !== shown.source) picture.src = shown.source;
       picture.alt = `Frame ${at} of ${film.take.shot}`;
       picture.hidden = false;
-      id("wait").hidden = true;
     }
     this.note(film.trial ? film.trial.words : shown && !film.isCurrent ? "Before the edit" : "");
-    if (this.shot.state && this.frameDrawn !== at) {
-      this.values.drawFrame();
-      this.timeline.drawFrame();
-    }
-    this.frameDrawn = at;
+    this.timeline.drawFrame();
     this.handles.draw();
   }
 
@@ -148,12 +127,7 @@ class LivePage {
 
   togglePanel() {
     id("panel").hidden = !id("panel").hidden;
-    id("panel-button").ariaPressed = !id("panel").hidden;
-  }
-
-  toggleHandles() {
-    this.handles.toggle();
-    id("handles-button").ariaPressed = this.handles.isShown;
+    refresh();
   }
 
   addKey() {

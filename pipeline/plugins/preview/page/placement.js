@@ -1,45 +1,69 @@
-// The frames of reference that flows are in: `placed` scales, turns and moves its flows, `mirrored` mirrors them.
+// The frames of reference that flows are in: `placed` scales, turns and moves its flows, `mirrored` mirrors them. And
+// from places in the scene to places in the viewer and back, by the camera of the picture that is shown.
 
-const transposed = (rows) => rows[0].map((_, i) => rows.map((row) => row[i]));
-const turned = (rows, vector) => rows.map((row) => dot(row, vector));
-const multiplied = (a, b) => transposed(transposed(b).map((column) => turned(a, column)));
+const vectorFrom = ({ x, y, z }) => [x, y, z];
+const transformed = (matrix, [x, y, z], w = 1) => vectorFrom(matrix.transformPoint({ x, y, z, w }));
 
+/** A frame of reference as a matrix that scales by `scale` and else keeps lengths. Directions are unit vectors. */
 class Placement {
-  /** A point is at `origin` + `scale` `turn` · point, with an orthogonal matrix by rows. */
-  constructor(origin, turn, scale) { Object.assign(this, { origin, turn, scale }); }
+  constructor(matrix, scale) { Object.assign(this, { matrix, scale }); }
 
-  point(place) { return plus(this.origin, turned(this.turn, place), this.scale); }
-  pointInside(place) { return turned(transposed(this.turn), minus(place, this.origin)).map((x) => x / this.scale); }
-  direction(axis) { return turned(this.turn, axis); }
-  directionInside(axis) { return turned(transposed(this.turn), axis); }
-
-  /** The placement of what is placed within this one. */
-  around(inner) { return new Placement(this.point(inner.origin), multiplied(this.turn, inner.turn), this.scale * inner.scale); }
+  point(place) { return transformed(this.matrix, place); }
+  pointInside(place) { return transformed(this.matrix.inverse(), place); }
+  direction(axis) { return unitOf(transformed(this.matrix, axis, 0)); }
+  directionInside(axis) { return unitOf(transformed(this.matrix.inverse(), axis, 0)); }
 }
 
-const UNMOVED = new Placement([0, 0, 0], [[1, 0, 0], [0, 1, 0], [0, 0, 1]], 1);
-
-/** Turns about x, then y, then z, degrees, as rows of a matrix. */
-function rotationBy(degrees) {
-  const [[cx, sx], [cy, sy], [cz, sz]] = degrees.map((each) => [Math.cos((each * Math.PI) / 180), Math.sin((each * Math.PI) / 180)]);
-  const x = [[1, 0, 0], [0, cx, -sx], [0, sx, cx]], y = [[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]], z = [[cz, -sz, 0], [sz, cz, 0], [0, 0, 1]];
-  return multiplied(z, multiplied(y, x));
-}
-
-/** The placement that the flows of one `placed` or `mirrored` have, by its path, at a frame of the film. */
+/** The matrix and the scale of one `placed` or `mirrored`, by its path, at a frame of the film. */
 function placementBy(shot, where, frame) {
   const at = (name, otherwise) => {
     const value = shot.get([...where, name]);
     return value ? shot.at(value, shot.frameOf(where, frame)) : otherwise;
   };
-  if (where.at(-1) === "placed") return new Placement(at("translate", [0, 0, 0]), rotationBy(at("rotate", [0, 0, 0])), at("scale", 1));
+  const matrix = new DOMMatrix(), scale = at("scale", 1);
+  if (where.at(-1) === "placed") { // turned about x, then y, then z, degrees
+    return { matrix: matrix.translate(...at("translate", [0, 0, 0])).rotate(...at("rotate", [0, 0, 0])).scale(scale, scale, scale), scale };
+  }
   const normal = unitOf(at("normal", [1, 0, 0])), centre = at("centre", [0, 0, 0]);
-  const mirror = UNMOVED.turn.map((row, i) => row.map((x, k) => x - 2 * normal[i] * normal[k]));
-  return new Placement(minus(centre, turned(mirror, centre)), mirror, 1);
+  const columns = normal.flatMap((x, i) => [...normal.map((y, k) => (i === k) - 2 * x * y), 0]);
+  return { matrix: matrix.translate(...centre).multiply(new DOMMatrix([...columns, 0, 0, 0, 1])).translate(...centre.map((x) => -x)), scale: 1 };
 }
 
 /** The placement of a flow or region by its path: that of all `placed` and `mirrored` it is within. */
 function placementOf(shot, where, frame) {
   const around = where.flatMap((part, i) => (["placed", "mirrored"].includes(part) && where[i + 1] === "flows" ? [where.slice(0, i + 1)] : []));
-  return around.reduce((outer, each) => outer.around(placementBy(shot, each, frame)), UNMOVED);
+  const parts = around.map((each) => placementBy(shot, each, frame));
+  return new Placement(parts.reduce((outer, { matrix }) => outer.multiply(matrix), new DOMMatrix()), parts.reduce((all, { scale }) => all * scale, 1));
+}
+
+class Projection {
+  /**
+   * camera  {origin, axes: right, up and forward, half: half the width seen at depth 1, aspect}
+   * box     {left, top, width, height} of the picture in the viewer, CSS pixels
+   */
+  constructor(camera, box) { Object.assign(this, { camera, box }); }
+
+  /** The place in the viewer of a point, with its depth; null behind the camera. */
+  point(place) {
+    const { origin, axes, half, aspect } = this.camera, away = minus(place, origin), depth = dot(away, axes[2]);
+    if (depth <= 1e-9) return null;
+    const x = dot(away, axes[0]) / (depth * half), y = (dot(away, axes[1]) / (depth * half)) * aspect;
+    return { x: this.box.left + ((x + 1) / 2) * this.box.width, y: this.box.top + ((1 - y) / 2) * this.box.height, depth };
+  }
+
+  /** Scene units to a pixel at a depth. */
+  unit(depth) { return (2 * this.camera.half * depth) / this.box.width; }
+
+  /** The shift in the scene, along the plane of the picture, of so many pixels at a depth. */
+  shift(dx, dy, depth) {
+    const unit = this.unit(depth), [right, up] = this.camera.axes;
+    return plus(right.map((x) => x * dx * unit), up, -dy * unit);
+  }
+
+  /** The unit vector through a pixel, from the camera. */
+  ray({ x, y }) {
+    const { axes, half, aspect } = this.camera;
+    const across = ((x - this.box.left) / this.box.width) * 2 - 1, along = 1 - ((y - this.box.top) / this.box.height) * 2;
+    return unitOf(plus(plus(axes[2], axes[0], across * half), axes[1], (along * half) / aspect));
+  }
 }

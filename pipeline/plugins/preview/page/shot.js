@@ -1,4 +1,28 @@
-// The shot file as the server tells it: its values by their paths, and edits of them.
+// The shot file as the server tells it, its values by their paths, and edits of them. Each request to the server has a JSON
+// object as its answer, or is refused with one message.
+
+class RefusedError extends Error {
+  /** status: 409 where the file was changed meanwhile, 422 for a bad value, 507 where the disk refuses. */
+  constructor(message, status) {
+    super(message);
+    this.status = status;
+  }
+}
+
+const ENDED = "flowsculpt has ended, so nothing was written. Start it again and open its new address.";
+
+/** Ask the server by the name of a request. Throws RefusedError. */
+async function ask(name, body) {
+  let answer;
+  try {
+    answer = await fetch(name, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) });
+  } catch {
+    throw new RefusedError(ENDED, 0);
+  }
+  const data = await answer.json().catch(() => ({ error: `The server answers ${answer.status}; load the page again.` }));
+  if (!answer.ok) throw new RefusedError(data.error, answer.status);
+  return data;
+}
 
 const nameOf = (where) => where.join(".");
 
@@ -20,7 +44,7 @@ class Shot {
    *  began with; other edits are of the text that the page shows. */
   edit(edits, gesture = "", digest = "") {
     this.state = { ...this.state, can_undo: true }; // undo waits for it
-    this.page.drawSteps();
+    refresh();
     return this.#next(() => ask("edit", { digest: digest || this.state.digest, edits, gesture, frame: this.page.film.at }));
   }
 

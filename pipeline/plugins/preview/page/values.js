@@ -1,7 +1,8 @@
-// The panel: a group for each flow and each entry of the shot, a field for each value.
+// The panel: a group for each flow and each entry of the shot, a row for each value. What a row sets goes through the
+// shot's edits, at the current frame where the value has keys.
 
 const PARTS = { flows: "Flow", subject: "Subject", resample: "Resampling", camera: "Camera", shutter: "Shutter", look: "Look", lights: "Lights", stage: "Stage", smooth: "Smoothing", speed: "Speed" };
-const WRAPPERS = { sum: "sum", within: "within", blend: "blend", placed: "placed", mirrored: "mirrored", repeated: "repeated", reversed: "reversed", sequence: "sequence" };
+const WRAPPERS = ["sum", "within", "blend", "placed", "mirrored", "repeated", "reversed", "sequence"];
 
 /** The place in a path of the list of flows, of the shot or of one of its subjects; -1 for other values. */
 function flowsAt(where) { return where[0] === "flows" ? 0 : where[0] === "subjects" && where[2] === "flows" ? 2 : -1; }
@@ -19,7 +20,7 @@ function groupOf(where) {
 function titleOf(group) {
   const start = flowsAt(group);
   if (start < 0) return group[0] === "subjects" ? [group[1].replaceAll("_", " "), "subject"] : [PARTS[group[0]], ""];
-  const around = group.slice(start + 2, -1).filter((part) => part in WRAPPERS), numbers = group.filter((part) => typeof part === "number");
+  const around = group.slice(start + 2, -1).filter((part) => WRAPPERS.includes(part)), numbers = group.filter((part) => typeof part === "number");
   const words = [`flow ${numbers.join(".")}`, ...(start ? [`of ${group[1]}`] : []), ...(around.length ? [`in ${around.join(", ")}`] : [])];
   return [String(group.at(-1)).replaceAll("_", " "), words.join(", ")];
 }
@@ -33,19 +34,18 @@ class Values {
   take(values) {
     const shape = JSON.stringify(values.map((value) => [value.where, value.form, value.names.length, value.is_vector, Boolean(value.curve), typeof value.value === "string", value.curve?.formula == null]));
     if (shape === this.shape) {
-      this.fields.forEach((field, i) => field.take(values[i]));
+      this.fields.forEach((field, i) => { field.value = values[i]; });
       return;
     }
     const focused = document.activeElement?.closest?.(".field")?.dataset.path;
-    const closed = new Set([...this.panel.querySelectorAll("details:not([open])")].map((part) => part.dataset.group));
-    const known = new Set([...this.panel.querySelectorAll("details")].map((part) => part.dataset.group));
+    const wasOpen = new Map([...this.panel.querySelectorAll("details")].map((part) => [part.dataset.group, part.open]));
     this.shape = shape;
     this.fields = [];
     this.panel.replaceChildren();
     const groups = new Map();
     for (const value of values) {
       const group = groupOf(value.where), key = nameOf(group);
-      if (!groups.has(key)) groups.set(key, this.#group(group, known.has(key) ? !closed.has(key) : group[0] === "camera" || flowsAt(group) >= 0));
+      if (!groups.has(key)) groups.set(key, this.#group(group, wasOpen.get(key) ?? (group[0] === "camera" || flowsAt(group) >= 0)));
       const rest = value.where.slice(group.length).map((part) => String(part).replaceAll("_", " "));
       const field = fieldOf(this.page, value, rest.join(" › ") || PARTS[group[0]].toLowerCase());
       this.fields.push(field);
@@ -54,17 +54,181 @@ class Values {
     if (focused) this.panel.querySelector(`[data-path="${CSS.escape(focused)}"]`)?.querySelector("input, select, button")?.focus();
   }
 
-  /** Another frame: what has keys has another value. */
-  drawFrame() {
-    for (const field of this.fields) if (field.value.curve) field.draw();
+  #group(group, open) {
+    const [title, note] = titleOf(group), words = make("summary", {}, `${title[0].toUpperCase()}${title.slice(1)} `);
+    if (note) words.append(make("small", {}, note));
+    return this.panel.appendChild(make("details", { open, data: { group: nameOf(group) } }, words));
+  }
+}
+
+/** A step of 1, 2 or 5 times a power of ten for about so many steps over a span. */
+function stepOf(span, many = 200) {
+  const rough = span / many || 0.01, power = 10 ** Math.floor(Math.log10(rough));
+  return power * ([1, 2, 5].find((each) => each * power >= rough * 0.999) ?? 10);
+}
+
+/** The range of a slider: between the bounds of a value if it has both, else wide enough around it. */
+function rangeOf(value, number) {
+  const { low, high } = value, reach = Math.max(2 * Math.abs(number), value.unit === "degrees" ? 90 : 1);
+  if (low !== null && high !== null && high - low <= 3600) return [low, high];
+  return [low ?? -reach, Math.min(high ?? reach, reach)];
+}
+
+/** A number as a field shows it. */
+function written(number) { return String(+Number(number).toPrecision(6)); }
+
+/** The row of a value: its name, and elements that show what the value is and set it. */
+class Field {
+  constructor(page, value, name) {
+    Object.assign(this, { page, value, name, gestures: 0, words: `${name}${value.unit ? `, ${value.unit}` : ""}` });
+    const className = () => `field${this.value.is_given ? " given" : ""}`;
+    this.row = make("div", { className, title: () => this.#title, data: { path: nameOf(value.where) } }, make("span", "name", name));
   }
 
-  #group(group, isOpen) {
-    const part = this.panel.appendChild(make("details", { open: isOpen })), [title, note] = titleOf(group);
-    part.dataset.group = nameOf(group);
-    const words = make("summary", { textContent: `${title[0].toUpperCase()}${title.slice(1)} ` });
-    if (note) words.append(make("small", { textContent: note }));
-    part.append(words);
-    return part;
+  get #title() {
+    const { file, where, description, unit } = this.value;
+    const from = file ? ` From ${file.split("/").at(-1)}; an edit is written into this shot.` : "";
+    return `${nameOf(where)}: ${description}${unit ? ` (${unit})` : ""}.${from}`;
   }
+
+  get frame() { return this.page.shot.frameOf(this.value.where, this.page.film.at); }
+  get now() { return this.page.shot.at(this.value, this.frame); }
+  get keyHere() { return this.value.curve?.keys.find((key) => Math.abs(key.frame - this.frame) < 1e-6); }
+
+  changes(given) { return this.page.shot.change(this.value, given, this.frame); }
+  set(given, gesture = "") { return this.page.follow.end(this.changes(given), gesture); }
+
+  /** The button that turns a constant into keys, and sets or removes the key of the current frame. */
+  addKeyButton() {
+    if (!this.value.can_change && !this.value.curve) return;
+    const isKeyed = () => Boolean(this.value.curve?.keys.length);
+    const words = () => (!this.value.curve ? "Give it keys, the first at this frame" : this.keyHere ? "Remove the key of this frame" : "Set a key at this frame");
+    this.row.append(buttonOf("", words, () => this.toggleKey(), {
+      className: () => `key plain${isKeyed() ? " keyed" : ""}`, textContent: () => (isKeyed() && !this.keyHere ? "◇" : "◆"),
+      ariaLabel: () => `${this.name}: ${words()}`, ariaPressed: () => Boolean(this.keyHere),
+    }));
+  }
+
+  toggleKey() {
+    const { value } = this, { where } = value;
+    if (!value.curve) this.page.shot.edit([{ kind: "set", where, value: { keys: { [this.frame]: this.now } } }]);
+    else if (!this.keyHere) this.page.shot.edit(this.changes(this.#roundedNow()));
+    else if (value.curve.keys.length > 1) this.page.shot.edit([{ kind: "remove", where: [...where, "keys", this.keyHere.time] }]);
+    else this.page.shot.edit([{ kind: "set", where, value: this.now }]);
+  }
+
+  #roundedNow() {
+    const { now } = this, round = (number) => rounded(number, stepOf(Math.max(1, Math.abs(number)), 1000));
+    return Array.isArray(now) ? now.map(round) : round(now);
+  }
+
+  /** A field for a number: Enter sets, arrows step, Escape gives up. */
+  numberInput(ariaLabel, get, set, step, shown = () => written(get())) {
+    const input = make("input", { type: "text", inputMode: "decimal", autocomplete: "off", ariaLabel, value: shown });
+    input.addEventListener("focus", () => { this.gestures += 1; input.select(); });
+    input.addEventListener("blur", () => refresh(this.row));
+    input.addEventListener("change", () => {
+      const typed = input.value.trim(), number = Number(typed.replace(",", ".").replace("−", "-"));
+      if (typed && Number.isFinite(number)) set(number, "");
+      else if (typed) this.page.refused(`${this.name}: ${typed.slice(0, 40)} is no number. Write one, such as 0.5.`);
+      input.value = written(get());
+    });
+    input.addEventListener("keydown", (event) => {
+      const way = { ArrowUp: 1, ArrowDown: -1 }[event.key];
+      if (event.key === "Escape") input.value = written(get());
+      if (event.key === "Escape" || event.key === "Enter") input.blur();
+      if (!way) return;
+      event.preventDefault();
+      const each = step() * (event.shiftKey ? 10 : 1), next = rounded(get() + way * each, each);
+      input.value = written(next);
+      set(next, `${nameOf(this.value.where)} ${this.gestures}`);
+    });
+    return input;
+  }
+}
+
+class NumberValue extends Field {
+  constructor(...about) {
+    super(...about);
+    [this.low, this.high] = rangeOf(this.value, Number(this.now));
+    this.slider = sliderOf(this.words, 0, 0, 0, () => this.#slide(), {
+      min: () => this.#bounds[0], max: () => this.#bounds[1], step: () => this.step, value: () => this.number,
+      onchange: () => this.set(this.#slid).then(() => { this.slides = false; refresh(this.row); }),
+    });
+    this.slider.addEventListener("pointerdown", () => this.page.follow.prepare(this.value.where));
+    const isBetween = () => this.value.curve && !this.keyHere; // keys: as many digits as one can tell apart
+    const shown = () => (isBetween() && !this.slides ? String(+this.number.toPrecision(4)) : written(this.number));
+    const set = (to, gesture) => this.set(this.#fit(to), gesture);
+    this.row.append(this.slider, this.numberInput(`${this.words}, number`, () => this.now, set, () => this.step, shown));
+    this.addKeyButton();
+  }
+
+  get step() { return this.value.form === "whole" ? 1 : stepOf(this.high - this.low); }
+  get number() { return this.slides ? this.#slid : Number(this.now); }
+  get #slid() { return this.#fit(rounded(Number(this.slider.value), this.step)); }
+  #fit(number) { return this.value.form === "whole" ? Math.round(number) : number; }
+
+  /** The ends of the slider, as wide as the value was at any time; above 0 where 0 is none of its values. */
+  get #bounds() {
+    const number = Number(this.now), { low, form } = this.value;
+    [this.low, this.high] = [Math.min(this.low, number), Math.max(this.high, number)];
+    return [low === 0 && this.low === 0 && this.step < number && form !== "whole" ? this.step : this.low, this.high];
+  }
+
+  #slide() {
+    this.slides = true;
+    refresh(this.row);
+    this.page.follow.show(this.changes(this.#slid));
+  }
+}
+
+class VectorValue extends Field {
+  constructor(...about) {
+    super(...about);
+    const inputs = ["x", "y", "z"].map((axis, i) => {
+      const set = (to, gesture) => this.set(this.now.map((old, k) => (k === i ? to : rounded(old, 1e-4))), gesture);
+      return this.numberInput(`${this.words}, ${axis}`, () => this.now[i], set, () => 0.05);
+    });
+    this.row.append(make("span", "wide", ...inputs));
+    this.addKeyButton();
+  }
+}
+
+class NameValue extends Field {
+  constructor(...about) {
+    super(...about);
+    const names = this.value.names.map((each) => [each, each.replaceAll("_", " ")]);
+    this.row.append(listOf(this.words, names, (given) => this.set(given), { value: () => this.value.value }));
+  }
+}
+
+class SwitchValue extends Field {
+  constructor(...about) {
+    super(...about);
+    const onchange = (event) => this.set(event.target.checked);
+    this.row.append(make("input", { type: "checkbox", ariaLabel: this.words, onchange, checked: () => this.value.value }));
+  }
+}
+
+class FormulaValue extends Field {
+  constructor(...about) {
+    super(...about);
+    const isList = Array.isArray(this.value.curve.formula), texts = isList ? this.value.curve.formula : [this.value.curve.formula];
+    const inputs = texts.map((_, i) => {
+      const ariaLabel = `${this.words}, formula${texts.length > 1 ? ` ${"xyz"[i]}` : ""}`, path = texts.length > 1 ? ["formula", i] : ["formula"];
+      const onchange = (event) => this.page.shot.edit([{ kind: "set", where: [...this.value.where, ...path], value: event.target.value }]);
+      const value = () => (isList ? this.value.curve.formula[i] : this.value.curve.formula);
+      return make("input", { type: "text", className: "formula", spellcheck: false, autocomplete: "off", ariaLabel, onchange, value });
+    });
+    this.row.append(make("span", "wide", ...inputs));
+  }
+}
+
+/** The field of a value. */
+function fieldOf(page, value, name) {
+  if (value.curve && value.curve.formula !== null) return new FormulaValue(page, value, name);
+  if (value.form === "axis") return typeof value.value === "string" ? new NameValue(page, value, name) : new VectorValue(page, value, name);
+  if (value.form === "name") return new NameValue(page, value, name);
+  if (value.form === "switch") return new SwitchValue(page, value, name);
+  return value.is_vector ? new VectorValue(page, value, name) : new NumberValue(page, value, name);
 }

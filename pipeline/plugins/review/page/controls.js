@@ -1,126 +1,164 @@
-// Buttons, lists and fields: each does what a key does, and shows how things are.
+// Buttons, lists and fields, each of which does what a key does and shows how things are; and the keys, by what they are for.
 
 const MODE_NAMES = {
   a: ["A", "A alone (1)"], b: ["B", "B alone (2)"], wipe: ["Wipe", "A left of an edge, B right of it (W)"],
   difference: ["Difference", "How far A and B are apart (D)"], side: ["Side by side", "A left, B right (S)"],
   grid: ["Grid", "All at once (G)"],
 };
-const SIZE_NAMES = { fit: ["Fit", "As large as fits (F)"], one: ["1:1", "A pixel for a pixel (Z)"] };
 const TABS = { notes: ["Notes", "Q"], measures: ["Measures", "P"], levels: ["Levels", "Shift Z"], facts: ["Frame", "N"], shot: ["Shot", "Shift D"], mesh: ["Mesh", "M"] };
 const KIND_NAMES = { render: "Renders", relit: "Relit", version: "Versions", wedge: "Wedges" };
 
-class Controls {
-  constructor(review) {
-    Object.assign(this, { review, playback: new Playback(review.transport, id("buttons"), id("frame")) });
-    this.#lists();
-    this.modes = this.#choices("modes", "How A and B are shown", MODE_NAMES, (mode) => review.setMode(mode));
-    this.sizes = this.#choices("sizes", "Size of the picture", SIZE_NAMES, (size) => review.setSize(size));
-    if (!review.hasGrid) this.modes.get("grid").remove();
-    this.tabs = new Map(Object.entries(TABS).map(([name, about]) => [name, this.#tab(name, ...about)]));
-    id("viewing-button").onclick = () => review.viewing.toggle();
-    id("panel-button").onclick = () => review.togglePanel();
-    id("skip").onclick = () => review.toggleSkipped();
-    const isAlone = review.sequences.length === 1;
-    for (const part of [this.swap, this.lists.b.parentElement, id("modes")]) part.hidden = isAlone;
-  }
-
-  #lists() {
-    const { review } = this, sequences = { a: [], b: [] };
-    for (const side of ["a", "b"]) {
-      const act = (index) => review.choose(side, review.sequences[index]);
-      sequences[side] = make("select", { id: `choose-${side}`, ariaLabel: `Sequence ${side.toUpperCase()}`, onchange: (event) => act(event.target.value) });
-      for (const [label, group] of grouped(review)) {
-        sequences[side].append(make("optgroup", { label }, ...group.map((each) => new Option(each.name(review.isAlone), each.index))));
-      }
-    }
-    this.lists = sequences;
-    this.swap = iconButton("swap", "Swap A and B (X)", () => review.swap());
-    const labels = Object.entries(sequences).map(([side, list]) => make("label", "inline", make("b", {}, side.toUpperCase()), list));
-    id("choose").append(labels[0], this.swap, labels[1]);
-    id("gain").append(...GAINS.map((gain) => new Option(`×${gain}`, gain)));
-    id("gain").onchange = () => review.setGain(+id("gain").value);
-    id("wipe").oninput = () => review.setWipe(id("wipe").value / 100);
-  }
-
-  /** Buttons of which one is pressed, by their names. */
-  #choices(place, label, names, choose) {
-    const buttons = new Map(Object.entries(names).map(([name, about]) => [name, buttonOf(...about, () => choose(name))]));
-    id(place).append(segments(label, [...buttons.values()]));
-    return buttons;
-  }
-
-  #tab(name, words, key) {
-    const panel = make("div", { className: "tab inset", role: "tabpanel", id: `panel-${name}`, tabIndex: 0 });
-    const tab = buttonOf(words, `${words} (${key})`, () => this.review.showTab(name), { id: `tab-${name}`, role: "tab" });
-    tab.setAttribute("aria-controls", panel.id);
-    panel.setAttribute("aria-labelledby", tab.id);
-    arrowKeys(tab, (right) => {
-      const names = Object.keys(TABS), next = names.at((names.indexOf(name) + right) % names.length);
-      this.review.showTab(next);
-      this.tabs.get(next).focus();
-    });
-    id("tabs").append(tab);
-    id("panel").append(panel);
-    return tab;
-  }
-
-  /** Show how things are. */
-  draw() {
-    const { review } = this, { stage, a, b, mode } = review;
-    this.lists.a.value = a.index;
-    this.lists.b.value = b.index;
-    const size = stage.zoom === null ? "fit" : stage.zoom === 1 ? "one" : "";
-    for (const [name, button] of this.modes) button.ariaPressed = name === mode;
-    for (const [name, button] of this.sizes) button.ariaPressed = name === size;
-    id("gain-label").hidden = mode !== "difference";
-    id("gain").value = stage.gain;
-    id("wipe-label").hidden = mode !== "wipe";
-    id("wipe").value = Math.round(100 * stage.wipe);
-    id("panel-button").ariaPressed = !id("panel").hidden;
-    id("splitter").hidden = id("panel").hidden;
-    this.playback.draw();
-    this.drawFrame();
-    review.drawing.draw();
-    review.viewing.draw();
-    id("about").textContent = a.note || a.about.title;
-    Object.assign(id("skip"), { hidden: a.there.length === a.numbers.length, ariaPressed: review.skips });
-    for (const [name, tab] of this.tabs) {
-      const isShown = review.tab === name;
-      Object.assign(tab, { ariaSelected: isShown, tabIndex: isShown ? 0 : -1 });
-      id(`panel-${name}`).hidden = !isShown;
-    }
-    const [left, right] = this.#tags(mode, a.name(review.isAlone), b.name(review.isAlone));
-    id("tag-a").textContent = left;
-    id("tag-b").textContent = right;
-  }
-
-  /** The names over the picture, left and right. */
-  #tags(mode, a, b) {
-    if (mode === "grid") return ["", ""];
-    if (mode === "difference") return [`${a} − ${b}`, ""];
-    return mode === "wipe" || mode === "side" ? [a, b] : [mode === "b" ? b : a, ""];
-  }
-
-  /** What changes with every frame. */
-  drawFrame() {
-    const { transport, a, shownSequence } = this.review, { frame, playing, measured } = transport;
-    this.playback.drawFrame();
-    id("timecode").textContent = a.timecode(frame);
-    const [state, why] = shownSequence.state(frame);
-    Object.assign(id("state"), { textContent: state === "done" ? "" : state, title: why });
-    id("state").dataset.state = state;
-    const asked = +(transport.fps * transport.speed).toFixed(2);
-    id("rate").textContent = playing && measured ? `${measured.toFixed(1)} / ${asked} fps` : `${asked} fps`;
-    id("rate").classList.toggle("slow", playing && measured > 0 && measured < 0.93 * asked);
-  }
+function buildControls(review) {
+  const isAlone = review.sequences.length === 1, { stage } = review;
+  const swap = iconButton("swap", "Swap A and B (X)", () => review.swap(), { className: "icon", hidden: isAlone });
+  const [a, b] = ["a", "b"].map((side) => make("label", "inline", make("b", {}, side.toUpperCase()), sequenceList(review, side)));
+  b.hidden = isAlone;
+  id("choose").append(a, swap, b);
+  const modes = Object.entries(MODE_NAMES).filter(([mode]) => mode !== "grid" || review.hasGrid);
+  id("modes").append(segments("How A and B are shown", modes.map(([mode, about]) => (
+    buttonOf(...about, () => review.setMode(mode), { ariaPressed: () => review.mode === mode })
+  ))));
+  id("modes").hidden = isAlone;
+  id("sizes").append(segments("Size of the picture", [
+    buttonOf("Fit", "As large as fits (F)", () => review.setSize(null), { ariaPressed: () => stage.zoom === null }),
+    buttonOf("1:1", "A pixel for a pixel (Z)", () => review.setSize(1), { ariaPressed: () => stage.zoom === 1 }),
+  ]));
+  id("gain").append(...GAINS.map((gain) => new Option(`×${gain}`, gain)));
+  give(id("gain"), { value: () => stage.gain, onchange: (event) => review.change(stage, { gain: +event.target.value }) });
+  give(id("gain-label"), { hidden: () => review.mode !== "difference" });
+  give(id("wipe"), { value: () => Math.round(100 * stage.wipe), oninput: (event) => review.change(stage, { wipe: event.target.value / 100 }) });
+  give(id("wipe-label"), { hidden: () => review.mode !== "wipe" });
+  give(id("viewing-button"), { onclick: () => review.viewing.toggle(), ariaPressed: () => review.viewing.isOn });
+  give(id("panel-button"), { onclick: () => review.togglePanel(), ariaPressed: () => !id("panel").hidden });
+  give(id("splitter"), { hidden: () => id("panel").hidden });
+  for (const [name, about] of Object.entries(TABS)) addTab(review, name, ...about);
+  give(id("tag-a"), { textContent: () => tagsOf(review)[0] });
+  give(id("tag-b"), { textContent: () => tagsOf(review)[1] });
+  buildTimeFacts(review);
 }
 
-/** The sequences in groups: by shot where there are several, and by what they are. */
-function grouped(review) {
-  const groups = new Map();
-  for (const each of review.sequences) {
-    const title = review.isAlone ? KIND_NAMES[each.kind] : `${each.shot}: ${KIND_NAMES[each.kind].toLowerCase()}`;
-    groups.set(title, [...(groups.get(title) ?? []), each]);
-  }
-  return groups;
+/** The list of sequences in groups: by shot where there are several, and by what they are. */
+function sequenceList(review, side) {
+  const groups = Map.groupBy(review.sequences, ({ shot, kind }) => (review.isAlone ? KIND_NAMES[kind] : `${shot}: ${KIND_NAMES[kind].toLowerCase()}`));
+  const choose = (event) => review.choose(side, review.sequences[event.target.value]);
+  const lists = [...groups].map(([label, group]) => make("optgroup", { label }, ...group.map((each) => new Option(each.name(review.isAlone), each.index))));
+  const about = { id: `choose-${side}`, ariaLabel: `Sequence ${side.toUpperCase()}`, onchange: choose, value: () => review[side].index };
+  return make("select", about, ...lists);
+}
+
+function addTab(review, name, words, key) {
+  const isShown = () => review.tab === name, tabId = `tab-${name}`;
+  const panel = make("div", { className: "tab inset", role: "tabpanel", id: `panel-${name}`, tabIndex: 0, hidden: () => !isShown() });
+  const tab = buttonOf(words, `${words} (${key})`, () => review.showTab(name), {
+    id: tabId, role: "tab", className: "plain", ariaSelected: isShown, tabIndex: () => (isShown() ? 0 : -1),
+  });
+  setAttributes(tab, { "aria-controls": panel.id });
+  setAttributes(panel, { "aria-labelledby": tabId });
+  arrowKeys(tab, (right) => {
+    const names = Object.keys(TABS), next = names.at((names.indexOf(name) + right) % names.length);
+    review.showTab(next);
+    id(`tab-${next}`).focus();
+  });
+  id("tabs").append(tab);
+  id("panel").append(panel);
+}
+
+/** The names over the picture, left and right. */
+function tagsOf({ mode, isAlone, ...shown }) {
+  const [a, b] = [shown.a, shown.b].map((each) => each.name(isAlone));
+  if (mode === "grid") return ["", ""];
+  if (mode === "difference") return [`${a} − ${b}`, ""];
+  return mode === "wipe" || mode === "side" ? [a, b] : [mode === "b" ? b : a, ""];
+}
+
+/** What is told beside the frame's number: its time, its state, and how fast it plays. */
+function buildTimeFacts(review) {
+  const { transport } = review, state = () => review.shownSequence.state(transport.frame);
+  const asked = () => +(transport.fps * transport.speed).toFixed(2), isMeasured = () => transport.playing && transport.measured > 0;
+  give(id("timecode"), { textContent: () => review.a.timecode(transport.frame) });
+  give(id("state"), {
+    textContent: () => (state()[0] === "done" ? "" : state()[0]), title: () => state()[1], className: () => `state ${state()[0]}`,
+  });
+  give(id("rate"), {
+    textContent: () => (isMeasured() ? `${transport.measured.toFixed(1)} / ` : "") + `${asked()} fps`,
+    className: () => `rate${isMeasured() && transport.measured < 0.93 * asked() ? " slow" : ""}`,
+  });
+  give(id("about"), { textContent: () => review.a.note || review.a.about.title });
+  const isWhole = () => review.a.there.length === review.a.numbers.length;
+  give(id("skip"), { onclick: () => review.toggleSkipped(), hidden: isWhole, ariaPressed: () => review.skips });
+}
+
+function keysOf(r) {
+  const { notes } = r.panels, { viewing, drawing } = r;
+  return [
+    ["Playing", [...r.playback.keys, ["V", "Leave out frames that are not there", { v: () => r.toggleSkipped() }]]],
+    ["Comparing", [
+      ["1 2", "A, B", { 1: () => r.setMode("a"), 2: () => r.setMode("b") }],
+      ["T", "From A to B and back", { t: () => r.setMode(r.mode === "a" ? "b" : "a") }],
+      ["W", "Wipe; drag its edge", { w: () => r.setMode("wipe") }],
+      ["D", "Difference; again: ×2, ×4, ×8, ×16", { d: () => r.difference() }],
+      ["S", "Side by side", { s: () => r.setMode("side") }],
+      ["G", "Grid of wedges and versions", { g: () => r.setMode(r.mode === "grid" ? "a" : "grid") }],
+      ["X", "Swap A and B", { x: () => r.swap() }],
+      ["↑ ↓", "The sequence before, after, as A; with Shift as B", {
+        ArrowUp: () => r.chooseNext("a", -1), ArrowDown: () => r.chooseNext("a", 1),
+        "Shift+ArrowUp": () => r.chooseNext("b", -1), "Shift+ArrowDown": () => r.chooseNext("b", 1),
+      }],
+    ]],
+    ["Notes", [
+      ["A", "Note on this frame; Shift N: on the loop", { a: () => r.writeNote(), N: () => r.writeNote(true) }],
+      ["; '", "The note before, after", { ";": () => notes.step(-1), "'": () => notes.step(1) }],
+      ["R Delete", "Edit, delete the chosen note", { r: () => notes.edit(), Delete: () => notes.remove() }],
+      ["7 8 9", "It is open, to be changed, approved", Object.fromEntries(STATUSES.map((status, i) => [7 + i, () => notes.setStatus(status)]))],
+      ["Shift X", "List notes that are open, to be changed, approved, all", { X: () => notes.listNext() }],
+      ["B", "Draw; Esc ends; 3 pen, 4 arrow, 5 rectangle, 6 text", {
+        b: () => drawing.toggle(), Escape: () => drawing.toggle(false),
+        ...Object.fromEntries(Object.entries(TOOLS).map(([tool, [, key]]) => [key, () => drawing.setTool(tool)])),
+      }],
+      ["Shift I", "The next ink", { I: () => drawing.nextInk() }],
+      ["{ }", "A thinner, thicker line", { "{": () => drawing.changeWidth(-1), "}": () => drawing.changeWidth(1) }],
+      ["U", "Undo; with Shift redo; also Ctrl Z", {
+        u: () => r.notes.undo(), "Ctrl+z": () => r.notes.undo(),
+        U: () => r.notes.redo(), "Ctrl+Z": () => r.notes.redo(), "Ctrl+y": () => r.notes.redo(),
+      }],
+      ["Backspace", "Erase the drawing of this frame", { Backspace: () => drawing.erase() }],
+      ["Y", "Onion skin; Shift H: hide drawings", { y: () => drawing.toggleOnion(), H: () => r.change(r.ink, { isVisible: !r.ink.isVisible }) }],
+      ["Shift J T O", "Download notes as JSON, text, OTIO", { J: () => downloadNotes(r, "json"), T: () => downloadNotes(r, "txt"), O: () => downloadNotes(r, "otio") }],
+      ["Shift L", "Load a file of notes; or drop it", { L: () => id("notes-file").click() }],
+    ]],
+    ["Layers", [
+      ["Shift E", "Layers, exposure and channels; 0 resets", { E: () => viewing.toggle(), 0: () => viewing.reset() }],
+      ["Shift V", "The next layer: AOVs, light groups", { V: () => viewing.nextLayer() }],
+      ["Shift R G B", "Red, green, blue; Shift Y luminance", {
+        R: () => viewing.set({ channel: "red" }), G: () => viewing.set({ channel: "green" }),
+        B: () => viewing.set({ channel: "blue" }), Y: () => viewing.set({ channel: "luminance" }),
+      }],
+      ["Shift A C", "Alpha; all channels", { A: () => viewing.toggleAlpha(), C: () => viewing.set({ channel: "rgb" }) }],
+      ["Page ↑ ↓", "Exposure, a quarter of a stop; with Shift gamma", {
+        PageUp: () => viewing.expose(0.25), PageDown: () => viewing.expose(-0.25),
+        "Shift+PageUp": () => viewing.changeGamma(1), "Shift+PageDown": () => viewing.changeGamma(-1),
+      }],
+      ["Shift K", "False colour where it clips", { K: () => viewing.toggleClipping() }],
+      ["Shift P", "Probe", { P: () => viewing.probe.toggle() }],
+      ["/", "Loupe", { "/": () => viewing.probe.toggleLoupe() }],
+      ["Shift S W", "Save the frame with drawings, without", { S: () => viewing.save(true), W: () => viewing.save(false) }],
+    ]],
+    ["Looking", [
+      ["F", "Fit; also double click", { f: () => r.setSize(null) }],
+      ["Z", "A pixel for a pixel", { z: () => r.setSize(1) }],
+      ["+ −", "Closer, farther; also the wheel, two fingers", { "+": () => r.zoomBy(1.25), "=": () => r.zoomBy(1.25), "-": () => r.zoomBy(0.8) }],
+      ["H", "Hide or show the panel", { h: () => r.togglePanel() }],
+      ["Shift F", "Full screen", { F: () => r.fullScreen() }],
+      ["Q P N M", "Notes, measures, frame, mesh", {
+        q: () => r.showTab("notes"), p: () => r.showTab("measures"), n: () => r.showTab("facts"), m: () => r.showTab("mesh"),
+        Q: () => notes.list({ showsAll: !notes.showsAll }),
+      }],
+      ["Shift Z", "Levels: waveforms and histogram", { Z: () => r.showTab("levels") }],
+      ["Shift D", "Shot file, and how that of B differs", { D: () => r.showTab("shot") }],
+      ["E", "Triangles of the mesh", { e: () => r.panels.mesh.toggle("lines") }],
+      ["Shift M", "All frames as one mesh, or simulated ones", { M: () => r.panels.mesh.toggle("plays") }],
+      ["C", "The shot's camera in the mesh view", { c: () => r.panels.mesh.view?.follow(true) }],
+      ["?", "These keys"],
+    ]],
+  ];
 }

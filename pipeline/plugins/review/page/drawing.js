@@ -1,4 +1,98 @@
-// Drawing over the picture: which tool, which ink, and what the pointer does.
+// Drawings of notes over the picture: vectors in ten-thousandths of its width, drawn at any size; and how they are drawn.
+
+const UNITS = 10000;
+const GHOSTS = [[-1, 0.34], [1, 0.2]];  // onion skin: the drawn frame before, and the one after
+const RIGHT_TO_LEFT = /[\p{Script=Arabic}\p{Script=Hebrew}\p{Script=Syriac}\p{Script=Thaana}\p{Script=Nko}\p{Script=Adlam}]/u;
+
+class InkLayer {
+  constructor(canvas, review) {
+    Object.assign(this, { canvas, review, showsOnion: false, isVisible: true });
+    this.context = canvas.getContext("2d");
+  }
+
+  /** Where which sequence's picture lies on the stage, in pixels of the display. */
+  shown() {
+    const { mode, stage, a, b } = this.review;
+    if (mode === "grid") return [];
+    const [one, other] = stage.places(), half = this.canvas.width / 2, whole = this.canvas.width;
+    if (mode === "side") return [{ sequence: a, place: one, from: 0, to: half }, { sequence: b, place: other, from: half, to: whole }];
+    if (mode === "wipe") {
+      const edge = stage.wipeAt(one);
+      return [{ sequence: a, place: one, from: 0, to: edge }, { sequence: b, place: one, from: edge, to: whole }];
+    }
+    return [{ sequence: mode === "b" ? b : a, place: one, from: 0, to: whole }];
+  }
+
+  /** The part of the stage at a point: {sequence, place}. */
+  at(point) { return this.shown().find(({ from, to }) => point.x >= from && point.x < to); }
+
+  draw() {
+    const { canvas, context, review } = this, { width, height } = review.stage.canvas;
+    if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
+    else context.clearRect(0, 0, width, height);
+    if (!this.isVisible) return;
+    for (const { sequence, place, from, to } of this.shown()) {
+      drawWithin(context, { x: from, y: 0, width: to - from, height }, () => {
+        this.drawOver(context, sequence, place, review.transport.frame);
+        const { unfinished } = review.drawing;
+        if (unfinished?.sequence === sequence) drawStroke(context, unfinished.stroke, place);
+      });
+    }
+  }
+
+  /** Draw the strokes of a frame, and with onion skin those of the drawn frames around it, faintly. */
+  drawOver(context, sequence, place, frame) {
+    const strokes = this.review.notes.of(sequence).flatMap((note) => note.drawings);
+    if (this.showsOnion) {
+      const drawn = [...new Set(strokes.map((stroke) => stroke.frame))].sort((one, other) => one - other);
+      for (const [way, alpha] of GHOSTS) {
+        const near = way < 0 ? drawn.findLast((each) => each < frame) : drawn.find((each) => each > frame);
+        context.globalAlpha = alpha;
+        for (const stroke of strokes) if (stroke.frame === near) drawStroke(context, stroke, place);
+      }
+      context.globalAlpha = 1;
+    }
+    for (const stroke of strokes) if (stroke.frame === frame) drawStroke(context, stroke, place);
+  }
+}
+
+/** Draw one stroke over a picture that lies at `place`, with a dark edge so that it is seen on any ground. */
+function drawStroke(context, stroke, place) {
+  const unit = place.width / UNITS, { kind, points } = stroke;
+  const at = (i) => [place.x + points[i] * unit, place.y + points[i + 1] * unit];
+  const width = Math.max(1, stroke.width * unit);
+  context.save();
+  Object.assign(context, { lineJoin: "round", lineCap: "round", shadowColor: "rgba(0, 0, 0, 0.75)", shadowBlur: Math.max(2, 0.6 * width) });
+  Object.assign(context, { strokeStyle: stroke.ink, fillStyle: stroke.ink, lineWidth: width });
+  if (kind === "text") drawWords(context, stroke, at(0), 6 * width);
+  else context.stroke(new Path2D(pathOf(stroke, at, width)));
+  context.restore();
+}
+
+/** The path of a stroke, as SVG has paths; `at(i)` is the point whose numbers begin at i. */
+function pathOf({ kind, points: { length } }, at, width) {
+  const [x, y] = at(0), [toX, toY] = at(length - 2), line = `L${toX} ${toY}`;
+  if (kind === "rectangle") return `M${x} ${y}H${toX}V${toY}H${x}Z`;
+  if (kind === "arrow") {
+    const angle = Math.atan2(toY - y, toX - x), head = Math.min(4.5 * width, 0.6 * Math.hypot(toX - x, toY - y));
+    const side = (turn) => `M${toX - head * Math.cos(angle + turn)} ${toY - head * Math.sin(angle + turn)}${line}`;
+    return `M${x} ${y}${line}${side(-0.5)}${side(0.5)}`;
+  }
+  let path = `M${x} ${y}`; // a smooth line: curves between the middles of its points; of one point a dot
+  for (let i = 2; i < length - 2; i += 2) {
+    const [bendX, bendY] = at(i), [nextX, nextY] = at(i + 2);
+    path += `Q${bendX} ${bendY} ${(bendX + nextX) / 2} ${(bendY + nextY) / 2}`;
+  }
+  return path + line;
+}
+
+function drawWords(context, stroke, [x, y], size) {
+  Object.assign(context, { font: `600 ${size}px system-ui, sans-serif`, textBaseline: "top", textAlign: "left" });
+  stroke.text.split("\n").forEach((line, i) => {
+    context.direction = RIGHT_TO_LEFT.test(line.match(/\p{L}/u)?.[0] ?? "") ? "rtl" : "ltr";
+    context.fillText(line, x, y + 1.25 * size * i);
+  });
+}
 
 const TOOLS = { pen: ["Pen", "3"], arrow: ["Arrow", "4"], rectangle: ["Rectangle", "5"], text: ["Text", "6"] };
 const INKS = { "#ffb000": "amber", "#ff5a4d": "red", "#5ac8fa": "blue", "#7bd88f": "green", "#ffffff": "white" };
@@ -8,7 +102,6 @@ const NEAREST = 12;  // units between two points of a line
 class Drawing {
   constructor(element, review) {
     Object.assign(this, { element, review, isOn: false, tool: "pen", ink: Object.keys(INKS)[0], width: 24, unfinished: null });
-    this.buttons = {};
     this.#build();
   }
 
@@ -25,12 +118,14 @@ class Drawing {
     this.toggle(true);
   }
 
-  nextInk() { this.#setInk(Object.keys(INKS)[(Object.keys(INKS).indexOf(this.ink) + 1) % Object.keys(INKS).length]); }
-
-  changeWidth(steps) {
-    this.width = WIDTHS[clamp(WIDTHS.indexOf(this.width) + steps, 0, WIDTHS.length - 1)];
-    this.review.redraw();
+  nextInk() {
+    const inks = Object.keys(INKS);
+    this.review.change(this, { ink: inks[(inks.indexOf(this.ink) + 1) % inks.length] });
   }
+
+  toggleOnion() { this.review.change(this.review.ink, { showsOnion: !this.review.ink.showsOnion }); }
+
+  changeWidth(steps) { this.review.change(this, { width: WIDTHS[clamp(WIDTHS.indexOf(this.width) + steps, 0, WIDTHS.length - 1)] }); }
 
   /** Erase what the chosen note, or the note of this frame, has on this frame. */
   erase() {
@@ -84,18 +179,14 @@ class Drawing {
 
   #add(sequence, stroke) {
     const { notes } = this.review, note = this.#noteOf(sequence, stroke.frame);
-    if (note) {
-      notes.editUndoably(note.id, { drawings: [...note.drawings, stroke] });
-    } else {
-      const id = notes.add(sequence, stroke.frame, stroke.frame);
-      this.review.chosenNote = id;
-      notes.editUndoably(id, { drawings: [stroke] });
-    }
+    const id = note?.id ?? notes.add(sequence, stroke.frame, stroke.frame);
+    if (!note) this.review.chosenNote = id;
+    notes.editUndoably(id, { drawings: [...notes.get(id).drawings, stroke] });
   }
 
   /** Ask for the words of a text where it will stand. */
   #askWords({ sequence, place }, stroke, point) {
-    const field = make("input", { type: "text", className: "ink-words", maxLength: 400, ariaLabel: "Words on the picture" }), dots = dotsOf();
+    const field = make("input", { type: "text", className: "ink-words", maxLength: 400, ariaLabel: "Words on the picture" }), dots = devicePixelRatio;
     Object.assign(field.style, {
       left: `${point.x / dots}px`, top: `${point.y / dots}px`, color: stroke.ink,
       fontSize: `${Math.max(9, (6 * stroke.width * place.width) / UNITS / dots)}px`,
@@ -118,41 +209,24 @@ class Drawing {
     if (text) this.#add(sequence, { ...stroke, text });
   }
 
-  // Its bar
-
   #build() {
-    const { review } = this, gap = () => make("i");
-    const tools = Object.entries(TOOLS).map(([name, [words, key]]) => (this.buttons[name] = iconButton(name, `${words} (${key})`, () => this.setTool(name))));
-    const inks = Object.entries(INKS).map(([ink, name]) => {
-      const button = iconButton("dot", `Ink ${name} (Shift I: the next)`, () => this.#setInk(ink));
-      button.classList.add("ink");
-      button.style.color = ink;
-      return (this.buttons[ink] = button);
-    });
-    this.thinner = iconButton("thinner", "Thinner ({)", () => this.changeWidth(-1));
-    this.thicker = iconButton("thicker", "Thicker (})", () => this.changeWidth(1));
-    this.undo = iconButton("undo", "Undo (U)", () => review.notes.undo());
-    this.redo = iconButton("redo", "Redo (Shift U)", () => review.notes.redo());
-    this.onion = iconButton("onion", "Onion skin: drawings of the frames before and after (Y)", () => review.toggleOnion());
-    const erase = iconButton("erase", "Erase this frame's drawing (Backspace)", () => this.erase());
-    const close = iconButton("close", "End drawing (B or Esc)", () => this.toggle(false));
-    this.element.append(...tools, gap(), ...inks, gap(), this.thinner, this.thicker, gap(), this.undo, this.redo, erase, this.onion, gap(), close);
-  }
-
-  #setInk(ink) {
-    this.ink = ink;
-    this.review.redraw();
-  }
-
-  draw() {
-    this.element.hidden = !this.isOn;
-    if (!this.isOn) return;
-    for (const [name, button] of Object.entries(this.buttons)) button.ariaPressed = [this.tool, this.ink].includes(name);
-    this.onion.ariaPressed = this.review.ink.showsOnion;
-    this.thinner.disabled = this.width === WIDTHS[0];
-    this.thicker.disabled = this.width === WIDTHS.at(-1);
-    this.undo.disabled = !this.review.notes.done.length;
-    this.redo.disabled = !this.review.notes.undone.length;
+    const { review } = this, { notes } = review, gap = () => make("i");
+    const tools = Object.entries(TOOLS).map(([tool, [words, key]]) => (
+      iconButton(tool, `${words} (${key})`, () => this.setTool(tool), { ariaPressed: () => this.tool === tool })
+    ));
+    const inks = Object.entries(INKS).map(([ink, name]) => (
+      iconButton("dot", `Ink ${name} (Shift I: the next)`, () => review.change(this, { ink }), { className: "icon plain ink", style: `color: ${ink}`, ariaPressed: () => this.ink === ink })
+    ));
+    give(this.element, { hidden: () => !this.isOn }).append(
+      ...tools, gap(), ...inks, gap(),
+      iconButton("thinner", "Thinner ({)", () => this.changeWidth(-1), { disabled: () => this.width === WIDTHS[0] }),
+      iconButton("thicker", "Thicker (})", () => this.changeWidth(1), { disabled: () => this.width === WIDTHS.at(-1) }), gap(),
+      iconButton("undo", "Undo (U)", () => notes.undo(), { disabled: () => !notes.done.length }),
+      iconButton("redo", "Redo (Shift U)", () => notes.redo(), { disabled: () => !notes.undone.length }),
+      iconButton("erase", "Erase this frame's drawing (Backspace)", () => this.erase()),
+      iconButton("onion", "Onion skin: drawings of the frames before and after (Y)", () => this.toggleOnion(), { ariaPressed: () => review.ink.showsOnion }), gap(),
+      iconButton("close", "End drawing (B or Esc)", () => this.toggle(false)),
+    );
   }
 }
 

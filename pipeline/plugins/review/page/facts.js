@@ -1,4 +1,5 @@
-// What is known of the frame that is shown: the first things first, and then its whole header.
+// What is known of the frame that is shown, the first things first, then its whole header; and the shot file of A, and
+// where that of B differs, line by line.
 
 const FIRST_FACTS = [
   ["Key", "key"], ["Quality", "quality"], ["Seed", "seed"], ["Samples", "samples"], ["Variant", "variant"],
@@ -8,27 +9,31 @@ const FIRST_FACTS = [
 ];
 
 class FactsPanel {
-  constructor(element, review) { Object.assign(this, { element, review, isOpen: false }); }
+  constructor(element, review) {
+    const parts = { first: make("div"), header: make("div") };
+    Object.assign(this, { element, review, ...parts });
+    element.append(parts.first, make("details", {}, make("summary", {}, "Everything in the header"), parts.header));
+  }
 
   draw() {
     if (this.element.hidden) return;
-    const { a, b, transport, stage } = this.review, sequences = stage.needsB && a !== b ? [a, b] : [a];
-    const scroll = this.element.scrollTop;
-    const whole = make("details", { open: this.isOpen, ontoggle: () => { this.isOpen = whole.open; } },
-      make("summary", {}, "Everything in the header"), tableOf("Header", sequences, headerRows(sequences, transport.frame)));
-    this.element.replaceChildren(tableOf("Frame", sequences, this.#rows(sequences, transport.frame)), whole);
-    this.element.scrollTop = scroll;
+    const { a, b, transport: { frame }, stage } = this.review, sequences = stage.needsB && a !== b ? [a, b] : [a];
+    const told = (name) => sequences.some((each) => each.fact(frame, name) !== undefined);
+    const names = [...new Set(sequences.flatMap((each) => each.factNames))].filter(told).sort();
+    const rows = names.map((name) => [name, sequences.map((each) => shown("", each.fact(frame, name)))]);
+    this.first.replaceChildren(tableOf("Frame", sequences, firstRows(sequences, frame)));
+    this.header.replaceChildren(tableOf("Header", sequences, rows));
   }
+}
 
-  #rows(sequences, frame) {
-    const of = (fact) => sequences.map(fact);
-    const told = (seconds) => (seconds == null ? "" : `${+seconds.toPrecision(3)} s`);
-    const known = [
-      ["Because", of((each) => each.state(frame)[1])], ["Note", of((each) => each.note)],
-      ...FIRST_FACTS.map(([label, name]) => [label, of((each) => abbreviated(shown(name, each.fact(frame, name))))]),
-    ].filter(([, values]) => values.some(Boolean));
-    return [["Frame", of(() => String(frame))], ["State", of((each) => each.state(frame)[0])], ["Rendering took", of((each) => told(each.seconds.render?.[frame]))], ...known];
-  }
+function firstRows(sequences, frame) {
+  const of = (fact) => sequences.map(fact);
+  const told = (seconds) => (seconds == null ? "" : `${+seconds.toPrecision(3)} s`);
+  const known = [
+    ["Because", of((each) => each.state(frame)[1])], ["Note", of((each) => each.note)],
+    ...FIRST_FACTS.map(([label, name]) => [label, of((each) => abbreviated(shown(name, each.fact(frame, name))))]),
+  ].filter(([, values]) => values.some(Boolean));
+  return [["Frame", of(() => String(frame))], ["State", of((each) => each.state(frame)[0])], ["Rendering took", of((each) => told(each.seconds.render?.[frame]))], ...known];
 }
 
 /** A key by its beginning; the whole of it stands in the header. */
@@ -42,17 +47,82 @@ function shown(name, value) {
   return typeof value === "object" ? JSON.stringify(value) : String(value);
 }
 
-function headerRows(sequences, frame) {
-  const names = [...new Set(sequences.flatMap((each) => each.header(frame).map(([name]) => name)))].sort();
-  return names.map((name) => [name, sequences.map((each) => shown("", each.fact(frame, name)))]);
-}
-
 /** Rows of [name, values]; what differs between A and B is told by weight. */
 function tableOf(label, sequences, rows) {
-  const head = sequences.length > 1 ? [make("tr", {}, make("td"), ...["A", "B"].map((side) => make("th", { scope: "col" }, side)))] : [];
-  const body = rows.map(([name, values]) => {
-    const isSame = values.every((value) => value === values[0]);
-    return make("tr", isSame ? "" : "differs", make("th", { scope: "row" }, name), ...values.map((value) => make("td", {}, value || "–")));
+  const sides = sequences.length > 1 ? ["A", "B"].map((side) => make("th", { scope: "col" }, side)) : [];
+  const isSame = (values) => values.every((value) => value === values[0]);
+  const body = rows.map(([name, values]) => rowOf(name, values.map((value) => value || "–"), isSame(values) ? "" : "differs"));
+  const head = make("thead", {}, ...(sides.length ? [make("tr", {}, make("td"), ...sides)] : []));
+  return make("table", { className: "facts", ariaLabel: label }, head, make("tbody", {}, ...body));
+}
+
+function rowOf(name, cells, className = "") { return make("tr", className, make("th", { scope: "row" }, name), ...cells.map((cell) => make("td", {}, cell))); }
+
+const CONTEXT = 3;  // equal lines around a difference
+const MOST_LINES = 3000;
+
+class ShotPanel {
+  constructor(element, review, sources) {
+    Object.assign(this, { element, review, sources });
+  }
+
+  draw() {
+    if (this.element.hidden) return;
+    const { a, b } = this.review;
+    if (this.shown?.[0] === a && this.shown[1] === b) return;
+    this.shown = [a, b];
+    this.element.replaceChildren(...this.#parts(a, b));
+    this.element.scrollTop = 0;
+  }
+
+  #parts(a, b) {
+    const [one, other] = [a, b].map((each) => this.sources[each.source]?.split("\n")), nameOf = (each) => each.name(this.review.isAlone);
+    if (!one || !other) return [make("p", "note", `The page has no shot file of ${nameOf(one ? b : a)}.`)];
+    if (a === b) return [lineList(one.map((line) => [" ", line]))];
+    if (a.source === b.source) return [make("p", "note", "The shot files of A and B are the same."), lineList(one.map((line) => [" ", line]))];
+    const lines = differences(one, other), count = lines.filter(([sign]) => sign !== " ").length;
+    const words = `${count} ${count === 1 ? "line differs" : "lines differ"}: − ${nameOf(a)} (A), + ${nameOf(b)} (B).`;
+    return [make("p", "note", words), lineList(shortened(lines))];
+  }
+}
+
+/** Lines of two texts as [sign, line]: − of the first only, + of the second only, and a space of both, by their longest
+ *  common subsequence; of very long texts all lines are told as changed. */
+function differences(one, other) {
+  const less = (lines) => lines.map((line) => ["−", line]), more = (lines) => lines.map((line) => ["+", line]);
+  if (Math.max(one.length, other.length) > MOST_LINES) return [...less(one), ...more(other)];
+  const width = other.length + 1, lengths = new Uint16Array((one.length + 1) * width), found = [];
+  for (let i = one.length - 1; i >= 0; i--) {
+    for (let j = other.length - 1; j >= 0; j--) {
+      const at = i * width + j;
+      lengths[at] = one[i] === other[j] ? 1 + lengths[at + width + 1] : Math.max(lengths[at + width], lengths[at + 1]);
+    }
+  }
+  let i = 0, j = 0;
+  while (i < one.length && j < other.length) {
+    const at = i * width + j, isSame = one[i] === other[j], isLess = !isSame && lengths[at + width] >= lengths[at + 1];
+    found.push(isSame ? [" ", one[i]] : isLess ? ["−", one[i]] : ["+", other[j]]);
+    i += isSame || isLess;
+    j += !isLess;
+  }
+  return [...found, ...less(one.slice(i)), ...more(other.slice(j))];
+}
+
+/** Lines far from a difference in one: [null, how many]. */
+function shortened(lines) {
+  const isNear = lines.map((_, i) => lines.slice(Math.max(0, i - CONTEXT), i + CONTEXT + 1).some(([sign]) => sign !== " "));
+  const kept = [];
+  lines.forEach((line, i) => {
+    if (isNear[i]) kept.push(line);
+    else if (kept.length && kept.at(-1)[0] === null) kept.at(-1)[1] += 1;
+    else kept.push([null, 1]);
   });
-  return make("table", { className: "facts", ariaLabel: label }, make("thead", {}, ...head), make("tbody", {}, ...body));
+  return kept;
+}
+
+function lineList(lines) {
+  const names = { "−": "less", "+": "more" };
+  return make("div", "shot-lines", ...lines.map(([sign, line]) => (
+    sign === null ? make("div", "gap", `⋯ ${line} equal ${line === 1 ? "line" : "lines"}`) : make("div", names[sign] ?? "", make("b", {}, sign), line)
+  )));
 }

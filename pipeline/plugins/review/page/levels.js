@@ -39,18 +39,22 @@ class Scope {
     return new Scope(waves, counts);
   }
 
+  /** Pixels by steps of luma, red, green or blue. */
+  countsOf(channel) { return this.counts.subarray(256 * channel, 256 * channel + 256); }
+
+  get total() { return this.countsOf(0).reduce((sum, count) => sum + count, 0); }
+
   /** The step of luma below or at which a share of the pixels lies. */
   percentile(share) {
-    const luma = this.counts.subarray(0, 256), total = luma.reduce((sum, count) => sum + count, 0);
+    const { total } = this;
     let below = 0;
-    return luma.findIndex((count) => (below += count) >= share * total);
+    return this.countsOf(0).findIndex((count) => (below += count) >= share * total);
   }
 
   /** The largest share of pixels of red, green or blue whose step passes a test. */
   clipped(passes) {
-    const total = this.counts.subarray(0, 256).reduce((sum, count) => sum + count, 0);
-    const of = (channel) => this.counts.subarray(256 * channel, 256 * channel + 256).reduce((sum, count, step) => sum + (passes(step) ? count : 0), 0);
-    return Math.max(of(1), of(2), of(3)) / total;
+    const passing = [1, 2, 3].map((channel) => this.countsOf(channel).reduce((sum, count, step) => sum + (passes(step) ? count : 0), 0));
+    return Math.max(...passing) / this.total;
   }
 }
 
@@ -58,15 +62,24 @@ class LevelsPanel {
   constructor(element, review) {
     Object.assign(this, { element, review });
     this.scopes = new ScriptStore("scopes", "reviewScope", async (data) => Scope.unpacked(await inflated(data)), () => this.draw());
+    const waves = (channels) => make("canvas", { className: "waves", role: "img", width: channels * SCOPE_COLUMNS, height: SCOPE_LEVELS });
+    Object.assign(this, { words: make("p", "note"), numbers: make("p", "legend"), luma: waves(1), parade: waves(3) });
+    this.lines = svg("svg", { viewBox: "0 0 256 100", preserveAspectRatio: "none", role: "img" });
+    const figureOf = (title, hint, shape, holder = shape) => {
+      shape.ariaLabel = `${title}: ${hint}`;
+      return make("figure", "chart levels", make("figcaption", {}, make("span", {}, title), make("span", {}, hint)), holder);
+    };
+    this.figures = make("div", {}, figureOf("Waveform", "luma by column", this.luma), figureOf("RGB parade", "red, green, blue by column", this.parade),
+      figureOf("Histogram", "pixels by level", this.lines, make("div", "histogram", this.lines)), this.numbers);
+    element.append(this.words, this.figures);
   }
 
   draw() {
     if (this.element.hidden) return;
-    if (!this.figures) this.#build();
     const { review } = this, sequence = review.shownSequence, { frame } = review.transport;
     const scope = this.scopeOf(sequence, frame);
     this.words.textContent = scope ? "" : this.#without(sequence, frame);
-    for (const figure of this.figures) figure.hidden = !scope;
+    this.figures.hidden = !scope;
     if (!scope) return;
     this.#drawWaves(this.luma, scope, [0]);
     this.#drawWaves(this.parade, scope, [1, 2, 3]);
@@ -81,39 +94,20 @@ class LevelsPanel {
 
   /** The levels of a frame as it is seen; null while they are read, or where the page has none. */
   scopeOf(sequence, frame) {
-    const { viewing } = this.review;
-    if (!viewing.isNeutral) {
-      const canvas = viewing.source(sequence, frame);
-      return canvas && Scope.of(canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height));
-    }
-    return this.scopes.get(sequence.scopes[sequence.places.get(frame)]);
+    const { viewing } = this.review, canvas = viewing.source(sequence, frame);
+    if (viewing.isNeutral) return this.scopes.get(sequence.scopes[sequence.places.get(frame)]);
+    return canvas && Scope.of(canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height));
   }
 
   #without(sequence, frame) {
-    if (!this.review.viewing.isNeutral) return this.review.viewing.without(sequence, frame);
     const file = sequence.scopes[sequence.places.get(frame)];
+    if (!this.review.viewing.isNeutral) return this.review.viewing.without(sequence, frame);
     if (!file) return `Frame ${frame} has no picture.`;
     return this.scopes.isBroken(file) ? "Its levels cannot be read; write the page again." : "The levels are being read.";
   }
 
-  #build() {
-    const figureOf = (title, hint, shape) => make("figure", "chart levels", make("figcaption", {}, make("span", {}, title), make("span", {}, hint)), shape);
-    const waves = (title, hint, count) => {
-      const canvas = make("canvas", { className: "waves", role: "img", ariaLabel: `${title}: ${hint}`, width: count * SCOPE_COLUMNS, height: SCOPE_LEVELS });
-      return { canvas, figure: figureOf(title, hint, canvas) };
-    };
-    this.luma = waves("Waveform", "luma by column", 1);
-    this.parade = waves("RGB parade", "red, green, blue by column", 3);
-    this.lines = svg("svg", { viewBox: "0 0 256 100", preserveAspectRatio: "none", role: "img", "aria-label": "Histogram: pixels by level" });
-    this.words = make("p", "note");
-    this.numbers = make("p", "legend");
-    const histogram = figureOf("Histogram", "pixels by level", make("div", "histogram", this.lines));
-    this.figures = [this.luma.figure, this.parade.figure, histogram, this.numbers];
-    this.element.append(this.words, ...this.figures);
-  }
-
   /** Draw waveforms of channels side by side, a pixel for each level of each column. */
-  #drawWaves({ canvas }, scope, channels) {
+  #drawWaves(canvas, scope, channels) {
     const image = new ImageData(SCOPE_COLUMNS, SCOPE_LEVELS);
     channels.forEach((channel, place) => {
       const ink = SCOPE_CHANNELS[channel][1];
@@ -130,11 +124,9 @@ class LevelsPanel {
   }
 
   #drawHistogram(scope) {
-    const inner = (channel) => scope.counts.subarray(256 * channel + 1, 256 * channel + 255);
-    const most = Math.max(1, ...[0, 1, 2, 3].map((channel) => Math.max(...inner(channel))));  // clipped pixels may go beyond
+    const most = Math.max(1, ...[0, 1, 2, 3].flatMap((channel) => [...scope.countsOf(channel).subarray(1, 255)])); // clipped pixels may go beyond
     this.lines.replaceChildren(...SCOPE_CHANNELS.map(([, ink], channel) => {
-      const counts = Array.from(scope.counts.subarray(256 * channel, 256 * channel + 256));
-      const shares = counts.map((count) => Math.min(1, Math.sqrt(count / most)));
+      const shares = Array.from(scope.countsOf(channel), (count) => Math.min(1, Math.sqrt(count / most)));
       return svg("path", { d: `M${shares.map((share, step) => `${step + 0.5} ${98 - 96 * share}`).join("L")}`, stroke: `rgb(${ink.join(" ")})` });
     }));
   }

@@ -9,14 +9,15 @@ class Review {
     Object.assign(this, { title: data.title, shots: data.shots, isAlone: Object.keys(data.shots).length === 1, chosenNote: null, mode: "a" });
     this.sequences = data.sequences.map((each, i) => new Sequence(each, i, data.shots[each.shot]));
     this.cache = new PictureCache((url) => this.#arrived(url));
-    this.transport = new Transport((what) => this.#changed(what), { isReady: (frame) => this.#isReady(frame) });
+    this.transport = new Transport({ isReady: (frame) => this.#isReady(frame) });
+    this.playback = new Playback(this.transport);
     this.stage = new Stage(id("stage"), this);
     this.notes = new NoteBook(data.page, data.notes, () => this.redraw(), (words) => tell(words, true));
     this.ink = new InkLayer(id("ink"), this);
     this.drawing = new Drawing(id("drawing"), this);
     this.tab = this.notes.all.length ? "notes" : "measures";
     this.grid = new Grid(id("grid"), this, data.wedges);
-    this.controls = new Controls(this);
+    buildControls(this);
     this.panels = {
       notes: new NotesPanel(id("panel-notes"), this),
       measures: new MeasuresPanel(id("panel-measures"), this),
@@ -28,12 +29,34 @@ class Review {
     this.viewing = new Viewing(id("viewing"), this);
     this.strip = new ReviewStrip(id("strip"), this);
     splitterOf(id("splitter"), id("panel"));
+    this.#restore(new URLSearchParams(location.hash.slice(1)));
     this.isBuilt = true;
-    restoreFrom(this, location.hash);
-    new StagePointer(this.stage, this.drawing, () => this.redraw());
+    this.redraw();
+    this.transport.listen((what) => (what === "frame" ? this.#frameChanged() : this.redraw()));
+    stagePointer(this.stage, this.drawing, () => this.redraw());
     acceptNotes(this, id("notes-file"));
     new Keyboard(keysOf(this));
     whenResized(id("viewer"), () => this.redraw());
+  }
+
+  // The address tells what is shown, so that it can be sent to somebody.
+
+  #rememberSoon() {
+    const { transport: { frame }, a, b, mode } = this, said = new URLSearchParams({ frame, a: a.name(false), b: b.name(false), mode });
+    clearTimeout(this.remembering);
+    this.remembering = setTimeout(() => history.replaceState(null, "", `#${said}`), 200);
+  }
+
+  /** Show what an address tells; of what it does not: the largest and longest render, and another beside it. */
+  #restore(said) {
+    const { sequences } = this, named = (side) => sequences.find((each) => each.name(false) === said.get(side));
+    const worth = (each) => (each.kind === "render" ? 1e9 : 1) * each.size[0] * each.there.length;
+    const a = named("a") ?? sequences.reduce((best, each) => (worth(each) > worth(best) ? each : best));
+    const others = sequences.filter((each) => each !== a), frame = Number.parseInt(said.get("frame"), 10);
+    this.b = named("b") ?? others.find((each) => each.shot === a.shot) ?? others[0] ?? a;
+    this.choose("a", a);
+    this.transport.go(Number.isFinite(frame) ? frame : this.transport.first);
+    if (MODE_NAMES[said.get("mode")]) this.setMode(said.get("mode"));
   }
 
   get hasGrid() { return this.grid.isUseful; }
@@ -94,19 +117,20 @@ class Review {
     this.setMode("difference");
   }
 
-  setGain(gain) { this.stage.gain = gain; this.redraw(); }
-  setWipe(share) { this.stage.wipe = share; this.redraw(); }
-  zoomBy(factor) { this.stage.zoomTo(this.stage.scale * factor); this.redraw(); }
-
-  setSize(size) {
-    if (size === "fit") this.stage.fit();
-    else this.stage.zoomTo(1);
+  /** Change fields of a part of the page, and show it. */
+  change(part, fields) {
+    Object.assign(part, fields);
     this.redraw();
   }
 
-  /** Show a frame, also while playing. */
-  seek(frame) { this.transport.go(frame); }
-  jump(frame) { this.transport.jump(frame); }
+  zoomBy(factor) { this.setSize(this.stage.scale * factor); }
+
+  /** Show so many pixels of the display to a pixel of the picture; null: as many as fit. */
+  setSize(zoom) {
+    if (zoom === null) this.stage.fit();
+    else this.stage.zoomTo(zoom);
+    this.redraw();
+  }
 
   showTab(name) {
     if (id("panel").hidden) this.togglePanel();
@@ -123,16 +147,6 @@ class Review {
   writeNote(onLoop = false) {
     const { frame, inPoint, outPoint } = this.transport;
     this.panels.notes.write(...(onLoop ? [inPoint, outPoint] : [frame, frame]));
-  }
-
-  toggleOnion() {
-    this.ink.showsOnion = !this.ink.showsOnion;
-    this.redraw();
-  }
-
-  toggleInk() {
-    this.ink.isVisible = !this.ink.isVisible;
-    this.redraw();
   }
 
   fullScreen() {
@@ -175,16 +189,13 @@ class Review {
     setTimeout(() => { this.stripDue = false; this.strip.draw(); }, 100);
   }
 
-  #changed(what) {
-    if (!this.isBuilt) return;
-    if (what !== "frame") return this.redraw();
+  #frameChanged() {
     this.#preload();
     this.#drawPicture();
-    this.strip.drawHead();
+    refresh();
     this.panels[this.tab].draw();
-    this.controls.drawFrame();
     this.viewing.draw();
-    if (!this.transport.playing) rememberSoon(this);
+    if (!this.transport.playing) this.#rememberSoon();
   }
 
   #drawPicture() {
@@ -197,21 +208,21 @@ class Review {
       this.drawn = performance.now();
       performance.mark("first picture");
     }
-    const names = { a: this.a, b: this.b }[this.mode] ? [this[this.mode]] : [this.a, this.b];
-    const words = names.map((each) => each.name(this.isAlone)).join(" and ");
-    return id("stage").setAttribute("aria-label", `Frame ${this.transport.frame}, ${words}`);
+    const names = { a: [this.a], b: [this.b] }[this.mode] ?? [this.a, this.b];
+    id("stage").ariaLabel = `Frame ${this.transport.frame}, ${names.map((each) => each.name(this.isAlone)).join(" and ")}`;
   }
 
   /** Draw everything as it is now. */
   redraw() {
     if (!this.isBuilt) return;
     this.#preload();
-    this.controls.draw();
+    refresh();
     this.stage.resize();
     this.#drawPicture();
     this.strip.draw();
     this.panels[this.tab].draw();
-    rememberSoon(this);
+    this.viewing.draw();
+    this.#rememberSoon();
   }
 }
 

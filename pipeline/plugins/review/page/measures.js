@@ -1,10 +1,7 @@
-// The measures of a shot's meshes, and the seconds its frames took, as charts.
+// The measures of a shot's meshes, and the seconds its frames took, as charts over the frames.
 
 const STAGE_INKS = {
-  simulate: ["simulating", "#8796a8"],
-  smooth_normals: ["smoothing", "#a5ad92"],
-  render: ["rendering", "#d8c8a4"],
-  finish: ["denoising", "#b3907d"],
+  simulate: ["simulating", "#8796a8"], smooth_normals: ["smoothing", "#a5ad92"], render: ["rendering", "#d8c8a4"], finish: ["denoising", "#b3907d"],
 };
 const UP_INK = "#a9c6b6", DOWN_INK = "#d6ab95";
 
@@ -31,7 +28,7 @@ class MeasuresPanel {
       of("crossings").some(Boolean) && crossed(of("crossings")),
       stages.length > 0 && seconds(numbers, stages, sequence.seconds),
     ];
-    this.charts = all.filter(Boolean).map(([about, parts]) => new Chart(about, numbers, parts, (frame) => this.review.seek(frame)));
+    this.charts = all.filter(Boolean).map((about) => new Chart(about, numbers, (frame) => this.review.transport.go(frame)));
     const none = this.charts.length ? [] : ["No meshes of this shot are in the store, and so there are no measures."];
     this.element.replaceChildren(...this.charts.map((chart) => chart.figure), ...none);
   }
@@ -41,11 +38,11 @@ const count = (value) => (value === null || value === undefined ? "–" : Math.r
 const short = (value) => (Math.abs(value) >= 1e6 ? `${(value / 1e6).toPrecision(3)} M` : Math.abs(value) >= 1e4 ? `${(value / 1e3).toPrecision(3)} k` : `${+value.toPrecision(3)}`);
 const digits = (value, many = 4) => (Number.isFinite(value) ? `${+value.toPrecision(many)}` : "–");
 
-/** Curves over the frames, [values, name] each, with their highest and lowest value beside them. */
+/** A chart of curves over the frames, [values, name] each, with their highest and lowest value beside them. */
 function curves(about, lines, value, words = short) {
   const there = lines.flatMap(([values]) => values).filter(Number.isFinite), range = extent(there);
   const shapes = lines.map(([values, name]) => lineOf(values, range, name));
-  return [about, { shapes, value, ends: [words(Math.max(...there)), words(Math.min(...there))] }];
+  return { ...about, shapes, value, ends: [words(Math.max(...there)), words(Math.min(...there))] };
 }
 
 function counted(vertices, faces) {
@@ -74,40 +71,34 @@ function bridged(values) {
 function changed(splits, collapses) {
   const most = Math.max(1, ...splits, ...collapses), half = WHOLE / 2;
   const bars = (values, way, ink) => barsOf(values.map((value) => [half, (way * half * (value ?? 0)) / most]), ink);
-  return [
-    { title: "Splits and collapses", hint: "splits upwards, collapses downwards", height: 72 },
-    {
-      shapes: [bars(splits, 1, UP_INK), bars(collapses, -1, DOWN_INK), lineOf(splits.map(() => 0), [-1, 1], "zero")],
-      ends: [short(most), short(most)],
-      value: (place) => `${count(splits[place])} splits, ${count(collapses[place])} collapses`,
-    },
-  ];
+  return {
+    title: "Splits and collapses", hint: "splits upwards, collapses downwards", height: 72,
+    shapes: [bars(splits, 1, UP_INK), bars(collapses, -1, DOWN_INK), lineOf(splits.map(() => 0), [-1, 1], "zero")],
+    ends: [short(most), short(most)],
+    value: (place) => `${count(splits[place])} splits, ${count(collapses[place])} collapses`,
+  };
 }
 
 function edges(rows, [shortest, longest]) {
   const top = rows.find((row) => row?.edge_top)?.edge_top ?? 1, shares = rows.map((row) => row?.edges ?? null);
   const levels = [["maximum", longest], ["minimum", shortest]].filter(([, level]) => level && level < top);
-  return [
-    { title: "Edge lengths", hint: "share of the edges by length, brighter where there are more", height: 96 },
-    {
-      shapes: [heatOf(shares), ...levels.map(([word, level]) => levelOf(level / top, `${word} ${digits(level)}`))],
-      value: (place) => `mean ${digits(rows[place]?.mean_edge, 3)}`,
-      aside: (place) => shares[place],
-    },
-  ];
+  return {
+    title: "Edge lengths", hint: "share of the edges by length, brighter where there are more", height: 96,
+    shapes: [heatOf(shares), ...levels.map(([word, level]) => levelOf(level / top, `${word} ${digits(level)}`))],
+    value: (place) => `mean ${digits(rows[place]?.mean_edge, 3)}`,
+    aside: (place) => shares[place],
+  };
 }
 
 function quality(rows) {
   const shares = rows.map((row) => row?.quality ?? null), worst = rows.map((row) => row?.worst ?? null);
   const hint = "share of the triangles by roundness, from needles below to equilateral ones above; the line: a hundredth is below it";
-  return [
-    { title: "Triangle quality", hint, height: 74 },
-    {
-      shapes: [heatOf(shares), lineOf(worst, [0, 1], "worst")],
-      value: (place) => `worst hundredth under ${digits(worst[place], 2)}`,
-      aside: (place) => shares[place],
-    },
-  ];
+  return {
+    title: "Triangle quality", hint, height: 74,
+    shapes: [heatOf(shares), lineOf(worst, [0, 1], "worst")],
+    value: (place) => `worst hundredth under ${digits(worst[place], 2)}`,
+    aside: (place) => shares[place],
+  };
 }
 
 function kept(area, volume) {
@@ -121,19 +112,109 @@ function kept(area, volume) {
 }
 
 function seconds(numbers, stages, told) {
-  const columns = numbers.map((number) => stages.map((stage) => told[stage][number] ?? 0));
-  const sums = columns.map((column) => column.reduce((sum, s) => sum + s, 0)), sorted = [...sums].sort((a, b) => a - b);
+  const columns = numbers.map((number) => stages.map((stage) => told[stage][number] ?? 0)), total = (values) => values.reduce((sum, s) => sum + s, 0);
+  const sums = columns.map(total), sorted = [...sums].sort((a, b) => a - b);
   const usual = 1.6 * sorted[Math.floor(0.96 * (sorted.length - 1))], most = Math.min(sorted.at(-1), usual) || 1; // first frames are slow
-  const below = (column, stage) => column.slice(0, stage).reduce((sum, s) => sum + s, 0);
-  const bars = (stage) => columns.map((column) => [(WHOLE * below(column, stage)) / most, (WHOLE * column[stage]) / most]);
-  const names = stages.map((stage) => STAGE_INKS[stage][0]).join(", ");
-  return [
-    { title: "Seconds", hint: `a frame took, by stage: ${names}`, height: 64, legend: stages.map((stage) => STAGE_INKS[stage]) },
-    {
-      shapes: stages.map((stage, i) => barsOf(bars(i), STAGE_INKS[stage][1])),
-      ends: [`${digits(most, 2)} s`, "0"],
-      value: (place) => (sums[place] ? `${digits(sums[place], 3)} s` : "–"),
-      parts: (place) => columns[place].map((value) => (value ? digits(value, 2) : "–")),
-    },
-  ];
+  const bars = (stage) => columns.map((column) => [(WHOLE * total(column.slice(0, stage))) / most, (WHOLE * column[stage]) / most]);
+  return {
+    title: "Seconds", hint: `a frame took, by stage: ${stages.map((stage) => STAGE_INKS[stage][0]).join(", ")}`, height: 64,
+    shapes: stages.map((stage, i) => barsOf(bars(i), STAGE_INKS[stage][1])),
+    ends: [`${digits(most, 2)} s`, "0"],
+    value: (place) => (sums[place] ? `${digits(sums[place], 3)} s` : "–"),
+    legend: stages.map((stage) => STAGE_INKS[stage]),
+    parts: (place) => columns[place].map((value) => (value ? digits(value, 2) : "–")),
+  };
+}
+
+const WHOLE = 100;
+
+class Chart {
+  /**
+   * about   {title, hint, height, shapes: elements, value: (place) words, ends: [highest, lowest] in words beside the
+   *         frames, aside: (place) shares beside them, legend: [name, ink], parts: (place) words for each name of it}
+   */
+  constructor(about, numbers, seek) {
+    Object.assign(this, { numbers, output: make("span"), head: make("div", "head"), told: about.legend?.map(() => make("b")) }, about);
+    this.bars = svg("svg", { class: "aside", preserveAspectRatio: "none" });
+    const drawing = svg("svg", { viewBox: `0 0 ${numbers.length} ${WHOLE}`, preserveAspectRatio: "none" });
+    drawing.append(...this.shapes.filter((shape) => shape instanceof SVGElement));
+    const flat = this.shapes.filter((shape) => shape instanceof HTMLElement);
+    this.plot = make("div", { className: "plot", role: "img", ariaLabel: `${this.title} by frame: ${this.hint}` }, ...flat, drawing, this.head);
+    const ends = make("div", "ends", ...(this.ends ?? []).map((words) => make("span", {}, words)));
+    const caption = make("figcaption", {}, make("span", { title: this.hint }, this.title), this.output);
+    this.figure = make("figure", "chart", caption, make("div", "chart-box", this.plot, make("div", "beside", this.bars, ends)), ...this.#legend());
+    this.figure.style.setProperty("--tall", this.height);
+    const go = (event) => seek(this.numbers[this.#placeAt(event)]);
+    const hover = (event) => { this.hovered = event && this.#placeAt(event); this.draw(this.frame); };
+    gestures(this.plot, { start: go, move: go, hover });
+    this.plot.addEventListener("pointerleave", () => hover());
+  }
+
+  /** Names in their inks, each with its part of the value. */
+  #legend() {
+    const item = ([name, ink], i) => make("span", {}, make("i", { style: `background: ${ink}` }), `${name} `, this.told[i]);
+    return this.legend ? [make("p", "legend", ...this.legend.map(item))] : [];
+  }
+
+  #placeAt(event) {
+    const { length } = this.numbers;
+    return clamp(Math.floor(shareOf(this.plot, event).x * length), 0, length - 1);
+  }
+
+  draw(frame) {
+    this.frame = frame;
+    const { hovered } = this, place = hovered ?? this.numbers.indexOf(frame);
+    this.head.hidden = place < 0;
+    if (place < 0) return;
+    this.head.style.left = `${(100 * (place + 0.5)) / this.numbers.length}%`;
+    this.output.textContent = hovered === undefined ? this.value(place) : `${this.numbers[place]}: ${this.value(place)}`;
+    this.parts?.(place).forEach((words, i) => { this.told[i].textContent = words; });
+    if (this.aside) this.#drawAside(this.aside(place) ?? []);
+  }
+
+  /** One frame's shares as bars beside the plot, the lowest below. */
+  #drawAside(shares) {
+    const most = Math.max(...shares, 0) || 1;
+    setAttributes(this.bars, { viewBox: `0 0 1 ${shares.length || 1}` });
+    this.bars.replaceChildren(svg("path", { d: shares.map((share, i) => `M0 ${shares.length - i - 1}h${share / most}v0.8H0z`).join("") }));
+  }
+}
+
+/** The lowest and highest of values that are there, a little apart; null where none is. */
+function extent(values) {
+  const there = values.filter(Number.isFinite);
+  if (!there.length) return null;
+  const low = Math.min(...there), high = Math.max(...there), room = high > low ? 0.06 * (high - low) : Math.abs(high) * 0.1 || 1;
+  return [low - room, high + room];
+}
+
+/** A curve through the frames' values; gaps where there are none. */
+function lineOf(values, [low, high], name) {
+  const at = (value, i) => `${i + 0.5} ${WHOLE * (1 - (value - low) / (high - low))}`;
+  const path = values.map((value, i) => (!Number.isFinite(value) ? "" : `${Number.isFinite(values[i - 1]) ? "L" : "M"}${at(value, i)}`));
+  return svg("path", { class: `line ${name}`, d: path.join("") });
+}
+
+/** Bars from their feet upwards, or downwards where they are negative: [[foot, height]] of the frames. */
+function barsOf(bars, ink) {
+  const each = ([foot, height], i) => `M${i} ${WHOLE - foot}h0.9v${-height}h-0.9z`;
+  return svg("path", { d: bars.map(each).join(""), fill: ink, stroke: "none" });
+}
+
+/** A thin level across the plot, with a word. */
+function levelOf(share, word) { return make("div", { className: "level", style: `bottom: ${100 * share}%`, textContent: word }); }
+
+/** Shares by frame and bin as brightness; the lowest bin is below. */
+function heatOf(rows) {
+  const bins = rows.find(Boolean)?.length ?? 1, most = Math.max(...rows.flatMap((row) => row ?? [0])) || 1;
+  const image = new ImageData(rows.length, bins);
+  rows.forEach((row, i) => {
+    for (let bin = 0; bin < bins; bin++) {
+      const light = row ? 31 + 209 * Math.sqrt(row[bin] / most) : 24;
+      image.data.set([light, light, light, 255], 4 * ((bins - 1 - bin) * rows.length + i));
+    }
+  });
+  const map = make("canvas", { className: "heat", width: rows.length, height: bins });
+  map.getContext("2d").putImageData(image, 0, 0);
+  return map;
 }

@@ -4,30 +4,30 @@ const MARKER_COLORS = { open: "BLUE", change: "ORANGE", approved: "GREEN" };
 
 /** `12` or `12–20`. */
 const framesOf = (note) => (note.first === note.last ? String(note.first) : `${note.first}–${note.last}`);
-/** `2026-11-23 21:10`, UTC. */
-const timeOf = (note) => note.modified.slice(0, 16).replace("T", " ");
+/** `2026-11-23 21:10` of a time as it is written, UTC. */
+const minuteOf = (time) => time.slice(0, 16).replace("T", " ");
 /** Who wrote a note and, if it is somebody else, who changed it last. */
 const authorOf = (note) => [...new Set([(note.history[0] ?? note).author, note.author].map((name) => name || "no name"))].join(", ");
 
-/** Download all notes of the page, also what is being written; `form` is json, txt or otio. */
+/** Files of notes: their names and keys, what is in them, and its type. */
+const NOTE_FORMS = {
+  json: ["JSON", "Shift J", ({ notes }) => notes.file(), "application/json"],
+  txt: ["Text", "Shift T", ({ notes }) => notesText(notes.all), "text/plain"],
+  otio: ["OTIO", "Shift O", (review) => notesTimeline(review, review.notes.all), "application/json"],
+};
+
+/** Download all notes of the page, also what is being written. */
 function downloadNotes(review, form) {
+  const [, , content, type] = NOTE_FORMS[form];
   review.panels.notes.form.finish();
-  const { notes, title } = review;
-  const content = { json: () => notes.file(), txt: () => notesText(notes.all), otio: () => notesTimeline(review, notes.all) }[form]();
-  const type = form === "txt" ? "text/plain" : "application/json";
-  download(`${title}.notes.${form}`, content, type);
+  download(`${review.title}.notes.${form}`, content(review), type);
   review.redraw();
 }
 
 /** Notes by shot and sequence: [[shot, sequence, notes]]. */
 function bySequence(notes) {
-  const groups = new Map();
-  for (const note of notes) {
-    const name = `${note.shot} · ${note.sequence}`;
-    if (!groups.has(name)) groups.set(name, [note.shot, note.sequence, []]);
-    groups.get(name)[2].push(note);
-  }
-  return [...groups.keys()].sort().map((name) => groups.get(name));
+  const groups = Map.groupBy(notes, (note) => `${note.shot} · ${note.sequence}`);
+  return [...groups.keys()].sort().map((name) => [groups.get(name)[0].shot, groups.get(name)[0].sequence, groups.get(name)]);
 }
 
 function notesText(notes) {
@@ -35,7 +35,7 @@ function notesText(notes) {
     const entries = group.map((note) => {
       const drawn = note.drawings.length ? `[${strokesOf(note)}]` : "";
       const words = [note.text, drawn].filter(Boolean).join("\n").replaceAll("\n", "\n    ");
-      return `  ${framesOf(note)}  ${note.status}  ${authorOf(note)}  ${timeOf(note)} UTC\n    ${words}\n`;
+      return `  ${framesOf(note)}  ${note.status}  ${authorOf(note)}  ${minuteOf(note.modified)} UTC\n    ${words}\n`;
     });
     return `${shot} · ${sequence}\n\n${entries.join("\n")}`;
   });

@@ -1,4 +1,5 @@
-// The notes of a page: kept by the browser, changed by people, and merged with those of others.
+// The notes of a page: kept by the browser, changed by people, and merged with those of others, by the schema that data.js
+// has of review_notes.py.
 
 class NoteBook {
   /**
@@ -36,12 +37,10 @@ class NoteBook {
   add(sequence, first, last, fields = {}) {
     const id = newId(), now = new Date().toISOString(), { author } = this;
     const picture = sequence.fact(first, "key") ?? "";
-    this.notes.set(id, {
+    this.#save({
       id, shot: sequence.shot, sequence: sequence.label, picture, first, last, status: "open", text: "", drawings: [],
       author, created: now, modified: now, deleted: false, ...fields, history: [],
     });
-    this.unsettled.add(id);
-    this.#save(id);
     return id;
   }
 
@@ -51,9 +50,14 @@ class NoteBook {
     const isReplaced = this.unsettled.has(id) && note.author === author;
     const history = isReplaced ? note.history : [...note.history, revisionOf(note)];
     const modified = new Date(Math.max(Date.now(), Date.parse(note.modified) + 1)).toISOString();
-    this.notes.set(id, { ...note, ...fields, author, modified, history });
-    this.unsettled.add(id);
-    this.#save(id);
+    this.#save({ ...note, ...fields, author, modified, history });
+  }
+
+  #save(note) {
+    this.notes.set(note.id, note);
+    this.unsettled.add(note.id);
+    this.#keep(note);
+    this.changed();
   }
 
   /** Change a note so that it can be undone: of a note that said nothing before, that it is there. */
@@ -123,11 +127,6 @@ class NoteBook {
     return count;
   }
 
-  #save(id) {
-    this.#keep(this.notes.get(id));
-    this.changed();
-  }
-
   #keep(note) {
     if (!saysNothing(note)) this.#store((storage) => storage.setItem(this.prefix + note.id, JSON.stringify(note)), true);
   }
@@ -177,4 +176,93 @@ function parsedNote(text) {
   } catch {
     return [];
   }
+}
+
+const NOTES_FORMAT = "flowsculpt notes", NOTES_VERSION = 1;
+const STATUSES = ["open", "change", "approved"];
+
+const schemaOf = (name) => window.reviewData.schema.$defs[name];
+const isWithin = (size, least = 0, most = Infinity) => size >= least && size <= most;
+
+/** What a value of a type must be, by the rule of a schema. */
+const CHECKS = {
+  boolean: (value) => typeof value === "boolean",
+  integer: (value, rule) => Number.isInteger(value) && isWithin(value, rule.minimum, rule.maximum),
+  string: (value, rule) => (
+    typeof value === "string" && isWithin([...value].length, 0, rule.maxLength) && new RegExp(rule.pattern ?? "").test(value)
+    && !/\p{Surrogate}/u.test(value) && (rule.enum?.includes(value) ?? true)
+  ),
+  array: (value, rule) => Array.isArray(value) && isWithin(value.length, rule.minItems, rule.maxItems),
+  object: (value) => typeof value === "object" && value !== null && !Array.isArray(value),
+};
+
+/** The first fault of a value by a schema, or null. */
+function faultOf(value, schema, place) {
+  const rule = schema.$ref ? schemaOf(schema.$ref.split("/").at(-1)) : schema;
+  if (!CHECKS[rule.type](value, rule)) return `${place} is ${String(JSON.stringify(value)).slice(0, 60)}, which the format does not allow`;
+  if (rule.type === "array") return value.map((each, i) => faultOf(each, rule.items, `${place}.${i}`)).find(Boolean) ?? null;
+  if (rule.type !== "object") return null;
+  const missing = rule.required.find((name) => !Object.hasOwn(value, name));
+  if (missing) return `${place}.${missing} is missing`;
+  const unknown = Object.keys(value).find((name) => !Object.hasOwn(rule.properties, name));
+  if (unknown !== undefined) return `${place}.${unknown.slice(0, 60)} is unknown in version ${NOTES_VERSION} of the format`;
+  return Object.entries(rule.properties).map(([name, inner]) => faultOf(value[name], inner, `${place}.${name}`)).find(Boolean) ?? null;
+}
+
+/** The first fault of a note, or null: also of what a schema cannot say. */
+function noteFault(note, place) {
+  return faultOf(note, schemaOf("ReviewNote"), place) ?? [note, ...note.history].map((each) => revisionFault(each, place)).find(Boolean) ?? null;
+}
+
+function revisionFault({ first, last, drawings }, place) {
+  if (first > last) return `${place}.first is after its last frame`;
+  const isWrong = ({ kind, points: { length } }) => length % 2 || (kind !== "pen" && length !== (kind === "text" ? 2 : 4));
+  const wrong = drawings.find(isWrong);
+  return wrong ? `${place}.drawings: ${wrong.points.length} numbers are no ${wrong.kind}` : null;
+}
+
+/** The notes in the text of a file. Throws an Error that says in one sentence what is wrong with it. */
+function notesIn(text) {
+  let data;
+  try {
+    data = JSON.parse(text);
+  } catch {
+    throw new Error("it is no JSON, or was cut short");
+  }
+  if (data?.format !== NOTES_FORMAT || !Array.isArray(data.notes)) throw new Error("it is no file of notes");
+  if (data.version !== NOTES_VERSION) throw new Error(`version ${String(data.version).slice(0, 20)} of its format is not read here, but ${NOTES_VERSION}`);
+  const fault = data.notes.map((note, i) => noteFault(note, `notes.${i}`)).find(Boolean);
+  if (fault) throw new Error(fault);
+  return mergedNotes(data.notes);
+}
+
+/** JSON with sorted names and without letters beyond ASCII: Python writes the same. */
+function canonical(value) {
+  if (Array.isArray(value)) return `[${value.map(canonical).join(",")}]`;
+  if (typeof value !== "object" || value === null) {
+    return JSON.stringify(value).replace(/[\u007f-\uffff]/g, (letter) => `\\u${letter.charCodeAt(0).toString(16).padStart(4, "0")}`);
+  }
+  return `{${Object.keys(value).sort().map((name) => `${canonical(name)}:${canonical(value[name])}`).join(",")}}`;
+}
+
+/** What a note says, without its id and its history. */
+function revisionOf(note) {
+  return Object.fromEntries(Object.keys(schemaOf("NoteRevision").properties).map((name) => [name, note[name]]));
+}
+
+/** All notes with all their revisions; the latest revision of a note is shown, the others are its history. */
+function mergedNotes(...collections) {
+  const found = new Map();
+  for (const note of collections.flat()) {
+    if (!found.has(note.id)) found.set(note.id, new Map());
+    for (const revision of [...note.history, revisionOf(note)]) {
+      found.get(note.id).set(revision.modified + canonical(revision), revision);
+    }
+  }
+  const notes = [...found].map(([id, revisions]) => {
+    const history = [...revisions.keys()].sort().map((order) => revisions.get(order));
+    return { id, ...history.pop(), history };
+  });
+  const order = (note) => note.created + note.id;
+  return notes.sort((one, other) => (order(one) < order(other) ? -1 : 1));
 }

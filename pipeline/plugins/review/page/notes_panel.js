@@ -1,10 +1,10 @@
-// The panel of notes: who says what about which frames, and what has been decided.
+// The panel of notes: who says what about which frames, what has been decided, and the form in which a note is written.
 
 const STATUS_NAMES = { open: ["Open", "7"], change: ["Change", "8"], approved: ["Approved", "9"] };
 
 class NotesPanel {
   constructor(element, review) {
-    Object.assign(this, { element, review, showsAll: false, status: null, form: new NoteForm(review) });
+    Object.assign(this, { element, review, showsAll: false, status: null, found: [], form: new NoteForm(review) });
     element.classList.add("notes");
     this.#build();
   }
@@ -51,22 +51,14 @@ class NotesPanel {
     if (next) this.#goTo(next);
   }
 
-  setScope(showsAll) {
-    this.showsAll = showsAll;
-    this.draw();
-  }
-
-  /** List only notes of a status, or with null all; the chosen one and the one being edited stay. */
-  setListed(status) {
-    this.status = status;
-    this.draw();
-  }
+  /** List the notes of the whole page, or those of what is shown; of one status, or with null all. */
+  list({ showsAll = this.showsAll, status = this.status }) { this.review.change(this, { showsAll, status }); }
 
   /** List notes of the next status; after the last, all. */
   listNext() {
     const statuses = [null, ...STATUSES];
     this.review.showTab("notes");
-    this.setListed(statuses[(statuses.indexOf(this.status) + 1) % statuses.length]);
+    this.list({ status: statuses[(statuses.indexOf(this.status) + 1) % statuses.length] });
   }
 
   #chosen() {
@@ -83,10 +75,10 @@ class NotesPanel {
   /** Show what a note is about: its first frame, of its sequence. */
   #goTo(note) {
     const { review } = this;
-    const own = review.sequences.find((each) => each.shot === note.shot && each.label === note.sequence);
+    const own = this.#sequenceOf(note);
     this.#choose(note.id);
     if (own && !review.shownSequences.some((each) => review.notes.of(each).includes(note))) review.choose(review.mode === "b" ? "b" : "a", own);
-    review.jump(note.first);
+    review.transport.jump(note.first);
     review.redraw();
   }
 
@@ -98,10 +90,10 @@ class NotesPanel {
     return notes.all.filter((note) => shown.has(note));
   }
 
-  /** Those of them that are listed. */
-  #notes(notes = this.#inScope()) {
+  /** Those of them that are listed; the chosen one and the one being edited stay. */
+  #notes() {
     const kept = [this.review.chosenNote, this.form.id];
-    return this.status ? notes.filter((note) => note.status === this.status || kept.includes(note.id)) : notes;
+    return this.#inScope().filter((note) => !this.status || note.status === this.status || kept.includes(note.id));
   }
 
   /** Tell whether cards name their sequence. */
@@ -110,75 +102,64 @@ class NotesPanel {
   // How it looks
 
   #build() {
-    const { review } = this, gap = () => make("span", "grow");
-    this.name = make("input", {
+    const { review } = this, { notes } = review;
+    const name = make("input", {
       type: "text", maxLength: 200, placeholder: "Your name", autocomplete: "name", ariaLabel: "Your name, which your notes carry",
-      onchange: () => { review.notes.author = this.name.value; },
+      value: () => notes.author, onchange: () => { notes.author = name.value; },
     });
-    this.scopes = [["Shown", false, "Notes of the sequence that is shown"], ["All", true, "All notes of this page"]].map(([words, all, title]) => (
-      buttonOf(words, `${title} (Shift Q)`, () => this.setScope(all))
+    const scopes = [["Shown", false, "Notes of the sequence that is shown"], ["All", true, "All notes of this page"]].map(([words, showsAll, title]) => (
+      buttonOf(words, `${title} (Shift Q)`, () => this.list({ showsAll }), { ariaPressed: () => this.showsAll === showsAll })
     ));
-    this.drawButton = buttonOf("Draw", "Draw over the picture (B)", () => review.drawing.toggle());
-    this.statuses = STATUSES.map((status) => (
-      buttonOf("", "List only these notes, or all (Shift X: the next)", () => this.setListed(this.status === status ? null : status), { className: status })
-    ));
-    this.counts = make("div", { className: "notes-counts", role: "group", ariaLabel: "Notes by status" }, ...this.statuses);
-    this.list = make("ul", "notes-list");
-    this.kept = make("span", "notes-kept");
-    const forms = [["JSON", "json", "Shift J"], ["Text", "txt", "Shift T"], ["OTIO", "otio", "Shift O"]].map(([words, form, key]) => (
+    const begin = buttonOf("Note on this frame", "Write a note on this frame (A); on the loop: Shift N", () => review.writeNote());
+    const draw = buttonOf("Draw", "Draw over the picture (B)", () => review.drawing.toggle(), { ariaPressed: () => review.drawing.isOn });
+    const count = (status) => this.found.filter((note) => note.status === status).length;
+    const statuses = STATUSES.map((status) => {
+      const act = () => this.list({ status: this.status === status ? null : status });
+      const about = { className: status, textContent: () => `${STATUS_NAMES[status][0]} ${count(status)}`, ariaPressed: () => this.status === status };
+      return buttonOf("", "List only these notes, or all (Shift X: the next)", act, about);
+    });
+    const counts = make("div", { className: "notes-counts", role: "group", ariaLabel: "Notes by status", hidden: () => !this.found.length }, ...statuses);
+    const downloads = Object.entries(NOTE_FORMS).map(([form, [words, key]]) => (
       buttonOf(words, `Download all notes as ${words} (${key})`, () => downloadNotes(review, form))
     ));
+    const kept = make("span", {
+      className: () => `notes-kept${notes.isSaved ? "" : " fault"}`, textContent: () => (notes.isSaved ? "Download" : "Not kept: download"),
+    });
     const load = buttonOf("Load…", "Merge a file of notes; or drop it on the page (Shift L)", () => id("notes-file").click());
-    const begin = buttonOf("Note on this frame", "Write a note on this frame (A); on the loop: Shift N", () => review.writeNote());
+    this.cards = make("ul", "notes-list");
     this.element.append(
-      make("div", "notes-bar", this.name, segments("Which notes", this.scopes)), make("div", "notes-begin", begin, this.drawButton),
-      this.counts, this.list, make("div", "notes-files", this.kept, ...forms, gap(), load),
+      make("div", "notes-bar", name, segments("Which notes", scopes)), make("div", "notes-begin", begin, draw), counts, this.cards,
+      make("div", "notes-files", kept, ...downloads, make("span", "grow"), load),
     );
   }
 
   draw() {
-    const { review } = this;
     if (this.element.hidden) return;
-    if (document.activeElement !== this.name) this.name.value = review.notes.author;
-    this.scopes.forEach((button, i) => { button.ariaPressed = this.showsAll === (i === 1); });
-    this.drawButton.ariaPressed = review.drawing.isOn;
-    this.kept.textContent = review.notes.isSaved ? "Download" : "Not kept: download";
-    this.kept.classList.toggle("fault", !review.notes.isSaved);
-    if (!this.list.contains(document.activeElement) || !document.activeElement.matches("textarea, input")) this.#list();
+    this.found = this.#inScope();
+    refresh(this.element);
+    if (!this.cards.contains(document.activeElement) || !document.activeElement.matches("textarea, input")) this.#list();
   }
 
   /** Draw the cards again where anything on them has changed, and tell those of the frame that is shown. */
   #list() {
-    const found = this.#inScope(), notes = this.#notes(found), { frame } = this.review.transport, { chosenNote } = this.review;
+    const notes = this.#notes(), { frame } = this.review.transport, { chosenNote } = this.review;
     const states = notes.map((note) => [note.id, note.modified, note.id === chosenNote, note.id === this.form.id, this.#namesSequences].join());
-    this.#count(found);
     if (states.join("\n") !== this.state) this.#showCards(notes, states);
     this.state = states.join("\n");
-    notes.forEach((note, i) => this.list.children[i].classList.toggle("here", note.first <= frame && frame <= note.last));
-  }
-
-  #count(notes) {
-    this.counts.hidden = !notes.length;
-    this.statuses.forEach((button, i) => {
-      const status = STATUSES[i], count = notes.filter((note) => note.status === status).length;
-      const words = `${STATUS_NAMES[status][0]} ${count}`;
-      if (button.textContent !== words) button.textContent = words;
-      button.ariaPressed = this.status === status;
-    });
+    notes.forEach((note, i) => this.cards.children[i].classList.toggle("here", note.first <= frame && frame <= note.last));
   }
 
   /** Show a card for each note; those whose note is as it was stay, for a list may be long. */
   #showCards(notes, states) {
-    const focused = document.activeElement?.closest?.("[data-note]")?.dataset.note;
-    const there = new Map([...this.list.children].map((card) => [card.state, card]));
+    const focused = document.activeElement?.closest?.("[data-note]")?.dataset.note, shown = [...this.cards.children];
+    const there = new Map(shown.map((card) => [card.state, card]));
     const cards = notes.map((note, i) => there.get(states[i]) ?? Object.assign(this.#card(note), { state: states[i] }));
-    const shown = [...this.list.children];
     if (cards.length === shown.length && cards.every((card, i) => card === shown[i] || !card.isConnected)) {
       cards.forEach((card, i) => { if (card !== shown[i]) shown[i].replaceWith(card); });
     } else {
-      this.list.replaceChildren(...cards);
+      this.cards.replaceChildren(...cards);
     }
-    if (!notes.length) this.list.append(make("li", "notes-none", this.showsAll ? "No notes on this page yet." : "No notes on this sequence yet."));
+    if (!notes.length) this.cards.append(make("li", "notes-none", this.showsAll ? "No notes on this page yet." : "No notes on this sequence yet."));
     const cardOf = (id) => cards.find((card) => card.dataset.note === id);
     if (focused && document.activeElement === document.body) cardOf(focused)?.querySelector("button").focus();
     cardOf(this.review.chosenNote)?.scrollIntoView({ block: "nearest" });
@@ -186,28 +167,30 @@ class NotesPanel {
 
   #card(note) {
     const { review } = this, isChosen = note.id === review.chosenNote;
-    const card = make("li", `note-card ${note.status}`);
-    card.dataset.note = note.id;
-    card.classList.toggle("chosen", isChosen);
     const frames = buttonOf(framesOf(note), `Go to frame ${note.first}`, () => this.#goTo(note), { className: "note-frames", ariaCurrent: isChosen });
-    const about = make("span", "note-about", make("bdi", {}, authorOf(note)), ` · ${timeOf(note)}`);
-    about.title = `Written ${note.created.slice(0, 16).replace("T", " ")} UTC${note.history.length ? `; ${note.history.length} earlier versions are kept` : ""}`;
-    card.append(make("div", "note-head", frames, make("span", "note-status", STATUS_NAMES[note.status][0]), make("span", "grow"), about));
-    if (this.#namesSequences) card.append(make("p", "note-sequence", `${review.isAlone ? "" : `${note.shot} · `}${note.sequence}`));
-    if (this.form.id === note.id) card.append(this.form.element(note));
-    else if (note.text) card.append(make("p", "note-text", note.text));
+    const earlier = note.history.length ? `; ${note.history.length} earlier versions are kept` : "", title = `Written ${minuteOf(note.created)} UTC${earlier}`;
+    const about = make("span", { className: "note-about", title }, make("bdi", {}, authorOf(note)), ` · ${minuteOf(note.modified)}`);
     const extras = [note.drawings.length ? strokesOf(note) : "", this.#isOutdated(note) ? "the picture has changed since" : ""].filter(Boolean);
-    if (extras.length) card.append(make("p", "note-extras", extras.join(" · ")));
-    if (isChosen && this.form.id !== note.id) card.append(this.#actions(note));
-    card.addEventListener("click", (event) => { if (!event.target.closest("button, textarea, input")) this.#goTo(note); });
-    return card;
+    const isEdited = this.form.id === note.id, words = (name, text) => (text ? [make("p", name, text)] : []);
+    return make("li", {
+      className: `note-card ${note.status}${isChosen ? " chosen" : ""}`, data: { note: note.id },
+      onclick: (event) => { if (!event.target.closest("button, textarea, input")) this.#goTo(note); },
+    },
+      make("div", "note-head", frames, make("span", "note-status", STATUS_NAMES[note.status][0]), make("span", "grow"), about),
+      ...words("note-sequence", this.#namesSequences && (review.isAlone ? note.sequence : `${note.shot} · ${note.sequence}`)),
+      ...(isEdited ? [this.form.element(note)] : words("note-text", note.text)),
+      ...words("note-extras", extras.join(" · ")),
+      ...(isChosen && !isEdited ? [this.#actions(note)] : []),
+    );
   }
 
   /** Tell whether the first frame of a note has been rendered anew since it was written. */
   #isOutdated(note) {
-    const own = this.review.sequences.find((each) => each.shot === note.shot && each.label === note.sequence);
-    return Boolean(note.picture && own?.fact(note.first, "key") && own.fact(note.first, "key") !== note.picture);
+    const key = this.#sequenceOf(note)?.fact(note.first, "key");
+    return Boolean(note.picture && key && key !== note.picture);
   }
+
+  #sequenceOf({ shot, sequence }) { return this.review.sequences.find((each) => each.shot === shot && each.label === sequence); }
 
   #actions(note) {
     const statuses = segments("Status", Object.entries(STATUS_NAMES).map(([status, [words, key]]) => (
@@ -216,5 +199,67 @@ class NotesPanel {
     const edit = buttonOf("Edit", "Edit this note (R)", () => this.edit());
     const remove = buttonOf("Delete", "Delete this note (Delete)", () => this.remove());
     return make("div", "note-actions", statuses, make("span", "grow"), edit, remove);
+  }
+}
+
+class NoteForm {
+  constructor(review) {
+    Object.assign(this, { review, id: null, words: "", frames: "" });
+    window.addEventListener("pagehide", () => this.finish());
+  }
+
+  begin(note) { Object.assign(this, { id: note.id, words: note.text, frames: framesOf(note) }); }
+
+  /** Save what was typed, if a note is being written; frames that are not in the shot stay as they were. */
+  finish() {
+    if (!this.id) return;
+    const { notes } = this.review, note = notes.get(this.id), [first, last] = this.#framesTyped(note) ?? [note.first, note.last];
+    const fields = { text: printed(this.words), first, last };
+    if (Object.entries(fields).some(([name, value]) => note[name] !== value)) notes.editUndoably(this.id, fields);
+    this.#end();
+  }
+
+  /** Leave the note as it was; one that was just begun goes. */
+  #end() {
+    const { notes } = this.review, note = notes.get(this.id);
+    this.id = null;
+    document.activeElement.blur();
+    if (saysNothing(note)) notes.forget(note.id);
+    this.review.redraw();
+  }
+
+  element(note) {
+    const words = make("textarea", { value: this.words, rows: 4, placeholder: "What should change, or what is right", ariaLabel: "Words of the note" });
+    const frames = make("input", { type: "text", value: this.frames, autocomplete: "off", ariaLabel: "Frames of the note, as 12 or 12-20" });
+    const save = () => {
+      if (this.#framesTyped(note)) return this.finish();
+      tell(`“${frames.value}” are no frames of the shot, which has ${this.#framesOfShot(note).join("–")}: write 12, or 12-20.`, true);
+      return frames.focus();
+    };
+    for (const field of [words, frames]) {
+      field.addEventListener("input", () => Object.assign(this, { words: words.value, frames: frames.value }));
+      field.addEventListener("keydown", (event) => {
+        if (event.key === "Enter" && (event.ctrlKey || event.metaKey || field === frames)) save();
+        else if (event.key === "Escape") this.#end();
+        else return;
+        event.preventDefault();
+      });
+    }
+    const label = make("label", "inline", "Frames ", frames);
+    return make("div", "note-form", words, make("div", "note-actions", label, make("span", "grow"),
+      buttonOf("Cancel", "Leave the note as it was (Esc)", () => this.#end()), buttonOf("Save", "Save (Ctrl Enter)", save)));
+  }
+
+  /** The frames that were typed as [first, last], or null where they are not in the shot. */
+  #framesTyped(note) {
+    const [, first, last = first] = /^\s*(-?\d+)\s*(?:[-–:]\s*(-?\d+))?\s*$/.exec(this.frames) ?? [];
+    const frames = [Number(first), Number(last)].sort((one, other) => one - other), [low, high] = this.#framesOfShot(note);
+    return first !== undefined && low <= frames[0] && frames[1] <= high ? frames : null;
+  }
+
+  /** The first and the last frame that a note may have. */
+  #framesOfShot({ shot, first, last }) {
+    const numbers = this.review.shots[shot]?.numbers ?? [-1e6, 1e6];
+    return [Math.min(first, numbers[0]), Math.max(last, numbers.at(-1))];
   }
 }

@@ -10,18 +10,11 @@ class Probe {
     review.stage.canvas.addEventListener("pointerleave", () => { this.loupe.hidden = true; });
   }
 
-  toggle() {
-    this.isOn = !this.isOn;
-    this.review.redraw();
-  }
-
-  toggleLoupe() {
-    this.hasLoupe = !this.hasLoupe;
-    this.draw();
-  }
+  toggle() { this.review.change(this, { isOn: !this.isOn }); }
+  toggleLoupe() { this.review.change(this, { hasLoupe: !this.hasLoupe }); }
 
   #moved(event) {
-    const dots = dotsOf();
+    const dots = devicePixelRatio;
     this.at = { x: event.offsetX * dots, y: event.offsetY * dots, left: event.offsetX, top: event.offsetY };
     if (this.isOn || this.hasLoupe) this.draw();
   }
@@ -43,22 +36,18 @@ class Probe {
 
   #drawValues() {
     const { review, viewing } = this, pixel = this.#pixel(), { frame } = review.transport;
-    if (!pixel) return void this.element.replaceChildren(make("p", "note", "Point at the picture."));
-    const [width, height] = review.a.size, x = Math.floor(pixel.x * width), y = Math.floor(pixel.y * height);
-    const sides = review.a === review.b ? [["A", review.a]] : [["A", review.a], ["B", review.b]];
-    const linear = viewing.layer === LAYER_OF_PICTURE ? "beauty" : viewing.layer;
-    if (sides.every(([, sequence]) => !sequence.layers[sequence.among(frame)])) {
-      return void this.element.replaceChildren(make("p", "note", `Pixel ${x}, ${y}`), make("p", "note", viewing.without(review.a, review.a.among(frame))));
-    }
+    if (!pixel) return this.element.replaceChildren(make("p", "note", "Point at the picture."));
+    const [width, height] = review.a.size, place = make("p", "note", `Pixel ${Math.floor(pixel.x * width)}, ${Math.floor(pixel.y * height)}`);
+    const sides = Object.entries(review.a === review.b ? { A: review.a } : { A: review.a, B: review.b });
+    const layers = sides.map(([, sequence]) => sequence.layers[sequence.among(frame)]), linear = viewing.layer === LAYER_OF_PICTURE ? "beauty" : viewing.layer;
+    if (!layers.some(Boolean)) return this.element.replaceChildren(place, make("p", "note", viewing.without(review.a, review.a.among(frame))));
     const shown = [["Display", LAYER_OF_PICTURE, 0], [linear, linear, 4]];
-    if (linear !== LAYER_OF_HDR && sides.some(([, sequence]) => sequence.layers[sequence.among(frame)]?.[LAYER_OF_HDR])) shown.push(["HDR, nits", LAYER_OF_HDR, 1]);
-    const tables = shown.map(([words, layer, digits]) => {
-      const values = sides.map(([, sequence]) => this.#values(sequence, frame, layer, pixel));
-      const rows = sides.map(([side], i) => [side, values[i]]);
-      if (values.length > 1) rows.push(["A − B", values[0] && values[1] ? values[0].map((value, k) => value - values[1][k]) : null]);
+    if (linear !== LAYER_OF_HDR && layers.some((each) => each?.[LAYER_OF_HDR])) shown.push(["HDR, nits", LAYER_OF_HDR, 1]);
+    return this.element.replaceChildren(place, ...shown.map(([words, layer, digits]) => {
+      const rows = sides.map(([side, sequence]) => [side, this.#values(sequence, frame, layer, pixel)]), [a, b] = rows.map(([, values]) => values);
+      if (rows.length > 1) rows.push(["A − B", a && b ? a.map((value, k) => value - b[k]) : null]);
       return this.#table(words, rows, digits);
-    });
-    this.element.replaceChildren(make("p", "note", `Pixel ${x}, ${y}`), ...tables);
+    }));
   }
 
   #values(sequence, frame, name, pixel) {
@@ -67,16 +56,14 @@ class Probe {
   }
 
   #table(words, rows, digits) {
-    const written = (value) => (typeof value === "number" ? value.toFixed(digits).replace("-", "−") : value);
-    const lines = rows.map(([name, values]) => (
-      make("tr", {}, make("th", { scope: "row" }, name), ...(values ?? ["no layers here"]).map((value) => make("td", {}, written(value))))
-    ));
+    const written = (value) => value.toFixed(digits).replace("-", "−");
+    const lines = rows.map(([name, values]) => rowOf(name, values ? values.map(written) : ["no layers here"]));
     return make("table", {}, make("caption", {}, words), make("tbody", {}, ...lines));
   }
 
   /** The stage around the pointer, larger; its middle is framed. */
   #drawLoupe() {
-    const dots = dotsOf(), side = LOUPE.size * dots, part = side / LOUPE.zoom;
+    const dots = devicePixelRatio, side = LOUPE.size * dots, part = side / LOUPE.zoom;
     Object.assign(this.loupe, { width: side, height: side });
     Object.assign(this.loupe.style, { left: `${this.at.left + 22}px`, top: `${this.at.top + 22}px` });
     const context = this.loupe.getContext("2d"), { x, y } = this.at;

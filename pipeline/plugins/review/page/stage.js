@@ -1,6 +1,8 @@
-// The picture: one sequence, or two against each other, drawn into a canvas at the pixels of the display.
+// The picture: one sequence, or two against each other, drawn into a canvas at the pixels of the display; and what the
+// pointer does to it.
 
 const GAINS = [1, 2, 4, 8, 16];
+const GREYS = { ground: "#232323", line: "#3a3a3a", quiet: "#a3a3a3", ink: "#ededed" };
 
 class Stage {
   constructor(canvas, review) {
@@ -20,7 +22,7 @@ class Stage {
   get needsB() { return this.mode !== "a"; }
 
   resize() {
-    const box = this.canvas.parentElement.getBoundingClientRect(), dots = dotsOf();
+    const box = this.canvas.parentElement.getBoundingClientRect(), dots = devicePixelRatio;
     const width = Math.max(1, Math.round(box.width * dots)), height = Math.max(1, Math.round(box.height * dots));
     if (this.canvas.width !== width || this.canvas.height !== height) Object.assign(this.canvas, { width, height });
   }
@@ -94,7 +96,7 @@ class Stage {
     context.fillRect(x - 1, top, 3, bottom - top);
     context.fillStyle = "#f2f2f2";
     context.fillRect(x, top, 1, bottom - top);
-    const dots = dotsOf(), y = (top + bottom) / 2;
+    const dots = devicePixelRatio, y = (top + bottom) / 2;
     context.beginPath();
     context.arc(x + 0.5, y, 5 * dots, 0, 2 * Math.PI);
     context.fill();
@@ -115,14 +117,7 @@ class Stage {
     return this.context.drawImage(this.scratch, place.x, place.y, place.width, place.height);
   }
 
-  #within(x, width, draw) {
-    this.context.save();
-    this.context.beginPath();
-    this.context.rect(x, 0, width, this.canvas.height);
-    this.context.clip();
-    draw();
-    this.context.restore();
-  }
+  #within(x, width, draw) { drawWithin(this.context, { x, y: 0, width, height: this.canvas.height }, draw); }
 
   #bitmap(sequence, frame = this.frame) {
     const url = sequence.url(frame);
@@ -130,42 +125,135 @@ class Stage {
   }
 
   /** The sheet of small pictures of a sequence, or null while it is not there. */
-  #sheet(sequence) {
-    if (!sequence.sheet) return null;
-    const url = `pictures/${sequence.sheet.file}`;
-    if (!this.sheets.has(url)) {
-      this.sheets.set(url, null);
-      const image = make("img", { src: url });
-      image.decode().then(() => { this.sheets.set(url, image); this.review.redraw(); }, () => {});
+  #sheet({ sheet }) {
+    const url = sheet && `pictures/${sheet.file}`;
+    if (sheet && !this.sheets.has(url)) {
+      const image = make("img", { src: url, onload: () => this.review.redraw() });
+      this.sheets.set(url, image);
     }
-    return this.sheets.get(url);
+    const image = this.sheets.get(url);
+    return image?.complete && image.naturalWidth ? image : null;
   }
 
   /** What stands for a picture that is still being read: its small one, where the sheet has it. */
-  #soon(sequence, place) {
+  #drawThumb(sequence, place) {
     const sheet = this.#sheet(sequence), thumb = sequence.thumb(this.frame);
     this.context.fillStyle = GREYS.ground;
     this.context.fillRect(place.x, place.y, place.width, place.height);
     if (!sheet || thumb?.number !== this.frame) return;
-    const { x, y, width, height } = thumb;
     this.context.imageSmoothingEnabled = true;
-    this.context.drawImage(sheet, x, y, width, height, place.x, place.y, place.width, place.height);
+    this.context.drawImage(sheet, thumb.x, thumb.y, thumb.width, thumb.height, place.x, place.y, place.width, place.height);
   }
 
   #picture(sequence, place) {
-    const bitmap = this.#bitmap(sequence);
+    const { context, frame } = this, { x, y, width, height } = place, bitmap = this.#bitmap(sequence);
     if (bitmap) {
-      this.context.drawImage(bitmap, place.x, place.y, place.width, place.height);
-      const [frame, weight] = this.beginning ?? [], other = frame === undefined ? null : this.#bitmap(sequence, frame);
+      context.drawImage(bitmap, x, y, width, height);
+      const [first, weight] = this.beginning ?? [], other = first === undefined ? null : this.#bitmap(sequence, first);
       if (!other) return;
-      this.context.globalAlpha = weight;
-      this.context.drawImage(other, place.x, place.y, place.width, place.height);
-      this.context.globalAlpha = 1;
+      context.globalAlpha = weight;
+      context.drawImage(other, x, y, width, height);
+      context.globalAlpha = 1;
       return;
     }
-    const url = sequence.url(this.frame), broken = url !== null && this.review.cache.isBroken(url);
-    const [state, why] = broken ? ["missing", "its picture cannot be read; write the page again"] : sequence.state(this.frame);
-    if (url === null || broken) drawSlate(this.context, place, `frame ${this.frame} ${state}`, why);
-    else this.#soon(sequence, place);
+    const url = sequence.url(frame), isBroken = this.review.cache.isBroken(url);
+    const [state, why] = isBroken ? ["missing", "its picture cannot be read; write the page again"] : sequence.state(frame);
+    if (url !== null && !isBroken) this.#drawThumb(sequence, place);
+    else drawWithin(context, place, () => drawSlate(context, place, `frame ${frame} ${state}`, why));
   }
+}
+
+/** Draw only within a rectangle of a canvas. */
+function drawWithin(context, { x, y, width, height }, draw) {
+  context.save();
+  context.beginPath();
+  context.rect(x, y, width, height);
+  context.clip();
+  draw();
+  context.restore();
+}
+
+/** Draw what stands in the place of a picture that is not there: `title` large, `note` below it. */
+function drawSlate(context, { x, y, width, height }, title, note) {
+  const size = Math.max(11, Math.min(height / 11, width / 16)), middle = x + width / 2;
+  const big = `600 ${size}px system-ui, sans-serif`, small = `${size * 0.52}px system-ui, sans-serif`;
+  const wideness = (text, font) => Object.assign(context, { font }).measureText(text).width;
+  const lines = wrapped(note, (text) => wideness(text, small) < 0.8 * width).slice(0, 4);
+  const wide = Math.max(wideness(title, big), ...lines.map((line) => wideness(line, small))) + 2 * size;
+  const tall = size * (1.9 + 0.85 * lines.length), top = y + (height - tall) / 2;
+  Object.assign(context, { fillStyle: GREYS.ground, strokeStyle: GREYS.line, lineWidth: Math.max(1, height / 360) });
+  context.fillRect(x, y, width, height);
+  context.stroke(new Path2D(`M${x} ${y}l${width} ${height}M${x + width} ${y}l${-width} ${height}`));
+  context.fillRect(middle - wide / 2, top, wide, tall);
+  Object.assign(context, { textAlign: "center", textBaseline: "alphabetic", fillStyle: GREYS.ink, font: big });
+  context.fillText(title, middle, top + 1.25 * size);
+  Object.assign(context, { fillStyle: GREYS.quiet, font: small });
+  lines.forEach((line, i) => context.fillText(line, middle, top + (2.15 + 0.8 * i) * size));
+}
+
+/** Text in lines that fit. */
+function wrapped(text, fits) {
+  const lines = [];
+  for (const word of text.split(/\s+/).filter(Boolean)) {
+    const longer = lines.length ? `${lines.at(-1)} ${word}` : word;
+    if (lines.length && fits(longer)) lines[lines.length - 1] = longer;
+    else lines.push(word);
+  }
+  return lines;
+}
+
+const WIPE_REACH = 12; // CSS pixels around the edge where it is taken hold of
+
+function stagePointer(stage, drawing, changed) {
+  const { canvas } = stage;
+  const at = (event) => ({ x: event.offsetX * devicePixelRatio, y: event.offsetY * devicePixelRatio }); // in pixels of the display
+  const isAtWipe = (event) => stage.mode === "wipe" && Math.abs(event.offsetX - stage.wipeAt() / devicePixelRatio) < WIPE_REACH;
+  let last, drawsWipe;
+  const pan = (dx, dy) => {
+    if (stage.zoom === null) stage.zoomTo(stage.fitting);
+    stage.pan = { x: stage.pan.x + dx * devicePixelRatio, y: stage.pan.y + dy * devicePixelRatio };
+    changed();
+  };
+  const setWipe = (event) => {
+    const [place] = stage.places();
+    stage.wipe = clamp((at(event).x - place.x) / place.width, 0, 1);
+    changed();
+  };
+  gestures(canvas, {
+    start: (event) => {
+      last = event;
+      drawsWipe = isAtWipe(event);
+      if (drawing.isOn) drawing.down(at(event));
+    },
+    move: (event) => {
+      if (drawing.isOn) drawing.move(at(event));
+      else if (drawsWipe) setWipe(event);
+      else pan(event.clientX - last.clientX, event.clientY - last.clientY);
+      last = event;
+    },
+    over: () => drawing.up(),
+    pan,
+    zoom: (factor, event) => {
+      stage.zoomTo(stage.scale / factor, at(event));
+      changed();
+    },
+    hover: (event) => { canvas.style.cursor = drawing.isOn ? "crosshair" : isAtWipe(event) ? "ew-resize" : "grab"; },
+  });
+  canvas.addEventListener("dblclick", () => { stage.fit(); changed(); });
+}
+
+const NARROWEST = 300, PANEL = 372, KEY_STEP = 24;
+
+/** The edge between the picture and the panel is dragged, or moved by arrow keys; a double click resets it. */
+function splitterOf(element, panel) {
+  const page = document.documentElement, most = () => Math.max(NARROWEST, page.clientWidth - 320);
+  const set = (width) => {
+    const chosen = Math.round(clamp(width, NARROWEST, most()));
+    panel.style.width = `${chosen}px`;
+    give(element, { ariaValueNow: chosen, ariaValueMin: NARROWEST, ariaValueMax: most() });
+  };
+  gestures(element, { move: (event) => set(page.clientWidth - event.clientX) });
+  element.addEventListener("dblclick", () => set(PANEL));
+  arrowKeys(element, (right) => set(panel.offsetWidth - right * KEY_STEP));
+  set(PANEL);
 }

@@ -4,12 +4,14 @@ const CHANNEL_NAMES = {
   rgb: ["RGB", "Shift C"], red: ["R", "Shift R"], green: ["G", "Shift G"], blue: ["B", "Shift B"], luminance: ["Y", "Shift Y"],
 };
 const LAYER_OF_PICTURE = "picture", LAYER_OF_HDR = "nits";
+const LAYER_BYTES = 512e6; // of decoded ones that are kept
 
 class Viewing {
   constructor(element, review) {
     Object.assign(this, { element, review, isOn: false, layer: LAYER_OF_PICTURE });
     this.grader = new Grader();
-    this.layers = layerStore(() => review.redraw());
+    const read = async ({ data, ...about }) => new Layer(about, await inflated(data));
+    this.layers = new ScriptStore("layers", "reviewLayer", read, () => review.redraw(), ({ bits }) => bits.byteLength, LAYER_BYTES);
     this.probe = new Probe(id("probe"), review, this);
     this.#build();
   }
@@ -21,10 +23,7 @@ class Viewing {
   }
 
   /** The canvas to show for a frame: null where the file is to be shown, or nothing is there yet. */
-  source(sequence, frame) {
-    if (this.isNeutral) return null;
-    return this.#seen(sequence, frame);
-  }
+  source(sequence, frame) { return this.isNeutral ? null : this.#seen(sequence, frame); }
 
   /** The chosen layer of a frame as a canvas, or null where it or the table of its view is not there. */
   #seen(sequence, frame) {
@@ -100,51 +99,42 @@ class Viewing {
     if (files?.[this.layer] && !this.layers.isBroken(files[this.layer])) return "The layer is being read; try again.";
     if (files) return `Frame ${frame} has no layer ${this.layer}; it has ${this.names.join(", ")}.`;
     if (!frames.length) return "This page has no layers: flowsculpt review --layers 8 stores them for eight frames.";
-    const nearest = frames.reduce((best, each) => (Math.abs(each - frame) < Math.abs(best - frame) ? each : best));
-    return `Frame ${frame} has no layers on this page; the nearest that has is ${nearest}.`;
+    return `Frame ${frame} has no layers on this page; the nearest that has is ${nearestOf(frames, frame)}.`;
   }
 
   // Its bar
 
   #build() {
-    const { review } = this;
-    this.list = listOf("Layer", [], (name) => this.setLayer(name));
-    this.channels = Object.entries(CHANNEL_NAMES).map(([channel, [words, key]]) => (
-      buttonOf(words, `${channel === "rgb" ? "All channels" : `Only ${channel}`} (${key})`, () => this.set({ channel }), { channel })
-    ));
-    this.exposure = this.#slider("Exposure", "Stops (Page Up, Page Down)", -6, 6, 0.25, (exposure) => this.set({ exposure }));
-    this.gamma = this.#slider("Gamma", "Gamma (Shift Page Up, Page Down)", 0.2, 3, 0.1, (gamma) => this.set({ gamma }));
-    this.clipping = buttonOf("Clipping", "Red where white, blue where black, magenta where no number (Shift K)", () => this.toggleClipping());
-    this.probing = buttonOf("Probe", "Values under the pointer (Shift P)", () => this.probe.toggle());
-    this.words = make("p", "viewing-words");
-    const save = buttonOf("Save", "Save this frame as PNG, with drawings (Shift S), without (Shift W)", () => this.save(true));
-    const reset = buttonOf("Reset", "Show pictures as they are (0)", () => this.reset());
-    this.element.append(this.list, segments("Channel", this.channels), this.exposure.label, this.gamma.label, this.clipping, this.probing, save, reset, this.words);
-  }
-
-  #slider(words, title, low, high, step, act) {
-    const field = sliderOf(words, low, high, step, act, { title }), value = make("output");
-    return { field, value, label: make("label", "inline", words, field, value) };
+    const { review } = this, settings = () => this.grader.settings;
+    this.list = listOf("Layer", [], (name) => this.setLayer(name), { value: () => this.layer });
+    const channels = Object.entries(CHANNEL_NAMES).map(([channel, [words, key]]) => {
+      const title = `${channel === "rgb" ? "All channels" : `Only ${channel}`} (${key})`;
+      return buttonOf(words, title, () => this.set({ channel }), { ariaPressed: () => settings().channel === channel });
+    });
+    const slider = (words, title, name, low, high, step, written) => {
+      const field = sliderOf(words, low, high, step, (value) => this.set({ [name]: value }), { title, value: () => settings()[name] });
+      return make("label", "inline", words, field, make("output", { textContent: () => written(settings()[name]) }));
+    };
+    const stops = (value) => `${value < 0 ? "−" : "+"}${Math.abs(value).toFixed(2)}`;
+    const isMissing = () => !review.shownSequence.layers[review.transport.frame]?.[this.layer];
+    give(this.element, { hidden: () => !this.isOn }).append(
+      this.list, segments("Channel", channels),
+      slider("Exposure", "Stops (Page Up, Page Down)", "exposure", -6, 6, 0.25, stops),
+      slider("Gamma", "Gamma (Shift Page Up, Page Down)", "gamma", 0.2, 3, 0.1, (value) => value.toFixed(1)),
+      buttonOf("Clipping", "Red where white, blue where black, magenta where no number (Shift K)", () => this.toggleClipping(), { ariaPressed: () => settings().clipping }),
+      buttonOf("Probe", "Values under the pointer (Shift P)", () => this.probe.toggle(), { ariaPressed: () => this.probe.isOn }),
+      buttonOf("Save", "Save this frame as PNG, with drawings (Shift S), without (Shift W)", () => this.save(true)),
+      buttonOf("Reset", "Show pictures as they are (0)", () => this.reset()),
+      make("p", { className: "viewing-words", textContent: () => (isMissing() ? this.without(review.shownSequence, review.transport.frame) : "") }),
+    );
   }
 
   draw() {
-    const { settings } = this.grader, { review } = this, frame = review.transport.frame;
-    id("viewing-button").ariaPressed = this.isOn;
-    this.element.hidden = !this.isOn;
     this.probe.draw();
-    if (!this.isOn) return;
     const names = [...new Set([LAYER_OF_PICTURE, ...this.names, this.layer])];
-    if (names.join() !== this.listed) this.list.replaceChildren(...names.map((name) => new Option(name, name)));
+    if (names.join() === this.listed) return;
     this.listed = names.join();
-    this.list.value = this.layer;
-    for (const button of this.channels) button.ariaPressed = settings.channel === button.channel;
-    this.exposure.field.value = settings.exposure;
-    this.exposure.value.textContent = `${settings.exposure < 0 ? "−" : "+"}${Math.abs(settings.exposure).toFixed(2)}`;
-    this.gamma.field.value = settings.gamma;
-    this.gamma.value.textContent = settings.gamma.toFixed(1);
-    this.clipping.ariaPressed = settings.clipping;
-    this.probing.ariaPressed = this.probe.isOn;
-    const isMissing = !review.shownSequence.layers[frame]?.[this.layer];
-    this.words.textContent = isMissing ? this.without(review.shownSequence, frame) : "";
+    this.list.replaceChildren(...names.map((name) => new Option(name, name)));
+    refresh(this.element);
   }
 }

@@ -1,4 +1,4 @@
-// Data in pages: base64, which may be deflated; modules, and files to be kept.
+// Data in pages: base64, which may be deflated; what is read when it is needed; modules, and files to be kept.
 
 function bytesIn(text) { return Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0)); }
 
@@ -22,4 +22,14 @@ function download(name, content, type) {
   const url = URL.createObjectURL(new Blob([content], { type }));
   make("a", { href: url, download: name }).click();
   setTimeout(() => URL.revokeObjectURL(url), 10000);
+}
+
+/** JSON that the browser keeps under a name; null where there is none, or it keeps nothing. */
+function remembered(name) {
+  try { return JSON.parse(localStorage.getItem(name)); } catch { return null; }
+}
+
+/** Keep a value for the next visit. */
+function remember(name, value) {
+  try { localStorage.setItem(name, JSON.stringify(value)); } catch { /* the page works without */ }
 }
