@@ -49,6 +49,8 @@ resample: {max_edge_length: 0.3}
 flows: []
 """
 SIZE = (480, 270)
+COARSE = 0.25
+"""Dots for a pixel where no test looks at details: the processor draws them, a frame in up to seconds."""
 
 
 def test_differences_and_planes_are_undone_by_sums() -> None:
@@ -82,17 +84,31 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return place / "page.html"
 
 
-@pytest.fixture
-def tab(browser: Browser, page: Path) -> Iterator[Tab]:
+@pytest.fixture(scope="module")
+def shown(browser: Browser, page: Path) -> Iterator[Tab]:
+    """The page for tests that look at it and change nothing but its frame."""
     with opened(browser, page) as tab:
         yield tab
 
 
+@pytest.fixture
+def tab(browser: Browser, page: Path) -> Iterator[Tab]:
+    """The page for a test that uses it, whose picture is coarse."""
+    with opened(browser, page, COARSE) as tab:
+        yield tab
+
+
 @contextmanager
-def opened(browser: Browser, page: Path) -> Iterator[Tab]:
-    """A page without a network; it must neither complain nor ask for anything."""
+def opened(browser: Browser, page: Path, dots: float = 1.0) -> Iterator[Tab]:
+    """A page without a network; it must neither complain nor ask for anything.
+
+    dots  in each direction for a pixel of its style sheet
+    """
     context = browser.new_context(
-        viewport={"width": SIZE[0], "height": SIZE[1]}, reduced_motion="reduce", offline=True
+        viewport={"width": SIZE[0], "height": SIZE[1]},
+        device_scale_factor=dots,
+        reduced_motion="reduce",
+        offline=True,
     )
     context.set_default_timeout(1000 * LIMIT)
     tab, complaints, asked = context.new_page(), list[str](), list[str]()
@@ -120,10 +136,10 @@ def picture(tab: Tab, place: Path, number: float, playing: bool = False) -> NDAr
     return read_png(place / "seen.png")[..., :3]
 
 
-def test_the_page_shows_the_sculpture_where_each_frame_has_it(tab: Tab, tmp_path: Path) -> None:
+def test_the_page_shows_the_sculpture_where_each_frame_has_it(shown: Tab, tmp_path: Path) -> None:
     middles = []
     for number in (1, 12.5, 24):
-        colours = picture(tab, tmp_path, number).astype(int)
+        colours = picture(shown, tmp_path, number).astype(int)
         coloured = np.ptp(colours, axis=2) > 60  # the sculpture; the floor is grey
         assert 0.02 < coloured.mean() < 0.3
         middles.append(np.nonzero(coloured)[1].mean())
@@ -132,11 +148,11 @@ def test_the_page_shows_the_sculpture_where_each_frame_has_it(tab: Tab, tmp_path
     assert np.allclose(np.diff(middles), moved, atol=0.05 * SIZE[0])
 
 
-def test_positions_on_the_page_are_those_of_the_keyframes(tab: Tab) -> None:
+def test_positions_on_the_page_are_those_of_the_keyframes(shown: Tab) -> None:
     mesh = moving(icosphere(8))
     keys = KeyPoses.of(DrawnMesh.of(mesh))
     for index, places in enumerate(keys.places):
-        rows = tab.evaluate(
+        rows = shown.evaluate(
             "(pose) => Array.from(flowsculpt.player.sculptures[0].positions[pose].data.array)", index
         )
         read = np.array(rows).reshape(-1, 4)[:, :3]
@@ -144,8 +160,8 @@ def test_positions_on_the_page_are_those_of_the_keyframes(tab: Tab) -> None:
         assert {tuple(row) for row in read.tolist()} == {tuple(row) for row in places.tolist()}
 
 
-def test_normals_on_the_page_are_those_of_the_keyframes(tab: Tab) -> None:
-    rows = tab.evaluate("Array.from(flowsculpt.player.sculptures[0].normals[0].data.array)")
+def test_normals_on_the_page_are_those_of_the_keyframes(shown: Tab) -> None:
+    rows = shown.evaluate("Array.from(flowsculpt.player.sculptures[0].normals[0].data.array)")
     read = np.array(rows).reshape(-1, 4)[:, :3] / 32767.0
     normals = KeyPoses.of(DrawnMesh.of(painted(moving(icosphere(8))))).normals[0]
     assert np.linalg.norm(read - normals, axis=1).max() < math.radians(0.12)
@@ -179,7 +195,7 @@ def test_a_loop_meets_its_first_frame(browser: Browser, tmp_path: Path, loop: tu
     framing = Framing(Camera((1.5, 0.5, 12.0), (1.5, 0.0, 0.0)), StagePlacement((1.5, -1.0, 0.0), 1.5))
     page = WebPage(shot, [part], dict.fromkeys(mesh.frames, framing), 16 / 9, loop)
     page.write(tmp_path / "page.html")
-    with opened(browser, tmp_path / "page.html") as tab:
+    with opened(browser, tmp_path / "page.html", COARSE) as tab:
         first = 1 + loop[1]
         assert tab.evaluate("[facts.meets, flowsculpt.player.number]") == [back, first]
         assert tab.evaluate("[flowsculpt.transport.last, flowsculpt.transport.tail]") == [24, 1]
