@@ -24,12 +24,7 @@ function download(name, content, type) {
   setTimeout(() => URL.revokeObjectURL(url), 10000);
 }
 
-/** JSON that the browser keeps under a name; null where there is none, or it keeps nothing. */
-function remembered(name) {
-  try { return JSON.parse(localStorage.getItem(name)); } catch { return null; }
-}
-
-/** Keep a value for the next visit. */
-function remember(name, value) {
-  try { localStorage.setItem(name, JSON.stringify(value)); } catch { /* the page works without */ }
+/** Do something with the browser's storage; where that is refused, what `refused` returns. */
+function stored(act, refused = () => null) {
+  try { return act(localStorage); } catch { return refused(); }
 }

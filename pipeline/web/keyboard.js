@@ -13,7 +13,9 @@ class Keyboard {
     const rows = groups.flatMap(([, each]) => each);
     this.acts = new Map([["?", () => this.help()], ...rows.flatMap(([, , acts = {}]) => Object.entries(acts))]);
     this.dialog = document.body.appendChild(make("dialog", { id: "help", ariaLabel: "Keys" }));
-    id("help-button").onclick = () => this.help();
+    const button = buttonOf("?", "Keys (?)", () => this.help(), { id: "help-button", className: "icon", ariaLabel: "Keys" });
+    document.querySelector(".bar").append(button);
+    groups.at(-1)[1].push(["?", "These keys"]);
     document.addEventListener("keydown", (event) => this.#press(event));
     document.addEventListener("click", (event) => {
       if (event.detail > 0) event.target.closest("button, select")?.blur(); // so that the next Space plays

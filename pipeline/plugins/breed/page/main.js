@@ -3,7 +3,7 @@
 const facts = JSON.parse(id("facts").textContent);
 const MOST_PARENTS = 2, MILLISECONDS = 160, HOLD = 4; // the last picture stays for some beats
 
-const state = { parents: [], favourites: [], change: facts.change, seed: facts.seed + 1, name: facts.next, ...remembered(facts.folder) };
+const state = { parents: [], favourites: [], change: facts.change, seed: facts.seed + 1, name: facts.next, ...stored((storage) => JSON.parse(storage.getItem(facts.folder))) };
 const address = (picture) => `data:image/jpeg;base64,${picture}`;
 const playing = new Set();
 let playsAll = false, beat = 0;
@@ -68,7 +68,7 @@ function prospect([one, other]) {
 
 function show() {
   refresh();
-  remember(facts.folder, state);
+  stored((storage) => storage.setItem(facts.folder, JSON.stringify(state)));
 }
 
 /** What the fields make of what is typed. */
@@ -103,6 +103,5 @@ give(id("play"), { onclick: playAll, ariaPressed: () => playsAll });
 new Keyboard([["Children", [
   ["Space", "Play all", { " ": playAll }],
   ["1 … 9", "Make a child a favourite; with Tab the others too", Object.fromEntries(facts.children.slice(0, 9).map((child, i) => [i + 1, child.like]))],
-  ["?", "These keys"],
 ]]]);
 show();

@@ -13,7 +13,6 @@ function timeOf(player) {
   new Keyboard([["Playing", playback.keys], ["Looking", [
     ...player.orbit.keys,
     ["C", "The shot's camera", { c: follow }],
-    ["?", "These keys"],
   ]]]);
   transport.listen(() => {
     refresh();

@@ -42,7 +42,6 @@ class LivePage {
         ["↑ ↓", "In a number: a step; with Shift ten"],
         ["Esc", "Give up a drag"],
         ["V H", "Show or hide values, handles", { v: () => this.togglePanel(), h: () => this.handles.toggle() }],
-        ["?", "These keys"],
       ]],
       ["A key of a curve", [
         ["S", "Set one of the chosen curve at this frame", { s: () => this.addKey() }],

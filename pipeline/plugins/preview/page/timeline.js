@@ -58,12 +58,14 @@ class CurveRow {
   /** The easing from a key to the next. */
   easeOf(key) { return key.ease ?? (key.right ? "bezier" : this.value.curve.ease); }
 
-  /** The edits that set part of a key: `value`, `ease`, `left` or `right`. */
+  /** Numbers as the file has them. */
+  inFile(numbers) { return this.value.is_vector ? numbers : numbers[0]; }
+
+  /** The edits that set part of a key: `ease`, `left` or `right`. */
   keyEdits(key, part, given) {
     const where = [...this.value.where, "keys", key.time];
-    if (isDetailed(this.value, key)) return [{ kind: given === null ? "remove" : "set", where: [...where, part], value: given }];
-    if (part === "value") return [{ kind: "set", where, value: given }];
-    return [{ kind: "set", where, value: { value: this.value.is_vector ? key.value : key.value[0], [part]: given } }];
+    if (isDetailed(this.value, key)) return [{ kind: "set", where: [...where, part], value: given }];
+    return [{ kind: "set", where, value: { value: this.inFile(key.value), [part]: given } }];
   }
 
   /** The time of a frame as the file has times: seconds where the key had them. */
@@ -82,7 +84,7 @@ class CurveRow {
     if (this.keys.some((key) => key.frame === frame)) return;
     const given = row.map((number) => rounded(number, this.plot.step / 10));
     this.timeline.point = this.keys.filter((key) => key.frame < frame).length;
-    shot.edit([{ kind: "set", where: [...this.value.where, "keys", frame], value: this.value.is_vector ? given : given[0] }]);
+    shot.edit([{ kind: "set", where: [...this.value.where, "keys", frame], value: this.inFile(given) }]);
   }
 
   #addSettings() {
@@ -221,7 +223,7 @@ class CurvePlot {
     }
     if (to.value.some((number, i) => number !== key.value[i])) {
       const path = [...where, "keys", moved.time, ...(isDetailed(this.value, key) ? ["value"] : [])];
-      edits.push({ kind: "set", where: path, value: this.value.is_vector ? to.value : to.value[0] });
+      edits.push({ kind: "set", where: path, value: this.row.inFile(to.value) });
     }
     return edits;
   }
@@ -253,7 +255,7 @@ class CurvePlot {
       const arm = this.svg.appendChild(svg("line", { class: "arm", x1: this.x(key.frame), y1: this.y(number), x2: at.x, y2: at.y }));
       const grip = this.svg.appendChild(handleOf(`${side} handle at frame ${key.frame}`, `${this.row.name} ${side} ${part}`, number + given[1][part]));
       const dot = grip.appendChild(svg("circle", { class: "grip", cx: at.x, cy: at.y, r: 4.5 }));
-      const edits = (frames, value) => this.row.keyEdits(key, side, [rounded(frames, 0.1), this.#parts(given[1].map((old, i) => rounded(i === part ? value : old, this.step / 2)))]);
+      const edits = (frames, value) => this.row.keyEdits(key, side, [rounded(frames, 0.1), this.row.inFile(given[1].map((old, i) => rounded(i === part ? value : old, this.step / 2)))]);
       const moved = (event) => {
         const frames = side === "right" ? Math.max(0, this.#frameAt(event) - key.frame) : Math.min(0, this.#frameAt(event) - key.frame);
         return [frames, this.#numberAt(event) - number];
@@ -272,8 +274,6 @@ class CurvePlot {
       });
     });
   }
-
-  #parts(numbers) { return this.value.is_vector ? numbers : numbers[0]; }
 
   /** The handle that a key without one has, from the slope of the curve beside it. */
   #automatic(key, frames) {

@@ -40,25 +40,22 @@ class Values {
     const focused = document.activeElement?.closest?.(".field")?.dataset.path;
     const wasOpen = new Map([...this.panel.querySelectorAll("details")].map((part) => [part.dataset.group, part.open]));
     this.shape = shape;
-    this.fields = [];
-    this.panel.replaceChildren();
-    const groups = new Map();
-    for (const value of values) {
-      const group = groupOf(value.where), key = nameOf(group);
-      if (!groups.has(key)) groups.set(key, this.#group(group, wasOpen.get(key) ?? (group[0] === "camera" || flowsAt(group) >= 0)));
-      const rest = value.where.slice(group.length).map((part) => String(part).replaceAll("_", " "));
-      const field = fieldOf(this.page, value, rest.join(" › ") || PARTS[group[0]].toLowerCase());
-      this.fields.push(field);
-      groups.get(key).append(field.row);
-    }
+    this.fields = values.map((value) => {
+      const group = groupOf(value.where), rest = value.where.slice(group.length).map((part) => String(part).replaceAll("_", " "));
+      return fieldOf(this.page, value, rest.join(" › ") || PARTS[group[0]].toLowerCase());
+    });
+    const groups = Map.groupBy(this.fields, ({ value }) => nameOf(groupOf(value.where)));
+    this.panel.replaceChildren(...[...groups].map(([name, fields]) => detailsOf(name, fields, wasOpen.get(name))));
     if (focused) this.panel.querySelector(`[data-path="${CSS.escape(focused)}"]`)?.querySelector("input, select, button")?.focus();
   }
+}
 
-  #group(group, open) {
-    const [title, note] = titleOf(group), words = make("summary", {}, `${title[0].toUpperCase()}${title.slice(1)} `);
-    if (note) words.append(make("small", {}, note));
-    return this.panel.appendChild(make("details", { open, data: { group: nameOf(group) } }, words));
-  }
+/** A group of fields; those of the camera and of flows are open at first. */
+function detailsOf(name, fields, wasOpen) {
+  const group = groupOf(fields[0].value.where), open = wasOpen ?? (group[0] === "camera" || flowsAt(group) >= 0);
+  const [title, note] = titleOf(group), words = make("summary", {}, `${title[0].toUpperCase()}${title.slice(1)} `);
+  if (note) words.append(make("small", {}, note));
+  return make("details", { open, data: { group: name } }, words, ...fields.map(({ row }) => row));
 }
 
 /** A step of 1, 2 or 5 times a power of ten for about so many steps over a span. */

@@ -14,7 +14,7 @@ function buildControls(review) {
   const [a, b] = ["a", "b"].map((side) => make("label", "inline", make("b", {}, side.toUpperCase()), sequenceList(review, side)));
   b.hidden = isAlone;
   id("choose").append(a, swap, b);
-  const modes = Object.entries(MODE_NAMES).filter(([mode]) => mode !== "grid" || review.hasGrid);
+  const modes = Object.entries(MODE_NAMES).filter(([mode]) => mode !== "grid" || review.grid.isUseful);
   id("modes").append(segments("How A and B are shown", modes.map(([mode, about]) => (
     buttonOf(...about, () => review.setMode(mode), { ariaPressed: () => review.mode === mode })
   ))));
@@ -31,6 +31,10 @@ function buildControls(review) {
   give(id("viewing-button"), { onclick: () => review.viewing.toggle(), ariaPressed: () => review.viewing.isOn });
   give(id("panel-button"), { onclick: () => review.togglePanel(), ariaPressed: () => !id("panel").hidden });
   give(id("splitter"), { hidden: () => id("panel").hidden });
+  const shown = () => ({ a: [review.a], b: [review.b] })[review.mode] ?? [review.a, review.b];
+  const label = () => `Frame ${review.transport.frame}, ${shown().map((each) => each.name(review.isAlone)).join(" and ")}`;
+  give(id("stage"), { hidden: () => review.mode === "grid", ariaLabel: label });
+  give(id("grid"), { hidden: () => review.mode !== "grid" });
   for (const [name, about] of Object.entries(TABS)) addTab(review, name, ...about);
   give(id("tag-a"), { textContent: () => tagsOf(review)[0] });
   give(id("tag-b"), { textContent: () => tagsOf(review)[1] });
@@ -158,7 +162,6 @@ function keysOf(r) {
       ["E", "Triangles of the mesh", { e: () => r.panels.mesh.toggle("lines") }],
       ["Shift M", "All frames as one mesh, or simulated ones", { M: () => r.panels.mesh.toggle("plays") }],
       ["C", "The shot's camera in the mesh view", { c: () => r.panels.mesh.view?.follow(true) }],
-      ["?", "These keys"],
     ]],
   ];
 }

@@ -12,7 +12,7 @@ class Review {
     this.transport = new Transport({ isReady: (frame) => this.#isReady(frame) });
     this.playback = new Playback(this.transport);
     this.stage = new Stage(id("stage"), this);
-    this.notes = new NoteBook(data.page, data.notes, () => this.redraw(), (words) => tell(words, true));
+    this.notes = new NoteBook(data.page, data.notes, () => this.redraw());
     this.ink = new InkLayer(id("ink"), this);
     this.drawing = new Drawing(id("drawing"), this);
     this.tab = this.notes.all.length ? "notes" : "measures";
@@ -59,8 +59,6 @@ class Review {
     if (MODE_NAMES[said.get("mode")]) this.setMode(said.get("mode"));
   }
 
-  get hasGrid() { return this.grid.isUseful; }
-
   /** The sequence that notes are written on. */
   get shownSequence() { return this.mode === "b" ? this.b : this.a; }
 
@@ -105,7 +103,7 @@ class Review {
   }
 
   setMode(mode) {
-    if (mode === "grid" && !this.hasGrid) return;
+    if (mode === "grid" && !this.grid.isUseful) return;
     this.mode = mode;
     if (mode !== "grid") this.stage.mode = mode;
     this.redraw();
@@ -156,8 +154,6 @@ class Review {
 
   // What follows from it
 
-  isCached(frame) { return this.cache.get(this.a.url(frame)) !== null; }
-
   #shown(frame) {
     if (this.mode === "grid") return this.grid.urls(frame);
     const shown = this.mode === "b" ? [this.b] : this.stage.needsB ? [this.a, this.b] : [this.a];
@@ -191,25 +187,18 @@ class Review {
 
   #frameChanged() {
     this.#preload();
-    this.#drawPicture();
     refresh();
+    this.#drawPicture();
     this.panels[this.tab].draw();
     this.viewing.draw();
     if (!this.transport.playing) this.#rememberSoon();
   }
 
   #drawPicture() {
-    id("grid").hidden = this.mode !== "grid";
-    id("stage").hidden = this.mode === "grid";
     this.ink.draw();
-    if (this.mode === "grid") return this.grid.draw();
-    this.stage.draw();
-    if (!this.drawn && this.cache.get(this.a.url(this.transport.frame))) {
-      this.drawn = performance.now();
-      performance.mark("first picture");
-    }
-    const names = { a: [this.a], b: [this.b] }[this.mode] ?? [this.a, this.b];
-    id("stage").ariaLabel = `Frame ${this.transport.frame}, ${names.map((each) => each.name(this.isAlone)).join(" and ")}`;
+    if (this.mode === "grid") this.grid.draw();
+    else this.stage.draw();
+    if (this.cache.get(this.a.url(this.transport.frame))) this.drawn ??= performance.now(); // ms until it was first seen
   }
 
   /** Draw everything as it is now. */

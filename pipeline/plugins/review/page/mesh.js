@@ -3,7 +3,7 @@
 
 class MeshPanel {
   constructor(element, review, three, hint) {
-    Object.assign(this, { element, review, three, hint, plays: true, lines: false, moving: new Map(), words: make("p", "note") });
+    Object.assign(this, { element, review, three, hint, plays: true, lines: false, words: make("p", "note") });
     element.classList.add("mesh");
   }
 
@@ -16,7 +16,8 @@ class MeshPanel {
   }
 
   async #begin() {
-    const bundle = await loadThree(this.three);
+    await script(this.three); // its text, for a page that lies in a folder may load no modules from it
+    const bundle = await moduleOf(window.reviewThree);
     const decode = async (data) => (data.glb ? new bundle.GLTFLoader().parseAsync((await inflated(data.glb)).buffer, "") : data);
     this.models = new ScriptStore("models", "reviewModel", decode, () => this.draw());
     this.view = new MeshView(bundle.THREE, this.review);
@@ -47,16 +48,11 @@ class MeshPanel {
     refresh(this.element);
     if (data === false) this.words.textContent = `${file} cannot be read.`;
     if (!data) return;
-    if (this.view.shownName !== file) this.view.put(file, plays ? this.#motion(file, data) : new StillMeshes(this.view.THREE, data, number));
+    const { THREE } = this.view, motionOf = () => (data.meshes ??= new MovingMesh(THREE, data, motion.first, a.about.fps));
+    if (this.view.shownName !== file) this.view.put(file, plays ? motionOf() : new StillMeshes(THREE, data, number));
     this.view.lines = this.lines;
     const words = this.view.show(transport.frame), without = isBroken ? "its file cannot be read." : motion.without;
     this.words.textContent = without ? `${words}. It does not play: ${without}` : words;
-  }
-
-  #motion(file, gltf) {
-    const { motion, fps } = this.review.a.about;
-    if (!this.moving.has(file)) this.moving.set(file, new MovingMesh(this.view.THREE, gltf, motion.first, fps));
-    return this.moving.get(file);
   }
 }
 

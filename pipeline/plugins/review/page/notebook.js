@@ -2,12 +2,9 @@
 // has of review_notes.py.
 
 class NoteBook {
-  /**
-   * `page` is the page's identity, `given` the notes that it was written with; `changed()` is called after
-   * every change, and `tell(words)` where the browser keeps nothing.
-   */
-  constructor(page, given, changed, tell) {
-    Object.assign(this, { changed, tell });
+  /** `page` is the page's identity, `given` the notes that it was written with; `changed()` is called after every change. */
+  constructor(page, given, changed) {
+    this.changed = changed;
     this.prefix = `flowsculpt.notes.1/${page}/`;
     this.notes = new Map();
     this.unsettled = new Set();  // ids of notes whose latest revision may still be replaced
@@ -77,7 +74,7 @@ class NoteBook {
     const step = from.pop(), note = step && this.notes.get(step.id);
     if (!step) return;
     if (Object.entries(step[expected]).some(([name, value]) => canonical(note[name]) !== canonical(value))) {
-      this.tell("The note was changed elsewhere since, and stays as it is.");
+      tell("The note was changed elsewhere since, and stays as it is.", true);
       this.changed();
       return;
     }
@@ -107,11 +104,11 @@ class NoteBook {
     return `${JSON.stringify({ format: NOTES_FORMAT, version: NOTES_VERSION, notes }, null, 1)}\n`;
   }
 
-  get author() { return this.name ?? this.#store((storage) => storage.getItem("flowsculpt.author")) ?? ""; }
+  get author() { return this.name ?? stored((storage) => storage.getItem("flowsculpt.author")) ?? ""; }
 
   set author(name) {
     this.name = name.replace(/[\x00-\x1f\x7f-\x9f]|\p{Surrogate}/gu, "").trim().slice(0, 200);
-    this.#store((storage) => storage.setItem("flowsculpt.author", this.name));
+    stored((storage) => storage.setItem("flowsculpt.author", this.name));
   }
 
   #take(notes) {
@@ -128,31 +125,24 @@ class NoteBook {
   }
 
   #keep(note) {
-    if (!saysNothing(note)) this.#store((storage) => storage.setItem(this.prefix + note.id, JSON.stringify(note)), true);
+    if (!saysNothing(note)) stored((storage) => storage.setItem(this.prefix + note.id, JSON.stringify(note)), () => this.#tellUnsaved());
+  }
+
+  /** Tell once that the browser refuses to keep notes. */
+  #tellUnsaved() {
+    this.isSaved = false;
+    if (!this.hasTold) tell("This browser keeps no notes: download them before you leave the page.", true);
+    this.hasTold = true;
   }
 
   /** What an earlier visit left; what is no note is passed over. */
   #kept() {
     const read = (storage) => Object.keys(storage).filter((key) => key.startsWith(this.prefix)).map((key) => storage.getItem(key));
-    return (this.#store(read) ?? []).flatMap(parsedNote);
+    return stored(read, () => []).flatMap(parsedNote);
   }
 
   #fromOtherTab({ key, newValue }) {
     if (key?.startsWith(this.prefix) && newValue) this.merge(parsedNote(newValue));
-  }
-
-  /** Do something with the browser's storage, which may refuse; that it does is told once. */
-  #store(act, mustKeep = false) {
-    try {
-      return act(window.localStorage);
-    } catch {
-      if (mustKeep) {
-        this.isSaved = false;
-        if (!this.hasTold) this.tell("This browser keeps no notes: download them before you leave the page.");
-        this.hasTold = true;
-      }
-      return null;
-    }
   }
 }
 

@@ -61,12 +61,6 @@ function script(url) {
   });
 }
 
-/** three.js: kept as text, for a page that lies in a folder may load no modules from it. */
-async function loadThree(file) {
-  await script(file);
-  return moduleOf(window.reviewThree);
-}
-
 class Store {
   /**
    * arrived  (name) called when something can be used, or is known to be broken

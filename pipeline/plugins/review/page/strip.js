@@ -18,8 +18,8 @@ class ReviewStrip extends FrameStrip {
   }
 
   #state(frame) {
-    const [state] = this.review.a.state(frame);
-    return state !== "done" ? state : this.review.isCached(frame) ? "there" : "old";
+    const { a, cache } = this.review, [state] = a.state(frame);
+    return state !== "done" ? state : cache.get(a.url(frame)) ? "there" : "old";
   }
 
   #notesAt(frame) { return this.review.notes.of(this.review.a).filter(({ first, last }) => first <= frame && frame <= last); }
