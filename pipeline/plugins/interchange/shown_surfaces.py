@@ -8,14 +8,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flowsculpt import TriangleMesh, vertex_normals
+from flowsculpt import Thresholds, TriangleMesh, vertex_normals
 from flowsculpt.api.flows import TriangleTree
 from flowsculpt.api.meshes import (
     Floats,
     Indices,
     connected_components,
     edge_keys,
-    edges_by_angle,
     split_at_creases,
 )
 
@@ -151,7 +150,7 @@ class ShownSurface:
     def with_creases(self) -> TriangleMesh:
         """Return the bare mesh with its creases."""
         mesh = TriangleMesh(self.mesh.vertices, self.mesh.faces)
-        return mesh.with_creases(edges_by_angle(mesh, self.hard_angle))
+        return Thresholds(self.edge, hard_angle=self.hard_angle).with_hard_edges(mesh)
 
     def vertices_places(self) -> Places:
         """Return the places of its own vertices."""
@@ -197,7 +196,7 @@ class ShownSurface:
     @cached_property
     def _bounds(self) -> tuple[TriangleTree | None, Floats]:
         """Creases and rims as a tree of segments, None without any; and their ends (K, 2, 3)."""
-        rims, creases = rims_of(self.mesh.faces), edges_by_angle(self.mesh, self.hard_angle)
+        rims, creases = rims_of(self.mesh.faces), self.with_creases().creases
         ends = self.mesh.vertices[np.concatenate([creases, rims])]
         return TriangleTree.of(ends[:, [0, 1, 1]]) if len(ends) else None, ends
 
