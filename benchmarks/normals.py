@@ -115,9 +115,6 @@ class Ball(Subject, AnalyticSurface):
     def normals(self, points: Points) -> Vectors:
         return self._sphere.normals(points - np.array(self.centre))
 
-    def encloses(self, points: Points) -> AnyArray:
-        return self._sphere.encloses(points - np.array(self.centre))
-
 
 def films() -> dict[str, Motion]:
     """Return the films: 150 frames of 1/50 s, and 120 of 1/240 s."""

@@ -1,6 +1,6 @@
-"""The commands of the core, and the one format of models that it reads."""
+"""The commands of the core."""
 
-from flowsculpt.pipeline.plugin import Command, FileFormat, Plugin
+from flowsculpt.pipeline.plugin import Command, Plugin
 
 _COMMANDS = "flowsculpt.pipeline.cli.render_commands"
 
@@ -28,6 +28,5 @@ PLUGIN = Plugin(
             "Maintain",
         ),
     },
-    formats={"ply": FileFormat("flowsculpt.pipeline.mesh.ply_files:PLY")},
 )
 """What the core adds, by the contract that plug-ins have."""

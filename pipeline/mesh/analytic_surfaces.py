@@ -48,6 +48,10 @@ class AnalyticSurface(ABC):
     def normals(self, points: Points) -> Vectors:
         """Return the outward unit normal (N, 3) at the nearest point to each; zero on a crease."""
 
+
+class SolidSurface(AnalyticSurface):
+    """The surface of a solid, which has an inside and texture coordinates."""
+
     @abstractmethod
     def encloses(self, points: Points) -> AnyArray:
         """Return flags (N,) of the points inside, or on the surface."""
@@ -62,7 +66,7 @@ class AnalyticSurface(ABC):
 
 
 @dataclass(frozen=True)
-class SphereSurface(AnalyticSurface):
+class SphereSurface(SolidSurface):
     """A sphere."""
 
     radius: float
@@ -83,7 +87,7 @@ class SphereSurface(AnalyticSurface):
 
 
 @dataclass(frozen=True)
-class TorusSurface(AnalyticSurface):
+class TorusSurface(SolidSurface):
     """A torus around y; `radius` reaches to the middle of the tube."""
 
     radius: float
@@ -109,7 +113,7 @@ class TorusSurface(AnalyticSurface):
 
 
 @dataclass(frozen=True)
-class CapsuleSurface(AnalyticSurface):
+class CapsuleSurface(SolidSurface):
     """A cylinder along y with round caps; `length` includes them."""
 
     length: float
@@ -139,7 +143,7 @@ class CapsuleSurface(AnalyticSurface):
 
 
 @dataclass(frozen=True)
-class CylinderSurface(AnalyticSurface):
+class CylinderSurface(SolidSurface):
     """A cylinder along y with flat caps."""
 
     length: float
@@ -187,7 +191,7 @@ class CylinderSurface(AnalyticSurface):
 
 
 @dataclass(frozen=True)
-class BoxSurface(AnalyticSurface):
+class BoxSurface(SolidSurface):
     """A box along the axes; `size` holds the full extents."""
 
     size: tuple[float, float, float]
@@ -213,7 +217,7 @@ class BoxSurface(AnalyticSurface):
 
 
 @dataclass(frozen=True)
-class SheetSurface(AnalyticSurface):
+class SheetSurface(SolidSurface):
     """A rectangle in the plane y = 0, facing upwards; `size` is along x and z."""
 
     size: tuple[float, float]
@@ -253,12 +257,6 @@ class RepeatedSurface(AnalyticSurface):
         copy = self._copies(points)
         return self.placements.turned(self.surface.normals(self.placements.local(points, copy)), copy)
 
-    def encloses(self, points: Points) -> AnyArray:
-        return self.surface.encloses(self.placements.local(points, self._copies(points)))
-
-    def texture(self, points: Points, faces: Faces) -> tuple[Floats, AnyArray]:
-        return self.surface.texture(self.placements.local(points, self._copies(points)), faces)
-
     def _copies(self, points: Points) -> AnyArray:
         """Return the numbers (N,) of the copies whose middles are nearest to points."""
         if len(self.middles) == 1:
@@ -289,7 +287,7 @@ BLOCK = 20_000  # points per block: each is compared with 30 rectangles
 
 
 @dataclass(frozen=True)
-class BarLattice(AnalyticSurface):
+class BarLattice(SolidSurface):
     """Square bars around the origin. If `size` equals `thickness` along an axis they lie in one layer.
 
     size       full extents in x, y and z, scene units, the outer bars included

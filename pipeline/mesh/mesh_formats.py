@@ -18,7 +18,6 @@ import numpy as np
 
 from flowsculpt.pipeline.arrays import AnyArray, Faces, Floats, Indices, Points
 from flowsculpt.render.base.input_files import InputFile, joint_digest
-from flowsculpt.render.base.plural import plural
 from flowsculpt.render.scene.painted_faces import PaintedFaces
 
 if TYPE_CHECKING:
@@ -82,7 +81,15 @@ class FileSurface(NamedTuple):
         else:
             offsets = offsets_of([len(face) for face in faces])
             corners = np.fromiter(chain.from_iterable(faces), np.int64)
-        return polygon_surface(points, offsets, corners, groups, tagged, base, notes)
+        outside = (corners < 0) | (corners >= len(points))
+        if outside.any():
+            c = int(np.argmax(outside))
+            face = int(np.searchsorted(offsets, c, side="right")) - 1
+            first = base or 0
+            fact = f"face {face + first} names vertex {corners[c] + first}"
+            raise ValueError(f"{fact}; the file has {len(points)} vertices, numbered from {first}")
+        alike = np.zeros(len(offsets) - 1, np.int64) if groups is None else np.array(groups, np.int64)
+        return cls(points, offsets, corners, alike, np.array(tagged, np.int64).reshape(-1, 2), base, notes)
 
     @property
     def shares_vertices(self) -> bool:
@@ -94,39 +101,6 @@ def offsets_of(sides: Sequence[int] | AnyArray) -> AnyArray:
     offsets = np.zeros(len(sides) + 1, np.int64)
     np.cumsum(sides, out=offsets[1:])
     return offsets
-
-
-def polygon_surface(
-    points: Points,
-    offsets: AnyArray,
-    corners: AnyArray,
-    groups: Sequence[int] | None = None,
-    tagged: Sequence[tuple[int, int]] = (),
-    base: int | None = 0,
-    notes: tuple[str, ...] = (),
-) -> FileSurface:
-    """Return the surface of faces whose corners, int64 (C,), are in one list; `offsets` as in FileSurface.
-
-    Raises ValueError where a face names a missing vertex.
-    """
-    outside = (corners < 0) | (corners >= len(points))
-    if outside.any():
-        c = int(np.argmax(outside))
-        face = int(np.searchsorted(offsets, c, side="right")) - 1
-        first = base or 0
-        fact = f"face {face + first} names vertex {corners[c] + first}"
-        raise ValueError(f"{fact}; the file has {len(points)} vertices, numbered from {first}")
-    alike = np.zeros(len(offsets) - 1, np.int64) if groups is None else np.array(groups, np.int64)
-    return FileSurface(
-        points, offsets, corners, alike, np.array(tagged, np.int64).reshape(-1, 2), base, notes
-    )
-
-
-def early_end(promised: int, item: str, present: int) -> ValueError:
-    """Return the error of a file whose header promises more items than there are."""
-    there = f"{present} {'is' if present == 1 else 'are'} there"
-    count = plural(promised, item, "vertices" if item == "vertex" else "")
-    return ValueError(f"it ends early: its header promises {count}, and {there}")
 
 
 MOST_BYTES = 1 << 30  # bytes of a mesh file at most

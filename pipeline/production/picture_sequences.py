@@ -88,15 +88,6 @@ class PictureSequence:
                 pictures[number] = PictureFile(path, str(header["key"]), header)
         return pictures
 
-    @property
-    def shot_text(self) -> str | None:
-        """The quality, the settings and the shot files in one text, by which sequences are compared."""
-        if self.source is None:
-            return None
-        head = [f"# quality {self.quality}", *(f"# --set {setting}" for setting in self.source.settings)]
-        files = [(self.source.path.name, self.source.text), *sorted(self.source.beside)]
-        return "\n".join([*head, *(f"# {Path(name).name}\n{text.rstrip()}" for name, text in files)])
-
     def states(self) -> dict[int, tuple[str, str]]:
         """Return by frame the state and the reason of frames that are missing, failed or stale."""
         states: dict[int, tuple[str, str]] = {}

@@ -217,17 +217,6 @@ class FaceSurface(AnalyticSurface):
     def normals(self, points: Points) -> Vectors:
         return unit(self.blended(self.vertex_normals, *self.located(points)))
 
-    def encloses(self, points: Points) -> AnyArray:
-        """Return flags (N,) of the points on the inner side of the nearest face."""
-        face, shares = self.located(points)
-        away = points - self.blended(self.vertices, face, shares)
-        a, b, c = self.vertices[self.faces[face]].swapaxes(0, 1)
-        return np.asarray(np.einsum("ij,ij->i", away, np.cross(b - a, c - a)) <= 0.0)
-
-    def texture(self, points: Points, faces: Faces) -> tuple[Floats, AnyArray]:
-        """Return zeros: the paint of the model has its coordinates."""
-        return np.zeros((len(faces), 3, 2)), np.zeros(len(faces), np.int64)
-
 
 @dataclass(frozen=True, eq=False)
 class AnimatedFlow(Flow):

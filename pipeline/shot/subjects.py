@@ -32,6 +32,7 @@ from flowsculpt.pipeline.mesh.analytic_surfaces import (
     CapsuleSurface,
     CylinderSurface,
     SheetSurface,
+    SolidSurface,
     SphereSurface,
     TorusSurface,
     lattice,
@@ -161,7 +162,7 @@ class SolidKind:
 
     measures: Mapping[str, Measure]
     make: Callable[..., TriangleMesh]
-    surface: Callable[..., AnalyticSurface]
+    surface: Callable[..., SolidSurface]
     polygons: Callable[..., PolygonMesh] | None = None
 
 
@@ -170,11 +171,11 @@ def _icosphere(edge_length: float, radius: float) -> TriangleMesh:
     return icosphere(max(1, edges), radius)
 
 
-def _rod(length: float, radius: float, caps: str) -> AnalyticSurface:
+def _rod(length: float, radius: float, caps: str) -> SolidSurface:
     return CapsuleSurface(length, radius) if caps == "round" else CylinderSurface(length, radius)
 
 
-def _box(size: float | tuple[float, float, float]) -> AnalyticSurface:
+def _box(size: float | tuple[float, float, float]) -> SolidSurface:
     return BoxSurface(size if isinstance(size, tuple) else (size, size, size))
 
 
@@ -227,7 +228,7 @@ class Solid(Subject):
         return cls(solid, measures_of(Solid.KINDS[solid].measures, given))
 
     @property
-    def project(self) -> AnalyticSurface:
+    def project(self) -> SolidSurface:
         return Solid.KINDS[self.solid].surface(*(value for _, value in self.measures))
 
     def build(self, max_edge_length: float | None = None) -> TriangleMesh:

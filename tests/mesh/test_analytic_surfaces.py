@@ -11,17 +11,17 @@ from flowsculpt.pipeline.arrays import AnyArray, Floats
 from flowsculpt.pipeline.mesh import TriangleMesh, box, icosphere, rod, sheet, torus, vertex_normals
 from flowsculpt.pipeline.mesh.analytic_surfaces import (
     RIM,
-    AnalyticSurface,
     BoxSurface,
     CapsuleSurface,
     CylinderSurface,
     SheetSurface,
+    SolidSurface,
     SphereSurface,
     TorusSurface,
 )
 from flowsculpt.pipeline.shot import Solid
 
-SOLIDS: dict[str, tuple[TriangleMesh, AnalyticSurface]] = {
+SOLIDS: dict[str, tuple[TriangleMesh, SolidSurface]] = {
     "sphere": (icosphere(12, 1.3), SphereSurface(1.3)),
     "torus": (torus(1.0, 0.4, 0.1), TorusSurface(1.0, 0.4)),
     "capsule": (rod(3.0, 0.5, 0.1), CapsuleSurface(3.0, 0.5)),
@@ -36,9 +36,7 @@ seeds = st.integers(0, 2**32 - 1)
 
 
 @each_solid
-def test_vertices_of_the_mesh_lie_on_the_surface_and_stay(
-    mesh: TriangleMesh, surface: AnalyticSurface
-) -> None:
+def test_vertices_of_the_mesh_lie_on_the_surface_and_stay(mesh: TriangleMesh, surface: SolidSurface) -> None:
     np.testing.assert_allclose(surface(mesh.vertices), mesh.vertices, atol=1e-15)
 
 
@@ -46,7 +44,7 @@ def test_vertices_of_the_mesh_lie_on_the_surface_and_stay(
 @settings(max_examples=15, deadline=None)
 @given(seed=seeds)
 def test_no_point_of_the_mesh_is_nearer_than_the_nearest(
-    mesh: TriangleMesh, surface: AnalyticSurface, seed: int
+    mesh: TriangleMesh, surface: SolidSurface, seed: int
 ) -> None:
     points = np.random.default_rng(seed).uniform(-2, 2, (20, 3))
     distance = np.linalg.norm(surface(points) - points, axis=1)
@@ -59,7 +57,7 @@ def test_no_point_of_the_mesh_is_nearer_than_the_nearest(
 @settings(max_examples=15, deadline=None)
 @given(seed=seeds)
 def test_what_lies_on_the_surface_stays_and_finds_itself_along_its_normal(
-    mesh: TriangleMesh, surface: AnalyticSurface, seed: int
+    mesh: TriangleMesh, surface: SolidSurface, seed: int
 ) -> None:
     rng = np.random.default_rng(seed)
     on = surface(rng.uniform(-2, 2, (40, 3)))
@@ -78,7 +76,7 @@ def test_what_lies_on_the_surface_stays_and_finds_itself_along_its_normal(
 
 @each_solid
 def test_normals_point_outwards_like_the_meshes_and_vanish_at_creases(
-    mesh: TriangleMesh, surface: AnalyticSurface
+    mesh: TriangleMesh, surface: SolidSurface
 ) -> None:
     normals, smooth = surface.normals(mesh.vertices), vertex_normals(mesh)
     known = normals.any(axis=1)
@@ -110,7 +108,7 @@ def test_a_rim_bent_by_interpolation_is_put_on_the_rim() -> None:
 
 
 @each_solid
-def test_even_the_centre_has_a_nearest_point(mesh: TriangleMesh, surface: AnalyticSurface) -> None:
+def test_even_the_centre_has_a_nearest_point(mesh: TriangleMesh, surface: SolidSurface) -> None:
     on = surface(np.zeros((1, 3)))
     assert np.isfinite(on).all() and np.isfinite(surface.normals(np.zeros((1, 3)))).all()
     moved = np.linalg.norm(surface(on) - on, axis=1)
@@ -132,7 +130,7 @@ def test_a_rod_with_flat_caps_is_a_cylinder_and_a_box_may_have_one_measure() -> 
     assert Solid.of("box", {"size": 2.0}).project == BoxSurface((2.0, 2.0, 2.0))
 
 
-def place_of(surface: AnalyticSurface, coordinates: Floats) -> Floats:
+def place_of(surface: SolidSurface, coordinates: Floats) -> Floats:
     """The points (..., 3) of a surface that texture coordinates (..., 2) name."""
     u, v = np.moveaxis(coordinates, -1, 0)
     around, right, ahead = 2 * np.pi * (u - 0.5), 0.0, 0.0
@@ -172,7 +170,7 @@ def test_texture_coordinates_name_the_place_of_each_corner(name: str) -> None:
 
 @each_solid
 def test_textures_are_not_mirrored_and_no_face_spans_the_seam(
-    mesh: TriangleMesh, surface: AnalyticSurface
+    mesh: TriangleMesh, surface: SolidSurface
 ) -> None:
     coordinates, charts = surface.texture(mesh.vertices, mesh.faces)
     across, up = np.moveaxis(coordinates[:, 1:] - coordinates[:, :1], 1, 0)

@@ -50,7 +50,7 @@ def test_a_shot_says_in_its_first_line_which_plug_ins_it_needs(path: Path) -> No
 
 
 def names_in(data: object) -> Iterator[str]:
-    """Yield the names of all entries of parsed YAML."""
+    """Yield the names of all entries of parsed YAML, and the suffixes of files in it."""
     if isinstance(data, dict):
         for name, value in data.items():
             yield str(name)
@@ -58,6 +58,8 @@ def names_in(data: object) -> Iterator[str]:
     elif isinstance(data, list):
         for value in data:
             yield from names_in(value)
+    elif isinstance(data, str):
+        yield Path(data).suffix
 
 
 @needs_plugins(*needed_by_gallery())

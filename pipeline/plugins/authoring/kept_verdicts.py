@@ -20,7 +20,7 @@ from flowsculpt import FlowsculptError
 from flowsculpt.api import plugins
 from flowsculpt.api.commands import Project
 from flowsculpt.api.files import InputFile, from_plain, to_plain
-from flowsculpt.api.frames import Folders, QualityName, Show
+from flowsculpt.api.frames import Folders, QualityName, Show, key_of
 from flowsculpt.api.options import Common
 from flowsculpt.pipeline.plugins.authoring.verdict import Verdict
 
@@ -28,11 +28,29 @@ if TYPE_CHECKING:  # imported where something is checked, which takes a second
     from flowsculpt.api.shots import Shot
     from flowsculpt.pipeline.plugins.authoring.first_frame import FirstFrames
 
-Decided = tuple[Any, tuple[tuple[str, str], ...] | None]
-"""Plain data, and paths and digests of the files that decide them; None where more does."""
+Digests = tuple[tuple[str, str], ...]
+"""Paths of files and their digests, empty for those that must not be there."""
+
+Decided = tuple[Any, Digests | None]
+"""Plain data, and the files that decide them; None where more does."""
 
 LOOKED_AT = 8
 """Frames that the light of a shot is judged by."""
+
+MOST_NAMES = 5000
+"""Names of files below the folders that a shot reads from, up to which answers about it are kept."""
+
+
+@dataclass(frozen=True)
+class _Kept:
+    """Plain data that follow from files.
+
+    names  digests of the names below the folders of the files: what is looked for may come to be there
+    """
+
+    files: Digests
+    names: Digests | None
+    data: Any
 
 
 @dataclass(frozen=True)
@@ -100,13 +118,26 @@ class Verdicts:
         """Return what is decided now, or was before; a check measures times, so that counts per machine."""
         ours = {name: value for name, value in os.environ.items() if name.startswith(_VARIABLES)}
         here = platform.node(), self.common.cores, str(Path.cwd()), ours, plugins().packages
-        return self._project.cache.found_of_files(
-            decided, *found_from, self.settings, *here, fresh=self.fresh
-        )
+        cache, key = self._project.cache, (*found_from, self.settings, *here)
 
-    def _files_of(
-        self, shots: Iterable[Shot], written: Mapping[str, str]
-    ) -> tuple[tuple[str, str], ...] | None:
+        def is_current(kept: _Kept) -> bool:
+            return (
+                kept.names is not None
+                and cache.are_current(kept.files)
+                and _names_around(kept.files) == kept.names
+            )
+
+        known = None if self.fresh else cache.get(_Kept, *key)
+        if known is not None and is_current(known):
+            return known.data
+        data, files = decided()
+        if files is not None and not plugins().left_out:
+            made = _Kept(files, _names_around(files), data)
+            if is_current(made):  # nothing is kept of files that change meanwhile
+                cache.put(made, *key)
+        return data
+
+    def _files_of(self, shots: Iterable[Shot], written: Mapping[str, str]) -> Digests | None:
         """Return the files that decide a verdict; None where there are more, such as all fonts of the system.
 
         written  the shot files, with digests from before they were read
@@ -159,6 +190,21 @@ class Verdicts:
 
 _VARIABLES = ("FLOWSCULPT_", "NUMBA_", "OMP_")
 """Beginnings of the names of environment variables by which computations go."""
+
+
+def _names_around(files: Digests) -> Digests | None:
+    """Return digests of the names below the folders of files other than shots; None for too many names."""
+    found, left = [], MOST_NAMES
+    for folder in sorted({str(Path(path).parent) for path, _ in files if not path.endswith(".yaml")}):
+        names = []
+        for place, folders, inside in os.walk(folder):
+            folders[:] = sorted(name for name in folders if not name.startswith("."))
+            names.append((place, sorted(inside)))
+            left -= 1 + len(inside)
+            if left < 0:
+                return None
+        found.append((folder, key_of(names)))
+    return tuple(found)
 
 
 def _is_whole(quality_name: str) -> bool:

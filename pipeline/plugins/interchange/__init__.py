@@ -31,6 +31,7 @@ PLUGIN = Plugin(
     },
     formats={
         "obj": FileFormat(f"{_HERE}.obj_files:OBJ", f"{_HERE}.obj_paint:OBJ_PAINT"),
+        "ply": FileFormat(f"{_HERE}.ply_files:PLY"),
         "stl": FileFormat(f"{_HERE}.stl_files:STL"),
         "off": FileFormat(f"{_HERE}.off_files:OFF"),
         **dict.fromkeys(

@@ -224,7 +224,7 @@ class ReviewPage:
         names = ("shot", "kind", "label", "quality", "note")
         return {
             **{name: getattr(sequence, name) for name in names},
-            "source": None if sequence.shot_text is None else self._sources.index(sequence.shot_text),
+            "source": None if sequence.source is None else self._sources.index(_shot_text(sequence)),
             "size": list(proxies.size),
             "numbers": list(sequence.numbers),
             "files": [proxies.files.get(number) for number in sequence.numbers],
@@ -253,7 +253,7 @@ class ReviewPage:
     @cached_property
     def _sources(self) -> list[str]:
         """The texts of shot files, each once."""
-        return list(dict.fromkeys(each.shot_text for each in self.sequences if each.shot_text is not None))
+        return list(dict.fromkeys(_shot_text(each) for each in self.sequences if each.source is not None))
 
     @cached_property
     def _runs(self) -> Runs:
@@ -319,3 +319,12 @@ def _rounded(value: Any) -> Any:
     if isinstance(value, float):
         return float(f"{value:.6g}")
     return [_rounded(inner) for inner in value] if isinstance(value, list) else value
+
+
+def _shot_text(sequence: PictureSequence) -> str:
+    """Return the quality, the settings and the shot files in one text, by which sequences are compared."""
+    source = sequence.source
+    assert source is not None, "only such sequences have a text"
+    head = [f"# quality {sequence.quality}", *(f"# --set {setting}" for setting in source.settings)]
+    files = [(source.path.name, source.text), *sorted(source.beside)]
+    return "\n".join([*head, *(f"# {Path(name).name}\n{text.rstrip()}" for name, text in files)])

@@ -50,8 +50,6 @@ if TYPE_CHECKING:
 Data = TypeVar("Data")
 
 PACKAGES = ("numpy", "numba", "trimesh", "pydantic", "ruamel.yaml", "fileseq", "mitsuba", "OpenImageIO")
-MOST_NAMES = 5000
-"""Names of files below the folders that a shot reads from, up to which answers about it are kept."""
 
 
 @dataclass(frozen=True)
@@ -90,25 +88,10 @@ class PlanningCache:
         self.put(data, *found_from)
         return data
 
-    def found_of_files(
-        self, make: Callable[[], tuple[Any, InputDigests | None]], *found_from: Any, fresh: bool = False
-    ) -> Any:
-        """Return the plain data that `make` returned last for `found_from`, if its files are as they were.
-
-        make   returns data, and path and digest of each file that decides them, "" for one that must not be
-               there; None in place of the files where others may decide. Nothing is kept of files that change
-               meanwhile, and while parts of plug-ins are left out
-        fresh  True if what it returned before is not to be used
-        """
-        known = None if fresh else self.get(_AnswerOfFiles, *found_from)
-        if known is not None and known.is_current:
-            return known.data
-        data, inputs = make()
-        if inputs is not None and not plugins().left_out:
-            made = _AnswerOfFiles(inputs, _names_around(inputs), data)
-            if made.is_current:
-                self.put(made, *found_from)
-        return data
+    @staticmethod
+    def are_current(inputs: InputDigests) -> bool:
+        """Tell whether files are as they were; the digest of one that was not there is empty."""
+        return next(changed_inputs(inputs), None) is None
 
     def prune(self) -> None:
         """Remove entries that nobody used for long. Runs do this once: listing a large folder takes time."""
@@ -125,40 +108,6 @@ class PlanningCache:
 
 
 NO_CACHE = PlanningCache(None)
-
-
-@dataclass(frozen=True)
-class _AnswerOfFiles:
-    """Plain data that follow from files.
-
-    names  digests of the names below the folders of the files: what is looked for may come to be there
-    """
-
-    inputs: InputDigests
-    names: InputDigests | None
-    data: Any
-
-    @property
-    def is_current(self) -> bool:
-        """True if the files, and the names around them, are as they were."""
-        if self.names is None or next(changed_inputs(self.inputs), None) is not None:
-            return False
-        return _names_around(self.inputs) == self.names
-
-
-def _names_around(inputs: InputDigests) -> InputDigests | None:
-    """Return digests of the names below the folders of files other than shots; None for too many names."""
-    found, left = [], MOST_NAMES
-    for folder in sorted({str(Path(path).parent) for path, _ in inputs if not path.endswith(".yaml")}):
-        names = []
-        for place, folders, files in os.walk(folder):
-            folders[:] = sorted(name for name in folders if not name.startswith("."))
-            names.append((place, sorted(files)))
-            left -= 1 + len(files)
-            if left < 0:
-                return None
-        found.append((folder, key_of(names)))
-    return tuple(found)
 
 
 @cache

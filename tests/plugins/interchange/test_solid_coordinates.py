@@ -12,7 +12,7 @@ from pxr import Usd, UsdGeom
 from flowsculpt.pipeline.animation import animate, material_of
 from flowsculpt.pipeline.arrays import Floats
 from flowsculpt.pipeline.errors import ShotError
-from flowsculpt.pipeline.mesh.analytic_surfaces import AnalyticSurface
+from flowsculpt.pipeline.mesh.analytic_surfaces import SolidSurface
 from flowsculpt.pipeline.plugins.interchange.exported_frame import exported_frame, surface_recipe
 from flowsculpt.pipeline.plugins.interchange.model_export import write_glb, write_obj
 from flowsculpt.pipeline.shot import Shot, read_shot
@@ -55,7 +55,7 @@ def shot_of(
     return read_shot(folder / "a.yaml")
 
 
-def at_middles(surface: AnalyticSurface, corners: Floats) -> Floats:
+def at_middles(surface: SolidSurface, corners: Floats) -> Floats:
     """The texture coordinates (F, 2) of the points of a surface nearest to the middles of faces (F, 3, 3)."""
     middles = surface(corners.mean(axis=1))
     around = middles[:, None] + 1e-4 * (corners - corners.mean(axis=1, keepdims=True))

@@ -343,7 +343,7 @@ def test_axes_of_a_variable_font_move_its_outlines_and_overlapping_contours_are_
         drawn(wght=1000.0)
 
 
-@needs_plugins("become")
+@needs_plugins("become", "interchange")
 def test_letters_from_drops_become_models_of_themselves(tmp_path):
     folder = ProjectFolder(tmp_path)
     assert folder.call("letters", "A061_word", "AB", "--from-drops").code == 0

@@ -91,11 +91,17 @@ WILD = np.where(np.arange(21).reshape(7, 3) == 9, np.nan, POINTS)
         ("a.xyz", "0 0 1\n0 0 1\0\n", "line 2: byte 11 is NUL"),
         ("a.xyz", "0 0 1\n0 nan 1\n0 inf 1\n", r"a.xyz: point 1 is not finite .and 1 more.; coordinates"),
         pytest.param("a.obj", "# nothing\n", "a.obj: it has no points", marks=needs_plugins("interchange")),
-        ("a.ply", "no header", "a.ply: cannot be read as PLY .it has no PLY header"),
-        (
+        pytest.param(
+            "a.ply",
+            "no header",
+            "a.ply: cannot be read as PLY .it has no PLY header",
+            marks=needs_plugins("interchange"),
+        ),
+        pytest.param(
             "a.ply",
             "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nend_header\n1\n",
             "no x, y and z",
+            marks=needs_plugins("interchange"),
         ),
         ("a.npz", "no archive", "a.npz: cannot be read as NPZ"),
         ("a.npz", bad(size=SIZES), "a.npz: it has no array points or vertices. There are: size."),

@@ -4,23 +4,20 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from flowsculpt.pipeline.arrays import AnyArray, Points
-from flowsculpt.pipeline.errors import MeshError
-from flowsculpt.pipeline.file_contents import as_utf8, number_fault
-from flowsculpt.pipeline.mesh.mesh_formats import (
-    MOST_BYTES,
-    FileSurface,
-    SurfaceReader,
-    early_end,
-    offsets_of,
-    polygon_surface,
-)
-from flowsculpt.render.base.input_files import InputFile
-from flowsculpt.render.base.plural import plural
+from flowsculpt import MeshError
+from flowsculpt.api import plural
+from flowsculpt.api.files import InputFile, number_fault, text_content
+from flowsculpt.api.meshes import FileSurface, Floats, SurfaceReader
+from flowsculpt.pipeline.plugins.interchange.scene_readers import early_end
+
+AnyArray = NDArray[Any]
+
+MOST_BYTES = 1 << 30  # size of the largest file
 
 _OLD_NAMES = {
     "char": "int8",
@@ -37,7 +34,7 @@ _CORNERS = ("vertex_indices", "vertex_index")
 _STRIPS, _GRID = "tristrips", "range_grid"
 
 _END = re.compile(rb"[\r\n][ \t]*end_header[ \t]*(?=[\r\n]|\Z)")
-_FIRST_LINE = re.compile(rb"\s*ply[ \t]*(\r\n|\n\r|\r|\n)")
+_FIRST_LINE = re.compile(rb"(?:\xef\xbb\xbf)?\s*ply[ \t]*(\r\n|\n\r|\r|\n)")
 
 _LONGEST_WORD = 64  # characters of a number in a text file, which numpy reserves for each of them
 
@@ -51,13 +48,6 @@ class Lists(NamedTuple):
 
     lengths: AnyArray
     values: AnyArray
-
-    @property
-    def offsets(self) -> AnyArray:
-        """Offsets of the values of each row, and their end, int64 (rows + 1,)."""
-        if self.values.ndim == 2:
-            return self.values.shape[1] * np.arange(len(self.values) + 1)
-        return offsets_of(self.lengths)
 
     def joined(self, others: Lists) -> Lists:
         """Return these lists and then others."""
@@ -95,12 +85,12 @@ def read_polygon_file(content: bytes) -> FileSurface:
     if not len(faces.lengths) and _rows(tables, _GRID):
         fact = f"it has a scanner's grid of ranges ({_GRID}) and no faces"
         raise MeshError(f"{fact}. Export faces from the scanner's program.")
-    surface = polygon_surface(_vertex_positions(tables), faces.offsets, faces.values.reshape(-1))
+    surface = FileSurface.of(_vertex_positions(tables), faces.values.reshape(-1), sides=faces.lengths)
     vertex = tables.get("vertex", {})
     return surface._replace(velocities=_velocities(vertex), normals=_vectors(vertex, "nx", "ny", "nz"))
 
 
-def _read_vertices(path: Path) -> tuple[Points, dict[str, AnyArray]]:
+def _read_vertices(path: Path) -> tuple[Floats, dict[str, AnyArray]]:
     """Return the positions (V, 3) of the vertices of a PLY file, and its other numbers of each (V,), by name.
 
     Raises ValueError for unreadable input, and where vertices have no positions.
@@ -121,7 +111,7 @@ _VELOCITIES = (
 """Names of the components of velocities, as programs write them as three properties of vertices."""
 
 
-def _velocities(vertex: Table) -> Points | None:
+def _velocities(vertex: Table) -> Floats | None:
     """Return the velocities (V, 3) of vertices; None where the file has none."""
     named = {name.lower().lstrip("."): column for name, column in vertex.items()}
     for name in ("velocity", "velocities", "v"):
@@ -131,7 +121,7 @@ def _velocities(vertex: Table) -> Points | None:
     return next((found for names in _VELOCITIES if (found := _vectors(named, *names)) is not None), None)
 
 
-def _vectors(vertex: Table, *names: str) -> Points | None:
+def _vectors(vertex: Table, *names: str) -> Floats | None:
     """Return the vectors (V, 3) whose components three properties of vertices are; None without them."""
     columns = [column for name in names if isinstance(column := vertex.get(name), np.ndarray)]
     return np.column_stack(columns).astype(np.float64) if len(columns) == 3 else None
@@ -143,7 +133,7 @@ def _rows(tables: dict[str, Table], element: str) -> int:
     return len(column.lengths) if isinstance(column, Lists) else len(column)
 
 
-def _vertex_positions(tables: dict[str, Table]) -> Points:
+def _vertex_positions(tables: dict[str, Table]) -> Floats:
     """Return the positions (V, 3) of the vertices. Raises ValueError where they have none."""
     vertex = tables.get("vertex", {})
     columns = [column for axis in "xyz" if isinstance(column := vertex.get(axis), np.ndarray)]
@@ -174,7 +164,7 @@ def _triangles_of(strips: Lists) -> Lists:
     Triangles that name a vertex twice only lead the strip elsewhere, and are left out.
     """
     ends = np.full(len(strips.lengths), -1)  # each list is a strip of its own too
-    vertices = np.insert(strips.values.reshape(-1), strips.offsets[1:], ends)
+    vertices = np.insert(strips.values.reshape(-1), np.cumsum(strips.lengths), ends)
     places = np.arange(len(vertices))
     begins = np.maximum.accumulate(np.where(vertices == -1, places + 1, 0))
     a, b, c = vertices[:-2], vertices[1:-1], vertices[2:]
@@ -191,7 +181,8 @@ def read_elements(content: bytes) -> dict[str, Table]:
 
     Raises ValueError for unreadable input.
     """
-    content = as_utf8(content)
+    if not _FIRST_LINE.match(content):  # it may be text of two or four bytes a character
+        content = text_content(content)
     first, end = _FIRST_LINE.match(content), _END.search(content)
     if not first or not end:
         raise ValueError("it has no PLY header")

@@ -8,7 +8,7 @@ import pytest
 from flowsculpt.pipeline.arrays import AnyArray
 from flowsculpt.pipeline.errors import MeshError
 from flowsculpt.pipeline.mesh import PolygonMesh, read_polygons
-from flowsculpt.pipeline.mesh.ply_files import read_polygon_file
+from flowsculpt.pipeline.plugins.interchange.ply_files import read_polygon_file
 from tests.mesh.brick import POINTS, QUADS, TRIANGLES, read, require_brick, rows
 
 UNEVEN = (
