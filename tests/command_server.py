@@ -40,8 +40,9 @@ from flowsculpt.render.base.python_process import PACKAGE_ROOT, SAFE_PATH, Forke
 
 HARMLESS = {
     *("DRJIT_LIBLLVM_PATH", "NUMBA_DISABLE_INTEL_SVML", "OMP_WAIT_POLICY", "OpenImageIO_ROOT"),
-    *("FLOWSCULPT_PROCESS", "FLOWSCULPT_STORE", "FLOWSCULPT_STORE_READ_ONLY", "PYTEST_CURRENT_TEST"),
-    *("AWS_ACCESS_KEY_ID", "AWS_DEFAULT_REGION", "AWS_ENDPOINT_URL", "AWS_SECRET_ACCESS_KEY", SAFE_PATH),
+    *("FLOWSCULPT_CACHE_WARNED", "FLOWSCULPT_PROCESS", "FLOWSCULPT_STORE", "FLOWSCULPT_STORE_READ_ONLY"),
+    *("AWS_ACCESS_KEY_ID", "AWS_DEFAULT_REGION", "AWS_ENDPOINT_URL", "AWS_SECRET_ACCESS_KEY"),
+    *("PYTEST_CURRENT_TEST", SAFE_PATH),
 }
 """Variables that libraries, our code and tests set in a process, and that do not change what is loaded."""
 
@@ -56,6 +57,8 @@ SUBREAPER = 36
 PLAIN = (None, 0, False, True, None, None, None, -1, False, -1)
 """Arguments of `Popen._execute_child` that a fork has, beside those that `ForkingPopen` names: startupinfo,
 creationflags, shell, restore_signals, gid, gids, uid, umask, start_new_session and process_group."""
+
+PYTHON = sys.executable  # a test may name another one
 
 LIMITS = [name for name in dir(resource) if name.startswith("RLIMIT_")]
 
@@ -74,7 +77,7 @@ def _command(args: Any, cwd: Any, env: Mapping[str, str] | None) -> Command | No
     """Return the command that arguments of `subprocess.Popen` name, if it is one of FORKED."""
     environment = dict(os.environ if env is None else env)
     match [*map(os.fspath, args)] if isinstance(args, list) else []:
-        case [sys.executable, "-P", "-m", module, *words] | [sys.executable, "-m", module, *words]:
+        case [program, "-P", "-m", module, *words] | [program, "-m", module, *words] if program == PYTHON:
             is_safe = args[1] == "-P" or SAFE_PATH in environment
             if FORKED.fullmatch(module):
                 return Command(module, words, is_safe, str(Path(cwd or ".").absolute()), environment)

@@ -71,8 +71,8 @@ def test_a_call_finds_what_set_up_has_compiled_in_an_empty_cache(tmp_path):
 def test_a_kernel_is_compiled_after_all_that_it_calls_and_once_for_all_its_callers(tmp_path):
     calls = kernel_calls()
     called, caller = (
-        "flowsculpt.pipeline.flow.kernels.instructions",
-        "flowsculpt.pipeline.flow.kernels.deformation_kernels",
+        "flowsculpt.pipeline.mesh.kernels.halfedge",
+        "flowsculpt.pipeline.mesh.kernels.face_measures",
     )
     assert calls[caller] == {called}
     code = BUILD.format(calls={called: set(), caller: {called}})
@@ -81,8 +81,8 @@ def test_a_kernel_is_compiled_after_all_that_it_calls_and_once_for_all_its_calle
     stored = [path for kind in ("kernel", "inner") for path in tmp_path.rglob(f"*.{kind}")]
     compiled = [path.name.rpartition("-")[0] for path in stored]
     assert len(compiled) == len(set(compiled))
-    assert {"load", "bend", "_bent"} <= set(compiled), (
-        "two that count as called by Python, and one that bend calls"
+    assert {"join", "cosines_at_edges", "following"} <= set(compiled), (
+        "two that Python calls, and one that only kernels call"
     )
 
 

@@ -68,7 +68,7 @@ def test_nobody_waits_for_a_kernel_that_is_compiled_in_the_background(is_in_back
     try:
         assert kernel_cache._lock_of(place).exists() != is_in_background
     finally:
-        kernel_cache.release_kernel(place)
+        kernel_cache._release_kernels(0)
     assert not kernel_cache._lock_of(place).exists()
 
 
