@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import warnings
@@ -16,7 +17,9 @@ from flowsculpt.render.base.python_process import ForkedProcess, environment, py
 from tests.command_server import COMMANDS
 from tests.conftest import ProjectFolder
 
-pytestmark = pytest.mark.skipif(not COMMANDS.is_on, reason="commands are started anew")
+pytestmark = pytest.mark.skipif(
+    not COMMANDS.is_on or "PYTHONPATH" in os.environ, reason="commands are started anew"
+)
 
 
 def test_a_command_is_forked_unless_its_environment_may_change_what_is_loaded(
