@@ -13,6 +13,7 @@ from flowsculpt.pipeline.errors import ShotError
 from flowsculpt.pipeline.production.request.manifest import mesh_keys
 from flowsculpt.pipeline.shot import read_shot
 from flowsculpt.pipeline.shot.shot import Shot
+from tests.needed_plugins import needs_plugins
 from tests.sounds import RATE, sine, times, write_sound
 
 HEAD = "title: S\nframes: 1-25\nsubject: {solid: box}\n"
@@ -51,6 +52,7 @@ def shot_of(folder: Path, **values: str) -> Shot:
     return read_shot(written(folder, HEAD + flow))
 
 
+@needs_plugins("fields")
 def test_everything_that_may_be_keyed_may_follow_a_sound_and_is_drawn(tones: Path) -> None:
     from flowsculpt.pipeline.plugins.sheets.keyed_curves import curves_of
 
@@ -89,6 +91,7 @@ def test_a_shot_reads_the_sound_with_its_digest(tones: Path) -> None:
     assert [path.name for path, _ in shot.files] == ["a.wav"]
 
 
+@needs_plugins("fields")
 def test_sounds_that_values_follow_are_heard_once_unless_the_shot_says_otherwise(tones: Path) -> None:
     (track,) = read_shot(written(tones)).sounds
     assert (track.file.name, track.start, track.gain) == ("a.wav", 0.0, 0.0)

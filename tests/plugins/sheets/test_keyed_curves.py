@@ -10,6 +10,7 @@ import pytest
 
 from flowsculpt.pipeline.plugins.sheets.keyed_curves import KeyedCurve, curves_of
 from tests.conftest import lines
+from tests.needed_plugins import needs_plugins
 
 NAME = "T010_tiny"
 
@@ -35,6 +36,7 @@ def found(folder: Path, text: str = SHOT) -> dict[str, KeyedCurve]:
     return {curve.name: curve for curve in curves_of(folder / "a.yaml")}
 
 
+@needs_plugins("fields")
 def test_curves_have_their_names_and_units_in_the_order_of_the_file(tmp_path: Path) -> None:
     assert {name: curve.unit for name, curve in found(tmp_path).items()} == {
         "resample.max_edge_length": "units",
@@ -48,6 +50,7 @@ def test_curves_have_their_names_and_units_in_the_order_of_the_file(tmp_path: Pa
     }
 
 
+@needs_plugins("fields")
 def test_values_are_those_of_the_file_and_keys_lie_on_them(tmp_path: Path) -> None:
     curves = found(tmp_path)
     speed = curves["flows.0.sum.0.rotation.speed"]
@@ -64,6 +67,7 @@ def test_values_are_those_of_the_file_and_keys_lie_on_them(tmp_path: Path) -> No
             np.testing.assert_allclose(curve.values[nearest], values, atol=1e-6)
 
 
+@needs_plugins("fields")
 def test_what_the_speed_re_times_is_shown_at_the_frames_where_it_happens(tmp_path: Path) -> None:
     """At twice the speed the key of frame 13 is reached at frame 7; what has no time left is not reached."""
     text = SHOT.replace("camera:", "speed: 2\ncamera:")
@@ -75,6 +79,7 @@ def test_what_the_speed_re_times_is_shown_at_the_frames_where_it_happens(tmp_pat
     np.testing.assert_allclose(slow.keys, [(1, 0)], atol=1e-6)
 
 
+@needs_plugins("fields")
 @pytest.mark.parametrize("still", ["speed: 0\n", "speed: {keys: {1: 1, 25: 0}}\n"])
 def test_a_flow_that_stands_still_has_curves_too(still: str, tmp_path: Path) -> None:
     curves = found(tmp_path, SHOT.replace("camera:", still + "camera:"))
