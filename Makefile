@@ -26,7 +26,7 @@ quick: .venv/ready-dev
 
 # Long runs, and all other tests with new examples; then tests with other versions of packages, and without plug-ins.
 soak: .venv/ready-dev
-	$(BIN)/python -m pytest --hypothesis-profile=new --start-anew
+	$(BIN)/python -m pytest --hypothesis-profile=new --no-forks
 	$(MAKE) bounds removable
 
 # The tests with the lowest versions of packages that pyproject.toml allows, and with the newest there are.

@@ -5,12 +5,12 @@ to load, longer than most commands of tests then work. From `COMMANDS.begin` on,
 of our modules or of Snakemake, also one in our own code, is such a fork. It is a child of the process that
 asked, with the folder, the environment, the open files and the exit code that it would have.
 
-What a fork does not show, processes that are started anew do (`--start-anew`, as `make soak` has it, and the
-fixture `started_anew`):
+What a fork does not show, new processes of Python do (`--no-forks`, as `make soak` has it, and the fixture
+`without_forks`):
 
 - a module that is used and not imported, an import that fails or takes long: all is imported
 - settings that are looked at when a module is imported. Where a variable of the environment, a limit or a
-  processor differs from those of the server, a process is started anew; HARMLESS lists variables that may
+  processor differs from those of the server, no fork is used; HARMLESS lists variables that may
 - a sequence that follows the order of a set: all forks have one seed for hashes of text
 - files of the working folder that Python or a library reads while it is imported
 - what libraries do or say when Python takes them down: that would take a second, so a fork ends before
@@ -96,7 +96,7 @@ class CommandServer:
     """The process that forks commands. It starts with the first command, and ends with this process.
 
     forks  how many it has forked
-    is_on  false where each command is started anew, as before `begin`
+    is_on  false where no command is forked, as before `begin`
     """
 
     def __init__(self) -> None:
@@ -114,9 +114,9 @@ class CommandServer:
             subprocess.Popen = ForkingPopen  # type: ignore[misc]
 
     def takes(self, command: Command) -> bool:
-        """Tell whether a process for a command, started anew by this one, would load what the server has.
+        """Tell whether a process that this one starts for a command would load what the server has.
 
-        A fork of this process starts all anew, for it would not be the parent of what the server forks.
+        A fork of this process forks none, for it would not be the parent of what the server forks.
         """
         is_ours = self.is_on and os.getpid() == self._owner and Path(command.folder).is_dir()
         return is_ours and _state(command.environment) == self._state

@@ -65,12 +65,12 @@ MAY_BE_SKIPPED = re.compile(
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--complete", action="store_true", help="fail where a test misses what set-up installs")
-    parser.addoption("--start-anew", action="store_true", help="start all commands anew: fork none of them")
+    parser.addoption("--no-forks", action="store_true", help="start each command as a new process of Python")
 
 
 def pytest_configure(config: pytest.Config) -> None:
     """Have commands forked, unless they are to be started as users start them."""
-    if not config.getoption("--start-anew"):
+    if not config.getoption("--no-forks"):
         COMMANDS.begin()
 
 
@@ -300,7 +300,7 @@ class ProjectFolder:
 
 
 @pytest.fixture
-def started_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+def without_forks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Have the commands of a test started as users start them, for what a fork does not show."""
     monkeypatch.setattr(COMMANDS, "is_on", False)
 

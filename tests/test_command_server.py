@@ -1,4 +1,4 @@
-"""Commands of tests are forked, and are what processes that are started anew would be."""
+"""Commands of tests are forked, and behave as new processes of Python would."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tests.command_server import COMMANDS
 from tests.conftest import ProjectFolder
 
 pytestmark = pytest.mark.skipif(
-    not COMMANDS.is_on or "PYTHONPATH" in os.environ, reason="commands are started anew"
+    not COMMANDS.is_on or "PYTHONPATH" in os.environ, reason="commands are not forked"
 )
 
 
@@ -49,7 +49,7 @@ def test_a_killed_command_has_ended_by_that_signal() -> None:
     assert (process.returncode, COMMANDS.forks) == (-signal.SIGKILL, before + 1)
 
 
-def test_a_fork_of_the_process_of_tests_starts_commands_anew() -> None:
+def test_a_fork_of_the_process_of_tests_forks_no_commands() -> None:
     before = COMMANDS.forks
 
     def start() -> int:

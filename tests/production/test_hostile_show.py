@@ -67,7 +67,7 @@ def hostile(project: ProjectFolder) -> ProjectFolder:
 
 
 @pytest.mark.renderer
-@pytest.mark.usefixtures("started_anew")
+@pytest.mark.usefixtures("without_forks")
 def test_no_file_of_a_show_runs(hostile: ProjectFolder, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", f".:{os.environ['PATH']}:")
     render = ["render", "T010_tiny", "-q", QUALITY, "-f", "1"]
