@@ -154,7 +154,7 @@ class SurfaceReader:
     usual_up   axis, y or z, that points up in most files of a format that does not say it
     read_part  reads a part of a scene; None where parts have no names
     vertices   reads the positions (V, 3) of vertices and their other numbers (V,) by name, also of files
-               without faces; None where `read` has the positions, and there are no others
+               without faces; None where `read` returns all that the format has
     misread    matches the beginning of files that an earlier reader read otherwise: they are other models now
     """
 

@@ -21,7 +21,7 @@ _IN_BACKGROUND = "FLOWSCULPT_IN_BACKGROUND"
 """The environment variable of processes that nobody waits for."""
 
 _DETACHED = ("sh", "-c", 'nice -n 19 "$0" "$@" &')
-"""The beginning of a command that starts a process of the lowest priority, a child of none."""
+"""The beginning of a command that starts a process of the lowest priority, which nothing waits for."""
 
 
 def note_remaining_kernels() -> None:
