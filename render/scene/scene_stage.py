@@ -37,8 +37,8 @@ _CAMERA_MOVES = {"plinth": (1.14, 0.13), WITH_REFERENCES: (1.08, 0.04)}
 camera."""
 
 _IN_VIEW = 0.98
-"""The smallest distance factor of a lowered camera is this plus the lowering, as a share of half the height of
-the picture at the target: the subject stays in the picture, also with a wide lens close to it."""
+"""The smallest distance factor of a lowered camera is this plus the lowering, as a share of half the height
+of the picture at the target: the subject stays in the picture, also with a wide lens close to it."""
 
 _WIDE, _AROUND, _FARTHEST = 16 / 9, 1.06, 2.0
 """Width to height from which on a picture shows all of a plinth; the width that it needs over that of the
