@@ -22,7 +22,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from flowsculpt.render.base import python_process
-from tests.command_server import COMMANDS
+from tests.command_server import COMMANDS, LIBRARIES
 from tests.needed_plugins import watch_imports
 from tests.processes import wait_until
 
@@ -256,12 +256,14 @@ class ProjectFolder:
             done(self.path, plan)
         return plan
 
-    def start(self, *words: str, at_raw: tuple[int, str] | None = None) -> subprocess.Popen[str]:
+    def start(
+        self, *words: str, at_raw: tuple[int, str] | None = None, cores: int = 2
+    ) -> subprocess.Popen[str]:
         """The command at work, in a process group of its own.
 
         at_raw  a statement that the process which renders a frame executes when it shows the raw frame, once
         """
-        command = python_process.python_command("flowsculpt", "--no-progress", "-j", "2", *words)
+        command = python_process.python_command("flowsculpt", "--no-progress", "-j", str(cores), *words)
         environment = dict(os.environ)
         if at_raw is not None:
             number, statement = at_raw
@@ -303,6 +305,15 @@ class ProjectFolder:
 def without_forks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Have the commands of a test started as users start them, for what a fork does not show."""
     monkeypatch.setattr(COMMANDS, "is_on", False)
+
+
+@pytest.fixture
+def forks_with_plugins() -> Iterator[None]:
+    """Have commands forked whose PYTHONPATH leads to other plug-ins, of a process that has none."""
+    if COMMANDS.is_on:
+        LIBRARIES.begin()
+    yield
+    LIBRARIES.is_on = False
 
 
 @pytest.fixture
