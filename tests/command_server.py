@@ -64,9 +64,9 @@ MESSAGE_BYTES = 1 << 17
 SUBREAPER = 36
 """PR_SET_CHILD_SUBREAPER. Source: https://man7.org/linux/man-pages/man2/PR_SET_CHILD_SUBREAPER.2const.html"""
 
-PLAIN = (None, 0, False, True, None, None, None, -1, False, -1)
+PLAIN = (None, 0, False, True, None, None, None, -1, False)
 """Arguments of `Popen._execute_child` that a fork has, beside those that `ForkingPopen` names: startupinfo,
-creationflags, shell, restore_signals, gid, gids, uid, umask, start_new_session and process_group."""
+creationflags, shell, restore_signals, gid, gids, uid, umask and start_new_session."""
 
 PYTHON = sys.executable  # a test may name another one
 
@@ -180,7 +180,7 @@ class ForkingPopen(subprocess.Popen[Any]):
     def _execute_child(
         self, args: Any, executable: Any, preexec_fn: Any, close_fds: Any, pass_fds: Any, *rest: Any
     ) -> None:
-        cwd, env, pipes, options = *rest[:2], rest[5:11], (*rest[2:5], *rest[11:])
+        cwd, env, pipes, options, group = *rest[:2], rest[5:11], (*rest[2:5], *rest[11:-1]), rest[-1]
         is_plain = (executable, preexec_fn, close_fds, pass_fds, options) == (None, None, True, (), PLAIN)
         command = _command(args, cwd, env) if is_plain else None
         servers = [server for server in (COMMANDS, LIBRARIES) if command and server.takes(command)]
@@ -190,6 +190,8 @@ class ForkingPopen(subprocess.Popen[Any]):
         sys.audit("subprocess.Popen", args[0], args, cwd, env)
         files = [own if pipe == -1 else pipe for own, pipe in enumerate((pipes[0], pipes[3], pipes[5]))]
         self.pid = servers[0].fork(command, files)
+        if group >= 0:
+            os.setpgid(self.pid, group)
         self._child_created = True
         self._close_pipe_fds(*pipes)  # type: ignore[attr-defined]
 

@@ -256,14 +256,12 @@ class ProjectFolder:
             done(self.path, plan)
         return plan
 
-    def start(
-        self, *words: str, at_raw: tuple[int, str] | None = None, cores: int = 2
-    ) -> subprocess.Popen[str]:
+    def start(self, *words: str, at_raw: tuple[int, str] | None = None) -> subprocess.Popen[str]:
         """The command at work, in a process group of its own.
 
         at_raw  a statement that the process which renders a frame executes when it shows the raw frame, once
         """
-        command = python_process.python_command("flowsculpt", "--no-progress", "-j", str(cores), *words)
+        command = python_process.python_command("flowsculpt", "--no-progress", "-j", "2", *words)
         environment = dict(os.environ)
         if at_raw is not None:
             number, statement = at_raw

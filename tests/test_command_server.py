@@ -55,9 +55,13 @@ def test_processes_that_read_files_are_forked(tmp_path: Path) -> None:
 def test_a_killed_command_has_ended_by_that_signal() -> None:
     before = COMMANDS.forks
     process = subprocess.Popen(
-        python_command("flowsculpt.render.scene.textures"), stdin=subprocess.PIPE, env=environment()
+        python_command("flowsculpt.render.scene.textures"),
+        stdin=subprocess.PIPE,
+        env=environment(),
+        process_group=0,
     )
     with process:
+        assert os.getpgid(process.pid) == process.pid
         process.kill()
     assert (process.returncode, COMMANDS.forks) == (-signal.SIGKILL, before + 1)
 

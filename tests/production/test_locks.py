@@ -23,6 +23,7 @@ from flowsculpt.pipeline.errors import MachineError
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.store import locks
 from flowsculpt.pipeline.production.store.locks import Locks
+from flowsculpt.render.base.python_process import python_command
 from tests.conftest import done, new_project
 from tests.needed_plugins import installed
 
@@ -227,8 +228,15 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
 
 
 def render(project: Any, name: str) -> subprocess.Popen[str]:
-    """Start a run on one core: two such runs side by side start two renderers, not four."""
-    return project.start("render", name, "-q", QUALITY, cores=1)
+    """Start a run in a process group of its own; on one core, so that two runs start two renderers."""
+    return subprocess.Popen(
+        python_command("flowsculpt", "--no-progress", "-j", "1", "render", name, "-q", QUALITY),
+        cwd=project.path,
+        process_group=0,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
 
 
 def test_two_shots_rendered_side_by_side_have_the_bits_of_one_after_the_other(
