@@ -22,7 +22,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from flowsculpt.render.base import python_process
-from tests.command_server import COMMANDS
+from tests.command_server import COMMANDS, LIBRARIES
 from tests.needed_plugins import watch_imports
 from tests.processes import wait_until
 
@@ -303,6 +303,15 @@ class ProjectFolder:
 def without_forks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Have the commands of a test started as users start them, for what a fork does not show."""
     monkeypatch.setattr(COMMANDS, "is_on", False)
+
+
+@pytest.fixture
+def forks_with_plugins() -> Iterator[None]:
+    """Have commands forked whose PYTHONPATH leads to other plug-ins, of a process that has none."""
+    if COMMANDS.is_on:
+        LIBRARIES.begin()
+    yield
+    LIBRARIES.is_on = False
 
 
 @pytest.fixture

@@ -23,6 +23,7 @@ from flowsculpt.pipeline.errors import MachineError
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.store import locks
 from flowsculpt.pipeline.production.store.locks import Locks
+from flowsculpt.render.base.python_process import python_command
 from tests.conftest import done, new_project
 from tests.needed_plugins import installed
 
@@ -200,8 +201,11 @@ def test_reading_takes_no_lock(project: Any) -> None:
 
 
 def two_shots(project: Any) -> None:
-    text = project.shot.read_text()
-    project.shot.with_stem(NAMES[1]).write_text(text.replace("6: 60}", "6: 90}"))
+    """Give a project two shots of three frames: enough for a run to be killed between two."""
+    text = project.shot.read_text().replace("frames: 1-6", "frames: 1-3")
+    for name, amount in zip(NAMES, ("3: 60}", "3: 90}"), strict=True):
+        shot = project.shot.with_stem(name)
+        shot.write_text(text.replace("4: 36, 6: 60}", amount))
 
 
 def pixels(folder: Path) -> dict[str, bytes]:
@@ -224,7 +228,15 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
 
 
 def render(project: Any, name: str) -> subprocess.Popen[str]:
-    return project.start("render", name, "-q", QUALITY)
+    """Start a run in a process group of its own; on one core, so that two runs start two renderers."""
+    return subprocess.Popen(
+        python_command("flowsculpt", "--no-progress", "-j", "1", "render", name, "-q", QUALITY),
+        cwd=project.path,
+        process_group=0,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
 
 
 def test_two_shots_rendered_side_by_side_have_the_bits_of_one_after_the_other(
@@ -235,7 +247,7 @@ def test_two_shots_rendered_side_by_side_have_the_bits_of_one_after_the_other(
     for run in runs:
         out, err = run.communicate(timeout=300)
         assert run.returncode == 0, out + err
-    assert len(undisturbed) == 12 and pixels(project.path) == undisturbed
+    assert len(undisturbed) == 6 and pixels(project.path) == undisturbed
 
 
 def test_a_second_run_waits_where_it_is_told_to(project: Any) -> None:
@@ -269,4 +281,4 @@ def test_two_runs_killed_side_by_side_again_and_again_make_the_same_bits(
     for run in runs:
         out, err = run.communicate(timeout=300)
         assert run.returncode == 0, out + err
-    assert len(undisturbed) == 12 and pixels(project.path) == undisturbed
+    assert len(undisturbed) == 6 and pixels(project.path) == undisturbed

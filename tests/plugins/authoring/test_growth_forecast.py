@@ -20,7 +20,7 @@ from tests.needed_plugins import needs_plugins
     "flow", ["strain: {rate: 0.7}", "curl_noise: {strength: 0.4}", "expansion: {rate: 0.5, radius: 3}"]
 )
 def test_the_largest_frame_is_forecast_within_a_factor_of_two(flow: str, tmp_path: Path) -> None:
-    motion = shot_of(tmp_path, flow).motion
+    motion = shot_of(tmp_path, flow, edge=0.3).motion
     counts = {frame.number: len(frame.mesh.vertices) for frame in animate(motion)}
     rest = motion.mesh_at_rest()
     forecasts = list(GrowthForecast(motion, rest.vertices, rest.faces, counts[1]).frames())
