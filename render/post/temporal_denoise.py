@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,6 +63,13 @@ class DenoisedFrame:
     after: Halves
     camera: Camera
     placement: StagePlacement
+
+    def without(self, *names: str) -> DenoisedFrame:
+        """Return the frame with empty arrays in place of those of these names."""
+        return replace(self, **dict.fromkeys(names, _NOTHING))
+
+
+_NOTHING = np.empty(0, np.float16)
 
 
 def removed_noise(beauty: Floats, denoised: Floats, radius: int = 3) -> Floats:
