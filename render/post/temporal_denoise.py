@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,7 +67,8 @@ class DenoisedFrame:
 
     def without(self, *names: str) -> DenoisedFrame:
         """Return the frame with empty arrays in place of those of these names."""
-        return replace(self, **dict.fromkeys(names, _NOTHING))
+        nothing: dict[str, Any] = dict.fromkeys(names, _NOTHING)
+        return replace(self, **nothing)
 
 
 _NOTHING = np.empty(0, np.float16)
