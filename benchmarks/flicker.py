@@ -78,6 +78,7 @@ def subject(angle: float) -> Surface:
         at(angle, shaded.normals).astype(np.float32),
         shaded.faces,
         {name: way.astype(np.float32) for name, way in ways.items()},
+        shaded.vertices.astype(np.float32),
     )
 
 

@@ -125,7 +125,7 @@ PLUGIN_STAGES = tuple(
 )
 FINISH = PipelineStage(
     "finish",
-    version=5,
+    version=6,
     packages=("pyoidn", "OpenImageIO"),
     doing="denoising",
     makes="frame",

@@ -91,9 +91,10 @@ def _finite(picture: Pixels) -> Pixels:
     return np.nan_to_num(picture, posinf=0.0, neginf=0.0)
 
 
-BORDER = 16
-"""Mirrored rows and columns that are denoised below and to the right of a picture. Without them, the last row
-is up to a tenth too dark or too bright where 16 does not divide the height."""
+BLOCK = 16
+"""The denoiser takes pictures whose height and width are multiples of this. Others are mirrored below and to
+the right up to the next multiple; what the denoiser adds there itself makes the last row up to a tenth too
+dark or too bright."""
 
 
 def _filtered(kind: str, effort: str, **images: Pixels) -> Pixels:
@@ -101,9 +102,9 @@ def _filtered(kind: str, effort: str, **images: Pixels) -> Pixels:
     import pyoidn  # slow to import, and many processes denoise nothing
 
     height, width = images[kind].shape[:2]
-    beyond = [(0, min(BORDER, height - 1)), (0, min(BORDER, width - 1)), (0, 0)]
+    beyond = [(0, min(-side % BLOCK, side - 1)) for side in (height, width)]
     given = {
-        name: np.ascontiguousarray(np.pad(image, beyond, mode="reflect"), dtype=np.float32)
+        name: np.ascontiguousarray(np.pad(image, [*beyond, (0, 0)], mode="reflect"), dtype=np.float32)
         for name, image in images.items()
     }
     given[pyoidn.OIDN_IMAGE_OUTPUT] = clean = np.empty_like(given[kind])
@@ -186,6 +187,8 @@ class FilmDenoiser:
     corner: tuple[int, int] = (0, 0)
     shared: SharedLight | None = None
     _denoised: dict[int, DenoisedFrame] = field(default_factory=dict)
+    _latest: tuple[int, int] = (0, 0)
+    """The last number of which `light` was asked, and the first of its window."""
 
     def light(self, number: int, window: Iterable[int]) -> Pixels:
         """Return the light of frame `number` without noise: the beauty, and its light groups if it has any.
@@ -198,10 +201,15 @@ class FilmDenoiser:
         numbers = [*window]
         if len(numbers) == 1:
             return self._single_light(self.read(number))
-        self._denoised = {n: frame for n, frame in self._denoised.items() if n in numbers}
+        is_later = number >= self._latest[0] and numbers[0] >= self._latest[1]
+        self._latest = number, numbers[0]
+        self._denoised = {n: frame for n, frame in self._denoised.items() if is_later and n in numbers}
         for n in numbers:
             if n not in self._denoised:
                 self._denoised[n] = self._single(n)
+            if n < number:  # this and later windows do not ask for the rest, 80 MB at 1080p
+                rest = ("before",) if n == numbers[0] else ()
+                self._denoised[n] = self._denoised[n].without("noise", "normal", "after", *rest)
         return temporal_denoise(self._denoised, number, self.size, self.corner)
 
     def share(self, number: int) -> None:

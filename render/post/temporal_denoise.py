@@ -13,7 +13,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,6 +64,14 @@ class DenoisedFrame:
     after: Halves
     camera: Camera
     placement: StagePlacement
+
+    def without(self, *names: str) -> DenoisedFrame:
+        """Return the frame with empty arrays in place of those of these names."""
+        nothing: dict[str, Any] = dict.fromkeys(names, _NOTHING)
+        return replace(self, **nothing)
+
+
+_NOTHING = np.empty(0, np.float16)
 
 
 def removed_noise(beauty: Floats, denoised: Floats, radius: int = 3) -> Floats:

@@ -406,12 +406,13 @@ def with_lines(
 
 def prepare() -> None:
     """Compile the kernels, so that the first preview does not wait for it."""
-    corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], np.int32)  # closed, as most subjects are
     setup = StageSetup(LIGHTS["studio"], STAGES["cyclorama"], StagePlacement())
     camera = Camera((0.0, 0.0, 6.0), (0.0, 0.0, 0.0))
-    shape = Shape(corners, corners, np.array([[0, 1, 2]], np.int32), LOOKS["clay"])
+    shape = Shape(corners, corners, faces, LOOKS["marble"], closed=True, rest=corners)
     shown = preview(shape, setup, camera, (8, 4), "rec709", Edges())
-    preview(shape._replace(material=LOOKS["glass"]), setup, camera, (8, 4), "rec709")
+    preview(shape._replace(material=LOOKS["glass"], closed=False), setup, camera, (8, 4), "rec709")
     with_lines(shown, np.zeros((1, 2, 3)), np.zeros((1, 2, 3)), np.ones((1, 2)), camera, 1.0)
 
 

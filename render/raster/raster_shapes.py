@@ -58,7 +58,8 @@ def project(
             depth, 0 nearer than `near`
     """
     for v in range(vertices.shape[0]):
-        x, y, z = corner(vertices, v, origin, axes)
+        x, y, z = vertices[v, 0] - origin[0], vertices[v, 1] - origin[1], vertices[v, 2] - origin[2]
+        x, y, z = corner(x, y, z, axes)
         inverse = 1.0 / z if z > near else 0.0
         screen[v, 0] = (0.5 + 0.5 * x * inverse) * columns - 0.5
         screen[v, 1] = (0.5 - 0.5 * y * inverse) * rows - 0.5
@@ -66,9 +67,9 @@ def project(
 
 
 @exact
-def corner(vertices: Array, v: int, origin: Array, axes: Array) -> tuple[float, float, float]:
-    """Return x and y of a vertex, from -1 to 1 across the picture (y up) times its depth, and the depth."""
-    x, y, z = vertices[v, 0] - origin[0], vertices[v, 1] - origin[1], vertices[v, 2] - origin[2]
+def corner(x: float, y: float, z: float, axes: Array) -> tuple[float, float, float]:
+    """Return the place of a vertex at an offset from the camera: x and y, from -1 to 1 across the picture
+    (y up) times its depth, and the depth."""
     return (
         axes[0, 0] * x + axes[0, 1] * y + axes[0, 2] * z,
         axes[1, 0] * x + axes[1, 1] * y + axes[1, 2] * z,

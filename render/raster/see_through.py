@@ -114,9 +114,9 @@ def add_thickness(faces: Array, screen: Array, outwards: int, thickness: Array, 
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
         if not (screen[a, 2] > 0.0 and screen[b, 2] > 0.0 and screen[c, 2] > 0.0):
             continue
-        ax, ay = _on_grid(screen, a, 0), _on_grid(screen, a, 1)
-        bx, by = _on_grid(screen, b, 0), _on_grid(screen, b, 1)
-        cx, cy = _on_grid(screen, c, 0), _on_grid(screen, c, 1)
+        ax, ay = _on_grid(screen[a, 0]), _on_grid(screen[a, 1])
+        bx, by = _on_grid(screen[b, 0]), _on_grid(screen[b, 1])
+        cx, cy = _on_grid(screen[c, 0]), _on_grid(screen[c, 1])
         area = (by - ay) * (cx - ax) - (bx - ax) * (cy - ay)
         if area == 0:
             continue
@@ -144,10 +144,10 @@ def add_thickness(faces: Array, screen: Array, outwards: int, thickness: Array, 
 
 
 @exact
-def _on_grid(screen: Array, v: int, k: int) -> int:
-    """Return a coordinate of a vertex on the grid, where multiples of GRID are the middles of pixels."""
+def _on_grid(place: float) -> int:
+    """Return a row or column of subsamples on the grid, where multiples of GRID are the middles of pixels."""
     middle = 0.5 * (SUPERSAMPLING - 1)
-    return round((float(screen[v, k]) - middle) / SUPERSAMPLING * GRID)
+    return round((float(place) - middle) / SUPERSAMPLING * GRID)
 
 
 @exact

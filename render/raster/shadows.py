@@ -227,12 +227,12 @@ def light_coordinates(
 
     which  (N,), their indices; coordinates as of `projection.corner`
     """
-    point = np.empty((1, 3))
     for n in range(which.shape[0]):
         v = which[n]
-        for k in range(3):
-            point[0, k] = vertices[v, k] + lift * normals[v, k]
-        out[0, n], out[1, n], out[2, n] = corner(point, 0, origin, axes)
+        x = vertices[v, 0] + lift * normals[v, 0] - origin[0]
+        y = vertices[v, 1] + lift * normals[v, 1] - origin[1]
+        z = vertices[v, 2] + lift * normals[v, 2] - origin[2]
+        out[0, n], out[1, n], out[2, n] = corner(x, y, z, axes)
 
 
 @fast

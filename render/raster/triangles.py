@@ -84,17 +84,21 @@ def draw_large_triangle(
     """Draw a triangle as `draw_triangles` does. a, b, c: indices of its corners"""
     rows, columns = drawn.nearness.shape[0] // SUPERSAMPLING, drawn.nearness.shape[1] // SUPERSAMPLING
     corners, planes = np.empty((3, 3)), np.empty((3, 15))
+    origin, values = large.origin, large.values
     for k, v in enumerate((a, b, c)):
-        corners[k, 0], corners[k, 1], corners[k, 2] = corner(large.vertices, v, large.origin, large.axes)
+        x, y, z = large.vertices[v, 0], large.vertices[v, 1], large.vertices[v, 2]
+        x, y, z = corner(x - origin[0], y - origin[1], z - origin[2], large.axes)
+        corners[k, 0], corners[k, 1], corners[k, 2] = x, y, z
     if max(corners[0, 2], corners[1, 2], corners[2, 2]) <= large.near:
         return
-    if not _planes(corners, large.values, a, b, c, rows, columns, planes):
+    if not _planes(corners, values, a, b, c, rows, columns, planes):
         return
     left, right, top, bottom = _bounds(corners, large.near, rows, columns)
     if left > right:
         return
     count = _cover(planes, left, right, top, bottom, drawn.nearness, large.hits)
-    reaches_contact = _overlaps(large.values, a, b, c, 10) and _overlaps(large.values, a, b, c, 11)
+    overlaps = _overlaps(values[a, 10], values[b, 10], values[c, 10])
+    reaches_contact = overlaps and _overlaps(values[a, 11], values[b, 11], values[c, 11])
     _interpolate(planes, large.hits, count, 12 if reaches_contact else 10, large.at_hits)
     visible = large.at_hits[12, :count]
     light_visibility(large.at_hits[6:9, :count], large.nearness, large.blocks, large.opacity, visible)
@@ -106,10 +110,9 @@ def draw_large_triangle(
 
 
 @exact
-def _overlaps(values: Array, a: int, b: int, c: int, k: int) -> bool:
-    """Tell whether a triangle's range of one coordinate overlaps the grid of the contact shadow."""
-    low, high = min(values[a, k], values[b, k], values[c, k]), max(values[a, k], values[b, k], values[c, k])
-    return high > 0.0 and low < CELLS
+def _overlaps(a: float, b: float, c: float) -> bool:
+    """Tell whether the range of a coordinate of three corners overlaps the grid of the contact shadow."""
+    return max(a, b, c) > 0.0 and min(a, b, c) < CELLS
 
 
 @exact

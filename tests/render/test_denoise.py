@@ -46,18 +46,18 @@ class Shelf(dict[int, np.ndarray]):
         self[number] = light
 
 
+def noisy_frame(number: int) -> denoiser.RawFrame:
+    random, flat = np.random.default_rng(number), np.zeros((9, 16, 3), np.float32)
+    position = np.stack([*np.meshgrid(np.arange(16.0), np.arange(9.0)), flat[..., 0]], axis=2)
+    arrays = {"beauty": random.random(flat.shape).astype(np.float32), "albedo": flat + 0.5}
+    arrays |= {"normal": flat + 0.5, "matte": flat[..., 0] + 1.0, "before": flat - 0.1, "after": flat + 0.1}
+    layers = RenderedFrame({**arrays, "position": position.astype(np.float32)})
+    return denoiser.RawFrame(layers, Camera((0.0, 0.0, 9.0), (0.0, 0.0, 0.0)), StagePlacement())
+
+
 def test_frames_that_two_batches_average_are_denoised_by_the_first_alone(monkeypatch: pytest.MonkeyPatch):
-    random, denoised = np.random.default_rng(2), list[int]()
-    flat = np.zeros((9, 16, 3), np.float32)
-    position = np.stack([*np.meshgrid(np.arange(16.0), np.arange(9.0)), np.zeros((9, 16))], axis=2)
-
-    def raw(number: int) -> denoiser.RawFrame:
-        arrays = {"beauty": random.random(flat.shape).astype(np.float32), "albedo": flat + 0.5}
-        arrays |= {"normal": flat + 0.5, "matte": flat[..., 0] + 1.0, "before": flat, "after": flat}
-        layers = RenderedFrame({**arrays, "position": position.astype(np.float32)})
-        return denoiser.RawFrame(layers, Camera((0.0, 0.0, 9.0), (0.0, 0.0, 0.0)), StagePlacement())
-
-    frames = {number: raw(number) for number in range(1, 7)}
+    denoised = list[int]()
+    frames = {number: noisy_frame(number) for number in range(1, 7)}
     single = denoiser.FilmDenoiser._single_light
     monkeypatch.setattr(
         denoiser.FilmDenoiser,
@@ -80,3 +80,14 @@ def test_frames_that_two_batches_average_are_denoised_by_the_first_alone(monkeyp
         films[(number - 1) // 2].share(number)
     together = [films[(n - 1) // 2].light(n, range(max(1, n - 1), min(6, n + 1) + 1)) for n in range(1, 7)]
     assert np.array_equal(together, alone) and len(denoised) == 18
+
+
+def test_frames_asked_for_in_any_order_and_with_any_windows_have_the_same_bits():
+    def film() -> denoiser.FilmDenoiser:
+        return denoiser.FilmDenoiser(noisy_frame, "off")
+
+    asked = [(2, 2), (1, 2), (3, 1), (3, 2), (4, 2), (5, 1), (6, 2), (4, 1)]
+    windows = [(number, range(max(1, number - reach), number + reach + 1)) for number, reach in asked]
+    one = film()
+    for number, window in windows:
+        assert np.array_equal(one.light(number, window), film().light(number, window)), number
