@@ -152,9 +152,9 @@ class AnimatedModel(Model):
             points = np.concatenate([points, [points[ring].mean(axis=0) for ring in extra]])
         return self._placed(points, polygons.vertices)
 
-    def carried(self, rest: Points, seconds: float) -> Points:
-        """Return where points (N, 3) of the surface of the first frame are at a time, each on its face."""
-        return self._faces.moved(rest, self.vertices(seconds))
+    def carried(self, rest: Points, faces: AnyArray, seconds: float) -> Points:
+        """Return where points (N, 3) on faces (N,) of the first frame are at a time."""
+        return self._faces.on(faces, rest, self.vertices(seconds))
 
     def surface(self, seconds: float) -> TriangleMesh:
         """Return the surface at a time, with the attribute VELOCITY if it is known."""
@@ -205,10 +205,35 @@ class FaceSurface(AnalyticSurface):
         """Return the nearest points (N, 3) of the surface, with its vertices moved to (V, 3)."""
         return self.blended(vertices, *self.located(points))
 
+    def walked_to(self, points: Points, ends: Points, starts: AnyArray) -> AnyArray:
+        """Return the face (N,) of each point that is reached from those of its ends on, over edges.
+
+        ends    (N, 2, 3) points on the surface, twice the same for one end
+        starts  (N, 2) the faces that these are on
+        """
+        return self.tree.walked_to(points, ends, starts, self._neighbours)
+
+    def on(self, faces: AnyArray, points: Points, vertices: Points) -> Points:
+        """Return the places on faces (N,) nearest to points (N, 3), with the vertices moved to (V, 3)."""
+        return self.blended(vertices, faces, _of_corners(self.tree.shares_on(faces, points)))
+
+    @property
+    def of_vertices(self) -> AnyArray:
+        """A face (V,) at each vertex."""
+        faces = np.zeros(len(self.vertices), np.int64)
+        faces[self.faces] = np.arange(len(self.faces))[:, None]
+        return faces
+
+    @cached_property
+    def _neighbours(self) -> AnyArray:
+        """The faces (F, 3) across the edges of each, -1 at a boundary."""
+        twins = PolygonMesh.from_triangles(TriangleMesh(self.vertices, self.faces)).twins
+        return np.where(twins < 0, -1, twins // 3).reshape(-1, 3)
+
     def located(self, points: Points) -> tuple[AnyArray, Floats]:
         """Return the face (N,) nearest to each point, and shares (N, 3) of its corners there."""
         face, shares = self.tree.nearest(np.ascontiguousarray(points))
-        return face, np.column_stack([1.0 - shares.sum(axis=1), shares])
+        return face, _of_corners(shares)
 
     def blended(self, values: Floats, face: AnyArray, shares: Floats) -> Floats:
         """Return values of the vertices (V, 3) at places of `located`."""
@@ -216,6 +241,11 @@ class FaceSurface(AnalyticSurface):
 
     def normals(self, points: Points) -> Vectors:
         return unit(self.blended(self.vertex_normals, *self.located(points)))
+
+
+def _of_corners(shares: Floats) -> Floats:
+    """Return shares (N, 3) of all corners for those (N, 2) of the second and third."""
+    return np.column_stack([1.0 - shares.sum(axis=1), shares])
 
 
 @dataclass(frozen=True, eq=False)
