@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from flowsculpt.pipeline.arrays import Indices, Points, Vectors
+from flowsculpt.pipeline.arrays import AnyArray, Points, Vectors
 from flowsculpt.pipeline.flow.flow_map import FlowMap, FrameStep
 from flowsculpt.pipeline.resample.placement import Ends
 from flowsculpt.pipeline.shot.motion import VELOCITY_STEP, AnimatedSubject, without_animation
@@ -29,10 +29,10 @@ class AnimatedMap(FlowMap):
         super().add(replace(step, flow=without_animation(step.flow)))
         self._number = step.frame
 
-    def nearest(self, points: Points, ends: Ends) -> tuple[Points, Indices]:
+    def nearest(self, points: Points, ends: Ends) -> tuple[Points, AnyArray]:
         return self._subject.nearest(points, *ends)
 
-    def carried(self, rest: Points, faces: Indices) -> Points:
+    def carried(self, rest: Points, faces: AnyArray) -> Points:
         return super().carry(self._subject.points(rest, faces, self._seconds))
 
     def carry_given(self, given: Callable[[float], Points]) -> tuple[Points, Vectors]:

@@ -171,7 +171,7 @@ def rest_rings(mesh: HalfedgeMesh, spokes: Indices) -> RestRings:
 
 
 PointMap = Callable[[Points], Points]
-NearMap = Callable[[Points, Indices], Points]
+NearMap = Callable[[Points, AnyArray], Points]
 
 _ROUNDS = 2
 _STEP = 1e-4  # finite difference, in sides of the triangle
@@ -218,9 +218,9 @@ class Ends(NamedTuple):
     """
 
     places: Points
-    faces: Indices
+    faces: AnyArray
 
-    def of_rows(self, rows: Indices) -> Ends:
+    def of_rows(self, rows: AnyArray) -> Ends:
         """Return those of some points, by rows (M,) of these."""
         return Ends(self.places[rows], self.faces[rows])
 
@@ -342,7 +342,7 @@ class RestPlacement(Placement):
         goals = mesh.vertices[mesh.arrays.vert[spokes]]
         ends = self._ends(mesh, mesh.arrays.vert[spokes])
 
-        def near(rows: Indices) -> Ends | None:
+        def near(rows: AnyArray) -> Ends | None:
             return None if ends is None else ends.of_rows(rows)
 
         nearest_rest, places = closest_points(
@@ -463,10 +463,10 @@ class Exact(RestPlacement):
 class FaceMap(Protocol):
     """Faces at rest that points keep their places on, wherever these faces go."""
 
-    def nearest(self, points: Points, ends: Ends) -> tuple[Points, Indices]:
+    def nearest(self, points: Points, ends: Ends) -> tuple[Points, AnyArray]:
         """Return the places (N, 3) on faces nearest to points, and those faces (N,)."""
 
-    def carried(self, rest: Points, faces: Indices) -> Points:
+    def carried(self, rest: Points, faces: AnyArray) -> Points:
         """Return the present positions (N, 3) of points at rest on these faces (N,)."""
 
 

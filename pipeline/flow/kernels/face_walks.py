@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flowsculpt.pipeline.arrays import AnyArray, Floats, Indices, Points
+from flowsculpt.pipeline.arrays import AnyArray, Floats, Points
 from flowsculpt.pipeline.flow.kernels.external_kernels import nearest_on_triangle
 from flowsculpt.pipeline.flow.kernels.instructions import doubles_at
 from flowsculpt.pipeline.kernels import kernel
@@ -34,13 +34,13 @@ def _distance2(m: Floats, at: int, x: float, y: float, z: float) -> tuple[float,
 def _flood(
     m: Floats,
     triangles: int,
-    neighbours: Indices,
+    neighbours: AnyArray,
     start: int,
     end: Floats,
     point: Floats,
     stamp: int,
-    stamps: Indices,
-    queue: Indices,
+    stamps: AnyArray,
+    queue: AnyArray,
     squares: Floats,
 ) -> int:
     """Fill the queue with the faces reached from a start; return their number.
@@ -76,11 +76,11 @@ def _flood(
 def walk_to_nearest(
     address: int,
     triangles: int,
-    neighbours: Indices,
+    neighbours: AnyArray,
     points: Points,
     ends: Points,
-    starts: Indices,
-    found: Indices,
+    starts: AnyArray,
+    found: AnyArray,
 ) -> None:
     """Find the nearest triangle of each of points (N, 3) that is reached from both of its ends.
 
