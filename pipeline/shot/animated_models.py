@@ -64,6 +64,11 @@ class SurfaceSequence(ABC):
         return ()
 
     @property
+    def absent(self) -> tuple[str, str] | None:
+        """The range of the first frames, which have surfaces, and what others lack; None if all have one."""
+        return None
+
+    @property
     @abstractmethod
     def keeps_faces(self) -> bool:
         """True if all times have the faces of `start`, so that its vertices have paths."""
