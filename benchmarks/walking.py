@@ -25,7 +25,6 @@ from flowsculpt.pipeline.mesh import TriangleMesh
 from flowsculpt.pipeline.mesh.mesh_formats import ScenePart
 from flowsculpt.pipeline.mesh.read import ModelFile
 from flowsculpt.pipeline.shot import Motion, read_shot
-from flowsculpt.pipeline.shot.animated_models import FaceSurface
 from flowsculpt.pipeline.statistics import mesh_statistics
 
 RATE = 24
@@ -101,9 +100,10 @@ def _differences(motion: Motion, mesh: TriangleMesh, coordinates: AnyArray) -> A
 
     coordinates  (F, 3, 2) of the corners of the file's faces
     """
-    rest, surface = mesh.attributes["rest"], motion.subject.project
+    rest, animated = mesh.attributes["rest"], motion.animated
     painted = motion.painted(rest, mesh.faces)
-    assert painted is not None and isinstance(surface, FaceSurface), "it has paint, and keeps its faces"
+    assert painted is not None and animated is not None, "it has paint, and moves"
+    surface = animated.model.faces
     corners = rest[mesh.faces]
     inner = 0.98 * corners + 0.02 * corners.mean(axis=1, keepdims=True)
     ends, starts = np.stack([corners, corners], 2), np.stack([mesh.attributes["face"][mesh.faces]] * 2, 2)

@@ -31,7 +31,7 @@ from flowsculpt.pipeline.resample import (
     Resampler,
     Thresholds,
 )
-from flowsculpt.pipeline.resample.placement import FACE, REST, REST_NORMAL, OnFaces
+from flowsculpt.pipeline.resample.placement import FACE, REST, REST_NORMAL
 from flowsculpt.pipeline.resample.resampler import STATELESS
 from flowsculpt.pipeline.shot import Motion, Resampling
 from flowsculpt.pipeline.shot.animated_models import VELOCITY
@@ -59,8 +59,7 @@ class RestInterval:
             self.history.add(motion.step_into(flow, frame))
         project = motion.analytic_surface() if start == first else None
         follow = any(step.flow.faces_follow_normals for step in flow.steps(*motion.step(number)))
-        exact = Exact(self.history.carry, project, tags_creases=False, faces_follow_normals=follow)
-        self.placement = exact if given is None else OnFaces(given)
+        self.placement = Exact(self.history.carry, project, False, follow, given)
         self.next = partial(RestInterval, motion, resampling, flow, self.end)
 
 

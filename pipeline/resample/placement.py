@@ -225,12 +225,31 @@ class Ends(NamedTuple):
         return Ends(self.places[rows], self.faces[rows])
 
 
-class RestPlacement(Placement):
-    """New vertices on the surface at rest, from where they are carried to the present.
+class FaceMap(Protocol):
+    """Faces at rest that points keep their places on, wherever these faces go."""
 
+    def nearest(self, points: Points, ends: Ends) -> tuple[Points, AnyArray]:
+        """Return the places (N, 3) on faces nearest to points, and those faces (N,)."""
+
+    def carried(self, rest: Points, faces: AnyArray) -> Points:
+        """Return the present positions (N, 3) of points at rest on these faces (N,)."""
+
+
+@dataclass(frozen=True)
+class Exact(Placement):
+    """New vertices on the exact surface: placed on the surface at rest, then carried to the present.
+
+    carry                 `rest_points (N, 3) -> (N, 3)`, their present positions; called once a round with
+                          all new points and those that carry their normals, and again for the few that would
+                          fold
+    project               `rest_points (N, 3) -> (N, 3)`, the nearest points of the analytic surface at rest,
+                          if it is known; without it new rest points lie on curved patches over the mesh at
+                          rest
     tags_creases          True: edges that are hard at rest, by their angle, are tagged as creases
     faces_follow_normals  True: no face may look against the mean of its corners' normals, if carried
-    is_known              True if the surface at rest is known everywhere
+    faces                 in place of carry and project, of a surface that is given by faces and may cut
+                          through itself: each vertex keeps its face, as FACE, and a new one looks for its own
+                          from those of its edge's ends on; normals are not carried
 
     Tagged edges and boundaries are hard whatever becomes of them, and no others: the rim of a sheet that the
     flow has made thin is as sharp as a crease, and must not be kept as one.
@@ -240,30 +259,14 @@ class RestPlacement(Placement):
     points carried along beside it; at creases, which have several normals, it is zero.
     """
 
-    tags_creases: bool
-    faces_follow_normals: bool
+    carry: PointMap
+    project: PointMap | None = None
+    tags_creases: bool = True
+    faces_follow_normals: bool = False
+    faces: FaceMap | None = None
     leaves_chord: ClassVar[bool] = True
     can_relax: ClassVar[bool] = True
     hard_by_angle: ClassVar[bool] = False
-
-    @property
-    def is_known(self) -> bool:
-        raise NotImplementedError
-
-    def _project(self, points: Points, ends: Ends | None = None) -> Points:
-        """Return points of the surface at rest for points (N, 3) beside it."""
-        raise NotImplementedError
-
-    def _moved(self, points: Points, ends: Ends | None) -> Points:
-        """Return the present positions of points at rest (N, 3)."""
-        raise NotImplementedError
-
-    def _ends(self, mesh: HalfedgeMesh, vertices: AnyArray) -> Ends | None:
-        """Return the ends of points near vertices, (N,) or two for each (N, 2), if placing needs them."""
-        return None
-
-    def _settle(self, mesh: HalfedgeMesh, vertices: AnyArray, ends: Ends | None) -> None:
-        """Keep what there is to keep of vertices (N,) whose rest positions have changed."""
 
     def prepare(self, mesh: TriangleMesh, hard_angle: float | Floats) -> TriangleMesh:
         rest = mesh.attributes.get(REST, mesh.vertices)
@@ -303,7 +306,7 @@ class RestPlacement(Placement):
         where a known surface has neither creases nor normals to be carried, zeros.
         """
         column, normals, sizes = column_of(mesh, REST), np.zeros((len(births), 3)), np.zeros(len(births))
-        if self.is_known and mesh.column(NORMAL) is None and not mesh.arrays.tagged.any():
+        if self._is_known and mesh.column(NORMAL) is None and not mesh.arrays.tagged.any():
             last = int(mesh.sizes[0])
             return rest_of(mesh)[last - len(births) :].copy(), normals, sizes
         rest = np.empty_like(mesh.arrays.points)  # only the rows of a few rings are used and take memory
@@ -389,7 +392,7 @@ class RestPlacement(Placement):
     def relax(self, mesh: HalfedgeMesh, spokes: Indices, limits: Limits, changes: Changes) -> int:
         """Move vertices where the surface at rest is known around them: by `project`, or as it is flat."""
         places, normals = np.empty((2, spokes[0], 3))
-        sizes, anywhere, ring = np.empty(spokes[0]), self.is_known, new_ring()
+        sizes, anywhere, ring = np.empty(spokes[0]), self._is_known, new_ring()
         many = relax_goals(mesh.arrays, spokes, limits, ring, anywhere, places, normals, sizes)
         if not many:
             return 0
@@ -422,7 +425,11 @@ class RestPlacement(Placement):
         return places, normals_from_tangents(normals, places, carried[len(goals) :])
 
     def _carry(self, rest_points: Points, ends: Ends | None = None) -> Points:
-        moved = np.array(self._moved(np.ascontiguousarray(rest_points), ends), dtype=np.float64, order="C")
+        points = np.ascontiguousarray(rest_points)
+        if self.faces is not None and ends is not None:
+            moved = self.faces.carried(*self.faces.nearest(points, ends))
+        else:
+            moved = np.array(self.carry(points), dtype=np.float64, order="C")
         if moved.shape != rest_points.shape or not np.isfinite(moved).all():
             raise FrameError(
                 f"carry returned an array of shape {moved.shape} for {len(rest_points)} points at rest, or "
@@ -430,77 +437,30 @@ class RestPlacement(Placement):
             )
         return moved
 
-
-@dataclass(frozen=True)
-class Exact(RestPlacement):
-    """New vertices on the exact surface: placed on the surface at rest, then carried to the present.
-
-    carry                 `rest_points (N, 3) -> (N, 3)`, their present positions; called once a round with
-                          all new points and those that carry their normals, and again for the few that would
-                          fold
-    project               `rest_points (N, 3) -> (N, 3)`, the nearest points of the analytic surface at rest,
-                          if it is known; without it new rest points lie on curved patches over the mesh at
-                          rest
-    tags_creases, faces_follow_normals  as of `RestPlacement`
-    """
-
-    carry: PointMap
-    project: PointMap | None = None
-    tags_creases: bool = True
-    faces_follow_normals: bool = False
-
     @property
-    def is_known(self) -> bool:
-        return self.project is not None
+    def _is_known(self) -> bool:
+        """True if the surface at rest is known everywhere."""
+        return self.project is not None or self.faces is not None
 
     def _project(self, points: Points, ends: Ends | None = None) -> Points:
+        """Return points of the surface at rest for points (N, 3) beside it."""
+        if self.faces is not None and ends is not None:
+            return self.faces.nearest(points, ends)[0]
         return points if self.project is None else np.array(self.project(points), np.float64, order="C")
 
-    def _moved(self, points: Points, ends: Ends | None) -> Points:
-        return self.carry(points)
-
-
-class FaceMap(Protocol):
-    """Faces at rest that points keep their places on, wherever these faces go."""
-
-    def nearest(self, points: Points, ends: Ends) -> tuple[Points, AnyArray]:
-        """Return the places (N, 3) on faces nearest to points, and those faces (N,)."""
-
-    def carried(self, rest: Points, faces: AnyArray) -> Points:
-        """Return the present positions (N, 3) of points at rest on these faces (N,)."""
-
-
-@dataclass(frozen=True)
-class OnFaces(RestPlacement):
-    """Exact places on the faces of a given surface, which may cut through itself or touch itself at rest.
-
-    Each vertex keeps the face that it is on, the attribute FACE. A new one looks for its own from those of
-    its edge's ends on, over neighbouring faces: where the surface passes through itself, another part of it
-    may be nearer. The mesh has no normals that are carried.
-    """
-
-    surface: FaceMap
-    tags_creases: bool = False
-    faces_follow_normals: bool = False
-    is_known: ClassVar[bool] = True
-
-    def _project(self, points: Points, ends: Ends | None = None) -> Points:
-        assert ends is not None, "faces are looked for from the ends on"
-        return self.surface.nearest(points, ends)[0]
-
-    def _moved(self, points: Points, ends: Ends | None) -> Points:
-        assert ends is not None, "faces are looked for from the ends on"
-        return self.surface.carried(points, self.surface.nearest(points, ends)[1])
-
-    def _ends(self, mesh: HalfedgeMesh, vertices: AnyArray) -> Ends:
+    def _ends(self, mesh: HalfedgeMesh, vertices: AnyArray) -> Ends | None:
+        """Return the ends of points near vertices, (N,) or two for each (N, 2), if faces are kept."""
+        if self.faces is None:
+            return None
         both = np.broadcast_to(vertices.T, (2, len(vertices))).T
         faces = mesh.arrays.attributes[:, column_of(mesh, FACE)][both]
         return Ends(rest_of(mesh)[both], faces.astype(np.int64))
 
     def _settle(self, mesh: HalfedgeMesh, vertices: AnyArray, ends: Ends | None) -> None:
-        assert ends is not None, "faces are looked for from the ends on"
-        _, faces = self.surface.nearest(rest_of(mesh)[vertices], ends)
-        _write(mesh, FACE, vertices, faces[:, None])
+        """Keep the faces of vertices (N,) whose rest positions have changed."""
+        if self.faces is not None and ends is not None:
+            _, faces = self.faces.nearest(rest_of(mesh)[vertices], ends)
+            _write(mesh, FACE, vertices, faces[:, None])
 
 
 def _write(mesh: HalfedgeMesh, name: str, vertices: AnyArray, values: AnyArray) -> None:

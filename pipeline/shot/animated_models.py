@@ -20,8 +20,7 @@ from flowsculpt.pipeline.arrays import AnyArray, Faces, Floats, Points, Vectors
 from flowsculpt.pipeline.flow import Flow
 from flowsculpt.pipeline.flow.regions import TriangleTree
 from flowsculpt.pipeline.mesh import PolygonMesh, TriangleMesh
-from flowsculpt.pipeline.mesh.analytic_surfaces import AnalyticSurface
-from flowsculpt.pipeline.mesh.normals import NORMAL, unit, vertex_normals
+from flowsculpt.pipeline.mesh.normals import NORMAL, unit
 from flowsculpt.pipeline.mesh.read import ImportedSurface, ModelFile
 from flowsculpt.pipeline.shot.subjects import Model, as_data
 from flowsculpt.render.base.input_files import joint_digest
@@ -136,11 +135,6 @@ class AnimatedModel(Model):
         return self.sequence.keeps_faces
 
     @property
-    def project(self) -> FaceSurface | None:
-        """The faces of the first frame, on which new vertices are placed; None where faces change."""
-        return self._faces if self.keeps_faces else None
-
-    @property
     def notes(self) -> tuple[str, ...]:
         return (*self.imported().warnings, *self.sequence.notes)
 
@@ -159,7 +153,7 @@ class AnimatedModel(Model):
 
     def carried(self, rest: Points, faces: AnyArray, seconds: float) -> Points:
         """Return where points (N, 3) on faces (N,) of the first frame are at a time."""
-        return self._faces.on(faces, rest, self.vertices(seconds))
+        return self.faces.on(faces, rest, self.vertices(seconds))
 
     def surface(self, seconds: float) -> TriangleMesh:
         """Return the surface at a time, with the attribute VELOCITY if it is known."""
@@ -175,7 +169,8 @@ class AnimatedModel(Model):
         return polygons.with_vertices(points).triangulated()
 
     @cached_property
-    def _faces(self) -> FaceSurface:
+    def faces(self) -> FaceSurface:
+        """The faces of the first frame, on which vertices keep their places where faces are kept."""
         return FaceSurface.of(self.build())
 
     @cached_property
@@ -190,25 +185,16 @@ class AnimatedModel(Model):
 
 
 @dataclass(frozen=True, eq=False)
-class FaceSurface(AnalyticSurface):
-    """The triangles (F, 3) of a surface with vertices (V, 3), as a surface that points lie on."""
+class FaceSurface:
+    """The triangles (F, 3) of a surface with vertices (V, 3), which points lie on."""
 
     vertices: Points
     faces: Faces
     tree: TriangleTree
-    vertex_normals: Vectors
 
     @classmethod
     def of(cls, mesh: TriangleMesh) -> FaceSurface:
-        tree = TriangleTree.of(mesh.vertices[mesh.faces])
-        return cls(mesh.vertices, mesh.faces, tree, vertex_normals(mesh))
-
-    def __call__(self, points: Points) -> Points:
-        return self.moved(points, self.vertices)
-
-    def moved(self, points: Points, vertices: Points) -> Points:
-        """Return the nearest points (N, 3) of the surface, with its vertices moved to (V, 3)."""
-        return self.blended(vertices, *self.located(points))
+        return cls(mesh.vertices, mesh.faces, TriangleTree.of(mesh.vertices[mesh.faces]))
 
     def walked_to(self, points: Points, ends: Points, starts: AnyArray) -> AnyArray:
         """Return the face (N,) of each point that is reached from those of its ends on, over edges.
@@ -243,9 +229,6 @@ class FaceSurface(AnalyticSurface):
     def blended(self, values: Floats, face: AnyArray, shares: Floats) -> Floats:
         """Return values of the vertices (V, 3) at places of `located`."""
         return np.asarray(np.einsum("nk,nkj->nj", shares, values[self.faces[face]]))
-
-    def normals(self, points: Points) -> Vectors:
-        return unit(self.blended(self.vertex_normals, *self.located(points)))
 
 
 def _of_corners(shares: Floats) -> Floats:
@@ -283,9 +266,9 @@ class AnimatedFlow(Flow):
 
     def _faces_at(self, time: float) -> FaceSurface:
         model = self.model
-        start = model.project
-        assert start is not None, "only models that keep their faces have this flow"
-        return start if time == 0.0 else FaceSurface.of(model.build().with_vertices(model.vertices(time)))
+        return (
+            model.faces if time == 0.0 else FaceSurface.of(model.build().with_vertices(model.vertices(time)))
+        )
 
     def cache_data(self, time: float, dt: float) -> Any:
         sequence = self.model.sequence

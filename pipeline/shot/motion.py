@@ -22,7 +22,7 @@ from flowsculpt.pipeline.mesh.meshes import PolygonMesh, TriangleMesh
 from flowsculpt.pipeline.mesh.placed_copies import Mesh, Placements
 from flowsculpt.pipeline.resample import Curvature, DistanceToCamera, Thresholds
 from flowsculpt.pipeline.resample.thresholds import DEFAULT_ROUNDNESS, Region, edges_by_angle, edges_in_region
-from flowsculpt.pipeline.shot.animated_models import AnimatedFlow, AnimatedModel, FaceSurface
+from flowsculpt.pipeline.shot.animated_models import AnimatedFlow, AnimatedModel
 from flowsculpt.pipeline.shot.copies import Copies, bounding_sphere
 from flowsculpt.pipeline.shot.subjects import PluginSurface, Solid, Subject, as_data
 from flowsculpt.render.base.serialise import NOT_PLAIN, OMIT_DEFAULT
@@ -604,7 +604,7 @@ class AnimatedSubject:
 
     def nearest(self, points: Points, ends: Points, starts: AnyArray) -> tuple[Points, AnyArray]:
         """Return the places (N, 3) at rest that `FaceSurface.walked_to` leads points to, and their faces."""
-        surface = self._surface
+        surface = self.model.faces
         if self.motion._is_at_origin:
             faces = surface.walked_to(points, ends, starts)
             return surface.on(faces, points, surface.vertices), faces
@@ -616,14 +616,8 @@ class AnimatedSubject:
 
     def faces_at_rest(self, vertices: int) -> AnyArray:
         """Return a face (V,) at each of that many vertices of `Motion.mesh_at_rest`, copy by copy."""
-        faces = self._surface.of_vertices
+        faces = self.model.faces.of_vertices
         return np.tile(faces, vertices // len(faces))
-
-    @property
-    def _surface(self) -> FaceSurface:
-        surface = self.model.project
-        assert surface is not None, "faces are kept"
-        return surface
 
     def vertices(self, seconds: float) -> Points:
         """Return where the vertices (V, 3) of `Motion.mesh_at_rest` are at a time."""
