@@ -28,6 +28,14 @@ class ShotError(FlowsculptError):
         self.messages = tuple(map(readable, messages))
 
 
+class AbsentFilesError(ShotError):
+    """A shot of whose frames only the first ones, the range `present`, have files that they show."""
+
+    def __init__(self, message: str, present: str) -> None:
+        super().__init__(message)
+        self.present = present
+
+
 class MeshError(FlowsculptError):
     """An unusable mesh: empty, not finite, not manifold (exit code 2)."""
 

@@ -44,6 +44,7 @@ STILLS = {
     "B170_endless": 44,
     "B180_pool": 57,
     "B190_moon": 84,
+    "B200_walker": 62,
 }
 """The frame that shows most of each shot."""
 

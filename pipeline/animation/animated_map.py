@@ -7,8 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from flowsculpt.pipeline.arrays import Points, Vectors
+from flowsculpt.pipeline.arrays import AnyArray, Points, Vectors
 from flowsculpt.pipeline.flow.flow_map import FlowMap, FrameStep
+from flowsculpt.pipeline.resample.placement import Ends
 from flowsculpt.pipeline.shot.motion import VELOCITY_STEP, AnimatedSubject, without_animation
 
 
@@ -28,8 +29,11 @@ class AnimatedMap(FlowMap):
         super().add(replace(step, flow=without_animation(step.flow)))
         self._number = step.frame
 
-    def carry(self, rest_points: Points) -> Points:
-        return super().carry(self._subject.points(rest_points, self._seconds))
+    def nearest(self, points: Points, ends: Ends) -> tuple[Points, AnyArray]:
+        return self._subject.nearest(points, *ends)
+
+    def carried(self, rest: Points, faces: AnyArray) -> Points:
+        return super().carry(self._subject.points(rest, faces, self._seconds))
 
     def carry_given(self, given: Callable[[float], Points]) -> tuple[Points, Vectors]:
         """Return points (N, 3) at the last frame, and their velocities, units per second of the flow.

@@ -31,7 +31,7 @@ from flowsculpt.pipeline.resample import (
     Resampler,
     Thresholds,
 )
-from flowsculpt.pipeline.resample.placement import REST, REST_NORMAL
+from flowsculpt.pipeline.resample.placement import FACE, REST, REST_NORMAL
 from flowsculpt.pipeline.resample.resampler import STATELESS
 from flowsculpt.pipeline.shot import Motion, Resampling
 from flowsculpt.pipeline.shot.animated_models import VELOCITY
@@ -53,12 +53,13 @@ class RestInterval:
         first, length = motion.frames.first, resampling.rest_interval
         start = first + (number - first) // length * length
         self.end = start + length
-        self.history = FlowMap() if motion.animated is None else AnimatedMap(motion.animated)
+        given = None if motion.animated is None else AnimatedMap(motion.animated)
+        self.history = FlowMap() if given is None else given
         for frame in range(start + 1, number + 1):
             self.history.add(motion.step_into(flow, frame))
         project = motion.analytic_surface() if start == first else None
         follow = any(step.flow.faces_follow_normals for step in flow.steps(*motion.step(number)))
-        self.placement = Exact(self.history.carry, project, tags_creases=False, faces_follow_normals=follow)
+        self.placement = Exact(self.history.carry, project, False, follow, given)
         self.next = partial(RestInterval, motion, resampling, flow, self.end)
 
 
@@ -276,19 +277,24 @@ class AnimatedSurface(ExactSurface):
 
     def move(self, step: FrameStep) -> None:
         self._interval.history.add(step)
-        self._resampler.vertices[:] = self._interval.history.carry(self._rest)
+        self._resampler.vertices[:] = self._history.carried(*_places(self._resampler.mesh))
 
     def _shown(self, mesh: TriangleMesh) -> TriangleMesh:
-        history, subject = self._interval.history, self._motion.animated
-        assert isinstance(history, AnimatedMap) and subject is not None, "so it is with animated models"
-        velocities = history.carry_given(partial(subject.points, self._rest))[1]
+        subject = self._motion.animated
+        assert subject is not None, "so it is with animated models"
+        velocities = self._history.carry_given(partial(subject.points, *_places(mesh)))[1]
         return mesh.with_attributes(**{VELOCITY: velocities})
 
     @property
-    def _rest(self) -> Points:
-        rest = self._resampler.vectors(REST)
-        assert rest is not None, "placement is exact"
-        return np.array(rest)
+    def _history(self) -> AnimatedMap:
+        history = self._interval.history
+        assert isinstance(history, AnimatedMap), "so it is with animated models"
+        return history
+
+
+def _places(mesh: TriangleMesh) -> tuple[Points, AnyArray]:
+    """Return where vertices are at rest (V, 3), and the faces (V,) that they are on."""
+    return mesh.attributes[REST], mesh.attributes[FACE]
 
 
 class GivenSurface(SimulatedSurface):
@@ -360,7 +366,9 @@ def at_rest(motion: Motion, flow: Flow) -> SimulatedSurface:
         return PolygonSurface(motion, resampling, method.begin(polygons, thresholds))
     mesh = with_identities(motion.mesh_at_rest())
     mesh = resampling.tag_creases(mesh, thresholds.hard_angles(mesh))
-    if resampling.placement != "exact":
+    if motion.animated is not None:
+        mesh = mesh.with_attributes(**{FACE: motion.animated.faces_at_rest(len(mesh.vertices))})
+    elif resampling.placement != "exact":
         mesh = with_material(mesh)
     elif resampling.normals == "carried":
         mesh = mesh.with_attributes(**{NORMAL: _normals_at_rest(motion, mesh)})

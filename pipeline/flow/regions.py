@@ -17,7 +17,7 @@ import numpy as np
 
 from flowsculpt.pipeline.arrays import AnyArray, Floats, Points, Vectors
 from flowsculpt.pipeline.errors import FrameError, UsageError
-from flowsculpt.pipeline.flow.kernels import external_kernels
+from flowsculpt.pipeline.flow.kernels import external_kernels, face_walks
 from flowsculpt.pipeline.flow.kernels import instructions as op
 from flowsculpt.pipeline.flow.kernels import region_kernels as kernels
 from flowsculpt.pipeline.flow.parameters import (
@@ -107,6 +107,29 @@ class TriangleTree:
         else:
             external_kernels.find_facing(*at, points, normals, least, found, shares)
         return np.where(found < 0, -1, self.order[found]), shares
+
+    def walked_to(self, points: Points, ends: Points, starts: AnyArray, neighbours: AnyArray) -> AnyArray:
+        """Return the triangle (P,) nearest to each of points (P, 3) over neighbouring triangles.
+
+        ends        (P, 2, 3) points on the surface, twice the same for one end
+        starts      (P, 2) the triangles that these are on
+        neighbours  (T, 3) the triangles across the edges of each, -1 at a boundary
+        """
+        found, at = np.empty(len(points), np.int64), (self.memory.ctypes.data, self.triangles)
+        across = np.append(self.places, -1)[neighbours[self.order]]
+        face_walks.walk_to_nearest(*at, across, points, ends, self.places[starts], found)
+        return np.asarray(self.order[found])
+
+    def shares_on(self, triangles: AnyArray, points: Points) -> Floats:
+        """Return the shares (P, 2) in triangles (P,) at the places there nearest to points (P, 3)."""
+        shares, at = np.empty((len(points), 2)), (self.memory.ctypes.data, self.triangles)
+        face_walks.find_shares(*at, points, self.places[triangles], shares)
+        return shares
+
+    @cached_property
+    def places(self) -> AnyArray:
+        """The place (T,) in the tree of each of the given triangles."""
+        return np.argsort(self.order)
 
     def with_distances(self, first: Points, spacing: float, shape: tuple[int, ...]) -> Floats:
         """Return the array of `region_kernels`; it ends with signed distances on a grid of a shape.

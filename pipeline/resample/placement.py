@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
@@ -140,9 +140,9 @@ def move_without_folds(
     return moved > 0
 
 
-REST, REST_NORMAL, NORMAL, ASTRAY = "rest", "rest_normal", "normal", "astray"
-"""Vertex attributes of exact placement: position and normal on the undeformed surface, present normal, and a
-flag for vertices that had to be left off the surface."""
+REST, REST_NORMAL, NORMAL, ASTRAY, FACE = "rest", "rest_normal", "normal", "astray", "face"
+"""Vertex attributes of exact placement: position and normal on the undeformed surface, present normal, a flag
+for vertices that had to be left off the surface, and, of a given surface, the face that a vertex is on."""
 
 
 def column_of(mesh: HalfedgeMesh, name: str) -> int:
@@ -171,6 +171,7 @@ def rest_rings(mesh: HalfedgeMesh, spokes: Indices) -> RestRings:
 
 
 PointMap = Callable[[Points], Points]
+NearMap = Callable[[Points, AnyArray], Points]
 
 _ROUNDS = 2
 _STEP = 1e-4  # finite difference, in sides of the triangle
@@ -178,12 +179,12 @@ _TANGENT = 1e-5  # distance of tangent points from their vertex, in edge lengths
 
 
 def closest_points(
-    carry: PointMap, project: PointMap, centre: Points, corners: Points, goals: Points
+    carry: NearMap, project: NearMap, centre: Points, corners: Points, goals: Points
 ) -> tuple[Points, Points]:
     """Return the points of the surface that the flow brings closest to the goals: at rest, and now.
 
-    carry    points at rest (N, 3) to their present positions
-    project  points beside the surface at rest (N, 3) onto it
+    carry    points at rest (M, 3), and the row (M,) of the centre near each, to their present positions
+    project  points beside the surface at rest, with rows as above, onto it
     centre   (N, 3) vertices at rest
     corners  (N, K, 2, 3) the other corners of K triangles at each, at rest; nan where there are fewer, and
              twice the same for an edge that the point must stay on
@@ -193,18 +194,45 @@ def closest_points(
     """
     many = len(centre)
     lattice, starts = np.empty((LATTICE * many, 3)), np.empty(many + 1, np.int64)
-    candidates = project(lattice[: place_lattice(centre, corners, lattice, starts)])
+    lattice, row = lattice[: place_lattice(centre, corners, lattice, starts)], np.arange(many)
+    rows, both = np.repeat(row, np.diff(starts)), np.tile(row, 2)
+    candidates = project(lattice, rows)
     nearest_rest, places = np.empty((2, many, 3))
-    choose_nearest(starts, candidates, carry(candidates), goals, nearest_rest, places)
+    choose_nearest(starts, candidates, carry(candidates, rows), goals, nearest_rest, places)
     frames, beside, new_rest = np.empty((many, 2, 3)), np.empty((2 * many, 3)), np.empty((many, 3))
     tangent_frames(centre, corners, frames)
     for _ in range(_ROUNDS):
         step_aside(nearest_rest, frames, _STEP, beside)
-        moved = carry(project(beside))
+        moved = carry(project(beside, both), both)
         step_to_goals(nearest_rest, places, moved, goals, _STEP, frames, new_rest)
-        projected = project(new_rest)
-        keep_nearer(projected, carry(projected), goals, nearest_rest, places)
+        projected = project(new_rest, row)
+        keep_nearer(projected, carry(projected, row), goals, nearest_rest, places)
     return nearest_rest, places
+
+
+class Ends(NamedTuple):
+    """Vertices of the surface that points at rest are near: of a new one the ends of its edge.
+
+    places  (N, 2, 3): their rest positions, twice the same for one vertex
+    faces   int64 (N, 2): the faces at rest that these are on
+    """
+
+    places: Points
+    faces: AnyArray
+
+    def of_rows(self, rows: AnyArray) -> Ends:
+        """Return those of some points, by rows (M,) of these."""
+        return Ends(self.places[rows], self.faces[rows])
+
+
+class FaceMap(Protocol):
+    """Faces at rest that points keep their places on, wherever these faces go."""
+
+    def nearest(self, points: Points, ends: Ends) -> tuple[Points, AnyArray]:
+        """Return the places (N, 3) on faces nearest to points, and those faces (N,)."""
+
+    def carried(self, rest: Points, faces: AnyArray) -> Points:
+        """Return the present positions (N, 3) of points at rest on these faces (N,)."""
 
 
 @dataclass(frozen=True)
@@ -219,6 +247,9 @@ class Exact(Placement):
                           rest
     tags_creases          True: edges that are hard at rest, by their angle, are tagged as creases
     faces_follow_normals  True: no face may look against the mean of its corners' normals, if carried
+    faces                 in place of carry and project, of a surface that is given by faces and may cut
+                          through itself: each vertex keeps its face, as FACE, and a new one looks for its own
+                          from those of its edge's ends on; normals are not carried
 
     Tagged edges and boundaries are hard whatever becomes of them, and no others: the rim of a sheet that the
     flow has made thin is as sharp as a crease, and must not be kept as one.
@@ -232,6 +263,7 @@ class Exact(Placement):
     project: PointMap | None = None
     tags_creases: bool = True
     faces_follow_normals: bool = False
+    faces: FaceMap | None = None
     leaves_chord: ClassVar[bool] = True
     can_relax: ClassVar[bool] = True
     hard_by_angle: ClassVar[bool] = False
@@ -252,12 +284,14 @@ class Exact(Placement):
         last, spokes = int(mesh.sizes[0]), np.ascontiguousarray(births[:, BIRTH_HALFEDGE])
         born = mesh.arrays.attributes[last - len(births) : last]
         middles, normals, sizes = self._midpoints_at_rest(mesh, births)
-        goals = self._project(middles)
-        places, carried = self._carry_with_normals(mesh, goals, normals, sizes)
+        ends = self._ends(mesh, births[:, :BIRTH_HALFEDGE])
+        goals = self._project(middles, ends)
+        places, carried = self._carry_with_normals(mesh, goals, normals, sizes, ends)
         moved = move_without_folds(mesh, spokes, places, goals, limits)
         column = mesh.column(NORMAL)
         if column is not None:
             born[moved, column : column + 3] = carried[moved]
+        self._settle(mesh, mesh.arrays.vert[spokes], ends)
         if not moved.all():
             moved[~moved] = self._place_nearby(mesh, spokes[~moved], limits)
         born[:, column_of(mesh, ASTRAY)] = ~moved
@@ -272,7 +306,7 @@ class Exact(Placement):
         where a known surface has neither creases nor normals to be carried, zeros.
         """
         column, normals, sizes = column_of(mesh, REST), np.zeros((len(births), 3)), np.zeros(len(births))
-        if self.project is not None and mesh.column(NORMAL) is None and not mesh.arrays.tagged.any():
+        if self._is_known and mesh.column(NORMAL) is None and not mesh.arrays.tagged.any():
             last = int(mesh.sizes[0])
             return rest_of(mesh)[last - len(births) :].copy(), normals, sizes
         rest = np.empty_like(mesh.arrays.points)  # only the rows of a few rings are used and take memory
@@ -292,8 +326,9 @@ class Exact(Placement):
         if not len(spokes):
             return
         list_marked(mesh.arrays, halfedges, column, spokes)
-        goals = self._project(rest_of(mesh)[mesh.arrays.vert[spokes]])
-        moved = move_without_folds(mesh, spokes, self._carry(goals), goals, limits)
+        ends = self._ends(mesh, mesh.arrays.vert[spokes])
+        goals = self._project(rest_of(mesh)[mesh.arrays.vert[spokes]], ends)
+        moved = move_without_folds(mesh, spokes, self._carry(goals, ends), goals, limits)
         if not moved.all():
             rings = rest_rings(mesh, spokes[~moved])
             moved[~moved] = self._move_to_middle(mesh, rings, limits)
@@ -308,7 +343,18 @@ class Exact(Placement):
         """
         rings = rest_rings(mesh, spokes)
         goals = mesh.vertices[mesh.arrays.vert[spokes]]
-        nearest_rest, places = closest_points(self._carry, self._project, rings.centre, rings.corners, goals)
+        ends = self._ends(mesh, mesh.arrays.vert[spokes])
+
+        def near(rows: AnyArray) -> Ends | None:
+            return None if ends is None else ends.of_rows(rows)
+
+        nearest_rest, places = closest_points(
+            lambda points, rows: self._carry(points, near(rows)),
+            lambda points, rows: self._project(points, near(rows)),
+            rings.centre,
+            rings.corners,
+            goals,
+        )
         moved = self._move(mesh, rings, nearest_rest, places, limits)
         if not moved.all():
             others = RestRings._make(values[~moved] for values in rings)
@@ -317,8 +363,9 @@ class Exact(Placement):
 
     def _move_to_middle(self, mesh: HalfedgeMesh, rings: RestRings, limits: Limits) -> AnyArray:
         """Move vertices to the middle of their rings at rest; return flags of those that moved."""
-        goals = self._project(rings.middle)
-        return self._move(mesh, rings, goals, self._carry(goals), limits)
+        ends = self._ends(mesh, mesh.arrays.vert[rings.spokes])
+        goals = self._project(rings.middle, ends)
+        return self._move(mesh, rings, goals, self._carry(goals, ends), limits)
 
     def _move(
         self, mesh: HalfedgeMesh, rings: RestRings, goals: Points, places: Points, limits: Limits
@@ -327,7 +374,10 @@ class Exact(Placement):
 
         If the mesh has normals, theirs become the exact ones.
         """
+        vertices = mesh.arrays.vert[rings.spokes]
+        ends = self._ends(mesh, vertices)
         moved = move_without_folds(mesh, rings.spokes, places, goals, limits)
+        self._settle(mesh, vertices, ends)
         if mesh.column(NORMAL) is not None and moved.any():
             carried = carried_normals(
                 lambda beside: self._carry(self._project(beside)),
@@ -336,29 +386,29 @@ class Exact(Placement):
                 rings.normals[moved],
                 _TANGENT * rings.sizes[moved],
             )
-            _write(mesh, NORMAL, mesh.arrays.vert[rings.spokes[moved]], carried)
+            _write(mesh, NORMAL, vertices[moved], carried)
         return moved
 
     def relax(self, mesh: HalfedgeMesh, spokes: Indices, limits: Limits, changes: Changes) -> int:
         """Move vertices where the surface at rest is known around them: by `project`, or as it is flat."""
         places, normals = np.empty((2, spokes[0], 3))
-        sizes, anywhere, ring = np.empty(spokes[0]), self.project is not None, new_ring()
+        sizes, anywhere, ring = np.empty(spokes[0]), self._is_known, new_ring()
         many = relax_goals(mesh.arrays, spokes, limits, ring, anywhere, places, normals, sizes)
         if not many:
             return 0
-        goals, moved = self._project(places[:many]), np.zeros(many, np.uint8)
-        places_now, carried = self._carry_with_normals(mesh, goals, normals[:many], sizes[:many])
+        vertices = mesh.arrays.vert[spokes[1 : many + 1]]
+        ends = self._ends(mesh, vertices)
+        goals, moved = self._project(places[:many], ends), np.zeros(many, np.uint8)
+        places_now, carried = self._carry_with_normals(mesh, goals, normals[:many], sizes[:many], ends)
         done = int(relax_vertices(mesh.arrays, spokes, places_now, goals, limits, ring, changes, moved))
+        self._settle(mesh, vertices, ends)
         if mesh.column(NORMAL) is not None:
             went = moved > 0
-            _write(mesh, NORMAL, mesh.arrays.vert[spokes[1 : many + 1][went]], carried[went])
+            _write(mesh, NORMAL, vertices[went], carried[went])
         return done
 
-    def _project(self, points: Points) -> Points:
-        return points if self.project is None else np.array(self.project(points), np.float64, order="C")
-
     def _carry_with_normals(
-        self, mesh: HalfedgeMesh, goals: Points, normals: Vectors, sizes: Floats
+        self, mesh: HalfedgeMesh, goals: Points, normals: Vectors, sizes: Floats, ends: Ends | None
     ) -> tuple[Points, Vectors]:
         """Return the present places (N, 3) of points at rest and, if the mesh has normals, those there.
 
@@ -368,20 +418,49 @@ class Exact(Placement):
         All is carried by one call: the flow starts along its streamlines once.
         """
         if mesh.column(NORMAL) is None:
-            return self._carry(goals), normals
+            return self._carry(goals, ends), normals
         beside = self._project(tangent_points(goals, normals, _TANGENT * sizes))
         carried = self._carry(np.concatenate([goals, beside]))
         places = carried[: len(goals)]
         return places, normals_from_tangents(normals, places, carried[len(goals) :])
 
-    def _carry(self, rest_points: Points) -> Points:
-        moved = np.array(self.carry(np.ascontiguousarray(rest_points)), dtype=np.float64, order="C")
+    def _carry(self, rest_points: Points, ends: Ends | None = None) -> Points:
+        points = np.ascontiguousarray(rest_points)
+        if self.faces is not None and ends is not None:
+            moved = self.faces.carried(*self.faces.nearest(points, ends))
+        else:
+            moved = np.array(self.carry(points), dtype=np.float64, order="C")
         if moved.shape != rest_points.shape or not np.isfinite(moved).all():
             raise FrameError(
                 f"carry returned an array of shape {moved.shape} for {len(rest_points)} points at rest, or "
                 "numbers that are not finite; it must return the current position of each point"
             )
         return moved
+
+    @property
+    def _is_known(self) -> bool:
+        """True if the surface at rest is known everywhere."""
+        return self.project is not None or self.faces is not None
+
+    def _project(self, points: Points, ends: Ends | None = None) -> Points:
+        """Return points of the surface at rest for points (N, 3) beside it."""
+        if self.faces is not None and ends is not None:
+            return self.faces.nearest(points, ends)[0]
+        return points if self.project is None else np.array(self.project(points), np.float64, order="C")
+
+    def _ends(self, mesh: HalfedgeMesh, vertices: AnyArray) -> Ends | None:
+        """Return the ends of points near vertices, (N,) or two for each (N, 2), if faces are kept."""
+        if self.faces is None:
+            return None
+        both = np.broadcast_to(vertices.T, (2, len(vertices))).T
+        faces = mesh.arrays.attributes[:, column_of(mesh, FACE)][both]
+        return Ends(rest_of(mesh)[both], faces.astype(np.int64))
+
+    def _settle(self, mesh: HalfedgeMesh, vertices: AnyArray, ends: Ends | None) -> None:
+        """Keep the faces of vertices (N,) whose rest positions have changed."""
+        if self.faces is not None and ends is not None:
+            _, faces = self.faces.nearest(rest_of(mesh)[vertices], ends)
+            _write(mesh, FACE, vertices, faces[:, None])
 
 
 def _write(mesh: HalfedgeMesh, name: str, vertices: AnyArray, values: AnyArray) -> None:

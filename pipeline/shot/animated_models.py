@@ -20,8 +20,7 @@ from flowsculpt.pipeline.arrays import AnyArray, Faces, Floats, Points, Vectors
 from flowsculpt.pipeline.flow import Flow
 from flowsculpt.pipeline.flow.regions import TriangleTree
 from flowsculpt.pipeline.mesh import PolygonMesh, TriangleMesh
-from flowsculpt.pipeline.mesh.analytic_surfaces import AnalyticSurface
-from flowsculpt.pipeline.mesh.normals import NORMAL, unit, vertex_normals
+from flowsculpt.pipeline.mesh.normals import NORMAL, unit
 from flowsculpt.pipeline.mesh.read import ImportedSurface, ModelFile
 from flowsculpt.pipeline.shot.subjects import Model, as_data
 from flowsculpt.render.base.input_files import joint_digest
@@ -62,6 +61,11 @@ class SurfaceSequence(ABC):
     def notes(self) -> tuple[str, ...]:
         """Lines to tell the user, such as where velocities come from."""
         return ()
+
+    @property
+    def absent(self) -> tuple[str, str] | None:
+        """The range of the first frames, which have surfaces, and what others lack; None if all have one."""
+        return None
 
     @property
     @abstractmethod
@@ -131,11 +135,6 @@ class AnimatedModel(Model):
         return self.sequence.keeps_faces
 
     @property
-    def project(self) -> FaceSurface | None:
-        """The faces of the first frame, on which new vertices are placed; None where faces change."""
-        return self._faces if self.keeps_faces else None
-
-    @property
     def notes(self) -> tuple[str, ...]:
         return (*self.imported().warnings, *self.sequence.notes)
 
@@ -152,9 +151,9 @@ class AnimatedModel(Model):
             points = np.concatenate([points, [points[ring].mean(axis=0) for ring in extra]])
         return self._placed(points, polygons.vertices)
 
-    def carried(self, rest: Points, seconds: float) -> Points:
-        """Return where points (N, 3) of the surface of the first frame are at a time, each on its face."""
-        return self._faces.moved(rest, self.vertices(seconds))
+    def carried(self, rest: Points, faces: AnyArray, seconds: float) -> Points:
+        """Return where points (N, 3) on faces (N,) of the first frame are at a time."""
+        return self.faces.on(faces, rest, self.vertices(seconds))
 
     def surface(self, seconds: float) -> TriangleMesh:
         """Return the surface at a time, with the attribute VELOCITY if it is known."""
@@ -170,7 +169,8 @@ class AnimatedModel(Model):
         return polygons.with_vertices(points).triangulated()
 
     @cached_property
-    def _faces(self) -> FaceSurface:
+    def faces(self) -> FaceSurface:
+        """The faces of the first frame, on which vertices keep their places where faces are kept."""
         return FaceSurface.of(self.build())
 
     @cached_property
@@ -185,37 +185,55 @@ class AnimatedModel(Model):
 
 
 @dataclass(frozen=True, eq=False)
-class FaceSurface(AnalyticSurface):
-    """The triangles (F, 3) of a surface with vertices (V, 3), as a surface that points lie on."""
+class FaceSurface:
+    """The triangles (F, 3) of a surface with vertices (V, 3), which points lie on."""
 
     vertices: Points
     faces: Faces
     tree: TriangleTree
-    vertex_normals: Vectors
 
     @classmethod
     def of(cls, mesh: TriangleMesh) -> FaceSurface:
-        tree = TriangleTree.of(mesh.vertices[mesh.faces])
-        return cls(mesh.vertices, mesh.faces, tree, vertex_normals(mesh))
+        return cls(mesh.vertices, mesh.faces, TriangleTree.of(mesh.vertices[mesh.faces]))
 
-    def __call__(self, points: Points) -> Points:
-        return self.moved(points, self.vertices)
+    def walked_to(self, points: Points, ends: Points, starts: AnyArray) -> AnyArray:
+        """Return the face (N,) of each point that is reached from those of its ends on, over edges.
 
-    def moved(self, points: Points, vertices: Points) -> Points:
-        """Return the nearest points (N, 3) of the surface, with its vertices moved to (V, 3)."""
-        return self.blended(vertices, *self.located(points))
+        ends    (N, 2, 3) points on the surface, twice the same for one end
+        starts  (N, 2) the faces that these are on
+        """
+        return self.tree.walked_to(points, ends, starts, self._neighbours)
+
+    def on(self, faces: AnyArray, points: Points, vertices: Points) -> Points:
+        """Return the places on faces (N,) nearest to points (N, 3), with the vertices moved to (V, 3)."""
+        return self.blended(vertices, faces, _of_corners(self.tree.shares_on(faces, points)))
+
+    @property
+    def of_vertices(self) -> AnyArray:
+        """A face (V,) at each vertex."""
+        faces = np.zeros(len(self.vertices), np.int64)
+        faces[self.faces] = np.arange(len(self.faces))[:, None]
+        return faces
+
+    @cached_property
+    def _neighbours(self) -> AnyArray:
+        """The faces (F, 3) across the edges of each, -1 at a boundary."""
+        twins = PolygonMesh.from_triangles(TriangleMesh(self.vertices, self.faces)).twins
+        return np.where(twins < 0, -1, twins // 3).reshape(-1, 3)
 
     def located(self, points: Points) -> tuple[AnyArray, Floats]:
         """Return the face (N,) nearest to each point, and shares (N, 3) of its corners there."""
         face, shares = self.tree.nearest(np.ascontiguousarray(points))
-        return face, np.column_stack([1.0 - shares.sum(axis=1), shares])
+        return face, _of_corners(shares)
 
     def blended(self, values: Floats, face: AnyArray, shares: Floats) -> Floats:
         """Return values of the vertices (V, 3) at places of `located`."""
         return np.asarray(np.einsum("nk,nkj->nj", shares, values[self.faces[face]]))
 
-    def normals(self, points: Points) -> Vectors:
-        return unit(self.blended(self.vertex_normals, *self.located(points)))
+
+def _of_corners(shares: Floats) -> Floats:
+    """Return shares (N, 3) of all corners for those (N, 2) of the second and third."""
+    return np.column_stack([1.0 - shares.sum(axis=1), shares])
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,9 +266,9 @@ class AnimatedFlow(Flow):
 
     def _faces_at(self, time: float) -> FaceSurface:
         model = self.model
-        start = model.project
-        assert start is not None, "only models that keep their faces have this flow"
-        return start if time == 0.0 else FaceSurface.of(model.build().with_vertices(model.vertices(time)))
+        return (
+            model.faces if time == 0.0 else FaceSurface.of(model.build().with_vertices(model.vertices(time)))
+        )
 
     def cache_data(self, time: float, dt: float) -> Any:
         sequence = self.model.sequence

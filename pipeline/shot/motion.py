@@ -542,6 +542,8 @@ class Motion:
             data["shape"] = self.shape.data()
         if self.animated is not None:
             data["given"] = self.animated.data(self.frames.first)
+            if self.resampling is not None:
+                data["placed"] = PLACED_BY
         return data
 
     def acting_data(self, frame: int, is_checked: bool = True) -> Any:
@@ -571,6 +573,10 @@ class Motion:
         return {"flow": data, **changes} if changes else data
 
 
+PLACED_BY = "faces"
+"""How vertices keep their places on animated models that are resampled: part of the keys of their frames."""
+
+
 def without_animation(flow: Flow) -> Flow:
     """Return a flow without the motion of an animated model."""
     others = tuple(each for each in flow.members if not isinstance(each, AnimatedFlow))
@@ -589,12 +595,29 @@ class AnimatedSubject:
     motion: Motion
     model: AnimatedModel
 
-    def points(self, rest: Points, seconds: float) -> Points:
-        """Return where points (V, 3) of the surface at rest are at a time."""
+    def points(self, rest: Points, faces: AnyArray, seconds: float) -> Points:
+        """Return where points (V, 3) of the surface at rest, on faces (V,), are at a time."""
         if self.motion._is_at_origin:
-            return self.model.carried(rest, seconds)
+            return self.model.carried(rest, faces, seconds)
         copy, placements = self.motion.copy_indices(rest), self.motion._standing[1]
-        return placements.placed(self.model.carried(placements.local(rest, copy), seconds), copy)
+        return placements.placed(self.model.carried(placements.local(rest, copy), faces, seconds), copy)
+
+    def nearest(self, points: Points, ends: Points, starts: AnyArray) -> tuple[Points, AnyArray]:
+        """Return the places (N, 3) at rest that `FaceSurface.walked_to` leads points to, and their faces."""
+        surface = self.model.faces
+        if self.motion._is_at_origin:
+            faces = surface.walked_to(points, ends, starts)
+            return surface.on(faces, points, surface.vertices), faces
+        copy, placements = self.motion.copy_indices(ends[:, 0]), self.motion._standing[1]
+        local = placements.local(points, copy)
+        near = np.stack([placements.local(ends[:, end], copy) for end in range(2)], axis=1)
+        faces = surface.walked_to(local, near, starts)
+        return placements.placed(surface.on(faces, local, surface.vertices), copy), faces
+
+    def faces_at_rest(self, vertices: int) -> AnyArray:
+        """Return a face (V,) at each of that many vertices of `Motion.mesh_at_rest`, copy by copy."""
+        faces = self.model.faces.of_vertices
+        return np.tile(faces, vertices // len(faces))
 
     def vertices(self, seconds: float) -> Points:
         """Return where the vertices (V, 3) of `Motion.mesh_at_rest` are at a time."""

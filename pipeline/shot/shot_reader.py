@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
-from flowsculpt.pipeline.errors import MeshError, MissingInputError, ShotError, UsageError
+from flowsculpt.pipeline.errors import AbsentFilesError, MeshError, MissingInputError, ShotError, UsageError
 from flowsculpt.pipeline.flow import Flow, Sequence, Streamlines
 from flowsculpt.pipeline.flow.parameters import ORIGIN
 from flowsculpt.pipeline.flow.streamlines import DEFAULT_TOLERANCE
@@ -343,11 +343,15 @@ def _given(kind: MovingKind, source: YamlSource, clock: Clock, where: Where = ("
     """Return the subject that a kind reads. Raises ShotError or MissingInputError with its place."""
     place = source.place((*where, kind.word()))
     try:
-        return kind.build(source.path.parent, clock)
+        model = kind.build(source.path.parent, clock)
     except MissingInputError as error:
         raise MissingInputError(f"{place}: {error}") from None
     except (MeshError, UsageError, BadInputError) as error:
         raise ShotError(f"{place}: {error}") from None
+    if model.sequence.absent is not None:
+        present, message = model.sequence.absent
+        raise AbsentFilesError(f"{place}: {message}", present)
+    return model
 
 
 def _require_fixed_faces(shot: Shot, source: YamlSource) -> None:

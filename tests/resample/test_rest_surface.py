@@ -180,7 +180,7 @@ def test_the_nearest_place_is_as_near_as_a_fine_search_finds(seed: int, alone: b
         corners[0, 1:] = np.nan
         corners[0, 0, 1] = corners[0, 0, 0]
     goal = carried(np.array([[0.3, 0.2, 0.0]])) + 0.1 * rng.normal(size=(1, 3))
-    found, place = closest_points(carried, lambda p: p, np.zeros((1, 3)), corners, goal)
+    found, place = closest_points(lambda p, _: carried(p), lambda p, _: p, np.zeros((1, 3)), corners, goal)
     assert np.allclose(carried(found), place)
     u, v = rng.uniform(size=(2, 20_000))
     inside = rim[0] * np.sqrt(u)[:, None] if alone else np.column_stack([*_in_disc(u, v), 0 * u])

@@ -89,6 +89,7 @@ class GivenSurfaces(SurfaceSequence):
     asked    whether the shot says that faces are kept; None leaves it to the samples
     repair   as of models
     seconds  the times of the flow at the frames of the shot
+    absent   as of `SurfaceSequence`
     """
 
     samples: SurfaceSamples
@@ -97,6 +98,7 @@ class GivenSurfaces(SurfaceSequence):
     asked: bool | None
     repair: bool
     seconds: tuple[float, ...]
+    absent: tuple[str, str] | None = None
 
     @property
     def path(self) -> Path:

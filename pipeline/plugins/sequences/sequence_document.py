@@ -58,10 +58,11 @@ class MeshSequenceDocument(MovingKind):
     def surfaces(self, folder: Path, clock: Clock) -> SurfaceSequence:
         if self.rate is not None and self.interval is not None:
             raise UsageError("rate and interval both set the time between files. Remove one.")
-        times, samples = (self._numbered if is_pattern(self.sequence) else self._moving)(folder, clock)
+        find = self._numbered if is_pattern(self.sequence) else self._moving
+        times, samples, absent = find(folder, clock)
         asked = None if self.faces is None else self.faces == "fixed"
         seconds = tuple(map(clock.flow_time, clock.frames))
-        return GivenSurfaces(samples, times, self.between, asked, self.repair == "on", seconds)
+        return GivenSurfaces(samples, times, self.between, asked, self.repair == "on", seconds, absent)
 
     @property
     def _rate(self) -> float | None:
@@ -75,8 +76,8 @@ class MeshSequenceDocument(MovingKind):
         named = self.prim is not None or self.animation is not None
         return ScenePart(self.prim, animation=self.animation) if named else None
 
-    def _moving(self, folder: Path, clock: Clock) -> tuple[SampleTimes, SurfaceSamples]:
-        """Return the samples of a file with an animation, and their times."""
+    def _moving(self, folder: Path, clock: Clock) -> tuple[SampleTimes, SurfaceSamples, Absent]:
+        """Return the samples of a file with an animation, their times, and what is absent."""
         points = None if self.mesh is None else folder / self.sequence
         file = ModelFile(folder / (self.mesh or self.sequence), self._part)
         moving, of_shot = file.motion(points), float(clock.rate.fps)
@@ -96,12 +97,11 @@ class MeshSequenceDocument(MovingKind):
         at = np.arange(first, last + EXACT, 1.0 / known) if moving.is_continuous else moving.times
         interval = 1.0 / known if moving.is_continuous else _interval(moving.times, clock)
         times = SampleTimes(np.asarray(at) - begins, interval, faster * self.speed, self.loop)
-        if self.missing == "refused":
-            _require_time(times, clock, last)
-        return times, MovingSamples(times.times, moving, file, begins)
+        absent = _absent_time(times, clock, last) if self.missing == "refused" else None
+        return times, MovingSamples(times.times, moving, file, begins), absent
 
-    def _numbered(self, folder: Path, clock: Clock) -> tuple[SampleTimes, SurfaceSamples]:
-        """Return the samples of numbered files, and their times."""
+    def _numbered(self, folder: Path, clock: Clock) -> tuple[SampleTimes, SurfaceSamples, Absent]:
+        """Return the samples of numbered files, their times, and what is absent."""
         rate = self._rate or float(clock.rate.fps)
         files = numbered_files(self.sequence, folder)
         numbers = np.array(list(files))
@@ -120,9 +120,12 @@ class MeshSequenceDocument(MovingKind):
             )
         samples = NumberedSamples((numbers - first) / (step * rate), list(files.values()), self._part)
         times = SampleTimes(samples.times, 1.0 / rate, self.speed, self.loop)
-        if self.missing == "refused":
-            _require_files(times, numbers, clock)
-        return times, samples
+        absent = _absent_files(times, numbers, clock) if self.missing == "refused" else None
+        return times, samples, absent
+
+
+Absent = tuple[str, str] | None
+"""As of `SurfaceSequence.absent`."""
 
 
 def _step(numbers: np.ndarray) -> int:
@@ -135,21 +138,22 @@ def _interval(times: Floats, clock: Clock) -> float:
     return float(np.median(np.diff(times))) if len(times) > 1 else 1.0 / float(clock.rate.fps)
 
 
-def _require_time(times: SampleTimes, clock: Clock, last: float) -> None:
-    """Raise UsageError where frames show times after the end of an animation, or before it."""
+def _absent_time(times: SampleTimes, clock: Clock, last: float) -> Absent:
+    """Say where frames show times after the end of an animation, or before it."""
     end = len(times.times) - 1
     for frame in () if times.loops else clock.frames:
         sample, share = times.place(clock.flow_time(frame))
         if share < 0.0 or (sample == end and share > 0.0):
-            raise UsageError(
+            present = f"{clock.frames.first}-{max(frame - 1, clock.frames.first)}"
+            return present, (
                 f"frame {frame} shows a time at which the animation, up to {last:g} s of its file, is over. "
-                f"Write frames: {clock.frames.first}-{max(frame - 1, clock.frames.first)}, missing: hold, or "
-                "loop: true."
+                f"Write frames: {present}, missing: hold, or loop: true."
             )
+    return None
 
 
-def _require_files(times: SampleTimes, numbers: np.ndarray, clock: Clock) -> None:
-    """Raise UsageError where frames show times at which no file is there."""
+def _absent_files(times: SampleTimes, numbers: np.ndarray, clock: Clock) -> Absent:
+    """Say where frames show times at which no file is there."""
     step, lacking, frames = _step(numbers), set[int](), list[int]()
     for frame in clock.frames:
         sample, share = times.place(clock.flow_time(frame))
@@ -161,11 +165,16 @@ def _require_files(times: SampleTimes, numbers: np.ndarray, clock: Clock) -> Non
             int(number) for number in numbers[sample : sample + 2]
         }
         frames.append(frame)
-    if frames:
-        last = frames[0] - 1
-        shorter = f"frames: {clock.frames.first}-{last}" if last >= clock.frames.first else "a later start"
-        raise UsageError(
-            f"{plural(len(lacking), 'file')} not there: {listed_numbers(lacking)}, for "
-            f"{'frame' if len(frames) == 1 else 'frames'} {listed_numbers(frames)}. Write {shorter}, or "
-            "missing: hold, which shows the file before."
-        )
+    if not frames:
+        return None
+    present = f"{clock.frames.first}-{frames[0] - 1}"
+    fact = (
+        f"{plural(len(lacking), 'file')} not there: {listed_numbers(lacking)}, for "
+        f"{'frame' if len(frames) == 1 else 'frames'} {listed_numbers(frames)}. "
+    )
+    if frames[0] == clock.frames.first:
+        raise UsageError(f"{fact}Write a later start, or missing: hold, which shows the file before.")
+    return present, (
+        f"{fact}Choose -f {present} of those that are there, write frames: {present}, or missing: hold, "
+        "which shows the file before."
+    )

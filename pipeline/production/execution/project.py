@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
-from flowsculpt.pipeline.errors import UsageError, suggest
+from flowsculpt.pipeline.errors import AbsentFilesError, UsageError, suggest
 from flowsculpt.pipeline.frames import FrameRange, FrameSelection, FrameWords
 from flowsculpt.pipeline.production.planning.estimate import MeanTimings
 from flowsculpt.pipeline.production.planning.frame_states import FrameStates, KnownPictures, select_frames
@@ -267,12 +267,20 @@ class Project:
     ) -> RenderRequest:
         """Return the request of a shot file at one quality, of all frames or those selected.
 
+        Where only the first frames of the shot have files that they show, and those selected are among them,
+        the shot ends with the last of these.
+
         states  the states that words such as `missing` select by; which frames they mean is settled once
         """
         if not isinstance(frames, FrameSelection | None):
             raise TypeError(f"frames are {frames!r}; FrameSelection.of_text reads text")
         require_quality(quality)
-        source = self._source(path)
+        try:
+            source = self._source(path)
+        except AbsentFilesError as error:
+            if not isinstance(frames, FrameRange) or frames.outside(FrameRange.parse(error.present)):
+                raise
+            source = self._source(path, f"frames={error.present}")
         whole = FrameRange(source.manifest.frames)
         requested = frames if isinstance(frames, FrameRange) else whole
         if outside := requested.outside(whole):
@@ -361,6 +369,6 @@ class Project:
         """Use `text` as the content of the shot file at `path`, without writing it."""
         self._texts.put(path, text)
 
-    def _source(self, path: Path) -> ShotSource:
-        read = self._texts.source(path.absolute(), self.settings, self.allow_code)
+    def _source(self, path: Path, *settings: str) -> ShotSource:
+        read = self._texts.source(path.absolute(), (*self.settings, *settings), self.allow_code)
         return replace(read, cache=self.cache).with_inputs()

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from flowsculpt.pipeline.animation import animate
-from flowsculpt.pipeline.errors import FrameError, MachineError
+from flowsculpt.pipeline.errors import FlowsculptError, FrameError, MachineError
 from flowsculpt.pipeline.frames import FrameRange
 from flowsculpt.pipeline.mesh import TriangleMesh, icosphere
 from flowsculpt.pipeline.production.execution.project import Project
@@ -173,3 +173,18 @@ def test_a_file_that_is_written_or_removed_while_a_run_goes_on_fails_its_frames_
             shown.append(frame.number)
     assert shown == [1, 2, 3]
     assert message in str(error.value) and "\n" not in str(error.value)
+
+
+def test_frames_whose_files_are_there_are_made_while_later_ones_are_absent(root: Path) -> None:
+    (root / "cache/drop_0005.ply").unlink()
+    path, project = root / "shots/A.yaml", Project(root, 2)
+    with pytest.raises(FlowsculptError, match=r"1 file not there: 5, for frame 5\. Choose -f 1-4 of"):
+        project.request(path, "draft")
+    with pytest.raises(FlowsculptError, match=r"1 file not there: 5"):
+        project.request(path, "draft", FrameRange.parse("4-5"))
+    early = project.request(path, "draft", FrameRange.parse("2-3"))
+    assert list(early.requested) == [2, 3] and list(early.manifest.frames) == [1, 2, 3, 4]
+    write_drop(root, 5)
+    whole = Project(root, 2).request(path, "draft")
+    assert list(whole.manifest.frames) == [1, 2, 3, 4, 5, 6]
+    assert [whole.keys.mesh(n) for n in (1, 2, 3)] == [early.keys.mesh(n) for n in (1, 2, 3)]

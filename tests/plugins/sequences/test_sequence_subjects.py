@@ -212,8 +212,8 @@ def test_missing_files_are_listed_or_the_one_before_is_held(folder: Path) -> Non
     for number in (3, 4, 6):
         (folder / f"cache/ball_{number:04d}.ply").unlink()
     assert told(folder, "cache/ball_####.ply", frames="1-8") == (
-        "a.yaml:3:11: 5 files not there: 3-4 and 6-8, for frames 3-4 and 6-8. Write frames: 1-2, or "
-        "missing: hold, which shows the file before."
+        "a.yaml:3:11: 5 files not there: 3-4 and 6-8, for frames 3-4 and 6-8. Choose -f 1-2 of "
+        "those that are there, write frames: 1-2, or missing: hold, which shows the file before."
     )
     frames = list(animate(read(folder, "cache/ball_####.ply, missing: hold", frames="1-8")))
     shown = [float(frame.mesh.vertices[:, 1].mean()) for frame in frames]
