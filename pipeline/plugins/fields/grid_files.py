@@ -298,7 +298,7 @@ def _read(files: tuple[Path, ...], array: str | None, interval: float) -> Sample
         _require_one_time(file, part)
         velocity[k] = part[0]
         digests.append(digest)
-    return Samples(axes, times, velocity, tuple(digests), array, interval)
+    return Samples.of_arrays(axes, times, velocity, tuple(digests), array, interval)
 
 
 def _read_file(file: Path, array: str | None) -> tuple[tuple[Floats, Floats, Floats], Floats, Floats, str]:
