@@ -191,7 +191,9 @@ class Sampled(ExternalField):
     def cache_data(self, time: float) -> Any:
         before, after, share = moment = self.moment(time)
         how = [self.between, self.outside, self.samples.array]
-        digests = [self.samples.digest(index) for index in dict.fromkeys((before, after) if share else (before,))]
+        digests = [
+            self.samples.digest(index) for index in dict.fromkeys((before, after) if share else (before,))
+        ]
         deciding = digests[0] if len(set(digests)) == 1 else digests
         return {"sampled": deciding, "how": how, "numbers": [*moment, *self._place(time)]}
 
