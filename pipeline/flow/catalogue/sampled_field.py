@@ -47,6 +47,8 @@ class Samples(ABC):
     array     the name of the velocities in files; None: the only ones there
     geometry  FLAT, SPHERE or SPHERE_SURFACE
     is_single True if velocities are float32
+    is_paced  True if velocities are lengths per second of the samples: with more of these in a second of the
+              shot, all moves faster
     """
 
     axes: tuple[Floats, Floats, Floats]
@@ -54,6 +56,7 @@ class Samples(ABC):
     array: str | None
     geometry: int = FLAT
     is_single: bool = False
+    is_paced: bool = False
 
     @staticmethod
     def of_arrays(
@@ -182,7 +185,11 @@ class Sampled(ExternalField):
     def _place(self, time: float) -> tuple[float, ...]:
         """Return the centre, the scale, and the factor on velocities at a time."""
         scale = number_at(self.scale, time)
-        return *vector_at(self.centre, time), scale, scale * number_at(self.strength, time)
+        return *vector_at(self.centre, time), scale, scale * self._factor(time)
+
+    def _factor(self, time: float) -> float:
+        pace = self.time_scale if self.samples.is_paced else 1.0
+        return number_at(self.strength, time) * pace
 
     def program(self, time: float) -> Program:
         (row,) = super().program(time)
@@ -204,7 +211,7 @@ class Sampled(ExternalField):
         if share:
             slopes = slopes + share * self._slopes(after)
         overshoot = CUBIC_OVERSHOOT if self.between == "cubic" else 1.0
-        return float(overshoot * np.linalg.norm(slopes)) * abs(number_at(self.strength, time))
+        return float(overshoot * np.linalg.norm(slopes)) * abs(self._factor(time))
 
     def length_scale(self, time: float) -> float:
         """Return the shortest distance of two samples."""

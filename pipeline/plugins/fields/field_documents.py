@@ -1,7 +1,7 @@
 """Entries of flows in a shot file: `sampled`, `attraction` and `wind`."""
 
 from itertools import pairwise
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_validator
@@ -10,6 +10,7 @@ from flowsculpt import UsageError, read_mesh
 from flowsculpt.api.flows import ParameterDoc, Sampled, Samples
 from flowsculpt.api.shots import (
     Clock,
+    Document,
     FlowParameters,
     OneOfSeveral,
     ParseContext,
@@ -17,12 +18,25 @@ from flowsculpt.api.shots import (
     Triple,
 )
 from flowsculpt.pipeline.plugins.fields.attraction import Attraction, Target, Wind
+from flowsculpt.pipeline.plugins.fields.cf_conventions import duration
+from flowsculpt.pipeline.plugins.fields.cf_files import Selection, cf_samples
 from flowsculpt.pipeline.plugins.fields.file_sequences import files_named
 from flowsculpt.pipeline.plugins.fields.grid_files import read_samples
+from flowsculpt.pipeline.plugins.fields.grid_layout import Placing
+from flowsculpt.pipeline.plugins.fields.stored_arrays import is_stored
+from flowsculpt.pipeline.plugins.fields.windowed_samples import WindowedSamples
+
+
+class VelocityVariables(Document):
+    """The variables of the components of a velocity; one that is left out is 0."""
+
+    x: str | None = Field(None, description="along x, or eastward")
+    y: str | None = Field(None, description="along y, or northward")
+    z: str | None = Field(None, description="along z, or upward")
 
 
 class SampledDocument(FlowParameters):
-    """Samples from files, which are read with the shot, so that their mistakes are reported with it."""
+    """Samples from files, whose axes are read with the shot, so that their mistakes are reported with it."""
 
     flow = Sampled
 
@@ -31,19 +45,89 @@ class SampledDocument(FlowParameters):
         str | None, ParameterDoc("the name of the velocities in a VTK file that holds several")
     ] = None
     interval: Annotated[Positive, ParameterDoc("from file to file", "s")] = 1.0
+    variables: Annotated[
+        VelocityVariables | None,
+        ParameterDoc("the components, as {x: uo, y: vo}; by default found by standard_name"),
+    ] = None
+    at: Annotated[
+        dict[str, Annotated[int, Field(ge=0)]] | None,
+        ParameterDoc("the one of a dimension to read, counted from 0, as {number: 0}"),
+    ] = None
+    group: Annotated[str | None, ParameterDoc("the group of a NetCDF 4 file or a Zarr store")] = None
+    map: Annotated[
+        Literal["plane", "sphere"] | None, ParameterDoc("what longitudes and latitudes lie on; else a plane")
+    ] = None
+    up: Annotated[
+        Literal["y", "z"] | None,
+        ParameterDoc("the axis of the data that points up; by default z where it is a height, else y"),
+    ] = None
+    fit: Annotated[
+        Positive | None,
+        ParameterDoc("longer horizontal side, or diameter of the sphere; else in metres, or 2", "units"),
+    ] = None
+    exaggerate: Annotated[Positive, ParameterDoc("factor on heights and vertical velocities")] = 1.0
+    land: Annotated[
+        Literal["stop", "slide"], ParameterDoc("where velocities are missing: 0, or along the coast")
+    ] = "stop"
 
     _samples: Samples = PrivateAttr()
+    _context: ParseContext = PrivateAttr()
+
+    @field_validator("time_scale", mode="before", check_fields=False)
+    @classmethod
+    def _in_seconds(cls, value: Any) -> Any:
+        """Return a length of time such as `1 day` in seconds."""
+        return duration(value) if isinstance(value, str) else value
 
     @model_validator(mode="after")
     def _are_readable(self, info: ValidationInfo) -> Self:
-        context = ParseContext.of(info)
+        self._context = context = ParseContext.of(info)
         paths = files_named(self.file, context)
+        if is_stored(paths[0]):
+            if self.array is not None:
+                raise UsageError(f"{paths[0]}: array does not apply. Write variables: {{x: NAME, y: NAME}}.")
+            self._samples, notes = cf_samples(paths, self._selection(), self._placing())
+            context.notes.extend(notes)
+            self._note_files(0, 0)
+            return self
+        given = {"variables", "at", "group", "map", "up", "fit", "exaggerate", "land"} & self.model_fields_set
+        if given:
+            raise UsageError(
+                f"{paths[0]}: {min(given)} does not apply; it is for NetCDF, HDF5 and Zarr. Remove it."
+            )
         self._samples = read_samples(paths, self.array, float(self.interval))
         context.digests.update(zip(paths, self._samples.digests, strict=True))
         return self
 
+    def _selection(self) -> Selection:
+        named = {} if self.variables is None else self.variables.model_dump(exclude_none=True)
+        if self.variables is not None and len(named) < 2:
+            raise UsageError("variables: a velocity has at least two components. Write {x: NAME, y: NAME}.")
+        at = tuple((self.at or {}).items())
+        return Selection(tuple(named.items()), at, self.group, float(self.interval))
+
+    def _placing(self) -> Placing:
+        return Placing(self.map, self.up, self.fit, float(self.exaggerate), self.land)
+
+    def _note_files(self, first: int, last: int) -> None:
+        assert isinstance(self._samples, WindowedSamples)
+        for index in range(first, last + 1):
+            self._context.digests.update(self._samples.files(index))
+
     def own_values(self, clock: Clock) -> dict[str, Any]:
         return {"samples": self._samples}
+
+    def build(self, clock: Clock) -> Any:
+        """Return the flow, and note the files of the times that its frames may show."""
+        flow = super().build(clock)
+        if isinstance(self._samples, WindowedSamples):
+            ends = clock.frames.first - 1, clock.frames.last + 1
+            frames = [ends[0], *clock.frames, ends[1]]
+            times = [index for frame in frames for index in flow.moment(clock.flow_time(frame))[:2]]
+            if flow.loop and max(times) - min(times) > 1:
+                times += [0, len(flow.samples.times) - 1]
+            self._note_files(min(times), max(times))
+        return flow
 
 
 class AttractionDocument(OneOfSeveral, FlowParameters):
