@@ -34,9 +34,9 @@ an axis; across, in each of two directions, the absolute values of its weights a
 on evenly spaced axes."""
 
 
-FLAT, SPHERE, SPHERE_SURFACE = range(3)
+FLAT, SPHERE, SPHERE_SURFACE, TURNED = range(4)
 """What axes measure: positions x, y, z; longitude, latitude (radians) and distance from the centre; the same
-with velocities along the sphere alone."""
+with velocities along the sphere alone; positions along other directions."""
 
 
 class Samples(ABC):
@@ -45,7 +45,8 @@ class Samples(ABC):
     axes      three float64 arrays, each ascending and of two numbers or more
     times     (T,) seconds, ascending
     array     the name of the velocities in files; None: the only ones there
-    geometry  FLAT, SPHERE or SPHERE_SURFACE
+    geometry  FLAT, SPHERE, SPHERE_SURFACE or TURNED
+    turn      (3, 3) with the directions of the axes as columns, of length 1; None where they are x, y, z
     is_single True if velocities are float32
     is_paced  True if velocities are lengths per second of the samples: with more of these in a second of the
               shot, all moves faster
@@ -55,6 +56,7 @@ class Samples(ABC):
     times: Floats
     array: str | None
     geometry: int = FLAT
+    turn: Floats | None = None
     is_single: bool = False
     is_paced: bool = False
 
@@ -66,6 +68,7 @@ class Samples(ABC):
         digests: tuple[str, ...],
         array: str | None = None,
         interval: float = 1.0,
+        turn: Floats | None = None,
     ) -> ArraySamples:
         """Return samples in memory.
 
@@ -73,7 +76,7 @@ class Samples(ABC):
         digests   SHA-256 of each file: of one with all times, or of one for each time
         interval  seconds from file to file
         """
-        return ArraySamples(axes, times, velocity, digests, array, interval)
+        return ArraySamples(axes, times, velocity, digests, array, interval, turn)
 
     @abstractmethod
     def velocities(self, index: int) -> AnyArray:
@@ -109,6 +112,11 @@ class ArraySamples(Samples):
     digests: tuple[str, ...]
     array: str | None = None
     interval: float = 1.0
+    turn: Floats | None = field(default=None, compare=False, repr=False)
+
+    @property
+    def geometry(self) -> int:  # type: ignore[override]
+        return FLAT if self.turn is None else TURNED
 
     def velocities(self, index: int) -> AnyArray:
         return self.velocity[index]
@@ -161,7 +169,8 @@ class Sampled(ExternalField):
         samples = self.samples
         header = [*map(len, samples.axes), self.between == "cubic", _OUTSIDE[self.outside]]
         header += [samples.is_single, samples.geometry]
-        return np.concatenate([np.array(header, np.float64), *samples.axes])
+        turn = () if samples.turn is None else samples.turn.ravel()
+        return np.concatenate([np.array(header, np.float64), *samples.axes, turn])
 
     def moment(self, time: float) -> tuple[int, int, float]:
         """Return the indices of the samples before and after a time, and the share of the latter."""

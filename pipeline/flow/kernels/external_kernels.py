@@ -7,7 +7,8 @@ three a point.
 
 The constants of a grid are one flat array: the three counts 0:3, the interpolation 3 (1: cubic), the mode
 outside 4 (see below), 1 if samples are single precision 5, the geometry 6 (0: flat, 1: a sphere, 2: a sphere
-along which all moves), and the three axes from 7 on. Samples are another, three numbers each, the last axis
+along which all moves, 3: turned), and the three axes from 7 on; behind these, of a turned grid, the matrix
+with the directions of its axes as columns. Samples are another, three numbers each, the last axis
 running fastest.
 """
 
@@ -354,11 +355,16 @@ def sampled(
     share, cx, cy, cz = numbers[3], numbers[4], numbers[5], numbers[6]
     shrink, factor = 1.0 / numbers[7], numbers[8]
     ny, nz, size = int(m[1]), int(m[2]), 4 if m[3] > 0.0 else 2
-    is_single, is_round, is_along = m[5] > 0.0, m[6] > 0.0, m[6] > 1.0
+    is_single, is_round, is_along, is_turned = m[5] > 0.0, 0.0 < m[6] < 3.0, m[6] == 2.0, m[6] == 3.0
+    d = 7 + int(m[0]) + ny + nz
     weights, indices, velocity = np.zeros((3, 4)), np.zeros((3, 4), np.int64), np.zeros(3)
     for i in range(count):
         px, py, pz = (x[i] - cx) * shrink, (y[i] - cy) * shrink, (z[i] - cz) * shrink
         qx, qy, qz = on_sphere(m, px, py, pz) if is_round else (px, py, pz)
+        if is_turned:
+            qx = m[d] * px + m[d + 3] * py + m[d + 6] * pz
+            qy = m[d + 1] * px + m[d + 4] * py + m[d + 7] * pz
+            qz = m[d + 2] * px + m[d + 5] * py + m[d + 8] * pz
         if find_taps(m, qx, qy, qz, weights, indices):
             velocity[:] = 0.0
             add_taps(before, is_single, ny, nz, size, 1.0 - share, weights, indices, velocity)

@@ -458,6 +458,8 @@ class CFSource(GridSource):
     placing: Placing
     headers: tuple[FileHeader, ...] = field(compare=False, repr=False)
 
+    is_paced = True
+
     @cached_property
     def layout(self) -> GridLayout:
         return GridLayout(self.headers[0].coordinates, self.placing)

@@ -95,8 +95,10 @@ class SampledDocument(FlowParameters):
             raise UsageError(
                 f"{paths[0]}: {min(given)} does not apply; it is for NetCDF, HDF5 and Zarr. Remove it."
             )
-        self._samples = read_samples(paths, self.array, float(self.interval))
-        context.digests.update(zip(paths, self._samples.digests, strict=True))
+        read = read_samples(paths, self.array, float(self.interval))
+        self._samples = read.samples
+        context.digests.update(read.files)
+        context.notes.extend(read.notes)
         return self
 
     def _selection(self) -> Selection:

@@ -19,7 +19,7 @@ from flowsculpt.pipeline.plugins.fields.cf_conventions import EAST, NORTH, UP, C
 EARTH = 6371e3
 """The mean radius of the earth, metres."""
 
-FLAT, SPHERE, SPHERE_SURFACE = range(3)  # as of `Samples`
+FLAT, SPHERE, SPHERE_SURFACE, TURNED = range(4)  # as of `Samples`
 
 FAR = 1000.0
 """Half the length of an axis that the data lack, in the longest length of the others."""

@@ -38,12 +38,14 @@ class GridSource(ABC):
 
     axes      three float64 arrays, each ascending and of two numbers or more
     times     (T,) seconds, ascending
-    geometry  as of `Samples`
+    geometry, turn, is_paced  as of `Samples`
     """
 
     axes: tuple[Floats, Floats, Floats]
     times: Floats
     geometry: int
+    turn: Floats | None = None
+    is_paced: bool = False
 
     @property
     @abstractmethod
@@ -62,14 +64,14 @@ class GridSource(ABC):
     def read(self, index: int) -> np.ndarray:
         """Return float32 velocities (X, Y, Z, 3) at a time, in C order."""
 
-    @abstractmethod
     def metric(self, axis: int) -> Floats:
         """Return the distances between neighbours along an axis, to be broadcast to theirs (X, Y, Z)."""
+        return np.diff(self.axes[axis]).reshape([-1 if k == axis else 1 for k in range(3)])
 
     @property
-    @abstractmethod
     def spacing(self) -> float:
         """The shortest length over which velocities vary."""
+        return min(float(np.diff(axis).min()) for axis in self.axes)
 
 
 def file_digest(path: Path) -> str:
@@ -85,7 +87,6 @@ class WindowedSamples(Samples):
 
     array: ClassVar[str | None] = None  # type: ignore[misc]
     is_single: ClassVar[bool] = True  # type: ignore[misc]
-    is_paced: ClassVar[bool] = True  # type: ignore[misc]
 
     @property
     def axes(self) -> tuple[Floats, Floats, Floats]:  # type: ignore[override]
@@ -98,6 +99,14 @@ class WindowedSamples(Samples):
     @property
     def geometry(self) -> int:  # type: ignore[override]
         return self.source.geometry
+
+    @property
+    def turn(self) -> Floats | None:  # type: ignore[override]
+        return self.source.turn
+
+    @property
+    def is_paced(self) -> bool:  # type: ignore[override]
+        return self.source.is_paced
 
     @property
     def spacing(self) -> float:
