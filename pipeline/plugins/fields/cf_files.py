@@ -631,7 +631,7 @@ def cf_samples(
         )
     notes = [f"{first.path.name}: {note}" for note in first.notes]
     if not placing.map and placing.fit is None and first.coordinates.is_geographic:
-        size = max(float(np.ptp(axis)) for axis in layout.axes[:1] + layout.axes[2:])
+        size = max(map(float, map(np.ptp, layout.plane)))
         notes.append(
             f"{first.path.name}: the plane is {size / 1000:.4g} km wide, a metre a unit; write fit: 4"
         )

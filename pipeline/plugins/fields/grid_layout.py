@@ -93,7 +93,7 @@ class GridLayout:
         if self.is_round:
             unit = (1.0 if placing.fit is None else 0.5 * placing.fit) / EARTH
         elif placing.fit is not None:
-            unit = placing.fit / max(float(np.ptp(axis)) for axis in self._horizontal)
+            unit = placing.fit / max(float(np.ptp(axis)) for axis in self.plane)
         object.__setattr__(self, "unit", unit)
 
     @property
@@ -142,8 +142,8 @@ class GridLayout:
         return 0.0 if north is None else float(np.radians(0.5 * (north[0] + north[-1])))
 
     @cached_property
-    def _horizontal(self) -> list[Floats]:
-        """The axes of a plane in metres, the middle at 0 where they were degrees or are fitted."""
+    def plane(self) -> list[Floats]:
+        """The horizontal axes of a plane in metres, the middle at 0 where they were degrees or are fitted."""
         axes = []
         narrow = np.cos(self._middle_latitude)
         for values, factor in zip(self._degrees, (narrow, 1.0), strict=True):
@@ -167,7 +167,7 @@ class GridLayout:
             if radii[0] <= 0.0:
                 raise ConventionError("exaggerate puts its depths beyond the middle of the sphere; lower it")
             return np.radians(east), np.radians(north), radii  # type: ignore[arg-type]
-        horizontal = iter(self._horizontal)
+        horizontal = iter(self.plane)
         given = [
             None if here.east is None else next(horizontal),
             None if here.north is None else next(horizontal),
