@@ -173,7 +173,8 @@ def _table(facts: dict[str, Any]) -> RenderableType:
         lines.append(facts["problem"])
     else:
         lines += _velocity_lines(facts)
-    return Group(*([table, Text()] if facts["variables"] else []), *(Text(line) for line in lines))
+    parts: list[RenderableType] = [table, Text()] if facts["variables"] else []
+    return Group(*parts, *map(Text, lines))
 
 
 def _velocity_lines(facts: dict[str, Any]) -> list[str]:

@@ -103,7 +103,7 @@ def _is_unchanged(file: Path, digest: str) -> bool:
 
 
 def _read(files: tuple[Path, ...], array: str | None, interval: float) -> FieldFiles:
-    times, listed = np.asarray(interval * np.arange(len(files)), np.float64), ()
+    times, listed = np.asarray(interval * np.arange(len(files)), np.float64), tuple[tuple[Path, str], ...]()
     if files[0].suffix.lower() == ".pvd":
         if len(files) > 1:
             raise UsageError(f"{files[0]}: a collection has times of its own. Name one file.")
@@ -197,8 +197,8 @@ class GridFileSource(GridSource):
 def _require_same_grid(
     file: Path, part: _FieldFile, name: Path, axes: tuple[Floats, Floats, Floats], turn: Floats | None
 ) -> None:
-    same_turn = (part.turn is None) == (turn is None) and (turn is None or np.allclose(part.turn, turn))
-    if not same_turn or any(map(_differ, axes, part.axes)):
+    turns = [np.eye(3) if each is None else each for each in (part.turn, turn)]
+    if not np.allclose(*turns) or any(map(_differ, axes, part.axes)):
         fact = f"its grid differs from that of {name.name}"
         raise UsageError(f"{file}: {fact}; all files of a sequence share one grid")
     _require_one_time(file, part.velocity)
