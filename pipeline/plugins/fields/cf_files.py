@@ -32,7 +32,12 @@ from flowsculpt.pipeline.plugins.fields.cf_conventions import (
     velocities_among,
 )
 from flowsculpt.pipeline.plugins.fields.grid_layout import Coordinates, GridLayout, Placing
-from flowsculpt.pipeline.plugins.fields.windowed_samples import GridSource, SourceFiles, WindowedSamples
+from flowsculpt.pipeline.plugins.fields.windowed_samples import (
+    GridSource,
+    SourceFiles,
+    WindowedSamples,
+    file_digest,
+)
 
 FILLED = 9e36
 """Numbers from here on are what NetCDF writes where nothing was written (9.97e36)."""
@@ -72,7 +77,7 @@ class Axis:
 
 @dataclass(frozen=True)
 class FileHeader:
-    """Everything of a file but its velocities.
+    """Everything of a file, or of several with a component each, but the velocities.
 
     names        variables by component
     axes         by `x`, `y`, `z` and `t`; those that the data have
@@ -81,7 +86,7 @@ class FileHeader:
     times        (T,) as the file writes them; none where it has no time
     """
 
-    path: Path
+    paths: tuple[Path, ...]
     names: dict[str, str]
     axes: dict[str, Axis]
     coordinates: Coordinates
@@ -90,6 +95,10 @@ class FileHeader:
     time_units: TimeUnits | None
     is_angular: bool
     notes: tuple[str, ...]
+
+    @property
+    def path(self) -> Path:
+        return self.paths[0]
 
 
 @contextmanager
@@ -101,15 +110,18 @@ def _faults(path: Path) -> Iterator[None]:
         raise UsageError(f"{path}: {error}.") from None
 
 
-def read_header(path: Path, selection: Selection) -> FileHeader:
-    """Return what a file holds. Raises UsageError where it is no field, MachineError without xarray."""
-    with stored_arrays.opened(path, selection.group) as dataset, _faults(path):
-        return _HeaderReader(path, dataset, selection).header()
+def read_header(paths: tuple[Path, ...], selection: Selection) -> FileHeader:
+    """Return what a file holds, or several that have a component each.
+
+    Raises UsageError where it is no field, MachineError without xarray.
+    """
+    with stored_arrays.opened_together(paths, selection.group) as dataset, _faults(paths[0]):
+        return _HeaderReader(paths, dataset, selection).header()
 
 
 @dataclass(frozen=True, eq=False)
 class _HeaderReader:
-    path: Path
+    paths: tuple[Path, ...]
     dataset: Any
     selection: Selection
     notes: list[str] = field(default_factory=list)
@@ -140,7 +152,7 @@ class _HeaderReader:
         )
         times, units = self._times(axes.get(TIME))
         return FileHeader(
-            self.path,
+            self.paths,
             names,
             axes,
             coordinates,
@@ -173,7 +185,7 @@ class _HeaderReader:
         found = velocities_among(known)
         if not found:
             seen = ", ".join(sorted(known)[:8]) or "no variable with numbers"
-            groups = [] if known else stored_arrays.groups_of(self.path)
+            groups = [] if known else stored_arrays.groups_of(self.paths[0])
             if groups:
                 raise ConventionError(
                     f"its first group has no variables, and others have: {', '.join(groups[:8])}; write "
@@ -453,7 +465,7 @@ def _number(attributes: Mapping[str, Any], name: str, variable: str) -> float | 
 class CFSource(GridSource):
     """Velocities of files with the same grid, one after another in time."""
 
-    paths: tuple[Path, ...]
+    paths: tuple[tuple[Path, ...], ...]
     selection: Selection
     placing: Placing
     headers: tuple[FileHeader, ...] = field(compare=False, repr=False)
@@ -516,7 +528,7 @@ class CFSource(GridSource):
     @cached_property
     def _dimensions(self) -> dict[str, tuple[str, ...]]:
         header = self.headers[0]
-        with stored_arrays.opened(header.path, self.selection.group) as dataset:
+        with stored_arrays.opened_together(header.paths, self.selection.group) as dataset:
             return {name: tuple(map(str, dataset.variables[name].dims)) for name in header.names.values()}
 
     def files(self, index: int) -> SourceFiles:
@@ -525,7 +537,7 @@ class CFSource(GridSource):
         if TIME in header.axes:
             at[header.axes[TIME].dimension] = i
         if not header.path.is_dir():
-            return stored_arrays.stored_files(header.path, None, (), {})
+            return tuple((path, file_digest(path)) for path in header.paths)
         fixed: dict[str, dict[int, int]] = {axis.coordinate: {} for axis in header.axes.values()}
         for name, dimensions in self._dimensions.items():
             fixed[name] = {n: at[dimension] for n, dimension in enumerate(dimensions) if dimension in at}
@@ -535,7 +547,10 @@ class CFSource(GridSource):
         k, i = self._where[index]
         header, missing = self.headers[k], None
         components = {}
-        with stored_arrays.opened(header.path, self.selection.group) as dataset, _faults(header.path):
+        with (
+            stored_arrays.opened_together(header.paths, self.selection.group) as dataset,
+            _faults(header.path),
+        ):
             for axis, name in header.names.items():
                 components[axis], lacking = self._component(header, dataset.variables[name], i)
                 if lacking is not None:
@@ -607,19 +622,24 @@ def missing_among(raw: np.ndarray, attributes: Mapping[str, Any]) -> np.ndarray 
 
 
 def cf_samples(
-    paths: tuple[Path, ...], selection: Selection, placing: Placing
+    paths: tuple[Path, ...], selection: Selection, placing: Placing, *others: tuple[Path, ...]
 ) -> tuple[WindowedSamples, tuple[str, ...]]:
     """Return the samples of files with the same grid, one after another in time; and notes on them.
 
+    others  for each of the files one with further components
+
     Raises UsageError where one cannot be read or its grid is another, MachineError without the packages.
     """
-    headers = tuple(read_header(path, selection) for path in paths)
+    together = tuple(zip(paths, *others, strict=True))
+    if others and any(path.is_dir() for each in together for path in each):
+        raise UsageError(f"{paths[0]}: also is for files; a Zarr store has all components. Remove also.")
+    headers = tuple(read_header(each, selection) for each in together)
     first = headers[0]
     for header in headers[1:]:
         if header.names != first.names or not _same_grid(header.coordinates, first.coordinates):
             fact = f"its grid or its variables differ from those of {first.path.name}"
             raise UsageError(f"{header.path}: {fact}; all files of a sequence share one grid")
-    source = CFSource(paths, selection, placing, headers)
+    source = CFSource(together, selection, placing, headers)
     with _faults(first.path):
         layout, times = source.layout, source.times
     if not (np.diff(times) > 0).all():

@@ -57,7 +57,7 @@ def _stored(file: Path, group: str | None) -> dict[str, Any]:
     facts: dict[str, Any] = {"file": str(file), "variables": variables, "velocity": None}
     facts["groups"] = [] if group else stored_arrays.groups_of(file)
     try:
-        header = read_header(file, Selection(group=group))
+        header = read_header((file,), Selection(group=group))
     except UsageError as error:
         return facts | {"problem": str(error).removeprefix(f"{file}: ")}
     facts |= {"velocity": header.names, "extents": _extents(header), "times": _times(header)}

@@ -41,6 +41,9 @@ class SampledDocument(FlowParameters):
     flow = Sampled
 
     file: Annotated[str, ParameterDoc("where the samples are; with a * a sequence of files")]
+    also: Annotated[
+        list[str] | None, ParameterDoc("files with the other components, where `file` has one of them")
+    ] = None
     array: Annotated[
         str | None, ParameterDoc("the name of the velocities in a VTK file that holds several")
     ] = None
@@ -86,11 +89,25 @@ class SampledDocument(FlowParameters):
         if is_stored(paths[0]):
             if self.array is not None:
                 raise UsageError(f"{paths[0]}: array does not apply. Write variables: {{x: NAME, y: NAME}}.")
-            self._samples, notes = cf_samples(paths, self._selection(), self._placing())
+            others = [files_named(name, context) for name in self.also or ()]
+            if any(len(other) != len(paths) for other in others):
+                counts = " and ".join(str(len(each)) for each in (paths, *others))
+                raise UsageError(f"file and also name {counts} files. Name as many of each component.")
+            self._samples, notes = cf_samples(paths, self._selection(), self._placing(), *others)
             context.notes.extend(notes)
             self._note_files(0, 0)
             return self
-        given = {"variables", "at", "group", "map", "up", "fit", "exaggerate", "land"} & self.model_fields_set
+        given = {
+            "also",
+            "variables",
+            "at",
+            "group",
+            "map",
+            "up",
+            "fit",
+            "exaggerate",
+            "land",
+        } & self.model_fields_set
         if given:
             raise UsageError(
                 f"{paths[0]}: {min(given)} does not apply; it is for NetCDF, HDF5 and Zarr. Remove it."

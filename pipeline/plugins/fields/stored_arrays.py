@@ -6,7 +6,8 @@ import hashlib
 import json
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from importlib.util import find_spec
 from itertools import product
 from pathlib import Path
@@ -90,6 +91,38 @@ def opened(path: Path, group: str | None = None) -> Iterator[Any]:
             yield dataset
 
 
+@dataclass(frozen=True)
+class JoinedVariables:
+    """The variables of several files with the same axes, by name."""
+
+    variables: dict[str, Any]
+
+
+@contextmanager
+def opened_together(paths: tuple[Path, ...], group: str | None = None) -> Iterator[Any]:
+    """Yield the variables of files, of one name those of the first file. Raises what `opened` raises.
+
+    Raises UsageError too where axes of the same name differ.
+    """
+    with ExitStack() as stack:
+        datasets = [stack.enter_context(opened(path, group)) for path in paths]
+        if len(datasets) == 1:
+            yield datasets[0]
+            return
+        joined: dict[str, Any] = {}
+        for path, dataset in zip(paths, datasets, strict=True):
+            for name, variable in dataset.variables.items():
+                known = joined.setdefault(str(name), variable)
+                is_axis = known is not variable and known.dims == (name,)
+                if is_axis and (known.attrs.get("units"), *known.values) != (
+                    variable.attrs.get("units"),
+                    *variable.values,
+                ):
+                    fact = f"its axis {name} differs from that of {paths[0].name}"
+                    raise UsageError(f"{path}: {fact}; components are at the same places and times")
+        yield JoinedVariables(joined)
+
+
 @contextmanager
 def _reported(path: Path) -> Iterator[None]:
     """Turn errors of xarray and the libraries below it into UsageErrors."""
@@ -127,14 +160,12 @@ def groups_of(path: Path) -> list[str]:
 def stored_files(
     path: Path, group: str | None, names: tuple[str, ...], at: dict[str, dict[int, int]]
 ) -> SourceFiles:
-    """Return the files that hold variables at some indices, and their digests, by which they are known.
+    """Return the files of a Zarr store that hold variables at some indices, and their digests.
 
     at  of each variable the index by its dimension's place; of other dimensions all
 
     A chunk that is not there, since all of it is the fill value, has an empty digest.
     """
-    if not path.is_dir():
-        return ((path, file_digest(path)),)
     home = path / (group or "")
     found: dict[Path, str] = {}
     for folder in dict.fromkeys((path, home)):

@@ -189,6 +189,18 @@ def test_files_after_one_another_may_count_from_other_dates(tmp_path: Path) -> N
         cf_samples((first, other), Selection(), Placing())
 
 
+def test_components_may_be_in_files_of_their_own(tmp_path: Path) -> None:
+    whole = dataset()
+    first, second = (save(whole[[name]], tmp_path / f"{name}.nc") for name in ("uo", "vo"))
+    samples, _ = cf_samples((first,), Selection(), Placing(), (second,))
+    known, _ = cf_samples((save(whole, tmp_path / "a.nc"),), Selection(), Placing())
+    np.testing.assert_array_equal(samples.velocities(1), known.velocities(1))
+    assert [path.name for path, _ in samples.files(0)] == ["uo.nc", "vo.nc"]
+    other = save(dataset(time=TIMES + 1.0)[["vo"]], tmp_path / "b.nc")
+    with pytest.raises(UsageError, match=r"b\.nc: its axis time differs from that of uo\.nc"):
+        cf_samples((first,), Selection(), Placing(), (other,))
+
+
 def globe(step: float = 5.0, first: float = 0.0, poles: bool = True) -> Any:
     """Return a solid turn about the axis of the earth, and one about the x axis: smooth at the poles."""
     lon, edge = first + np.arange(0.0, 360.0, step), 90.0 if poles else 90.0 - step / 2
@@ -319,7 +331,7 @@ def staggered(data: Any) -> Any:
 
 WRONG: dict[str, tuple[Callable[[Any], Any], str]] = {
     "no velocity": (
-        lambda d: d.rename(uo="thetao", vo="so").map(lambda v: v.assign_attrs(standard_name="")),
+        lambda d: d.assign(thetao=d.uo.assign_attrs(standard_name="")).drop_vars(["uo", "vo"]),
         "no variables are velocities by standard_name",
     ),
     "two velocities": (
