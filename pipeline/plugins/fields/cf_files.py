@@ -39,6 +39,8 @@ from flowsculpt.pipeline.plugins.fields.windowed_samples import (
     file_digest,
 )
 
+LAYER_PARTS = 8  # parts in which the layers of a file without chunks are read
+
 FILLED = 9e36
 """Numbers from here on are what NetCDF writes where nothing was written (9.97e36)."""
 
@@ -545,28 +547,50 @@ class CFSource(GridSource):
 
     def read(self, index: int) -> np.ndarray:
         k, i = self._where[index]
-        header, missing = self.headers[k], None
-        components = {}
+        header, out = self.headers[k], self.layout.empty()
         with (
             stored_arrays.opened_together(header.paths, self.selection.group) as dataset,
             _faults(header.path),
         ):
-            for axis, name in header.names.items():
-                components[axis], lacking = self._component(header, dataset.variables[name], i)
-                if lacking is not None:
-                    missing = lacking if missing is None else missing | lacking
-        if missing is not None:
-            for values in components.values():
-                values[missing] = 0.0
-        return self.layout.velocities(components, missing, header.is_angular)
+            for stored, layers in self._layers(header, dataset):
+                components, missing = {}, None
+                for axis, name in header.names.items():
+                    values, lacking = self._component(header, dataset.variables[name], i, stored)
+                    components[axis] = values
+                    if lacking is not None:
+                        missing = lacking if missing is None else missing | lacking
+                if missing is not None:
+                    for values in components.values():
+                        values[missing] = 0.0
+                self.layout.fill(out, layers, components, missing, header.is_angular)
+        return out
+
+    def _layers(self, header: FileHeader, dataset: Any) -> Iterator[tuple[slice, slice]]:
+        """Yield layers to read at once: indices in the file along the axis up, and in the grid.
+
+        Reading all at once would take as much memory again.
+        """
+        if UP not in header.axes or self.placing.land == "slide":
+            yield slice(None), slice(None)
+            return
+        count, dimension = len(header.axes[UP].values), header.axes[UP].dimension
+        variable = dataset.variables[next(iter(header.names.values()))]
+        chunk = variable.encoding.get("preferred_chunks", {}).get(dimension)
+        step = chunk or -(-count // LAYER_PARTS)
+        for first in range(0, count, step):
+            last = min(first + step, count)
+            is_turned = UP in header.turned
+            yield slice(first, last), slice(count - last, count - first) if is_turned else slice(first, last)
 
     def _component(
-        self, header: FileHeader, variable: Any, index: int
+        self, header: FileHeader, variable: Any, index: int, layers: slice
     ) -> tuple[np.ndarray, np.ndarray | None]:
         """Return a component as float32 (E, N, U) in m/s or radians per second, and where it is missing."""
         at: dict[str, Any] = {name: k for name, k in self.selection.at if name in variable.dims}
         if TIME in header.axes:
             at[header.axes[TIME].dimension] = index
+        if UP in header.axes:
+            at[header.axes[UP].dimension] = layers
         named = {axis.dimension for axis in header.axes.values()}
         at |= {name: 0 for name in variable.dims if name not in at and name not in named}
         part = variable.isel(at)

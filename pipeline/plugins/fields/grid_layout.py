@@ -220,11 +220,21 @@ class GridLayout:
         across = steps.min() * np.cos(north)[None, :, None] * radii
         return np.where(across > 1e-9 * across.max(), across, np.inf)
 
-    def velocities(
-        self, components: Mapping[str, np.ndarray], missing: np.ndarray | None, is_angular: bool
-    ) -> np.ndarray:
-        """Return float32 velocities (X, Y, Z, 3) of the grid in C order, scene units per second.
+    def empty(self) -> np.ndarray:
+        """Return float32 velocities (X, Y, Z, 3) in C order, all 0."""
+        return np.zeros((*map(len, self.axes), 3), np.float32)
 
+    def fill(
+        self,
+        out: np.ndarray,
+        layers: slice,
+        components: Mapping[str, np.ndarray],
+        missing: np.ndarray | None,
+        is_angular: bool,
+    ) -> None:
+        """Write velocities, scene units per second, to some layers of `empty`.
+
+        layers      of the axis up of the data that `components` have
         components  of the data by `x`, `y` and `z`, float32 (E, N, U), 0 where they are missing; in m/s, or
                     where `is_angular` the first two in radians per second
         missing     bool (E, N, U); None where there are all
@@ -234,7 +244,11 @@ class GridLayout:
         columns = self._columns
         if columns is not None:
             components = {axis: np.take(values, columns, axis=0) for axis, values in components.items()}
-        return self._round(components, is_angular) if self.is_round else self._flat(components, is_angular)
+        if self.is_round:
+            self._fill_sphere(out[:, :, layers], layers, components, is_angular)
+        else:
+            seen = out.transpose(0, 2, 1, 3)[:, ::-1] if self._is_upright else out
+            self._fill_plane(seen[:, :, layers], components, is_angular)
 
     @property
     def _cell_sizes(self) -> tuple[float, float, float]:
@@ -248,13 +262,9 @@ class GridLayout:
         given = (here.east, here.north, here.up)
         return tuple(size if axis is not None else np.inf for size, axis in zip(sizes, given, strict=True))  # type: ignore[return-value]
 
-    def _flat(self, components: Mapping[str, np.ndarray], is_angular: bool) -> np.ndarray:
-        east, north, up = self._scene
+    def _fill_plane(self, out: np.ndarray, components: Mapping[str, np.ndarray], is_angular: bool) -> None:
+        """Write velocities to (E, N, U, 3)."""
         upright = self._is_upright
-        out = np.zeros(
-            (len(east), *((len(up), len(north)) if upright else (len(north), len(up))), 3), np.float32
-        )
-        seen = out.transpose(0, 2, 1, 3)[:, ::-1] if upright else out
         wider = np.ones(1, np.float32)
         if self.coordinates.is_geographic and self.coordinates.north is not None:
             cosine, middle = np.cos(np.radians(self.coordinates.north)), np.cos(self._middle_latitude)
@@ -272,14 +282,16 @@ class GridLayout:
             UP: np.float32(self.unit * self.placing.exaggerate),
         }
         for axis, values in components.items():
-            np.multiply(values, factors[axis], out=seen[..., places[axis]])
-        return out
+            np.multiply(values, factors[axis], out=out[..., places[axis]])
 
-    def _round(self, components: Mapping[str, np.ndarray], is_angular: bool) -> np.ndarray:
+    def _fill_sphere(
+        self, out: np.ndarray, layers: slice, components: Mapping[str, np.ndarray], is_angular: bool
+    ) -> None:
+        """Write velocities to (E, N, U, 3), and to the poles the mean of those around."""
         east, north, radii = self._scene
+        radii = radii[layers]
         south, top = self._poles
         rows = slice(int(south), len(north) - int(top))
-        out = np.zeros((len(east), len(north), len(radii), 3), np.float32)
         along = (radii if is_angular else radii / EARTH).astype(np.float32)
         turn, tilt = east[:, None, None], north[rows][:, None]
         directions = {
@@ -302,7 +314,6 @@ class GridLayout:
                 if is_pole or abs(abs(north[row]) - 0.5 * np.pi) < 1e-6:
                     ring = out[1:-2, near if is_pole else row]
                     out[:, row] = ring.mean(axis=0, dtype=np.float64)
-        return out
 
 
 def _sliding(

@@ -7,9 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from flowsculpt.pipeline.cli.app import app
+from tests.conftest import commanded
 
 xarray = pytest.importorskip("xarray")
 
@@ -32,10 +31,10 @@ def ocean(tmp_path: Path) -> Path:
     return tmp_path / "ocean.nc"
 
 
-def output_of(*words: str, code: int = 0) -> str:
-    result = CliRunner().invoke(app, ["data", *words])
-    assert result.exit_code == code, result.output
-    return result.output
+def output_of(*words: str) -> str:
+    code, said = commanded(Path(words[0]).parent, "data", *words)
+    assert code == 0, said
+    return said
 
 
 def test_variables_axes_and_times_are_listed_with_dates_of_the_calendar(ocean: Path) -> None:
@@ -45,7 +44,7 @@ def test_variables_axes_and_times_are_listed_with_dates_of_the_calendar(ocean: P
         "x: lon, 0 to 30 degrees, 4 nodes",
         "times: 3, 24 h 00 min apart, 2001-02-29 00:00:00 to 2001-03-01 00:00:00 (360_day)",
         "missing: 6.2% of uo",
-        "in a shot: - sampled: {file: ocean.nc, fit: 4, time_scale: 4 day}",
+        "in a shot: - sampled: {file: ocean.nc, fit: 4, time_scale: 3 day}",
     ):
         assert line in said, said
     assert "zos" in said and "time 3 × lat 4 × lon 4" in said
