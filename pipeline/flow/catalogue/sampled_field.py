@@ -142,7 +142,7 @@ class _Address:
 
 @dataclass(frozen=True)
 class Sampled(ExternalField):
-    """Velocities at the points of a grid, from VTK or numpy files, interpolated between.
+    """Velocities at the points of a grid, from files, interpolated between.
 
     A point p of the scene reads the samples at (p − centre) / scale, and moves `scale` times as fast: the
     field is placed and scaled like an object.

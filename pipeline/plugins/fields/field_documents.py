@@ -4,7 +4,15 @@ from itertools import pairwise
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_validator
+from pydantic import (
+    BeforeValidator,
+    Field,
+    PrivateAttr,
+    ValidationInfo,
+    WithJsonSchema,
+    field_validator,
+    model_validator,
+)
 
 from flowsculpt import UsageError, read_mesh
 from flowsculpt.api.flows import ParameterDoc, Sampled, Samples
@@ -25,6 +33,11 @@ from flowsculpt.pipeline.plugins.fields.grid_files import read_samples
 from flowsculpt.pipeline.plugins.fields.grid_layout import Placing
 from flowsculpt.pipeline.plugins.fields.stored_arrays import is_stored
 from flowsculpt.pipeline.plugins.fields.windowed_samples import WindowedSamples
+
+
+def _in_seconds(value: Any) -> Any:
+    """Return a length of time such as `1 day` in seconds."""
+    return duration(value) if isinstance(value, str) else value
 
 
 class VelocityVariables(Document):
@@ -48,6 +61,12 @@ class SampledDocument(FlowParameters):
         str | None, ParameterDoc("the name of the velocities in a VTK file that holds several")
     ] = None
     interval: Annotated[Positive, ParameterDoc("from file to file", "s")] = 1.0
+    time_scale: Annotated[
+        float,
+        BeforeValidator(_in_seconds),
+        WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string"}]}),
+        Field(ge=-1e12, le=1e12, description="seconds of the samples per second of the shot, or as 1 day"),
+    ] = 1.0
     variables: Annotated[
         VelocityVariables | None,
         ParameterDoc("the components, as {x: uo, y: vo}; by default found by standard_name"),
@@ -75,12 +94,6 @@ class SampledDocument(FlowParameters):
 
     _samples: Samples = PrivateAttr()
     _context: ParseContext = PrivateAttr()
-
-    @field_validator("time_scale", mode="before", check_fields=False)
-    @classmethod
-    def _in_seconds(cls, value: Any) -> Any:
-        """Return a length of time such as `1 day` in seconds."""
-        return duration(value) if isinstance(value, str) else value
 
     @model_validator(mode="after")
     def _are_readable(self, info: ValidationInfo) -> Self:
