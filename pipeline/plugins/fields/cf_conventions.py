@@ -1,4 +1,4 @@
-"""What attributes of variables say, by the Climate and Forecast (CF) conventions: axes, units, velocities.
+"""Attributes of variables by the Climate and Forecast (CF) conventions: axes, units, velocities.
 
 References are to CF 1.11: cfconventions.org.
 """

@@ -47,7 +47,7 @@ FILLED = 9e36
 
 @dataclass(frozen=True)
 class Selection:
-    """What a shot names in a file.
+    """The variables, indices and group that a shot names in a file.
 
     variables  names of the components by `x`, `y`, `z`; empty: found by their standard names
     at         indices of dimensions that are not axes, or of axes to leave out
@@ -293,7 +293,7 @@ class _HeaderReader:
                 continue
             if length == 0:
                 raise ConventionError(
-                    f"{axis.coordinate} has a length of 0, so there are no velocities; write the file again"
+                    f"{axis.coordinate} has a length of 0, so nothing has a velocity; write the file again"
                 )
             axes[role] = axis
             del k

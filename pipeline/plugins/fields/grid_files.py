@@ -137,7 +137,7 @@ def _read(files: tuple[Path, ...], array: str | None, interval: float) -> FieldF
 
 
 class _FieldFile(NamedTuple):
-    """What a file holds: axes, times, float64 velocities (T, X, Y, Z, 3), and files with their digests."""
+    """The content of a file: axes, times, float64 velocities (T, X, Y, Z, 3), and files with their digests."""
 
     axes: tuple[Floats, Floats, Floats]
     times: Floats
@@ -197,8 +197,8 @@ class GridFileSource(GridSource):
 def _require_same_grid(
     file: Path, part: _FieldFile, name: Path, axes: tuple[Floats, Floats, Floats], turn: Floats | None
 ) -> None:
-    turns = [np.eye(3) if each is None else each for each in (part.turn, turn)]
-    if not np.allclose(*turns) or any(map(_differ, axes, part.axes)):
+    one, other = (np.eye(3) if each is None else each for each in (part.turn, turn))
+    if not np.allclose(one, other) or any(map(_differ, axes, part.axes)):
         fact = f"its grid differs from that of {name.name}"
         raise UsageError(f"{file}: {fact}; all files of a sequence share one grid")
     _require_one_time(file, part.velocity)

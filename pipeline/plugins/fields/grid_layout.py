@@ -27,7 +27,7 @@ FAR = 1000.0
 
 @dataclass(frozen=True)
 class Placing:
-    """How a shot places data.
+    """The settings by which a shot places data.
 
     map         plane or sphere; None is a plane
     up          the axis of the data that points up in pictures; None: z where it is a height, else y
@@ -116,7 +116,7 @@ class GridLayout:
 
     @cached_property
     def _poles(self) -> tuple[bool, bool]:
-        """Whether a row is added at the south pole, and at the north pole."""
+        """True where a row is added: at the south pole, and at the north pole."""
         north = self.coordinates.north
         if not (self.is_round and self.coordinates.is_global) or north is None:
             return False, False

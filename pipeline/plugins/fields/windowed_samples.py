@@ -34,7 +34,7 @@ SourceFiles = tuple[tuple[Path, str], ...]
 
 
 class GridSource(ABC):
-    """What reads velocities of single times from files. Hashable: equal sources read the same.
+    """Reader of the velocities of single times from files. Hashable: equal sources read the same.
 
     axes      three float64 arrays, each ascending and of two numbers or more
     times     (T,) seconds, ascending
@@ -50,7 +50,7 @@ class GridSource(ABC):
     @property
     @abstractmethod
     def settings(self) -> Any:
-        """What decides the velocities besides the contents of files, JSON-able."""
+        """Everything besides the contents of files that decides the velocities, JSON-able."""
 
     @abstractmethod
     def files(self, index: int) -> SourceFiles:
