@@ -137,7 +137,7 @@ def _read(files: tuple[Path, ...], array: str | None, interval: float) -> FieldF
 
 
 class _FieldFile(NamedTuple):
-    """The content of a file: axes, times, float64 velocities (T, X, Y, Z, 3), and files with their digests."""
+    """The content of a file: axes, times, velocities (T, X, Y, Z, 3), and files with their digests."""
 
     axes: tuple[Floats, Floats, Floats]
     times: Floats
