@@ -37,6 +37,8 @@ def write_ocean(folder: Path) -> None:
     for name, part in (("ocean", data), ("ocean_1", data.isel(time=[0])), ("ocean_2", data.isel(time=[1]))):
         part.to_netcdf(folder / f"{name}.nc", engine="h5netcdf")
     data.to_zarr(folder / "ocean.zarr", zarr_format=2)
+    for name in ("uo", "vo"):
+        data[[name]].to_netcdf(folder / f"{name[0]}wnd_mean.nc", engine="h5netcdf")
 
 
 @pytest.mark.parametrize("example", shot_rows(EXAMPLES))
@@ -45,7 +47,7 @@ def test_every_example_of_the_page_is_read(example: str, tmp_path: Path) -> None
     for name in ("smoke_1", "smoke_2"):
         np.savez(tmp_path / f"{name}.npz", x=axis, y=axis, z=axis, velocity=np.ones((3, 3, 3, 3)))
     (tmp_path / "wind.vti").write_text(IMAGE)
-    if "ocean" in example:
+    if "ocean" in example or "uwnd" in example:
         write_ocean(tmp_path)
     (tmp_path / "stone.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     (tmp_path / "flows").mkdir()

@@ -16,6 +16,7 @@ from pydantic import (
 
 from flowsculpt import UsageError, read_mesh
 from flowsculpt.api.flows import ParameterDoc, Sampled, Samples
+from flowsculpt.api.meshes import Floats
 from flowsculpt.api.shots import (
     Clock,
     Document,
@@ -33,6 +34,8 @@ from flowsculpt.pipeline.plugins.fields.grid_files import read_samples
 from flowsculpt.pipeline.plugins.fields.grid_layout import Placing
 from flowsculpt.pipeline.plugins.fields.stored_arrays import is_stored
 from flowsculpt.pipeline.plugins.fields.windowed_samples import WindowedSamples
+
+SLOW = 60.0  # seconds between samples from which on a shot in real time is a mistake
 
 
 def _in_seconds(value: Any) -> Any:
@@ -159,7 +162,18 @@ class SampledDocument(FlowParameters):
             if flow.loop and max(times) - min(times) > 1:
                 times += [0, len(flow.samples.times) - 1]
             self._note_files(min(times), max(times))
+            if flow.samples.is_paced and "time_scale" not in self.model_fields_set:
+                self._note_pace(flow.samples.times)
         return flow
+
+    def _note_pace(self, times: Floats) -> None:
+        """Say how to make data of hours and days move, where a shot does not say it."""
+        interval = float(np.diff(times).min()) if len(times) > 1 else 0.0
+        if self.map is not None or self.fit is not None or interval > SLOW:
+            self._context.notes.append(
+                f"{self.file}: a second of the shot is a second of the samples, in which hardly anything "
+                "moves; write time_scale: 1 day"
+            )
 
 
 class AttractionDocument(OneOfSeveral, FlowParameters):

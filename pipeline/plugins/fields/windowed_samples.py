@@ -182,7 +182,7 @@ class WindowedSamples(Samples):
         if known is None or len(known) != 3:
             velocity = self.velocities(index)
             known = [_largest_secant(velocity, self.source.metric(k), k) for k in range(3)]
-            answer.store({"slopes": known})
+            answer.store_alone({"slopes": known})
         return np.array(known)
 
 

@@ -146,6 +146,11 @@ def test_a_shot_reads_the_files_of_its_frames_alone(store: Path) -> None:
     assert {"0.0.0", "1.0.0", "2.0.0"} <= chunks and "5.0.0" not in chunks
 
 
+def test_a_shot_in_real_time_is_told_how_to_go_faster(store: Path) -> None:
+    assert any("write time_scale: 1 day" in note for note in shot_of(store, "strength: 1").notes)
+    assert not shot_of(store, "time_scale: 1 h").notes
+
+
 def test_a_store_that_changes_after_planning_is_reported(store: Path) -> None:
     samples, _ = cf_samples((store,), Selection(), Placing())
     samples.digest(2)
