@@ -634,7 +634,8 @@ def missing_among(raw: np.ndarray, attributes: Mapping[str, Any]) -> np.ndarray 
             for value in np.asarray(attributes.get(name, ())).reshape(-1):
                 if isinstance(value, str | bytes | np.str_ | np.bytes_):
                     raise ConventionError(f"attribute {name} is {value!r}; it must be a number")
-                missing |= raw == value
+                if value != 0:  # the default of Zarr, where it is a velocity as any other
+                    missing |= raw == value
         low, high = attributes.get("valid_min"), attributes.get("valid_max")
         if "valid_range" in attributes:
             low, high = np.asarray(attributes["valid_range"]).reshape(-1)[:2]

@@ -144,6 +144,13 @@ def test_missing_numbers_stop_what_is_there(tmp_path: Path) -> None:
         assert not velocity_at(samples, *place).any(), place
 
 
+def test_a_velocity_of_0_is_there_though_zarr_fills_with_0(tmp_path: Path) -> None:
+    data = dataset()
+    data["uo"].encoding = data["vo"].encoding = {"_FillValue": 0.0}
+    samples, _ = cf_samples((save(data, tmp_path / "a.zarr", zarr_format=2),), Selection(), Placing())
+    np.testing.assert_allclose(velocity_at(samples, 11.0, 50.0, 0), [0.0, 1.0, 0.0], rtol=1e-6)
+
+
 def test_at_land_that_slides_velocities_go_along_the_coast(tmp_path: Path) -> None:
     data = dataset()
     data["uo"][:], data["vo"][:] = 1.0, 1.0
