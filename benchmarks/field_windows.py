@@ -1,8 +1,8 @@
-"""`python -m benchmarks.field_windows [NODES TIMES FRAMES [SHARE]]`: a field streamed from a Zarr store.
+"""`python -m benchmarks.field_windows [NODES TIMES FRAMES [SHARE [APART]]]`: a field streamed from Zarr.
 
 Writes a store of TIMES times of NODES³ float32 velocities in chunks of 50³ without compression, of which
 only SHARE (1) of the chunks is there; then, each in a process of its own, plans FRAMES frames twice and
-moves 10,000 points through them; four frames are from one time to the next. Prints CPU seconds, the most
+moves 10,000 points through them; APART (4) frames are from one time to the next. Prints CPU seconds, the most
 memory of each process, and the size of the store as it would be whole. The store lies among temporary files.
 """
 
@@ -23,7 +23,6 @@ from benchmarks.report import Row, keep, show
 CHUNK = 50
 POINTS = 10_000
 FPS = 24.0
-FRAMES_A_TIME = 4
 
 
 def write_store(folder: Path, nodes: int, times: int, share: float) -> Path:
@@ -62,11 +61,11 @@ def write_store(folder: Path, nodes: int, times: int, share: float) -> Path:
     return store
 
 
-def measured(store: Path, frames: int, moves: bool) -> None:
+def measured(store: Path, frames: int, moves: bool, apart: float) -> None:
     """Print CPU seconds and the most memory (MiB) of planning a shot, or of moving points through it."""
     from flowsculpt.pipeline.shot import read_shot
 
-    pace = FPS / FRAMES_A_TIME
+    pace = FPS / apart
     text = (
         f"title: Windows\nframes: 1-{frames}\nsubject: {{solid: icosphere}}\nresample: off\n"
         f"flows: [{{sampled: {{file: {store.name}, time_scale: {pace:.9g}, strength: {0.3 / pace:.9g}}}}}]\n"
@@ -87,7 +86,7 @@ def measured(store: Path, frames: int, moves: bool) -> None:
 def main() -> None:
     """Print a table, and write `benchmarks/out/field_windows.json`."""
     given = [float(number) for number in sys.argv[1:] if not number.startswith("-")]
-    nodes, times, frames, share = [*given, *(100, 12, 48, 1.0)[len(given) :]]
+    nodes, times, frames, share, apart = [*given, *(100, 12, 45, 1.0, 4.0)[len(given) :]]
     rows: list[Row] = []
     with tempfile.TemporaryDirectory() as folder:
         begin = process_time()
@@ -95,7 +94,7 @@ def main() -> None:
         written = process_time() - begin
         for name, moves in (("plan", False), ("plan again", False), ("move 10,000 points", True)):
             command = [sys.executable, "-m", "benchmarks.field_windows", "--measure"]
-            command += [str(store), str(int(frames)), str(int(moves))]
+            command += [str(store), str(int(frames)), str(int(moves)), str(apart)]
             answer = subprocess.run(command, check=True, capture_output=True, text=True).stdout
             seconds, most = json.loads(answer.splitlines()[-1])
             rows.append({"step": name, "CPU s": round(seconds, 1), "most MiB": round(most)})
@@ -110,7 +109,7 @@ def main() -> None:
 
 if __name__ == "__main__":
     if "--measure" in sys.argv:
-        place, count, moving = sys.argv[sys.argv.index("--measure") + 1 :]
-        measured(Path(place), int(count), moving == "1")
+        place, count, moving, between = sys.argv[sys.argv.index("--measure") + 1 :]
+        measured(Path(place), int(count), moving == "1", float(between))
     else:
         main()
