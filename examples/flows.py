@@ -153,8 +153,8 @@ def _random_samples() -> Sampled:
     with TemporaryDirectory() as folder:
         file = Path(folder) / "dice.npz"
         np.savez(file, x=axis, y=axis, z=axis, velocity=velocity)
-        files = read_samples((file,))
-    return Sampled(files, between="cubic")
+        samples = read_samples((file,)).samples
+    return Sampled(samples, between="cubic")
 
 
 def draw() -> None:

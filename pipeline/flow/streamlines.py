@@ -258,8 +258,9 @@ class Streamlines(Flow):
         steps[:, 2] = halving.tables * len(opcodes) * COLUMNS * np.arange(count)
         limits = [math.inf if self.tolerance is None else self.tolerance, self.longest_step(time, dt)]
         spans = np.tile([dt / count, *limits], (count, 1))
-        owners = tuple(row.owner for row in programs[0] if row.owner is not None)
-        return StepPlan(opcodes, tables.ravel(), steps, spans, owners, finest or self.tolerance is not None)
+        owners = {id(row.owner): row.owner for program in programs for row in program}
+        owned = tuple(owner for owner in owners.values() if owner is not None)
+        return StepPlan(opcodes, tables.ravel(), steps, spans, owned, finest or self.tolerance is not None)
 
     def cache_data(self, time: float, dt: float) -> Any:
         """Return data for too many sub-steps too, with no step: only their frame fails, when it is made."""

@@ -94,7 +94,7 @@ class VelocityField(ABC):
 
     @abstractmethod
     def program(self, time: float) -> Program:
-        """Return the field's program at a time: the same opcodes, and owners, at all times."""
+        """Return the field's program at a time: the same opcodes at all times."""
 
     @abstractmethod
     def gradient_bound(self, time: float) -> float:

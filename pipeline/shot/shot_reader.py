@@ -197,7 +197,8 @@ def _read(source: YamlSource, allow_code: bool) -> Shot:
         picture = replace(shot.picture, look=parts[0].picture.look)
         shot = replace(shot, subjects=parts, picture=picture, notes=notes)
     _require_fixed_faces(shot, source)
-    return _with_files(_with_materials(shot, source, digests), digests)
+    shot = _with_materials(shot, source, digests)
+    return _with_files(shot, {**parse_context.digests, **digests})  # flows note files of their frames
 
 
 def _with_materials(shot: Shot, source: YamlSource, digests: dict[Path, str]) -> Shot:

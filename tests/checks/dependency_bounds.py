@@ -13,7 +13,7 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-EXTRAS = ("film", "alembic", "cluster", "gain-maps", "models", "s3", "usd")
+EXTRAS = ("film", "alembic", "cluster", "fields", "gain-maps", "models", "s3", "usd")
 """Those that tests use. Snakemake's plug-in for SLURM asks for a later numpy than the rest."""
 
 TESTS = ("-q", "-m", "not soak", "-n", "2", "--dist", "loadfile", "--no-loadscope-reorder")

@@ -21,12 +21,34 @@ IMAGE = (
 )
 
 
+def write_ocean(folder: Path) -> None:
+    """Write a sea of two days, as NetCDF of both days and of each, and as Zarr."""
+    xarray = pytest.importorskip("xarray")
+    dims, units = ("time", "depth", "lat", "lon"), {"units": "m s-1"}
+    data = xarray.Dataset(
+        {name: (dims, np.ones((2, 2, 3, 4)), units) for name in ("uo", "vo", "wo")},
+        {
+            "time": ("time", [0, 1], {"units": "days since 2020-01-01"}),
+            "depth": ("depth", [0.0, 10.0], {"units": "m", "positive": "down"}),
+            "lat": ("lat", [50.0, 51.0, 52.0], {"units": "degrees_north"}),
+            "lon": ("lon", [0.0, 1.0, 2.0, 3.0], {"units": "degrees_east"}),
+        },
+    )
+    for name, part in (("ocean", data), ("ocean_1", data.isel(time=[0])), ("ocean_2", data.isel(time=[1]))):
+        part.to_netcdf(folder / f"{name}.nc", engine="h5netcdf")
+    data.to_zarr(folder / "ocean.zarr", zarr_format=2)
+    for name in ("uo", "vo"):
+        data[[name]].to_netcdf(folder / f"{name[0]}wnd_mean.nc", engine="h5netcdf")
+
+
 @pytest.mark.parametrize("example", shot_rows(EXAMPLES))
 def test_every_example_of_the_page_is_read(example: str, tmp_path: Path) -> None:
     axis = np.linspace(0, 1, 3)
     for name in ("smoke_1", "smoke_2"):
         np.savez(tmp_path / f"{name}.npz", x=axis, y=axis, z=axis, velocity=np.ones((3, 3, 3, 3)))
     (tmp_path / "wind.vti").write_text(IMAGE)
+    if "ocean" in example or "uwnd" in example:
+        write_ocean(tmp_path)
     (tmp_path / "stone.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     (tmp_path / "flows").mkdir()
     (tmp_path / "flows" / "mine.py").write_text("def swirl(points, time, dt):\n    return points\n")

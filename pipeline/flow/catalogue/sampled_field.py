@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import hashlib
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 
-from flowsculpt.pipeline.arrays import Floats
+from flowsculpt.pipeline.arrays import AnyArray, Floats
 from flowsculpt.pipeline.flow.kernels import external_kernels as kernels
 from flowsculpt.pipeline.flow.parameters import (
     ORIGIN,
@@ -20,7 +21,7 @@ from flowsculpt.pipeline.flow.parameters import (
     number_at,
     vector_at,
 )
-from flowsculpt.pipeline.flow.velocity import ExternalField, StableProperty
+from flowsculpt.pipeline.flow.velocity import ExternalField, Program, StableProperty
 from flowsculpt.pipeline.kernels import BlockKernel
 
 Outside = Literal["clamp", "zero", "repeat"]
@@ -33,17 +34,77 @@ an axis; across, in each of two directions, the absolute values of its weights a
 on evenly spaced axes."""
 
 
-@dataclass(frozen=True)
-class Samples:
-    """Velocities at the nodes of a grid, at one time or several: equal contents of files, equal samples.
+FLAT, SPHERE, SPHERE_SURFACE, TURNED = range(4)
+"""What axes measure: positions x, y, z; longitude, latitude (radians) and distance from the centre; the same
+with velocities along the sphere alone; positions along other directions."""
+
+
+class Samples(ABC):
+    """Velocities at the nodes of a grid, at one time or several, of which only those that are used are read.
 
     axes      three float64 arrays, each ascending and of two numbers or more
     times     (T,) seconds, ascending
-    velocity  float64 (T, X, Y, Z, 3)
-    digests   SHA-256 of each file
-    array     the name of the velocities in VTK files; None: the file's only vectors
-    interval  seconds from file to file
+    array     the name of the velocities in files; None: the only ones there
+    geometry  FLAT, SPHERE, SPHERE_SURFACE or TURNED
+    turn      (3, 3) with the directions of the axes as columns, of length 1; None where they are x, y, z
+    is_single True if velocities are float32
+    is_paced  True if velocities are lengths per second of the samples: with more of these in a second of the
+              shot, all moves faster
     """
+
+    axes: tuple[Floats, Floats, Floats]
+    times: Floats
+    array: str | None
+    geometry: int = FLAT
+    turn: Floats | None = None
+    is_single: bool = False
+    is_paced: bool = False
+
+    @staticmethod
+    def of_arrays(
+        axes: tuple[Floats, Floats, Floats],
+        times: Floats,
+        velocity: Floats,
+        digests: tuple[str, ...],
+        array: str | None = None,
+        interval: float = 1.0,
+        turn: Floats | None = None,
+    ) -> ArraySamples:
+        """Return samples in memory.
+
+        velocity  float64 (T, X, Y, Z, 3)
+        digests   SHA-256 of each file: of one with all times, or of one for each time
+        interval  seconds from file to file
+        """
+        return ArraySamples(axes, times, velocity, digests, array, interval, turn)
+
+    @abstractmethod
+    def velocities(self, index: int) -> AnyArray:
+        """Return velocities (X, Y, Z, 3) at a time, float64 or float32, in C order."""
+
+    @abstractmethod
+    def digest(self, index: int) -> str:
+        """Return the digest of everything that decides the velocities at a time."""
+
+    def slopes(self, index: int) -> Floats:
+        """Return the largest secants (3,) along the axes at a time, 1/s."""
+        velocity = self.velocities(index)
+        return np.array([_largest_secant(velocity, axis, k) for k, axis in enumerate(self.axes)])
+
+    @property
+    def spacing(self) -> float:
+        """The shortest distance of two nodes."""
+        return min(float(np.diff(axis).min()) for axis in self.axes)
+
+    @cached_property
+    def known_slopes(self) -> dict[int, Floats]:
+        """The slopes of the times that were asked for."""
+        return {}
+
+
+@dataclass(frozen=True)
+class ArraySamples(Samples):
+    """Samples in memory: equal contents of files, equal samples."""
 
     axes: tuple[Floats, Floats, Floats] = field(compare=False, repr=False)
     times: Floats = field(compare=False, repr=False)
@@ -51,16 +112,37 @@ class Samples:
     digests: tuple[str, ...]
     array: str | None = None
     interval: float = 1.0
+    turn: Floats | None = field(default=None, compare=False, repr=False)
 
     @property
-    def digest(self) -> str:
-        """The digest of all files together."""
-        return hashlib.sha256("".join(self.digests).encode()).hexdigest()
+    def geometry(self) -> int:  # type: ignore[override]
+        return FLAT if self.turn is None else TURNED
+
+    def velocities(self, index: int) -> AnyArray:
+        return self.velocity[index]
+
+    def digest(self, index: int) -> str:
+        own = self.digests[index if len(self.digests) > 1 else 0]
+        return hashlib.sha256(own.encode()).hexdigest()
+
+
+class _Address:
+    """The address of the velocities at a time: they are read when a table takes it, and kept from then on."""
+
+    def __init__(self, samples: Samples, index: int) -> None:
+        self._samples, self._index = samples, index
+
+    @cached_property
+    def _velocities(self) -> AnyArray:
+        return self._samples.velocities(self._index)
+
+    def __float__(self) -> float:
+        return float(self._velocities.ctypes.data)
 
 
 @dataclass(frozen=True)
 class Sampled(ExternalField):
-    """Velocities at the points of a grid, from VTK or numpy files, interpolated between.
+    """Velocities at the points of a grid, from files, interpolated between.
 
     A point p of the scene reads the samples at (p − centre) / scale, and moves `scale` times as fast: the
     field is placed and scaled like an object.
@@ -84,9 +166,11 @@ class Sampled(ExternalField):
 
     @StableProperty
     def _memory(self) -> Floats:
-        axes = self.samples.axes
-        header = [*map(len, axes), self.between == "cubic", _OUTSIDE[self.outside]]
-        return np.concatenate([np.array(header, np.float64), *axes])
+        samples = self.samples
+        header = [*map(len, samples.axes), self.between == "cubic", _OUTSIDE[self.outside]]
+        header += [samples.is_single, samples.geometry]
+        turn = () if samples.turn is None else samples.turn.ravel()
+        return np.concatenate([np.array(header, np.float64), *samples.axes, turn])
 
     def moment(self, time: float) -> tuple[int, int, float]:
         """Return the indices of the samples before and after a time, and the share of the latter."""
@@ -101,24 +185,42 @@ class Sampled(ExternalField):
         i = int(np.searchsorted(times, now, side="right")) - 1
         return i, i + 1, float((now - times[i]) / (times[i + 1] - times[i]))
 
-    def numbers(self, time: float) -> tuple[float, ...]:
+    def numbers(self, time: float) -> tuple[Any, ...]:
         before, after, share = self.moment(time)
-        velocity, scale = self.samples.velocity, number_at(self.scale, time)
-        addresses = [array.ctypes.data for array in (self._memory, velocity[before], velocity[after])]
-        factor = scale * number_at(self.strength, time)
-        return (*map(float, addresses), share, *vector_at(self.centre, time), scale, factor)
+        first = _Address(self.samples, before)
+        second = _Address(self.samples, after) if share else first
+        return (float(self._memory.ctypes.data), first, second, share, *self._place(time))
+
+    def _place(self, time: float) -> tuple[float, ...]:
+        """Return the centre, the scale, and the factor on velocities at a time."""
+        scale = number_at(self.scale, time)
+        return *vector_at(self.centre, time), scale, scale * self._factor(time)
+
+    def _factor(self, time: float) -> float:
+        pace = self.time_scale if self.samples.is_paced else 1.0
+        return number_at(self.strength, time) * pace
+
+    def program(self, time: float) -> Program:
+        (row,) = super().program(time)
+        return (row._replace(owner=(self, row.numbers)),)  # whose addresses own what was read
 
     def cache_data(self, time: float) -> Any:
+        before, after, share = moment = self.moment(time)
         how = [self.between, self.outside, self.samples.array]
-        numbers = [*self.moment(time), *self.numbers(time)[4:]]
-        return {"sampled": self.samples.digest, "how": how, "numbers": numbers}
+        digests = [
+            self.samples.digest(index) for index in dict.fromkeys((before, after) if share else (before,))
+        ]
+        deciding = digests[0] if len(set(digests)) == 1 else digests
+        return {"sampled": deciding, "how": how, "numbers": [*moment, *self._place(time)]}
 
     def gradient_bound(self, time: float) -> float:
         """Bound the gradient by the largest differences of neighbours along each axis."""
         before, after, share = self.moment(time)
-        slopes = (1.0 - share) * self._slopes[before] + share * self._slopes[after]
+        slopes = (1.0 - share) * self._slopes(before)
+        if share:
+            slopes = slopes + share * self._slopes(after)
         overshoot = CUBIC_OVERSHOOT if self.between == "cubic" else 1.0
-        return float(overshoot * np.linalg.norm(slopes)) * abs(number_at(self.strength, time))
+        return float(overshoot * np.linalg.norm(slopes)) * abs(self._factor(time))
 
     def length_scale(self, time: float) -> float:
         """Return the shortest distance of two samples."""
@@ -126,17 +228,23 @@ class Sampled(ExternalField):
 
     @cached_property
     def _narrowest(self) -> float:
-        return min(float(np.diff(axis).min()) for axis in self.samples.axes)
+        return self.samples.spacing
 
-    @cached_property
-    def _slopes(self) -> Floats:
-        """(T, 3) the largest secants along the axes, at every time."""
-        samples = self.samples
-        return np.array(
-            [[_largest_secant(v, axis, k) for k, axis in enumerate(samples.axes)] for v in samples.velocity]
-        )
+    def _slopes(self, index: int) -> Floats:
+        known = self.samples.known_slopes
+        if index not in known:
+            known[index] = self.samples.slopes(index)
+        return known[index]
 
 
-def _largest_secant(velocity: Floats, axis: Floats, k: int) -> float:
-    rises = np.linalg.norm(np.diff(velocity, axis=k), axis=-1)
-    return float((rises / np.diff(axis).reshape([-1 if n == k else 1 for n in range(3)])).max())
+ROWS = 16  # nodes along x whose differences are held at once
+
+
+def _largest_secant(velocity: AnyArray, axis: Floats, k: int) -> float:
+    steps, most = np.diff(axis).reshape([-1 if n == k else 1 for n in range(3)]), 0.0
+    for first in range(0, len(velocity), ROWS):
+        part = velocity[first : first + ROWS + (k == 0)].astype(np.float64, copy=False)
+        rises = np.linalg.norm(np.diff(part, axis=k), axis=-1)
+        along = steps[first : first + ROWS] if k == 0 else steps
+        most = max(most, float((rises / along).max(initial=0.0)))
+    return most

@@ -6,7 +6,9 @@ other its second child and 0; its first child follows it. A triangle with two eq
 three a point.
 
 The constants of a grid are one flat array: the three counts 0:3, the interpolation 3 (1: cubic), the mode
-outside 4 (see below), and the three axes from 5 on. Samples are another, three numbers each, the last axis
+outside 4 (see below), 1 if samples are single precision 5, the geometry 6 (0: flat, 1: a sphere, 2: a sphere
+along which all moves, 3: turned), and the three axes from 7 on; behind these, of a turned grid, the matrix
+with the directions of its axes as columns. Samples are another, three numbers each, the last axis
 running fastest.
 """
 
@@ -16,6 +18,8 @@ import math
 from typing import Any
 
 import numpy as np
+from numba import types
+from numba.extending import intrinsic
 
 from flowsculpt.pipeline.arrays import AnyArray, Floats, Points
 from flowsculpt.pipeline.flow.kernels.instructions import doubles_at
@@ -266,9 +270,23 @@ def taps(
     indices[row, 3] = i + 2 if not ends else (1 if repeats else n - 1)
 
 
-@kernel(f"void({_FLOATS}, i8, i8, i8, f8, f8[:, ::1], i8[:, ::1], f8[::1])")
+_SINGLES = types.CPointer(types.float32)
+
+
+@intrinsic  # type: ignore[untyped-decorator]  # numba has no types
+def singles_at(typingctx: Any, address: Any) -> Any:
+    """Return a pointer to the numbers of single precision at an address."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.inttoptr(arguments[0], context.get_value_type(_SINGLES))
+
+    return _SINGLES(types.int64), generate
+
+
+@kernel("void(i8, b1, i8, i8, i8, f8, f8[:, ::1], i8[:, ::1], f8[::1])")
 def add_taps(
-    samples: Floats,
+    address: int,
+    is_single: bool,
     ny: int,
     nz: int,
     size: int,
@@ -278,21 +296,27 @@ def add_taps(
     out: Floats,
 ) -> None:
     """Add share × the weighted sum of size³ samples around a point."""
+    samples, singles = doubles_at(address), singles_at(address)
     for i in range(size):
         for j in range(size):
             across = share * weights[0, i] * weights[1, j]
             row = (indices[0, i] * ny + indices[1, j]) * nz
             for k in range(size):
                 weight, at = across * weights[2, k], 3 * (row + indices[2, k])
-                out[0] += weight * samples[at]
-                out[1] += weight * samples[at + 1]
-                out[2] += weight * samples[at + 2]
+                if is_single:
+                    out[0] += weight * singles[at]
+                    out[1] += weight * singles[at + 1]
+                    out[2] += weight * singles[at + 2]
+                else:
+                    out[0] += weight * samples[at]
+                    out[1] += weight * samples[at + 1]
+                    out[2] += weight * samples[at + 2]
 
 
 @kernel(f"b1({_FLOATS}, f8, f8, f8, f8[:, ::1], i8[:, ::1])")
 def find_taps(m: Floats, x: float, y: float, z: float, weights: Floats, indices: AnyArray) -> bool:
     """Compute weights and indices of the samples around a point along each axis; tell whether it has any."""
-    axis, outside, inside = 5, int(m[4]), True
+    axis, outside, inside = 7, int(m[4]), True
     for row in range(3):
         n, coordinate = int(m[row]), x if row == 0 else (y if row == 1 else z)
         i, at, within = cell(m, axis, n, coordinate, outside)
@@ -307,6 +331,19 @@ def find_taps(m: Floats, x: float, y: float, z: float, weights: Floats, indices:
     return inside or outside != ZERO
 
 
+@kernel(f"UniTuple(f8, 3)({_FLOATS}, f8, f8, f8)")
+def on_sphere(m: Floats, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Return longitude, latitude (radians) and distance of a point: y points north, z to longitude 0.
+
+    The longitude is within half a turn of the middle of its axis.
+    """
+    r = math.sqrt(x * x + y * y + z * z)
+    middle = 0.5 * (m[7] + m[6 + int(m[0])])
+    turn = math.atan2(x, z) - middle
+    turn -= 2.0 * math.pi * math.floor(turn / (2.0 * math.pi) + 0.5)
+    return middle + turn, math.asin(y / r) if r > 0.0 else 0.0, r
+
+
 @block_kernel
 def sampled(
     numbers: Floats, count: int, x: Floats, y: Floats, z: Floats, t: float, u: Floats, v: Floats, w: Floats
@@ -314,18 +351,30 @@ def sampled(
     """Numbers: address of the constants 0, of the samples before 1 and after 2, share of the latter 3,
     centre 4:7, scale 7, factor on velocities 8.
     """
-    m, before, after = doubles_at(int(numbers[0])), doubles_at(int(numbers[1])), doubles_at(int(numbers[2]))
+    m, before, after = doubles_at(int(numbers[0])), int(numbers[1]), int(numbers[2])
     share, cx, cy, cz = numbers[3], numbers[4], numbers[5], numbers[6]
     shrink, factor = 1.0 / numbers[7], numbers[8]
     ny, nz, size = int(m[1]), int(m[2]), 4 if m[3] > 0.0 else 2
+    is_single, is_round, is_along, is_turned = m[5] > 0.0, 0.0 < m[6] < 3.0, m[6] == 2.0, m[6] == 3.0
+    d = 7 + int(m[0]) + ny + nz
     weights, indices, velocity = np.zeros((3, 4)), np.zeros((3, 4), np.int64), np.zeros(3)
     for i in range(count):
         px, py, pz = (x[i] - cx) * shrink, (y[i] - cy) * shrink, (z[i] - cz) * shrink
-        if find_taps(m, px, py, pz, weights, indices):
+        qx, qy, qz = on_sphere(m, px, py, pz) if is_round else (px, py, pz)
+        if is_turned:
+            qx = m[d] * px + m[d + 3] * py + m[d + 6] * pz
+            qy = m[d + 1] * px + m[d + 4] * py + m[d + 7] * pz
+            qz = m[d + 2] * px + m[d + 5] * py + m[d + 8] * pz
+        if find_taps(m, qx, qy, qz, weights, indices):
             velocity[:] = 0.0
-            add_taps(before, ny, nz, size, 1.0 - share, weights, indices, velocity)
+            add_taps(before, is_single, ny, nz, size, 1.0 - share, weights, indices, velocity)
             if share > 0.0:
-                add_taps(after, ny, nz, size, share, weights, indices, velocity)
+                add_taps(after, is_single, ny, nz, size, share, weights, indices, velocity)
+            if is_along and qz > 0.0:
+                upwards = (velocity[0] * px + velocity[1] * py + velocity[2] * pz) / (qz * qz)
+                velocity[0] -= upwards * px
+                velocity[1] -= upwards * py
+                velocity[2] -= upwards * pz
             u[i] += factor * velocity[0]
             v[i] += factor * velocity[1]
             w[i] += factor * velocity[2]

@@ -151,7 +151,7 @@ class Fit:
         axis = side * np.arange(n + 1) / n
         knots = leg.space.knots(leg.z).transpose(0, 2, 3, 4, 1)
         velocity = side * np.pad(knots, ((0, 0), (0, 1), (0, 1), (0, 1), (0, 0)), mode="wrap")
-        samples = Samples(
+        samples = Samples.of_arrays(
             (axis,) * 3, np.linspace(0.0, 1.0, KNOTS), np.ascontiguousarray(velocity), ("become",)
         )
         x, y, z = (self.low + self.side * np.array(leg.low)).tolist()

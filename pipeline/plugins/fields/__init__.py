@@ -1,6 +1,6 @@
 """Fields: velocities by formulas, on grids in files, turbulence, attraction to shapes, wind along curves."""
 
-from flowsculpt.api import Plugin
+from flowsculpt.api import Command, Plugin
 
 _DOCUMENTS = "flowsculpt.pipeline.plugins.fields.field_documents"
 
@@ -13,5 +13,12 @@ PLUGIN = Plugin(
         "attraction": f"{_DOCUMENTS}:AttractionDocument",
         "wind": f"{_DOCUMENTS}:WindDocument",
         "sampled": f"{_DOCUMENTS}:SampledDocument",
+    },
+    commands={
+        "data": Command(
+            "flowsculpt.pipeline.plugins.fields.data_command:data",
+            "List what a file of measured or simulated fields holds.",
+            "Look",
+        ),
     },
 )

@@ -1,15 +1,25 @@
 """Entries of flows in a shot file: `sampled`, `attraction` and `wind`."""
 
 from itertools import pairwise
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_validator
+from pydantic import (
+    BeforeValidator,
+    Field,
+    PrivateAttr,
+    ValidationInfo,
+    WithJsonSchema,
+    field_validator,
+    model_validator,
+)
 
 from flowsculpt import UsageError, read_mesh
 from flowsculpt.api.flows import ParameterDoc, Sampled, Samples
+from flowsculpt.api.meshes import Floats
 from flowsculpt.api.shots import (
     Clock,
+    Document,
     FlowParameters,
     OneOfSeveral,
     ParseContext,
@@ -17,33 +27,153 @@ from flowsculpt.api.shots import (
     Triple,
 )
 from flowsculpt.pipeline.plugins.fields.attraction import Attraction, Target, Wind
+from flowsculpt.pipeline.plugins.fields.cf_conventions import duration
+from flowsculpt.pipeline.plugins.fields.cf_files import Selection, cf_samples
 from flowsculpt.pipeline.plugins.fields.file_sequences import files_named
 from flowsculpt.pipeline.plugins.fields.grid_files import read_samples
+from flowsculpt.pipeline.plugins.fields.grid_layout import Placing
+from flowsculpt.pipeline.plugins.fields.stored_arrays import is_stored
+from flowsculpt.pipeline.plugins.fields.windowed_samples import WindowedSamples
+
+SLOW = 60.0  # seconds between samples from which on a shot in real time is a mistake
+
+
+def _in_seconds(value: Any) -> Any:
+    """Return a length of time such as `1 day` in seconds."""
+    return duration(value) if isinstance(value, str) else value
+
+
+class VelocityVariables(Document):
+    """The variables of the components of a velocity; one that is left out is 0."""
+
+    x: str | None = Field(None, description="along x, or eastward")
+    y: str | None = Field(None, description="along y, or northward")
+    z: str | None = Field(None, description="along z, or upward")
 
 
 class SampledDocument(FlowParameters):
-    """Samples from files, which are read with the shot, so that their mistakes are reported with it."""
+    """Samples from files, whose axes are read with the shot, so that their mistakes are reported with it."""
 
     flow = Sampled
 
     file: Annotated[str, ParameterDoc("where the samples are; with a * a sequence of files")]
+    also: Annotated[
+        list[str] | None, ParameterDoc("files with the other components, where `file` has one of them")
+    ] = None
     array: Annotated[
         str | None, ParameterDoc("the name of the velocities in a VTK file that holds several")
     ] = None
     interval: Annotated[Positive, ParameterDoc("from file to file", "s")] = 1.0
+    time_scale: Annotated[
+        float,
+        BeforeValidator(_in_seconds),
+        WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string"}]}),
+        Field(ge=-1e12, le=1e12, description="seconds of the samples per second of the shot, or as 1 day"),
+    ] = 1.0
+    variables: Annotated[
+        VelocityVariables | None,
+        ParameterDoc("the components, as {x: uo, y: vo}; by default found by standard_name"),
+    ] = None
+    at: Annotated[
+        dict[str, Annotated[int, Field(ge=0)]] | None,
+        ParameterDoc("the one of a dimension to read, counted from 0, as {number: 0}"),
+    ] = None
+    group: Annotated[str | None, ParameterDoc("the group of a NetCDF 4 file or a Zarr store")] = None
+    map: Annotated[
+        Literal["plane", "sphere"] | None, ParameterDoc("what longitudes and latitudes lie on; else a plane")
+    ] = None
+    up: Annotated[
+        Literal["y", "z"] | None,
+        ParameterDoc("the axis of the data that points up; by default z where it is a height, else y"),
+    ] = None
+    fit: Annotated[
+        Positive | None,
+        ParameterDoc("longer horizontal side, or diameter of the sphere; else in metres, or 2", "units"),
+    ] = None
+    exaggerate: Annotated[Positive, ParameterDoc("factor on heights and vertical velocities")] = 1.0
+    land: Annotated[
+        Literal["stop", "slide"], ParameterDoc("where velocities are missing: 0, or along the coast")
+    ] = "stop"
 
     _samples: Samples = PrivateAttr()
+    _context: ParseContext = PrivateAttr()
 
     @model_validator(mode="after")
     def _are_readable(self, info: ValidationInfo) -> Self:
-        context = ParseContext.of(info)
+        self._context = context = ParseContext.of(info)
         paths = files_named(self.file, context)
-        self._samples = read_samples(paths, self.array, float(self.interval))
-        context.digests.update(zip(paths, self._samples.digests, strict=True))
+        if is_stored(paths[0]):
+            if self.array is not None:
+                raise UsageError(f"{paths[0]}: array does not apply. Write variables: {{x: NAME, y: NAME}}.")
+            others = [files_named(name, context) for name in self.also or ()]
+            if any(len(other) != len(paths) for other in others):
+                counts = " and ".join(str(len(each)) for each in (paths, *others))
+                raise UsageError(f"file and also name {counts} files. Name as many of each component.")
+            self._samples, notes = cf_samples(paths, self._selection(), self._placing(), *others)
+            context.notes.extend(notes)
+            self._note_files(0, 0)
+            return self
+        given = {
+            "also",
+            "variables",
+            "at",
+            "group",
+            "map",
+            "up",
+            "fit",
+            "exaggerate",
+            "land",
+        } & self.model_fields_set
+        if given:
+            raise UsageError(
+                f"{paths[0]}: {min(given)} does not apply; it is for NetCDF, HDF5 and Zarr. Remove it."
+            )
+        read = read_samples(paths, self.array, float(self.interval))
+        self._samples = read.samples
+        context.digests.update(read.files)
+        context.notes.extend(read.notes)
         return self
+
+    def _selection(self) -> Selection:
+        named = {} if self.variables is None else self.variables.model_dump(exclude_none=True)
+        if self.variables is not None and len(named) < 2:
+            raise UsageError("variables: a velocity has at least two components. Write {x: NAME, y: NAME}.")
+        at = tuple((self.at or {}).items())
+        return Selection(tuple(named.items()), at, self.group, float(self.interval))
+
+    def _placing(self) -> Placing:
+        return Placing(self.map, self.up, self.fit, float(self.exaggerate), self.land)
+
+    def _note_files(self, first: int, last: int) -> None:
+        assert isinstance(self._samples, WindowedSamples)
+        for index in range(first, last + 1):
+            self._context.digests.update(self._samples.files(index))
 
     def own_values(self, clock: Clock) -> dict[str, Any]:
         return {"samples": self._samples}
+
+    def build(self, clock: Clock) -> Any:
+        """Return the flow, and note the files of the times that its frames may show."""
+        flow = super().build(clock)
+        if isinstance(self._samples, WindowedSamples):
+            ends = clock.frames.first - 1, clock.frames.last + 1
+            frames = [ends[0], *clock.frames, ends[1]]
+            times = [index for frame in frames for index in flow.moment(clock.flow_time(frame))[:2]]
+            if flow.loop and max(times) - min(times) > 1:
+                times += [0, len(flow.samples.times) - 1]
+            self._note_files(min(times), max(times))
+            if flow.samples.is_paced and "time_scale" not in self.model_fields_set:
+                self._note_pace(flow.samples.times)
+        return flow
+
+    def _note_pace(self, times: Floats) -> None:
+        """Say how to make data of hours and days move, where a shot does not say it."""
+        interval = float(np.diff(times).min()) if len(times) > 1 else 0.0
+        if self.map is not None or self.fit is not None or interval > SLOW:
+            self._context.notes.append(
+                f"{self.file}: a second of the shot is a second of the samples, in which hardly anything "
+                "moves; write time_scale: 1 day"
+            )
 
 
 class AttractionDocument(OneOfSeveral, FlowParameters):

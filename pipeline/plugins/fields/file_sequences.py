@@ -13,6 +13,7 @@ from flowsculpt import UsageError
 from flowsculpt.api import shorten
 from flowsculpt.api.files import InputFile
 from flowsculpt.api.shots import ParseContext
+from flowsculpt.pipeline.plugins.fields.stored_arrays import is_zarr
 
 _INTEGER, _DECIMAL = (re.compile(rf"((?:(?<![^\W_])-)?[0-9]+{rest})") for rest in ("", r"(?:\.[0-9]+)?"))
 """Numbers in names; a minus after a letter or a digit separates, as in wind-3."""
@@ -26,13 +27,13 @@ def files_named(name: str, context: ParseContext) -> tuple[Path, ...]:
     """
     if "*" not in name:
         path = context.folder / name
-        return (path if InputFile(path).is_there() else context.file(name),)
+        return (path if _is_there(path) else context.file(name),)
     folder = context.folder / Path(name).parent
     try:
         if "**" in name:  # from Python 3.13 on, glob takes it for one *
             raise ValueError
         found = folder.glob(Path(name).name)  # hidden files are of other programs
-        paths = [path for path in found if InputFile(path).is_there() and not path.name.startswith(".")]
+        paths = [path for path in found if _is_there(path) and not path.name.startswith(".")]
     except (OSError, ValueError):
         raise UsageError(
             f"file {shorten(name)} is not a name of a sequence; each * stands for any letters. "
@@ -41,6 +42,11 @@ def files_named(name: str, context: ParseContext) -> tuple[Path, ...]:
     if not paths:
         raise UsageError(f"no file matches {shorten(name)} in {folder}. Correct the name.")
     return in_order(paths, context.notes.append)
+
+
+def _is_there(path: Path) -> bool:
+    """Tell whether a path is a file, or the folder of a Zarr store."""
+    return InputFile(path).is_there() or is_zarr(path)
 
 
 def in_order(paths: Iterable[Path], note: Callable[[str], object]) -> tuple[Path, ...]:

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import base64
 import hashlib
-import lzma
 import math
-import struct
-import zlib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NoReturn
-from xml.etree import ElementTree
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,20 +17,23 @@ from flowsculpt.api import shorten, suggest
 from flowsculpt.api.files import Archive, InputFile
 from flowsculpt.api.flows import Samples
 from flowsculpt.api.meshes import Floats
-
-MAX_BYTES = 8 << 30  # memory for the samples of a field, or of a sequence
-
-
-def require_size(file: Path, lengths: Iterable[int], most: int = MAX_BYTES) -> None:
-    """Raise UsageError where float64 velocities on axes of these lengths take more than `most` bytes."""
-    wanted = 24 * math.prod(lengths)
-    if wanted > most:
-        raise UsageError(f"{file}: {_size(wanted)} of velocities are too many; {_size(most)} are the most")
-
-
-def _size(count: int) -> str:
-    return f"{count >> 30} GiB" if count >> 30 else f"{count} bytes"
-
+from flowsculpt.pipeline.plugins.fields.grid_layout import FLAT, TURNED
+from flowsculpt.pipeline.plugins.fields.stored_arrays import SUFFIXES
+from flowsculpt.pipeline.plugins.fields.vtk_grids import (
+    MAX_BYTES,
+    VtkGrid,
+    collection,
+    piece_files,
+    read_vtk,
+    require_size,
+)
+from flowsculpt.pipeline.plugins.fields.windowed_samples import (
+    MAX_SPEED,
+    GridSource,
+    SourceFiles,
+    WindowedSamples,
+    file_digest,
+)
 
 NAMES = ("x", "y", "z", "t", "velocity")
 
@@ -63,199 +61,22 @@ def read_npz(
     return (axes, arrays["t"], velocity) if "t" in arrays else (axes, np.zeros(1), velocity[None])
 
 
-_TYPES = {f"Int{8 * size}": f"i{size}" for size in (1, 2, 4, 8)}
-_TYPES |= {f"U{name}": f"u{kind[1]}" for name, kind in _TYPES.items()}
-_TYPES |= {"Float32": "f4", "Float64": "f8"}
+FORMATS = (".vti", ".vtr", ".pvti", ".pvtr", ".pvd", ".npz")
 
-_DECOMPRESSORS: dict[str, Callable[[], Any]] = {
-    "vtkZLibDataCompressor": zlib.decompressobj,
-    "vtkLZMADataCompressor": lambda: lzma.LZMADecompressor(memlimit=256 << 20),
-}
-
-_MOST_A_BYTE = {None: 1, "vtkZLibDataCompressor": 1032, "vtkLZMADataCompressor": 8000}
-"""Numbers that a byte of a file holds at most, by its compressor; even data are packed so densely."""
-
-_LONGEST_AXIS = 1 << 20  # the most numbers on an axis of a rectilinear grid
+IN_MEMORY = 1 << 30
+"""Bytes of a sequence up to which all of its times are read with the shot, and checked; of a longer one those
+around a frame are in memory."""
 
 
-def read_vtk(
-    file: Path, content: bytes, array: str | None = None, most: int = MAX_BYTES
-) -> tuple[list[Floats], Floats]:
-    """Return three axes, and velocities (1, X, Y, Z, 3), of a file in one piece with point data.
+class FieldFiles(NamedTuple):
+    """Samples, the files that decide them with their digests, and notes for the user."""
 
-    most  bytes of the velocities; checked by the extent before anything is unpacked
-
-    Raises UsageError where it is no such file, and the errors of the parsers of its parts.
-    """
-    grid = _Grid.of(file, content)
-    axes = grid.axes(most)
-    shape = tuple(len(axis) for axis in reversed(axes))
-    require_size(file, shape, most)
-    count = math.prod(shape)
-    values = grid.numbers(grid.velocities(array), 3 * count)
-    if values.size != 3 * count:
-        grid.fail(f"there are {values.size} numbers for {count} points of three components each")
-    return axes, values.astype(np.float64).reshape(1, *shape, 3).transpose(0, 3, 2, 1, 4)
+    samples: Samples
+    files: SourceFiles
+    notes: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
-class _Grid:
-    """The parts of a file.
-
-    size      bytes of the file
-    head      the XML elements, without appended bytes
-    piece     the only piece
-    appended  the bytes after the underscore, base64 or raw
-    """
-
-    file: Path
-    size: int
-    head: ElementTree.Element
-    piece: ElementTree.Element
-    appended: bytes
-
-    @classmethod
-    def of(cls, file: Path, content: bytes) -> _Grid:
-        text, mark, rest = content.partition(b"<AppendedData")
-        body = rest[rest.find(b"_") + 1 :] if mark else b""
-        encoding = b'raw"' if b"raw" in rest[: rest.find(b"_")] else b'base64"'
-        try:
-            closing = b'<AppendedData encoding="' + encoding + b"/></VTKFile>" if mark else b""
-            head = ElementTree.fromstring(text + closing)
-        except ElementTree.ParseError as error:
-            raise UsageError(f"{file}: not XML ({error}); a VTK file is written by VTK or ParaView") from None
-        pieces = head.findall("*/Piece")
-        kind = head.get("type", "")
-        if head.tag != "VTKFile" or kind not in ("ImageData", "RectilinearGrid"):
-            fact = f"its type is {kind or head.tag}; a field is ImageData or RectilinearGrid"
-            raise UsageError(f"{file}: {fact}")
-        if len(pieces) != 1:
-            fact = f"it has {len(pieces)} pieces; a field is read from one. Save it as one."
-            raise UsageError(f"{file}: {fact}")
-        end = body.rfind(b"</AppendedData")
-        return cls(file, len(content), head, pieces[0], body[:end] if end >= 0 else body)
-
-    def fail(self, fact: str) -> NoReturn:
-        raise UsageError(f"{self.file}: {fact}; save it again from VTK or ParaView, with point data")
-
-    def axes(self, most: int) -> list[Floats]:
-        if self.head.get("type") == "RectilinearGrid":
-            named = self.piece.find("Coordinates")
-            arrays = [] if named is None else named.findall("DataArray")
-            if len(arrays) != 3:
-                self.fail(f"it has {len(arrays)} axes under Coordinates instead of three")
-            return [self.numbers(element, _LONGEST_AXIS).astype(np.float64) for element in arrays]
-        image = self.head.find("ImageData")
-        assert image is not None, "its piece was found there"
-        extent = self._row(self.piece, "Extent", 6, None).tolist()
-        if not all(end.is_integer() for end in extent):
-            self.fail(f"Extent is {self.piece.get('Extent')!r} and must be 6 whole numbers")
-        ends = [(int(extent[k]), int(extent[k + 1]) + 1) for k in (0, 2, 4)]
-        lengths = [max(1, end - begin) for begin, end in ends]
-        require_size(self.file, lengths, most)
-        if 3 * math.prod(lengths) > _MOST_A_BYTE.get(self.head.get("compressor"), 1) * self.size:
-            self.fail(f"Extent is {self.piece.get('Extent')!r}, more points than {self.size} bytes can hold")
-        origin, spacing = self._row(image, "Origin", 3, "0 0 0"), self._row(image, "Spacing", 3, "1 1 1")
-        direction = self._row(image, "Direction", 9, "1 0 0 0 1 0 0 0 1")
-        if not np.array_equal(direction, np.eye(3).ravel()):
-            self.fail("its axes are rotated (Direction), and only grids along x, y and z are read")
-        return [origin[k] + spacing[k] * np.arange(*ends[k], dtype=np.float64) for k in range(3)]
-
-    def velocities(self, array: str | None) -> ElementTree.Element:
-        data = self.piece.find("PointData")
-        data = ElementTree.Element("PointData") if data is None else data
-        vectors = [element for element in data if element.get("NumberOfComponents") == "3"]
-        wanted = array or data.get("Vectors")
-        matches = [element for element in vectors if wanted is None or element.get("Name") == wanted]
-        if len(matches) != 1:
-            names = [element.get("Name", "?") for element in vectors]
-            what = f"no array {shorten(wanted)} of" if wanted and not matches else "not one array of"
-            hint = f" There are: {', '.join(names)}." if names else ""
-            raise UsageError(f"{self.file}: there is {what} three components at its points.{hint}")
-        return matches[0]
-
-    def numbers(self, element: ElementTree.Element, most: int) -> np.ndarray:
-        """Return the values of a DataArray, flat; of compressed ones hardly more than `most` are unpacked."""
-        kind = _TYPES.get(element.get("type", ""))
-        if kind is None:
-            self.fail(f"{element.get('type')} is not a type of numbers")
-        if element.get("format") == "ascii":
-            return np.array((element.text or "").split(), dtype=kind)
-        order = ">" if self.head.get("byte_order") == "BigEndian" else "<"
-        try:
-            content = self._bytes(element, order, most * np.dtype(kind).itemsize)
-            return np.frombuffer(content, dtype=order + kind)
-        except UsageError:
-            raise
-        except Exception as error:  # decompressors raise anything
-            self.fail(f"array {element.get('Name')} cannot be read ({error})")
-
-    def _bytes(self, element: ElementTree.Element, order: str, most: int) -> bytes:
-        if element.get("format") == "appended":
-            text = self.appended[int(element.get("offset", "0")) :]
-            appended = self.head.find("AppendedData")
-            is_base64 = appended is not None and appended.get("encoding") == "base64"
-        else:
-            text, is_base64 = (element.text or "").strip().encode(), True
-        code = order + ("Q" if self.head.get("header_type") == "UInt64" else "I")
-        compressor = self.head.get("compressor")
-        if compressor is not None:
-            return self._decompressed(text, is_base64, code, compressor, most)
-        size = struct.calcsize(code)
-        (length,) = struct.unpack(code, _take(text, is_base64, 0, size))
-        return _take(text, is_base64, size, length)
-
-    def _decompressed(self, text: bytes, is_base64: bool, code: str, compressor: str, most: int) -> bytes:
-        """Decompress blocks: a header of count, size, last size and compressed sizes, then the blocks."""
-        if compressor not in _DECOMPRESSORS:
-            self.fail(f"it is compressed by {compressor}, and only {' and '.join(_DECOMPRESSORS)} are read")
-        size = struct.calcsize(code)
-        (count,) = struct.unpack(code, _take(text, is_base64, 0, size))
-        sizes = np.frombuffer(_take(text, is_base64, 0, (3 + count) * size), dtype=code)[3:]
-        start = _length(is_base64, (3 + count) * size)
-        compressed = _take(text[start:], is_base64, 0, int(sizes.sum()))
-        ends = np.cumsum(sizes).tolist()
-        blocks: list[bytes] = []
-        for length, end in zip(sizes.tolist(), ends, strict=True):
-            unpacker = _DECOMPRESSORS[compressor]()
-            blocks.append(unpacker.decompress(compressed[end - length : end], most + 1))
-            most -= len(blocks[-1])
-            if most < 0:
-                raise ValueError("it holds more numbers than the grid has points")
-            if not unpacker.eof:
-                raise ValueError("a compressed block is truncated")
-        return b"".join(blocks)
-
-    def _row(self, element: ElementTree.Element, name: str, count: int, default: str | None) -> Floats:
-        text = element.get(name, default)
-        try:
-            row = np.array((text or "").split(), np.float64)
-        except ValueError:
-            row = np.empty(0)
-        if len(row) != count or not np.isfinite(row).all():
-            self.fail(f"{name} is {text!r}; it must be {count} numbers")
-        return row
-
-
-def _take(text: bytes, is_base64: bool, first: int, count: int) -> bytes:
-    """Return bytes `first` to `first + count` of base64 text, or of raw bytes."""
-    content = base64.b64decode(text[: _length(is_base64, first + count)]) if is_base64 else text
-    if len(content) < first + count:
-        raise ValueError(f"{first + count} bytes are announced, but {len(content)} exist")
-    return content[first : first + count]
-
-
-def _length(is_base64: bool, count: int) -> int:
-    """Return the length of `count` bytes in the file."""
-    return -(-count // 3) * 4 if is_base64 else count
-
-
-FORMATS = (".vti", ".vtr", ".npz")
-
-MAX_SPEED = 1e12  # the limit of any number in a shot file: squares and sums of such numbers stay finite
-
-
-def read_samples(files: tuple[Path, ...], array: str | None = None, interval: float = 1.0) -> Samples:
+def read_samples(files: tuple[Path, ...], array: str | None = None, interval: float = 1.0) -> FieldFiles:
     """Return the samples of one file, or of a sequence of files `interval` seconds apart.
 
     array  the name of the velocities in VTK files; None: the file's active vectors, or its only array
@@ -266,46 +87,132 @@ def read_samples(files: tuple[Path, ...], array: str | None = None, interval: fl
     Raises MissingInputError where a file is missing, UsageError where it is invalid.
     """
     request = (files, array, interval)
-    for known, samples in list(_LAST.items()):  # another thread may replace them
-        if known == request and all(map(_is_unchanged, files, samples.digests)):
-            return samples
+    for known, read in list(_LAST.items()):  # another thread may replace them
+        if known == request and all(_is_unchanged(file, digest) for file, digest in read.files):
+            return read
     _LAST.clear()  # before others take as much memory
-    _LAST[request] = samples = _read(files, array, interval)
-    return samples
+    _LAST[request] = read = _read(files, array, interval)
+    return read
 
 
-_LAST: dict[tuple[tuple[Path, ...], str | None, float], Samples] = {}
+_LAST: dict[tuple[tuple[Path, ...], str | None, float], FieldFiles] = {}
 
 
 def _is_unchanged(file: Path, digest: str) -> bool:
     return hashlib.sha256(InputFile(file, MAX_BYTES).content()).hexdigest() == digest
 
 
-def _read(files: tuple[Path, ...], array: str | None, interval: float) -> Samples:
-    axes, times, first, digest = _read_file(files[0], array)
-    digests, velocity = [digest], first
-    if len(files) > 1:
-        _require_one_time(files[0], first)
-        require_size(files[0], (len(files), *first.shape[1:-1]), MAX_BYTES)
-        times = np.asarray(interval * np.arange(len(files)), np.float64)
-        velocity = np.empty((len(files), *first.shape[1:]))
-        velocity[0] = first[0]
+def _read(files: tuple[Path, ...], array: str | None, interval: float) -> FieldFiles:
+    times, listed = np.asarray(interval * np.arange(len(files)), np.float64), tuple[tuple[Path, str], ...]()
+    if files[0].suffix.lower() == ".pvd":
+        if len(files) > 1:
+            raise UsageError(f"{files[0]}: a collection has times of its own. Name one file.")
+        content = InputFile(files[0], MAX_BYTES).content()
+        with reading(files[0], "a collection, as ParaView writes one"):
+            moments, paths = collection(files[0], content)
+        listed = ((files[0], hashlib.sha256(content).hexdigest()),)
+        times, files = np.array(moments), tuple(paths)
+    first = _read_file(files[0], array)
+    if len(files) == 1:
+        samples: Samples = _in_memory(first, first.times, first.velocity, (first.digest,), array, interval)
+        return FieldFiles(samples, (*listed, *first.files), first.notes)
+    _require_one_time(files[0], first.velocity)
+    if len(files) * first.velocity.nbytes > IN_MEMORY:
+        source = GridFileSource(files, array, first.axes, times, first.turn)
+        return FieldFiles(WindowedSamples(source), (*listed, *first.files), first.notes)
+    velocity, digests, read = (
+        np.empty((len(files), *first.velocity.shape[1:])),
+        [first.digest],
+        list(first.files),
+    )
+    velocity[0] = first.velocity[0]
     for k, file in enumerate(files[1:], 1):
-        others, _, part, digest = _read_file(file, array)
-        if part.shape[1:] != first.shape[1:] or any(map(_differ, axes, others)):
-            fact = f"its grid differs from that of {files[0].name}"
-            raise UsageError(f"{file}: {fact}; all files of a sequence share one grid")
-        _require_one_time(file, part)
-        velocity[k] = part[0]
-        digests.append(digest)
-    return Samples(axes, times, velocity, tuple(digests), array, interval)
+        part = _read_file(file, array)
+        _require_same_grid(file, part, files[0], first.axes, first.turn)
+        velocity[k] = part.velocity[0]
+        digests.append(part.digest)
+        read += part.files
+    samples = _in_memory(first, times, velocity, tuple(digests), array, interval)
+    return FieldFiles(samples, (*listed, *read), first.notes)
 
 
-def _read_file(file: Path, array: str | None) -> tuple[tuple[Floats, Floats, Floats], Floats, Floats, str]:
-    """Return axes, times and velocities of a file, and the digest of the parsed bytes."""
+class _FieldFile(NamedTuple):
+    """The content of a file: axes, times, velocities (T, X, Y, Z, 3), and files with their digests."""
+
+    axes: tuple[Floats, Floats, Floats]
+    times: Floats
+    velocity: Floats
+    turn: Floats | None
+    files: SourceFiles
+    notes: tuple[str, ...]
+
+    @property
+    def digest(self) -> str:
+        own = [digest for _, digest in self.files]
+        return own[0] if len(own) == 1 else hashlib.sha256("\n".join(own).encode()).hexdigest()
+
+
+def _in_memory(
+    first: _FieldFile,
+    times: Floats,
+    velocity: Floats,
+    digests: tuple[str, ...],
+    array: str | None,
+    interval: float,
+) -> Samples:
+    return Samples.of_arrays(first.axes, times, velocity, digests, array, interval, first.turn)
+
+
+@dataclass(frozen=True)
+class GridFileSource(GridSource):
+    """Files with a time each, all on the grid of the first."""
+
+    paths: tuple[Path, ...]
+    array: str | None
+    axes: tuple[Floats, Floats, Floats] = field(compare=False, repr=False)
+    times: Floats = field(compare=False, repr=False)
+    turn: Floats | None = field(compare=False, repr=False)
+
+    @property
+    def geometry(self) -> int:  # type: ignore[override]
+        return FLAT if self.turn is None else TURNED
+
+    @property
+    def settings(self) -> Any:
+        return ["grid", self.array]
+
+    def place(self, index: int) -> Any:
+        return 0
+
+    def files(self, index: int) -> SourceFiles:
+        path = self.paths[index]
+        return tuple((each, file_digest(each)) for each in (path, *piece_files(path)))
+
+    def read(self, index: int) -> np.ndarray:
+        part = _read_file(self.paths[index], self.array)
+        _require_same_grid(self.paths[index], part, self.paths[0], self.axes, self.turn)
+        return np.ascontiguousarray(part.velocity[0], np.float32)
+
+
+def _require_same_grid(
+    file: Path, part: _FieldFile, name: Path, axes: tuple[Floats, Floats, Floats], turn: Floats | None
+) -> None:
+    one, other = (np.eye(3) if each is None else each for each in (part.turn, turn))
+    if not np.allclose(one, other) or any(map(_differ, axes, part.axes)):
+        fact = f"its grid differs from that of {name.name}"
+        raise UsageError(f"{file}: {fact}; all files of a sequence share one grid")
+    _require_one_time(file, part.velocity)
+
+
+def _read_file(file: Path, array: str | None) -> _FieldFile:
     if file.suffix.lower() not in FORMATS:
+        is_mesh = file.suffix.lower() in MESHES
+        remedy = (
+            "Resample it (Resample To Image) and save it as .vti." if is_mesh else "Save it as one of these."
+        )
         raise UsageError(
-            f"{file}: {file.suffix or 'no suffix'} is not a format of fields; use {', '.join(FORMATS)}"
+            f"{file}: {file.suffix or 'no suffix'} is not a format of fields; use "
+            f"{', '.join((*FORMATS, *SUFFIXES))}. {remedy}"
         )
     content, times, is_npz = InputFile(file, MAX_BYTES).content(), np.zeros(1), file.suffix.lower() == ".npz"
     if is_npz and array is not None:
@@ -316,12 +223,19 @@ def _read_file(file: Path, array: str | None) -> tuple[tuple[Floats, Floats, Flo
     with reading(file, f"{kind} one"):
         if is_npz:
             axes, times, velocity = read_npz(file, content)
+            grid = VtkGrid(axes, velocity)
         else:
-            axes, velocity = read_vtk(file, content, array)
-        require_valid(file, axes, times, velocity)
-    x, y, z = (np.ascontiguousarray(axis, np.float64) for axis in axes)
+            grid = read_vtk(file, content, array)
+            velocity = grid.velocity[None]
+        require_valid(file, grid.axes, times, velocity)
+    x, y, z = (np.ascontiguousarray(axis, np.float64) for axis in grid.axes)
     velocity, times = np.ascontiguousarray(velocity, np.float64), np.asarray(times, np.float64)
-    return (x, y, z), times, velocity, hashlib.sha256(content).hexdigest()
+    files = [(file, hashlib.sha256(content).hexdigest())]
+    files += [(piece, file_digest(piece)) for piece in piece_files(file)]
+    return _FieldFile((x, y, z), times, velocity, grid.turn, tuple(files), grid.notes)
+
+
+MESHES = (".vtu", ".vts", ".pvtu", ".pvts", ".vtk", ".vtp")
 
 
 def _require_one_time(file: Path, velocity: Floats) -> None:

@@ -43,7 +43,8 @@ def restored(record: Provenance, allow_code: bool) -> ShotSource:
     gone, changed = [], []
     for place, digest in record.source.inputs or ():
         if not InputFile(Path(place)).is_there():
-            gone.append(place)
+            if digest:  # without one, the version was made while it was not there
+                gone.append(place)
         elif InputFile(Path(place)).digest() != digest:
             changed.append(place)
     of = f"{record.shot} {record.version}"

@@ -57,11 +57,16 @@ class FlowParameters(Document):
 
 
 def document_of(flow: type, base: type[FlowParameters] = FlowParameters) -> type[FlowParameters]:
-    """Return the document of a flow: the fields of `base`, and then the parameters of the dataclass."""
+    """Return the document of a flow: the fields of `base`, and then the parameters of the dataclass.
+
+    A field of `base` of a parameter's name says how shot files write that parameter.
+    """
     parameters = parameters_of(flow)
-    entries: dict[str, Any] = {p.name: (_kind(p), _field(p)) for p in parameters}
+    added = [p for p in parameters if p.name not in base.model_fields]
+    entries: dict[str, Any] = {p.name: (_kind(p), _field(p)) for p in added}
     document = create_model(f"{flow.__name__}Parameters", __base__=base, __doc__=summary(flow), **entries)
-    document.flow, document.parameters, document.own = flow, parameters, _own(base)
+    own = tuple(p for p in _own(base) if p.name not in {parameter.name for parameter in parameters})
+    document.flow, document.parameters, document.own = flow, parameters, own
     return document
 
 

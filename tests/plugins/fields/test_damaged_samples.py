@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.errors import MissingInputError, UsageError
 from flowsculpt.pipeline.plugins.fields import grid_files
 from flowsculpt.pipeline.plugins.fields.grid_files import read_samples
 from flowsculpt.render.base.input_files import InputFile
@@ -126,7 +126,7 @@ def test_what_a_file_does_wrong_is_told_in_one_line(
 
 def test_the_files_that_are_damaged_above_are_sound_before(tmp_path: Path) -> None:
     for file in (archive(tmp_path / "a.npz"), image(tmp_path / "a.vti")):
-        np.testing.assert_array_equal(read_samples((file,)).velocity, ONES[None])
+        np.testing.assert_array_equal(read_samples((file,)).samples.velocity, ONES[None])
 
 
 @pytest.mark.slow
@@ -158,19 +158,31 @@ def test_headers_tell_what_is_too_much_before_it_is_unpacked(tmp_path: Path) -> 
         read_samples((file,))
 
 
-def test_the_files_of_a_sequence_count_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_of_a_long_sequence_the_times_around_a_moment_are_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     files = tuple(archive(tmp_path / f"{k}.npz", k=np.full(1, k)) for k in range(3))
-    assert len(read_samples(files).velocity) == 3
-    monkeypatch.setattr(grid_files, "MAX_BYTES", 2 * ONES.nbytes)
-    with pytest.raises(UsageError, match="4608 bytes of velocities are too many; 3072 bytes are the most"):
-        read_samples(files, interval=2.0)
+    known = read_samples(files).samples
+    monkeypatch.setattr(grid_files, "IN_MEMORY", 2 * ONES.nbytes)
+    samples = read_samples(files, interval=2.0).samples
+    assert samples.times.tolist() == [0.0, 2.0, 4.0]
+    np.testing.assert_array_equal(samples.velocities(2), known.velocities(2))
+    np.testing.assert_allclose(samples.slopes(1), known.slopes(1))
+    samples.digest(0)
+    archive(files[0], k=np.full(1, 7))
+    with pytest.raises(MissingInputError, match=r"0\.npz: it was changed since the work was planned"):
+        samples.velocities(0)
+    archive(files[2], x=2 * AXIS)
+    again = read_samples(files, interval=2.0).samples
+    with pytest.raises(UsageError, match=r"its grid differs from that of 0\.npz"):
+        again.velocities(2)
 
 
 def test_samples_never_go_by_the_digest_of_others(tmp_path: Path) -> None:
     file = archive(tmp_path / "a.npz")
-    known = read_samples((file,))
+    known = read_samples((file,)).samples
     archive(file, velocity=2 * ONES)
-    now = read_samples((file,))
+    now = read_samples((file,)).samples
     assert (known.velocity == 1).all() and (now.velocity == 2).all() and known != now
 
 

@@ -34,7 +34,7 @@ def save(file: Path, axes: tuple[Floats, ...] = (X, Y, Z), **changed: np.ndarray
 
 
 def field_of(*files: Path, interval: float = 1.0, **parameters: object) -> Sampled:
-    return Sampled(read_samples(files, None, interval), **parameters)  # type: ignore[arg-type]
+    return Sampled(read_samples(files, None, interval).samples, **parameters)  # type: ignore[arg-type]
 
 
 @pytest.fixture
@@ -164,7 +164,7 @@ def test_what_is_no_archive_or_not_there_or_of_another_grid_is_told(tmp_path: Pa
     with pytest.raises(MissingInputError, match=r"gone\.npz: file not found"):
         read_samples((tmp_path / "gone.npz",))
     (tmp_path / "a.csv").write_text("1")
-    with pytest.raises(UsageError, match=r"not a format of fields; use \.vti, \.vtr, \.npz"):
+    with pytest.raises(UsageError, match=r"not a format of fields; use \.vti, \.vtr, .*\.nc"):
         read_samples((tmp_path / "a.csv",))
     files = save(tmp_path / "b.npz"), save(tmp_path / "c.npz", (2 * X, Y, Z))
     with pytest.raises(UsageError, match=r"c.npz: its grid differs from that of b.npz"):
@@ -263,7 +263,7 @@ def test_vtk_files_are_read_in_all_their_ways(
     suffix: str, how: str, header: str, dtype: str, tmp_path: Path
 ) -> None:
     file = vtk_file(tmp_path / f"a.{suffix}", how, header, dtype)
-    samples = read_samples((file,))
+    samples = read_samples((file,)).samples
     assert samples.velocity.shape == (1, 5, 6, 4, 3)
     tolerance = 1e-14 if dtype.endswith("8") else 1e-6
     np.testing.assert_allclose(samples.velocity[0], velocity_on(samples.axes), atol=10 * tolerance)
@@ -271,7 +271,7 @@ def test_vtk_files_are_read_in_all_their_ways(
     np.testing.assert_allclose(
         samples.axes[0], X if suffix == "vtr" else 0.5 * np.arange(-2, 3), atol=tolerance
     )
-    twice = read_samples((file,), array="w")
+    twice = read_samples((file,), array="w").samples
     np.testing.assert_allclose(twice.velocity, 2 * samples.velocity, rtol=1e-6)
 
 
@@ -284,10 +284,13 @@ WRONG = {
     "not XML": ("</VTKFile>", "", "not XML"),
     "unstructured": ('type="ImageData"', 'type="UnstructuredGrid"', "its type is UnstructuredGrid"),
     "too few points": ('Piece Extent="-2 2', 'Piece Extent="-2 1', "360 numbers for 96 points"),
-    "turned": ("Origin=", 'Direction="0 1 0 1 0 0 0 0 1" Origin=', "its axes are rotated"),
-    "no vectors": ('NumberOfComponents="3"', 'NumberOfComponents="1"', "three components at its points."),
+    "no vectors": (
+        'NumberOfComponents="3"',
+        'NumberOfComponents="1"',
+        "three components at its points or cells.",
+    ),
     "another name": ('Vectors="u"', 'Vectors="q"', "no array q of three components"),
-    "which": ('Vectors="u"', "", "not one array of three components at its points. There are: u, w"),
+    "which": ('Vectors="u"', "", "not one array of three components at its points or cells. There are: u, w"),
     "packer": (
         "byte_order",
         'compressor="vtkLZ4DataCompressor" byte_order',
@@ -318,7 +321,7 @@ def test_a_damaged_vtk_file_is_told_or_read_and_nothing_else(data: st.DataObject
         content[at] = data.draw(st.integers(0, 255))
     file.write_bytes(content[: data.draw(st.integers(len(content) // 2, len(content)))])
     try:
-        samples = read_samples((file,))
+        samples = read_samples((file,)).samples
     except UsageError as error:
         assert str(file) in str(error)
     else:

@@ -59,7 +59,7 @@ WRONG = [
     ("sampled: {file: w_01.npz, outside: mirror}", "it must be 'clamp', 'zero' or 'repeat'"),
     (
         "sampled: {file: /proc/self/me*}",
-        "/proc/self/mem: no suffix is not a format of fields; use .vti, .vtr, .npz",
+        "/proc/self/mem: no suffix is not a format of fields; use .vti, .vtr, ",
     ),
     (f"sampled: {{file: {'n' * 5000}.npz}}", "file nnnn"),
     ("sampled: {file: '**.npz'}", "file **.npz is not a name of a sequence; each * stands for any letters"),

@@ -110,7 +110,7 @@ def test_grids_of_blender_become_the_same_field(tmp_path: Path, kind: str) -> No
     files = [str(file) for file in sorted(tmp_path.glob("fluid_*.vdb"))]
     target = tmp_path / "wind.npz"
     run(tmp_path, "vdb_field.py", recipe("openvdb"), "--", "24", str(target), *files, path=str(modules))
-    samples = read_samples((target,))
+    samples = read_samples((target,)).samples
     assert samples.velocity.shape == (3, 8, 8, 7, 3)  # the union of the boxes, with y up
     assert samples.times == pytest.approx([0.0, 1.0 / 24.0, 2.0 / 24.0])
     assert samples.axes[0][[0, -1]] == pytest.approx([0.5, 2.25])
@@ -135,6 +135,6 @@ def test_grids_of_houdini_become_the_same_field(tmp_path: Path, grids: str) -> N
     files = [str(file) for file in sorted(tmp_path.glob("smoke.*.npz"))]
     target = tmp_path / "wind.npz"
     run(tmp_path, "vdb_field.py", recipe("hou"), "24", str(target), *files, path=str(tmp_path))
-    samples = read_samples((target,))
+    samples = read_samples((target,)).samples
     assert samples.times == pytest.approx([0.0, 1.0 / 24.0, 2.0 / 24.0])
     require_field(samples, up="y")

@@ -1,0 +1,115 @@
+"""`python -m benchmarks.field_windows [NODES TIMES FRAMES [SHARE [APART]]]`: a field streamed from Zarr.
+
+Writes a store of TIMES times of NODES³ float32 velocities in chunks of 50³ without compression, of which
+only SHARE (1) of the chunks is there; then, each in a process of its own, plans FRAMES frames twice and
+moves 10,000 points through them; APART (4) frames are from one time to the next. Prints CPU seconds, the most
+memory of each process, and the size of the store as it would be whole. The store lies among temporary files.
+"""
+
+from __future__ import annotations
+
+import json
+import resource
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from time import process_time
+
+import numpy as np
+
+from benchmarks.report import Row, keep, show
+
+CHUNK = 50
+POINTS = 10_000
+FPS = 24.0
+
+
+def write_store(folder: Path, nodes: int, times: int, share: float) -> Path:
+    """Write a store of a turn that changes its direction, chunk by chunk."""
+    import zarr
+
+    store = folder / "field.zarr"
+    root = zarr.open_group(store, mode="w", zarr_format=3)
+    axis = np.linspace(-1.0, 1.0, nodes)
+    chunk = min(CHUNK, nodes)
+    for name, units in (("x", "m"), ("y", "m"), ("z", "m"), ("time", "s")):
+        values = np.arange(times, dtype=float) if name == "time" else axis
+        array = root.create_array(name, data=values, dimension_names=[name])
+        array.attrs.update({"units": units} if name == "time" else {"units": units, "axis": name.upper()})
+    generator = np.random.default_rng(1)
+    for name in "uvw":
+        array = root.create_array(
+            name,
+            shape=(times, nodes, nodes, nodes),
+            chunks=(1, chunk, chunk, chunk),
+            dtype="f4",
+            compressors=None,
+            fill_value=np.nan,
+            dimension_names=["time", "z", "y", "x"],
+        )
+        array.attrs["units"] = "m s-1"
+        for t in range(times):
+            for place in np.ndindex(*[-(-nodes // chunk)] * 3):
+                if generator.random() > share:
+                    continue
+                part = tuple(slice(chunk * k, min(chunk * (k + 1), nodes)) for k in place)
+                z, y, x = np.ix_(*(axis[each] for each in part))
+                turn = 0.3 * t
+                numbers = {"u": np.cos(turn) * z - y, "v": x + 0 * z, "w": -np.cos(turn) * x}[name]
+                array[(t, *part)] = np.broadcast_to(numbers, [len(axis[each]) for each in part])
+    return store
+
+
+def measured(store: Path, frames: int, moves: bool, apart: float) -> None:
+    """Print CPU seconds and the most memory (MiB) of planning a shot, or of moving points through it."""
+    from flowsculpt.pipeline.shot import read_shot
+
+    pace = FPS / apart
+    text = (
+        f"title: Windows\nframes: 1-{frames}\nsubject: {{solid: icosphere}}\nresample: off\n"
+        f"flows: [{{sampled: {{file: {store.name}, time_scale: {pace:.9g}, strength: {0.3 / pace:.9g}}}}}]\n"
+    )
+    begin = process_time()
+    shot = read_shot(store.parent / "windows.yaml", text)
+    if moves:
+        points = np.random.default_rng(2).uniform(-0.9, 0.9, (POINTS, 3))
+        for frame in range(2, frames + 1):
+            points = shot.motion.flow.displace(points, *shot.motion.clock.step(frame))
+    else:
+        for frame in range(2, frames + 1):
+            shot.motion.step_data(frame)
+    most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    print(json.dumps([process_time() - begin, most]))
+
+
+def main() -> None:
+    """Print a table, and write `benchmarks/out/field_windows.json`."""
+    given = [float(number) for number in sys.argv[1:] if not number.startswith("-")]
+    nodes, times, frames, share, apart = [*given, *(100, 12, 45, 1.0, 4.0)[len(given) :]]
+    rows: list[Row] = []
+    with tempfile.TemporaryDirectory() as folder:
+        begin = process_time()
+        store = write_store(Path(folder), int(nodes), int(times), share)
+        written = process_time() - begin
+        for name, moves in (("plan", False), ("plan again", False), ("move 10,000 points", True)):
+            command = [sys.executable, "-m", "benchmarks.field_windows", "--measure"]
+            command += [str(store), str(int(frames)), str(int(moves)), str(apart)]
+            answer = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+            seconds, most = json.loads(answer.splitlines()[-1])
+            rows.append({"step": name, "CPU s": round(seconds, 1), "most MiB": round(most)})
+        size = 12 * nodes**3 * times / (1 << 30)
+        on_disk = sum(file.stat().st_size for file in store.rglob("*") if file.is_file()) / (1 << 30)
+    show(
+        f"{size:.2f} GiB of velocities, {on_disk:.2f} GiB on disk, written in {written:.0f} CPU s",
+        rows,
+    )
+    keep("field_windows", rows)
+
+
+if __name__ == "__main__":
+    if "--measure" in sys.argv:
+        place, count, moving, between = sys.argv[sys.argv.index("--measure") + 1 :]
+        measured(Path(place), int(count), moving == "1", float(between))
+    else:
+        main()

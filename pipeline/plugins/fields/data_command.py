@@ -1,0 +1,192 @@
+"""The command `data`: what a file of measured or simulated fields holds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from rich.console import Group, RenderableType
+from rich.text import Text
+
+from flowsculpt import UsageError
+from flowsculpt.api.commands import duration_words, empty_table, print_result
+from flowsculpt.api.options import Common
+from flowsculpt.pipeline.plugins.fields import stored_arrays
+from flowsculpt.pipeline.plugins.fields.cf_conventions import ConventionError, text
+from flowsculpt.pipeline.plugins.fields.cf_files import (
+    FileHeader,
+    Selection,
+    cf_samples,
+    missing_among,
+    read_header,
+)
+from flowsculpt.pipeline.plugins.fields.grid_files import read_samples
+from flowsculpt.pipeline.plugins.fields.grid_layout import Placing
+
+CROSSING = 10.0
+"""Seconds of the film in which the suggested `time_scale` carries points across the data."""
+
+
+def data(
+    common: Common,
+    file: Annotated[Path, typer.Argument(help="NetCDF, HDF5, a Zarr store, a VTK grid or .npz.")],
+    group: Annotated[str | None, typer.Option(help="The group of a NetCDF 4 file or a Zarr store.")] = None,
+) -> None:
+    """List the variables, axes and times of a file of fields, and the velocity that `sampled` would read.
+
+    Shares of missing values are those of the first time. Nothing is written.
+    """
+    facts = _stored(file, group) if stored_arrays.is_stored(file) else _grid(file)
+    print_result(_table(facts), facts, common.json)
+
+
+def _stored(file: Path, group: str | None) -> dict[str, Any]:
+    with stored_arrays.opened(file, group) as dataset:
+        variables = [
+            {
+                "name": str(name),
+                "type": str(variable.dtype),
+                "dimensions": dict(zip(map(str, variable.dims), variable.shape, strict=True)),
+                "units": text(variable.attrs, "units"),
+                "meaning": text(variable.attrs, "standard_name") or text(variable.attrs, "long_name"),
+            }
+            for name, variable in dataset.variables.items()
+        ]
+    facts: dict[str, Any] = {"file": str(file), "variables": variables, "velocity": None}
+    facts["groups"] = [] if group else stored_arrays.groups_of(file)
+    try:
+        header = read_header((file,), Selection(group=group))
+    except UsageError as error:
+        return facts | {"problem": str(error).removeprefix(f"{file}: ")}
+    facts |= {"velocity": header.names, "extents": _extents(header), "times": _times(header)}
+    samples, _ = cf_samples((file,), Selection(group=group), Placing())
+    speed = _typical_speed(samples.velocities(0))
+    facts |= {"missing": _missing(header, group), "speed": speed, "notes": list(header.notes)}
+    placed = {"fit": "4"} if header.coordinates.is_geographic else {}
+    if speed:
+        length = max(float(np.ptp(axis)) for axis in samples.source.layout.plane)  # type: ignore[attr-defined]
+        placed["time_scale"] = _rounded(length / speed / CROSSING)
+    return facts | {"shot": _entry(file, placed)}
+
+
+def _typical_speed(velocity: np.ndarray) -> float:
+    """Return the median of the speeds that are not 0, m/s; 0 where all are."""
+    speed = np.linalg.norm(velocity, axis=-1)
+    return float(np.median(speed[speed > 0])) if speed.any() else 0.0
+
+
+def _extents(header: FileHeader) -> dict[str, Any]:
+    here = header.coordinates
+    horizontal = "degrees" if here.is_geographic else "m"
+    axes = {"x": (here.east, horizontal), "y": (here.north, horizontal), "z": (here.up, "m")}
+    return {
+        name: {
+            "axis": header.axes[name].coordinate,
+            "from": float(values[0]),
+            "to": float(values[-1]),
+            "unit": unit,
+        }
+        | {"nodes": len(values)}
+        for name, (values, unit) in axes.items()
+        if values is not None
+    }
+
+
+def _times(header: FileHeader) -> dict[str, Any] | None:
+    units, times = header.time_units, header.times
+    if units is None:
+        return None
+    return {
+        "count": len(times),
+        "first": units.date(float(times[0])),
+        "last": units.date(float(times[-1])),
+        "calendar": units.calendar,
+        "seconds": units.seconds * float(times[-1] - times[0]),
+        "interval": units.seconds * float(np.median(np.diff(times))) if len(times) > 1 else 0.0,
+    }
+
+
+def _missing(header: FileHeader, group: str | None) -> dict[str, float]:
+    """Return the share of missing values of the components at the first time."""
+    shares = {}
+    with stored_arrays.opened(header.path, group) as dataset:
+        for name in header.names.values():
+            variable = dataset.variables[name]
+            axis = header.axes.get("t")
+            raw = np.asarray(variable.isel({axis.dimension: 0} if axis else {}).values)
+            try:
+                missing = missing_among(raw, variable.attrs)
+            except ConventionError as error:
+                raise UsageError(f"{header.path}: {error}.") from None
+            shares[name] = 0.0 if missing is None else float(missing.mean())
+    return shares
+
+
+def _grid(file: Path) -> dict[str, Any]:
+    samples, _, notes = read_samples((file,))
+    times = samples.times
+    return {
+        "file": str(file),
+        "variables": [],
+        "groups": [],
+        "velocity": {"xyz": samples.array or "velocity"},
+        "extents": {
+            name: {
+                "axis": name,
+                "from": float(axis[0]),
+                "to": float(axis[-1]),
+                "unit": "",
+                "nodes": len(axis),
+            }
+            for name, axis in zip("xyz", samples.axes, strict=True)
+        },
+        "times": {"count": len(times), "first": "", "last": "", "calendar": "", "interval": 0.0}
+        | {"seconds": float(times[-1] - times[0])},
+        "missing": {},
+        "notes": list(notes),
+        "shot": _entry(file, {}),
+    }
+
+
+def _rounded(seconds: float) -> str:
+    """Return a round length of time of about so many seconds, as shots write it."""
+    for unit, length in (("day", 86400.0), ("h", 3600.0), ("min", 60.0)):
+        if seconds >= length:
+            return f"{float(f'{seconds / length:.1g}'):g} {unit}"
+    return f"{float(f'{seconds:.1g}'):g}"
+
+
+def _entry(file: Path, settings: dict[str, str]) -> str:
+    written = ", ".join(f"{name}: {value}" for name, value in ({"file": file.name} | settings).items())
+    return f"- sampled: {{{written}}}"
+
+
+def _table(facts: dict[str, Any]) -> RenderableType:
+    table = empty_table("variable", "dimensions", "units", "meaning")
+    for variable in facts["variables"]:
+        shape = " × ".join(f"{name} {length}" for name, length in variable["dimensions"].items())
+        table.add_row(variable["name"], shape, variable["units"], variable["meaning"])
+    lines = [f"groups: {', '.join(facts['groups'])}"] if facts["groups"] else []
+    if facts["velocity"] is None:
+        lines.append(facts["problem"])
+    else:
+        lines += _velocity_lines(facts)
+    parts: list[RenderableType] = [table, Text()] if facts["variables"] else []
+    return Group(*parts, *map(Text, lines))
+
+
+def _velocity_lines(facts: dict[str, Any]) -> list[str]:
+    named = ", ".join(f"{axis}: {name}" for axis, name in facts["velocity"].items())
+    lines = [f"velocity: {{{named}}}"]
+    for name, extent in facts["extents"].items():
+        span = f"{extent['from']:.6g} to {extent['to']:.6g} {extent['unit']}".rstrip()
+        lines.append(f"{name}: {extent['axis']}, {span}, {extent['nodes']} nodes")
+    if times := facts["times"]:
+        dates = f", {times['first']} to {times['last']} ({times['calendar']})" if times["first"] else ""
+        each = f", {duration_words(times['interval'])} apart" if times["interval"] else ""
+        lines.append(f"times: {times['count']}{each}{dates}")
+    lines += [f"speed: {facts['speed']:.3g} m/s at the first time (median)"] if "speed" in facts else []
+    lines += [f"missing: {share:.1%} of {name}" for name, share in facts["missing"].items() if share]
+    return [*lines, *facts["notes"], f"in a shot: {facts['shot']}"]

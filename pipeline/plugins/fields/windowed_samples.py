@@ -1,0 +1,197 @@
+"""Samples in files, of which only the times around a moment are in memory."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from abc import ABC, abstractmethod
+from collections import OrderedDict
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from threading import Lock
+from typing import Any, ClassVar
+
+import numpy as np
+
+from flowsculpt import FrameError, MissingInputError
+from flowsculpt.api.files import CachedAnswer
+from flowsculpt.api.flows import Samples
+from flowsculpt.api.meshes import Floats, ModelFile
+
+VERSION = 1
+"""Raised when equal files and settings give other velocities."""
+
+KEPT, KEPT_BYTES = 2, 1 << 28
+"""Times whose velocities are kept in memory at least, and the bytes up to which more are."""
+
+MAX_SPEED = 1e12  # as of any number in a shot file: squares and sums of such numbers stay finite
+
+ROWS = 16  # nodes along an axis that are checked at once
+
+SourceFiles = tuple[tuple[Path, str], ...]
+"""Files and their digests; empty for a file that is not there."""
+
+
+class GridSource(ABC):
+    """Reader of the velocities of single times from files. Hashable: equal sources read the same.
+
+    axes      three float64 arrays, each ascending and of two numbers or more
+    times     (T,) seconds, ascending
+    geometry, turn, is_paced  as of `Samples`
+    """
+
+    axes: tuple[Floats, Floats, Floats]
+    times: Floats
+    geometry: int
+    turn: Floats | None = None
+    is_paced: bool = False
+
+    @property
+    @abstractmethod
+    def settings(self) -> Any:
+        """Everything besides the contents of files that decides the velocities, JSON-able."""
+
+    @abstractmethod
+    def files(self, index: int) -> SourceFiles:
+        """Return the files of a time and their digests, for which nothing is parsed."""
+
+    @abstractmethod
+    def place(self, index: int) -> Any:
+        """Return where the time is in its files, JSON-able."""
+
+    @abstractmethod
+    def read(self, index: int) -> np.ndarray:
+        """Return float32 velocities (X, Y, Z, 3) at a time, in C order."""
+
+    def metric(self, axis: int) -> Floats:
+        """Return the distances between neighbours along an axis, to be broadcast to theirs (X, Y, Z)."""
+        return np.diff(self.axes[axis]).reshape([-1 if k == axis else 1 for k in range(3)])
+
+    @property
+    def spacing(self) -> float:
+        """The shortest length over which velocities vary."""
+        return min(float(np.diff(axis).min()) for axis in self.axes)
+
+
+def file_digest(path: Path) -> str:
+    """Return the SHA-256 of a file, which is read again only once its size, time or place has changed."""
+    return ModelFile(path).files(keeps_digest=True).files[0][1]
+
+
+@dataclass(frozen=True)
+class WindowedSamples(Samples):
+    """Samples of a source: read when they are used, and checked against the digests that keys have."""
+
+    source: GridSource
+
+    array: ClassVar[str | None] = None  # type: ignore[misc]
+    is_single: ClassVar[bool] = True  # type: ignore[misc]
+
+    @property
+    def axes(self) -> tuple[Floats, Floats, Floats]:  # type: ignore[override]
+        return self.source.axes
+
+    @property
+    def times(self) -> Floats:  # type: ignore[override]
+        return self.source.times
+
+    @property
+    def geometry(self) -> int:  # type: ignore[override]
+        return self.source.geometry
+
+    @property
+    def turn(self) -> Floats | None:  # type: ignore[override]
+        return self.source.turn
+
+    @property
+    def is_paced(self) -> bool:  # type: ignore[override]
+        return self.source.is_paced
+
+    @property
+    def spacing(self) -> float:
+        return self.source.spacing
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {"source": self.source}
+
+    def files(self, index: int) -> SourceFiles:
+        """Return the files of a time as they were at first: keys have these digests."""
+        if index not in self._files:
+            self._files[index] = self.source.files(index)
+        return self._files[index]
+
+    @cached_property
+    def _files(self) -> dict[int, SourceFiles]:
+        return {}
+
+    def digest(self, index: int) -> str:
+        if index not in self._digests:
+            contents = [digest for _, digest in self.files(index)]
+            deciding = [VERSION, self.source.settings, self.source.place(index), contents]
+            self._digests[index] = hashlib.sha256(json.dumps(deciding).encode()).hexdigest()
+        return self._digests[index]
+
+    @cached_property
+    def _digests(self) -> dict[int, str]:
+        return {}
+
+    def velocities(self, index: int) -> np.ndarray:
+        with self._lock:
+            if index in self._kept:
+                self._kept.move_to_end(index)
+                return self._kept[index]
+            size = 12 * int(np.prod([len(axis) for axis in self.axes]))
+            while len(self._kept) >= max(KEPT, KEPT_BYTES // size):  # before others take as much memory
+                self._kept.popitem(last=False)
+            self._kept[index] = self._read(index)
+            return self._kept[index]
+
+    @cached_property
+    def _kept(self) -> OrderedDict[int, np.ndarray]:
+        return OrderedDict()
+
+    @cached_property
+    def _lock(self) -> Lock:
+        return Lock()
+
+    def _read(self, index: int) -> np.ndarray:
+        files = self.files(index)
+        velocity = self.source.read(index)
+        if self.source.files(index) != files:
+            changed = next(path for path, digest in set(files) ^ set(self.source.files(index)))
+            raise MissingInputError(f"{changed}: it was changed since the work was planned; run again")
+        self._require_finite(files[0][0], velocity, index)
+        return velocity
+
+    def _require_finite(self, path: Path, velocity: np.ndarray, index: int) -> None:
+        """Raise FrameError where a velocity is not a finite number of a reasonable size."""
+        for first in range(0, len(velocity), ROWS):
+            part = velocity[first : first + ROWS]
+            if not (np.abs(part) <= MAX_SPEED).all():
+                bad = np.unravel_index(int(np.argmin(np.abs(part) <= MAX_SPEED)), part.shape)
+                raise FrameError(
+                    f"{path}: time {index + 1} of {len(self.times)}: a velocity is {part[bad]:g}; samples "
+                    "must be finite, and at most 1e12. Name the fill value of the variable in its _FillValue."
+                )
+
+    def slopes(self, index: int) -> Floats:
+        """Return the largest secants, kept in the user's cache: planning then reads no velocities."""
+        answer = CachedAnswer.of("field_slopes", [self.digest(index)])
+        known = answer.load(lambda kept: [float(number) for number in kept["slopes"]])
+        if known is None or len(known) != 3:
+            velocity = self.velocities(index)
+            known = [_largest_secant(velocity, self.source.metric(k), k) for k in range(3)]
+            answer.store_alone({"slopes": known})
+        return np.array(known)
+
+
+def _largest_secant(velocity: np.ndarray, metric: Floats, k: int) -> float:
+    """Return the largest difference of neighbours along axis k over their distance."""
+    most = 0.0
+    for first in range(0, len(velocity), ROWS):
+        part = velocity[first : first + ROWS + (k == 0)]
+        rises = np.linalg.norm(np.diff(part, axis=k), axis=-1)
+        along = metric[first : first + ROWS] if len(metric) > 1 else metric
+        most = max(most, float((rises / along).max(initial=0.0)))
+    return most

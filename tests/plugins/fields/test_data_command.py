@@ -1,0 +1,71 @@
+"""`flowsculpt data`: what a file holds, and what `sampled` would read of it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.conftest import commanded
+
+xarray = pytest.importorskip("xarray")
+
+
+@pytest.fixture
+def ocean(tmp_path: Path) -> Path:
+    lon, lat = np.arange(0.0, 40.0, 10.0), np.arange(30.0, 50.0, 5.0)
+    dims, units = ("time", "lat", "lon"), {"units": "m s-1"}
+    u = np.ones((3, 4, 4))
+    u[:, 0, 0] = np.nan
+    data = xarray.Dataset(
+        {"uo": (dims, u, units), "vo": (dims, 0 * u, units), "zos": (dims, u, {"units": "m"})},
+        {
+            "lon": ("lon", lon, {"units": "degrees_east"}),
+            "lat": ("lat", lat, {"units": "degrees_north"}),
+            "time": ("time", [0.0, 1.0, 2.0], {"units": "days since 2001-02-29", "calendar": "360_day"}),
+        },
+    )
+    data.to_netcdf(tmp_path / "ocean.nc", engine="h5netcdf")
+    return tmp_path / "ocean.nc"
+
+
+def output_of(*words: str) -> str:
+    code, said = commanded(Path(words[0]).parent, "data", *words)
+    assert code == 0, said
+    return said
+
+
+def test_variables_axes_and_times_are_listed_with_dates_of_the_calendar(ocean: Path) -> None:
+    said = output_of(str(ocean))
+    for line in (
+        "velocity: {x: uo, y: vo}",
+        "x: lon, 0 to 30 degrees, 4 nodes",
+        "times: 3, 24 h 00 min apart, 2001-02-29 00:00:00 to 2001-03-01 00:00:00 (360_day)",
+        "missing: 6.2% of uo",
+        "in a shot: - sampled: {file: ocean.nc, fit: 4, time_scale: 3 day}",
+    ):
+        assert line in said, said
+    assert "zos" in said and "time 3 × lat 4 × lon 4" in said
+
+
+def test_json_has_the_same_facts(ocean: Path) -> None:
+    facts = json.loads(output_of(str(ocean), "--json"))
+    assert facts["velocity"] == {"x": "uo", "y": "vo"} and facts["times"]["calendar"] == "360_day"
+    assert facts["extents"]["y"] == {"axis": "lat", "from": 30.0, "to": 45.0, "unit": "degrees", "nodes": 4}
+    assert facts["missing"]["uo"] == pytest.approx(1 / 16)
+
+
+def test_a_file_without_a_velocity_says_what_it_lacks(ocean: Path) -> None:
+    with xarray.open_dataset(ocean, engine="h5netcdf", decode_times=False) as data:
+        data.load().drop_vars(["uo", "vo"]).to_netcdf(ocean.parent / "heights.nc", engine="h5netcdf")
+    said = output_of(str(ocean.parent / "heights.nc"))
+    assert "zos" in said and "no variables are velocities" in said
+
+
+def test_grids_of_arrays_are_listed_too(tmp_path: Path) -> None:
+    axis = np.linspace(-1.0, 1.0, 3)
+    np.savez(tmp_path / "a.npz", x=axis, y=axis, z=axis, velocity=np.zeros((3, 3, 3, 3)))
+    said = output_of(str(tmp_path / "a.npz"))
+    assert "x: x, -1 to 1, 3 nodes" in said and "in a shot: - sampled: {file: a.npz}" in said

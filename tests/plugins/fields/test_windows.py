@@ -1,0 +1,170 @@
+"""Only the samples around a moment are read, and files decide the keys of the frames that they show."""
+
+from __future__ import annotations
+
+import json
+import pickle
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from flowsculpt.pipeline.errors import MissingInputError
+from flowsculpt.pipeline.flow import Streamlines
+from flowsculpt.pipeline.plugins.fields import windowed_samples
+from flowsculpt.pipeline.plugins.fields.cf_files import Selection, cf_samples
+from flowsculpt.pipeline.plugins.fields.grid_layout import Placing
+from flowsculpt.pipeline.shot import Shot, read_shot
+
+xarray = pytest.importorskip("xarray")
+
+HEAD = "title: T\nframes: 1-48\nsubject: {solid: icosphere}\nresample: off\nflows:\n"
+TIMES = 9
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Path:
+    """Return a store of a wind that turns by 10 degrees an hour; its last time was never written."""
+    axis = np.linspace(-2.0, 2.0, 9)
+    x, y = np.meshgrid(axis, axis)
+    turns = np.radians(10.0 * np.arange(TIMES))[:, None, None]
+    u, v = np.cos(turns) - 0.1 * y, np.sin(turns) + 0.1 * x
+    u[-1] = v[-1] = -999.0
+    dims, units = ("time", "y", "x"), {"units": "m h-1", "_FillValue": -999.0}
+    data = xarray.Dataset(
+        {"u": (dims, u, units), "v": (dims, v, units)},
+        {
+            "x": ("x", axis, {"units": "m", "axis": "X"}),
+            "y": ("y", axis, {"units": "m", "axis": "Y"}),
+            "time": ("time", np.arange(TIMES), {"units": "hours since 2020-01-01"}),
+        },
+    )
+    chunks = {name: {"chunks": (1, 9, 9)} for name in "uv"}
+    data.to_zarr(tmp_path / "wind.zarr", zarr_format=2, encoding=chunks, write_empty_chunks=False)
+    (tmp_path / "a.yaml").touch()
+    return tmp_path / "wind.zarr"
+
+
+def shot_of(store: Path, settings: str = "time_scale: 4 h") -> Shot:
+    return read_shot(store.parent / "a.yaml", HEAD + f"  - sampled: {{file: {store.name}, {settings}}}\n")
+
+
+def field_of(shot: Shot) -> Any:
+    flow = shot.motion.flow
+    for each in getattr(flow, "flows", [flow]):
+        if isinstance(each, Streamlines):
+            return each.field
+    raise AssertionError(flow)
+
+
+def keys_of(shot: Shot) -> list[str]:
+    """Return what acts between frames, as text: of equal texts, equal motion."""
+    return [json.dumps(shot.motion.step_data(frame)) for frame in range(2, 49)]
+
+
+def count_reads(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Return a list that gets the index of each time that is read."""
+    read: list[int] = []
+    original = windowed_samples.WindowedSamples._read
+    monkeypatch.setattr(
+        windowed_samples.WindowedSamples, "_read", lambda self, k: (read.append(k), original(self, k))[1]
+    )
+    return read
+
+
+def test_velocities_are_blended_between_times_and_go_by_the_clock_of_the_samples(store: Path) -> None:
+    field = field_of(shot_of(store))
+    points = np.array([[0.5, 0.0, 0.3], [0.0, -1.0, 7.0]])
+    half = np.radians(5.0)
+    expected = [
+        [np.cos(half) ** 2, 0.05 + 0.5 * np.sin(2 * half), 0.0],
+        [0.1 + np.cos(half) ** 2, 0.5 * np.sin(2 * half), 0.0],
+    ]
+    found = field.velocity(points, 0.125) / 4.0
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+
+
+def test_planning_reads_no_velocities_once_it_knows_their_gradients(
+    store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = keys_of(shot_of(store))
+    read = count_reads(monkeypatch)
+    assert keys_of(shot_of(store)) == first and not read
+
+
+def test_a_frame_reads_the_times_around_it_once(store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    shot = shot_of(store)
+    keys_of(shot)
+    again, read = shot_of(store), count_reads(monkeypatch)
+    monkeypatch.setattr(windowed_samples, "KEPT_BYTES", 0)
+    points = np.random.default_rng(1).normal(size=(100, 3))
+    for frame in range(1, 25):
+        points = again.motion.flow.displace(points, *again.motion.clock.step(frame + 1))
+    assert read == [0, 1, 2, 3, 4]
+    samples = field_of(again).samples
+    assert len(samples._kept) == 2
+
+
+def test_memory_stays_while_a_plan_names_it(store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(windowed_samples, "KEPT_BYTES", 0)
+    field = field_of(shot_of(store))
+    points = np.array([[0.5, 0.0, 0.3]])
+    whole = Streamlines(field, substeps=64).step_plan(0.0, 1.9)  # across all times
+    for _ in range(3):
+        np.full(10**6, np.nan)
+    apart = points
+    for k in range(64):
+        apart = Streamlines(field, substeps=1).displace(apart, 1.9 * k / 64, 1.9 / 64)
+    np.testing.assert_allclose(whole.follow(points), apart, rtol=1e-9)
+
+
+def test_a_chunk_decides_the_frames_around_its_time_alone(store: Path) -> None:
+    before = keys_of(shot_of(store))
+    changed = store / "u" / "5.0.0"
+    shutil.copyfile(store / "u" / "3.0.0", changed)
+    after = keys_of(shot_of(store))
+    differing = [
+        frame for frame, (one, other) in enumerate(zip(before, after, strict=True), 2) if one != other
+    ]
+    assert differing == list(range(26, 38))  # from 4 h to 6 h
+
+
+def test_a_chunk_that_was_not_there_counts_once_it_is(store: Path) -> None:
+    absent = store / "u" / f"{TIMES - 1}.0.0"
+    assert not absent.exists()
+    before = shot_of(store)
+    assert (absent, "") in before.files
+    shutil.copyfile(store / "u" / "3.0.0", absent)
+    after = shot_of(store)
+    assert keys_of(before)[-1] != keys_of(after)[-1] and keys_of(before)[30] == keys_of(after)[30]
+
+
+def test_a_shot_reads_the_files_of_its_frames_alone(store: Path) -> None:
+    chunks = {path.name for path, _ in shot_of(store, "time_scale: 1 h").files if path.parent.name == "u"}
+    assert {"0.0.0", "1.0.0", "2.0.0"} <= chunks and "5.0.0" not in chunks
+
+
+def test_a_shot_in_real_time_is_told_how_to_go_faster(store: Path) -> None:
+    assert any("write time_scale: 1 day" in note for note in shot_of(store, "strength: 1").notes)
+    assert not shot_of(store, "time_scale: 1 h").notes
+
+
+def test_a_store_that_changes_after_planning_is_reported(store: Path) -> None:
+    samples, _ = cf_samples((store,), Selection(), Placing())
+    samples.digest(2)
+    shutil.copyfile(store / "u" / "3.0.0", store / "u" / "2.0.0")
+    with pytest.raises(
+        MissingInputError, match=r"2\.0\.0: it was changed since the work was planned; run again"
+    ):
+        samples.velocities(2)
+
+
+def test_samples_travel_to_other_processes_without_what_was_read(store: Path) -> None:
+    field = field_of(shot_of(store))
+    points = np.array([[0.5, 0.0, 0.3]])
+    known = field.velocity(points, 0.4)
+    content = pickle.dumps(field)
+    assert len(content) < 20_000
+    np.testing.assert_array_equal(pickle.loads(content).velocity(points, 0.4), known)
