@@ -20,6 +20,8 @@ _FASTER = 1.25  # than where its step begins a point may become, before its sub-
 _LOOKS = 0.0, 0.37, 0.71, 1.0
 """Shares of a step at which velocities are compared: if they are equal, they are so throughout."""
 
+_CUBIC = 4  # sub-steps of a step up to which a cubic curve shows how points move within it
+_ASIDE = 1e-4  # how far a point is moved aside for a derivative, over how far it goes in a step
 _JOINED = 16  # steps that are planned as one
 
 
@@ -114,6 +116,31 @@ class Step:
             points, times = points + h / 6.0 * (one + 2.0 * (two + three) + four), times + h
         return points
 
+    def moved_until(self, points: Floats, stops: Floats) -> Floats:
+        """Return points (N, 3) that move from the begin on, at times (N,) within the step.
+
+        Between both ends of the step they are on the cubic curve that has their velocities there, which in
+        steps of few sub-steps is within 2 · 10⁻⁴ of how far a point goes.
+        """
+        if len(self.plan.spans) > _CUBIC:
+            return self.moved_within(points, np.full(len(points), self.begin), stops, self.finest)
+        seconds, there = self.end - self.begin, self.moved(points)
+        first, _, last = self._moments
+        ahead, after = first.velocity(points, self.begin), last.velocity(there, self.end)
+        return _cubic(points, seconds * ahead, there, seconds * after, (stops - self.begin) / seconds)
+
+    def moved_since(self, points: Floats, starts: Floats) -> Floats:
+        """Return points (N, 3) that begin at times (N,) within the step, at its end; as `moved_until`."""
+        if len(self.plan.spans) > _CUBIC:
+            return self.moved_within(points, starts, np.full(len(points), self.end), self.finest)
+        seconds, (first, _, last) = self.end - self.begin, self._moments
+        ahead = first.velocity(points, self.begin)
+        aside = _ASIDE * seconds
+        there, beside = np.split(self.moved(np.concatenate([points, points + aside * ahead])), 2)
+        leaving = -seconds / aside * (beside - there)  # by how much a later start leaves a point behind
+        arriving = -seconds * last.velocity(points, self.end)
+        return _cubic(there, leaving, points, arriving, (starts - self.begin) / seconds)
+
     def _velocity(self, points: Floats, times: Floats) -> Floats:
         """Return velocities (N, 3) at points (N, 3) and times (N, 1)."""
         if self.field is not None:
@@ -175,15 +202,14 @@ class Travel:
         within = np.minimum(np.searchsorted(ends - SAME, times, side="right"), len(ends))
         if self._is_steady:
             first = within < len(ends)
-            points[first] = self._within(0, points[first], times[first], ends[within[first]])
+            points[first] = self._steadily(points[first], times[first], ends[within[first]])
         moving, reached = 0, 0
         for number in np.unique(within[within < len(ends)]).tolist():
             points[:moving] = self._through(points[:moving], reached, number + 1)
             last, step = int(np.searchsorted(within, number, side="right")), self.steps[number]
             new = slice(moving, last)
             if not self._is_steady:
-                begins = np.maximum(times[new], step.begin)
-                points[new] = self._within(number, points[new], begins, np.full(last - moving, step.end))
+                points[new] = step.moved_since(points[new], np.maximum(times[new], step.begin))
             moving, reached = last, number + 1
         points[:moving] = self._through(points[:moving], reached, len(ends))
         return _unsorted(points, order)
@@ -202,18 +228,17 @@ class Travel:
             points[first:] = self._through(points[first:], reached, number)
             reached = number
             if number < len(self.steps) and not self._is_steady:
-                part, begins = slice(first, last), np.full(last - first, self.steps[number].begin)
-                points[part] = self._within(number, points[part], begins, self.begin + sign * lengths[part])
+                part = slice(first, last)
+                points[part] = self.steps[number].moved_until(points[part], self.begin + sign * lengths[part])
         if self._is_steady:
             begins = np.concatenate([[0.0], ends])[whole]
             rest = whole < len(ends)
-            points[rest] = self._within(0, points[rest], sign * begins[rest], sign * lengths[rest])
+            points[rest] = self._steadily(points[rest], sign * begins[rest], sign * lengths[rest])
         return _unsorted(points, order)
 
-    def _within(self, number: int, points: Floats, starts: Floats, stops: Floats) -> Floats:
-        """Return points (N, 3) moved in a part of a step, or where velocities are steady of any step."""
-        finest = min(step.finest for step in self.steps) if self._is_steady else self.steps[number].finest
-        return self.steps[number].moved_within(points, starts, stops, finest)
+    def _steadily(self, points: Floats, starts: Floats, stops: Floats) -> Floats:
+        """Return points (N, 3) moved in parts of any steps, where the velocities are steady."""
+        return self.steps[0].moved_within(points, starts, stops, min(step.finest for step in self.steps))
 
     @property
     def _is_steady(self) -> bool:
@@ -241,6 +266,15 @@ class Travel:
             plans = [step.plan for step in self.steps[first : first + _JOINED]]
             self._blocks[first] = plans[0].joined(plans)
         return self._blocks[first]
+
+
+def _cubic(start: Floats, leaving: Floats, end: Floats, arriving: Floats, shares: Floats) -> Floats:
+    """Return points (N, 3) at shares (N,) of curves from `start` to `end`, with derivatives by the share."""
+    s, step = shares[:, None], end - start
+    return np.asarray(
+        start
+        + s * (leaving + s * (3.0 * step - 2.0 * leaving - arriving + s * (leaving + arriving - 2.0 * step)))
+    )
 
 
 def _unsorted(points: Floats, order: np.ndarray) -> Floats:
