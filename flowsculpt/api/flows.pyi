@@ -7,7 +7,6 @@ from flowsculpt.pipeline.flow.flow_map import FlowMap as FlowMap
 from flowsculpt.pipeline.flow.keyframes import Keyframes as Keyframes
 from flowsculpt.pipeline.flow.parameters import Number as Number
 from flowsculpt.pipeline.flow.parameters import ParameterDoc as ParameterDoc
-from flowsculpt.pipeline.flow.parameters import PositiveConstant as PositiveConstant
 from flowsculpt.pipeline.flow.parameters import PositiveNumber as PositiveNumber
 from flowsculpt.pipeline.flow.parameters import VectorParameter as VectorParameter
 from flowsculpt.pipeline.flow.parameters import number_at as number_at

@@ -329,7 +329,8 @@ class GivenSurface(SimulatedSurface):
 
     def _mesh_at(self, number: int) -> TriangleMesh:
         if self._register is None:
-            return with_material(self._subject.mesh(number))
+            mesh = self._subject.mesh(number)
+            return mesh if MATERIAL in mesh.attributes else with_material(mesh)
         points, velocities = self._history.carry_given(self._subject.vertices)
         return self._mesh.with_vertices(points).with_attributes(**{VELOCITY: velocities})
 

@@ -72,9 +72,10 @@ class SurfaceSequence(ABC):
     def keeps_faces(self) -> bool:
         """True if all times have the faces of `start`, so that its vertices have paths."""
 
-    @abstractmethod
     def start(self) -> ImportedSurface:
-        """Return the surface of the first frame."""
+        """Return the surface of the first frame; by default what `surface` returns, from no file."""
+        mesh, _ = self.surface(0.0)
+        return ImportedSurface(mesh, (), "", len(mesh.vertices), len(mesh))
 
     def posed(self, points: Points) -> Points:
         """Return where points (V, 3) of the model at `path`, as a still one, are in the first frame."""
@@ -92,6 +93,7 @@ class SurfaceSequence(ABC):
         """Return the surface at a time, and the velocities (V, 3) of its vertices per second, where known.
 
         The surface has the attribute `normal` (V, 3), where the files have normals; 0 where they are unknown.
+        It may have the attribute `material` (V, 3), which patterns go by in place of positions.
         """
 
     @abstractmethod

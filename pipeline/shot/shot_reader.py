@@ -371,7 +371,7 @@ def _require_fixed_faces(shot: Shot, source: YamlSource) -> None:
         elif not model.keeps_faces and (asked or model.paint):
             setting = [*asked, "paint"][0]
             faults.append(
-                f"{place}: the faces of {name} are not those of later files, so frames show their own, and "
+                f"{place}: the faces of {name} change from frame to frame, so frames show their own, and "
                 f"{setting} has no surface to follow. Leave {setting} out."
             )
         elif motion.resampling and (motion.resampling.method, motion.resampling.placement) != (

@@ -121,7 +121,8 @@ def _facts(motion: Motion) -> dict[str, Any]:
     if isinstance(subject, Model):
         surface = subject.imported()
         counts = f"{surface.vertices:,} vertices, {surface.faces:,} faces"
-        name = f"{subject.path.name} ({surface.format}, {counts})"
+        of_file = f"{surface.format}, " if surface.format else ""
+        name = f"{subject.path.name} ({of_file}{counts})"
         return {"subject": name, "repairs": surface.repairs, "notes": surface.notes}
     if isinstance(subject, Solid):
         return {"subject": subject.solid}

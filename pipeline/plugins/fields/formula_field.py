@@ -14,7 +14,6 @@ from flowsculpt.api.flows import (
     ExternalField,
     Number,
     ParameterDoc,
-    PositiveConstant,
     StableProperty,
     number_at,
 )
@@ -49,7 +48,8 @@ class FormulaField(ExternalField):
     texts: tuple[str, str, str]
     words: tuple[tuple[str, Number], ...] = ()
     extent: Annotated[
-        PositiveConstant, ParameterDoc("half the side of the cube where the gradient is sampled", "units")
+        float,
+        ParameterDoc("half the side of the cube where the gradient is sampled", "units", bounds=(1e-9, 1e9)),
     ] = 2.0
     fps: float = 24.0
     first: int = 1

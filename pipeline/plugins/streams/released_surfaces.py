@@ -1,0 +1,289 @@
+"""Surfaces of the points that a curve of seeds releases, resampled while they grow (paper: P1, P8, P9).
+
+A point of such a surface has two coordinates: its place on the curve, and a time. On a streak surface that
+is when it was released: all points move on, and the newest row is on the curve. On a path surface, and on a
+stream surface, it is how long the point has travelled: the points stay where they are, and the last row moves
+on. Both are ordinary surfaces in flow: one row of vertices changes its coordinates, the edges that this draws
+out are split, and new vertices get their places exactly, by integration from their seeds. Hultquist (1992)
+and Garth et al. (2004) add and drop points at the front alone.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+
+import numpy as np
+
+from flowsculpt import Exact, Resampler, Streamlines, Thresholds, TriangleMesh
+from flowsculpt.api.meshes import Floats, connected_components
+from flowsculpt.pipeline.plugins.streams.seed_curves import Seeds
+from flowsculpt.pipeline.plugins.streams.travels import Travel
+
+REST, MATERIAL = "rest", "material"
+"""Vertex attributes (V, 3): of exact placement, here the coordinates; and of frames, which patterns go by."""
+
+_FIRST = 0.7  # edges of the first row, over the longest that may be
+
+
+class Coordinates:
+    """Places on the curve of seeds and times, as points (N, 3) of a flat strip.
+
+    Where the curve is closed they are points of a tube, since the middle of two of them must be between them.
+    A second is as long as points travel in one, on average, when they leave the seeds.
+    """
+
+    def __init__(self, seeds: Seeds, second: float) -> None:
+        self._seeds, self._second = seeds, second
+        self._radius = seeds.length / (2.0 * math.pi)
+
+    def of(self, along: Floats, times: Floats) -> Floats:
+        """Return coordinates (N, 3) of lengths (N,) along the curve and times (N,)."""
+        height = self._second * times
+        if not self._seeds.is_closed:
+            return np.column_stack([along, np.zeros(len(along)), height])
+        angle = along / self._radius
+        return np.column_stack([self._radius * np.cos(angle), self._radius * np.sin(angle), height])
+
+    def seeds(self, coordinates: Floats) -> Floats:
+        """Return the points (N, 3) of the curve."""
+        return self._seeds.points(self.along(coordinates))
+
+    def along(self, coordinates: Floats) -> Floats:
+        """Return lengths (N,) along the curve."""
+        if not self._seeds.is_closed:
+            return np.clip(coordinates[:, 0], 0.0, self._seeds.length)
+        angle = np.arctan2(coordinates[:, 1], coordinates[:, 0])
+        return np.asarray(self._radius * np.mod(angle, 2.0 * math.pi))
+
+    def times(self, coordinates: Floats) -> Floats:
+        return np.asarray(coordinates[:, 2] / self._second)
+
+    def with_time(self, coordinates: Floats, rows: np.ndarray, time: float) -> Floats:
+        """Return coordinates of which some rows, by their numbers, have another time."""
+        changed = coordinates.copy()
+        changed[rows, 2] = self._second * time
+        return changed
+
+    def nearest(self, points: Floats) -> Floats:
+        """Return the points (N, 3) of the strip or tube nearest to others beside it."""
+        if not self._seeds.is_closed:
+            return points * np.array([1.0, 0.0, 1.0])
+        on = points.copy()
+        on[:, :2] *= self._radius / np.linalg.norm(points[:, :2], axis=1, keepdims=True)
+        return on
+
+
+class ReleasedSurface(ABC):
+    """A surface that grows from a curve of seeds, step after step.
+
+    seeds       the curve
+    flow        moves the points
+    begin       seconds, when the first ones are released
+    thresholds  of its edges; the lengths are numbers
+    tear        how far the curve may be stretched; faces that stretch it farther are left out
+    """
+
+    def __init__(
+        self, seeds: Seeds, flow: Streamlines, begin: float, thresholds: Thresholds, tear: float = math.inf
+    ) -> None:
+        self.travel, self._back = Travel(flow, begin), Travel(flow, begin)
+        self.thresholds, self.tear = thresholds, tear
+        longest, _, _ = thresholds.numbers
+        count = max(3, math.ceil(seeds.length / (_FIRST * longest)) + 1)
+        self._along = np.linspace(0.0, seeds.length, count)[: -1 if seeds.is_closed else None]
+        self._first, self._longest, self._is_closed = seeds.points(self._along), longest, seeds.is_closed
+        speed = np.linalg.norm(flow.field.velocity(self._first, begin), axis=1).mean()
+        self.coordinates = Coordinates(seeds, float(speed) or 1.0)
+        self._grown: Resampler | None = None
+
+    @property
+    def mesh(self) -> TriangleMesh:
+        """The surface, with its coordinates in the attribute `material`."""
+        mesh = self._resampler.mesh
+        coordinates = mesh.attributes[REST]
+        return TriangleMesh(mesh.vertices, mesh.faces, {MATERIAL: coordinates})
+
+    @property
+    def _resampler(self) -> Resampler:
+        assert self._grown is not None, "it has grown before it is asked for"
+        return self._grown
+
+    def grow(self, until: float) -> None:
+        """Move points until a time, in steps in which none goes farther than an edge may be long.
+
+        Raises FrameError where the flow fails or the surface needs more vertices than it may have.
+        """
+        self._grow(self.travel, until)
+
+    def grow_back(self, until: float) -> None:
+        """Move points of a path surface against the flow until a time, before `begin`."""
+        self._grow(self._back, until)
+
+    def _grow(self, travel: Travel, until: float) -> None:
+        while travel.now != until:
+            moving = self._first if self._grown is None else self._moving(travel)
+            travel.advance(moving, until, self._longest)
+            if self._grown is None:
+                self._grown = Resampler(self._strip(travel), self.thresholds, self._placement)
+            else:
+                self._move(travel)
+            self._resampler.resample()
+            if self.tear < math.inf:
+                self._remove_stretched()
+
+    @property
+    def _placement(self) -> Exact:
+        return Exact(self.carry, self.coordinates.nearest, tags_creases=False)
+
+    def _strip(self, travel: Travel) -> TriangleMesh:
+        """Return the first two rows."""
+        count = len(self._along)
+        rows = [self.coordinates.of(self._along, np.full(count, time)) for time in self._first_times(travel)]
+        a = np.arange(count if self._is_closed else count - 1)
+        b = (a + 1) % count
+        faces = np.concatenate(
+            [np.column_stack([a, b, b + count]), np.column_stack([a, b + count, a + count])]
+        )
+        coordinates = np.concatenate(rows)
+        return TriangleMesh(self.carry(coordinates), faces, {REST: coordinates})
+
+    def _row(self, time: float) -> np.ndarray:
+        """Return the numbers of the vertices of one time."""
+        coordinates = self._resampler.vectors(REST)
+        assert coordinates is not None, "exact placement keeps them"
+        return np.flatnonzero(np.abs(self.coordinates.times(coordinates) - time) <= 1e-9 * (1.0 + abs(time)))
+
+    def _set_time(self, row: np.ndarray, time: float) -> None:
+        coordinates = self._resampler.vectors(REST)
+        assert coordinates is not None, "exact placement keeps them"
+        self._resampler.set_attributes(**{REST: self.coordinates.with_time(coordinates, row, time)})
+
+    def _remove_stretched(self) -> None:
+        """Leave out faces in which a length along the seeds has become `tear` times as long."""
+        mesh = self._resampler.mesh
+        kept = stretches(mesh.vertices, self._flat(mesh), mesh.faces) <= self.tear
+        if not kept.all() and kept.any():
+            self._grown = Resampler(with_faces(mesh, kept), self.thresholds, self._placement)
+
+    def _flat(self, mesh: TriangleMesh) -> Floats:
+        """Return lengths along the seeds and times (F, 3, 2) of the corners of each face."""
+        coordinates = mesh.attributes[REST]
+        flat = np.column_stack([self.coordinates.along(coordinates), coordinates[:, 2]])[mesh.faces]
+        if self._is_closed:  # a face may lie across the start of the curve
+            whole = self._along[-1] + self._along[1]
+            flat[..., 0] -= whole * np.round((flat[..., 0] - flat[:, :1, 0]) / whole)
+        return flat
+
+    @abstractmethod
+    def _first_times(self, travel: Travel) -> tuple[float, float]:
+        """Return the times of the two rows after the first step, so that faces are seen from outside."""
+
+    @abstractmethod
+    def _moving(self, travel: Travel) -> Floats:
+        """Return the points (N, 3) that the next step moves."""
+
+    @abstractmethod
+    def _move(self, travel: Travel) -> None:
+        """Move what the last step moves."""
+
+    @abstractmethod
+    def carry(self, coordinates: Floats) -> Floats:
+        """Return where points (N, 3) of these coordinates are now."""
+
+    @abstractmethod
+    def velocities(self) -> Floats:
+        """Return the velocities (V, 3) of the vertices, units per second."""
+
+
+class StreakSurface(ReleasedSurface):
+    """All points that the seeds have released so far. A time is that of release."""
+
+    def _first_times(self, travel: Travel) -> tuple[float, float]:
+        return travel.begin, travel.now
+
+    def _moving(self, travel: Travel) -> Floats:
+        return self._resampler.vertices
+
+    def _move(self, travel: Travel) -> None:
+        newest = self._row(travel.before)
+        self._resampler.vertices[:] = travel.moved(self._resampler.vertices)
+        self._set_time(newest, travel.now)
+        coordinates = self._resampler.vectors(REST)
+        assert coordinates is not None, "exact placement keeps them"
+        self._resampler.vertices[newest] = self.coordinates.seeds(coordinates[newest])
+
+    def carry(self, coordinates: Floats) -> Floats:
+        seeds = self.coordinates.seeds(coordinates)
+        return self.travel.released(seeds, self.coordinates.times(coordinates))
+
+    def velocities(self) -> Floats:
+        found = self.travel.flow.field.velocity(self._resampler.vertices, self.travel.now)
+        found[self._row(self.travel.now)] = 0.0
+        return found
+
+
+class PathSurface(ReleasedSurface):
+    """The paths of points released at one time. A time is how long they have travelled, below 0 backwards."""
+
+    def _first_times(self, travel: Travel) -> tuple[float, float]:
+        first, last = sorted([travel.now - travel.begin, 0.0])
+        return last, first
+
+    def _front(self, travel: Travel, end: float) -> np.ndarray:
+        return self._row(end - travel.begin)
+
+    def _moving(self, travel: Travel) -> Floats:
+        return self._resampler.vertices[self._front(travel, travel.now)]
+
+    def _move(self, travel: Travel) -> None:
+        front = self._front(travel, travel.before)
+        self._resampler.vertices[front] = travel.moved(self._resampler.vertices[front])
+        self._set_time(front, travel.now - travel.begin)
+
+    def carry(self, coordinates: Floats) -> Floats:
+        seeds, times = self.coordinates.seeds(coordinates), self.coordinates.times(coordinates)
+        back = times < 0.0
+        seeds[~back] = self.travel.travelled(seeds[~back], times[~back])
+        if back.any():
+            seeds[back] = self._back.travelled(seeds[back], -times[back])
+        return seeds
+
+    def velocities(self) -> Floats:
+        found = np.zeros_like(self._resampler.vertices)
+        front = self._front(self.travel, self.travel.now)
+        found[front] = self.travel.flow.field.velocity(self._resampler.vertices[front], self.travel.now)
+        return found
+
+
+def stretches(points: Floats, flat: Floats, faces: np.ndarray) -> Floats:
+    """Return how many times as long each face (F,) makes a length along the first coordinate.
+
+    points  (V, 3)
+    flat    (F, 3, 2) coordinates of the corners of each face
+    """
+    corners = points[faces]
+    (a, b), (c, d) = (flat[:, 1] - flat[:, 0]).T, (flat[:, 2] - flat[:, 0]).T
+    one, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    area = a * d - b * c
+    with np.errstate(divide="ignore", invalid="ignore"):
+        along = (d[:, None] * one - b[:, None] * other) / area[:, None]
+    return np.nan_to_num(np.linalg.norm(along, axis=1), nan=0.0, posinf=0.0)
+
+
+def with_faces(mesh: TriangleMesh, kept: np.ndarray) -> TriangleMesh:
+    """Return a mesh with some of its faces, flags (F,); vertices where it falls apart become several."""
+    faces = mesh.faces[kept]
+    corners = np.arange(3 * len(faces)).reshape(-1, 3)
+    ends = np.concatenate([np.column_stack([faces[:, k], faces[:, (k + 1) % 3]]) for k in range(3)])
+    at = np.concatenate([np.column_stack([corners[:, k], corners[:, (k + 1) % 3]]) for k in range(3)])
+    low = ends[:, 0] < ends[:, 1]
+    ends[~low], at[~low] = ends[~low, ::-1], at[~low, ::-1]
+    order = np.lexsort(ends.T)
+    pairs = np.flatnonzero((ends[order][1:] == ends[order][:-1]).all(axis=1))
+    joined = np.concatenate([np.column_stack([at[order[pairs], k], at[order[pairs + 1], k]]) for k in (0, 1)])
+    component = connected_components(3 * len(faces), *joined.T)
+    _, first, number = np.unique(component, return_index=True, return_inverse=True)
+    source = faces.ravel()[first]
+    attributes = {name: values[source] for name, values in mesh.attributes.items()}
+    return TriangleMesh(mesh.vertices[source], number.reshape(-1, 3), attributes)

@@ -1,0 +1,144 @@
+"""What seeds have released in every frame of a shot."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from flowsculpt import MeshError, PolygonMesh, Streamlines, TriangleMesh
+from flowsculpt.api.meshes import Floats
+from flowsculpt.api.shots import SurfaceSequence
+from flowsculpt.pipeline.plugins.streams.shells import shell
+from flowsculpt.pipeline.plugins.streams.travels import Frozen
+
+VERSION = 1
+"""Raised when equal settings give other surfaces."""
+
+
+class Released(Protocol):
+    """A surface, or lines, of points that seeds release."""
+
+    @property
+    def mesh(self) -> TriangleMesh: ...
+
+    def grow(self, until: float) -> None: ...
+
+    def grow_back(self, until: float) -> None: ...
+
+    def velocities(self) -> Floats: ...
+
+
+@dataclass(frozen=True, eq=False)
+class SeededSequence(SurfaceSequence):
+    """A stream, path or streak surface, or lines, over the frames of a shot.
+
+    word       what the shot calls it
+    make       returns it before it has grown, of a flow and the seconds when points are released first
+    settings   all that decides it besides the flow and the times, JSON-able
+    flow       moves points along the velocities
+    times      seconds of the flow at the frames
+    begin      when points are released first; None if each frame shows streamlines of its own
+    length     seconds that points travel
+    direction  of streamlines
+    thickness  of a shell about a surface, units
+    """
+
+    word: str
+    make: Callable[[Streamlines, float], Released]
+    settings: Any
+    flow: Streamlines
+    times: tuple[float, ...]
+    begin: float | None
+    length: float = math.inf
+    direction: str = "forwards"
+    thickness: float = 0.0
+    _known: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        back = [number for number, step in enumerate(np.diff(self.times), 2) if step < 0.0]
+        if back and self.begin is not None:
+            raise MeshError(
+                f"the flow runs backwards into the {back[0]}th frame, and {self.word} only grows. Keep speed "
+                f"above 0, or write stream_{self.word.partition('_')[2]}."
+            )
+
+    @property
+    def path(self) -> Path:
+        return Path(self.word)
+
+    @property
+    def digest(self) -> str:
+        known = [
+            VERSION,
+            self.word,
+            self.settings,
+            self.begin,
+            repr(self.length),
+            self.direction,
+            self.thickness,
+        ]
+        return hashlib.sha256(json.dumps(known).encode()).hexdigest()
+
+    @property
+    def files(self) -> tuple[tuple[Path, str], ...]:
+        return ()
+
+    @property
+    def keeps_faces(self) -> bool:
+        return False
+
+    def points(self, seconds: float) -> Floats:
+        raise AssertionError("its faces change")
+
+    def surface(self, seconds: float) -> tuple[PolygonMesh, Floats | None]:
+        frame = self._frame(seconds)
+        released = self._streamlines(frame) if self.begin is None else self._grown(frame, self.begin)
+        mesh = released.mesh
+        velocities = None if self.begin is None else released.velocities()
+        if self.thickness:
+            mesh = shell(mesh, self.thickness)
+            velocities = None if velocities is None else np.concatenate([velocities, velocities])
+        return PolygonMesh.from_triangles(mesh), velocities
+
+    def data(self, seconds: float) -> Any:
+        frame = self._frame(seconds)
+        if self.begin is None:
+            return [self.digest, self.flow.cache_data(self.times[frame], 0.0)]
+        ends = pairwise([self.begin, *self.times[: frame + 1]])
+        steps = [self.flow.cache_data(start, end - start) for start, end in ends]
+        return [self.digest, hashlib.sha256(json.dumps(steps).encode()).hexdigest()]
+
+    def _frame(self, seconds: float) -> int:
+        return int(np.argmin(np.abs(np.array(self.times) - seconds)))
+
+    def _grown(self, frame: int, begin: float) -> Released:
+        """Return what a frame shows, grown on from what the frame before showed, if that is known."""
+        last, released = self._known.get("grown", (-1, None))
+        if released is None or last > frame:
+            last, released = -1, self.make(self.flow, begin)
+        for each in range(last + 1, frame + 1):
+            released.grow(min(self.times[each], begin + self.length))
+        self._known["grown"] = frame, released
+        return released
+
+    def _streamlines(self, frame: int) -> Released:
+        """Return what a frame shows of streamlines; while the velocities stay the same, so do they."""
+        time = self.times[frame]
+        now = json.dumps(self.flow.cache_data(time, 0.0))
+        known, released = self._known.get("streamlines", ("", None))
+        if known != now:
+            released = self.make(Streamlines(Frozen(self.flow.field, time)), 0.0)
+            if self.direction != "backwards":
+                released.grow(self.length)
+            if self.direction != "forwards":
+                released.grow_back(-self.length)
+            self._known["streamlines"] = now, released
+        return released

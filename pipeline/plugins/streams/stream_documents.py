@@ -1,0 +1,294 @@
+"""The subjects of a shot file that grow from seeds: stream, path and streak surfaces, and lines."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from abc import abstractmethod
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from flowsculpt import Streamlines, Sum, Thresholds, UsageError
+from flowsculpt.api import MovingKind
+from flowsculpt.api.files import InputFile
+from flowsculpt.api.meshes import Floats
+from flowsculpt.api.shots import (
+    Clock,
+    Document,
+    OneOfSeveral,
+    Positive,
+    SurfaceSequence,
+    Triple,
+    VelocityDocument,
+)
+from flowsculpt.pipeline.plugins.streams.released_lines import PathLines, ReleasedLines, StreakLines
+from flowsculpt.pipeline.plugins.streams.released_surfaces import PathSurface, ReleasedSurface, StreakSurface
+from flowsculpt.pipeline.plugins.streams.seed_curves import SeedCircle, SeedCurve, Seeds
+from flowsculpt.pipeline.plugins.streams.seeded_sequence import Released, SeededSequence
+
+Maker = Callable[[Streamlines, float], Released]
+"""Returns a surface, or lines, of a flow and the time of the first release, in seconds."""
+
+_ACROSS = 40  # edges along the seeds, where the shot names no length
+_ROUND = 200  # radii of a tube along the seeds, where the shot names no radius
+_COMPARED = 257  # points of the seeds by which keys know them
+
+
+class CircleDocument(Document):
+    """A circle of seeds."""
+
+    radius: Positive = Field(1.0, description="units")
+    centre: Triple = Field([0.0, 0.0, 0.0], description="units")
+    normal: Triple = Field([0.0, 1.0, 0.0], description="along its axis")
+
+    def build(self) -> SeedCircle:
+        axis = np.array(self.normal, np.float64)
+        size = np.linalg.norm(axis)
+        if not size:
+            raise UsageError("the normal of the circle has no direction. Write normal: [0, 1, 0].")
+        aside = np.cross(np.eye(3)[np.argmin(np.abs(axis))], axis)
+        first = aside / np.linalg.norm(aside)
+        axes = np.stack([first, np.cross(axis / size, first)])
+        return SeedCircle(np.array(self.centre, np.float64), float(self.radius), axes)
+
+
+class SeedsDocument(OneOfSeveral):
+    """A curve that releases points."""
+
+    example = "{line: [[-1, 0, 0], [1, 0, 0]]}"
+    noun, several = "a curve of seeds", ("line", "curve", "circle", "file")
+
+    line: Annotated[list[Triple] | None, Field(min_length=2)] = Field(
+        None, description="straight from point to point (units)"
+    )
+    curve: Annotated[list[Triple] | None, Field(min_length=2)] = Field(
+        None, description="smooth through points (units)"
+    )
+    circle: CircleDocument | None = Field(None, description="a circle")
+    file: str | None = Field(
+        None, description="straight through the points of a text file, three numbers a line (units)"
+    )
+    closed: bool = Field(False, description="of a line, curve or file: joins the last point to the first")
+
+    def build(self, folder: Path) -> Seeds:
+        """Return the curve. Raises UsageError or MissingInputError where it cannot be made."""
+        if self.circle is not None:
+            return self.circle.build()
+        if self.file is not None:
+            through = _points_of(folder / self.file)
+        else:
+            through = np.array(self.line or self.curve, np.float64)
+        steps = np.diff(np.concatenate([through, through[:1]]) if self.closed else through, axis=0)
+        again = np.flatnonzero(~steps.any(axis=1))
+        if len(again):
+            place = ", ".join(f"{x:g}" for x in through[again[0]])
+            raise UsageError(f"the curve of seeds goes through ({place}) twice in a row. Remove one.")
+        return SeedCurve(through, self.closed, self.curve is not None)
+
+
+def _points_of(path: Path) -> Floats:
+    """Return the points (N, 3) of a text file."""
+    text = InputFile(path).content().decode("utf-8", "replace")
+    rows = [line.replace(",", " ").split() for line in text.splitlines() if line.strip()]
+    try:
+        points = np.array(rows, np.float64)
+    except ValueError:
+        points = np.empty((0, 0))
+    if points.ndim != 2 or points.shape[1:] != (3,) or len(points) < 2 or not np.isfinite(points).all():
+        raise UsageError(f"{path.name}: a curve of seeds is two or more lines of three numbers each")
+    return points
+
+
+Velocity = Annotated[
+    list[VelocityDocument],
+    Field(min_length=1, description="velocity fields that act together, as under sum"),
+]
+Begin = Annotated[
+    Annotated[float, Field(lt=0, ge=-1e6)] | None,
+    Field(
+        description="when points are released first; the first frame is at 0; by default a frame before (s)"
+    ),
+]
+Longest = Annotated[
+    Positive | None,
+    Field(description="the longest edge; by default a fortieth of the length of the seeds (units)"),
+]
+Tear = Annotated[
+    Annotated[float, Field(gt=1, le=1e6)] | None,
+    Field(description="leaves out what stretches the seeds to more than so many times their length"),
+]
+Thickness = Annotated[
+    Positive | None, Field(description="makes a closed shell of the surface; by default it is open (units)")
+]
+Count = Annotated[int, Field(ge=1, le=10_000, description="lines, evenly along the seeds")]
+Radius = Annotated[
+    Positive | None, Field(description="of the tubes; by default a 200th of the length of the seeds (units)")
+]
+Flatten = Annotated[
+    float,
+    Field(gt=0, le=1, description="thickness over width: 1 is a round tube, 0.1 a ribbon along the seeds"),
+]
+Length = Annotated[Positive, Field(description="of travel along the streamlines (s)")]
+Lifetime = Annotated[Positive | None, Field(description="how long points travel; by default without end (s)")]
+Direction = Annotated[Literal["forwards", "backwards", "both"], Field(description="of travel")]
+
+
+class _FromSeeds(MovingKind):
+    """Base of the subjects that grow from seeds."""
+
+    @abstractmethod
+    def _maker(self, seeds: Seeds) -> Maker:
+        """Return what makes the surface, or the lines."""
+
+    def surfaces(self, folder: Path, clock: Clock) -> SurfaceSequence:
+        given: Any = self
+        for name, is_set in (("paint", self.paint == "on"), ("fit", self.fit is not None)):
+            if is_set:
+                raise UsageError(f"{name} is for models from files, and this is made of seeds. Leave it out.")
+        word = self.word()
+        seeds: Seeds = getattr(given, word).build(folder)
+        begin = None if word.startswith("stream") else _begin(given.begin, clock)
+        lifetime = getattr(given, "length", None)
+        plain = self.model_dump(mode="json", exclude={word, "velocity", "begin", "length", "thickness"})
+        points = seeds.points(np.linspace(0.0, seeds.length, _COMPARED))
+        return SeededSequence(
+            word=word,
+            make=self._maker(seeds),
+            settings=[plain, hashlib.sha256(points.tobytes()).hexdigest(), seeds.length, seeds.is_closed],
+            flow=Streamlines(Sum(tuple(entry.build(clock) for entry in given.velocity))),
+            times=tuple(map(clock.flow_time, clock.frames)),
+            begin=begin,
+            length=math.inf if lifetime is None else float(lifetime),
+            direction=getattr(given, "direction", "forwards"),
+            thickness=float(getattr(given, "thickness", None) or 0.0),
+        )
+
+
+def _begin(begin: float | None, clock: Clock) -> float:
+    before = clock.flow_time(clock.frames.first - 1)
+    return begin if begin is not None else before if before < 0.0 else -1.0 / float(clock.rate.fps)
+
+
+def _surface(kind: type[ReleasedSurface], given: Any, seeds: Seeds) -> Maker:
+    longest = float(given.max_edge_length or seeds.length / _ACROSS)
+    tear = math.inf if given.tear is None else float(given.tear)
+    return partial(kind, seeds, thresholds=Thresholds(longest), tear=tear)
+
+
+def _lines(kind: type[ReleasedLines], given: Any, seeds: Seeds) -> Maker:
+    return partial(
+        kind,
+        seeds,
+        count=given.count,
+        longest=float(given.max_edge_length or seeds.length / _ACROSS),
+        radius=float(given.radius or seeds.length / _ROUND),
+        flatten=given.flatten,
+    )
+
+
+class StreakSurfaceDocument(_FromSeeds):
+    """All points that a curve has released so far, as smoke from a row of nozzles."""
+
+    example = "{streak_surface: {line: [[-1, 0, 0], [1, 0, 0]]}, velocity: [{abc: {}}]}"
+
+    streak_surface: SeedsDocument = Field(description="the curve that releases points")
+    velocity: Velocity
+    begin: Begin = None
+    max_edge_length: Longest = None
+    tear: Tear = None
+    thickness: Thickness = None
+
+    def _maker(self, seeds: Seeds) -> Maker:
+        return _surface(StreakSurface, self, seeds)
+
+
+class PathSurfaceDocument(_FromSeeds):
+    """The paths of the points that a curve has released at one time."""
+
+    example = "{path_surface: {line: [[-1, 0, 0], [1, 0, 0]]}, velocity: [{abc: {}}]}"
+
+    path_surface: SeedsDocument = Field(description="the curve that releases points")
+    velocity: Velocity
+    begin: Begin = None
+    length: Lifetime = None
+    max_edge_length: Longest = None
+    tear: Tear = None
+    thickness: Thickness = None
+
+    def _maker(self, seeds: Seeds) -> Maker:
+        return _surface(PathSurface, self, seeds)
+
+
+class StreamSurfaceDocument(_FromSeeds):
+    """The streamlines through a curve, of the velocities as they are in each frame."""
+
+    example = "{stream_surface: {line: [[-1, 0, 0], [1, 0, 0]]}, velocity: [{abc: {}}], length: 2}"
+
+    stream_surface: SeedsDocument = Field(description="the curve that streamlines go through")
+    velocity: Velocity
+    length: Length = 2.0
+    direction: Direction = "forwards"
+    max_edge_length: Longest = None
+    tear: Tear = None
+    thickness: Thickness = None
+
+    def _maker(self, seeds: Seeds) -> Maker:
+        return _surface(PathSurface, self, seeds)
+
+
+class StreakLinesDocument(_FromSeeds):
+    """Streaks: lines of the points that seeds have released so far, as tubes."""
+
+    example = "{streak_lines: {line: [[-1, 0, 0], [1, 0, 0]]}, velocity: [{abc: {}}], count: 30}"
+
+    streak_lines: SeedsDocument = Field(description="the curve that releases points")
+    velocity: Velocity
+    count: Count = 24
+    radius: Radius = None
+    flatten: Flatten = 1.0
+    begin: Begin = None
+    max_edge_length: Longest = None
+
+    def _maker(self, seeds: Seeds) -> Maker:
+        return _lines(StreakLines, self, seeds)
+
+
+class PathLinesDocument(_FromSeeds):
+    """Paths of points that seeds have released at one time, as tubes."""
+
+    example = "{path_lines: {line: [[-1, 0, 0], [1, 0, 0]]}, velocity: [{abc: {}}], count: 30}"
+
+    path_lines: SeedsDocument = Field(description="the curve that releases points")
+    velocity: Velocity
+    count: Count = 24
+    radius: Radius = None
+    flatten: Flatten = 1.0
+    begin: Begin = None
+    length: Lifetime = None
+    max_edge_length: Longest = None
+
+    def _maker(self, seeds: Seeds) -> Maker:
+        return _lines(PathLines, self, seeds)
+
+
+class StreamLinesDocument(_FromSeeds):
+    """Streamlines of the velocities as they are in each frame, as tubes."""
+
+    example = "{stream_lines: {line: [[-1, 0, 0], [1, 0, 0]]}, velocity: [{abc: {}}], length: 2}"
+
+    stream_lines: SeedsDocument = Field(description="the curve that streamlines go through")
+    velocity: Velocity
+    count: Count = 24
+    radius: Radius = None
+    flatten: Flatten = 1.0
+    length: Length = 2.0
+    direction: Direction = "forwards"
+    max_edge_length: Longest = None
+
+    def _maker(self, seeds: Seeds) -> Maker:
+        return _lines(PathLines, self, seeds)

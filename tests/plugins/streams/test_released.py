@@ -1,0 +1,222 @@
+"""What seeds release: stream, path and streak surfaces and lines, against integration point by point."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+
+import numpy as np
+import pytest
+
+from flowsculpt import (
+    DoubleGyre,
+    Rotation,
+    Streamlines,
+    Sum,
+    Thresholds,
+    Translation,
+    TriangleMesh,
+    VelocityField,
+    keyed,
+    validate,
+)
+from flowsculpt.api.flows import TriangleTree
+from flowsculpt.api.meshes import Floats, connected_components
+from flowsculpt.pipeline.flow.catalogue.basic import ABC, Strain
+from flowsculpt.pipeline.plugins.streams.released_lines import PathLines, ReleasedLines, StreakLines
+from flowsculpt.pipeline.plugins.streams.released_surfaces import (
+    REST,
+    PathSurface,
+    ReleasedSurface,
+    StreakSurface,
+    stretches,
+)
+from flowsculpt.pipeline.plugins.streams.seed_curves import SeedCircle, SeedCurve, Seeds
+from flowsculpt.pipeline.plugins.streams.shells import shell
+from flowsculpt.pipeline.plugins.streams.travels import Frozen
+
+LINE = SeedCurve(np.array([[-0.5, 0.1, 0.2], [0.5, 0.1, 0.2]]))
+UPRIGHT = SeedCurve(np.array([[-0.4, 0.15, -0.4], [-0.3, 0.15, 0.4]]))
+CIRCLE = SeedCircle(np.array([0.1, 0.2, 0.0]), 0.4, np.array([[1.0, 0.0, 0.0], [0.0, 0.6, 0.8]]))
+SWINGING = Sum((DoubleGyre(), Translation(rate=keyed((0.0, 1.0), ((0.0, 0.0, 0.0), (0.0, 0.0, 0.4))))))
+LONGEST, SECONDS = 0.1, 0.8
+
+CASES = {
+    "steady line": (LINE, ABC()),
+    "changing line": (UPRIGHT, SWINGING),
+    "steady circle": (CIRCLE, ABC()),
+    "changing circle": (CIRCLE, SWINGING),
+}
+
+
+def grown(
+    kind: type[ReleasedSurface], seeds: Seeds, field: VelocityField, tear: float = math.inf
+) -> ReleasedSurface:
+    surface = kind(seeds, Streamlines(field), 0.0, Thresholds(LONGEST), tear)
+    for step in range(1, 21):
+        surface.grow(SECONDS * step / 20)
+    return surface
+
+
+@cache
+def shown(kind: type[ReleasedSurface], case: str) -> ReleasedSurface:
+    return grown(kind, *CASES[case])
+
+
+def carried(field: VelocityField, point: Floats, start: float, stop: float) -> Floats:
+    """Return where a point (3,) is carried, by many sub-steps of the classical Runge-Kutta method."""
+    count = 60
+    h, x = (stop - start) / count, point[None]
+    for k in range(count):
+        t = start + k * h
+        one = field.velocity(x, t)
+        two = field.velocity(x + h / 2 * one, t + h / 2)
+        three = field.velocity(x + h / 2 * two, t + h / 2)
+        four = field.velocity(x + h * three, t + h)
+        x = x + h / 6 * (one + 2 * two + 2 * three + four)
+    return x[0]
+
+
+def lengths_of_edges(mesh: TriangleMesh) -> Floats:
+    ends = np.concatenate([mesh.faces[:, pair] for pair in ([0, 1], [1, 2], [2, 0])])
+    return np.linalg.norm(mesh.vertices[ends[:, 0]] - mesh.vertices[ends[:, 1]], axis=1)
+
+
+def distances(points: Floats, mesh: TriangleMesh) -> Floats:
+    corners = np.ascontiguousarray(mesh.vertices[mesh.faces])
+    face, shares = TriangleTree.of(corners).nearest(np.ascontiguousarray(points))
+    weights = np.column_stack([1.0 - shares.sum(axis=1), shares])
+    return np.linalg.norm(np.einsum("nk,nkj->nj", weights, corners[face]) - points, axis=1)
+
+
+def pieces(mesh: TriangleMesh) -> int:
+    roots = connected_components(
+        len(mesh.vertices), mesh.faces[:, [0, 1]].ravel(), mesh.faces[:, [1, 2]].ravel()
+    )
+    return len(np.unique(roots[mesh.faces]))
+
+
+@pytest.mark.parametrize("kind", [PathSurface, StreakSurface])
+@pytest.mark.parametrize("case", CASES)
+def test_vertices_are_where_integration_from_their_seed_puts_them(
+    kind: type[ReleasedSurface], case: str
+) -> None:
+    (seeds, field), surface = CASES[case], shown(kind, case)
+    inner = surface._resampler.mesh
+    exact = np.flatnonzero(inner.attributes["astray"] == 0)
+    assert len(exact) >= 0.99 * len(inner.vertices)
+    rest = inner.attributes[REST]
+    along, times = surface.coordinates.along(rest), surface.coordinates.times(rest)
+    for vertex in np.random.default_rng(1).choice(exact, 25):
+        seed, time = seeds.points(along[[vertex]])[0], float(times[vertex])
+        span = (time, SECONDS) if kind is StreakSurface else (0.0, time)
+        assert np.linalg.norm(carried(field, seed, *span) - inner.vertices[vertex]) < 1e-6
+
+
+@pytest.mark.parametrize("kind", [PathSurface, StreakSurface])
+@pytest.mark.parametrize("case", CASES)
+def test_surfaces_are_sound_and_no_edge_is_longer_than_it_may_be(
+    kind: type[ReleasedSurface], case: str
+) -> None:
+    mesh = shown(kind, case).mesh
+    assert validate(mesh).problem is None and pieces(mesh) == 1
+    assert lengths_of_edges(mesh).max() <= LONGEST
+    assert len(np.unique(mesh.faces)) == len(mesh.vertices)
+
+
+def test_the_newest_row_of_a_streak_surface_is_on_its_seeds_and_the_oldest_of_a_path_surface_moves() -> None:
+    streak, path = shown(StreakSurface, "changing line"), shown(PathSurface, "changing line")
+    newest, still = streak._row(SECONDS), path._row(0.0)
+    for surface, row in ((streak, newest), (path, still)):
+        points = surface.mesh.vertices[row]
+        ends = UPRIGHT.through
+        assert np.allclose(np.cross(points - ends[0], ends[1] - ends[0]), 0.0, atol=1e-12)
+        assert (surface.velocities()[row] == 0.0).all()
+    front = path._row(SECONDS)
+    assert np.allclose(path.velocities()[front], SWINGING.velocity(path.mesh.vertices[front], SECONDS))
+    assert len(newest) > 8 and len(front) > 8
+
+
+def test_in_steady_velocities_a_streak_surface_is_the_path_surface() -> None:
+    path, streak = (shown(kind, "steady circle").mesh for kind in (PathSurface, StreakSurface))
+    for one, other in ((path, streak), (streak, path)):
+        assert distances(one.vertices, other).max() < 0.2 * LONGEST
+
+
+def test_a_stream_surface_grows_both_ways_and_as_the_velocities_are_at_one_time() -> None:
+    field = Frozen(SWINGING, 0.5)
+    surface = PathSurface(UPRIGHT, Streamlines(field), 0.5, Thresholds(LONGEST))
+    surface.grow(1.1)
+    surface.grow_back(0.1)
+    rest = surface._resampler.mesh.attributes[REST]
+    times = surface.coordinates.times(rest)
+    assert np.isclose(times.min(), -0.4) and np.isclose(times.max(), 0.6)
+    vertex = int(times.argmin())
+    seed = UPRIGHT.points(surface.coordinates.along(rest[[vertex]]))[0]
+    assert np.allclose(carried(field, seed, 0.0, -0.4), surface.mesh.vertices[vertex], atol=1e-8)
+    assert validate(surface.mesh).problem is None and pieces(surface.mesh) == 1
+
+
+@pytest.mark.parametrize("kind", [PathSurface, StreakSurface])
+def test_a_front_that_a_saddle_stretches_is_torn_where_the_shot_says(kind: type[ReleasedSurface]) -> None:
+    seeds = SeedCurve(np.array([[-0.05, 0.5, -0.3], [0.05, 0.5, 0.3]]))
+    saddle = Sum((Strain(axis=(1.0, 0.0, 0.0), rate=4.0), Rotation(speed=0.2)))
+    whole, torn = grown(kind, seeds, saddle), grown(kind, seeds, saddle, tear=3.0)
+    mesh = torn.mesh
+    assert validate(mesh).problem is None
+    assert stretches(mesh.vertices, torn._flat(torn._resampler.mesh), mesh.faces).max() <= 3.0
+    flat = whole._flat(whole._resampler.mesh)
+    assert stretches(whole.mesh.vertices, flat, whole.mesh.faces).max() > 3.0
+    assert np.ptp(mesh.vertices[:, 0]) < np.ptp(whole.mesh.vertices[:, 0])
+
+
+def test_a_shell_is_closed_and_as_thick_as_it_should_be() -> None:
+    mesh = shown(StreakSurface, "steady line").mesh
+    thick = shell(mesh, 0.02)
+    report = validate(thick)
+    assert report.problem is None and report.closed
+    count = len(mesh.vertices)
+    assert np.allclose(np.linalg.norm(thick.vertices[:count] - thick.vertices[count:], axis=1), 0.02)
+    assert np.allclose(thick.attributes["material"][:, 1], np.repeat([0.01, -0.01], count))
+
+
+@pytest.mark.parametrize("kind", [PathLines, StreakLines])
+@pytest.mark.parametrize("flatten", [1.0, 0.1])
+def test_lines_are_closed_tubes_along_exact_points(kind: type[ReleasedLines], flatten: float) -> None:
+    lines = kind(UPRIGHT, Streamlines(SWINGING), 0.0, 5, LONGEST, 0.02, flatten)
+    for step in range(1, 21):
+        lines.grow(SECONDS * step / 20)
+    mesh = lines.mesh
+    report = validate(mesh)
+    assert report.problem is None and report.closed and pieces(mesh) == 5
+    points = lines._points
+    assert np.linalg.norm(np.diff(points, axis=0), axis=2).max() <= LONGEST * (1 + 1e-9)
+    seeds = UPRIGHT.points(lines.along)
+    for row in (0, len(points) // 2, len(points) - 1):
+        time = lines._times[row]
+        span = (time, SECONDS) if kind is StreakLines else (0.0, time)
+        for line in (0, 3):
+            assert np.allclose(carried(SWINGING, seeds[line], *span), points[row, line], atol=1e-6)
+    row = len(points) // 2
+    rings = mesh.vertices[lines._rows == row].reshape(5, 12, 3)
+    assert np.allclose(rings.mean(axis=1), points[row])
+    a, b, c = mesh.vertices[mesh.faces].transpose(1, 0, 2)
+    assert np.einsum("ij,ij->i", np.cross(a, b), c).sum() > 0.0
+
+
+def test_curves_of_seeds_go_through_their_points_at_an_even_pace() -> None:
+    through = np.array([[0, 0, 0], [1, 0, 0], [1, 2, 0], [0, 2, 1]], float)
+    for closed in (False, True):
+        for smooth in (False, True):
+            curve = SeedCurve(through, closed, smooth)
+            points = curve.points(np.linspace(0.0, curve.length, 2001))
+            assert all(np.linalg.norm(points - each, axis=1).min() < 2e-3 for each in through)
+            assert np.allclose(points[0], through[0]) and np.allclose(
+                points[-1], through[0 if closed else -1]
+            )
+            steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+            assert (
+                steps.max() < 1.1 * steps.min()
+                if smooth
+                else np.allclose(steps, curve.length / 2000, rtol=0.5)
+            )

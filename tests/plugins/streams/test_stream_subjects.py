@@ -1,0 +1,130 @@
+"""Surfaces and lines from seeds as subjects of shots: what frames show, what decides them, and mistakes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from flowsculpt import MissingInputError, validate
+from flowsculpt.api import ShotError
+from flowsculpt.pipeline.animation import MeshFrame, animate
+from flowsculpt.pipeline.shot import read_shot
+
+SHOT = """
+title: Seeds
+frames: 1-4
+subject: {SUBJECT}
+"""
+
+LINE = "{line: [[-0.5, 0.1, 0.2], [0.5, 0.1, 0.2]]}"
+SUBJECTS = {
+    "streak_surface": f"streak_surface: {LINE}, velocity: [{{abc: {{}}}}]",
+    "path_surface": f"path_surface: {LINE}, velocity: [{{abc: {{}}}}]",
+    "stream_surface": f"stream_surface: {LINE}, velocity: [{{abc: {{}}}}], length: 0.5, direction: both",
+    "streak_lines": f"streak_lines: {LINE}, velocity: [{{abc: {{}}}}], count: 4",
+    "path_lines": f"path_lines: {LINE}, velocity: [{{abc: {{}}}}], count: 4",
+    "stream_lines": f"stream_lines: {LINE}, velocity: [{{abc: {{}}}}], length: 0.5, direction: backwards",
+}
+
+
+def shot(subject: str, frames: str = "1-4", more: str = "") -> Any:
+    text = SHOT.replace("SUBJECT", subject).replace("1-4", frames) + more
+    return read_shot(Path("a.yaml"), text)
+
+
+def frames_of(subject: str, frames: str = "1-4", only: frozenset[int] | None = None) -> list[MeshFrame]:
+    return list(animate(shot(subject, frames), only=only))
+
+
+def keys(subject: str, frames: str = "1-4") -> list[Any]:
+    motion = shot(subject, frames).motion
+    return [motion.animated.data(number) for number in motion.frames]
+
+
+@pytest.mark.parametrize("word", SUBJECTS)
+def test_every_frame_shows_what_has_been_released(word: str) -> None:
+    meshes = [frame.mesh for frame in frames_of(SUBJECTS[word])]
+    assert all(validate(mesh).problem is None for mesh in meshes)
+    sizes = [float(np.linalg.norm(np.ptp(mesh.vertices, axis=0))) for mesh in meshes]
+    if word.startswith("stream"):
+        assert len(set(sizes)) == 1  # these velocities do not change
+    else:
+        assert sizes == sorted(sizes) and sizes[0] < sizes[-1]
+
+
+@pytest.mark.parametrize("word", SUBJECTS)
+def test_a_frame_alone_is_the_frame_of_the_whole_shot(word: str) -> None:
+    (alone,) = frames_of(SUBJECTS[word], only=frozenset({3}))
+    whole = frames_of(SUBJECTS[word])[2]
+    assert np.array_equal(alone.mesh.vertices, whole.mesh.vertices)
+    assert np.array_equal(alone.mesh.faces, whole.mesh.faces)
+
+
+@pytest.mark.parametrize("word", SUBJECTS)
+def test_keys_change_with_what_decides_a_frame_and_with_nothing_else(word: str) -> None:
+    subject = SUBJECTS[word]
+    before = keys(subject)
+    assert keys(subject, "1-9")[:4] == before  # frames that are added later decide none
+    assert keys(subject.replace("0.1, 0.2]]", "0.1, 0.3]]")) != before
+    assert keys(subject.replace("abc: {}", "abc: {a: 2}")) != before
+    assert keys(f"{subject}, max_edge_length: 0.2") != before
+
+
+def test_an_edit_of_later_velocities_leaves_earlier_frames() -> None:
+    moving = SUBJECTS["streak_surface"].replace("abc: {}", "abc: {a: {keys: {1: 1, 3: 1, 4: 2}}}")
+    same = [
+        one == other for one, other in zip(keys(moving), keys(moving.replace("4: 2", "4: 3")), strict=True)
+    ]
+    assert same == [True, True, True, False]
+
+
+def test_patterns_go_by_place_along_the_seeds_and_time() -> None:
+    frame = frames_of(SUBJECTS["path_surface"])[-1]
+    along, _, time = frame.material.T
+    assert np.isclose(along.min(), 0.0) and np.isclose(along.max(), 1.0)
+    assert np.isclose(time.min(), 0.0) and time.max() > 0.1
+
+
+def test_a_shell_has_the_thickness_of_the_shot() -> None:
+    frame = frames_of(SUBJECTS["stream_surface"] + ", thickness: 0.02", only=frozenset({1}))[0]
+    assert validate(frame.mesh).closed
+
+
+@pytest.mark.parametrize(
+    ("subject", "more", "message"),
+    [
+        (SUBJECTS["path_surface"] + ", paint: on", "", "paint is for models from files"),
+        (SUBJECTS["path_surface"] + ", fit: 2", "", "fit is for models from files"),
+        (SUBJECTS["path_surface"].replace("[0.5, 0.1, 0.2]", "[-0.5, 0.1, 0.2]"), "", "twice in a row"),
+        (SUBJECTS["path_surface"].replace(LINE, "{circle: {normal: [0, 0, 0]}}"), "", "has no direction"),
+        (SUBJECTS["path_surface"].replace(LINE, "{file: missing.txt}"), "", "missing.txt"),
+        (SUBJECTS["path_surface"].replace("abc: {}", "twist: {amount: 1}"), "", "not a velocity field"),
+        (
+            SUBJECTS["path_surface"],
+            "speed: {keys: {1: 1, 4: -2}}",
+            "Keep speed above 0, or write stream_surface",
+        ),
+        (SUBJECTS["streak_lines"], "flows: [{abc: {}}]", "Leave flows out"),
+        (SUBJECTS["streak_surface"] + ", begin: 0.5", "", "begin"),
+        (SUBJECTS["streak_surface"] + ", tear: 0.5", "", "tear"),
+    ],
+)
+def test_mistakes_are_named_with_their_place_and_remedy(subject: str, more: str, message: str) -> None:
+    with pytest.raises((ShotError, MissingInputError), match=r"a\.yaml:[45]:") as caught:
+        shot(subject, more=more)
+    assert message in str(caught.value)
+
+
+@pytest.mark.parametrize("text", ["", "1 2 3", "1 2\n3 4", "1 2 x\n3 4 5", "nan 0 0\n1 0 0"])
+def test_a_file_of_seeds_is_read_right_or_refused(tmp_path: Path, text: str) -> None:
+    (tmp_path / "seeds.txt").write_text(text)
+    words = SHOT.replace("SUBJECT", SUBJECTS["path_lines"].replace(LINE, "{file: seeds.txt}"))
+    with pytest.raises(ShotError, match=r"seeds\.txt: a curve of seeds is two or more lines of three"):
+        read_shot(tmp_path / "a.yaml", words)
+    (tmp_path / "seeds.txt").write_text("-0.5, 0.1, 0.2\n\n0.5 0.1 0.2\n")
+    read = next(iter(animate(read_shot(tmp_path / "a.yaml", words))))
+    line = next(iter(animate(shot(SUBJECTS["path_lines"]))))
+    assert np.array_equal(read.mesh.vertices, line.mesh.vertices)
