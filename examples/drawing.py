@@ -14,7 +14,7 @@ import numpy as np
 
 from flowsculpt.pipeline.arrays import AnyArray
 from flowsculpt.pipeline.mesh import PolygonMesh, TriangleMesh
-from flowsculpt.render.graphics import plot
+from flowsculpt.pipeline.plugins.review import plot
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from flowsculpt.pipeline.plugins.delivery.hdr_frames import GRAPHICS_WHITE
-from flowsculpt.render.graphics.plot import INK, STYLE
+from flowsculpt.pipeline.plugins.review.plot import INK, STYLE
 from flowsculpt.render.post.hdr import PEAK, nits_of_pq, pq_of_nits
 
 MARKS = (0.1, 1.0, 10.0, 100.0, GRAPHICS_WHITE, PEAK)

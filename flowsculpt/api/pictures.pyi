@@ -4,8 +4,6 @@ from flowsculpt.pipeline.production.request.audio import AudioClip as AudioClip
 from flowsculpt.pipeline.production.tasks.finish import write_finished as write_finished
 from flowsculpt.render.base.render_errors import RenderError as RenderError
 from flowsculpt.render.graphics.contact_sheet import ContactSheet as ContactSheet
-from flowsculpt.render.graphics.plot import Curves as Curves
-from flowsculpt.render.graphics.plot import plot_panels as plot_panels
 from flowsculpt.render.graphics.typesetting import BurnIn as BurnIn
 from flowsculpt.render.graphics.typesetting import Font as Font
 from flowsculpt.render.movie.codecs import ENCODES as ENCODES

@@ -54,7 +54,7 @@ def shot_of(folder: Path, **values: str) -> Shot:
 
 @needs_plugins("fields")
 def test_everything_that_may_be_keyed_may_follow_a_sound_and_is_drawn(tones: Path) -> None:
-    from flowsculpt.pipeline.plugins.sheets.keyed_curves import curves_of
+    from flowsculpt.pipeline.plugins.review.keyed_curves import curves_of
 
     curves = {curve.name: curve for curve in curves_of(written(tones))}
     assert {name: curve.unit for name, curve in curves.items()} == {

@@ -3,6 +3,7 @@
 from flowsculpt.api import Command, Plugin
 
 _COMMANDS = "flowsculpt.pipeline.plugins.review.review_commands"
+_FIGURES = "flowsculpt.pipeline.plugins.review.figures"
 
 PLUGIN = Plugin(
     name="review",
@@ -16,10 +17,9 @@ PLUGIN = Plugin(
         ),
         "notes": Command(f"{_COMMANDS}:notes", "List the notes that reviewers wrote about a shot.", "Look"),
         "figures": Command(
-            "flowsculpt.pipeline.plugins.review.figures:figures",
-            "Plot the measures of a shot's meshes over its frames.",
-            "Look",
+            f"{_FIGURES}:figures", "Plot the measures of a shot's meshes over its frames.", "Look"
         ),
+        "curves": Command(f"{_FIGURES}:curves", "Draw everything in a shot that changes over time.", "Look"),
     },
     extras="flowsculpt.pipeline.plugins.review.review_extras:ReviewExtras",
 )

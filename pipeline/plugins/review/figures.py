@@ -1,4 +1,4 @@
-"""The command `figures`: the measures and times of a shot's meshes, plotted over its frames."""
+"""The commands `figures` and `curves`: measures of a shot's meshes, and its keys, over its frames."""
 
 from __future__ import annotations
 
@@ -11,12 +11,15 @@ import typer
 
 from flowsculpt import MissingInputError, UsageError
 from flowsculpt.api.commands import Project, print_result
-from flowsculpt.api.frames import PipelineStage, RenderRequest, Runs, Show
+from flowsculpt.api.files import make_folder
+from flowsculpt.api.frames import Folders, PipelineStage, RenderRequest, Runs, Show, Store
 from flowsculpt.api.meshes import Floats
 from flowsculpt.api.options import DEFAULT_QUALITY, Common, Quality, Shot, ShotOptions, shared_option
-from flowsculpt.api.pictures import Curves, plot_panels
+from flowsculpt.api.shots import read_shot
 from flowsculpt.pipeline.plugins.review.figure_panels import HeatMap, StackedBars
+from flowsculpt.pipeline.plugins.review.keyed_curves import curves_of
 from flowsculpt.pipeline.plugins.review.measures import TIMED_STAGES, Crossings, limits_of, measured
+from flowsculpt.pipeline.plugins.review.plot import Curves, plot_panels
 
 FigurePanel = Curves | HeatMap | StackedBars
 
@@ -159,3 +162,34 @@ def _shares(rows: Sequence[Row], name: str) -> Floats:
     """Return histograms (T, B); zeros for frames without one."""
     bins = next(len(row[name]) for row in rows if row.get(name))
     return np.array([row.get(name) or [0.0] * bins for row in rows], np.float64)
+
+
+def curves(
+    common: Common,
+    shot: Shot,
+    output: Annotated[
+        Path | None,
+        shared_option("output", "Write this SVG, PNG or PDF. Default: an SVG in renders/SHOT."),
+    ] = None,
+    settings: Annotated[list[str] | None, shared_option("settings")] = None,
+) -> None:
+    """Draw everything in a shot that changes over time: values over frames, with their keys as dots.
+
+    `flowsculpt curves A010_cube` writes renders/A010_cube/A010_cube.curves.svg.
+    """
+    path = Show().find_shot(shot)
+    keyed = curves_of(path, settings or ())
+    if not keyed:
+        raise UsageError(
+            f"{path} has nothing that changes over time; give a number keys, such as "
+            f"{{keys: {{1: 0, 24: 2}}}}"
+        )
+    clock = read_shot(path, settings=settings or ()).motion.clock
+    page = output or common.root / Folders.of_shot(path.stem).home / f"{path.stem}.curves.svg"
+    if not common.dry_run:
+        make_folder(page.parent)
+        tracks = [Curves(c.name, c.unit, c.frames, c.values, c.keys) for c in keyed]
+        store, rate = Store(common.root), float(clock.rate.fps)
+        store.write(page, lambda draft: plot_panels(path.stem, tracks, rate, draft))
+    words = f"{page}: {len(keyed)} curves{', would be written' if common.dry_run else ''}."
+    print_result(words, {"path": str(page), "curves": [curve.name for curve in keyed]}, common.json)

@@ -1,4 +1,4 @@
-"""Contact sheets, wedges, and curves of what a shot says of its frames."""
+"""Contact sheets and wedges."""
 
 from flowsculpt.api import Command, Plugin
 
@@ -9,7 +9,6 @@ PLUGIN = Plugin(
     version="1",
     commands={
         "sheet": Command(f"{_COMMANDS}:sheet", "Draw a contact sheet of a shot's frames.", "Look"),
-        "curves": Command(f"{_COMMANDS}:curves", "Draw everything in a shot that changes over time.", "Look"),
         "wedge": Command(
             f"{_COMMANDS}:wedge", "Render a shot in a grid of variations.", "Render", folder="wedge"
         ),

@@ -1,4 +1,4 @@
-"""The commands `sheet`, `curves` and `wedge`: a shot over its frames, and in many variations."""
+"""The commands `sheet` and `wedge`: a shot over its frames, and in many variations."""
 
 from __future__ import annotations
 
@@ -11,13 +11,11 @@ import typer
 from flowsculpt import UsageError
 from flowsculpt.api import plural
 from flowsculpt.api.commands import execute, print_result, print_warning, report_plan
-from flowsculpt.api.files import make_folder
 from flowsculpt.api.flows import MotionForecast
-from flowsculpt.api.frames import FinishedPictures, Folders, FrameRange, Plan, RenderRequest, Show, Store
+from flowsculpt.api.frames import FinishedPictures, FrameRange, Plan, RenderRequest, Show, Store
 from flowsculpt.api.options import DEFAULT_QUALITY, Common, PictureOptions, Quality, Shot, shared_option
-from flowsculpt.api.pictures import ContactSheet, Curves, plot_panels, write_still
-from flowsculpt.api.shots import WrittenShot, read_shot
-from flowsculpt.pipeline.plugins.sheets.keyed_curves import curves_of
+from flowsculpt.api.pictures import ContactSheet, write_still
+from flowsculpt.api.shots import WrittenShot
 from flowsculpt.pipeline.plugins.sheets.wedge import MOST_CELLS, OPTION, Grid, Variation, Wedge
 
 DEFAULT_FRAMES = 12  # most frames of a sheet where none are requested
@@ -61,37 +59,6 @@ class ShotSheet:
         page = sheet.picture([*pictures.values()], request.quality_name)
         self.store.write(path, lambda draft: write_still(draft, page, header))
         return FinishedPictures.light_notes(pictures)
-
-
-def curves(
-    common: Common,
-    shot: Shot,
-    output: Annotated[
-        Path | None,
-        shared_option("output", "Write this SVG, PNG or PDF. Default: an SVG in renders/SHOT."),
-    ] = None,
-    settings: Annotated[list[str] | None, shared_option("settings")] = None,
-) -> None:
-    """Draw everything in a shot that changes over time: values over frames, with their keys as dots.
-
-    `flowsculpt curves A010_cube` writes renders/A010_cube/A010_cube.curves.svg.
-    """
-    path = Show().find_shot(shot)
-    keyed = curves_of(path, settings or ())
-    if not keyed:
-        raise UsageError(
-            f"{path} has nothing that changes over time; give a number keys, such as "
-            f"{{keys: {{1: 0, 24: 2}}}}"
-        )
-    clock = read_shot(path, settings=settings or ()).motion.clock
-    page = output or common.root / Folders.of_shot(path.stem).home / f"{path.stem}.curves.svg"
-    if not common.dry_run:
-        make_folder(page.parent)
-        tracks = [Curves(c.name, c.unit, c.frames, c.values, c.keys) for c in keyed]
-        store, rate = Store(common.root), float(clock.rate.fps)
-        store.write(page, lambda draft: plot_panels(path.stem, tracks, rate, draft))
-    words = f"{page}: {len(keyed)} curves{', would be written' if common.dry_run else ''}."
-    print_result(words, {"path": str(page), "curves": [curve.name for curve in keyed]}, common.json)
 
 
 def sheet(

@@ -3,7 +3,7 @@
 import numpy as np
 
 from flowsculpt.pipeline.plugins.review.figure_panels import HeatMap, StackedBars
-from flowsculpt.render.graphics.plot import Curves, plot_panels
+from flowsculpt.pipeline.plugins.review.plot import Curves, plot_panels
 
 
 def test_shares_and_parts_stand_over_the_same_frames_as_curves(tmp_path):

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flowsculpt.pipeline.plugins.sheets.keyed_curves import KeyedCurve, curves_of
+from flowsculpt.pipeline.plugins.review.keyed_curves import KeyedCurve, curves_of
 from tests.conftest import lines
 from tests.needed_plugins import needs_plugins
 

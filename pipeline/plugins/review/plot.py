@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from flowsculpt.render.base.atomic_write import atomic_write
-from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt import UsageError
+from flowsculpt.api.files import atomic_write
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -97,14 +97,14 @@ class Panel(Protocol):
 def plot_panels(title: str, panels: Sequence[Panel], fps: float, path: Path) -> None:
     """Write a page of panels over the same frames, as SVG, PNG or PDF; the same bytes every time.
 
-    Raises BadInputError for another ending or no panels, MachineError where the disk refuses.
+    Raises UsageError for another ending or no panels, MachineError where the disk refuses.
     """
     if path.suffix.lower() not in ENDINGS:
-        raise BadInputError(
+        raise UsageError(
             f"{path}: a page of curves can be {', '.join(ENDINGS)}; end its name with one of these"
         )
     if not panels:
-        raise BadInputError("a page of no curves is not possible")
+        raise UsageError("a page of no curves is not possible")
     import matplotlib as mpl
 
     with mpl.rc_context({**mpl.rcParamsDefault, **STYLE}), atomic_write(path) as temporary:

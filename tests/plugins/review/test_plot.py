@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from flowsculpt.render.base.render_errors import BadInputError
-from flowsculpt.render.graphics.plot import Curves, plot_panels
+from flowsculpt import UsageError
+from flowsculpt.pipeline.plugins.review.plot import Curves, plot_panels
 
 FRAMES = np.linspace(1, 49, 97)
 NUMBER = Curves(
@@ -33,7 +33,7 @@ def test_the_ending_says_what_file_it_is(tmp_path, ending, begins):
 
 
 def test_what_cannot_be_is_told(tmp_path):
-    with pytest.raises(BadInputError, match=r"\.svg, \.png, \.pdf"):
+    with pytest.raises(UsageError, match=r"\.svg, \.png, \.pdf"):
         plot_panels("A", [NUMBER], 24.0, tmp_path / "a.txt")
-    with pytest.raises(BadInputError, match="no curves"):
+    with pytest.raises(UsageError, match="no curves"):
         plot_panels("A", [], 24.0, tmp_path / "a.svg")
