@@ -331,7 +331,13 @@ def test_an_animation_in_one_file_is_shown_at_its_own_times(folder: Path) -> Non
     header = struct.pack("<12siiffi", b"POINTCACHE2", 1, len(BALL.vertices), 1.0, 1.0, len(samples))
     (folder / "ball.pc2").write_bytes(header + samples.tobytes())
     subject = "ball.pc2, mesh: cache/ball_0001.ply"
-    frames = list(animate(read(folder, subject, "resample: {max_edge_length: 0.4}\n")))
+    shot = read(folder, subject, "resample: {max_edge_length: 0.4}\n")
+    assert (
+        len(set(mesh_keys(shot.motion).values()))
+        == len(set(mesh_keys(read(folder, subject).motion).values()))
+        == 6
+    )
+    frames = list(animate(shot))
     np.testing.assert_allclose(frames[4].mesh.vertices, place(frames[4].material, 5), atol=1e-6)
     assert "is over. Write frames: 1-6, missing: hold, or loop: true." in told(folder, subject, frames="1-8")
     held = list(animate(read(folder, f"{subject}, missing: hold", frames="1-8")))
@@ -350,8 +356,11 @@ def test_one_of_several_animations_of_a_file_is_chosen_by_its_name(tmp_path: Pat
     assert "it has several animations: Walk, Run. Write animation: Walk, or another." in told(
         tmp_path, "a.glb"
     )
-    frames = list(animate(read(tmp_path, "a.glb, animation: Run", frames="1-13")))
+    shot = read(tmp_path, "a.glb, animation: Run", frames="1-13")
+    frames, keys = list(animate(shot)), mesh_keys(shot.motion)
     assert frames[12].mesh.vertices[:, 0].mean() == pytest.approx(3.0)
+    others = mesh_keys(read(tmp_path, "a.glb, animation: Walk", frames="1-13").motion)
+    assert not {*keys.values()} & {*others.values()}
 
 
 def test_one_mesh_for_all_frames_follows_files(folder: Path) -> None:
