@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import base64
 import hashlib
-import lzma
 import math
-import struct
-import zlib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import NoReturn
 from xml.etree import ElementTree
 
 import numpy as np
@@ -22,6 +18,7 @@ from flowsculpt.api import shorten, suggest
 from flowsculpt.api.files import Archive, InputFile
 from flowsculpt.api.flows import Samples
 from flowsculpt.api.meshes import Floats
+from flowsculpt.pipeline.plugins.fields.vtk_arrays import MOST_A_BYTE, VtkFile
 
 MAX_BYTES = 8 << 30  # memory for the samples of a field, or of a sequence
 
@@ -63,18 +60,6 @@ def read_npz(
     return (axes, arrays["t"], velocity) if "t" in arrays else (axes, np.zeros(1), velocity[None])
 
 
-_TYPES = {f"Int{8 * size}": f"i{size}" for size in (1, 2, 4, 8)}
-_TYPES |= {f"U{name}": f"u{kind[1]}" for name, kind in _TYPES.items()}
-_TYPES |= {"Float32": "f4", "Float64": "f8"}
-
-_DECOMPRESSORS: dict[str, Callable[[], Any]] = {
-    "vtkZLibDataCompressor": zlib.decompressobj,
-    "vtkLZMADataCompressor": lambda: lzma.LZMADecompressor(memlimit=256 << 20),
-}
-
-_MOST_A_BYTE = {None: 1, "vtkZLibDataCompressor": 1032, "vtkLZMADataCompressor": 8000}
-"""Numbers that a byte of a file holds at most, by its compressor; even data are packed so densely."""
-
 _LONGEST_AXIS = 1 << 20  # the most numbers on an axis of a rectilinear grid
 
 
@@ -102,50 +87,42 @@ def read_vtk(
 class _Grid:
     """The parts of a file.
 
-    size      bytes of the file
-    head      the XML elements, without appended bytes
-    piece     the only piece
-    appended  the bytes after the underscore, base64 or raw
+    size   bytes of the file
+    vtk    its elements and arrays
+    piece  the only piece
     """
 
     file: Path
     size: int
-    head: ElementTree.Element
+    vtk: VtkFile
     piece: ElementTree.Element
-    appended: bytes
 
     @classmethod
     def of(cls, file: Path, content: bytes) -> _Grid:
-        text, mark, rest = content.partition(b"<AppendedData")
-        body = rest[rest.find(b"_") + 1 :] if mark else b""
-        encoding = b'raw"' if b"raw" in rest[: rest.find(b"_")] else b'base64"'
         try:
-            closing = b'<AppendedData encoding="' + encoding + b"/></VTKFile>" if mark else b""
-            head = ElementTree.fromstring(text + closing)
-        except ElementTree.ParseError as error:
-            raise UsageError(f"{file}: not XML ({error}); a VTK file is written by VTK or ParaView") from None
-        pieces = head.findall("*/Piece")
-        kind = head.get("type", "")
-        if head.tag != "VTKFile" or kind not in ("ImageData", "RectilinearGrid"):
-            fact = f"its type is {kind or head.tag}; a field is ImageData or RectilinearGrid"
+            vtk = VtkFile.of(content)
+        except UsageError as error:
+            raise UsageError(f"{file}: {error}") from None
+        pieces = vtk.head.findall("*/Piece")
+        if vtk.kind not in ("ImageData", "RectilinearGrid"):
+            fact = f"its type is {vtk.kind}; a field is ImageData or RectilinearGrid"
             raise UsageError(f"{file}: {fact}")
         if len(pieces) != 1:
             fact = f"it has {len(pieces)} pieces; a field is read from one. Save it as one."
             raise UsageError(f"{file}: {fact}")
-        end = body.rfind(b"</AppendedData")
-        return cls(file, len(content), head, pieces[0], body[:end] if end >= 0 else body)
+        return cls(file, len(content), vtk, pieces[0])
 
     def fail(self, fact: str) -> NoReturn:
         raise UsageError(f"{self.file}: {fact}; save it again from VTK or ParaView, with point data")
 
     def axes(self, most: int) -> list[Floats]:
-        if self.head.get("type") == "RectilinearGrid":
+        if self.vtk.kind == "RectilinearGrid":
             named = self.piece.find("Coordinates")
             arrays = [] if named is None else named.findall("DataArray")
             if len(arrays) != 3:
                 self.fail(f"it has {len(arrays)} axes under Coordinates instead of three")
             return [self.numbers(element, _LONGEST_AXIS).astype(np.float64) for element in arrays]
-        image = self.head.find("ImageData")
+        image = self.vtk.head.find("ImageData")
         assert image is not None, "its piece was found there"
         extent = self._row(self.piece, "Extent", 6, None).tolist()
         if not all(end.is_integer() for end in extent):
@@ -153,7 +130,7 @@ class _Grid:
         ends = [(int(extent[k]), int(extent[k + 1]) + 1) for k in (0, 2, 4)]
         lengths = [max(1, end - begin) for begin, end in ends]
         require_size(self.file, lengths, most)
-        if 3 * math.prod(lengths) > _MOST_A_BYTE.get(self.head.get("compressor"), 1) * self.size:
+        if 3 * math.prod(lengths) > MOST_A_BYTE.get(self.vtk.compressor, 1) * self.size:
             self.fail(f"Extent is {self.piece.get('Extent')!r}, more points than {self.size} bytes can hold")
         origin, spacing = self._row(image, "Origin", 3, "0 0 0"), self._row(image, "Spacing", 3, "1 1 1")
         direction = self._row(image, "Direction", 9, "1 0 0 0 1 0 0 0 1")
@@ -175,56 +152,11 @@ class _Grid:
         return matches[0]
 
     def numbers(self, element: ElementTree.Element, most: int) -> np.ndarray:
-        """Return the values of a DataArray, flat; of compressed ones hardly more than `most` are unpacked."""
-        kind = _TYPES.get(element.get("type", ""))
-        if kind is None:
-            self.fail(f"{element.get('type')} is not a type of numbers")
-        if element.get("format") == "ascii":
-            return np.array((element.text or "").split(), dtype=kind)
-        order = ">" if self.head.get("byte_order") == "BigEndian" else "<"
+        """Return the values of a DataArray, flat: see `VtkFile.numbers`."""
         try:
-            content = self._bytes(element, order, most * np.dtype(kind).itemsize)
-            return np.frombuffer(content, dtype=order + kind)
-        except UsageError:
-            raise
-        except Exception as error:  # decompressors raise anything
-            self.fail(f"array {element.get('Name')} cannot be read ({error})")
-
-    def _bytes(self, element: ElementTree.Element, order: str, most: int) -> bytes:
-        if element.get("format") == "appended":
-            text = self.appended[int(element.get("offset", "0")) :]
-            appended = self.head.find("AppendedData")
-            is_base64 = appended is not None and appended.get("encoding") == "base64"
-        else:
-            text, is_base64 = (element.text or "").strip().encode(), True
-        code = order + ("Q" if self.head.get("header_type") == "UInt64" else "I")
-        compressor = self.head.get("compressor")
-        if compressor is not None:
-            return self._decompressed(text, is_base64, code, compressor, most)
-        size = struct.calcsize(code)
-        (length,) = struct.unpack(code, _take(text, is_base64, 0, size))
-        return _take(text, is_base64, size, length)
-
-    def _decompressed(self, text: bytes, is_base64: bool, code: str, compressor: str, most: int) -> bytes:
-        """Decompress blocks: a header of count, size, last size and compressed sizes, then the blocks."""
-        if compressor not in _DECOMPRESSORS:
-            self.fail(f"it is compressed by {compressor}, and only {' and '.join(_DECOMPRESSORS)} are read")
-        size = struct.calcsize(code)
-        (count,) = struct.unpack(code, _take(text, is_base64, 0, size))
-        sizes = np.frombuffer(_take(text, is_base64, 0, (3 + count) * size), dtype=code)[3:]
-        start = _length(is_base64, (3 + count) * size)
-        compressed = _take(text[start:], is_base64, 0, int(sizes.sum()))
-        ends = np.cumsum(sizes).tolist()
-        blocks: list[bytes] = []
-        for length, end in zip(sizes.tolist(), ends, strict=True):
-            unpacker = _DECOMPRESSORS[compressor]()
-            blocks.append(unpacker.decompress(compressed[end - length : end], most + 1))
-            most -= len(blocks[-1])
-            if most < 0:
-                raise ValueError("it holds more numbers than the grid has points")
-            if not unpacker.eof:
-                raise ValueError("a compressed block is truncated")
-        return b"".join(blocks)
+            return self.vtk.numbers(element, most)
+        except UsageError as error:
+            self.fail(str(error))
 
     def _row(self, element: ElementTree.Element, name: str, count: int, default: str | None) -> Floats:
         text = element.get(name, default)
@@ -235,19 +167,6 @@ class _Grid:
         if len(row) != count or not np.isfinite(row).all():
             self.fail(f"{name} is {text!r}; it must be {count} numbers")
         return row
-
-
-def _take(text: bytes, is_base64: bool, first: int, count: int) -> bytes:
-    """Return bytes `first` to `first + count` of base64 text, or of raw bytes."""
-    content = base64.b64decode(text[: _length(is_base64, first + count)]) if is_base64 else text
-    if len(content) < first + count:
-        raise ValueError(f"{first + count} bytes are announced, but {len(content)} exist")
-    return content[first : first + count]
-
-
-def _length(is_base64: bool, count: int) -> int:
-    """Return the length of `count` bytes in the file."""
-    return -(-count // 3) * 4 if is_base64 else count
 
 
 FORMATS = (".vti", ".vtr", ".npz")
