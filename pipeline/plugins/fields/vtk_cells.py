@@ -71,17 +71,16 @@ class Cells(NamedTuple):
     @classmethod
     def joined(cls, pieces: Sequence[Cells], counts: Sequence[int]) -> Cells:
         """Return the cells of pieces with so many points each."""
-        types, starts, points, faces = [], [np.zeros(1, np.int64)], [np.empty(0, np.int64)], []
+        starts, points, faces = [np.zeros(1, np.int64)], [np.empty(0, np.int64)], list[Faces]()
         cell = corner = point = 0
         for piece, count in zip(pieces, counts, strict=True):
-            types.append(piece.types)
             starts.append(piece.starts[1:] + corner)
             points.append(piece.points + point)
             sides, corners, cells = piece.polyhedra
             faces.append(Faces(sides, corners + point, cells + cell))
             cell, corner, point = cell + len(piece.types), corner + len(piece.points), point + count
         shown = np.concatenate([np.empty(0, bool), *(piece.shown for piece in pieces)])
-        types = np.concatenate([np.empty(0, np.int64), *types])
+        types = np.concatenate([np.empty(0, np.int64), *(piece.types for piece in pieces)])
         return cls(types, np.concatenate(starts), np.concatenate(points), Faces.joined(faces), shown)
 
     def require_faces_or_none(self, count: int) -> None:
@@ -157,11 +156,10 @@ class Cells(NamedTuple):
         """Return faces; those of solid cells that face the middle of their cell the other way round."""
         sizes = np.maximum(np.diff(self.starts), 1)
         of = np.repeat(np.arange(len(self.types)), np.diff(self.starts))
-        middles = np.stack([np.bincount(of, points[self.points, k], len(sizes)) for k in range(3)], 1)
-        middles /= sizes[:, None]
+        sums = np.stack([np.bincount(of, points[self.points, k], len(sizes)) for k in range(3)], 1)
         ends = np.cumsum(faces.sides)
         face_of = np.repeat(np.arange(len(ends)), faces.sides)
-        places = points[faces.corners] - middles[faces.cells][face_of]
+        places = points[faces.corners] - (sums / sizes[:, None])[faces.cells][face_of]
         following = np.arange(len(faces.corners)) + 1
         following[ends - 1] = ends - faces.sides
         turning = np.cross(places, places[following])

@@ -250,8 +250,9 @@ class _Piece(NamedTuple):
             types.append(np.full(len(own) - 1, kind))
             starts.append(own[1:] + sum(map(len, points)))
             points.append(corners)
-        every = (np.concatenate(values).astype(np.int64) for values in (types, starts, points))
-        return Cells(*every, Faces.joined([]), np.ones(sum(map(len, types)), bool))
+        kinds, places, corners = (np.concatenate(values) for values in (types, starts, points))
+        shown = np.ones(len(kinds), bool)
+        return Cells(kinds, places, corners.astype(np.int64), Faces.joined([]), shown)
 
     def _cells(self) -> Cells:
         """Return the cells of an unstructured grid."""
