@@ -265,6 +265,38 @@ def test_a_bad_file_fails_its_frame_with_one_line(folder: Path, kind: str, messa
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.parametrize(
+    ("kind", "message"),
+    [
+        ("no faces", "cache/splash.4.ply: it has no faces, so its frame shows nothing. Leave the frame out"),
+        ("empty", "cache/splash.4.ply: the file is empty. Copy or export it again."),
+        ("NaN", "frame 4: splash.4.ply: vertex 7 is at (nan, "),
+    ],
+)
+def test_a_bad_file_at_the_end_of_faces_that_change_fails_its_frame_with_one_line(
+    folder: Path, kind: str, message: str
+) -> None:
+    (folder / "cache/ball_0004.ply").write_bytes((folder / "cache/splash.4.ply").read_bytes())
+    spoil(folder, 4, kind)
+    (folder / "cache/splash.4.ply").write_bytes((folder / "cache/ball_0004.ply").read_bytes())
+    for later in (5, 6):
+        (folder / f"cache/splash.{later}.ply").unlink(missing_ok=True)
+    with pytest.raises(FrameError) as error:
+        list(animate(read(folder, "cache/splash.#.ply", frames="1-4")))
+    assert message in str(error.value) and "\n" not in str(error.value)
+
+
+def test_a_closed_surface_that_is_wound_the_other_way_round_in_a_file_is_turned_outwards(
+    folder: Path,
+) -> None:
+    flipped = icosphere(2)
+    write_ply(TriangleMesh(flipped.vertices, flipped.faces[:, ::-1]), folder / "cache/splash.2.ply")
+    frames = list(animate(read(folder, "cache/splash.#.ply", frames="1-3")))
+    for frame in frames:
+        corners = frame.mesh.vertices[frame.mesh.faces] - frame.mesh.vertices.mean(axis=0)
+        assert np.linalg.det(corners).sum() > 0.0
+
+
 def test_settings_that_need_fixed_faces_are_refused_where_faces_change(folder: Path) -> None:
     for more, setting in (
         ("resample: {max_edge_length: 0.2}\n", "resample"),
