@@ -179,11 +179,17 @@ class Parser:
 class ParserSession:
     """A process that answers one question after another about a file; `close` ends it.
 
-    It ends by itself when nothing refers to it, and when this process has ended.
+    It ends by itself when nothing refers to it, and when this process has ended. A process that was forked
+    from this one starts one of its own, for answers would go to either.
     """
 
     def __init__(self, module: str, path: Path, *options: str) -> None:
         self._seconds = SECONDS + InputFile(path).size() / 2**20
+        self._start = module, json.dumps([self._seconds, str(path.absolute()), *options]) + "\n"
+        self._begin()
+
+    def _begin(self) -> None:
+        module, self._opening = self._start
         try:
             self._process = subprocess.Popen(
                 python_process.python_command(module),
@@ -194,11 +200,14 @@ class ParserSession:
             )
         except OSError as error:
             raise MachineError(f"no process can be started to read a file ({error.strerror})") from None
-        self._end = weakref.finalize(self, _end_process, self._process)
-        self._opening = json.dumps([self._seconds, str(path.absolute()), *options]) + "\n"
+        self._owner = os.getpid()
+        self._end = weakref.finalize(self, _end_process, self._process, self._owner)
 
     def ask(self, question: str) -> bytes:
         """Return the answer to a question. Raises as `Parser.answer`; the process has ended then."""
+        if os.getpid() != self._owner:
+            self._end()  # closes the pipes
+            self._begin()
         assert self._process.stdin is not None and self._process.stdout is not None
         words, self._opening = self._opening + json.dumps(question) + "\n", ""
         try:
@@ -221,9 +230,12 @@ class ParserSession:
         self._end()
 
 
-def _end_process(process: subprocess.Popen[bytes]) -> None:
-    process.kill()
-    process.wait()
+def _end_process(process: subprocess.Popen[bytes], owner: int) -> None:
+    if os.getpid() == owner:
+        process.kill()
+        process.wait()
+    else:
+        process.poll()  # that it is not a child of this process ends it here
     for pipe in (process.stdin, process.stdout):
         with suppress(OSError):
             if pipe is not None:

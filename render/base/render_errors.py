@@ -66,6 +66,8 @@ class MachineError(FlowsculptError):
         fact = REMEDIES.get(error.errno or 0) or os.strerror(error.errno or errno.EIO)
         if error.errno == errno.ENOENT:
             fact = "its folder was removed meanwhile; run again to make it again"
+            if error.filename is not None and Path(os.fsdecode(error.filename)) in path.parents:
+                fact = f"the folder {os.fsdecode(error.filename)} cannot be made; name another"
         fault = cls(f"{path}: cannot be {verb}: {fact}")
         fault.full_disk = path if error.errno in (errno.ENOSPC, errno.EDQUOT) else None
         return fault

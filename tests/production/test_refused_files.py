@@ -45,6 +45,15 @@ def files_of(project: ProjectFolder) -> dict[Path, tuple[int, int]]:
     return {path: (path.stat().st_ino, path.stat().st_size) for path in paths}
 
 
+@pytest.mark.skipif(not Path("/proc").is_dir(), reason="only Linux has a folder in which nothing can be made")
+def test_a_root_that_cannot_be_made_is_named_with_a_remedy(
+    project: ProjectFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(project.path)
+    code, said = commanded(project.path, "--root", "/proc/there", "render", NAME, *SIZE)
+    assert code == 4 and "cannot be written: the folder /proc/there cannot be made; name another" in said
+
+
 def test_every_command_that_writes_tells_a_disk_that_takes_no_more_and_leaves_what_was_there(
     finished: ProjectFolder, monkeypatch: pytest.MonkeyPatch
 ) -> None:

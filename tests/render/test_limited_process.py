@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import sys
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 from flowsculpt.render.base import limited_process
 from flowsculpt.render.base.limited_process import Parser, ParserError
+from flowsculpt.render.base.python_process import ForkedProcess
 
 PARSERS = {
     "crashes": ("os.abort()", "its reader crashed or ran out of memory"),
@@ -52,6 +54,29 @@ def test_a_parser_answers_whatever_its_library_prints(
 ) -> None:
     monkeypatch.syspath_prepend(tmp_path)
     assert Parser("answers").answer(parser(tmp_path, "answers", "pass")) == b"content"
+
+
+ECHO = """
+from flowsculpt.render.base.limited_process import Parser
+Parser.serve_session(lambda path: lambda question: question.encode() * 50_000)
+"""
+
+
+def test_forked_processes_get_the_answers_to_their_own_questions(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "echo.py").write_text(ECHO)
+    (tmp_path / "file").write_bytes(b"content")
+    monkeypatch.syspath_prepend(tmp_path)
+    session = Parser("echo").session(tmp_path / "file")
+    assert session.ask("a") == b"a" * 50_000
+
+    def ask(word: str) -> int:
+        return sum(session.ask(word) != word.encode() * 50_000 for _ in range(1000))
+
+    forked = [ForkedProcess(partial(ask, word)) for word in "bc"]
+    assert [process.wait() for process in forked] == [0, 0]
+    assert ask("a") == 0
 
 
 def test_a_session_answers_one_question_after_another_and_ends_where_its_parser_does(

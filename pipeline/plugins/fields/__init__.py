@@ -1,8 +1,13 @@
-"""Fields: velocities by formulas, on grids in files, turbulence, attraction to shapes, wind along curves."""
+"""Fields: velocities by formulas, on grids in files, turbulence, attraction to shapes, wind along curves.
 
-from flowsculpt.api import Command, Plugin
+Files of VTK are read here, also those of surfaces.
+"""
+
+from flowsculpt.api import Command, FileFormat, Plugin
 
 _DOCUMENTS = "flowsculpt.pipeline.plugins.fields.field_documents"
+_SURFACES = "flowsculpt.pipeline.plugins.fields.vtk_surfaces"
+_SERIES = "flowsculpt.pipeline.plugins.fields.vtk_series:open_series"
 
 PLUGIN = Plugin(
     name="fields",
@@ -20,5 +25,10 @@ PLUGIN = Plugin(
             "List what a file of measured or simulated fields holds.",
             "Look",
         ),
+    },
+    formats={
+        **dict.fromkeys(("vtp", "vtu"), FileFormat(f"{_SURFACES}:VTK")),
+        **dict.fromkeys(("pvtp", "pvtu"), FileFormat(f"{_SURFACES}:VTK_OF_FILES")),
+        "pvd": FileFormat(f"{_SURFACES}:VTK_OF_FILES", motion=_SERIES),
     },
 )

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import base64
-import lzma
 import math
-import struct
-import zlib
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import NoReturn
 from xml.etree import ElementTree
 
 import numpy as np
@@ -19,6 +15,7 @@ from flowsculpt import UsageError
 from flowsculpt.api import shorten
 from flowsculpt.api.files import InputFile
 from flowsculpt.api.meshes import Floats
+from flowsculpt.pipeline.plugins.fields.vtk_arrays import MOST_A_BYTE, VtkFile
 
 MAX_BYTES = 8 << 30  # memory for the samples of a field, or of a sequence
 
@@ -33,18 +30,6 @@ def require_size(file: Path, lengths: Iterable[int], most: int = MAX_BYTES) -> N
 def _size(count: int) -> str:
     return f"{count >> 30} GiB" if count >> 30 else f"{count} bytes"
 
-
-_TYPES = {f"Int{8 * size}": f"i{size}" for size in (1, 2, 4, 8)}
-_TYPES |= {f"U{name}": f"u{kind[1]}" for name, kind in _TYPES.items()}
-_TYPES |= {"Float32": "f4", "Float64": "f8"}
-
-_DECOMPRESSORS: dict[str, Callable[[], Any]] = {
-    "vtkZLibDataCompressor": zlib.decompressobj,
-    "vtkLZMADataCompressor": lambda: lzma.LZMADecompressor(memlimit=256 << 20),
-}
-
-_MOST_A_BYTE = {None: 1, "vtkZLibDataCompressor": 1032, "vtkLZMADataCompressor": 8000}
-"""Numbers that a byte of a file holds at most, by its compressor; even data are packed so densely."""
 
 _LONGEST_AXIS = 1 << 20  # the most numbers on an axis of a rectilinear grid
 
@@ -139,7 +124,7 @@ def piece_files(file: Path) -> tuple[Path, ...]:
 
 def collection(file: Path, content: bytes) -> tuple[list[float], list[Path]]:
     """Return the times of a collection (.pvd), ascending, and the files at each. Raises UsageError."""
-    head = _Grid.parsed(file, content)[0]
+    head = _parsed(file, content).head
     found: dict[float, Path] = {}
     for entry in head.findall("Collection/DataSet"):
         try:
@@ -172,55 +157,41 @@ def _beside(file: Path, name: str) -> Path:
 class _Grid:
     """The parts of a file.
 
-    size      bytes of the file
-    head      the XML elements, without appended bytes
-    appended  the bytes after the underscore, base64 or raw
+    size  bytes of the file
+    vtk   its elements and arrays
     """
 
     file: Path
     size: int
-    head: ElementTree.Element
-    appended: bytes
+    vtk: VtkFile
 
     @classmethod
     def of(cls, file: Path, content: bytes) -> _Grid:
-        head, body = cls.parsed(file, content)
-        kind = head.get("type", "")
-        if head.tag != "VTKFile" or kind not in (*SERIAL, *PARALLEL):
-            fact = f"its type is {kind or head.tag}; a field is ImageData or RectilinearGrid"
-            remedy = ". Resample it (Resample To Image) and save it as .vti" if kind.endswith("dGrid") else ""
+        vtk = _parsed(file, content)
+        if vtk.kind not in (*SERIAL, *PARALLEL):
+            fact = f"its type is {vtk.kind}; a field is ImageData or RectilinearGrid"
+            remedy = (
+                ". Resample it (Resample To Image) and save it as .vti" if vtk.kind.endswith("dGrid") else ""
+            )
             raise UsageError(f"{file}: {fact}{remedy}")
-        end = body.rfind(b"</AppendedData")
-        return cls(file, len(content), head, body[:end] if end >= 0 else body)
-
-    @staticmethod
-    def parsed(file: Path, content: bytes) -> tuple[ElementTree.Element, bytes]:
-        """Return the XML elements of a file, and the bytes after them."""
-        text, mark, rest = content.partition(b"<AppendedData")
-        body = rest[rest.find(b"_") + 1 :] if mark else b""
-        encoding = b'raw"' if b"raw" in rest[: rest.find(b"_")] else b'base64"'
-        try:
-            closing = b'<AppendedData encoding="' + encoding + b"/></VTKFile>" if mark else b""
-            return ElementTree.fromstring(text + closing), body
-        except ElementTree.ParseError as error:
-            raise UsageError(f"{file}: not XML ({error}); a VTK file is written by VTK or ParaView") from None
+        return cls(file, len(content), vtk)
 
     @property
     def sources(self) -> tuple[Path, ...]:
         """The files that a parallel one names."""
-        if self.head.get("type") not in PARALLEL:
+        if self.vtk.kind not in PARALLEL:
             return ()
         return tuple(_beside(self.file, piece.get("Source", "?")) for piece in self.pieces)
 
     @property
     def pieces(self) -> list[ElementTree.Element]:
-        return self.head.findall("*/Piece")
+        return self.vtk.head.findall("*/Piece")
 
     def fail(self, fact: str) -> NoReturn:
         raise UsageError(f"{self.file}: {fact}; save it again from VTK or ParaView, with point data")
 
     def extent(self, piece: ElementTree.Element) -> Extent:
-        if self.head.get("type") in PARALLEL:
+        if self.vtk.kind in PARALLEL:
             self.fail("one of its pieces is a parallel file itself")
         ends = self._row(piece, "Extent", 6, None).tolist()
         if not all(end.is_integer() for end in ends) or any(ends[k] > ends[k + 1] for k in (0, 2, 4)):
@@ -230,13 +201,13 @@ class _Grid:
     def require_room(self, piece: ElementTree.Element, extent: Extent) -> None:
         """Raise UsageError where a piece has more points than the bytes of its file can hold."""
         count = math.prod(last - first for first, last in extent)
-        if 3 * count > _MOST_A_BYTE.get(self.head.get("compressor"), 1) * self.size:
+        if 3 * count > MOST_A_BYTE.get(self.vtk.compressor, 1) * self.size:
             self.fail(f"Extent is {piece.get('Extent')!r}, more points than {self.size} bytes can hold")
 
     @property
     def turn(self) -> Floats | None:
         """The directions of the axes as columns; None for those of the world."""
-        image = self.head.find("ImageData")
+        image = self.vtk.head.find("ImageData")
         if image is None:
             return None
         turn = self._row(image, "Direction", 9, "1 0 0 0 1 0 0 0 1").reshape(3, 3)
@@ -248,7 +219,7 @@ class _Grid:
 
     def axes(self, piece: ElementTree.Element, extent: Extent) -> list[Floats]:
         """Return the axes of a piece, along the directions of the file."""
-        if self.head.get("type") == "RectilinearGrid":
+        if self.vtk.kind == "RectilinearGrid":
             named = piece.find("Coordinates")
             arrays = [] if named is None else named.findall("DataArray")
             if len(arrays) != 3:
@@ -258,7 +229,7 @@ class _Grid:
                 if len(axis) != last - first + 1:
                     self.fail(f"an axis has {len(axis)} numbers, and its Extent {last - first + 1}")
             return axes
-        image = self.head.find("ImageData")
+        image = self.vtk.head.find("ImageData")
         assert image is not None, "its piece was found there"
         origin, spacing = self._row(image, "Origin", 3, "0 0 0"), self._row(image, "Spacing", 3, "1 1 1")
         if self.turn is not None:
@@ -286,56 +257,11 @@ class _Grid:
         raise UsageError(f"{self.file}: there is {what} three components at its points or cells.{hint}")
 
     def numbers(self, element: ElementTree.Element, most: int) -> np.ndarray:
-        """Return the values of a DataArray, flat; of compressed ones hardly more than `most` are unpacked."""
-        kind = _TYPES.get(element.get("type", ""))
-        if kind is None:
-            self.fail(f"{element.get('type')} is not a type of numbers")
-        if element.get("format") == "ascii":
-            return np.array((element.text or "").split(), dtype=kind)
-        order = ">" if self.head.get("byte_order") == "BigEndian" else "<"
+        """Return the values of a DataArray, flat: see `VtkFile.numbers`."""
         try:
-            content = self._bytes(element, order, most * np.dtype(kind).itemsize)
-            return np.frombuffer(content, dtype=order + kind)
-        except UsageError:
-            raise
-        except Exception as error:  # decompressors raise anything
-            self.fail(f"array {element.get('Name')} cannot be read ({error})")
-
-    def _bytes(self, element: ElementTree.Element, order: str, most: int) -> bytes:
-        if element.get("format") == "appended":
-            text = self.appended[int(element.get("offset", "0")) :]
-            appended = self.head.find("AppendedData")
-            is_base64 = appended is not None and appended.get("encoding") == "base64"
-        else:
-            text, is_base64 = (element.text or "").strip().encode(), True
-        code = order + ("Q" if self.head.get("header_type") == "UInt64" else "I")
-        compressor = self.head.get("compressor")
-        if compressor is not None:
-            return self._decompressed(text, is_base64, code, compressor, most)
-        size = struct.calcsize(code)
-        (length,) = struct.unpack(code, _take(text, is_base64, 0, size))
-        return _take(text, is_base64, size, length)
-
-    def _decompressed(self, text: bytes, is_base64: bool, code: str, compressor: str, most: int) -> bytes:
-        """Decompress blocks: a header of count, size, last size and compressed sizes, then the blocks."""
-        if compressor not in _DECOMPRESSORS:
-            self.fail(f"it is compressed by {compressor}, and only {' and '.join(_DECOMPRESSORS)} are read")
-        size = struct.calcsize(code)
-        (count,) = struct.unpack(code, _take(text, is_base64, 0, size))
-        sizes = np.frombuffer(_take(text, is_base64, 0, (3 + count) * size), dtype=code)[3:]
-        start = _length(is_base64, (3 + count) * size)
-        compressed = _take(text[start:], is_base64, 0, int(sizes.sum()))
-        ends = np.cumsum(sizes).tolist()
-        blocks: list[bytes] = []
-        for length, end in zip(sizes.tolist(), ends, strict=True):
-            unpacker = _DECOMPRESSORS[compressor]()
-            blocks.append(unpacker.decompress(compressed[end - length : end], most + 1))
-            most -= len(blocks[-1])
-            if most < 0:
-                raise ValueError("it holds more numbers than the grid has points")
-            if not unpacker.eof:
-                raise ValueError("a compressed block is truncated")
-        return b"".join(blocks)
+            return self.vtk.numbers(element, most)
+        except UsageError as error:
+            self.fail(str(error))
 
     def _row(self, element: ElementTree.Element, name: str, count: int, default: str | None) -> Floats:
         text = element.get(name, default)
@@ -348,14 +274,8 @@ class _Grid:
         return row
 
 
-def _take(text: bytes, is_base64: bool, first: int, count: int) -> bytes:
-    """Return bytes `first` to `first + count` of base64 text, or of raw bytes."""
-    content = base64.b64decode(text[: _length(is_base64, first + count)]) if is_base64 else text
-    if len(content) < first + count:
-        raise ValueError(f"{first + count} bytes are announced, but {len(content)} exist")
-    return content[first : first + count]
-
-
-def _length(is_base64: bool, count: int) -> int:
-    """Return the length of `count` bytes in the file."""
-    return -(-count // 3) * 4 if is_base64 else count
+def _parsed(file: Path, content: bytes) -> VtkFile:
+    try:
+        return VtkFile.of(content)
+    except UsageError as error:
+        raise UsageError(f"{file}: {error}") from None

@@ -190,6 +190,7 @@ def write_ply(path: Path, frame: ExportedFrame) -> None:
     """Write points and triangles with one number a property, as other programs read them.
 
     x y z nx ny nz  double; the normal of a vertex at a crease is the mean of its sides
+    crease          uchar, where there are any: 1 for such a vertex, whose normal readers do better without
     velocity_x …    float, scene units per second
     rest_x …        float, scene units
     red green blue  uchar, sRGB, where colours vary
@@ -208,10 +209,12 @@ def write_ply(path: Path, frame: ExportedFrame) -> None:
             attributes |= {
                 f"{prefix}{name}": colours[:, k] for k, name in enumerate(("red", "green", "blue"))
             }
-    if frame.radii is not None:
-        attributes["radius"] = frame.radii.astype(np.float32)
     if frame.copies is not None:
         attributes["copy"] = frame.copies
+    if frame.radii is not None:
+        attributes["radius"] = frame.radii.astype(np.float32)
+    elif frame.corner_normals.max(initial=0) >= len(frame.points):
+        attributes["crease"] = np.bincount(_vertex_of(frame), minlength=len(frame.points)) > 1
     write_mesh(TriangleMesh(frame.points, frame.faces, attributes), path)
 
 
@@ -271,12 +274,17 @@ def write_glb(path: Path, frame: ExportedFrame, look: Material) -> None:
     content.write(path, "sculpture")
 
 
-def point_normals(frame: ExportedFrame) -> Floats:
-    """Return unit normals (V, 3) of the vertices: the mean of the sides of a crease."""
+def _vertex_of(frame: ExportedFrame) -> np.ndarray:
+    """Return the vertex (N,) of each normal."""
     vertex = np.zeros(len(frame.normals), np.int32)
     vertex[frame.corner_normals.reshape(-1)] = frame.faces.reshape(-1)
+    return vertex
+
+
+def point_normals(frame: ExportedFrame) -> Floats:
+    """Return unit normals (V, 3) of the vertices: the mean of the sides of a crease."""
     sums = np.zeros_like(frame.points)
-    np.add.at(sums, vertex, frame.normals)
+    np.add.at(sums, _vertex_of(frame), frame.normals)
     lengths = np.linalg.norm(sums, axis=1, keepdims=True)
     return sums / np.where(lengths > 0.0, lengths, 1.0)
 

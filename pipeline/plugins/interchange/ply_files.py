@@ -87,7 +87,10 @@ def read_polygon_file(content: bytes) -> FileSurface:
         raise MeshError(f"{fact}. Export faces from the scanner's program.")
     surface = FileSurface.of(_vertex_positions(tables), faces.values.reshape(-1), sides=faces.lengths)
     vertex = tables.get("vertex", {})
-    return surface._replace(velocities=_velocities(vertex), normals=_vectors(vertex, "nx", "ny", "nz"))
+    normals, creases = _vectors(vertex, "nx", "ny", "nz"), vertex.get("crease")
+    if normals is not None and isinstance(creases, np.ndarray):
+        normals[creases != 0] = 0.0  # there one normal is wrong on either side
+    return surface._replace(velocities=_velocities(vertex), normals=normals)
 
 
 def _read_vertices(path: Path) -> tuple[Floats, dict[str, AnyArray]]:

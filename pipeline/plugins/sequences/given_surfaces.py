@@ -195,7 +195,7 @@ class GivenSurfaces(SurfaceSequence):
         times, near = self.times, self._near(seconds)
         return {
             "version": VERSION,
-            "files": [joint(self.samples.files(each)) for each in near],
+            "files": [self.samples.content(each) for each in near],
             "times": [round((times.times[each] - times.times[sample]) / times.interval, 6) for each in near],
             "share": share,
             "interval": times.interval,

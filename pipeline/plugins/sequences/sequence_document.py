@@ -28,7 +28,7 @@ class MeshSequenceDocument(MovingKind):
 
     sequence: str = Field(
         description="numbered mesh files beside the shot file, as fluid_####.ply; or a file with an "
-        "animation: Alembic, USD, glTF, FBX, PC2 or MDD"
+        "animation: Alembic, USD, glTF, FBX, PVD, PC2 or MDD"
     )
     rate: Positive | None = Field(
         None, description="files per second; by default as many as the shot has frames (1/s)"

@@ -27,6 +27,10 @@ class SurfaceSamples(ABC):
         """Return the files of a sample and their digests."""
 
     @abstractmethod
+    def content(self, sample: int) -> str:
+        """Return a text that differs from that of every other surface, as keys of frames have it."""
+
+    @abstractmethod
     def name(self, sample: int) -> str:
         """Return the name of a sample in messages."""
 
@@ -82,6 +86,9 @@ class NumberedSamples(SurfaceSamples):
     def _known(self) -> dict[int, Files]:
         return {}
 
+    def content(self, sample: int) -> str:
+        return joint(self.files(sample)) + _part_words(self.model(sample).part)
+
     def name(self, sample: int) -> str:
         return self.paths[sample].name
 
@@ -117,6 +124,10 @@ class MovingSamples(SurfaceSamples):
     def files(self, sample: int) -> Files:
         return self.moving.files.files
 
+    def content(self, sample: int) -> str:
+        seconds = float(self.begins + self.times[sample])
+        return f"{joint(self.files(sample))}{_part_words(self.file.part)} at {seconds!r} s"
+
     def name(self, sample: int) -> str:
         return f"{self.file.path.name} at {self.begins + self.times[sample]:g} s"
 
@@ -131,6 +142,11 @@ class MovingSamples(SurfaceSamples):
 
     def between(self, seconds: float) -> FileSurface | None:
         return _moved(self, seconds) if self.moving.is_continuous else None
+
+
+def _part_words(part: ScenePart | None) -> str:
+    """Return the names of a part of a scene after a space; nothing for the whole scene."""
+    return "" if part is None else f" {part.prim!r} {part.animation!r}"
 
 
 @lru_cache(maxsize=KEPT)

@@ -26,7 +26,7 @@ REST, MATERIAL = "rest", "material"
 _FIRST = 0.7  # edges of the first row, over the longest that may be
 
 
-class Coordinates:
+class SeedCoordinates:
     """Places on the curve of seeds and times, as points (N, 3) of a flat strip.
 
     Where the curve is closed they are points of a tube, since the middle of two of them must be between them.
@@ -94,7 +94,7 @@ class ReleasedSurface(ABC):
         self._along = np.linspace(0.0, seeds.length, count)[: -1 if seeds.is_closed else None]
         self._first, self._longest, self._is_closed = seeds.points(self._along), longest, seeds.is_closed
         speed = np.linalg.norm(flow.field.velocity(self._first, begin), axis=1).mean()
-        self.coordinates = Coordinates(seeds, float(speed) or 1.0)
+        self.coordinates = SeedCoordinates(seeds, float(speed) or 1.0)
         self._grown: Resampler | None = None
 
     @property

@@ -54,7 +54,7 @@ class Frozen(VelocityField):
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
+class TravelStep:
     """A step in which all points move.
 
     flow   moves them, in as many sub-steps as the fastest of them needs
@@ -71,7 +71,7 @@ class Step:
     field: Any
 
     @classmethod
-    def of(cls, flow: Streamlines, begin: float, end: float, speed: float) -> Step:
+    def of(cls, flow: Streamlines, begin: float, end: float, speed: float) -> TravelStep:
         """Return a step of points of which the fastest begins with a speed, units per second.
 
         Raises FrameError where the field needs too many sub-steps.
@@ -166,7 +166,7 @@ class Travel:
 
     flow: Streamlines
     begin: float
-    steps: list[Step] = field(default_factory=list)
+    steps: list[TravelStep] = field(default_factory=list)
     _blocks: dict[int, Any] = field(default_factory=dict)
 
     @property
@@ -188,7 +188,7 @@ class Travel:
         fastest = float(speeds.max(initial=0.0))
         count = math.ceil(abs(until - self.now) * fastest / longest)
         end = until if count <= 1 else self.now + (until - self.now) / count
-        self.steps.append(Step.of(self.flow, self.now, end, fastest))
+        self.steps.append(TravelStep.of(self.flow, self.now, end, fastest))
 
     def moved(self, points: Floats) -> Floats:
         """Return points (N, 3) moved by the last step."""

@@ -110,7 +110,7 @@ DAMAGED: dict[str, tuple[Callable[[Path], Path], str]] = {
         "cannot be read as a grid.*(300|out of bounds)",
     ),
     "no number": (lambda f: image(f / "a.vti", ">1 1", ">1 one"), "could not convert string to float: 'one'"),
-    "packed too much": (packed_too_much, "more numbers than the grid has points"),
+    "packed too much": (packed_too_much, "more numbers than it should have"),
 }
 
 

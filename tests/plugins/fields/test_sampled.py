@@ -293,8 +293,8 @@ WRONG = {
     "which": ('Vectors="u"', "", "not one array of three components at its points or cells. There are: u, w"),
     "packer": (
         "byte_order",
-        'compressor="vtkLZ4DataCompressor" byte_order',
-        "compressed by vtkLZ4DataCompressor",
+        'compressor="vtkZstdDataCompressor" byte_order',
+        "compressed by vtkZstdDataCompressor",
     ),
     "cut short": ('"binary">', '"binary">////', "array u cannot be read .*bytes are announced"),
     "spacing": ('Spacing="0.5 1 2"', 'Spacing="0.5 one 2"', "Spacing is '0.5 one 2'; it must be 3 numbers"),

@@ -65,6 +65,17 @@ MOVING = {
         "refused by name": ["moving:caches_of_points_that_do_not_fit"],
         "largest file": ["moving:a_larger_file"],
     },
+    "PVD": {
+        "what moves": ["vtk_surfaces:a_pvd_shows_its_files_at_their_times"],
+        "faces": ["vtk_surfaces:faces_of_a_pvd_may_change"],
+        "between samples": ["vtk_surfaces:faces_of_a_pvd_may_change"],
+        "times": ["vtk_surfaces:times_of_a_pvd_are_seconds"],
+        "velocities": ["vtk_surfaces:faces_of_a_pvd_may_change"],
+        "normals, where faces change": ["vtk_surfaces:faces_of_a_pvd_may_change"],
+        "axes": ["vtk_surfaces:a_pvd_shows_its_files_at_their_times"],
+        "refused by name": ["vtk_surfaces:what_cannot_be_read", "vtk_surfaces:a_pvd_of_one_time"],
+        "largest file": ["vtk_surfaces:a_larger_file"],
+    },
 }
 """Tests of formats of surfaces that move, by row, as in SHOWN."""
 
@@ -136,6 +147,28 @@ SHOWN = {
         "left out, with a note": ["threemf:edges_between_materials_are_creases_and_supports"],
         "left out": ["threemf:vertices_of_slices"],
         "refused by name": ["threemf:what_is_not_read", "threemf:a_file_that_is_no_package"],
+    },
+    "VTP, PVTP": {
+        "encodings": ["vtk_surfaces:files_of_vtk_are_read_in_every_encoding"],
+        "faces": ["vtk_surfaces:strips_are_triangles", "vtk_surfaces:a_pvd_shows_its_files"],
+        "pieces": ["vtk_surfaces:pieces_of_polygons"],
+        "velocities, in sequences": ["vtk_surfaces:velocities_of_cells_become_means"],
+        "normals, in sequences": ["vtk_surfaces:strips_are_triangles_and_normals"],
+        "left out, with a note": ["vtk_surfaces:what_cannot_be_read"],
+        "refused by name": ["vtk_surfaces:what_cannot_be_read"],
+    },
+    "VTU, PVTU": {
+        "encodings": ["vtk_surfaces:files_of_vtk_are_read_in_every_encoding"],
+        "faces": [
+            "vtk_surfaces:every_kind_of_cell",
+            "vtk_surfaces:flat_cells_on_solid_ones",
+            "vtk_surfaces:polyhedra_are_read_as_older",
+        ],
+        "pieces": ["vtk_surfaces:no_skin_lies_between", "vtk_surfaces:cells_that_another_piece_has"],
+        "velocities, in sequences": ["vtk_surfaces:files_of_vtk_are_read_in_every_encoding"],
+        "normals, in sequences": ["vtk_surfaces:normals_of_a_grid"],
+        "left out, with a note": ["vtk_surfaces:every_kind_of_cell"],
+        "refused by name": ["vtk_surfaces:what_cannot_be_read"],
     },
     "USD": {
         "which meshes": ["usd:only_active_visible_meshes"],

@@ -17,7 +17,7 @@ from flowsculpt.pipeline.plugins.interchange.mesh_writers import write_mesh
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.shot import Shot, read_shot
 from flowsculpt.render.post.colour import view_exactly
-from tests.needed_plugins import needs_plugins
+from tests.needed_plugins import missing, needs_plugins
 from tests.opened_files import opened_below
 from tests.plugins.interchange.fbx_writer import N, binary, box_geometry, model, scene
 from tests.plugins.interchange.gltf_scenes import box_scene
@@ -86,6 +86,32 @@ def _archive(path: Path, size: float) -> None:
     alembic_mesh(archive(path).getTop(), "box", 24.0, [BOX.vertices * size])
 
 
+def _vtk(path: Path, size: float) -> None:
+    """Write a tetrahedron as VTK's XML."""
+    kind, section = {"vtp": ("PolyData", "Polys"), "vtu": ("UnstructuredGrid", "Cells")}[path.suffix[1:]]
+    rows = {"vtp": "0 2 1 0 1 3 1 2 3 2 0 3", "vtu": "0 1 2 3"}[path.suffix[1:]]
+    ends = {"vtp": "3 6 9 12", "vtu": "4"}[path.suffix[1:]]
+    more = '<DataArray type="UInt8" Name="types" format="ascii">10</DataArray>'
+    counts = 'NumberOfPolys="4" NumberOfCells="1"'
+    path.write_text(
+        f'<VTKFile type="{kind}"><{kind}><Piece NumberOfPoints="4" {counts}><Points>'
+        f'<DataArray type="Float64" format="ascii">0 0 0 {size} 0 0 0 1 0 0 0 1</DataArray></Points>'
+        f'<{section}><DataArray type="Int64" Name="connectivity" format="ascii">{rows}</DataArray>'
+        f'<DataArray type="Int64" Name="offsets" format="ascii">{ends}</DataArray>{more}</{section}>'
+        f"</Piece></{kind}></VTKFile>"
+    )
+
+
+def _vtk_of_files(path: Path, size: float) -> None:
+    """Write a file that names another one of VTK."""
+    suffix = {"pvtp": "vtp", "pvtu": "vtu", "pvd": "vtp"}[path.suffix[1:]]
+    _vtk(path.with_name(f"part.{suffix}"), size)
+    named = f'<Pieces><Piece Source="part.{suffix}"/></Pieces>'
+    if path.suffix == ".pvd":
+        named = f'<Collection><DataSet timestep="0" file="part.{suffix}"/></Collection>'
+    path.write_text(f"<VTKFile><!-- {size} -->{named}</VTKFile>")
+
+
 MODELS: Mapping[str, Maker] = {
     **dict.fromkeys(("obj", "ply", "stl", "off", "glb"), _mesh),
     "gltf": _gltf,
@@ -94,6 +120,8 @@ MODELS: Mapping[str, Maker] = {
     "3mf": _package,
     "abc": _archive,
     **dict.fromkeys(("usd", "usda", "usdc", "usdz"), _stage),
+    **({} if missing("fields") else dict.fromkeys(("vtp", "vtu"), _vtk)),
+    **({} if missing("fields") else dict.fromkeys(("pvtp", "pvtu", "pvd"), _vtk_of_files)),
 }
 """How a sample of each format is written: a new reader needs one here."""
 

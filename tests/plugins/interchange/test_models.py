@@ -33,6 +33,7 @@ from flowsculpt.pipeline.plugins.interchange.model_export import (
     write_obj,
     write_ply,
 )
+from flowsculpt.pipeline.plugins.interchange.ply_files import read_polygon_file
 from flowsculpt.pipeline.plugins.interchange.usd_export import sampled_attributes, write_clip
 from flowsculpt.pipeline.plugins.points.point_files import read_points
 from flowsculpt.render.scene.materials import LOOKS
@@ -136,6 +137,10 @@ def test_other_programs_read_the_ply_that_was_written(place: Path, frame: Export
         channels = [read.point_data[name].view(np.uint8) for name in ("red", "green", "blue")]
         shown = np.stack(channels, axis=1)  # meshio 5.3.5 takes uchar for signed in binary files
         assert np.abs(shown / 255.0 - srgb_of_linear(frame.colours)).max() <= 0.5 / 255.0 + 1e-9
+    given = read_polygon_file(path.read_bytes()).normals
+    assert given is not None
+    sides = [np.unique(frame.corner_normals[frame.faces == vertex]) for vertex in range(len(frame.points))]
+    assert [not normal.any() for normal in given] == [len(rows) > 1 for rows in sides]
     ours = read_mesh(path)
     assert np.array_equal(ours.vertices, frame.points) and np.array_equal(ours.faces, frame.faces)
     theirs = trimesh.load(path, process=False)

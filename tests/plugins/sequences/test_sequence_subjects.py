@@ -265,6 +265,38 @@ def test_a_bad_file_fails_its_frame_with_one_line(folder: Path, kind: str, messa
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.parametrize(
+    ("kind", "message"),
+    [
+        ("no faces", "cache/splash.4.ply: it has no faces, so its frame shows nothing. Leave the frame out"),
+        ("empty", "cache/splash.4.ply: the file is empty. Copy or export it again."),
+        ("NaN", "frame 4: splash.4.ply: vertex 7 is at (nan, "),
+    ],
+)
+def test_a_bad_file_at_the_end_of_faces_that_change_fails_its_frame_with_one_line(
+    folder: Path, kind: str, message: str
+) -> None:
+    (folder / "cache/ball_0004.ply").write_bytes((folder / "cache/splash.4.ply").read_bytes())
+    spoil(folder, 4, kind)
+    (folder / "cache/splash.4.ply").write_bytes((folder / "cache/ball_0004.ply").read_bytes())
+    for later in (5, 6):
+        (folder / f"cache/splash.{later}.ply").unlink(missing_ok=True)
+    with pytest.raises(FrameError) as error:
+        list(animate(read(folder, "cache/splash.#.ply", frames="1-4")))
+    assert message in str(error.value) and "\n" not in str(error.value)
+
+
+def test_a_closed_surface_that_is_wound_the_other_way_round_in_a_file_is_turned_outwards(
+    folder: Path,
+) -> None:
+    flipped = icosphere(2)
+    write_ply(TriangleMesh(flipped.vertices, flipped.faces[:, ::-1]), folder / "cache/splash.2.ply")
+    frames = list(animate(read(folder, "cache/splash.#.ply", frames="1-3")))
+    for frame in frames:
+        corners = frame.mesh.vertices[frame.mesh.faces] - frame.mesh.vertices.mean(axis=0)
+        assert np.linalg.det(corners).sum() > 0.0
+
+
 def test_settings_that_need_fixed_faces_are_refused_where_faces_change(folder: Path) -> None:
     for more, setting in (
         ("resample: {max_edge_length: 0.2}\n", "resample"),
@@ -331,7 +363,13 @@ def test_an_animation_in_one_file_is_shown_at_its_own_times(folder: Path) -> Non
     header = struct.pack("<12siiffi", b"POINTCACHE2", 1, len(BALL.vertices), 1.0, 1.0, len(samples))
     (folder / "ball.pc2").write_bytes(header + samples.tobytes())
     subject = "ball.pc2, mesh: cache/ball_0001.ply"
-    frames = list(animate(read(folder, subject, "resample: {max_edge_length: 0.4}\n")))
+    shot = read(folder, subject, "resample: {max_edge_length: 0.4}\n")
+    assert (
+        len(set(mesh_keys(shot.motion).values()))
+        == len(set(mesh_keys(read(folder, subject).motion).values()))
+        == 6
+    )
+    frames = list(animate(shot))
     np.testing.assert_allclose(frames[4].mesh.vertices, place(frames[4].material, 5), atol=1e-6)
     assert "is over. Write frames: 1-6, missing: hold, or loop: true." in told(folder, subject, frames="1-8")
     held = list(animate(read(folder, f"{subject}, missing: hold", frames="1-8")))
@@ -350,8 +388,11 @@ def test_one_of_several_animations_of_a_file_is_chosen_by_its_name(tmp_path: Pat
     assert "it has several animations: Walk, Run. Write animation: Walk, or another." in told(
         tmp_path, "a.glb"
     )
-    frames = list(animate(read(tmp_path, "a.glb, animation: Run", frames="1-13")))
+    shot = read(tmp_path, "a.glb, animation: Run", frames="1-13")
+    frames, keys = list(animate(shot)), mesh_keys(shot.motion)
     assert frames[12].mesh.vertices[:, 0].mean() == pytest.approx(3.0)
+    others = mesh_keys(read(tmp_path, "a.glb, animation: Walk", frames="1-13").motion)
+    assert not {*keys.values()} & {*others.values()}
 
 
 def test_one_mesh_for_all_frames_follows_files(folder: Path) -> None:
