@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flowsculpt.pipeline.file_contents import as_utf8, number_fault, text_content
+from flowsculpt.render.base.file_contents import as_utf8, number_fault, text_content
 
 LETTERS = st.characters(exclude_categories=["Cs"])
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from flowsculpt.pipeline.web_pages import SHARED, PageFolder
+from flowsculpt.render.graphics.web_pages import SHARED, PageFolder
 
 
 @pytest.fixture

@@ -10,7 +10,6 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, model_validator
 
-from flowsculpt.pipeline.file_contents import as_utf8
 from flowsculpt.pipeline.frames import FrameRange
 from flowsculpt.pipeline.shot.documents.field_types import (
     MAPPING_IS_SECOND,
@@ -27,6 +26,7 @@ from flowsculpt.pipeline.shot.documents.look_documents import LookField, look_of
 from flowsculpt.pipeline.shot.shot import FrameOverride
 from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext, finding
 from flowsculpt.pipeline.shot.yaml.yaml_source import in_yaml
+from flowsculpt.render.base.file_contents import as_utf8
 from flowsculpt.render.base.input_files import InputFile
 from flowsculpt.render.post.view import ACES, BUILT_IN, ColourView, view_of
 from flowsculpt.render.scene.render_quality import (

@@ -6,8 +6,8 @@ import re
 from pathlib import Path
 
 from flowsculpt.pipeline.errors import MissingInputError, ShotError, quote
-from flowsculpt.pipeline.file_contents import as_utf8
 from flowsculpt.pipeline.plugin import plugins
+from flowsculpt.render.base.file_contents import as_utf8
 from flowsculpt.render.base.input_files import InputFile
 from flowsculpt.render.base.plural import indefinite
 from flowsculpt.render.base.render_errors import BadInputError

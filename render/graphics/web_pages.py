@@ -22,7 +22,7 @@ from importlib.resources.abc import Traversable
 
 from flowsculpt.render.graphics.three_js import three_js_script
 
-SHARED = files("flowsculpt.pipeline") / "web"
+SHARED = files("flowsculpt.render.graphics") / "web"
 
 
 @dataclass(frozen=True)

@@ -11,12 +11,12 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from flowsculpt.pipeline.errors import quote
+from flowsculpt.render.base.render_errors import quote
 
 if TYPE_CHECKING:  # planning reads text, and does without numpy
     import numpy as np
 
-    from flowsculpt.pipeline.arrays import AnyArray
+    AnyArray = np.ndarray[Any, np.dtype[Any]]
 
 _MARKS = (
     (codecs.BOM_UTF32_LE, "utf-32-le"),  # begins as UTF-16 does
