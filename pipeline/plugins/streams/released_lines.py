@@ -6,6 +6,7 @@ farther apart than an edge may be long, all get one more between them, by integr
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 
 import numpy as np
@@ -28,6 +29,7 @@ class ReleasedLines(ABC):
     longest  distance of two neighbours on a line, units
     radius   of the tubes, units
     flatten  thickness of a tube over its width, which lies across the line and along the seeds
+    length   seconds that points of a streak travel
     """
 
     def __init__(
@@ -39,6 +41,7 @@ class ReleasedLines(ABC):
         longest: float,
         radius: float,
         flatten: float = 1.0,
+        length: float = math.inf,
     ) -> None:
         self.along = np.linspace(0.0, seeds.length, count + seeds.is_closed)[:count]
         self.travel, self.back = Travel(flow, begin), Travel(flow, begin)
@@ -46,7 +49,7 @@ class ReleasedLines(ABC):
         ahead = seeds.points(np.minimum(self.along + 1e-4 * seeds.length, seeds.length))
         behind = seeds.points(np.maximum(self.along - 1e-4 * seeds.length, 0.0))
         self._across = ahead - behind
-        self._longest, self._radius, self._flatten = longest, radius, flatten
+        self._longest, self._radius, self._flatten, self._length = longest, radius, flatten, length
         speed = np.linalg.norm(flow.field.velocity(self._seeds, begin), axis=1).mean()
         self._second = float(speed) or 1.0
         self._times, self._points = [0.0], self._seeds[None]
@@ -103,6 +106,12 @@ class StreakLines(ReleasedLines):
         moved = travel.moved(self._points.reshape(-1, 3)).reshape(self._points.shape)
         self._points = np.concatenate([moved, self._seeds[None]])
         self._times.append(travel.now - travel.begin)
+        oldest = self._times[-1] - self._length
+        if oldest > self._times[0]:
+            kept = int(np.searchsorted(self._times, oldest, side="right"))
+            first = travel.released(self._seeds, np.full(len(self._seeds), travel.begin + oldest))
+            self._points = np.concatenate([first[None], self._points[kept:]])
+            self._times = [oldest, *self._times[kept:]]
         self._refine()
 
     def _refine(self) -> None:

@@ -16,8 +16,9 @@ from abc import ABC, abstractmethod
 import numpy as np
 
 from flowsculpt import Exact, Resampler, Streamlines, Thresholds, TriangleMesh
-from flowsculpt.api.meshes import Floats, connected_components
+from flowsculpt.api.meshes import Floats
 from flowsculpt.pipeline.plugins.streams.seed_curves import Seeds
+from flowsculpt.pipeline.plugins.streams.sheet_cuts import cut_below, stretches, with_faces
 from flowsculpt.pipeline.plugins.streams.travels import Travel
 
 REST, MATERIAL = "rest", "material"
@@ -82,13 +83,20 @@ class ReleasedSurface(ABC):
     begin       seconds, when the first ones are released
     thresholds  of its edges; the lengths are numbers
     tear        how far the curve may be stretched; faces that stretch it farther are left out
+    length      seconds that points travel
     """
 
     def __init__(
-        self, seeds: Seeds, flow: Streamlines, begin: float, thresholds: Thresholds, tear: float = math.inf
+        self,
+        seeds: Seeds,
+        flow: Streamlines,
+        begin: float,
+        thresholds: Thresholds,
+        tear: float = math.inf,
+        length: float = math.inf,
     ) -> None:
         self.travel, self._back = Travel(flow, begin), Travel(flow, begin)
-        self.thresholds, self.tear = thresholds, tear
+        self.thresholds, self.tear, self.length = thresholds, tear, length
         longest, _, _ = thresholds.numbers
         count = max(3, math.ceil(seeds.length / (_FIRST * longest)) + 1)
         self._along = np.linspace(0.0, seeds.length, count)[: -1 if seeds.is_closed else None]
@@ -110,7 +118,7 @@ class ReleasedSurface(ABC):
         return self._grown
 
     def grow(self, until: float) -> None:
-        """Move points until a time, in steps in which none goes farther than an edge may be long.
+        """Move points until a time, in steps in which none goes much farther than an edge may be long.
 
         Raises FrameError where the flow fails or the surface needs more vertices than it may have.
         """
@@ -212,6 +220,19 @@ class StreakSurface(ReleasedSurface):
         coordinates = self._resampler.vectors(REST)
         assert coordinates is not None, "exact placement keeps them"
         self._resampler.vertices[newest] = self.coordinates.seeds(coordinates[newest])
+        if travel.now - travel.begin > self.length:
+            self._remove_older(travel.now - self.length)
+
+    def _remove_older(self, limit: float) -> None:
+        """Leave out what was released before a time."""
+        mesh = self._resampler.mesh
+        part = cut_below(mesh, self.coordinates.times(mesh.attributes[REST]), limit)
+        rest = self.coordinates.nearest(part.attributes[REST])
+        row = np.flatnonzero(np.abs(self.coordinates.times(rest) - limit) <= 1e-9 * (1.0 + abs(limit)))
+        rest, points = self.coordinates.with_time(rest, row, limit), part.vertices.copy()
+        points[row] = self.carry(rest[row])
+        mesh = part.with_vertices(points).with_attributes(**{REST: rest})
+        self._grown = Resampler(mesh, self.thresholds, self._placement)
 
     def carry(self, coordinates: Floats) -> Floats:
         seeds = self.coordinates.seeds(coordinates)
@@ -254,36 +275,3 @@ class PathSurface(ReleasedSurface):
         front = self._front(self.travel, self.travel.now)
         found[front] = self.travel.flow.field.velocity(self._resampler.vertices[front], self.travel.now)
         return found
-
-
-def stretches(points: Floats, flat: Floats, faces: np.ndarray) -> Floats:
-    """Return how many times as long each face (F,) makes a length along the first coordinate.
-
-    points  (V, 3)
-    flat    (F, 3, 2) coordinates of the corners of each face
-    """
-    corners = points[faces]
-    (a, b), (c, d) = (flat[:, 1] - flat[:, 0]).T, (flat[:, 2] - flat[:, 0]).T
-    one, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    area = a * d - b * c
-    with np.errstate(divide="ignore", invalid="ignore"):
-        along = (d[:, None] * one - b[:, None] * other) / area[:, None]
-    return np.nan_to_num(np.linalg.norm(along, axis=1), nan=0.0, posinf=0.0)
-
-
-def with_faces(mesh: TriangleMesh, kept: np.ndarray) -> TriangleMesh:
-    """Return a mesh with some of its faces, flags (F,); vertices where it falls apart become several."""
-    faces = mesh.faces[kept]
-    corners = np.arange(3 * len(faces)).reshape(-1, 3)
-    ends = np.concatenate([np.column_stack([faces[:, k], faces[:, (k + 1) % 3]]) for k in range(3)])
-    at = np.concatenate([np.column_stack([corners[:, k], corners[:, (k + 1) % 3]]) for k in range(3)])
-    low = ends[:, 0] < ends[:, 1]
-    ends[~low], at[~low] = ends[~low, ::-1], at[~low, ::-1]
-    order = np.lexsort(ends.T)
-    pairs = np.flatnonzero((ends[order][1:] == ends[order][:-1]).all(axis=1))
-    joined = np.concatenate([np.column_stack([at[order[pairs], k], at[order[pairs + 1], k]]) for k in (0, 1)])
-    component = connected_components(3 * len(faces), *joined.T)
-    _, first, number = np.unique(component, return_index=True, return_inverse=True)
-    source = faces.ravel()[first]
-    attributes = {name: values[source] for name, values in mesh.attributes.items()}
-    return TriangleMesh(mesh.vertices[source], number.reshape(-1, 3), attributes)

@@ -124,8 +124,9 @@ class SeededSequence(SurfaceSequence):
         last, released = self._known.get("grown", (-1, None))
         if released is None or last > frame:
             last, released = -1, self.make(self.flow, begin)
+        end = math.inf if self.word.startswith("streak") else begin + self.length  # streaks lose their ends
         for each in range(last + 1, frame + 1):
-            released.grow(min(self.times[each], begin + self.length))
+            released.grow(min(self.times[each], end))
         self._known["grown"] = frame, released
         return released
 

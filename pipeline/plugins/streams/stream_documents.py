@@ -175,9 +175,13 @@ def _begin(begin: float | None, clock: Clock) -> float:
 
 
 def _surface(kind: type[ReleasedSurface], given: Any, seeds: Seeds) -> Maker:
-    longest = float(given.max_edge_length or seeds.length / _ACROSS)
-    tear = math.inf if given.tear is None else float(given.tear)
-    return partial(kind, seeds, thresholds=Thresholds(longest), tear=tear)
+    return partial(
+        kind,
+        seeds,
+        thresholds=Thresholds(float(given.max_edge_length or seeds.length / _ACROSS)),
+        tear=math.inf if given.tear is None else float(given.tear),
+        length=math.inf if given.length is None else float(given.length),
+    )
 
 
 def _lines(kind: type[ReleasedLines], given: Any, seeds: Seeds) -> Maker:
@@ -188,6 +192,7 @@ def _lines(kind: type[ReleasedLines], given: Any, seeds: Seeds) -> Maker:
         longest=float(given.max_edge_length or seeds.length / _ACROSS),
         radius=float(given.radius or seeds.length / _ROUND),
         flatten=given.flatten,
+        length=math.inf if given.length is None else float(given.length),
     )
 
 
@@ -199,6 +204,7 @@ class StreakSurfaceDocument(_FromSeeds):
     streak_surface: SeedsDocument = Field(description="the curve that releases points")
     velocity: Velocity
     begin: Begin = None
+    length: Lifetime = None
     max_edge_length: Longest = None
     tear: Tear = None
     thickness: Thickness = None
@@ -252,6 +258,7 @@ class StreakLinesDocument(_FromSeeds):
     radius: Radius = None
     flatten: Flatten = 1.0
     begin: Begin = None
+    length: Lifetime = None
     max_edge_length: Longest = None
 
     def _maker(self, seeds: Seeds) -> Maker:

@@ -29,9 +29,9 @@ from flowsculpt.pipeline.plugins.streams.released_surfaces import (
     PathSurface,
     ReleasedSurface,
     StreakSurface,
-    stretches,
 )
 from flowsculpt.pipeline.plugins.streams.seed_curves import SeedCircle, SeedCurve, Seeds
+from flowsculpt.pipeline.plugins.streams.sheet_cuts import cut_below, stretches
 from flowsculpt.pipeline.plugins.streams.shells import shell
 from flowsculpt.pipeline.plugins.streams.travels import Frozen
 
@@ -168,6 +168,45 @@ def test_a_front_that_a_saddle_stretches_is_torn_where_the_shot_says(kind: type[
     flat = whole._flat(whole._resampler.mesh)
     assert stretches(whole.mesh.vertices, flat, whole.mesh.faces).max() > 3.0
     assert np.ptp(mesh.vertices[:, 0]) < np.ptp(whole.mesh.vertices[:, 0])
+
+
+def test_points_of_a_streak_that_have_travelled_long_enough_are_left_out() -> None:
+    for seeds, field in CASES.values():
+        surface = StreakSurface(seeds, Streamlines(field), 0.0, Thresholds(LONGEST), length=0.4)
+        lines = StreakLines(seeds, Streamlines(field), 0.0, 3, LONGEST, 0.02, length=0.4)
+        for step in range(1, 21):
+            surface.grow(SECONDS * step / 20)
+            lines.grow(SECONDS * step / 20)
+        mesh = surface.mesh
+        assert validate(mesh).problem is None and pieces(mesh) == 1
+        assert lengths_of_edges(mesh).max() <= LONGEST
+        inner = surface._resampler.mesh
+        times = surface.coordinates.times(inner.attributes[REST])
+        assert np.isclose(times.min(), SECONDS - 0.4) and np.isclose(times.max(), SECONDS)
+        exact = inner.attributes["astray"] == 0
+        away = np.linalg.norm(surface.carry(inner.attributes[REST]) - inner.vertices, axis=1)
+        assert away[exact].max() < 1e-6
+        assert np.isclose(lines._times[0], SECONDS - 0.4) and len(lines._points) == len(lines._times)
+
+
+def test_a_surface_is_cut_at_a_height() -> None:
+    rng = np.random.default_rng(3)
+    flat = np.stack(np.meshgrid(np.arange(9.0), np.arange(9.0), indexing="ij"), -1).reshape(-1, 2)
+    corner = (9 * np.arange(8)[:, None] + np.arange(8)).ravel()
+    faces = np.concatenate(
+        [np.stack([corner, corner + 9, corner + 10], 1), np.stack([corner, corner + 10, corner + 1], 1)]
+    )
+    sheet = TriangleMesh(
+        np.column_stack([flat, rng.normal(0.0, 0.2, 81)]), faces, {"height": flat[:, 0] + 0.0}
+    )
+    for limit in (2.5, 3.0, 3.25):
+        part = cut_below(sheet, sheet.attributes["height"] + 0.1 * flat[:, 1], limit)
+        heights = part.attributes["height"] + 0.1 * part.vertices[:, 1]
+        assert validate(part).problem is None and heights.min() > limit - 1e-12
+        a, b, c = part.vertices[part.faces][:, :, :2].transpose(1, 0, 2)
+        areas = 0.5 * np.cross(b - a, c - a)
+        assert (areas > -1e-12).all()
+        assert np.isclose(areas.sum(), 64.0 - 8.0 * (limit - 0.4))
 
 
 def test_a_shell_is_closed_and_as_thick_as_it_should_be() -> None:
