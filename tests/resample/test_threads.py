@@ -44,7 +44,9 @@ def test_four_hundred_films_in_four_threads_have_the_bits_that_they_have_alone()
     assert _differing(rounds=34) == []
 
 
-GRID = Samples((np.arange(2.0), np.arange(2.0), np.arange(2.0)), np.zeros(1), np.zeros((1, 2, 2, 2, 3)), ())
+GRID = Samples.of_arrays(
+    (np.arange(2.0), np.arange(2.0), np.arange(2.0)), np.zeros(1), np.zeros((1, 2, 2, 2, 3)), ()
+)
 
 
 @pytest.mark.parametrize(

@@ -32,11 +32,13 @@ CROSSING = 10.0
 def data(
     common: Common,
     file: Annotated[Path, typer.Argument(help="NetCDF, HDF5, a Zarr store, a VTK grid or .npz.")],
-    group: Annotated[str | None, typer.Option(help="The group of a NetCDF 4 file or a Zarr store.")] = None,
+    group: Annotated[
+        str | None, typer.Option(metavar="NAME", help="The group of a NetCDF 4 file or a Zarr store.")
+    ] = None,
 ) -> None:
     """List the variables, axes and times of a file of fields, and the velocity that `sampled` would read.
 
-    Shares of missing values are those of the first time. Nothing is written.
+    `flowsculpt data ocean.nc` also says dates, extents, what is missing, and the lines for a shot.
     """
     facts = _stored(file, group) if stored_arrays.is_stored(file) else _grid(file)
     print_result(_table(facts), facts, common.json)

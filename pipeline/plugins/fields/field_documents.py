@@ -51,6 +51,10 @@ class VelocityVariables(Document):
     z: str | None = Field(None, description="along z, or upward")
 
 
+_OF_STORED = ("also", "variables", "at", "group", "map", "up", "fit", "exaggerate", "land")
+"""Settings of fields in NetCDF, HDF5 and Zarr alone."""
+
+
 class SampledDocument(FlowParameters):
     """Samples from files, whose axes are read with the shot, so that their mistakes are reported with it."""
 
@@ -113,20 +117,14 @@ class SampledDocument(FlowParameters):
             context.notes.extend(notes)
             self._note_files(0, 0)
             return self
-        given = {
-            "also",
-            "variables",
-            "at",
-            "group",
-            "map",
-            "up",
-            "fit",
-            "exaggerate",
-            "land",
-        } & self.model_fields_set
+        given = [
+            name
+            for name in _OF_STORED
+            if getattr(self, name) != type(self).model_fields[name].get_default(call_default_factory=True)
+        ]
         if given:
             raise UsageError(
-                f"{paths[0]}: {min(given)} does not apply; it is for NetCDF, HDF5 and Zarr. Remove it."
+                f"{paths[0]}: {given[0]} does not apply; it is for NetCDF, HDF5 and Zarr. Remove it."
             )
         read = read_samples(paths, self.array, float(self.interval))
         self._samples = read.samples

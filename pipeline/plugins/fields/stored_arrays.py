@@ -208,14 +208,14 @@ def _chunk_grid(folder: Path) -> tuple[list[int], list[int], list[str], str]:
     """Return the shape, the size of chunks in files, the prefix of their names, and the separator."""
     try:
         if (folder / "zarr.json").is_file():
-            about = json.loads((folder / "zarr.json").read_text())
+            about = json.loads((folder / "zarr.json").read_text("utf-8"))
             keys = about.get("chunk_key_encoding", {"name": "default"})
             separator = keys.get("configuration", {}).get(
                 "separator", "/" if keys["name"] == "default" else "."
             )
             sizes = about["chunk_grid"]["configuration"]["chunk_shape"]
             return list(about["shape"]), list(sizes), ["c"] if keys["name"] == "default" else [], separator
-        about = json.loads((folder / ".zarray").read_text())
+        about = json.loads((folder / ".zarray").read_text("utf-8"))
         return list(about["shape"]), list(about["chunks"]), [], about.get("dimension_separator", ".")
     except (OSError, ValueError, KeyError, TypeError) as error:
         reason = f"its .zarray or zarr.json cannot be read ({shorten(str(error))})"

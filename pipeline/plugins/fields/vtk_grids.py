@@ -200,7 +200,7 @@ class _Grid:
 
     def require_room(self, piece: ElementTree.Element, extent: Extent) -> None:
         """Raise UsageError where a piece has more points than the bytes of its file can hold."""
-        count = math.prod(last - first for first, last in extent)
+        count = math.prod(max(1, last - first) for first, last in extent)
         if 3 * count > MOST_A_BYTE.get(self.vtk.compressor, 1) * self.size:
             self.fail(f"Extent is {piece.get('Extent')!r}, more points than {self.size} bytes can hold")
 
