@@ -75,7 +75,7 @@ class Work:
         )
 
     def field(self) -> Sampled:
-        return Sampled(samples=Samples(self.axes(), np.zeros(1), self.grid()[None], ("",)))
+        return Sampled(samples=Samples.of_arrays(self.axes(), np.zeros(1), self.grid()[None], ("",)))
 
 
 def _abc(x: Floats, y: Floats, z: Floats) -> tuple[Floats, Floats, Floats]:
