@@ -145,7 +145,7 @@ class Exact:
         columns = DENSER * math.ceil(seeds.length / self.longest) + 1
         travel, rows = Travel(Streamlines(field), 0.0), [seeds.points(np.linspace(0, seeds.length, columns))]
         for step in range(1, PER_FRAME * FRAMES + 1):
-            travel.advance(rows[-1], seconds * step / (PER_FRAME * FRAMES), np.inf)
+            travel.advance(rows[-1], seconds * step / (PER_FRAME * FRAMES), rows[-1], np.inf)
             rows.append(travel.moved(rows[-1]))
         self.points = np.stack(rows)
         size = np.arange(self.points.shape[0] * columns).reshape(-1, columns)

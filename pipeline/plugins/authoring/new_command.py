@@ -16,6 +16,7 @@ from flowsculpt.api.commands import print_result, print_warning, require_one_of
 from flowsculpt.api.files import disk_errors
 from flowsculpt.api.frames import Show
 from flowsculpt.api.options import Common
+from flowsculpt.pipeline.plugins.authoring.data_shots import shot_of_data
 from flowsculpt.pipeline.plugins.authoring.gallery_shots import GALLERY, gallery_files, gallery_names
 from flowsculpt.pipeline.plugins.authoring.new_files import Content, same_contents, write_new
 from flowsculpt.pipeline.plugins.authoring.schema_command import SCHEMAS, defaults_of, write_schemas
@@ -83,6 +84,14 @@ def new(
             "an animation: Alembic, USD, glTF, FBX, PC2 or MDD.",
         ),
     ] = None,
+    data: Annotated[
+        Path | None,
+        typer.Option(
+            "--data",
+            metavar="FILE",
+            help="Show what the velocities in this file carry along: NetCDF, HDF5, Zarr, VTK grids or .npz.",
+        ),
+    ] = None,
 ) -> None:
     """Begin a shot, or a show: write files that are ready to render.
 
@@ -102,11 +111,15 @@ def new(
     `flowsculpt new A050_splash --sequence "cache/*.ply"` writes a shot of numbered files, which stay where
     they are.
 
+    `flowsculpt new A060_ocean --data ocean.nc` writes a shot of what the velocities in a file carry along; it
+    proposes seeds, a pace and a camera.
+
     The schemas by which editors complete and check shot files are written to shots/.schema, and a file that
     the flow reads beside the shot.
     """
     if show:
-        if alone := "--model" if model is not None else "--sequence" if sequence is not None else "":
+        given = {"--model": model, "--sequence": sequence, "--data": data}
+        if alone := next((option for option, value in given.items() if value is not None), ""):
             raise UsageError(
                 f"--show begins a folder and {alone} one shot; begin the show first, then run flowsculpt new "
                 f"NAME {alone} FILE in its folder"
@@ -132,8 +145,9 @@ def new(
     path = Show().folder / f"{name}.yaml"
     if path.exists():
         raise UsageError(f"{path} is there already; choose another name or edit that file")
-    if sequence is not None:
-        shot = _of_sequence(sequence, name, alone=model is None and source == "twist")
+    if sequence is not None or data is not None:
+        alone = model is None and source == "twist" and (sequence is None or data is None)
+        shot = _of_files(sequence, data, name, alone)
     else:
         shot = _of_source(source, name) if model is None else _of_model(model, source, name)
     files = [path, *shot.beside]
@@ -216,11 +230,15 @@ def _about_defaults(target: Path, text: str, source: str) -> list[str]:
     return [f"{Show().defaults} changes this copy of {source}: {names}; what the shot itself says wins"]
 
 
-def _of_sequence(sequence: str, name: str, alone: bool) -> _NewShot:
-    """Return a new shot of a moving mesh; not `alone` beside a model or a flow."""
+def _of_files(sequence: str | None, data: Path | None, name: str, alone: bool) -> _NewShot:
+    """Return a new shot of a moving mesh, or of velocities; not `alone` beside a model, a flow or both."""
     if not alone:
-        raise UsageError("--sequence shows files as they are; leave --model and --from out")
-    text, remarks = shot_of_sequence(sequence, name)
+        option = "--sequence" if data is None else "--data"
+        raise UsageError(f"{option} shows files as they are; leave the other options out")
+    if data is not None:
+        text, remarks = shot_of_data(data, name)
+    else:
+        text, remarks = shot_of_sequence(str(sequence), name)
     return _NewShot(without_shared(text, defaults_of(Show().folder)), remarks=remarks)
 
 

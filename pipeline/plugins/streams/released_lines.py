@@ -11,13 +11,16 @@ from abc import ABC, abstractmethod
 
 import numpy as np
 
-from flowsculpt import Streamlines, TriangleMesh
+from flowsculpt import FrameError, Streamlines, TriangleMesh
 from flowsculpt.api.meshes import Floats
 from flowsculpt.pipeline.plugins.streams.seed_curves import Seeds
 from flowsculpt.pipeline.plugins.streams.travels import Travel
 
 SIDES = 12
 """Of a tube."""
+
+MOST_POINTS = 2000
+"""Of a line, in a frame."""
 
 _CAP = np.radians([90.0, 60.0, 30.0])  # latitudes of the rings that round an end off
 
@@ -64,7 +67,7 @@ class ReleasedLines(ABC):
 
     def _grow(self, travel: Travel, until: float) -> None:
         while travel.now != until:
-            travel.advance(self._moving(travel), until, self._longest)
+            travel.advance(self._moving(travel), until, self._leading(travel), self._longest)
             self._move(travel)
 
     @property
@@ -82,6 +85,10 @@ class ReleasedLines(ABC):
         moving = self._velocities()
         line = np.arange(len(self._rows)) // (len(self._rows) // len(self.along))
         return moving[self._rows, line]
+
+    def _leading(self, travel: Travel) -> Floats:
+        """Return the points (N, 3) that the next step draws out lines between and their neighbours."""
+        return self._seeds
 
     @abstractmethod
     def _moving(self, travel: Travel) -> Floats:
@@ -123,6 +130,11 @@ class StreakLines(ReleasedLines):
             middles = 0.5 * (times[long] + times[long + 1])
             if not len(long) or (times[long + 1] - times[long]).min() < 1e-9:
                 break
+            if len(times) + len(middles) > MOST_POINTS:
+                raise FrameError(
+                    f"a line needs more than {MOST_POINTS} points, since neighbours on it are carried apart. "
+                    "Raise max_edge_length, or write a shorter length."
+                )
             seeds = np.tile(self._seeds, (len(middles), 1))
             when = np.repeat(self.travel.begin + middles, len(self._seeds))
             between = self.travel.released(seeds, when).reshape(len(middles), -1, 3)
@@ -146,6 +158,9 @@ class PathLines(ReleasedLines):
 
     def _moving(self, travel: Travel) -> Floats:
         return self._points[-1 if travel is self.travel else 0]
+
+    def _leading(self, travel: Travel) -> Floats:
+        return self._moving(travel)
 
     def _move(self, travel: Travel) -> None:
         moved = travel.moved(self._moving(travel))[None]

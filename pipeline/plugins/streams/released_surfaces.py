@@ -21,8 +21,9 @@ from flowsculpt.pipeline.plugins.streams.seed_curves import Seeds
 from flowsculpt.pipeline.plugins.streams.sheet_cuts import cut_below, stretches, with_faces
 from flowsculpt.pipeline.plugins.streams.travels import Travel
 
-REST, MATERIAL = "rest", "material"
-"""Vertex attributes (V, 3): of exact placement, here the coordinates; and of frames, which patterns go by."""
+REST, ASTRAY, MATERIAL = "rest", "astray", "material"
+"""Vertex attributes: of exact placement, here the coordinates (V, 3), and a flag for vertices that could not
+be placed exactly; and of frames, (V, 3), which patterns go by."""
 
 _FIRST = 0.7  # edges of the first row, over the longest that may be
 
@@ -131,7 +132,7 @@ class ReleasedSurface(ABC):
     def _grow(self, travel: Travel, until: float) -> None:
         while travel.now != until:
             moving = self._first if self._grown is None else self._moving(travel)
-            travel.advance(moving, until, self._longest)
+            travel.advance(moving, until, self._leading(travel), self._longest)
             if self._grown is None:
                 self._grown = Resampler(self._strip(travel), self.thresholds, self._placement)
             else:
@@ -172,7 +173,12 @@ class ReleasedSurface(ABC):
         mesh = self._resampler.mesh
         kept = stretches(mesh.vertices, self._flat(mesh), mesh.faces) <= self.tear
         if not kept.all() and kept.any():
-            self._grown = Resampler(with_faces(mesh, kept), self.thresholds, self._placement)
+            self._go_on(with_faces(mesh, kept))
+
+    def _go_on(self, mesh: TriangleMesh) -> None:
+        """Go on with a part of the surface; vertices that could not be placed are still tried again."""
+        self._grown = Resampler(mesh, self.thresholds, self._placement)
+        self._grown.set_attributes(**{ASTRAY: mesh.attributes[ASTRAY]})
 
     def _flat(self, mesh: TriangleMesh) -> Floats:
         """Return lengths along the seeds and times (F, 3, 2) of the corners of each face."""
@@ -186,6 +192,10 @@ class ReleasedSurface(ABC):
     @abstractmethod
     def _first_times(self, travel: Travel) -> tuple[float, float]:
         """Return the times of the two rows after the first step, so that faces are seen from outside."""
+
+    def _leading(self, travel: Travel) -> Floats:
+        """Return the points (N, 3) between which and their row the next step draws out edges."""
+        return self._first
 
     @abstractmethod
     def _moving(self, travel: Travel) -> Floats:
@@ -231,8 +241,7 @@ class StreakSurface(ReleasedSurface):
         row = np.flatnonzero(np.abs(self.coordinates.times(rest) - limit) <= 1e-9 * (1.0 + abs(limit)))
         rest, points = self.coordinates.with_time(rest, row, limit), part.vertices.copy()
         points[row] = self.carry(rest[row])
-        mesh = part.with_vertices(points).with_attributes(**{REST: rest})
-        self._grown = Resampler(mesh, self.thresholds, self._placement)
+        self._go_on(part.with_vertices(points).with_attributes(**{REST: rest}))
 
     def carry(self, coordinates: Floats) -> Floats:
         seeds = self.coordinates.seeds(coordinates)
@@ -256,6 +265,9 @@ class PathSurface(ReleasedSurface):
 
     def _moving(self, travel: Travel) -> Floats:
         return self._resampler.vertices[self._front(travel, travel.now)]
+
+    def _leading(self, travel: Travel) -> Floats:
+        return self._first if self._grown is None else self._moving(travel)
 
     def _move(self, travel: Travel) -> None:
         front = self._front(travel, travel.before)

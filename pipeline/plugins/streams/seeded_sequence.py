@@ -7,7 +7,6 @@ import json
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from itertools import pairwise
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -112,9 +111,17 @@ class SeededSequence(SurfaceSequence):
         frame = self._frame(seconds)
         if self.begin is None:
             return [self.digest, self.flow.cache_data(self.times[frame], 0.0)]
-        ends = pairwise([self.begin, *self.times[: frame + 1]])
-        steps = [self.flow.cache_data(start, end - start) for start, end in ends]
-        return [self.digest, hashlib.sha256(json.dumps(steps).encode()).hexdigest()]
+        return [self.digest, self._history(frame, self.begin)]
+
+    def _history(self, frame: int, begin: float) -> str:
+        """Return the digest of all that moved points up to a frame, by that of the frame before."""
+        known: list[str] = self._known.setdefault("history", [])
+        ends = [begin, *self.times]
+        for each in range(len(known), frame + 1):
+            step = self.flow.cache_data(ends[each], ends[each + 1] - ends[each])
+            text = json.dumps([known[-1] if known else "", step])
+            known.append(hashlib.sha256(text.encode()).hexdigest())
+        return known[frame]
 
     def _frame(self, seconds: float) -> int:
         return int(np.argmin(np.abs(np.array(self.times) - seconds)))

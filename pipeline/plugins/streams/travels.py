@@ -179,16 +179,18 @@ class Travel:
         """The begin of the last step."""
         return self.steps[-1].begin
 
-    def advance(self, moving: Floats, until: float, longest: float) -> None:
-        """Add a step towards a time in which none of the points (N, 3) goes much farther than `longest`.
+    def advance(self, moving: Floats, until: float, leading: Floats, longest: float) -> None:
+        """Add a step of points (N, 3) towards a time, in which others (M, 3) go about `longest` at most.
 
         Raises FrameError where the field needs too many sub-steps.
         """
-        speeds = np.linalg.norm(self.flow.field.velocity(moving, self.now), axis=1)
-        fastest = float(speeds.max(initial=0.0))
-        count = math.ceil(abs(until - self.now) * fastest / longest)
+        count = math.ceil(abs(until - self.now) * self._fastest(leading) / longest)
         end = until if count <= 1 else self.now + (until - self.now) / count
-        self.steps.append(TravelStep.of(self.flow, self.now, end, fastest))
+        self.steps.append(TravelStep.of(self.flow, self.now, end, self._fastest(moving)))
+
+    def _fastest(self, points: Floats) -> float:
+        speeds = np.linalg.norm(self.flow.field.velocity(points, self.now), axis=1)
+        return float(speeds.max(initial=0.0))
 
     def moved(self, points: Floats) -> Floats:
         """Return points (N, 3) moved by the last step."""

@@ -1,0 +1,80 @@
+"""`new --data`: shots of velocities in files that preview as they are written."""
+
+from __future__ import annotations
+
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flowsculpt.pipeline.animation import animate
+from flowsculpt.pipeline.shot import read_shot
+from tests.conftest import commanded
+from tests.needed_plugins import needs_plugins
+
+pytestmark = needs_plugins("authoring", "fields")
+
+
+def write_gyre(path: Path, speed: float = 3.0) -> None:
+    """Write a box 10 by 6 by 4 about (5, 0, 0) in which all turns about y, faster farther out."""
+    x, y, z = np.linspace(0, 10, 11), np.linspace(-3, 3, 7), np.linspace(-2, 2, 5)
+    places = np.stack(np.meshgrid(x, y, z, indexing="ij"), axis=-1)
+    velocity = speed * np.stack([places[..., 2], np.zeros(places.shape[:3]), 5.0 - places[..., 0]], axis=-1)
+    np.savez(path, x=x, y=y, z=z, velocity=velocity)
+
+
+def write_winds(path: Path) -> None:
+    """Write winds of a year over half the globe, at one level."""
+    xarray = pytest.importorskip("xarray")
+    east, north, months = np.linspace(0, 180, 19), np.linspace(-60, 60, 13), np.arange(12.0)
+    shape = (12, 13, 19)
+    wind = np.broadcast_to(8.0 * np.cos(np.radians(north))[None, :, None], shape)
+    names = ("time", "lat", "lon")
+    xarray.Dataset(
+        {
+            "u": (names, wind, {"standard_name": "eastward_wind", "units": "m/s"}),
+            "v": (names, 0.2 * wind, {"standard_name": "northward_wind", "units": "m/s"}),
+        },
+        {
+            "time": ("time", 30.0 * months, {"units": "days since 2001-01-15", "standard_name": "time"}),
+            "lat": ("lat", north, {"units": "degrees_north", "standard_name": "latitude"}),
+            "lon": ("lon", east, {"units": "degrees_east", "standard_name": "longitude"}),
+        },
+    ).to_netcdf(path, engine="h5netcdf")
+
+
+def begun(root: Path, data: str, *more: str) -> tuple[int, str]:
+    return commanded(root, "new", "A010_sea", "--data", data, *more)
+
+
+@pytest.mark.parametrize(("name", "pace"), [("gyre.npz", "strength: "), ("winds.nc", 'time_scale: "')])
+def test_a_shot_shows_what_velocities_of_a_file_carry_along(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, pace: str
+) -> None:
+    (write_gyre if name.endswith("npz") else write_winds)(tmp_path / name)
+    monkeypatch.chdir(tmp_path)
+    code, said = begun(tmp_path, name)
+    assert code == 0 and f"{name} stays where it is; the shot names it ../{name}" in said
+    text = (tmp_path / "shots/A010_sea.yaml").read_text("utf-8")
+    assert pace in text and f'file: "../{name}"' in text
+    shot = read_shot(tmp_path / "shots/A010_sea.yaml")
+    first, *_, last = islice(animate(shot), 40)
+    sizes = [np.ptp(frame.mesh.vertices, axis=0).max() for frame in (first, last)]
+    assert 0.5 < sizes[0] <= sizes[1] < 4.0
+    moved = np.linalg.norm(last.mesh.vertices[-1] - first.mesh.vertices[-1])
+    assert 0.01 < moved < 2.0
+
+
+def test_data_without_motion_or_beside_other_sources_are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    code, said = begun(tmp_path, "missing.nc")
+    assert code == 3 and "missing.nc: not found; check the path" in said
+    write_gyre(tmp_path / "still.npz", speed=0.0)
+    code, said = begun(tmp_path, "still.npz")
+    assert code == 2 and "still.npz: nothing moves at its first time" in said
+    code, said = begun(tmp_path, "still.npz", "--sequence", "a_*.ply")
+    assert code == 2 and "--data shows files as they are; leave the other options out" in said
+    assert not (tmp_path / "shots/A010_sea.yaml").exists()
