@@ -146,8 +146,8 @@ def new(
     if path.exists():
         raise UsageError(f"{path} is there already; choose another name or edit that file")
     if sequence is not None or data is not None:
-        alone = model is None and source == "twist" and (sequence is None or data is None)
-        shot = _of_files(sequence, data, name, alone)
+        is_alone = model is None and source == "twist" and (sequence is None or data is None)
+        shot = _of_files(sequence, data, name, is_alone)
     else:
         shot = _of_source(source, name) if model is None else _of_model(model, source, name)
     files = [path, *shot.beside]
