@@ -475,7 +475,7 @@ UNUSABLE = [
         "plug-in flowsculpt adds command render too; uninstall one of the two",
     ),
 ]
-"""Plug-ins that cannot be used: the name of the package, the text of its module, and what is told."""
+"""Plug-ins that cannot be used: the name of the package, the text of its module, and the message."""
 
 
 @pytest.fixture(scope="module")
@@ -663,7 +663,7 @@ BREACHES = [
     ),
     ("extras", "extras:More", None),
 ]
-"""Parts of plug-ins that break their contract: the door, the place, and what is told, if anything."""
+"""Parts of plug-ins that break their contract: the door, the place, and the message, if any."""
 
 ASK_TWICE = """\
 from flowsculpt.pipeline.cli.execution import RunObserver
@@ -674,7 +674,7 @@ for _ in "ab": RunObserver.of_plugins(); ShotExtras.of_plugins()
 
 @pytest.fixture(scope="module")
 def told_of_breaches(tmp_path_factory):
-    """What is told of plug-ins, one for each part of BREACHES."""
+    """The messages about plug-ins, one for each part of BREACHES."""
     environment = Environment(tmp_path_factory.mktemp("breaches"))
     for number, (door, place, _) in enumerate(BREACHES):
         environment.install(f"broken{number}", plugin(f"broken{number}", f", {door}={place!r}"))

@@ -65,8 +65,8 @@ class SeededSequence(SurfaceSequence):
         back = [number for number, step in enumerate(np.diff(self.times), 2) if step < 0.0]
         if back and self.begin is not None:
             raise MeshError(
-                f"the flow runs backwards into the {back[0]}th frame, and {self.word} only grows. Keep speed "
-                f"above 0, or write stream_{self.word.partition('_')[2]}."
+                f"the flow runs backwards into frame {back[0]} of {len(self.times)}, and {self.word} "
+                f"only grows. Keep speed above 0, or write stream_{self.word.partition('_')[2]}."
             )
 
     @property
