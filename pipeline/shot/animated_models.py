@@ -9,6 +9,7 @@ since the first one. Where faces change, each frame shows a surface of its own, 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -93,12 +94,22 @@ class SurfaceSequence(ABC):
         """Return the surface at a time, and the velocities (V, 3) of its vertices per second, where known.
 
         The surface has the attribute `normal` (V, 3), where the files have normals; 0 where they are unknown.
-        It may have the attribute `material` (V, 3), which patterns go by in place of positions.
+        It may have the attribute `material` (V, 3), which patterns go by in place of positions, and the
+        attribute `values` (V, 2), what it measures: see `Surface.VALUES`.
         """
 
     @abstractmethod
     def data(self, seconds: float) -> Any:
         """Return what decides the surface at a time and its velocities, JSON-able."""
+
+    def quantiles(self, shares: Sequence[float]) -> Sequence[float]:
+        """Return the numbers below which these fractions lie of the values of all frames of the shot."""
+        raise NotImplementedError("surfaces with values have them")
+
+    def facts(self, seconds: float) -> Mapping[str, Any]:
+        """Return what is known at a time: `values` and `unit`, what is measured, where it measures; `date`,
+        that of its data; `metres`, the length of a unit."""
+        return {}
 
 
 @dataclass(frozen=True)

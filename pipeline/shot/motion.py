@@ -26,8 +26,9 @@ from flowsculpt.pipeline.shot.animated_models import AnimatedFlow, AnimatedModel
 from flowsculpt.pipeline.shot.copies import Copies, bounding_sphere
 from flowsculpt.pipeline.shot.subjects import PluginSurface, Solid, Subject, as_data
 from flowsculpt.render.base.serialise import NOT_PLAIN, OMIT_DEFAULT
+from flowsculpt.render.scene.measured_colours import Measure
 from flowsculpt.render.scene.painted_faces import PaintedFaces
-from flowsculpt.render.scene.patterns import COPY_PLACE, Measure, Pigment
+from flowsculpt.render.scene.patterns import COPY_PLACE, Pigment
 
 _SECONDS = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+))\s*s\s*")
 

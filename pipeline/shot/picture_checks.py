@@ -16,7 +16,7 @@ from flowsculpt.pipeline.shot.documents.look_documents import ALL_LOOKS, check_b
 from flowsculpt.pipeline.shot.documents.subject_documents import points_kind
 from flowsculpt.pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource, dotted_path, listed
 from flowsculpt.render.scene.materials import Material, Painted
-from flowsculpt.render.scene.patterns import Measure
+from flowsculpt.render.scene.measured_colours import Measure
 from flowsculpt.render.scene.render_camera import KINDS
 from flowsculpt.render.scene.render_quality import MIN_ADAPTIVE_SAMPLES, QUALITIES
 from flowsculpt.render.scene.scene_lights import BACKGROUND, LIGHTS

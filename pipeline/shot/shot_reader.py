@@ -42,6 +42,7 @@ from flowsculpt.pipeline.shot.yaml.named_files import name_fault, quote_name
 from flowsculpt.pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource
 from flowsculpt.render.base.render_errors import BadInputError
 from flowsculpt.render.scene.materials import Material, Painted
+from flowsculpt.render.scene.measured_colours import shows_values
 from flowsculpt.render.scene.render_quality import qualities_for
 from flowsculpt.render.scene.scene_lights import LightRig
 from flowsculpt.render.scene.scene_stage import STAGES, Stage
@@ -212,7 +213,7 @@ def _with_materials(shot: Shot, source: YamlSource, digests: dict[Path, str]) ->
     if not (
         isinstance(subject, Model) and subject.paint and any(isinstance(look, Painted) for look in looks)
     ):
-        return shot
+        return _with_values(shot, source)
     place = source.place(("subjects", shot.subject, "model") if shot.subject else ("subject", "model"))
     try:
         materials = ModelFile(subject.path, subject.part).materials()
@@ -229,6 +230,21 @@ def _with_materials(shot: Shot, source: YamlSource, digests: dict[Path, str]) ->
     picture = replace(picture, look=painted(picture.look), overrides=overrides)
     notes = (f"model {subject.path.name}: {note}" for note in materials.notes)
     return replace(shot, picture=picture, notes=(*shot.notes, *notes))
+
+
+def _with_values(shot: Shot, source: YamlSource) -> Shot:
+    """Return a shot of one subject whose look, if it shows values, knows those of all frames.
+
+    Raises ShotError where the subject has none.
+    """
+    look, pattern, animated = shot.picture.look, shot.picture.look.pattern, shot.motion.animated
+    if not shows_values(pattern):
+        return shot
+    if animated is None or "values" not in animated.model.sequence.facts(0.0):
+        place = source.place(("subjects", shot.subject, "look") if shot.subject else ("look",))
+        raise ShotError(f"{place}: look shows values, and the subject has none. Write values: speed in it.")
+    measure = replace(pattern, quantiles=animated.model.sequence.quantiles)
+    return replace(shot, picture=replace(shot.picture, look=look.with_values(measure=measure)))
 
 
 def _checked(checks: Checks, clock: Clock | None) -> list[Problem]:

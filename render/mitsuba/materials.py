@@ -27,8 +27,9 @@ from flowsculpt.render.scene.materials import (
     Satin,
     Smoke,
 )
+from flowsculpt.render.scene.measured_colours import Measure, shows_values
 from flowsculpt.render.scene.painted_faces import material_weight
-from flowsculpt.render.scene.patterns import Measure, Pigment
+from flowsculpt.render.scene.patterns import Pigment
 from flowsculpt.render.scene.textures import REPEATED
 
 Description = dict[str, Any]
@@ -367,9 +368,10 @@ def _ramp_bitmap(pattern: Pigment | Measure) -> Description:
     """Return a bitmap of one row, looked up by the first texture coordinate."""
     import mitsuba as mi
 
+    row = pattern.ramp_with_missing() if shows_values(pattern) else pattern.ramp()
     return {
         "type": "bitmap",
-        "bitmap": mi.Bitmap(np.array(pattern.ramp()[None], order="C")),
+        "bitmap": mi.Bitmap(np.array(row[None], order="C")),
         "raw": True,
         "filter_type": "bilinear",
         "wrap_mode": "repeat" if pattern.repeats else "clamp",

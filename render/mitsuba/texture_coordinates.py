@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 from flowsculpt.render.base.render_errors import BadInputError
 from flowsculpt.render.mitsuba.engine import is_compiled
 from flowsculpt.render.scene.materials import Material
+from flowsculpt.render.scene.measured_colours import MISSING, shows_values
 from flowsculpt.render.scene.patterns import Pigment
 from flowsculpt.render.scene.surface import Surface
 from flowsculpt.render.scene.texture_projection import TextureProjection, project_texture
@@ -89,8 +90,25 @@ def texture_coordinates(surface: Surface, material: Material) -> tuple[Surface, 
                 "Take another pigment, or see what flowsculpt doctor says about libLLVM"
             )
     phases = material.phases(surface)
+    if phases is not None and shows_values(pigment):
+        surface, phases = _split_at_missing(surface, phases)
+        phases = pigment.places_of(phases)
     first = np.zeros(len(surface.vertices)) if phases is None else phases
     return surface, ScaledCoordinates(np.stack([first, np.full(len(first), SUBJECT)], axis=1))
+
+
+def _split_at_missing(surface: Surface, phases: Floats) -> tuple[Surface, Floats]:
+    """Return the surface with faces that lack a value split off, and phases (V,), MISSING all over these.
+
+    Between a value and none a face would show colours of the palette that stand for neither.
+    """
+    missing = phases == MISSING
+    if not missing.any() or missing.all():
+        return surface, phases
+    lacks = missing[surface.faces].any(axis=1)
+    vertices, corner = np.unique(2 * surface.faces.astype(np.int64) + lacks[:, None], return_inverse=True)
+    split = surface.with_copied_vertices(vertices // 2, corner.reshape(-1, 3).astype(np.int32))
+    return split, np.where(vertices % 2, MISSING, phases[vertices // 2])
 
 
 def _along_scratches(surface: Surface, axes: Floats) -> tuple[Surface, ScaledCoordinates]:

@@ -1,24 +1,22 @@
-"""Colours by a number at each point: procedural patterns, and measures shown by colour maps.
+"""Colours by a number at each point: procedural patterns.
 
 A colour ramp maps the number, a *phase*, to colours, so borders between them are as sharp as the picture.
 Patterns are computed in rest positions, so they move with the material: at every sample of a picture in
 compiled variants (`flowsculpt.render.mitsuba.pattern_textures`) and previews, elsewhere at vertices, between
-which faces interpolate. Measures are numbers at vertices.
+which faces interpolate.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from functools import cache
-from typing import Any, ClassVar, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flowsculpt.render.base.render_errors import BadInputError
-from flowsculpt.render.base.serialise import NOT_PLAIN, OMIT_DEFAULT, Colour, Triple
-from flowsculpt.render.scene.rgb_spaces import REC709, converted_pixels, linear_of_srgb
+from flowsculpt.render.base.serialise import OMIT_DEFAULT, Colour, Triple
 from flowsculpt.render.scene.surface import Surface
 
 CELLS = ("spots", "chips")
@@ -171,7 +169,11 @@ class Pigment:
 
     def colours_at(self, points: NDArray[np.floating]) -> NDArray[np.float64]:
         """Return the colours (V, 3) of rest positions (V, 3), linear Rec.709."""
-        return looked_up(self, self.phases(points))
+        return self.colours_of(self.phases(points))
+
+    def colours_of(self, phases: Phases) -> NDArray[np.float64]:
+        """Return the colours (V, 3) of phases (V,), linear Rec.709."""
+        return looked_up(self.ramp(), phases % 1.0 if self.repeats else phases)
 
     def ramp(self, of: str = "colours") -> NDArray[np.float32]:
         """Return the colours (TEXELS, 3) of phases from 0 to 1; or "heights" or "roughness" (TEXELS, 1)."""
@@ -222,11 +224,10 @@ class Pigment:
         return ramp
 
 
-def looked_up(pattern: Pigment | Measure, phases: Phases) -> NDArray[np.float64]:
-    """Return the colours (V, 3) of phases (V,), linear Rec.709."""
-    ramp = pattern.ramp()
-    phases = phases % 1.0 if pattern.repeats else np.clip(phases, 0.0, 1.0)
-    return np.asarray(ramp[np.minimum((phases * len(ramp)).astype(int), len(ramp) - 1)], dtype=np.float64)
+def looked_up(ramp: NDArray[np.float32], phases: Phases) -> NDArray[np.float64]:
+    """Return the colours (V, 3) of phases (V,) in a ramp (N, 3). Beyond 0 and 1 its end colours continue."""
+    places = (np.clip(phases, 0.0, 1.0) * len(ramp)).astype(int)
+    return np.asarray(ramp[np.minimum(places, len(ramp) - 1)], dtype=np.float64)
 
 
 def in_ramp(depth: Any) -> Any:
@@ -241,157 +242,3 @@ def _smooth(x: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the smoothstep of x: from 0 at 0 to 1 at 1, with slope 0 at both."""
     x = np.clip(x, 0.0, 1.0)
     return np.asarray(x * x * (3.0 - 2.0 * x))
-
-
-Floats = NDArray[np.float64]
-
-COLOUR_MAPS = ("viridis", "plasma", "inferno", "magma", "cividis", "turbo", "coolwarm")
-"""Colour maps of matplotlib. viridis, plasma, inferno, magma (N. Smith and S. van der Walt, 2015) and cividis
-(J. Nuñez et al., PLOS ONE 13(7), 2018) grow lighter with the number, by equal perceived steps; turbo (A.
-Mikhailov, 2019) is a smooth rainbow; coolwarm (K. Moreland, *Diverging Color Maps for Scientific
-Visualization*, 2009) is for numbers on both sides of a middle."""
-
-_MAP_COLOURS = 256
-
-
-class MeasureKind(NamedTuple):
-    """Unit, default colour map and default range of a measure. `is_logarithmic`: equal steps are factors."""
-
-    unit: str
-    colours: str
-    low: float
-    high: float
-    is_logarithmic: bool
-
-
-KINDS = {
-    "speed": MeasureKind("scene units per second", "viridis", 0.0, 4.0, is_logarithmic=False),
-    "stretch": MeasureKind("times as long", "inferno", 1.0, 4.0, is_logarithmic=True),
-    "area": MeasureKind("times as large", "coolwarm", 0.25, 4.0, is_logarithmic=True),
-}
-
-
-@dataclass(frozen=True)
-class Measure:
-    """A measured number at every vertex, and the colour map that shows it.
-
-    of         "speed" (of the flow, scene units per second), "stretch" (largest principal stretch since the
-               rest positions) or "area" (area over area at rest)
-    colours    one of COLOUR_MAPS; None for the kind's own
-    low, high  numbers at the ends of the colour map; None for the kind's own. They are the same in every
-               frame, so that a colour always means the same number and never flickers
-
-    working_space  the space that the colour map is converted to
-    """
-
-    repeats: ClassVar[bool] = False
-    """Beyond the colour map its end colours continue."""
-
-    of: str
-    colours: str | None = None
-    low: float | None = None
-    high: float | None = None
-    working_space: str = field(default=REC709.name, metadata=NOT_PLAIN)
-
-    def __post_init__(self) -> None:
-        if self.of not in KINDS:
-            raise BadInputError(f"measure is of {self.of!r}; it can be {', '.join(KINDS)}")
-        if self.colours is not None and self.colours not in COLOUR_MAPS:
-            raise BadInputError(f"measure has colours {self.colours!r}; they can be {', '.join(COLOUR_MAPS)}")
-        low, high = self.range
-        if not low < high or (self.kind.is_logarithmic and not low > 0.0):
-            above = ", and above 0" if self.kind.is_logarithmic else ""
-            raise BadInputError(f"measure has range {low} to {high}; the first is below the second{above}")
-
-    @property
-    def kind(self) -> MeasureKind:
-        """The kind that `of` names."""
-        return KINDS[self.of]
-
-    @property
-    def range(self) -> tuple[float, float]:
-        """Numbers at the ends of the colour map."""
-        low = self.kind.low if self.low is None else self.low
-        return low, self.kind.high if self.high is None else self.high
-
-    def ramp(self) -> NDArray[np.float32]:
-        """Return the colours (N, 3) of phases from 0 to 1. Beyond, the end colours continue."""
-        return converted_pixels(colour_map(self.colours or self.kind.colours), self.working_space)
-
-    def phases(self, surface: Surface) -> Floats:
-        """Return the phases (V,) of vertices: 0 at the range's low end, 1 at its high end. Raises as
-        `values`."""
-        low, high = self.range
-        values = self.values(surface)
-        if self.kind.is_logarithmic:
-            values, low, high = np.log2(values), np.log2(low), np.log2(high)
-        return np.asarray((values - low) / (high - low))
-
-    def values(self, surface: Surface) -> Floats:
-        """Return the measured numbers (V,). Raises BadInputError where the surface lacks what they need."""
-        if self.of == "speed":
-            if Surface.SPEED not in surface.attributes:
-                raise BadInputError("look shows speed, but the surface has no velocities")
-            return np.asarray(surface.attributes[Surface.SPEED], dtype=np.float64).reshape(-1)
-        rest = surface.require_rest(f"look shows {self.of}")
-        if not len(surface.faces):
-            raise BadInputError(f"look shows {self.of}, which needs triangles; clouds support only speed")
-        longest, shortest = principal_stretches(rest, surface.vertices, surface.faces)
-        measured = longest if self.of == "stretch" else longest * shortest
-        return at_vertices(measured, surface)
-
-
-def principal_stretches(
-    rest: NDArray[np.floating], now: NDArray[np.floating], faces: NDArray[np.int32]
-) -> tuple[Floats, Floats]:
-    """Return the larger and the smaller principal stretch of triangles since their rest, (F,) each.
-
-    The deformation gradient F of a triangle is constant and maps its edges E at rest to its edges e now.
-    Stretches are its singular values: the roots of the eigenvalues of FᵀF, which in the basis E are those
-    of (EᵀE)⁻¹(eᵀe), with half the trace t and the determinant J²: λ² = t ± √(t² − J²). J is the change of
-    area. (J. Bonet, R. Wood, *Nonlinear Continuum Mechanics for Finite Element Analysis*, 2008, chapter 4;
-    constant-strain triangles.) A triangle without area at rest has stretches 1.
-    """
-    before, after = _gram(rest, faces), _gram(now, faces)
-    area = before[0] * before[2] - before[1] ** 2
-    flat = area <= 1e-14 * (before[0] + before[2]) ** 2
-    area = np.where(flat, 1.0, area)
-    half_trace = 0.5 * (before[2] * after[0] - 2.0 * before[1] * after[1] + before[0] * after[2]) / area
-    determinant = np.maximum(after[0] * after[2] - after[1] ** 2, 0.0) / area
-    root = np.sqrt(np.maximum(half_trace**2 - determinant, 0.0))
-    longest = np.sqrt(half_trace + root)
-    shortest = np.sqrt(determinant) / np.maximum(longest, 1e-30)
-    return np.where(flat, 1.0, longest), np.where(flat, 1.0, shortest)
-
-
-def at_vertices(measured: Floats, surface: Surface) -> Floats:
-    """Return the geometric means (V,) of numbers (F,) over the faces of each vertex, weighted by rest area.
-
-    Both sides of a crease have their own vertices, so their own means.
-    """
-    assert surface.rest is not None
-    before = _gram(surface.rest, surface.faces)
-    weight = np.sqrt(np.maximum(before[0] * before[2] - before[1] ** 2, 0.0))
-    share = np.log(np.maximum(measured, 1e-6)) * weight
-    corners, count = surface.faces.reshape(-1), len(surface.vertices)
-    total = np.bincount(corners, np.repeat(share, 3), count)
-    weights = np.bincount(corners, np.repeat(weight, 3), count)
-    return np.asarray(np.exp(total / np.where(weights > 0.0, weights, 1.0)))
-
-
-def _gram(points: NDArray[np.floating], faces: NDArray[np.int32]) -> tuple[Floats, Floats, Floats]:
-    """Return the dot products of two edges a, b of each triangle: a·a, a·b and b·b, (F,) each."""
-    a, b, c = points.astype(np.float64)[faces].transpose(1, 0, 2)
-    first, second = b - a, c - a
-    return (first * first).sum(axis=1), (first * second).sum(axis=1), (second * second).sum(axis=1)
-
-
-@cache
-def colour_map(name: str) -> NDArray[np.float32]:
-    """Return linear Rec.709 reflectances (256, 3), from the lowest number to the highest."""
-    from matplotlib import colormaps
-
-    srgb = np.asarray(colormaps[name](np.linspace(0.0, 1.0, _MAP_COLOURS)))[:, :3]
-    linear = linear_of_srgb(srgb).astype(np.float32)
-    linear.setflags(write=False)
-    return linear

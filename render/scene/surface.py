@@ -49,9 +49,11 @@ class Surface:
     paint       what a model's file has on the faces, or None
 
     SPEED       name of the attribute (V, 1) that the measure "speed" shows
+    VALUES      name of the attribute (V, 2) that the measure "values" shows; see `with_known`
     """
 
     SPEED: ClassVar[str] = "speed"
+    VALUES: ClassVar[str] = "values"
 
     vertices: NDArray[np.float32]
     normals: NDArray[np.float32]

@@ -16,7 +16,7 @@ from flowsculpt.pipeline.production.request.shot_source import ShotSource
 from flowsculpt.pipeline.resample import Thresholds
 from flowsculpt.pipeline.shot import read_shot
 from flowsculpt.render.scene.materials import LOOKS
-from flowsculpt.render.scene.patterns import colour_map
+from flowsculpt.render.scene.palettes import colour_map
 from flowsculpt.render.scene.render_camera import Camera
 from flowsculpt.render.scene.scene_stage import StagePlacement
 

@@ -14,14 +14,8 @@ from flowsculpt.render.base.render_errors import BadInputError
 from flowsculpt.render.base.serialise import from_plain, to_plain
 from flowsculpt.render.scene.aovs import RenderedFrame
 from flowsculpt.render.scene.materials import LOOKS
-from flowsculpt.render.scene.patterns import (
-    COLOUR_MAPS,
-    KINDS,
-    Measure,
-    at_vertices,
-    colour_map,
-    principal_stretches,
-)
+from flowsculpt.render.scene.measured_colours import KINDS, Measure, at_vertices, principal_stretches
+from flowsculpt.render.scene.palettes import COLOUR_MAPS, colour_map
 from flowsculpt.render.scene.surface import Surface
 
 Rendered = Callable[..., RenderedFrame]

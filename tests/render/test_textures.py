@@ -16,8 +16,8 @@ from flowsculpt.render.base.render_errors import BadInputError
 from flowsculpt.render.base.serialise import from_plain, to_plain
 from flowsculpt.render.scene.aovs import RenderedFrame
 from flowsculpt.render.scene.materials import LOOKS, Relief
-from flowsculpt.render.scene.patterns import linear_of_srgb
 from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.rgb_spaces import linear_of_srgb
 from flowsculpt.render.scene.surface import Surface
 from flowsculpt.render.scene.texture_projection import MODEL, PROJECTIONS, TextureProjection, project_texture
 from flowsculpt.render.scene.textures import Texture

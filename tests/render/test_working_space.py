@@ -21,7 +21,8 @@ from flowsculpt.render.post.view import ACES
 from flowsculpt.render.scene.aovs import RenderedFrame
 from flowsculpt.render.scene.materials import LOOKS, Diffuse, Material, MitsubaMaterial
 from flowsculpt.render.scene.materials.mitsuba_bsdf import Bsdf
-from flowsculpt.render.scene.patterns import Measure, Pigment
+from flowsculpt.render.scene.measured_colours import Measure
+from flowsculpt.render.scene.patterns import Pigment
 from flowsculpt.render.scene.render_quality import Quality
 from flowsculpt.render.scene.rgb_spaces import ACESCG, REC709, WorkingSpace
 from flowsculpt.render.scene.scene import Scene

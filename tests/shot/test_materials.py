@@ -12,7 +12,7 @@ from flowsculpt.pipeline.errors import ShotError
 from flowsculpt.pipeline.shot import Shot, read_shot
 from flowsculpt.render.base.serialise import to_plain
 from flowsculpt.render.scene.materials import LOOKS
-from flowsculpt.render.scene.patterns import Measure
+from flowsculpt.render.scene.measured_colours import Measure
 from flowsculpt.render.scene.texture_projection import TextureProjection
 from tests.needed_plugins import needs_plugins
 
@@ -94,7 +94,10 @@ def test_a_material_of_mitsuba_is_written_out_with_what_it_holds(folder: Path) -
             "{material: clay, measure: {sped: {}}}",
             "look.measure.sped: unknown name. Did you",
         ),
-        ("{material: clay, measure: {}}", "measure names 0 things"),
+        (
+            "{material: clay, measure: {}}",
+            "a measure is one of speed, stretch, area, values, and this has none",
+        ),
         ("{material: clay, measure: {speed: {colours: virids}}}", "Did you mean 'viridis'?"),
         ("{material: clay, measure: {speed: {range: [2, 1]}}}", "the first is below the second"),
         ("{material: clay, colour: [1, 1, 1], measure: {area: {}}}", "look has both colour and measure"),

@@ -173,8 +173,11 @@ def _exported_mesh(shot: Shot, frame: MeshFrame, shading: Shading) -> ExportedFr
     look = shot.picture.look
     paint = shot.motion.painted(rest, mesh.faces)
     surface = rendered_surface(split.vertices, split.normals, split.faces, rest[source], velocities[source])
-    places = {n: v[source] for n, v in shot.motion.copy_places(look.pattern, rest).items()}
-    surface = replace(surface, attributes={**surface.attributes, **places})
+    named = shot.motion.copy_places(look.pattern, rest)
+    if (values := mesh.attributes.get(Surface.VALUES)) is not None:
+        named[Surface.VALUES] = values
+    at_corners = {name: each[source].astype(np.float32) for name, each in named.items()}
+    surface = replace(surface, attributes={**surface.attributes, **at_corners})
     colours = look.vertex_colours(replace(surface, paint=paint))
     return ExportedFrame(
         *(mesh.vertices, mesh.faces, split.normals, split.faces, velocities, rest, mesh.creases),
@@ -262,6 +265,7 @@ def frame_key(request: RenderRequest, number: int) -> str:
         motion.velocity_data(number),
         str(motion.rate),
         *surface_recipe(request.shot),
+        *request.keys.range_data(number),
         *([] if motion.copies is None else ["copies"]),
     )
 

@@ -14,7 +14,8 @@ import numpy as np
 from flowsculpt import FrameError, Streamlines, TriangleMesh
 from flowsculpt.api.meshes import Floats
 from flowsculpt.pipeline.plugins.streams.seed_curves import Seeds
-from flowsculpt.pipeline.plugins.streams.travels import Travel
+from flowsculpt.pipeline.plugins.streams.stream_values import Parcels
+from flowsculpt.pipeline.plugins.streams.travels import Travel, travelled_both_ways
 
 SIDES = 12
 """Of a tube."""
@@ -86,6 +87,22 @@ class ReleasedLines(ABC):
         line = np.arange(len(self._rows)) // (len(self._rows) // len(self.along))
         return moving[self._rows, line]
 
+    def parcels(self) -> Parcels:
+        """Return the points of the lines, of which the vertices of the last `mesh` show some."""
+        rows, lines, _ = self._points.shape
+        line = np.arange(len(self._rows)) // (len(self._rows) // lines)
+        ages, times = (np.repeat(each, lines) for each in self._ages_and_times())
+        seeds = np.tile(self._seeds, (rows, 1))
+        return Parcels(self._points.reshape(-1, 3), seeds, ages, times, self._rows * lines + line)
+
+    @abstractmethod
+    def displaced(self, seeds: Floats, ages: Floats) -> Floats:
+        """Return where points (N, 3) that are released elsewhere are, by the ages (N,) of `parcels`."""
+
+    @abstractmethod
+    def _ages_and_times(self) -> tuple[Floats, Floats]:
+        """Return how long the points of each row (T,) have travelled, and when they are there, seconds."""
+
     def _leading(self, travel: Travel) -> Floats:
         """Return the points (N, 3) that the next step draws out lines between and their neighbours."""
         return self._seeds
@@ -120,6 +137,13 @@ class StreakLines(ReleasedLines):
             self._points = np.concatenate([first[None], self._points[kept:]])
             self._times = [oldest, *self._times[kept:]]
         self._refine()
+
+    def displaced(self, seeds: Floats, ages: Floats) -> Floats:
+        return self.travel.released(seeds, self.travel.now - ages)
+
+    def _ages_and_times(self) -> tuple[Floats, Floats]:
+        ages = self.travel.now - self.travel.begin - np.array(self._times)
+        return ages, np.full(len(ages), self.travel.now)
 
     def _refine(self) -> None:
         """Add points between neighbours that are too far apart, and leave out those that are too near."""
@@ -167,6 +191,13 @@ class PathLines(ReleasedLines):
         ahead = travel is self.travel
         self._points = np.concatenate([self._points, moved] if ahead else [moved, self._points])
         self._times.insert(len(self._times) if ahead else 0, travel.now - travel.begin)
+
+    def displaced(self, seeds: Floats, ages: Floats) -> Floats:
+        return travelled_both_ways(self.travel, self.back, seeds, ages)
+
+    def _ages_and_times(self) -> tuple[Floats, Floats]:
+        ages = np.array(self._times)
+        return ages, self.travel.begin + ages
 
     def _velocities(self) -> Floats:
         found = np.zeros_like(self._points)

@@ -19,7 +19,8 @@ from flowsculpt import Exact, Resampler, Streamlines, Thresholds, TriangleMesh
 from flowsculpt.api.meshes import Floats
 from flowsculpt.pipeline.plugins.streams.seed_curves import Seeds
 from flowsculpt.pipeline.plugins.streams.sheet_cuts import cut_below, stretches, with_faces
-from flowsculpt.pipeline.plugins.streams.travels import Travel
+from flowsculpt.pipeline.plugins.streams.stream_values import Parcels
+from flowsculpt.pipeline.plugins.streams.travels import Travel, travelled_both_ways
 
 REST, ASTRAY, MATERIAL = "rest", "astray", "material"
 """Vertex attributes: of exact placement, here the coordinates (V, 3), and a flag for vertices that could not
@@ -112,6 +113,22 @@ class ReleasedSurface(ABC):
         mesh = self._resampler.mesh
         coordinates = mesh.attributes[REST]
         return TriangleMesh(mesh.vertices, mesh.faces, {MATERIAL: coordinates})
+
+    def parcels(self) -> Parcels:
+        """Return the vertices of `mesh`."""
+        mesh = self._resampler.mesh
+        coordinates = mesh.attributes[REST]
+        ages, times = self._ages_and_times(self.coordinates.times(coordinates))
+        seeds = self.coordinates.seeds(coordinates)
+        return Parcels(mesh.vertices, seeds, ages, times, np.arange(len(seeds)))
+
+    @abstractmethod
+    def displaced(self, seeds: Floats, ages: Floats) -> Floats:
+        """Return where points (N, 3) that are released elsewhere are, by the ages (N,) of `parcels`."""
+
+    @abstractmethod
+    def _ages_and_times(self, times: Floats) -> tuple[Floats, Floats]:
+        """Return how long points of times (N,) have travelled, and when they are there, seconds."""
 
     @property
     def _resampler(self) -> Resampler:
@@ -247,6 +264,12 @@ class StreakSurface(ReleasedSurface):
         seeds = self.coordinates.seeds(coordinates)
         return self.travel.released(seeds, self.coordinates.times(coordinates))
 
+    def displaced(self, seeds: Floats, ages: Floats) -> Floats:
+        return self.travel.released(seeds, self.travel.now - ages)
+
+    def _ages_and_times(self, times: Floats) -> tuple[Floats, Floats]:
+        return self.travel.now - times, np.full(len(times), self.travel.now)
+
     def velocities(self) -> Floats:
         found = self.travel.flow.field.velocity(self._resampler.vertices, self.travel.now)
         found[self._row(self.travel.now)] = 0.0
@@ -275,12 +298,13 @@ class PathSurface(ReleasedSurface):
         self._set_time(front, travel.now - travel.begin)
 
     def carry(self, coordinates: Floats) -> Floats:
-        seeds, times = self.coordinates.seeds(coordinates), self.coordinates.times(coordinates)
-        back = times < 0.0
-        seeds[~back] = self.travel.travelled(seeds[~back], times[~back])
-        if back.any():
-            seeds[back] = self._back.travelled(seeds[back], -times[back])
-        return seeds
+        return self.displaced(self.coordinates.seeds(coordinates), self.coordinates.times(coordinates))
+
+    def displaced(self, seeds: Floats, ages: Floats) -> Floats:
+        return travelled_both_ways(self.travel, self._back, seeds, ages)
+
+    def _ages_and_times(self, times: Floats) -> tuple[Floats, Floats]:
+        return times, self.travel.begin + times
 
     def velocities(self) -> Floats:
         found = np.zeros_like(self._resampler.vertices)

@@ -5,18 +5,22 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 
 from flowsculpt import MeshError, PolygonMesh, Streamlines, TriangleMesh
+from flowsculpt.api.materials import with_known
 from flowsculpt.api.meshes import Floats
 from flowsculpt.api.shots import SurfaceSequence
 from flowsculpt.pipeline.plugins.streams.shells import shell
+from flowsculpt.pipeline.plugins.streams.stream_values import Measured, Parcels, StreamValues
 from flowsculpt.pipeline.plugins.streams.travels import Frozen
+from flowsculpt.pipeline.plugins.streams.value_samples import ValueSamples
 
 VERSION = 1
 """Raised when equal settings give other surfaces."""
@@ -34,6 +38,10 @@ class Released(Protocol):
 
     def velocities(self) -> Floats: ...
 
+    def parcels(self) -> Parcels: ...
+
+    def displaced(self, seeds: Floats, ages: Floats) -> Floats: ...
+
 
 @dataclass(frozen=True, eq=False)
 class SeededSequence(SurfaceSequence):
@@ -48,6 +56,7 @@ class SeededSequence(SurfaceSequence):
     length     seconds that points travel
     direction  of streamlines
     thickness  of a shell about a surface, units
+    values     what is measured at its points; None for nothing
     """
 
     word: str
@@ -59,6 +68,7 @@ class SeededSequence(SurfaceSequence):
     length: float = math.inf
     direction: str = "forwards"
     thickness: float = 0.0
+    values: StreamValues | None = None
     _known: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -101,16 +111,53 @@ class SeededSequence(SurfaceSequence):
         frame = self._frame(seconds)
         released = self._streamlines(frame) if self.begin is None else self._grown(frame, self.begin)
         mesh = released.mesh
+        if self.values is not None:
+            values = self._measured(frame, released, self.values)
+            self._samples.note(frame, values)
+            mesh = mesh.with_attributes(values=with_known(values))
         velocities = None if self.begin is None else released.velocities()
         if self.thickness:
             mesh = shell(mesh, self.thickness)
             velocities = None if velocities is None else np.concatenate([velocities, velocities])
         return PolygonMesh.from_triangles(mesh), velocities
 
+    def _measured(self, frame: int, released: Released, values: StreamValues) -> Floats:
+        """Return the values (V,) of the vertices of the last mesh in a frame."""
+        if self.begin is None:
+            now = self.times[frame]
+            if values.numbers is not None:
+                values = replace(values, numbers=Frozen(values.numbers, now))
+            return Measured(values, keeps=False).of(released, Frozen(self.flow.field, now))
+        if (known := self._known.get("measured")) is None or known[0] is not released:
+            known = released, Measured(values, keeps=self.word.startswith("path"))
+            self._known["measured"] = known
+        return known[1].of(released, self.flow.field)
+
+    @cached_property
+    def _samples(self) -> ValueSamples:
+        """What the frames so far have measured."""
+        return ValueSamples(len(self.times), lambda: [self.data(time) for time in self.times])
+
+    def quantiles(self, shares: Sequence[float]) -> Sequence[float]:
+        if (known := self._samples.quantiles(shares)) is not None:
+            return known
+        whole = replace(self, _known={})  # what has grown here goes on as it is
+        for time in self.times:
+            whole.surface(time)
+        found = whole._samples.quantiles(shares)
+        if found is None:
+            raise MeshError(
+                f"{self.word} measures {whole.facts(0.0)['values']}, which no frame has. Write others."
+            )
+        return found
+
+    def facts(self, seconds: float) -> dict[str, Any]:
+        return {} if self.values is None else {"values": self.values.label, "unit": self.values.unit}
+
     def data(self, seconds: float) -> Any:
         frame = self._frame(seconds)
         if self.begin is None:
-            return [self.digest, self.flow.cache_data(self.times[frame], 0.0)]
+            return [self.digest, *self._step(self.times[frame], 0.0)]
         return [self.digest, self._history(frame, self.begin)]
 
     def _history(self, frame: int, begin: float) -> str:
@@ -118,10 +165,16 @@ class SeededSequence(SurfaceSequence):
         known: list[str] = self._known.setdefault("history", [])
         ends = [begin, *self.times]
         for each in range(len(known), frame + 1):
-            step = self.flow.cache_data(ends[each], ends[each + 1] - ends[each])
-            text = json.dumps([known[-1] if known else "", step])
+            step = self._step(ends[each], ends[each + 1] - ends[each])
+            text = json.dumps([known[-1] if known else "", *step])
             known.append(hashlib.sha256(text.encode()).hexdigest())
         return known[frame]
+
+    def _step(self, time: float, dt: float) -> list[Any]:
+        """Return all that decides what happens in a step: what moves points and, if any, their variable."""
+        numbers = self.values.numbers if self.values else None
+        measured = [] if numbers is None else [Streamlines(numbers).cache_data(time, dt)]
+        return [self.flow.cache_data(time, dt), *measured]
 
     def _frame(self, seconds: float) -> int:
         return int(np.argmin(np.abs(np.array(self.times) - seconds)))

@@ -25,11 +25,13 @@ from flowsculpt.api.shots import (
     SurfaceSequence,
     Triple,
     VelocityDocument,
+    one_of,
 )
 from flowsculpt.pipeline.plugins.streams.released_lines import PathLines, ReleasedLines, StreakLines
 from flowsculpt.pipeline.plugins.streams.released_surfaces import PathSurface, ReleasedSurface, StreakSurface
 from flowsculpt.pipeline.plugins.streams.seed_curves import SeedCircle, SeedCurve, Seeds
 from flowsculpt.pipeline.plugins.streams.seeded_sequence import Released, SeededSequence
+from flowsculpt.pipeline.plugins.streams.stream_values import NAMES, StreamValues
 
 Maker = Callable[[Streamlines, float], Released]
 """Returns a surface, or lines, of a flow and the time of the first release, in seconds."""
@@ -135,6 +137,10 @@ Flatten = Annotated[
 ]
 Length = Annotated[Positive, Field(description="of travel along the streamlines (s)")]
 Lifetime = Annotated[Positive | None, Field(description="how long points travel; by default without end (s)")]
+Values = Annotated[
+    Annotated[str, one_of(NAMES, "measure")] | None,
+    Field(description="what look: {measure: {values: {}}} shows"),
+]
 Direction = Annotated[Literal["forwards", "backwards", "both"], Field(description="of travel")]
 
 
@@ -154,7 +160,8 @@ class _FromSeeds(MovingKind):
         seeds: Seeds = getattr(given, word).build(folder)
         begin = None if word.startswith("stream") else _begin(given.begin, clock)
         lifetime = getattr(given, "length", None)
-        plain = self.model_dump(mode="json", exclude={word, "velocity", "begin", "length", "thickness"})
+        left_out = {word, "velocity", "begin", "length", "thickness", *([] if given.values else ["values"])}
+        plain = self.model_dump(mode="json", exclude=left_out)
         points = seeds.points(np.linspace(0.0, seeds.length, _COMPARED))
         return SeededSequence(
             word=word,
@@ -166,12 +173,21 @@ class _FromSeeds(MovingKind):
             length=math.inf if lifetime is None else float(lifetime),
             direction=getattr(given, "direction", "forwards"),
             thickness=float(getattr(given, "thickness", None) or 0.0),
+            values=_values(given, seeds),
         )
 
 
 def _begin(begin: float | None, clock: Clock) -> float:
     before = clock.flow_time(clock.frames.first - 1)
     return begin if begin is not None else before if before < 0.0 else -1.0 / float(clock.rate.fps)
+
+
+def _values(given: Any, seeds: Seeds) -> StreamValues | None:
+    """Return what is measured, if anything is."""
+    longest = float(given.max_edge_length or seeds.length / _ACROSS)
+    if isinstance(given.values, str):
+        return StreamValues(given.values, *NAMES[given.values], longest)
+    return None
 
 
 def _surface(kind: type[ReleasedSurface], given: Any, seeds: Seeds) -> Maker:
@@ -206,6 +222,7 @@ class StreakSurfaceDocument(_FromSeeds):
     begin: Begin = None
     length: Lifetime = None
     max_edge_length: Longest = None
+    values: Values = None
     tear: Tear = None
     thickness: Thickness = None
 
@@ -223,6 +240,7 @@ class PathSurfaceDocument(_FromSeeds):
     begin: Begin = None
     length: Lifetime = None
     max_edge_length: Longest = None
+    values: Values = None
     tear: Tear = None
     thickness: Thickness = None
 
@@ -240,6 +258,7 @@ class StreamSurfaceDocument(_FromSeeds):
     length: Length = 2.0
     direction: Direction = "forwards"
     max_edge_length: Longest = None
+    values: Values = None
     tear: Tear = None
     thickness: Thickness = None
 
@@ -260,6 +279,7 @@ class StreakLinesDocument(_FromSeeds):
     begin: Begin = None
     length: Lifetime = None
     max_edge_length: Longest = None
+    values: Values = None
 
     def _maker(self, seeds: Seeds) -> Maker:
         return _lines(StreakLines, self, seeds)
@@ -278,6 +298,7 @@ class PathLinesDocument(_FromSeeds):
     begin: Begin = None
     length: Lifetime = None
     max_edge_length: Longest = None
+    values: Values = None
 
     def _maker(self, seeds: Seeds) -> Maker:
         return _lines(PathLines, self, seeds)
@@ -296,6 +317,7 @@ class StreamLinesDocument(_FromSeeds):
     length: Length = 2.0
     direction: Direction = "forwards"
     max_edge_length: Longest = None
+    values: Values = None
 
     def _maker(self, seeds: Seeds) -> Maker:
         return _lines(PathLines, self, seeds)

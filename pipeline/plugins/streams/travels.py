@@ -270,6 +270,15 @@ class Travel:
         return self._blocks[first]
 
 
+def travelled_both_ways(ahead: Travel, back: Travel, points: Floats, lengths: Floats) -> Floats:
+    """Return where points (N, 3) are after lengths (N,) of seconds, backwards where these are below 0."""
+    ended, before = points.copy(), lengths < 0.0
+    ended[~before] = ahead.travelled(points[~before], lengths[~before])
+    if before.any():
+        ended[before] = back.travelled(points[before], -lengths[before])
+    return ended
+
+
 def _cubic(start: Floats, leaving: Floats, end: Floats, arriving: Floats, shares: Floats) -> Floats:
     """Return points (N, 3) at shares (N,) of curves from `start` to `end`, with derivatives by the share."""
     s, step = shares[:, None], end - start

@@ -137,6 +137,7 @@ class RequestKeys:
             request.seed(number),
             *self._motion_data(number, framings),
             *self.speed_data(number),
+            *self.range_data(number),
             *([{"copies": pictures.copies}] if pictures.copies else []),
             *(["the lens sees visible softboxes alone"] if sees_past_softboxes else []),
         )
@@ -161,6 +162,15 @@ class RequestKeys:
         mesh, shot = self.request.angles[number].mesh, self.request.shot
         data = [part.motion.velocity_data(mesh) for part in shot.parts]
         return [[Surface.SPEED, data if shot.subjects else data[0]]]
+
+    def range_data(self, number: int) -> list[Any]:
+        """Return what decides a range of colours that follows from all frames; nothing of other pictures."""
+        follow = any(part.pictures.of(number).look.follows_all_frames for part in self.request.parts)
+        return [["values of", self._all_meshes]] if follow else []
+
+    @cached_property
+    def _all_meshes(self) -> Key:
+        return key_of(list(self.request.source.surface_keys.meshes.values()))
 
     def _flow_data(self, mesh: int, offsets: tuple[float, ...]) -> list[Any]:
         """Return the cache data of the flow around a mesh frame; of several subjects, a list of them."""

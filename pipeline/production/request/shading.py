@@ -39,6 +39,7 @@ from flowsculpt.pipeline.shot.motion import VELOCITY_STEP
 from flowsculpt.render.base.serialise import from_plain, to_plain
 from flowsculpt.render.scene.render_camera import Camera
 from flowsculpt.render.scene.render_quality import Quality
+from flowsculpt.render.scene.surface import Surface
 
 LEAST = 0.2
 """Pixels between an edge and the patch over it that no one sees."""
@@ -108,6 +109,8 @@ def dice(arrays: Mapping[str, AnyArray], pieces: int, has_pigment: bool = False)
     if "material" in arrays:
         spread_by = spread_curved if has_pigment else spread
         cut["material"] = spread_by(arrays["material"], itself, fine).astype(np.float32)
+    if Surface.VALUES in arrays:
+        cut[Surface.VALUES] = spread(arrays[Surface.VALUES], itself, fine).astype(np.float32)
     return cut
 
 
@@ -180,7 +183,17 @@ class Shading:
             material = spread_curved(material[self.split.source_vertex], self.split, shaded)
         elif self.split is not None:
             material = spread(material, self.split, shaded)
-        return {**_stored(shaded), "material": material.astype(np.float32)}
+        named = {"material": material, **self._values(shaded)}
+        return {**_stored(shaded), **{name: each.astype(np.float32) for name, each in named.items()}}
+
+    def _values(self, shaded: ShadedMesh) -> dict[str, AnyArray]:
+        """Return the values of a surface that has some, cut as it is."""
+        values = self.frame.own.attributes.get(Surface.VALUES)
+        return (
+            {}
+            if values is None or self.split is None
+            else {Surface.VALUES: spread(values, self.split, shaded)}
+        )
 
     @staticmethod
     def of_all_copies(stored: Mapping[str, AnyArray]) -> dict[str, AnyArray]:

@@ -210,9 +210,10 @@ class _ShownSubject:
         if self.first_copy:
             indices = shot.motion.copy_indices(rest)
             attributes[COPY] = (indices[:, None] + self.first_copy).astype(np.float32)
+        if Surface.VALUES in self._arrays:
+            attributes[Surface.VALUES] = self._arrays[Surface.VALUES]
         if not request.pictures.measures_speed:
             return attributes
-
         return {**attributes, Surface.SPEED: self._shading.speeds(request.shot.motion)}
 
     @cached_property

@@ -23,7 +23,6 @@ from flowsculpt.pipeline.shot.documents.field_types import (
     Triple,
     ZeroToOne,
     axis,
-    exactly_one,
     is_written_number,
     one_of,
     optional,
@@ -31,10 +30,12 @@ from flowsculpt.pipeline.shot.documents.field_types import (
     require_three,
     vector,
 )
+from flowsculpt.pipeline.shot.documents.flow_documents import BARE
 from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext, finding
-from flowsculpt.render.base.render_errors import RenderError
 from flowsculpt.render.scene.materials import Absorption, Relief, Subsurface
-from flowsculpt.render.scene.patterns import COLOUR_MAPS, KINDS, PATTERNS, Measure, Pigment
+from flowsculpt.render.scene.measured_colours import KINDS, Measure
+from flowsculpt.render.scene.palettes import COLOUR_MAPS, REVERSED
+from flowsculpt.render.scene.patterns import PATTERNS, Pigment
 from flowsculpt.render.scene.surface import Wireframe
 from flowsculpt.render.scene.texture_projection import PROJECTIONS, TextureProjection
 from flowsculpt.render.scene.textures import Texture
@@ -125,49 +126,56 @@ class PigmentDocument(OneOfSeveral):
         return getattr(self, pattern).build(pattern)
 
 
-class ScaleDocument(Document):
-    """The colour map of a measure, and the values of its ends."""
+Palette = Annotated[str, one_of(COLOUR_MAPS, "palette")]
+PaletteColours = Annotated[list[Colour], Field(min_length=2, max_length=16)]
+Share = Annotated[str, Field(pattern=r"^(100|\d{1,2}(\.\d+)?) ?%$")]
+RangeEnd = Annotated[Real | Share, ByForm(lambda value: isinstance(value, str))]
 
-    colours: Annotated[str, one_of(COLOUR_MAPS, "colour map")] | None = optional(
-        "the colour map: viridis, inferno or another"
+
+class ScaleDocument(Document):
+    """The palette of a measure, and the numbers at its ends."""
+
+    colours: Annotated[Palette | PaletteColours, ByForm(lambda value: isinstance(value, list))] | None = (
+        optional("the palette: viridis, thermal or another; or two or more colours of a palette")
     )
-    range: Annotated[list[Real], Field(min_length=2, max_length=2)] | None = optional(
-        "values of its two ends, the same in every frame"
+    range: Annotated[list[RangeEnd], Field(min_length=2, max_length=2)] | None = optional(
+        "numbers at its two ends; of values also [2%, 98%], below which so many of all frames lie"
     )
+    reverse: bool = Field(False, description="the palette runs backwards")
+    log: bool | None = optional("equal steps of colour are factors")
+    centre: Real | None = optional("the number in the middle of the palette: the range is made even about it")
+    missing: Colour | None = optional("of values: the colour where there is none")
 
     def build(self, of: str) -> Measure:
-        low, high = self.range or (None, None)
-        return Measure(of, self.colours, low, high)
+        ends = self.range or (None, None)
+        low, high = (None if isinstance(end, str) else end for end in ends)
+        below, above = (float(end.rstrip("% ")) / 100.0 if isinstance(end, str) else None for end in ends)
+        given: dict[str, Any] = {"missing": vector(self.missing)} if self.missing else {}
+        if isinstance(self.colours, list):
+            given["own"] = tuple(map(vector, self.colours[:: -1 if self.reverse else 1]))
+        elif self.colours or self.reverse:
+            given["colours"] = (self.colours or KINDS[of].colours) + REVERSED * self.reverse
+        given |= {"shares": (below, above), "log": self.log, "centre": self.centre}
+        return Measure(of, low=low, high=high, **given)
 
 
-class MeasureDocument(Document):
+Scale = Annotated[ScaleDocument | None, BARE]
+
+
+class MeasureDocument(OneOfSeveral):
     """A measured number, by its name."""
 
-    model_config = exactly_one(*KINDS)
+    example = "{speed: {range: [0, 2]}}"
+    noun, several = "a measure", tuple(KINDS)
 
-    speed: ScaleDocument | None = optional("of the flow at each point (units/s)")
-    stretch: ScaleDocument | None = optional(
-        "largest factor by which a direction has lengthened since the rest"
-    )
-    area: ScaleDocument | None = optional("factor by which the surface has grown since the rest")
-
-    @model_validator(mode="after")
-    def _names_one(self) -> Self:
-        if len(self.model_fields_set) != 1:
-            raise finding(
-                f"measure names {len(self.model_fields_set)} things; it is one of {', '.join(KINDS)}. Write "
-                "one, such as measure: {speed: {range: [0, 2]}}."
-            )
-        try:
-            self.build()
-        except RenderError as error:
-            raise finding(f"{error}. Write another range.") from None
-        return self
+    speed: Scale = optional("of the flow at each point (units/s)")
+    stretch: Scale = optional("largest factor by which a direction has lengthened since the rest")
+    area: Scale = optional("factor by which the surface has grown since the rest")
+    values: Scale = optional("what the subject measures, by its own `values`")
 
     def build(self) -> Measure:
-        (of,) = self.model_fields_set
-        scale: ScaleDocument | None = getattr(self, of)
-        return (scale or ScaleDocument()).build(of)
+        (of,) = self.named
+        return getattr(self, of).build(of)
 
 
 def _read_texture(name: str, space: str | None, info: ValidationInfo) -> Texture:

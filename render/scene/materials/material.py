@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from flowsculpt.render.base.render_errors import BadInputError
 from flowsculpt.render.base.serialise import OMIT_DEFAULT, Colour, Triple
-from flowsculpt.render.scene.patterns import Measure, Pigment, looked_up
+from flowsculpt.render.scene.measured_colours import Measure
+from flowsculpt.render.scene.patterns import Pigment
 from flowsculpt.render.scene.picture_file import Pixels
 from flowsculpt.render.scene.surface import Surface, Wireframe
 from flowsculpt.render.scene.texture_projection import MODEL, TextureProjection
@@ -112,6 +113,11 @@ class Material:
         return isinstance(self.pattern, Measure) and self.pattern.of == Surface.SPEED
 
     @property
+    def follows_all_frames(self) -> bool:
+        """True if its colours depend on the values of all frames."""
+        return isinstance(self.pattern, Measure) and self.pattern.follows_all_frames
+
+    @property
     def parts_by_number(self) -> tuple[Material, ...]:
         """The materials of a model by their numbers; of other looks, the look itself."""
         return (self,)
@@ -148,7 +154,7 @@ class Material:
         where the surface lacks what the colours need.
         """
         phases = self.phases(surface)
-        return None if phases is None or self.pattern is None else looked_up(self.pattern, phases)
+        return None if phases is None or self.pattern is None else self.pattern.colours_of(phases)
 
     def preview_surface(self) -> PreviewSurface:
         """Return the preview surface that is nearest to the material, for other programs."""

@@ -23,8 +23,9 @@ from flowsculpt.render.scene.materials.material import (
     of_parts,
 )
 from flowsculpt.render.scene.materials.mitsuba_bsdf import Bsdf
+from flowsculpt.render.scene.measured_colours import Measure
 from flowsculpt.render.scene.painted_faces import PaintedFaces
-from flowsculpt.render.scene.patterns import Measure, Pigment
+from flowsculpt.render.scene.patterns import Pigment
 from flowsculpt.render.scene.surface import Surface
 from flowsculpt.render.scene.texture_projection import MODEL, TextureProjection
 from flowsculpt.render.scene.textures import Texture
