@@ -238,7 +238,7 @@ def _with_values(shot: Shot, source: YamlSource) -> Shot:
     Raises ShotError where the subject has none.
     """
     look, pattern, animated = shot.picture.look, shot.picture.look.pattern, shot.motion.animated
-    if not shows_values(pattern):
+    if shot.subjects or not shows_values(pattern):
         return shot
     if animated is None or "values" not in animated.model.sequence.facts(0.0):
         place = source.place(("subjects", shot.subject, "look") if shot.subject else ("look",))
