@@ -50,6 +50,7 @@ class Samples(ABC):
     is_single True if velocities are float32
     is_paced  True if velocities are lengths per second of the samples: with more of these in a second of the
               shot, all moves faster
+    metre     the length of a metre in the grid, where that is known
     """
 
     axes: tuple[Floats, Floats, Floats]
@@ -59,6 +60,11 @@ class Samples(ABC):
     turn: Floats | None = None
     is_single: bool = False
     is_paced: bool = False
+    metre: float | None = None
+
+    def date(self, seconds: float) -> str:
+        """Return the date and time at seconds of the samples; empty where they have none."""
+        return ""
 
     @staticmethod
     def of_arrays(

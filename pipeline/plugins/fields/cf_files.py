@@ -53,12 +53,14 @@ class Selection:
     at         indices of dimensions that are not axes, or of axes to leave out
     group      of NetCDF 4 and Zarr; None is the first
     interval   seconds from file to file, where files have no times
+    is_number  True if `x` names a variable that is a number, not a velocity
     """
 
     variables: tuple[tuple[str, str], ...] = ()
     at: tuple[tuple[str, int], ...] = ()
     group: str | None = None
     interval: float = 1.0
+    is_number: bool = False
 
 
 @dataclass(frozen=True)
@@ -161,7 +163,7 @@ class _HeaderReader:
             frozenset(turned),
             times,
             units,
-            self._units(names),
+            not self.selection.is_number and self._units(names),
             tuple(dict.fromkeys(self.notes)),
         )
 
@@ -170,14 +172,13 @@ class _HeaderReader:
     def _names(self) -> dict[str, str]:
         variables = self.dataset.variables
         if self.selection.variables:
-            names = dict(self.selection.variables)
+            names, is_number = dict(self.selection.variables), self.selection.is_number
+            there = sorted(str(each) for each in variables if not is_number or variables[each].ndim > 1)
             for name in names.values():
                 if name not in variables:
-                    raise ConventionError(
-                        f"variable {name} is not there. {suggest(name, sorted(map(str, variables)))}".rstrip(
-                            "."
-                        )
-                    )
+                    raise ConventionError(f"variable {name} is not there. {suggest(name, there)}".rstrip("."))
+                if is_number and variables[name].dtype.kind not in "fiu":
+                    raise ConventionError(f"variable {name} holds {variables[name].dtype}, not numbers")
             return names
         known = {
             str(name): text(variable.attrs, "standard_name")
@@ -496,6 +497,28 @@ class CFSource(GridSource):
     @cached_property
     def times(self) -> Floats:  # type: ignore[override]
         """Seconds after the first time."""
+        times = self._seconds
+        return times - times[0]
+
+    def date(self, seconds: float) -> str:
+        """Return the date and time at seconds after the first time; empty where the files have none."""
+        units = self.headers[0].time_units
+        return "" if units is None else units.date((seconds + float(self._seconds[0])) / units.seconds)
+
+    def seconds_until(self, other: CFSource) -> float:
+        """Return the seconds from the first time to that of others; 0 where one of them has no date."""
+        one, two = self.headers[0].time_units, other.headers[0].time_units
+        if one is None or two is None:
+            return 0.0
+        return one.seconds_between(two) + float(other._seconds[0] - self._seconds[0])
+
+    @property
+    def metre(self) -> float:  # type: ignore[override]
+        return self.layout.unit
+
+    @cached_property
+    def _seconds(self) -> Floats:
+        """Seconds after the date at 0 of the first file."""
         first, parts = self.headers[0], []
         for k, header in enumerate(self.headers):
             if header.time_units is None or first.time_units is None:
@@ -503,8 +526,7 @@ class CFSource(GridSource):
                 continue
             since = first.time_units.seconds_between(header.time_units)
             parts.append(since + header.time_units.seconds * header.times)
-        times = np.concatenate(parts)
-        return times - times[0]
+        return np.concatenate(parts)
 
     @cached_property
     def _where(self) -> list[tuple[int, int]]:
@@ -602,11 +624,15 @@ class CFSource(GridSource):
                 raw = np.expand_dims(raw, k)
             elif axis in header.turned:
                 raw = np.flip(raw, k)
-        return decoded(raw, variable.attrs)
+        return decoded(raw, variable.attrs, self.selection.is_number)
 
 
-def decoded(raw: np.ndarray, attributes: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray | None]:
+def decoded(
+    raw: np.ndarray, attributes: Mapping[str, Any], is_number: bool = False
+) -> tuple[np.ndarray, np.ndarray | None]:
     """Return what packed numbers stand for, float32 in m/s or radians per second, and where they are missing.
+
+    is_number  True leaves them in their own unit
 
     §2.5.1, §8.1. Raises ConventionError where attributes are not numbers.
     """
@@ -614,9 +640,8 @@ def decoded(raw: np.ndarray, attributes: Mapping[str, Any]) -> tuple[np.ndarray,
         raw = raw.view(raw.dtype.str.replace("i", "u"))
     missing = missing_among(raw, attributes)
     scale, offset = (_number(attributes, name, "a variable") for name in ("scale_factor", "add_offset"))
-    factor = (
-        speed_factor(text(attributes, "units") or "m s-1")[0] if text(attributes, "units") != "1" else 1.0
-    )
+    units = text(attributes, "units") or "m s-1"
+    factor = 1.0 if is_number or units == "1" else speed_factor(units)[0]
     with np.errstate(all="ignore"):
         values = raw.astype(np.float32)
         if (whole := factor * (1.0 if scale is None else scale)) != 1.0:
@@ -647,7 +672,11 @@ def missing_among(raw: np.ndarray, attributes: Mapping[str, Any]) -> np.ndarray 
 
 
 def cf_samples(
-    paths: tuple[Path, ...], selection: Selection, placing: Placing, *others: tuple[Path, ...]
+    paths: tuple[Path, ...],
+    selection: Selection,
+    placing: Placing,
+    *others: tuple[Path, ...],
+    reader: type[CFSource] = CFSource,
 ) -> tuple[WindowedSamples, tuple[str, ...]]:
     """Return the samples of files with the same grid, one after another in time; and notes on them.
 
@@ -664,7 +693,7 @@ def cf_samples(
         if header.names != first.names or not _same_grid(header.coordinates, first.coordinates):
             fact = f"its grid or its variables differ from those of {first.path.name}"
             raise UsageError(f"{header.path}: {fact}; all files of a sequence share one grid")
-    source = CFSource(together, selection, placing, headers)
+    source = reader(together, selection, placing, headers)
     with _faults(first.path):
         layout, times = source.layout, source.times
     if not (np.diff(times) > 0).all():

@@ -1,6 +1,8 @@
 """Entries of flows in a shot file: `sampled`, `attraction` and `wind`."""
 
+from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
@@ -14,7 +16,7 @@ from pydantic import (
     model_validator,
 )
 
-from flowsculpt import UsageError, read_mesh
+from flowsculpt import MissingInputError, UsageError, read_mesh
 from flowsculpt.api.flows import ParameterDoc, Sampled, Samples
 from flowsculpt.api.meshes import Floats
 from flowsculpt.api.shots import (
@@ -28,8 +30,9 @@ from flowsculpt.api.shots import (
 )
 from flowsculpt.pipeline.plugins.fields.attraction import Attraction, Target, Wind
 from flowsculpt.pipeline.plugins.fields.cf_conventions import duration
-from flowsculpt.pipeline.plugins.fields.cf_files import Selection, cf_samples
-from flowsculpt.pipeline.plugins.fields.file_sequences import files_named
+from flowsculpt.pipeline.plugins.fields.cf_files import CFSource, Selection, cf_samples
+from flowsculpt.pipeline.plugins.fields.cf_numbers import CFNumbers
+from flowsculpt.pipeline.plugins.fields.file_sequences import files_named, is_there
 from flowsculpt.pipeline.plugins.fields.grid_files import read_samples
 from flowsculpt.pipeline.plugins.fields.grid_layout import Placing
 from flowsculpt.pipeline.plugins.fields.stored_arrays import is_stored
@@ -142,10 +145,61 @@ class SampledDocument(FlowParameters):
     def _placing(self) -> Placing:
         return Placing(self.map, self.up, self.fit, float(self.exaggerate), self.land)
 
-    def _note_files(self, first: int, last: int) -> None:
-        assert isinstance(self._samples, WindowedSamples)
+    def _note_files(self, first: int, last: int, samples: Samples | None = None) -> None:
+        noted = self._samples if samples is None else samples
+        assert isinstance(noted, WindowedSamples)
         for index in range(first, last + 1):
-            self._context.digests.update(self._samples.files(index))
+            self._context.digests.update(noted.files(index))
+
+    @staticmethod
+    def _span(flow: Sampled, clock: Clock) -> tuple[int, int]:
+        """Return the first and the last time of the samples that frames may show."""
+        ends = clock.frames.first - 1, clock.frames.last + 1
+        frames = [ends[0], *clock.frames, ends[1]]
+        times = [index for frame in frames for index in flow.moment(clock.flow_time(frame))[:2]]
+        if flow.loop and max(times) - min(times) > 1:
+            times += [0, len(flow.samples.times) - 1]
+        return min(times), max(times)
+
+    def variable_field(self, variable: str, file: str | None, clock: Clock) -> tuple[Any, str, str]:
+        """Return a variable of the data, or of another file, as a field of numbers, its name and its unit."""
+        name = self.file if file is None else file
+        if "*" not in name and not is_there(self._context.folder / name):
+            raise MissingInputError(f"file {name} is not there; it is looked for beside the shot file")
+        paths = files_named(name, self._context)
+        flow: Sampled = super().build(clock)
+        if is_stored(paths[0]):
+            samples, source, start = self._stored_numbers(paths, variable)
+            flow = replace(flow, samples=samples, start=flow.start - start)
+            self._note_files(*self._span(flow, clock), samples)
+            return flow, *source.named
+        read = read_samples(paths, variable, float(self.interval), is_number=True)
+        self._context.digests.update(read.files)
+        return replace(flow, samples=read.samples), variable, ""
+
+    def _stored_numbers(
+        self, paths: tuple[Path, ...], variable: str
+    ) -> tuple[WindowedSamples, CFNumbers, float]:
+        """Return the samples of a variable on the grid of the velocities, their reader, and their delay."""
+        ours, placing = self._samples, self._placing()
+        if not isinstance(ours, WindowedSamples) or not isinstance(ours.source, CFSource):
+            raise UsageError(
+                f"{paths[0]}: it has places of its own, and {self.file} has others. Name one like it."
+            )
+        if not ours.source.layout.is_round:
+            placing = replace(placing, up="z" if ours.source.layout.is_upright else "y")
+        at = tuple((self.at or {}).items())
+        selection = Selection((("x", variable),), at, self.group, float(self.interval), is_number=True)
+        samples, notes = cf_samples(paths, selection, placing, reader=CFNumbers)
+        theirs = samples.source
+        assert isinstance(theirs, CFNumbers), "that reads them"
+        if not theirs.layout.is_round and not theirs.layout.is_above(ours.source.layout):
+            raise UsageError(
+                f"{paths[0]}: longitudes and latitudes of {variable} differ from those of the velocities. "
+                "Put both on one grid, for example by cdo remapbil, or write map: sphere."
+            )
+        self._context.notes.extend(notes)
+        return samples, theirs, ours.source.seconds_until(theirs)
 
     def own_values(self, clock: Clock) -> dict[str, Any]:
         return {"samples": self._samples}
@@ -154,12 +208,7 @@ class SampledDocument(FlowParameters):
         """Return the flow, and note the files of the times that its frames may show."""
         flow = super().build(clock)
         if isinstance(self._samples, WindowedSamples):
-            ends = clock.frames.first - 1, clock.frames.last + 1
-            frames = [ends[0], *clock.frames, ends[1]]
-            times = [index for frame in frames for index in flow.moment(clock.flow_time(frame))[:2]]
-            if flow.loop and max(times) - min(times) > 1:
-                times += [0, len(flow.samples.times) - 1]
-            self._note_files(min(times), max(times))
+            self._note_files(*self._span(flow, clock))
             if flow.samples.is_paced and "time_scale" not in self.model_fields_set:
                 self._note_pace(flow.samples.times)
         return flow

@@ -27,13 +27,13 @@ def files_named(name: str, context: ParseContext) -> tuple[Path, ...]:
     """
     if "*" not in name:
         path = context.folder / name
-        return (path if _is_there(path) else context.file(name),)
+        return (path if is_there(path) else context.file(name),)
     folder = context.folder / Path(name).parent
     try:
         if "**" in name:  # from Python 3.13 on, glob takes it for one *
             raise ValueError
         found = folder.glob(Path(name).name)  # hidden files are of other programs
-        paths = [path for path in found if _is_there(path) and not path.name.startswith(".")]
+        paths = [path for path in found if is_there(path) and not path.name.startswith(".")]
     except (OSError, ValueError):
         raise UsageError(
             f"file {shorten(name)} is not a name of a sequence; each * stands for any letters. "
@@ -44,7 +44,7 @@ def files_named(name: str, context: ParseContext) -> tuple[Path, ...]:
     return in_order(paths, context.notes.append)
 
 
-def _is_there(path: Path) -> bool:
+def is_there(path: Path) -> bool:
     """Tell whether a path is a file, or the folder of a Zarr store."""
     return InputFile(path).is_there() or is_zarr(path)
 

@@ -35,29 +35,28 @@ from flowsculpt.pipeline.plugins.fields.windowed_samples import (
     file_digest,
 )
 
-NAMES = ("x", "y", "z", "t", "velocity")
-
 
 def read_npz(
-    file: Path, content: bytes, most: int = MAX_BYTES
+    file: Path, content: bytes, most: int = MAX_BYTES, name: str = "velocity"
 ) -> tuple[list[np.ndarray], np.ndarray, np.ndarray]:
     """Return arrays x, y, z; times; and velocity (T, X, Y, Z, 3), (X, Y, Z, 3) in a file without t.
 
     most  bytes of all arrays as float64; checked by their headers before anything is unpacked
+    name  of the array of velocities, or of numbers
 
     Raises UsageError where an array is missing or they are too large, and the errors of zipfile and numpy.
     """
     archive = Archive(content)
-    missing = [name for name in NAMES if name != "t" and name not in archive.names]
+    missing = [each for each in (*"xyz", name) if each not in archive.names]
     if missing:
         hint = suggest(missing[0], sorted(archive.names)) if archive.names else "It is empty."
-        raise UsageError(f"{file}: array {missing[0]} is missing; a field has x, y, z and velocity. {hint}")
-    names = [name for name in NAMES if name in archive.names]
+        raise UsageError(f"{file}: array {missing[0]} is missing; a field has x, y, z and {name}. {hint}")
+    names = [each for each in (*"xyzt", name) if each in archive.names]
     headers = [archive.header(name) for name in names]
     wide = (math.prod(header.shape) * max(1, -(-header.dtype.itemsize // 8)) for header in headers)
     require_size(file, [-(-sum(wide) // 3)], most)
     arrays = {name: archive.array(name) for name in names}
-    axes, velocity = [arrays[name] for name in "xyz"], arrays["velocity"]
+    axes, velocity = [arrays[name] for name in "xyz"], arrays[name]
     return (axes, arrays["t"], velocity) if "t" in arrays else (axes, np.zeros(1), velocity[None])
 
 
@@ -76,33 +75,37 @@ class FieldFiles(NamedTuple):
     notes: tuple[str, ...] = ()
 
 
-def read_samples(files: tuple[Path, ...], array: str | None = None, interval: float = 1.0) -> FieldFiles:
+def read_samples(
+    files: tuple[Path, ...], array: str | None = None, interval: float = 1.0, is_number: bool = False
+) -> FieldFiles:
     """Return the samples of one file, or of a sequence of files `interval` seconds apart.
 
-    array  the name of the velocities in VTK files; None: the file's active vectors, or its only array
+    array      the name of the velocities in VTK files; None: the file's active vectors, or its only array
+    is_number  True if the array has numbers: samples are these, 0 where they are NaN, 1 or 0 there, and 1
 
     The digests are of the same bytes that are parsed. The last samples stay in memory: as long as the
     contents of their files do not change, they are not parsed again.
 
     Raises MissingInputError where a file is missing, UsageError where it is invalid.
     """
-    request = (files, array, interval)
+    request = (files, array, interval, is_number)
     for known, read in list(_LAST.items()):  # another thread may replace them
         if known == request and all(_is_unchanged(file, digest) for file, digest in read.files):
             return read
-    _LAST.clear()  # before others take as much memory
-    _LAST[request] = read = _read(files, array, interval)
+    if not is_number:
+        _LAST.clear()  # before others take as much memory
+    _LAST[request] = read = _read(files, array, interval, is_number)
     return read
 
 
-_LAST: dict[tuple[tuple[Path, ...], str | None, float], FieldFiles] = {}
+_LAST: dict[tuple[tuple[Path, ...], str | None, float, bool], FieldFiles] = {}
 
 
 def _is_unchanged(file: Path, digest: str) -> bool:
     return hashlib.sha256(InputFile(file, MAX_BYTES).content()).hexdigest() == digest
 
 
-def _read(files: tuple[Path, ...], array: str | None, interval: float) -> FieldFiles:
+def _read(files: tuple[Path, ...], array: str | None, interval: float, is_number: bool) -> FieldFiles:
     times, listed = np.asarray(interval * np.arange(len(files)), np.float64), tuple[tuple[Path, str], ...]()
     if files[0].suffix.lower() == ".pvd":
         if len(files) > 1:
@@ -112,13 +115,13 @@ def _read(files: tuple[Path, ...], array: str | None, interval: float) -> FieldF
             moments, paths = collection(files[0], content)
         listed = ((files[0], hashlib.sha256(content).hexdigest()),)
         times, files = np.array(moments), tuple(paths)
-    first = _read_file(files[0], array)
+    first = _read_file(files[0], array, is_number)
     if len(files) == 1:
         samples: Samples = _in_memory(first, first.times, first.velocity, (first.digest,), array, interval)
         return FieldFiles(samples, (*listed, *first.files), first.notes)
     _require_one_time(files[0], first.velocity)
     if len(files) * first.velocity.nbytes > IN_MEMORY:
-        source = GridFileSource(files, array, first.axes, times, first.turn)
+        source = GridFileSource(files, array, is_number, first.axes, times, first.turn)
         return FieldFiles(WindowedSamples(source), (*listed, *first.files), first.notes)
     velocity, digests, read = (
         np.empty((len(files), *first.velocity.shape[1:])),
@@ -127,7 +130,7 @@ def _read(files: tuple[Path, ...], array: str | None, interval: float) -> FieldF
     )
     velocity[0] = first.velocity[0]
     for k, file in enumerate(files[1:], 1):
-        part = _read_file(file, array)
+        part = _read_file(file, array, is_number)
         _require_same_grid(file, part, files[0], first.axes, first.turn)
         velocity[k] = part.velocity[0]
         digests.append(part.digest)
@@ -169,6 +172,7 @@ class GridFileSource(GridSource):
 
     paths: tuple[Path, ...]
     array: str | None
+    is_number: bool
     axes: tuple[Floats, Floats, Floats] = field(compare=False, repr=False)
     times: Floats = field(compare=False, repr=False)
     turn: Floats | None = field(compare=False, repr=False)
@@ -179,7 +183,7 @@ class GridFileSource(GridSource):
 
     @property
     def settings(self) -> Any:
-        return ["grid", self.array]
+        return ["grid", self.array, *(["numbers"] if self.is_number else [])]
 
     def place(self, index: int) -> Any:
         return 0
@@ -189,7 +193,7 @@ class GridFileSource(GridSource):
         return tuple((each, file_digest(each)) for each in (path, *piece_files(path)))
 
     def read(self, index: int) -> np.ndarray:
-        part = _read_file(self.paths[index], self.array)
+        part = _read_file(self.paths[index], self.array, self.is_number)
         _require_same_grid(self.paths[index], part, self.paths[0], self.axes, self.turn)
         return np.ascontiguousarray(part.velocity[0], np.float32)
 
@@ -204,7 +208,7 @@ def _require_same_grid(
     _require_one_time(file, part.velocity)
 
 
-def _read_file(file: Path, array: str | None) -> _FieldFile:
+def _read_file(file: Path, array: str | None, is_number: bool = False) -> _FieldFile:
     if file.suffix.lower() not in FORMATS:
         is_mesh = file.suffix.lower() in MESHES
         remedy = (
@@ -215,24 +219,34 @@ def _read_file(file: Path, array: str | None) -> _FieldFile:
             f"{', '.join((*FORMATS, *SUFFIXES))}. {remedy}"
         )
     content, times, is_npz = InputFile(file, MAX_BYTES).content(), np.zeros(1), file.suffix.lower() == ".npz"
-    if is_npz and array is not None:
+    if is_npz and array is not None and not is_number:
         raise UsageError(
             f"{file}: array {array} does not apply; in .npz the array is velocity. Leave out array."
         )
     kind = "an archive of arrays, as numpy.savez writes" if is_npz else "a grid, as VTK and ParaView write"
     with reading(file, f"{kind} one"):
         if is_npz:
-            axes, times, velocity = read_npz(file, content)
+            axes, times, velocity = (
+                read_npz(file, content, name=str(array)) if is_number else read_npz(file, content)
+            )
             grid = VtkGrid(axes, velocity)
         else:
-            grid = read_vtk(file, content, array)
+            grid = read_vtk(file, content, array, components=1 if is_number else 3)
             velocity = grid.velocity[None]
+        if is_number:
+            velocity = _numbers(velocity.reshape(velocity.shape[:4]))
         require_valid(file, grid.axes, times, velocity)
     x, y, z = (np.ascontiguousarray(axis, np.float64) for axis in grid.axes)
     velocity, times = np.ascontiguousarray(velocity, np.float64), np.asarray(times, np.float64)
     files = [(file, hashlib.sha256(content).hexdigest())]
     files += [(piece, file_digest(piece)) for piece in piece_files(file)]
     return _FieldFile((x, y, z), times, velocity, grid.turn, tuple(files), grid.notes)
+
+
+def _numbers(values: np.ndarray) -> np.ndarray:
+    """Return what fields of numbers are at nodes, (T, X, Y, Z, 3), of values (T, X, Y, Z)."""
+    known = np.isfinite(values)
+    return np.stack([np.where(known, values, 0.0), known, np.ones(values.shape)], axis=-1)
 
 
 MESHES = (".vtu", ".vts", ".pvtu", ".pvts", ".vtk", ".vtp")

@@ -179,17 +179,24 @@ class GridLayout:
         return east, north, up
 
     @property
-    def _is_upright(self) -> bool:
+    def is_upright(self) -> bool:
         """True if the vertical axis of the data points up in pictures."""
         if self.placing.up is not None:
             return self.placing.up == "z"
         return self.coordinates.is_height and self.coordinates.up is not None
 
+    def is_above(self, other: GridLayout) -> bool:
+        """Tell whether a plane has its places where another has them, whatever their heights."""
+        return len(self.plane) == len(other.plane) and all(
+            len(one) == len(two) and np.allclose(one, two, rtol=1e-6, atol=1e-6 * np.ptp(one))
+            for one, two in zip(self.plane, other.plane, strict=True)
+        )
+
     @cached_property
     def axes(self) -> tuple[Floats, Floats, Floats]:
         """The axes of the scene; of a sphere longitude, latitude (radians) and distance from its middle."""
         east, north, up = map(np.ascontiguousarray, self._scene)
-        if not self.is_round and self._is_upright:
+        if not self.is_round and self.is_upright:
             return east, up, np.ascontiguousarray(-north[::-1])
         return east, north, up
 
@@ -247,8 +254,26 @@ class GridLayout:
         if self.is_round:
             self._fill_sphere(out[:, :, layers], layers, components, is_angular)
         else:
-            seen = out.transpose(0, 2, 1, 3)[:, ::-1] if self._is_upright else out
+            seen = out.transpose(0, 2, 1, 3)[:, ::-1] if self.is_upright else out
             self._fill_plane(seen[:, :, layers], components, is_angular)
+
+    def fill_numbers(self, out: np.ndarray, layers: slice, values: np.ndarray, known: np.ndarray) -> None:
+        """Write numbers to some layers of `empty`: the value where it is known, 1 where it is, and 1.
+
+        values  (E, N, U), 0 where they are missing
+        known   (E, N, U), 1 where they are not, else 0
+        """
+        numbers = np.stack([values, known, np.ones_like(values)], axis=-1)
+        if self._columns is not None:
+            numbers = np.take(numbers, self._columns, axis=0)
+        if not self.is_round:
+            seen = out.transpose(0, 2, 1, 3)[:, ::-1] if self.is_upright else out
+            seen[:, :, layers] = numbers
+            return
+        south, top = self._poles
+        part = out[:, :, layers]
+        part[:, int(south) : out.shape[1] - int(top)] = numbers
+        self._fill_poles(part)
 
     @property
     def _cell_sizes(self) -> tuple[float, float, float]:
@@ -264,7 +289,7 @@ class GridLayout:
 
     def _fill_plane(self, out: np.ndarray, components: Mapping[str, np.ndarray], is_angular: bool) -> None:
         """Write velocities to (E, N, U, 3)."""
-        upright = self._is_upright
+        upright = self.is_upright
         wider = np.ones(1, np.float32)
         if self.coordinates.is_geographic and self.coordinates.north is not None:
             cosine, middle = np.cos(np.radians(self.coordinates.north)), np.cos(self._middle_latitude)
@@ -309,11 +334,16 @@ class GridLayout:
             speed = values * factors[axis]
             for k, direction in enumerate(directions[axis]):
                 inside[..., k] += speed * direction.astype(np.float32)
-        if self.coordinates.is_global:
-            for row, near, is_pole in ((0, 1, south), (-1, -2, top)):
-                if is_pole or abs(abs(north[row]) - 0.5 * np.pi) < 1e-6:
-                    ring = out[1:-2, near if is_pole else row]
-                    out[:, row] = ring.mean(axis=0, dtype=np.float64)
+        self._fill_poles(out)
+
+    def _fill_poles(self, out: np.ndarray) -> None:
+        """Write to the poles of (E, N, U, 3) the mean of those around."""
+        south, top = self._poles
+        north = self._scene[1]
+        for row, near, is_pole in ((0, 1, south), (-1, -2, top)) if self.coordinates.is_global else ():
+            if is_pole or abs(abs(north[row]) - 0.5 * np.pi) < 1e-6:
+                ring = out[1:-2, near if is_pole else row]
+                out[:, row] = ring.mean(axis=0, dtype=np.float64)
 
 
 def _sliding(

@@ -56,10 +56,13 @@ class VtkGrid:
     notes: tuple[str, ...] = ()
 
 
-def read_vtk(file: Path, content: bytes, array: str | None = None, most: int = MAX_BYTES) -> VtkGrid:
+def read_vtk(
+    file: Path, content: bytes, array: str | None = None, most: int = MAX_BYTES, components: int = 3
+) -> VtkGrid:
     """Return the grid of a file, put together from its pieces; data at cells are averaged to points.
 
-    most  bytes of the velocities; checked by the extents before anything is unpacked
+    most        bytes of the velocities; checked by the extents before anything is unpacked
+    components  of the array: 3, or 1 of numbers
 
     Raises UsageError where it is no such file, and the errors of the parsers of its parts.
     """
@@ -77,23 +80,23 @@ def read_vtk(file: Path, content: bytes, array: str | None = None, most: int = M
     for (grid, piece), extent in zip(pieces, extents, strict=True):
         grid.require_room(piece, extent)
     axes = [np.full(length, np.nan) for length in lengths]
-    found = [grid.velocities(piece, array) for grid, piece in pieces]
+    found = [grid.velocities(piece, array, components) for grid, piece in pieces]
     at_cells = {is_cells for _, is_cells in found}
     if len(at_cells) > 1:
         head.fail("some pieces have velocities at points and others at cells")
     by_cell = at_cells == {True}
     velocity = (
-        np.full((*(length - by_cell for length in lengths), 3), np.nan) if len(pieces) > 1 else np.empty(0)
+        np.full((*(length - by_cell for length in lengths), components), np.nan)
+        if len(pieces) > 1
+        else np.empty(0)
     )
     for (grid, piece), extent, (element, _) in zip(pieces, extents, found, strict=True):
         shape = [last - first + (not by_cell) for first, last in reversed(extent)]
-        values = grid.numbers(element, 3 * math.prod(shape))
-        if values.size != 3 * math.prod(shape):
+        values = grid.numbers(element, components * math.prod(shape))
+        if values.size != components * math.prod(shape):
             what = "cells" if by_cell else "points"
-            grid.fail(
-                f"there are {values.size} numbers for {math.prod(shape)} {what} of three components each"
-            )
-        part = values.reshape(*shape, 3).transpose(2, 1, 0, 3)
+            grid.fail(f"there are {values.size} numbers for {math.prod(shape)} {what} of {components} each")
+        part = values.reshape(*shape, components).transpose(2, 1, 0, 3)
         starts = [first - begin for (first, _), (begin, _) in zip(extent, whole, strict=True)]
         if len(pieces) == 1:
             velocity = part.astype(np.float64)
@@ -239,14 +242,18 @@ class _Grid:
             for k, (first, last) in enumerate(extent)
         ]
 
-    def velocities(self, piece: ElementTree.Element, array: str | None) -> tuple[ElementTree.Element, bool]:
-        """Return the velocities of a piece, and whether they are at cells."""
+    def velocities(
+        self, piece: ElementTree.Element, array: str | None, components: int
+    ) -> tuple[ElementTree.Element, bool]:
+        """Return the velocities of a piece, or its numbers, and whether they are at cells."""
         names: list[str] = []
         wanted = array
         for place in ("PointData", "CellData"):
             data = piece.find(place)
             data = ElementTree.Element(place) if data is None else data
-            vectors = [element for element in data if element.get("NumberOfComponents") == "3"]
+            vectors = [
+                element for element in data if int(element.get("NumberOfComponents") or 1) == components
+            ]
             wanted = array or data.get("Vectors") or wanted
             matches = [element for element in vectors if wanted is None or element.get("Name") == wanted]
             if len(matches) == 1:
@@ -254,7 +261,8 @@ class _Grid:
             names += [element.get("Name", "?") for element in vectors]
         what = f"no array {shorten(wanted)} of" if wanted and wanted not in names else "not one array of"
         hint = f" There are: {', '.join(names)}." if names else ""
-        raise UsageError(f"{self.file}: there is {what} three components at its points or cells.{hint}")
+        count = "three components" if components == 3 else "one component"
+        raise UsageError(f"{self.file}: there is {what} {count} at its points or cells.{hint}")
 
     def numbers(self, element: ElementTree.Element, most: int) -> np.ndarray:
         """Return the values of a DataArray, flat: see `VtkFile.numbers`."""

@@ -64,6 +64,13 @@ class GridSource(ABC):
     def read(self, index: int) -> np.ndarray:
         """Return float32 velocities (X, Y, Z, 3) at a time, in C order."""
 
+    metre: float | None = None
+    """The length of a metre in the scene, where that is known."""
+
+    def date(self, seconds: float) -> str:
+        """Return the date and time at seconds of `times`; empty where there is none."""
+        return ""
+
     def metric(self, axis: int) -> Floats:
         """Return the distances between neighbours along an axis, to be broadcast to theirs (X, Y, Z)."""
         return np.diff(self.axes[axis]).reshape([-1 if k == axis else 1 for k in range(3)])
@@ -111,6 +118,13 @@ class WindowedSamples(Samples):
     @property
     def spacing(self) -> float:
         return self.source.spacing
+
+    @property
+    def metre(self) -> float | None:  # type: ignore[override]
+        return self.source.metre
+
+    def date(self, seconds: float) -> str:
+        return self.source.date(seconds)
 
     def __getstate__(self) -> dict[str, Any]:
         return {"source": self.source}

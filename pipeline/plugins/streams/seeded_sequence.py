@@ -17,6 +17,7 @@ from flowsculpt import MeshError, PolygonMesh, Streamlines, TriangleMesh
 from flowsculpt.api.materials import with_known
 from flowsculpt.api.meshes import Floats
 from flowsculpt.api.shots import SurfaceSequence
+from flowsculpt.pipeline.plugins.streams.data_units import facts_of_data
 from flowsculpt.pipeline.plugins.streams.shells import shell
 from flowsculpt.pipeline.plugins.streams.stream_values import Measured, Parcels, StreamValues
 from flowsculpt.pipeline.plugins.streams.travels import Frozen
@@ -93,6 +94,7 @@ class SeededSequence(SurfaceSequence):
             repr(self.length),
             self.direction,
             self.thickness,
+            *([] if self.values is None else [self.values.factor]),
         ]
         return hashlib.sha256(json.dumps(known).encode()).hexdigest()
 
@@ -152,7 +154,8 @@ class SeededSequence(SurfaceSequence):
         return found
 
     def facts(self, seconds: float) -> dict[str, Any]:
-        return {} if self.values is None else {"values": self.values.label, "unit": self.values.unit}
+        known, values = facts_of_data(self.flow.field, seconds), self.values
+        return known if values is None else {**known, "values": values.label, "unit": values.unit}
 
     def data(self, seconds: float) -> Any:
         frame = self._frame(seconds)

@@ -13,13 +13,15 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from flowsculpt import Streamlines, Sum, Thresholds, UsageError
-from flowsculpt.api import MovingKind
+from flowsculpt import Streamlines, Sum, Thresholds, UsageError, VelocityField
+from flowsculpt.api import MovingKind, plural
 from flowsculpt.api.files import InputFile
 from flowsculpt.api.meshes import Floats
 from flowsculpt.api.shots import (
+    ByForm,
     Clock,
     Document,
+    FlowParameters,
     OneOfSeveral,
     Positive,
     SurfaceSequence,
@@ -27,6 +29,7 @@ from flowsculpt.api.shots import (
     VelocityDocument,
     one_of,
 )
+from flowsculpt.pipeline.plugins.streams.data_units import in_units_of_data
 from flowsculpt.pipeline.plugins.streams.released_lines import PathLines, ReleasedLines, StreakLines
 from flowsculpt.pipeline.plugins.streams.released_surfaces import PathSurface, ReleasedSurface, StreakSurface
 from flowsculpt.pipeline.plugins.streams.seed_curves import SeedCircle, SeedCurve, Seeds
@@ -106,6 +109,15 @@ def _points_of(path: Path) -> Floats:
     return points
 
 
+class VariableDocument(Document):
+    """A variable of the data that the velocities come from."""
+
+    example = "{variable: temperature}"
+
+    variable: str = Field(description="its name in the file")
+    file: str | None = Field(None, description="another file with it, on the same axes of space and time")
+
+
 Velocity = Annotated[
     list[VelocityDocument],
     Field(min_length=1, description="velocity fields that act together, as under sum"),
@@ -138,8 +150,9 @@ Flatten = Annotated[
 Length = Annotated[Positive, Field(description="of travel along the streamlines (s)")]
 Lifetime = Annotated[Positive | None, Field(description="how long points travel; by default without end (s)")]
 Values = Annotated[
-    Annotated[str, one_of(NAMES, "measure")] | None,
-    Field(description="what look: {measure: {values: {}}} shows"),
+    Annotated[str, one_of(NAMES, "measure")] | VariableDocument | None,
+    Field(description="what look: {measure: {values: {}}} shows: a measure, or a variable of the data"),
+    ByForm(lambda value: 2 if value is None else not isinstance(value, str)),
 ]
 Direction = Annotated[Literal["forwards", "backwards", "both"], Field(description="of travel")]
 
@@ -162,18 +175,19 @@ class _FromSeeds(MovingKind):
         lifetime = getattr(given, "length", None)
         left_out = {word, "velocity", "begin", "length", "thickness", *([] if given.values else ["values"])}
         plain = self.model_dump(mode="json", exclude=left_out)
+        velocity = Sum(tuple(entry.build(clock) for entry in given.velocity))
         points = seeds.points(np.linspace(0.0, seeds.length, _COMPARED))
         return SeededSequence(
             word=word,
             make=self._maker(seeds),
             settings=[plain, hashlib.sha256(points.tobytes()).hexdigest(), seeds.length, seeds.is_closed],
-            flow=Streamlines(Sum(tuple(entry.build(clock) for entry in given.velocity))),
+            flow=Streamlines(velocity),
             times=tuple(map(clock.flow_time, clock.frames)),
             begin=begin,
             length=math.inf if lifetime is None else float(lifetime),
             direction=getattr(given, "direction", "forwards"),
             thickness=float(getattr(given, "thickness", None) or 0.0),
-            values=_values(given, seeds),
+            values=_values(given, seeds, clock, velocity),
         )
 
 
@@ -182,12 +196,25 @@ def _begin(begin: float | None, clock: Clock) -> float:
     return begin if begin is not None else before if before < 0.0 else -1.0 / float(clock.rate.fps)
 
 
-def _values(given: Any, seeds: Seeds) -> StreamValues | None:
-    """Return what is measured, if anything is."""
+def _values(given: Any, seeds: Seeds, clock: Clock, velocity: VelocityField) -> StreamValues | None:
+    """Return what is measured, if anything is. Raises UsageError for a variable that the data lack."""
     longest = float(given.max_edge_length or seeds.length / _ACROSS)
     if isinstance(given.values, str):
-        return StreamValues(given.values, *NAMES[given.values], longest)
-    return None
+        label, unit = NAMES[given.values]
+        unit, factor = in_units_of_data(given.values, unit, velocity)
+        return StreamValues(given.values, label, unit, longest, factor=factor)
+    if given.values is None:
+        return None
+    flows = [entry.chosen for entry in given.velocity if isinstance(entry.chosen, FlowParameters)]
+    with_data = [each for each in flows if type(each).variable_field is not FlowParameters.variable_field]
+    if len(with_data) != 1:
+        entries = plural(len(with_data), "entry", "entries")
+        raise UsageError(
+            f"values are a variable of the data of velocity, and that has {entries} with data. Write one, as "
+            "in velocity: [{sampled: {file: ocean.nc}}]."
+        )
+    numbers, label, unit = with_data[0].variable_field(given.values.variable, given.values.file, clock)
+    return StreamValues(given.values.variable, label, unit, longest, numbers)
 
 
 def _surface(kind: type[ReleasedSurface], given: Any, seeds: Seeds) -> Maker:

@@ -9,6 +9,7 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import BeforeValidator, Field, create_model
 
+from flowsculpt.pipeline.errors import UsageError
 from flowsculpt.pipeline.flow import Flow, VelocityField, catalogue
 from flowsculpt.pipeline.flow.flow import PluginMap
 from flowsculpt.pipeline.flow.parameters import Parameter, parameter, parameters_of, shot_name, summary
@@ -50,6 +51,13 @@ class FlowParameters(Document):
         if self.origin is None:
             return flow
         return PluginMap(flow, self.origin) if isinstance(flow, Flow) else PluginField(flow, self.origin)
+
+    def variable_field(self, variable: str, file: str | None, clock: Clock) -> tuple[VelocityField, str, str]:
+        """Return a variable of its data, or of another file: a field, what readers call it, and its unit.
+
+        The field is (value · known, known, 1) within the data. Raises UsageError where there is none.
+        """
+        raise UsageError(f"{shot_name(self.flow)} has no data, and so no variable {variable}. Take sampled.")
 
     def own_values(self, clock: Clock) -> dict[str, Any]:
         """Return the arguments of the flow that come from the document's own fields."""

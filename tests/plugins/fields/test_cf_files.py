@@ -65,7 +65,7 @@ def velocity_at(
     j = int(np.argmin(np.abs(header.north - lat)))
     k = 0 if height is None else int(np.argmin(np.abs(header.up - height)))
     velocity = samples.velocities(index)
-    return velocity[i, k, -1 - j] if samples.source.layout._is_upright else velocity[i, j, k]
+    return velocity[i, k, -1 - j] if samples.source.layout.is_upright else velocity[i, j, k]
 
 
 def read(data: Any, folder: Path, placing: Placing = Placing(), **selection: Any) -> Any:  # noqa: B008
