@@ -112,11 +112,13 @@ class PictureStage:
     task     "module:function", a `PictureTask`
     version  raised when equal arguments give other results
     doing    what it does, in the words of progress bars
+    is_last  True if `finish` does it, once the noise is removed
     """
 
     task: str
     version: int
     doing: str
+    is_last: bool = False
 
 
 @dataclass(frozen=True)
@@ -309,6 +311,14 @@ class Plugins:
     def commands(self) -> dict[str, Command]:
         """The commands of all plug-ins by name, and the formats of `export` as `export FORMAT`."""
         return {name: command for plugin in self for name, command in plugin.commands.items()}
+
+    @property
+    def last_stages(self) -> dict[str, tuple[Plugin, PictureStage]]:
+        """The stages that `finish` does, by the names of their entries."""
+        named = (
+            (f"{plugin.name}.{name}", (plugin, s)) for plugin in self for name, s in plugin.stages.items()
+        )
+        return {name: each for name, each in named if each[1].is_last}
 
     @property
     def frame_sources(self) -> dict[str, str]:

@@ -117,6 +117,7 @@ PLUGIN_STAGES = tuple(
     )
     for plugin in plugins()
     for name, stage in plugin.stages.items()
+    if not stage.is_last
 )
 """The stages of plug-ins, in the order in which a shot that asks for several has them."""
 PLUGIN_STAGES = tuple(

@@ -12,6 +12,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from flowsculpt.pipeline.plugin import plugins
 from flowsculpt.pipeline.production.request.cameras import CameraFile
 from flowsculpt.pipeline.production.request.lookup import movie_bits
 from flowsculpt.pipeline.production.stages import (
@@ -178,6 +179,16 @@ class RequestKeys:
         data = [part.motion.flow_data(mesh, offsets) for part in shot.parts]
         return data if shot.subjects else data[0]
 
+    @cached_property
+    def last_stages(self) -> list[Any]:
+        """Names, versions and settings of what plug-ins do with finished pictures."""
+        written = {} if self.request.frame_source.is_turned else self.request.shot.entries
+        return [
+            [name, plugin.version, stage.version, written[name].model_dump(mode="json")]
+            for name, (plugin, stage) in plugins().last_stages.items()
+            if name in written
+        ]
+
     def header(
         self, number: int, framing: Framing | None = None, keys: FrameKeys | None = None
     ) -> dict[str, Any]:
@@ -282,7 +293,7 @@ class PictureKeys(Mapping[int, FrameKeys]):
         name = f"{number}.{window[0]}.{window[-1]}"
         if name not in self._frames:
             averaged = [self._source(n) for n in window] if len(window) > 1 else []
-            request, layers = self._request, self._layers_data(number)
+            request, layers = self._request, self._layers_data(number) + self._request.keys.last_stages
             data = self._source(number), request.pictures.quality.denoise, averaged
             self._frames[name] = key_of(FINISH.recipe, *data, request.manifest.rate, layers)
         raw = self._raw(number)

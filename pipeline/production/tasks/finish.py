@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zipfile
 import zlib
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -15,7 +15,7 @@ import numpy as np
 
 from flowsculpt.pipeline.errors import FrameError, MachineError
 from flowsculpt.pipeline.frames import FrameRate
-from flowsculpt.pipeline.plugin import named, plugins
+from flowsculpt.pipeline.plugin import Plugin, named, plugins
 from flowsculpt.pipeline.production.request.keys import FrameKeys, PictureKeys
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.stages import FINISH, STAGES
@@ -52,6 +52,10 @@ def finish(context: Context) -> bool:
     def work(number: int) -> bool:
         def write(path: Path) -> None:
             layers, header = denoiser.finished(number)
+            for name, *_ in request.keys.last_stages:
+                plugin, last = plugins().last_stages[name]
+                entry, framing = request.shot.entries[name], framings[number]
+                layers = _made_by(plugin, last.task, layers, entry, number, request, framing)
             output.write(path, number, layers, {**header, "key": keys[number].frame})
 
         return context.make("frame", keys[number].frame, request.place("frame", number), write)
@@ -141,17 +145,14 @@ def plugin_stage(context: Context) -> bool:
     assert stage.plugin is not None, "others have functions of their own"
     plugin = plugins().loaded[stage.plugin[0]]
     place = plugin.stages[stage.name.partition(".")[2]].task
-    settings, task = request.shot.entries[stage.name], named(place)
+    settings = request.shot.entries[stage.name]
     entry, precision = request.manifest.stages[stage.name], dict(request.pictures.aovs.precision)
     framings: Mapping[int, Framing] = request.pictures.framings(context.store) or {}
-    quality = request.pictures.quality
-    whole, corner = (quality.width, quality.height), quality.crop[:2] if quality.crop else (0, 0)
 
     def work(number: int) -> bool:
         def write(path: Path) -> None:
             frame, header = read_source(context, keys[number], number, before=stage.name)
-            frame = replace(frame, facts={**frame.facts, "whole": whole, "corner": corner})
-            made = _made_by(task, f"plug-in {plugin.name}: {place}", frame, settings, number)
+            made = _made_by(plugin, place, frame, settings, number, request, framings[number])
             header |= {"key": keys[number].staged[stage.name]}
             header |= {"stages": {**header.get("stages", {}), stage.name: stage.recipe}}
             header |= {"entries": {**header.get("entries", {}), stage.name: entry}}
@@ -166,12 +167,22 @@ def plugin_stage(context: Context) -> bool:
 
 
 def _made_by(
-    task: Callable[..., RenderedFrame], place: str, frame: RenderedFrame, settings: Any, number: int
+    plugin: Plugin,
+    task: str,
+    frame: RenderedFrame,
+    settings: Any,
+    number: int,
+    request: RenderRequest,
+    framing: Framing,
 ) -> RenderedFrame:
-    """Return what the task of a plug-in makes of a frame. Raises FrameError where that is not a frame."""
+    """Return what a task of a plug-in makes of a frame. Raises FrameError where that is not a frame."""
+    quality, place = request.pictures.quality, f"plug-in {plugin.name}: {task}"
+    corner = quality.crop[:2] if quality.crop else (0, 0)
+    told = {**frame.facts, "whole": (quality.width, quality.height), "corner": corner}
+    frame = replace(frame, facts={**told, "shot": request.shot, "camera": framing.camera})
     shapes = {name: layer.shape for name, layer in frame.arrays.items()}
     try:
-        made = task(frame, settings, number)
+        made = named(task)(frame, settings, number)
     except FrameError:
         raise
     except BaseException as error:  # a stranger's function may raise anything
@@ -187,7 +198,7 @@ def _made_by(
             raise FrameError(f"{place}: layer {name} has the shape {made[name].shape}, not {shape}", number)
     if not np.isfinite(made["beauty"]).all():
         raise FrameError(f"{place}: the beauty is not finite", number)
-    return _with_groups(made, frame)
+    return replace(_with_groups(made, frame), facts=told)
 
 
 def _with_groups(made: RenderedFrame, frame: RenderedFrame) -> RenderedFrame:
