@@ -313,12 +313,10 @@ class Plugins:
         return {name: command for plugin in self for name, command in plugin.commands.items()}
 
     @property
-    def last_stages(self) -> dict[str, tuple[Plugin, PictureStage]]:
-        """The stages that `finish` does, by the names of their entries."""
-        named = (
-            (f"{plugin.name}.{name}", (plugin, s)) for plugin in self for name, s in plugin.stages.items()
-        )
-        return {name: each for name, each in named if each[1].is_last}
+    def picture_stages(self) -> dict[str, tuple[Plugin, PictureStage]]:
+        """Picture stages and their plug-ins, by the names of entries."""
+        stages = ((plugin, name) for plugin in self for name in plugin.stages)
+        return {f"{plugin.name}.{name}": (plugin, plugin.stages[name]) for plugin, name in stages}
 
     @property
     def frame_sources(self) -> dict[str, str]:

@@ -24,13 +24,7 @@ from flowsculpt.pipeline.mesh.control_net import Lattice
 from flowsculpt.pipeline.mesh.halfedge_mesh import Register, with_identities
 from flowsculpt.pipeline.mesh.normals import NORMAL, carried_normals, tangent_distance, vertex_normals
 from flowsculpt.pipeline.mesh.placed_copies import Placements, extremes
-from flowsculpt.pipeline.resample import (
-    Exact,
-    PolygonResampler,
-    Report,
-    Resampler,
-    Thresholds,
-)
+from flowsculpt.pipeline.resample import Exact, PolygonResampler, Report, Resampler, Thresholds
 from flowsculpt.pipeline.resample.placement import FACE, REST, REST_NORMAL
 from flowsculpt.pipeline.resample.resampler import STATELESS
 from flowsculpt.pipeline.shot import Motion, Resampling

@@ -105,7 +105,7 @@ RENDER = PipelineStage(
 )
 PLUGIN_STAGES = tuple(
     PipelineStage(
-        f"{plugin.name}.{name}",
+        name,
         version=stage.version,
         packages=("OpenImageIO",),
         doing=stage.doing,
@@ -115,8 +115,7 @@ PLUGIN_STAGES = tuple(
         plugin=(plugin.name, plugin.version),
         on_farm=True,
     )
-    for plugin in plugins()
-    for name, stage in plugin.stages.items()
+    for name, (plugin, stage) in plugins().picture_stages.items()
     if not stage.is_last
 )
 """The stages of plug-ins, in the order in which a shot that asks for several has them."""

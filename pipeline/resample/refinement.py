@@ -17,13 +17,7 @@ from flowsculpt.pipeline.arrays import AnyArray, Floats, Indices, Points
 from flowsculpt.pipeline.errors import FrameError, VertexBudgetError
 from flowsculpt.pipeline.kernels import kernel
 from flowsculpt.pipeline.mesh.halfedge_mesh import CREASE, SEAM, HalfedgeMesh
-from flowsculpt.pipeline.mesh.kernels.halfedge import (
-    LEAN,
-    MESH_ARRAYS,
-    MeshArrays,
-    following,
-    preceding,
-)
+from flowsculpt.pipeline.mesh.kernels.halfedge import LEAN, MESH_ARRAYS, MeshArrays, following, preceding
 from flowsculpt.pipeline.mesh.meshes import TriangleMesh
 from flowsculpt.pipeline.mesh.normals import vertex_normals
 from flowsculpt.pipeline.resample.kernels.pass_state import Limits

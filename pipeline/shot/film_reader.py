@@ -19,12 +19,7 @@ from flowsculpt.pipeline.shot.shot import Card, Clip, Film, Shot
 from flowsculpt.pipeline.shot.shot_reader import read_rate, read_shot
 from flowsculpt.pipeline.shot.yaml.document_validation import Checks, unforeseen, validated
 from flowsculpt.pipeline.shot.yaml.inheritance import OPTION
-from flowsculpt.pipeline.shot.yaml.named_files import (
-    is_edit,
-    name_fault,
-    quote_name,
-    shot_files,
-)
+from flowsculpt.pipeline.shot.yaml.named_files import is_edit, name_fault, quote_name, shot_files
 from flowsculpt.pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource
 from flowsculpt.render.base.input_files import InputFile
 from flowsculpt.render.base.plural import plural

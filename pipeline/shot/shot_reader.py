@@ -233,10 +233,7 @@ def _with_materials(shot: Shot, source: YamlSource, digests: dict[Path, str]) ->
 
 
 def _with_values(shot: Shot, source: YamlSource) -> Shot:
-    """Return a shot of one subject whose look, if it shows values, knows those of all frames.
-
-    Raises ShotError where the subject has none.
-    """
+    """Return a shot of one subject whose look, if it shows values, knows those of all frames."""
     look, pattern, animated = shot.picture.look, shot.picture.look.pattern, shot.motion.animated
     if shot.subjects or not shows_values(pattern):
         return shot

@@ -8,11 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from flowsculpt.pipeline.errors import (
-    MissingInputError,
-    quote,
-    suggest,
-)
+from flowsculpt.pipeline.errors import MissingInputError, quote, suggest
 from flowsculpt.pipeline.mesh.read import ModelFile
 from flowsculpt.pipeline.shot.documents.camera_documents import FOCUS_WORDS
 from flowsculpt.pipeline.shot.documents.field_types import is_written_number

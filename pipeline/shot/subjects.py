@@ -16,15 +16,7 @@ import numpy as np
 from flowsculpt.pipeline.arrays import AnyArray, Faces, Points
 from flowsculpt.pipeline.errors import UsageError
 from flowsculpt.pipeline.frames import FrameRange, FrameRate
-from flowsculpt.pipeline.mesh import (
-    PolygonMesh,
-    TriangleMesh,
-    box,
-    icosphere,
-    rod,
-    sheet,
-    torus,
-)
+from flowsculpt.pipeline.mesh import PolygonMesh, TriangleMesh, box, icosphere, rod, sheet, torus
 from flowsculpt.pipeline.mesh.analytic_surfaces import (
     AnalyticSurface,
     BarLattice,

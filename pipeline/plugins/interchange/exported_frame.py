@@ -127,6 +127,7 @@ class ExportedFrame:
     radii           (V,) of a point cloud's spheres, scene units; None of a surface
     numbers         (V,): what tells the points of a cloud apart; None of a surface
     copies          int32 (V,): the number of the copy, from 1 on, as in mattes; None without copies
+    values          (V,): what the subject measures, NaN where it is missing; None where it measures nothing
     """
 
     points: Floats
@@ -142,6 +143,7 @@ class ExportedFrame:
     radii: Floats | None = None
     numbers: np.ndarray | None = None
     copies: np.ndarray | None = None
+    values: Floats | None = None
 
     @property
     def bounds(self) -> tuple[Floats, Floats]:
@@ -185,7 +187,16 @@ def _exported_mesh(shot: Shot, frame: MeshFrame, shading: Shading) -> ExportedFr
         texture=texture_coordinates(look, rest, mesh.faces, paint),
         paint=paint if look.is_of_model else None,
         copies=_copies(shot, rest),
+        values=_values(mesh.attributes.get(Surface.VALUES)),
     )
+
+
+def _values(attribute: np.ndarray | None) -> Floats | None:
+    """Return the values (V,) in the attribute VALUES (V, 2), NaN where they are missing; None without it."""
+    if attribute is None:
+        return None
+    summed, known = attribute.T
+    return np.where(known > 0.5, summed / np.where(known > 0.5, known, 1.0), np.nan)
 
 
 def _exported_net(shot: Shot, shading: Shading) -> ExportedFrame:
@@ -231,6 +242,12 @@ def rendered_surface(
     vertices, shading, material = (values.astype(np.float32) for values in (points, normals, rest))
     speeds = np.linalg.norm(velocities, axis=1, keepdims=True).astype(np.float32)
     return Surface(vertices, shading, faces, {Surface.SPEED: speeds}, material)
+
+
+def has_values(shot: Shot) -> bool:
+    """Tell whether the subject of a shot measures something at its vertices."""
+    animated = shot.motion.animated
+    return animated is not None and "values" in animated.model.sequence.facts(0.0)
 
 
 def has_colours(look: Material) -> bool:

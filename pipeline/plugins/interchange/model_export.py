@@ -197,6 +197,7 @@ def write_ply(path: Path, frame: ExportedFrame) -> None:
     linear_red …    float, the same colours, linear Rec.709
     radius          float, of a point cloud
     copy            int, of a subject with copies: the number of the copy, from 1 on
+    values          float, what the subject measures; NaN where that is missing
 
     Raises MachineError where the disk refuses.
     """
@@ -211,6 +212,8 @@ def write_ply(path: Path, frame: ExportedFrame) -> None:
             }
     if frame.copies is not None:
         attributes["copy"] = frame.copies
+    if frame.values is not None:
+        attributes["values"] = frame.values.astype(np.float32)
     if frame.radii is not None:
         attributes["radius"] = frame.radii.astype(np.float32)
     elif frame.corner_normals.max(initial=0) >= len(frame.points):
@@ -243,7 +246,7 @@ def write_obj(path: Path, frame: ExportedFrame) -> None:
 
 def write_glb(path: Path, frame: ExportedFrame, look: Material) -> None:
     """Write a surface with normals, texture coordinates, colours, _VELOCITY and _REST, all float32, and its
-    materials with their pictures.
+    materials with their pictures. Of a subject that measures something, also _VALUES, and _KNOWN, 1 or 0.
 
     Vertices are split at creases and at seams of texture coordinates, for glTF has one normal and one pair of
     coordinates a vertex. Raises MachineError where the disk refuses.
@@ -259,6 +262,10 @@ def write_glb(path: Path, frame: ExportedFrame, look: Material) -> None:
         "_VELOCITY": content.floats(frame.velocities[source], "VEC3"),
         "_REST": content.floats(frame.rest[source], "VEC3"),
     }
+    if frame.values is not None:  # glTF has no NaN
+        known = np.isfinite(frame.values)
+        for name, values in (("_VALUES", np.where(known, frame.values, 0.0)), ("_KNOWN", known)):
+            attributes[name] = content.floats(values[source, None].astype(np.float64), "SCALAR")
     colours: np.ndarray | None = None if frame.colours is None else frame.colours[source]
     if painted is not None:
         colours = painted.reshape(-1, 3)[corner]

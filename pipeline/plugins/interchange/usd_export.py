@@ -36,6 +36,7 @@ from flowsculpt.pipeline.plugins.interchange.exported_frame import (
     frame_key,
     has_colours,
     has_coordinates,
+    has_values,
     stored_frame,
 )
 from flowsculpt.pipeline.plugins.interchange.exported_materials import number_planes
@@ -97,6 +98,7 @@ _SHARED = (
     SampledAttribute("primvars:rest", "Point3fArray", lambda f: f.rest, "vertex"),
     SampledAttribute("primvars:displayColor", "Color3fArray", lambda f: f.colours, "vertex"),
     SampledAttribute("primvars:copy", "IntArray", lambda f: f.copies, "vertex"),
+    SampledAttribute("primvars:values", "FloatArray", lambda f: f.values, "vertex"),
 )
 
 _OF_MESHES = (
@@ -122,7 +124,12 @@ _OF_CLOUDS = (
 
 
 def sampled_attributes(
-    is_cloud: bool, has_colours: bool, has_texture: bool, has_copies: bool = False, materials: int = 1
+    is_cloud: bool,
+    has_colours: bool,
+    has_texture: bool,
+    has_copies: bool = False,
+    materials: int = 1,
+    has_values: bool = False,
 ) -> tuple[SampledAttribute, ...]:
     """Return the attributes that every clip of a shot has; texture coordinates are of corners of faces.
 
@@ -132,6 +139,7 @@ def sampled_attributes(
         *(() if has_colours else ("primvars:displayColor",)),
         *(() if has_texture else ("primvars:st",)),
         *(() if has_copies else ("primvars:copy",)),
+        *(() if has_values else ("primvars:values",)),
     }
     attributes = (*_SHARED, *(_OF_CLOUDS if is_cloud else _OF_MESHES))
     subsets = (_faces_of(number) for number in range(materials) if materials > 1)
@@ -266,7 +274,12 @@ class SculptureFiles:
         """The attributes of its clips."""
         has_texture, copies = has_coordinates(self.request.shot), self.request.shot.motion.copies
         return sampled_attributes(
-            self.is_cloud, has_colours(self.look), has_texture, copies is not None, len(self.parts)
+            self.is_cloud,
+            has_colours(self.look),
+            has_texture,
+            copies is not None,
+            len(self.parts),
+            has_values(self.request.shot),
         )
 
     def clip(self, number: int) -> str:

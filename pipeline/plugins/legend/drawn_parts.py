@@ -16,6 +16,7 @@ FONT = "DroidSans"  # of the cards of films; all its digits have one width
 SIZE, LEAST = 0.0205, 8  # of letters, of the shorter side, and in pixels
 SMALL = 0.82  # of numbers and units
 QUIET = 0.74  # strength of what matters less
+KEYLINE = 0.3  # strength of the line around a palette, whose ends may be as dark or light as the ground
 PALETTE_WIDTH, PALETTE_HEIGHT = 13.0, 0.42  # in sizes of letters
 SCALE_WIDTH = 11.0
 HALO, HALO_STRENGTH = 0.5, 0.32
@@ -101,6 +102,7 @@ class LegendType:
         places = (np.arange(wide) + 0.5) / wide
         columns = np.stack([np.interp(places, np.linspace(0, 1, len(ramp)), part) for part in ramp.T], axis=1)
         page.paint(np.broadcast_to(columns, (high, wide, 3)), 0, top)
+        page.frame((0, top, wide, high), hair, KEYLINE)
         for place, text in marks:
             x = min(max(0, round(place * wide - hair / 2)), wide - hair)
             page.cover[top + high : top + high + round(0.26 * size), x : x + hair] = QUIET
@@ -139,6 +141,14 @@ class _Page:
         high, wide = colours.shape[:2]
         self._colours[y : y + high, x : x + wide] = colours
         self._painted[y : y + high, x : x + wide] = 1.0
+
+    def frame(self, box: tuple[int, int, int, int], line: int, strength: float) -> None:
+        """Draw lines along the inner edges of a box: x, y, width and height."""
+        x, y, wide, high = box
+        inner = np.zeros((high, wide), bool)
+        inner[line : high - line, line : wide - line] = True
+        part = self.cover[y : y + high, x : x + wide]
+        part[~inner] = np.maximum(part[~inner], strength)
 
     def part(self, ink: Ink, size: int) -> DrawnPart:
         return DrawnPart(self.cover, self._colours, self._painted, ink, size)

@@ -167,11 +167,9 @@ class RequestKeys:
     def range_data(self, number: int) -> list[Any]:
         """Return what decides a range of colours that follows from all frames; nothing of other pictures."""
         follow = any(part.pictures.of(number).look.follows_all_frames for part in self.request.parts)
-        return [["values of", self._all_meshes]] if follow else []
-
-    @cached_property
-    def _all_meshes(self) -> Key:
-        return key_of(list(self.request.source.surface_keys.meshes.values()))
+        return (
+            [["values of", key_of(list(self.request.source.surface_keys.meshes.values()))]] if follow else []
+        )
 
     def _flow_data(self, mesh: int, offsets: tuple[float, ...]) -> list[Any]:
         """Return the cache data of the flow around a mesh frame; of several subjects, a list of them."""
@@ -180,14 +178,13 @@ class RequestKeys:
         return data if shot.subjects else data[0]
 
     @cached_property
-    def last_stages(self) -> list[Any]:
-        """Names, versions and settings of what plug-ins do with finished pictures."""
+    def last_stages(self) -> dict[str, list[Any]]:
+        """Versions and settings of what plug-ins do with finished pictures, by the names of entries."""
         written = {} if self.request.frame_source.is_turned else self.request.shot.entries
-        return [
-            [name, plugin.version, stage.version, written[name].model_dump(mode="json")]
-            for name, (plugin, stage) in plugins().last_stages.items()
-            if name in written
-        ]
+        last = {
+            name: (p.version, s.version) for name, (p, s) in plugins().picture_stages.items() if s.is_last
+        }
+        return {n: [*v, written[n].model_dump(mode="json")] for n, v in last.items() if n in written}
 
     def header(
         self, number: int, framing: Framing | None = None, keys: FrameKeys | None = None
@@ -293,7 +290,8 @@ class PictureKeys(Mapping[int, FrameKeys]):
         name = f"{number}.{window[0]}.{window[-1]}"
         if name not in self._frames:
             averaged = [self._source(n) for n in window] if len(window) > 1 else []
-            request, layers = self._request, self._layers_data(number) + self._request.keys.last_stages
+            request, layers = self._request, self._layers_data(number)
+            layers = [*layers, *request.keys.last_stages.items()]
             data = self._source(number), request.pictures.quality.denoise, averaged
             self._frames[name] = key_of(FINISH.recipe, *data, request.manifest.rate, layers)
         raw = self._raw(number)

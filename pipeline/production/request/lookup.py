@@ -17,13 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from flowsculpt.pipeline.errors import MissingInputError, UsageError, suggest
 from flowsculpt.pipeline.plugin import plugins
-from flowsculpt.pipeline.shot.yaml.named_files import (
-    DEFAULTS,
-    is_edit,
-    name_fault,
-    quote_name,
-    shot_files,
-)
+from flowsculpt.pipeline.shot.yaml.named_files import DEFAULTS, is_edit, name_fault, quote_name, shot_files
 from flowsculpt.pipeline.shot.yaml.synonyms import value_meant
 from flowsculpt.render.base.input_files import InputFile, kind_of_path
 from flowsculpt.render.scene.render_quality import FORMER_NAMES, QUALITIES, Crop, Quality

@@ -183,17 +183,10 @@ class Shading:
             material = spread_curved(material[self.split.source_vertex], self.split, shaded)
         elif self.split is not None:
             material = spread(material, self.split, shaded)
-        named = {"material": material, **self._values(shaded)}
+        named = {"material": material}
+        if self.split is not None and Surface.VALUES in self.frame.own.attributes:
+            named[Surface.VALUES] = spread(self.frame.own.attributes[Surface.VALUES], self.split, shaded)
         return {**_stored(shaded), **{name: each.astype(np.float32) for name, each in named.items()}}
-
-    def _values(self, shaded: ShadedMesh) -> dict[str, AnyArray]:
-        """Return the values of a surface that has some, cut as it is."""
-        values = self.frame.own.attributes.get(Surface.VALUES)
-        return (
-            {}
-            if values is None or self.split is None
-            else {Surface.VALUES: spread(values, self.split, shaded)}
-        )
 
     @staticmethod
     def of_all_copies(stored: Mapping[str, AnyArray]) -> dict[str, AnyArray]:

@@ -15,7 +15,7 @@ import numpy as np
 
 from flowsculpt.pipeline.errors import FrameError, MachineError
 from flowsculpt.pipeline.frames import FrameRate
-from flowsculpt.pipeline.plugin import Plugin, named, plugins
+from flowsculpt.pipeline.plugin import named, plugins
 from flowsculpt.pipeline.production.request.keys import FrameKeys, PictureKeys
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.stages import FINISH, STAGES
@@ -52,10 +52,8 @@ def finish(context: Context) -> bool:
     def work(number: int) -> bool:
         def write(path: Path) -> None:
             layers, header = denoiser.finished(number)
-            for name, *_ in request.keys.last_stages:
-                plugin, last = plugins().last_stages[name]
-                entry, framing = request.shot.entries[name], framings[number]
-                layers = _made_by(plugin, last.task, layers, entry, number, request, framing)
+            for name in request.keys.last_stages:
+                layers = _made_by(name, layers, number, request, framings[number])
             output.write(path, number, layers, {**header, "key": keys[number].frame})
 
         return context.make("frame", keys[number].frame, request.place("frame", number), write)
@@ -142,17 +140,13 @@ class _BorderLight:
 def plugin_stage(context: Context) -> bool:
     """Do a plug-in's stage on the pictures of a batch. Pictures that failed before are left out."""
     stage, request, keys = STAGES[context.job.stage], context.request, context.picture_keys(context.request)
-    assert stage.plugin is not None, "others have functions of their own"
-    plugin = plugins().loaded[stage.plugin[0]]
-    place = plugin.stages[stage.name.partition(".")[2]].task
-    settings = request.shot.entries[stage.name]
     entry, precision = request.manifest.stages[stage.name], dict(request.pictures.aovs.precision)
     framings: Mapping[int, Framing] = request.pictures.framings(context.store) or {}
 
     def work(number: int) -> bool:
         def write(path: Path) -> None:
             frame, header = read_source(context, keys[number], number, before=stage.name)
-            made = _made_by(plugin, place, frame, settings, number, request, framings[number])
+            made = _made_by(stage.name, frame, number, request, framings[number])
             header |= {"key": keys[number].staged[stage.name]}
             header |= {"stages": {**header.get("stages", {}), stage.name: stage.recipe}}
             header |= {"entries": {**header.get("entries", {}), stage.name: entry}}
@@ -167,22 +161,17 @@ def plugin_stage(context: Context) -> bool:
 
 
 def _made_by(
-    plugin: Plugin,
-    task: str,
-    frame: RenderedFrame,
-    settings: Any,
-    number: int,
-    request: RenderRequest,
-    framing: Framing,
+    name: str, frame: RenderedFrame, number: int, request: RenderRequest, framing: Framing
 ) -> RenderedFrame:
-    """Return what a task of a plug-in makes of a frame. Raises FrameError where that is not a frame."""
-    quality, place = request.pictures.quality, f"plug-in {plugin.name}: {task}"
+    """Return what the task of an entry makes of a frame. Raises FrameError where that is not a frame."""
+    plugin, stage = plugins().picture_stages[name]
+    quality, place = request.pictures.quality, f"plug-in {plugin.name}: {stage.task}"
     corner = quality.crop[:2] if quality.crop else (0, 0)
     told = {**frame.facts, "whole": (quality.width, quality.height), "corner": corner}
     frame = replace(frame, facts={**told, "shot": request.shot, "camera": framing.camera})
     shapes = {name: layer.shape for name, layer in frame.arrays.items()}
     try:
-        made = named(task)(frame, settings, number)
+        made = named(stage.task)(frame, request.shot.entries[name], number)
     except FrameError:
         raise
     except BaseException as error:  # a stranger's function may raise anything

@@ -50,12 +50,7 @@ from flowsculpt.pipeline.production.tasks.worker_end import (
 )
 from flowsculpt.render.base import python_process
 from flowsculpt.render.base.foreign_code import is_of_user
-from flowsculpt.render.base.python_process import (
-    ENDING,
-    ForkedProcess,
-    interrupt_once,
-    postpone_collection,
-)
+from flowsculpt.render.base.python_process import ENDING, ForkedProcess, interrupt_once, postpone_collection
 from flowsculpt.render.base.root_files import open_file
 from flowsculpt.render.mitsuba.engine import GPU_VARIANTS, available_cores
 

@@ -150,12 +150,12 @@ class ScaleDocument(Document):
         ends = self.range or (None, None)
         low, high = (None if isinstance(end, str) else end for end in ends)
         below, above = (float(end.rstrip("% ")) / 100.0 if isinstance(end, str) else None for end in ends)
-        given: dict[str, Any] = {"missing": vector(self.missing)} if self.missing else {}
+        given: dict[str, Any] = {"shares": (below, above), "log": self.log, "centre": self.centre}
+        given |= {"missing": vector(self.missing)} if self.missing else {}
         if isinstance(self.colours, list):
             given["own"] = tuple(map(vector, self.colours[:: -1 if self.reverse else 1]))
         elif self.colours or self.reverse:
             given["colours"] = (self.colours or KINDS[of].colours) + REVERSED * self.reverse
-        given |= {"shares": (below, above), "log": self.log, "centre": self.centre}
         return Measure(of, low=low, high=high, **given)
 
 

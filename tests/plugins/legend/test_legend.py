@@ -144,7 +144,7 @@ def test_a_legend_makes_finished_pictures_again_and_nothing_else() -> None:
         assert not request.manifest.stages
         return request.keys.last_stages
 
-    assert last(SHOT) == []
+    assert not last(SHOT)
     one, other = (last(f"{SHOT}legend: {{clock: {{size: {size}}}}}\n") for size in (1.0, 1.5))
     assert one and one != other
 
