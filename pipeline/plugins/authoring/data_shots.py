@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import os
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from flowsculpt import MissingInputError, UsageError, VelocityField
+from flowsculpt import MissingInputError, UsageError
 from flowsculpt.api import ShotError
 from flowsculpt.api.flows import Sampled
 from flowsculpt.api.frames import Show
@@ -17,25 +18,33 @@ from flowsculpt.api.shots import PRESETS, Shot, read_shot, to_yaml
 from flowsculpt.pipeline.plugins.authoring.shot_templates import FIT, choice, title_of
 
 SECONDS = 10.0
-"""Of the shot; in it a point of median speed crosses the data."""
+"""Of the shot: all times of the data pass in it, or else a point of median speed crosses the data."""
 
 FLAT = 20.0
 """Times as long as the others that an axis along which nothing changes may be, as of data of one level."""
 
-_AWAY = 1.35  # of the camera, in diagonals of the data
-_LOOKED_AT = 64  # places on a line of seeds
+GLOBE = 0.9
+"""Share of a circle that longitudes cover, from which data lie on a sphere."""
+
+_AWAY = 1.75  # of the camera, in diagonals of the data
+_REACH = 0.12  # of streamlines at the median speed, in sizes of the data
+_ROWS = 10  # of seeds, across a plane of the data
+_TURNS = 18  # of seeds, on a globe
+_LINES = {True: 1000, False: 300}  # on a globe, and across a plane
+_BRIGHT = 98.0  # per cent of the speeds that are below the end of the palette
 
 SHOT = """\
 title: {title}
 frames: 1-{frames}
 {about}
-subject: {subject}
+{subject}
 look:
   material: clay
-  pigment: {{layers: {{colours: ["#e8e2d0", "#136f8a", "#0b2545"], axis: z, scale: {band}}}}}
+  measure: {{values: {{range: {range}}}}}  # or colours: plasma, cividis, or a list of your own
 camera: {camera}
 lights: {lights}
-stage: {stage}
+stage: {{kind: cyclorama, colour: [0.02, 0.03, 0.045]}}
+legend: {legend}
 """
 
 PROBE = """\
@@ -53,17 +62,25 @@ class _Seen:
 
     low, high  (3,) corners of where it is, units
     flat       the axis along which nothing changes, 0 to 2; None of data in space
-    pace       seconds of the data in a second of the shot, or a factor on the velocities
-    is_paced   True if it is seconds
-    seconds    of the data in the shot; infinite where the velocities do not change
+    is_globe   True if it goes around a sphere
+    is_dated   True if its times are dates
+    seconds    from its first time to its last; 0 where the velocities do not change
+    median     of the speeds, units per second of the data
+    fastest    _BRIGHT % of the speeds are slower, units per second of the data
     """
 
     low: Floats
     high: Floats
     flat: int | None
-    pace: float
-    is_paced: bool
+    is_globe: bool
+    is_dated: bool
     seconds: float
+    median: float
+    fastest: float
+
+    @property
+    def size(self) -> float:
+        return float((self.high - self.low).max())
 
 
 def shot_of_data(data: Path, name: str) -> tuple[str, list[str]]:
@@ -75,47 +92,102 @@ def shot_of_data(data: Path, name: str) -> tuple[str, list[str]]:
         raise MissingInputError(f"{data}: not found; check the path")
     reference = Path(os.path.relpath(data.absolute(), Show().folder.resolve())).as_posix()
     settings, shot = _placed(data)
-    seen = _look(shot, data)
-    settings |= (
-        {"time_scale": _duration(seen.pace)} if seen.is_paced else {"strength": float(f"{seen.pace:.3g}")}
-    )
-    _, shot = _read(data, settings)
-    field, size = _field(shot), float((seen.high - seen.low).max())
-    seeds = [[float(f"{x:.3g}") for x in end] for end in _seeds(field, seen)]
+    field = _field(shot)
+    seen = _look(field, data, is_globe="map" in settings)
+    pace, settings = _paced(field, seen, settings)
 
     def text_with(named: str) -> str:
-        subject: dict[str, object] = {"path_lines": {"line": seeds}, "count": 48}
-        subject |= {"radius": float(f"{size / 500:.2g}"), "flatten": 0.3}
-        subject |= {"velocity": [{"sampled": {"file": named, **settings}}], "begin": -1.0}
-        subject["max_edge_length"] = float(f"{size / 60:.2g}")
+        legend: dict[str, object] = {"colours": {"place": "lower right"}}
+        if seen.is_dated:
+            legend["clock"] = {"place": "upper right"}
         return SHOT.format(
             title=title_of(name),
-            frames=max(24, round(24.0 * min(SECONDS, seen.seconds))),
+            frames=round(24.0 * SECONDS),
             about=f"# flowsculpt data {data.name} lists what the file holds.",
-            subject=to_yaml(subject),
-            band=float(f"{size / 8:.2g}"),
+            subject=_subject(seen, _lines(field, seen, pace, {"file": named, **settings})),
+            range=to_yaml([0, _rounded(seen.fastest * _in_data(field, pace))]),
             camera=to_yaml(_camera(seen)),
-            lights=choice(PRESETS["lights"]),
-            stage=choice(PRESETS["stage"]),
+            lights=choice(PRESETS["lights"], "porcelain"),
+            legend=to_yaml(legend),
         )
 
     shot = read_shot(Path(f"{name}.yaml"), text_with(str(data.absolute())))  # shots/ may not be there yet
     return text_with(reference), [f"{data} stays where it is; the shot names it {reference}", *shot.notes]
 
 
+def _paced(field: Sampled, seen: _Seen, settings: dict[str, object]) -> tuple[float, dict[str, object]]:
+    """Return the factor on velocities, and the settings with what sets the pace.
+
+    Where velocities change, all their times pass. Else a point of median speed crosses the data.
+    """
+    crossing = seen.size / (SECONDS * seen.median)
+    if field.samples.is_paced:
+        pace = seen.seconds / SECONDS or crossing
+        return pace, settings | {"time_scale": _duration(pace)}
+    if seen.seconds:
+        return 1.0, settings | {"time_scale": _rounded(seen.seconds / SECONDS)}
+    return crossing, settings | {"strength": _rounded(crossing)}
+
+
+def _lines(field: Sampled, seen: _Seen, pace: float, sampled: dict[str, object]) -> dict[str, object]:
+    """Return the subject: streamlines in each frame where velocities change, else paths that grow."""
+    seeds: dict[str, object] = {"line": _rows(field, seen)}
+    if seen.is_globe:
+        seeds = {"spiral": {"radius": _rounded(0.5 * seen.size), "turns": _TURNS}}
+    subject: dict[str, object] = {"stream_lines" if seen.seconds else "path_lines": seeds}
+    subject |= {"count": _LINES[seen.is_globe], "radius": _rounded(seen.size / 450.0)}
+    subject |= {"length": _rounded(_REACH * seen.size / (seen.median * pace))} if seen.seconds else {}
+    subject |= {"max_edge_length": _rounded(seen.size / 50.0), "values": "speed"}
+    return {**subject, "velocity": [{"sampled": sampled}]}
+
+
+def _subject(seen: _Seen, lines: dict[str, object]) -> str:
+    """Return the lines of the shot file that say what is shown: data of one level lie on something."""
+    if seen.flat is None and not seen.is_globe:
+        return f"subject: {to_yaml(lines)}"
+    return f"subjects:\n  flow: {to_yaml(lines)}\n  base: {to_yaml(_base(seen))}"
+
+
+def _base(seen: _Seen) -> dict[str, object]:
+    """Return the dark subject on which lines lie: a globe, or a plate behind data of one level."""
+    look = {"material": "clay", "colour": [0.01, 0.013, 0.02]}
+    if seen.is_globe:
+        return {"solid": "icosphere", "radius": _rounded(0.4975 * seen.size), "resample": "off", "look": look}
+    thin = 0.02 * seen.size
+    sides = np.where(np.arange(3) == seen.flat, thin, 1.1 * (seen.high - seen.low))
+    place = 0.5 * (seen.low + seen.high) - (0.5 * thin + seen.size / 300.0) * np.eye(3)[seen.flat or 0]
+    placed = {"size": [_rounded(x) for x in sides], "place": [_rounded(x) for x in place]}
+    return {"solid": "box", **placed, "resample": "off", "look": look}
+
+
+def _in_data(field: Sampled, pace: float) -> float:
+    """Return the factor from units per second of the data to the unit in which its speed is shown."""
+    metre = field.samples.metre
+    return pace if metre is None or not field.samples.is_paced else 1.0 / (metre * float(field.scale))  # type: ignore[arg-type]
+
+
 def _placed(data: Path) -> tuple[dict[str, object], Shot]:
-    """Return the settings that make the data FIT units large, and a shot with them."""
+    """Return the settings that make the data FIT units large, on a sphere if they go around it, and a shot
+    with them."""
+    globe: dict[str, object] = {"map": "sphere", "fit": FIT}
     try:
-        return _read(data, {"fit": FIT})
+        settings, shot = _read(data, {"fit": FIT, "outside": "zero"})
     except ShotError as error:
         if "fit does not apply" not in str(error):
             raise
+    else:
+        with suppress(ShotError):  # no longitudes and latitudes
+            _, around = _read(data, globe)
+            longitudes = _field(around).samples.axes[0]
+            if np.ptp(longitudes) * len(longitudes) / (len(longitudes) - 1) > GLOBE * 2.0 * np.pi:
+                return globe, around
+        return settings, shot
     _, shot = _read(data, {})
     axes = _field(shot).samples.axes
     middle, size = [0.5 * (axis[0] + axis[-1]) for axis in axes], max(float(np.ptp(axis)) for axis in axes)
     scale = FIT / size
     centre = [float(f"{-scale * x:.4g}") for x in middle]
-    return _read(data, {"scale": float(f"{scale:.4g}"), "centre": centre})
+    return _read(data, {"scale": float(f"{scale:.4g}"), "centre": centre, "outside": "zero"})
 
 
 def _read(data: Path, settings: dict[str, object]) -> tuple[dict[str, object], Shot]:
@@ -129,24 +201,34 @@ def _field(shot: Shot) -> Sampled:
     return field
 
 
-def _look(shot: Shot, data: Path) -> _Seen:
-    field = _field(shot)
-    centre, scale = np.array(field.centre, np.float64), float(field.scale)  # type: ignore[arg-type]
-    ends = np.array([[axis[0], axis[-1]] for axis in field.samples.axes]).T * scale + centre
-    low, high = ends.min(axis=0), ends.max(axis=0)
-    sides = high - low
-    flat = int(sides.argmax()) if sides.max() > FLAT * np.sort(sides)[1] else None
+def _look(field: Sampled, data: Path, is_globe: bool) -> _Seen:
+    samples = field.samples
+    flat = None
+    if is_globe:
+        low, high = np.full(3, -0.5 * FIT), np.full(3, 0.5 * FIT)
+    else:
+        centre, scale = np.array(field.centre, np.float64), float(field.scale)  # type: ignore[arg-type]
+        ends = np.array([[axis[0], axis[-1]] for axis in samples.axes]).T * scale + centre
+        low, high = ends.min(axis=0), ends.max(axis=0)
+        sides = high - low
+        flat = int(sides.argmax()) if sides.max() > FLAT * np.sort(sides)[1] else None
     if flat is not None:
         low[flat], high[flat] = 0.0, 0.0
-    times = field.samples.times
-    speeds = np.linalg.norm(field.velocity(_nodes(low, high), 0.0), axis=1)
+    nodes = _around(0.5 * FIT) if is_globe else _nodes(low, high)
+    speeds = np.linalg.norm(field.velocity(nodes, 0.0), axis=1)
     speeds = speeds[speeds > 0.0]
     if not len(speeds):
         raise UsageError(f"{data}: nothing moves at its first time. Choose another file or variables.")
-    pace = float((high - low).max() / (SECONDS * np.median(speeds)))
-    paced = field.samples.is_paced
-    seconds = float(times[-1] - times[0]) / (pace if paced else 1.0) if len(times) > 1 else np.inf
-    return _Seen(low, high, flat, pace, paced, seconds)
+    return _Seen(
+        low,
+        high,
+        flat,
+        is_globe,
+        is_dated=bool(samples.date(float(samples.times[0]))),
+        seconds=float(samples.times[-1] - samples.times[0]),
+        median=float(np.median(speeds)),
+        fastest=float(np.percentile(speeds, _BRIGHT)),
+    )
 
 
 def _nodes(low: Floats, high: Floats) -> Floats:
@@ -156,22 +238,43 @@ def _nodes(low: Floats, high: Floats) -> Floats:
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
 
 
-def _seeds(field: VelocityField, seen: _Seen) -> Floats:
-    """Return the ends (2, 3) of a line through the middle of data, along the axis that is most crossed."""
-    middle, sides = 0.5 * (seen.low + seen.high), seen.high - seen.low
-    lines, across = [], []
-    for axis in np.flatnonzero(sides > 0.0):
-        reach = 0.45 * sides[axis] * np.eye(3)[axis]
-        points = middle + np.linspace(-1.0, 1.0, _LOOKED_AT)[:, None] * reach
-        velocity = field.velocity(points, 0.0)
-        velocity[:, axis] = 0.0
-        lines.append(np.stack([middle - reach, middle + reach]))
-        across.append(float(np.linalg.norm(velocity, axis=1).mean()))
-    return lines[int(np.argmax(across))]
+def _around(radius: float, count: int = 2000) -> Floats:
+    """Return points (count, 3), evenly on a sphere: a Fibonacci lattice."""
+    y = 1.0 - (2.0 * np.arange(count) + 1.0) / count
+    angle = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(count)
+    across = np.sqrt(1.0 - y * y)
+    return radius * np.column_stack([across * np.sin(angle), y, across * np.cos(angle)])
+
+
+def _rows(field: Sampled, seen: _Seen) -> list[list[float]]:
+    """Return a line in rows, to and fro, over the plane through the middle of the data that is most crossed,
+    or over the plane of data of one level."""
+    low, high = seen.low, seen.high
+    across = seen.flat
+    if across is None:
+        planes = []
+        for axis in range(3):
+            flattened = [np.where(np.arange(3) == axis, 0.5 * (low + high), end) for end in (low, high)]
+            planes.append(float(np.abs(field.velocity(_nodes(*flattened), 0.0)[:, axis]).mean()))
+        across = int(np.argmax(planes))
+    first, second = (axis for axis in (0, 2, 1) if axis != across)
+    flattened = [np.where(np.arange(3) == across, 0.5 * (low + high), end) for end in (low, high)]
+    speeds = np.abs(field.velocity(_nodes(*flattened), 0.0)).mean(axis=0)
+    if speeds[first] > speeds[second]:  # rows lie across the flow, so its lines fill the gaps between them
+        first, second = second, first
+    point, line = 0.5 * (low + high), []
+    shares = np.linspace(0.5 / _ROWS, 1.0 - 0.5 / _ROWS, _ROWS)
+    for row, share in enumerate(shares):
+        for end in (shares[0], shares[-1]) if row % 2 == 0 else (shares[-1], shares[0]):
+            point[first] = low[first] + end * (high[first] - low[first])
+            point[second] = low[second] + share * (high[second] - low[second])
+            line.append([_rounded(x) for x in point])
+    return line
 
 
 def _camera(seen: _Seen) -> dict[str, object]:
-    """Return a camera that shows all of the data: flat data from the front, others from the upper right."""
+    """Return a camera that shows all of the data: flat data from the front, a globe from the north, others
+    from the upper right."""
     middle, size = 0.5 * (seen.low + seen.high), float(np.linalg.norm(seen.high - seen.low))
     away = np.array([0.0, 0.0, 1.0]) if seen.flat == 2 else np.array([0.42, 0.3, 0.86])
     if seen.flat == 1:
@@ -190,3 +293,7 @@ def _duration(seconds: float) -> object:
         if seconds >= length:
             return f"{float(f'{seconds / length:.2g}'):g} {unit}"
     return float(f"{seconds:.2g}")
+
+
+def _rounded(number: float) -> float:
+    return float(f"{number:.2g}")

@@ -23,6 +23,7 @@ SIDES = 12
 MOST_POINTS = 2000
 """Of a line, in a frame."""
 
+_THINNEST = 1e-3  # radius of a tube that does not show, over what it would be: its faces keep an area
 _CAP = np.radians([90.0, 60.0, 30.0])  # latitudes of the rings that round an end off
 
 
@@ -211,8 +212,12 @@ def tubes(centres: Floats, across: Floats, radius: float, flatten: float) -> tup
     centres  (T, L, 3), two rows or more
     across   (L, 3) along which a tube is wide where it begins; it is carried along the line without a twist
     flatten  thickness over width
+
+    Lines shorter than a tube is wide are as thin as they are short, so those that stand still do not show.
     """
     rows, lines, _ = centres.shape
+    length = np.linalg.norm(np.diff(centres, axis=0), axis=2).sum(axis=0)
+    thin = np.clip(length / (2.0 * radius), _THINNEST, 1.0)[None, :, None]
     ahead = unit_rows(np.gradient(centres, axis=0))
     wide = _carried(ahead, across)
     thick = np.cross(ahead, wide)
@@ -220,11 +225,12 @@ def tubes(centres: Floats, across: Floats, radius: float, flatten: float) -> tup
     latitude = np.concatenate([_CAP, np.zeros(rows), _CAP[::-1]])
     shift = radius * flatten * np.sin(latitude) * np.repeat([-1.0, 0.0, 1.0], [len(_CAP), rows, len(_CAP)])
     size = radius * np.cos(latitude)
-    middles = centres[rings] + shift[:, None, None] * ahead[rings]
+    middles = centres[rings] + shift[:, None, None] * thin * ahead[rings]
     angle = 2.0 * np.pi * np.arange(SIDES) / SIDES
     cosines, sines = np.cos(angle)[:, None], flatten * np.sin(angle)[:, None]
     offsets = cosines * wide[rings][:, :, None] + sines * thick[rings][:, :, None]
-    points = middles[:, :, None] + size[:, None, None, None] * offsets  # (R, L, SIDES, 3)
+    sizes = size[:, None, None, None] * thin[..., None]
+    points = middles[:, :, None] + sizes * offsets  # (R, L, SIDES, 3)
     count = len(rings)
     inner = points[1:-1].transpose(1, 0, 2, 3).reshape(lines, -1, 3)  # the first and last rings are poles
     body = np.concatenate([inner, middles[:1].transpose(1, 0, 2), middles[-1:].transpose(1, 0, 2)], axis=1)

@@ -41,6 +41,7 @@ Maker = Callable[[Streamlines, float], Released]
 
 _ACROSS = 40  # edges along the seeds, where the shot names no length
 _ROUND = 200  # radii of a tube along the seeds, where the shot names no radius
+_A_TURN = 24  # points of a spiral through which a smooth curve goes
 _COMPARED = 257  # points of the seeds by which keys know them
 
 
@@ -62,11 +63,27 @@ class CircleDocument(Document):
         return SeedCircle(np.array(self.centre, np.float64), float(self.radius), axes)
 
 
+class SpiralDocument(Document):
+    """A spiral on a sphere from pole to pole, with turns equally far apart: seeds all over a globe."""
+
+    radius: Positive = Field(1.0, description="units")
+    centre: Triple = Field([0.0, 0.0, 0.0], description="units")
+    turns: Annotated[int, Field(ge=1, le=100)] = Field(12, description="around y")
+
+    def build(self) -> SeedCurve:
+        pieces = _A_TURN * self.turns
+        polar = np.pi * np.linspace(0.5 / self.turns, 1.0 - 0.5 / self.turns, pieces + 1)
+        angle = 2.0 * self.turns * polar
+        around = np.sin(polar)
+        through = np.column_stack([around * np.sin(angle), np.cos(polar), around * np.cos(angle)])
+        return SeedCurve(np.array(self.centre) + float(self.radius) * through, is_smooth=True)
+
+
 class SeedsDocument(OneOfSeveral):
     """A curve that releases points."""
 
     example = "{line: [[-1, 0, 0], [1, 0, 0]]}"
-    noun, several = "a curve of seeds", ("line", "curve", "circle", "file")
+    noun, several = "a curve of seeds", ("line", "curve", "circle", "spiral", "file")
 
     line: Annotated[list[Triple] | None, Field(min_length=2)] = Field(
         None, description="straight from point to point (units)"
@@ -75,6 +92,7 @@ class SeedsDocument(OneOfSeveral):
         None, description="smooth through points (units)"
     )
     circle: CircleDocument | None = Field(None, description="a circle")
+    spiral: SpiralDocument | None = Field(None, description="a spiral all over a sphere")
     file: str | None = Field(
         None, description="straight through the points of a text file, three numbers a line (units)"
     )
@@ -82,8 +100,9 @@ class SeedsDocument(OneOfSeveral):
 
     def build(self, folder: Path) -> Seeds:
         """Return the curve. Raises UsageError or MissingInputError where it cannot be made."""
-        if self.circle is not None:
-            return self.circle.build()
+        for whole in (self.circle, self.spiral):
+            if whole is not None:
+                return whole.build()
         if self.file is not None:
             through = _points_of(folder / self.file)
         else:

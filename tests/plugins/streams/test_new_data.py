@@ -24,12 +24,13 @@ def write_gyre(path: Path, speed: float = 3.0) -> None:
     np.savez(path, x=x, y=y, z=z, velocity=velocity)
 
 
-def write_winds(path: Path) -> None:
-    """Write winds of a year over half the globe, at one level."""
+def write_winds(path: Path, west: float = 0.0, east: float = 180.0) -> None:
+    """Write winds of a year between two longitudes, at one level."""
     xarray = pytest.importorskip("xarray")
-    east, north, months = np.linspace(0, 180, 19), np.linspace(-60, 60, 13), np.arange(12.0)
+    longitudes, north, months = np.linspace(west, east, 19), np.linspace(-60, 60, 13), np.arange(12.0)
     shape = (12, 13, 19)
-    wind = np.broadcast_to(8.0 * np.cos(np.radians(north))[None, :, None], shape)
+    growing = (1.0 + 0.1 * months)[:, None, None]
+    wind = np.broadcast_to(8.0 * growing * np.cos(np.radians(north))[None, :, None], shape)
     names = ("time", "lat", "lon")
     xarray.Dataset(
         {
@@ -39,7 +40,7 @@ def write_winds(path: Path) -> None:
         {
             "time": ("time", 30.0 * months, {"units": "days since 2001-01-15", "standard_name": "time"}),
             "lat": ("lat", north, {"units": "degrees_north", "standard_name": "latitude"}),
-            "lon": ("lon", east, {"units": "degrees_east", "standard_name": "longitude"}),
+            "lon": ("lon", longitudes, {"units": "degrees_east", "standard_name": "longitude"}),
         },
     ).to_netcdf(path, engine="h5netcdf")
 
@@ -59,11 +60,25 @@ def test_a_shot_shows_what_velocities_of_a_file_carry_along(
     text = (tmp_path / "shots/A010_sea.yaml").read_text("utf-8")
     assert pace in text and f'file: "../{name}"' in text
     shot = read_shot(tmp_path / "shots/A010_sea.yaml")
-    first, *_, last = islice(animate(shot), 40)
+    lines, *bases = shot.parts
+    first, *_, last = islice(animate(lines), 40)
     sizes = [np.ptp(frame.mesh.vertices, axis=0).max() for frame in (first, last)]
-    assert 0.5 < sizes[0] <= sizes[1] < 4.0
-    moved = np.linalg.norm(last.mesh.vertices[-1] - first.mesh.vertices[-1])
-    assert 0.01 < moved < 2.0
+    assert 0.5 < sizes[0] <= sizes[1] < 2.5
+    values = last.mesh.attributes["values"][:, 0]
+    assert 0.0 < np.median(values) < (2.0 if name.endswith("npz") else 20.0)
+    assert np.abs(first.mesh.vertices - last.mesh.vertices[: len(first.mesh.vertices)]).max() > 0.01
+    for base in bases:  # data of one level lie before a plate
+        assert base.motion.mesh_at_rest().vertices[:, 2].max() < last.mesh.vertices[:, 2].min()
+
+
+def test_data_around_the_world_lie_on_a_globe(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_winds(tmp_path / "winds.nc", 0.0, 350.0)
+    monkeypatch.chdir(tmp_path)
+    assert begun(tmp_path, "winds.nc")[0] == 0
+    lines, globe = read_shot(tmp_path / "shots/A010_sea.yaml").parts
+    distances = np.linalg.norm(next(iter(animate(lines))).mesh.vertices, axis=1)
+    assert distances.min() > 0.98 and distances.max() < 1.02
+    assert np.linalg.norm(globe.motion.mesh_at_rest().vertices, axis=1).max() < 1.0
 
 
 def test_data_without_motion_or_beside_other_sources_are_refused(
