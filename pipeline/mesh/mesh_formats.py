@@ -43,6 +43,7 @@ class FileSurface(NamedTuple):
     unit        length of a unit of its coordinates, metres; None in formats that do not say it
     velocities  of the points, float64 (V, 3), units per second; None where the file has none
     normals     of the points, float64 (V, 3), of any length; None where the file has none
+    numbers     returns an array of numbers (V,) by its name; raises MeshError where there is none
     """
 
     points: Points
@@ -55,6 +56,7 @@ class FileSurface(NamedTuple):
     unit: float | None = None
     velocities: Points | None = None
     normals: Points | None = None
+    numbers: Callable[[str], Floats] | None = None
 
     @classmethod
     def of(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +15,14 @@ from flowsculpt.render.base.render_errors import BadInputError
 from flowsculpt.render.base.serialise import from_plain, to_plain
 from flowsculpt.render.scene.aovs import RenderedFrame
 from flowsculpt.render.scene.materials import LOOKS
-from flowsculpt.render.scene.measured_colours import KINDS, Measure, at_vertices, principal_stretches
+from flowsculpt.render.scene.measured_colours import (
+    KINDS,
+    Measure,
+    at_vertices,
+    principal_stretches,
+    values_at_vertices,
+    with_known,
+)
 from flowsculpt.render.scene.palettes import COLOUR_MAPS, colour_map
 from flowsculpt.render.scene.surface import Surface
 
@@ -81,6 +89,52 @@ def test_speeds_reach_the_picture(rendered: Rendered, sphere: Surface) -> None:
         albedo = layers["albedo"][inside & part]
         assert len(albedo) > 8
         assert albedo.mean(axis=0) == pytest.approx(colour, abs=0.1)
+
+
+def test_places_without_a_value_are_neutral_and_no_colour_of_the_palette_is_between(
+    rendered: Rendered, sphere: Surface
+) -> None:
+    values = np.where(sphere.vertices[:, 1] > 1.0, np.nan, 3.0)  # its upper half has none
+    look = LOOKS["clay"].with_values(measure=Measure("values", "viridis", 1.0, 3.0, missing=(0.9, 0.1, 0.1)))
+    layers = rendered(surface=replace(sphere, attributes={"values": with_known(values)}), look=look)
+    inside, height, albedo = layers["matte"] == 1.0, layers["position"][..., 1], layers["albedo"]
+    high, missing = colour_map("viridis")[-1], np.float32([0.9, 0.1, 0.1])
+    for part, colour in ((height > 1.1, missing), (height < 0.8, high)):
+        assert albedo[inside & part].mean(axis=0) == pytest.approx(colour, abs=0.02)
+    mixed = albedo[inside] - missing
+    along = (mixed @ (high - missing)) / ((high - missing) @ (high - missing))
+    assert (
+        np.abs(mixed - along[:, None] * (high - missing)).max() < 0.02
+    )  # pixels of a border mix the two alone
+
+
+def test_what_is_between_vertices_has_the_value_of_those_that_are_known() -> None:
+    attribute = with_known([4.0, np.nan, 0.0])
+    middles = 0.5 * (attribute + np.roll(attribute, -1, axis=0))
+    shown = Surface(*np.zeros((2, 3, 3), np.float32), np.zeros((0, 3), np.int32), {"values": middles})
+    assert values_at_vertices(shown)[[0, 1]] == pytest.approx([np.nan, np.nan], nan_ok=True)
+    assert values_at_vertices(shown)[2] == pytest.approx(2.0)
+
+
+@settings(deadline=None, max_examples=100)
+@given(st.floats(-50, 50), st.floats(0.1, 80), st.one_of(st.none(), st.floats(-60, 60)), st.booleans())
+def test_a_range_about_a_centre_is_even_and_holds_all(
+    low: float, size: float, centre: Any, is_diverging: bool
+) -> None:
+    measure = Measure(
+        "values",
+        "balance" if is_diverging else "viridis",
+        shares=(0.0, 1.0),
+        centre=centre,
+        quantiles=lambda _: (low, low + size),
+    )
+    found = measure.range
+    middle = centre if centre is not None else 0.0 if is_diverging else None
+    assert found[0] <= low + 1e-9 and found[1] >= low + size - 1e-9
+    if middle is None:
+        assert found == pytest.approx((low, low + size))
+    else:
+        assert 0.5 * sum(found) == pytest.approx(middle, abs=1e-9)
 
 
 @pytest.mark.parametrize("name", COLOUR_MAPS)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
+from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import NamedTuple
 from xml.etree.ElementTree import Element
@@ -15,7 +16,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from flowsculpt import MeshError, UsageError
-from flowsculpt.api import plural, shorten
+from flowsculpt.api import plural, quote, shorten, suggest
 from flowsculpt.api.files import InputFile
 from flowsculpt.api.meshes import FileSurface, Floats, ModelFile, SourceFiles, SurfaceReader, find_coincident
 from flowsculpt.pipeline.plugins.fields.vtk_arrays import VtkFile
@@ -144,7 +145,28 @@ def surface_of(files: Sequence[Path], path: Path) -> FileSurface:
         base=0 if len(parts) == 1 else None,
         velocities=_all([part.velocities for part in parts]),
         normals=_all([part.normals for part in parts]),
+        numbers=partial(_numbers, tuple(files)),
     )
+
+
+def _numbers(files: Sequence[Path], name: str) -> Floats:
+    """Return an array of numbers (V,) at the points of all pieces; data at cells are averaged to points.
+
+    Raises MeshError for a name that is none.
+    """
+    found, names = list[Floats](), set[str]()
+    for file in files:
+        vtk = _opened(file)
+        for piece in vtk.head.findall(f"{vtk.kind}/Piece"):
+            given = _Piece(vtk, piece)
+            names |= given.number_names
+            values = given.numbers(name) if name in given.number_names else None
+            found += [] if values is None else [values]
+            if values is None:
+                raise MeshError(
+                    f"{file.name}: it has no numbers {quote(name)}. {suggest(name, sorted(names))}"
+                )
+    return np.concatenate(found)
 
 
 def _merged(points: Floats, cells: Cells) -> Cells:
@@ -202,6 +224,26 @@ class _Piece(NamedTuple):
             of_cells = self._named("CellData", _VELOCITIES, size, 3)
             velocities = None if of_cells is None else cells.means(of_cells, count)
         return _Part(points, cells, velocities, self._named("PointData", _NORMALS, count, 3))
+
+    @property
+    def number_names(self) -> set[str]:
+        """The names of its arrays of one component, at points or cells."""
+        arrays = [
+            each for place in ("PointData", "CellData") for each in self.piece.findall(f"{place}/DataArray")
+        ]
+        single = [each for each in arrays if int(each.get("NumberOfComponents") or 1) == 1]
+        return {each.get("Name", "") for each in single} - {"vtkGhostType"}
+
+    def numbers(self, name: str) -> Floats:
+        """Return an array of one component (V,) at points; data at cells are averaged to points."""
+        count = self._count("NumberOfPoints")
+        found = self._named("PointData", (name.lower(),), count, 1)
+        if found is None:
+            cells = self._polygons() if self.vtk.kind == "PolyData" else self._cells()
+            of_cells = self._named("CellData", (name.lower(),), len(cells.types), 1)
+            assert of_cells is not None, "its names are known"
+            found = cells.means(of_cells, count)
+        return found[:, 0]
 
     def _count(self, name: str) -> int:
         text = self.piece.get(name, "0").strip()

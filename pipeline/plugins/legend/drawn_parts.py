@@ -16,6 +16,7 @@ FONT = "DroidSans"  # of the cards of films; all its digits have one width
 SIZE, LEAST = 0.0205, 8  # of letters, of the shorter side, and in pixels
 SMALL = 0.82  # of numbers and units
 QUIET = 0.74  # strength of what matters less
+BRIGHTNESS = 1.9  # of a palette: what lights make of reflectances, about
 KEYLINE = 0.3  # strength of the line around a palette, whose ends may be as dark or light as the ground
 PALETTE_WIDTH, PALETTE_HEIGHT = 13.0, 0.42  # in sizes of letters
 SCALE_WIDTH = 11.0
@@ -101,7 +102,7 @@ class LegendType:
         top = round(1.42 * size)
         places = (np.arange(wide) + 0.5) / wide
         columns = np.stack([np.interp(places, np.linspace(0, 1, len(ramp)), part) for part in ramp.T], axis=1)
-        page.paint(np.broadcast_to(columns, (high, wide, 3)), 0, top)
+        page.paint(BRIGHTNESS * np.broadcast_to(columns, (high, wide, 3)), 0, top)
         page.frame((0, top, wide, high), hair, KEYLINE)
         for place, text in marks:
             x = min(max(0, round(place * wide - hair / 2)), wide - hair)

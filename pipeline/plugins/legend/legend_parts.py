@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from flowsculpt import Streamlines, UsageError
+from flowsculpt import FrameError, Streamlines
 from flowsculpt.api.flows import Sampled, number_at
 from flowsculpt.api.pictures import Camera, RenderedFrame
 from flowsculpt.api.shots import Shot
@@ -46,7 +46,7 @@ def draw_scale(frame: RenderedFrame, entry: Any, number: int) -> RenderedFrame:
 def _drawn(frame: RenderedFrame, name: str, number: int) -> RenderedFrame:
     shot, camera, (width, height) = (frame.facts[each] for each in ("shot", "camera", "whole"))
     if not isinstance(camera, Camera):
-        raise UsageError(
+        raise FrameError(
             "a legend has no place in a picture without corners, as of a spherical camera. Leave it out."
         )
     entry = shot.entries[name]
@@ -89,7 +89,7 @@ def _colours(shot: Shot, entry: Any, letters: LegendType, ink: Ink) -> DrawnPart
         if hasattr(pattern, "range"):
             break
     else:
-        raise UsageError("legend: colours needs a look with a measure. Add one, or leave colours out.")
+        raise FrameError("legend: colours needs a look with a measure. Add one, or leave colours out.")
     animated = part.motion.animated
     known = {} if animated is None or pattern.of != "values" else animated.model.sequence.facts(0.0)
     label = entry.label if entry.label is not None else known.get("values", pattern.of)

@@ -41,7 +41,7 @@ def _logarithmic_marks(low: float, high: float) -> list[tuple[float, float]]:
     ]
     inside = [value for value in found if low * (1.0 - 1e-9) <= value <= high * (1.0 + 1e-9)]
     every = -(-len(inside) // 5)
-    chosen = inside[::every] if len(inside) > 1 else [low, high]
+    chosen = inside[::every] if len(inside) > 2 else [value for value, _ in marks(low, high, False)]
     return [(value, math.log(value / low) / math.log(high / low)) for value in chosen]
 
 

@@ -8,6 +8,7 @@ Normals of the file are those of its vertices, except where it has several at on
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -16,6 +17,8 @@ from typing import Any, Literal
 import numpy as np
 
 from flowsculpt import MeshError
+from flowsculpt.api.files import CachedAnswer
+from flowsculpt.api.materials import with_known
 from flowsculpt.api.meshes import FileSurface, Floats, find_coincident, repair_surface
 from flowsculpt.api.shots import SurfaceSequence
 from flowsculpt.pipeline.plugins.sequences.surface_samples import Files, SurfaceSamples, joint
@@ -90,6 +93,7 @@ class GivenSurfaces(SurfaceSequence):
     repair   as of models
     seconds  the times of the flow at the frames of the shot
     absent   as of `SurfaceSequence`
+    array    of numbers at its vertices that looks show; None for none. Each frame then shows its own faces
     """
 
     samples: SurfaceSamples
@@ -99,6 +103,7 @@ class GivenSurfaces(SurfaceSequence):
     repair: bool
     seconds: tuple[float, ...]
     absent: tuple[str, str] | None = None
+    array: str | None = None
 
     @property
     def path(self) -> Path:
@@ -121,6 +126,8 @@ class GivenSurfaces(SurfaceSequence):
     @cached_property
     def keeps_faces(self) -> bool:
         """As the shot or the file says; else whether the first, the second and the last sample agree."""
+        if self.array is not None:
+            return False
         if self.asked is not None:
             return self.asked
         if self.samples.is_fixed is not None:
@@ -178,6 +185,9 @@ class GivenSurfaces(SurfaceSequence):
         velocities, origins = self._velocities(nearest, polygons), _origins(mesh.vertices, polygons.points)
         if polygons.normals is not None:
             mesh = mesh.with_attributes(normal=_single_normals(polygons)[origins])
+        if self.array is not None:
+            values = self._numbers(sample, share, nearest, polygons, self.array)[origins]
+            mesh = mesh.with_attributes(values=with_known(values))
         if velocities is None:
             return mesh, None
         moving = velocities[origins]
@@ -202,7 +212,38 @@ class GivenSurfaces(SurfaceSequence):
             "speed": times.speed,
             "between": self.between,
             "keeps_faces": self.keeps_faces,
+            **({} if self.array is None else {"values": self.array}),
         }
+
+    def _numbers(self, sample: int, share: float, nearest: int, polygons: FileSurface, array: str) -> Floats:
+        """Return the numbers (V,) of the vertices of the nearest sample, by a straight line between two."""
+        here = numbers_of(polygons, array, self.samples.name(nearest))
+        other = self.times.following(sample) if nearest == sample else sample
+        if not 0.0 < share < 1.0 or self.between == "hold" or other == nearest:
+            return here
+        there = self.samples.surface(other)
+        if not _same_faces(polygons, there):
+            return here
+        part = share if nearest == sample else 1.0 - share
+        return (1.0 - part) * here + part * numbers_of(there, array, self.samples.name(other))
+
+    def facts(self, seconds: float) -> dict[str, Any]:
+        return {} if self.array is None else {"values": self.array, "unit": ""}
+
+    def quantiles(self, shares: Any) -> Any:
+        assert self.array is not None, "looks of values need some"
+        known = json.dumps(["quantiles", self.array, [self.data(time) for time in self.seconds]])
+        answer = CachedAnswer.of("values", [known])
+        table = answer.load(lambda kept: [float(each) for each in kept["quantiles"]])
+        steps = np.linspace(0.0, 1.0, 1001)
+        if table is None or len(table) != len(steps):
+            found = [self.surface(time)[0].attributes["values"] for time in self.seconds]
+            values = np.concatenate([each[each[:, 1] > 0.5, 0] for each in found])
+            if not len(values):
+                raise MeshError(f"{self.array} has no number in any frame. Show another array.")
+            table = np.quantile(values, steps).tolist()
+            answer.store_alone({"quantiles": table})
+        return np.interp(shares, steps, table).tolist()
 
     def _near(self, seconds: float) -> list[int]:
         """Return the samples that decide the surface at a time, and its velocities."""
@@ -354,6 +395,16 @@ def _single_normals(surface: FileSurface) -> Floats:
     sizes = np.linalg.norm(normals, axis=1)
     normals[one[~(cosines >= AGREEING * sizes * sizes[one])]] = 0.0
     return normals
+
+
+def numbers_of(surface: FileSurface, array: str, name: str) -> Floats:
+    """Return the numbers (V,) of an array of a file. Raises MeshError, with its name, where it has none."""
+    if surface.numbers is None:
+        raise MeshError(f"{name}: values are read from files of VTK, as .vtp and .vtu. Leave values out.")
+    try:
+        return surface.numbers(array)
+    except MeshError as error:
+        raise MeshError(f"{name}: {error}") from None
 
 
 def _same_faces(one: FileSurface, other: FileSurface) -> bool:

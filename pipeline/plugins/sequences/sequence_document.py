@@ -12,7 +12,7 @@ from flowsculpt import UsageError
 from flowsculpt.api import MovingKind, plural
 from flowsculpt.api.meshes import Floats, ModelFile, ScenePart
 from flowsculpt.api.shots import Clock, Positive, SurfaceSequence
-from flowsculpt.pipeline.plugins.sequences.given_surfaces import EXACT, GivenSurfaces, SampleTimes
+from flowsculpt.pipeline.plugins.sequences.given_surfaces import EXACT, GivenSurfaces, SampleTimes, numbers_of
 from flowsculpt.pipeline.plugins.sequences.numbered_files import is_pattern, listed_numbers, numbered_files
 from flowsculpt.pipeline.plugins.sequences.surface_samples import (
     MovingSamples,
@@ -51,6 +51,9 @@ class MeshSequenceDocument(MovingKind):
     faces: Literal["fixed", "changing"] | None = Field(
         None, description="whether all files have the same faces; by default as the first and last ones are"
     )
+    values: str | None = Field(
+        None, description="of VTK files: the array of numbers that look: {measure: {values: {}}} shows"
+    )
     mesh: str | None = Field(None, description="of files of points alone, as PC2: the model with their faces")
     prim: str | None = Field(None, description="of USD stages: the path of the prim to read, as /World/Chair")
     animation: str | None = Field(None, description="of files with several animations: the name of one")
@@ -61,8 +64,13 @@ class MeshSequenceDocument(MovingKind):
         find = self._numbered if is_pattern(self.sequence) else self._moving
         times, samples, absent = find(folder, clock)
         asked = None if self.faces is None else self.faces == "fixed"
-        seconds = tuple(map(clock.flow_time, clock.frames))
-        return GivenSurfaces(samples, times, self.between, asked, self.repair == "on", seconds, absent)
+        seconds, repair = tuple(map(clock.flow_time, clock.frames)), self.repair == "on"
+        given = GivenSurfaces(samples, times, self.between, asked, repair, seconds, absent, self.values)
+        if self.values is not None:
+            if self.faces == "fixed":
+                raise UsageError("values are of each file's own faces. Leave faces out, or write changing.")
+            numbers_of(samples.surface(times.place(0.0)[0]), self.values, given.path.name)
+        return given
 
     @property
     def _rate(self) -> float | None:

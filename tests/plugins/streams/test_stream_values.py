@@ -121,7 +121,8 @@ def test_a_look_of_values_needs_a_subject_that_has_some() -> None:
     text = "title: T\nframes: 1-4\nsubject: {solid: box}\nresample: off\n"
     text += "look: {material: clay, measure: {values: {}}}\n"
     with pytest.raises(
-        ShotError, match=r"a\.yaml:5:.* look shows values, and the subject has none. Write values: speed"
+        ShotError,
+        match=r"a\.yaml:5:.* look shows values, and the subject has none. Write some in it, as values: speed",
     ):
         read_shot(Path("a.yaml"), text)
 
