@@ -103,6 +103,7 @@ UNCOMPILED := $(UNCOMPILED)|/pydantic/(deprecated|experimental|v1)/|/sqlalchemy/
 UNCOMPILED := $(UNCOMPILED)|/(docutils|fontTools|hatchling|matplotlib|mpl_toolkits|pip|pkg_resources|pygments|setuptools)/
 UNCOMPILED := $(UNCOMPILED)|/(av|contourpy|fileseq|fsspec|git|gitdb|nbformat|opentimelineio|pyparsing|shapely|traitlets|trimesh)/
 UNCOMPILED := $(UNCOMPILED)|/(cffi|dateutil|fastjsonschema|humanfriendly|imageio/plugins|jsonschema|jupyter_core|packaging|pathspec)/
+UNCOMPILED := $(UNCOMPILED)|/(cftime|cmocean|donfig|google_crc32c|h5netcdf|h5py|numcodecs|pandas|scipy|xarray|zarr)/
 UNCOMPILED := $(UNCOMPILED)|/(pluggy|pycparser|referencing|rich/_unicode_data|smmap|tomlkit|trove_classifiers)/
 PIP := --quiet --no-compile --require-hashes -r requirements-pip.lock
 # Each of two processes installs every other package: one alone unpacks 1.1 GB on one core.
@@ -162,8 +163,8 @@ blender: .venv/ready-cycles
 # Versions of packages are part of keys: `fewest` takes one of each for all Pythons, not the newest for each.
 lock:
 	echo pip | uv pip compile $(LOCK) - -o requirements-pip.lock
-	uv pip compile $(LOCK) --extra film --extra models --group build pyproject.toml -o requirements.lock
-	uv pip compile $(LOCK) --extra film --extra models --group build --group dev pyproject.toml -c requirements.lock -o requirements-dev.lock
+	uv pip compile $(LOCK) --extra film --extra models --extra fields --group build pyproject.toml -o requirements.lock
+	uv pip compile $(LOCK) --extra film --extra models --extra fields --group build --group dev pyproject.toml -c requirements.lock -o requirements-dev.lock
 LOCK := --quiet --upgrade --python-version 3.11 --universal --fork-strategy fewest --generate-hashes --no-emit-index-url --no-emit-find-links --no-annotate --custom-compile-command "make lock"
 
 clean:
