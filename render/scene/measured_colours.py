@@ -16,7 +16,14 @@ from numpy.typing import NDArray
 
 from flowsculpt.render.base.render_errors import BadInputError
 from flowsculpt.render.base.serialise import NOT_PLAIN, OMIT_DEFAULT, Triple
-from flowsculpt.render.scene.palettes import COLOUR_MAPS, REVERSED, blended, colour_map, is_diverging
+from flowsculpt.render.scene.palettes import (
+    COLOUR_MAPS,
+    REVERSED,
+    blended,
+    colour_map,
+    is_diverging,
+    require_installed,
+)
 from flowsculpt.render.scene.patterns import looked_up
 from flowsculpt.render.scene.rgb_spaces import REC709, converted_pixels
 from flowsculpt.render.scene.surface import Surface
@@ -96,6 +103,7 @@ class Measure:
             raise BadInputError(f"measure is of {self.of!r}; it can be {', '.join(KINDS)}")
         if self.colours is not None and self.colours.removesuffix(REVERSED) not in COLOUR_MAPS:
             raise BadInputError(f"measure has colours {self.colours!r}; they can be {', '.join(COLOUR_MAPS)}")
+        require_installed(self.palette)
         if len(self.own) == 1:
             raise BadInputError("measure has 1 colour; a palette has two or more")
         if self.of != Surface.VALUES and self.shares != (None, None):

@@ -42,14 +42,28 @@ def is_diverging(name: str) -> bool:
     return name.removesuffix(REVERSED) in DIVERGING
 
 
+def require_installed(name: str) -> Path | None:
+    """Return the file of a palette of cmocean; None for others. Raises BadInputError where it is missing."""
+    plain = name.removesuffix(REVERSED)
+    if plain not in _OF_CMOCEAN:
+        return None
+    found = find_spec("cmocean")
+    if found is None or found.origin is None:
+        raise BadInputError(
+            f"palette {plain} is one of cmocean's, which is not installed. Install flowsculpt[fields] or "
+            f"take one of {', '.join(_OF_MATPLOTLIB[:5])}"
+        )
+    return Path(found.origin).parent / "rgb" / f"{plain}-rgb.txt"
+
+
 @cache
 def colour_map(name: str) -> NDArray[np.float32]:
     """Return linear Rec.709 reflectances (256, 3) of a palette, from the lowest number to the highest.
 
     Raises BadInputError where it is one of cmocean's, and that is not installed.
     """
-    plain = name.removesuffix(REVERSED)
-    srgb = _of_cmocean(plain) if plain in _OF_CMOCEAN else _of_matplotlib(plain)
+    plain, table = name.removesuffix(REVERSED), require_installed(name)
+    srgb = _of_matplotlib(plain) if table is None else _of_cmocean(table)
     return _row(srgb if plain == name else srgb[::-1])
 
 
@@ -73,14 +87,8 @@ def _of_matplotlib(name: str) -> NDArray[np.floating]:
     return np.asarray(colormaps[name](np.linspace(0.0, 1.0, _COUNT)))[:, :3]
 
 
-def _of_cmocean(name: str) -> NDArray[np.floating]:
+def _of_cmocean(file: Path) -> NDArray[np.floating]:
     """Read the table of a palette, sRGB; importing the package takes matplotlib, whose versions it lags."""
-    found = find_spec("cmocean")
-    if found is None or found.origin is None:
-        raise BadInputError(
-            f"palette {name} is one of cmocean's, which is not installed; install flowsculpt[fields] or take "
-            f"one of {', '.join(_OF_MATPLOTLIB[:5])}"
-        )
-    table = np.loadtxt(Path(found.origin).parent / "rgb" / f"{name}-rgb.txt")
+    table = np.loadtxt(file)
     places = np.linspace(0.0, len(table) - 1.0, _COUNT)
     return np.stack([np.interp(places, np.arange(len(table)), part) for part in table.T], axis=1)

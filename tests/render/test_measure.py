@@ -161,6 +161,15 @@ def test_what_cannot_be_measured_is_told(sphere: Surface) -> None:
         LOOKS["glass"].with_values(measure=Measure("speed"))
 
 
+def test_a_palette_that_is_not_installed_is_refused_when_the_shot_is_read(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("flowsculpt.render.scene.palettes.find_spec", lambda _: None)
+    with pytest.raises(BadInputError, match=r"Install flowsculpt\[fields\] or take one of viridis"):
+        Measure("values", "thermal")
+    Measure("values", "viridis")
+
+
 @pytest.mark.parametrize("of", KINDS)
 def test_a_measure_survives_being_written_down(of: str) -> None:
     look = replace(LOOKS["clay"], measure=Measure(of, "turbo", 1.0, 2.0))

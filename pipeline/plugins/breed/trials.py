@@ -207,6 +207,8 @@ def _shape(part: Shot, motion: Motion, frame: MeshFrame) -> Shape:
     attributes = motion.copy_places(pattern, arrays["material"].astype(np.float64))
     if look.measures_speed:
         attributes[Surface.SPEED] = shading.speeds(motion)
+    if Surface.VALUES in arrays:
+        attributes[Surface.VALUES] = arrays[Surface.VALUES]
     vertices = arrays["vertices"]
     if "radii" in arrays:
         vertices, arrays, attributes = _balls(arrays, attributes)

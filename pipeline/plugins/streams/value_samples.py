@@ -40,8 +40,8 @@ class ValueSamples:
         if len(self._values) == self._frames:
             values, weights = (np.concatenate(each) for each in zip(*self._values.values(), strict=True))
             if len(values):
-                self._answer.store_alone({"quantiles": _quantiles(values, weights).tolist()})
-                del self.__dict__["table"]
+                table = self.__dict__["table"] = _quantiles(values, weights).tolist()
+                self._answer.store_alone({"quantiles": table})
 
     def quantiles(self, shares: Sequence[float]) -> Sequence[float] | None:
         """Return the numbers below which fractions of the values lie; None before all frames have come."""
