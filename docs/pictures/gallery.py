@@ -45,6 +45,7 @@ STILLS = {
     "B180_pool": 57,
     "B190_moon": 84,
     "B200_walker": 62,
+    "B210_jets": 1,
 }
 """The frame that shows most of each shot."""
 

@@ -108,18 +108,21 @@ class TimeUnits:
     since     the date at 0 as the file writes it; empty where there is none
     calendar  by its name in CF
     units     as the file writes them
+    is_of_any_year  True if values are means over years (§7.4)
     """
 
     seconds: float
     since: str
     calendar: str
     units: str
+    is_of_any_year: bool = False
 
     @classmethod
     def of(cls, attributes: Mapping[str, Any]) -> TimeUnits:
         """Return the units of a time coordinate (§4.4). Raises ConventionError."""
         units, calendar = text(attributes, "units"), text(attributes, "calendar").lower() or "standard"
         unit, _, since = units.partition(" since ")
+        is_of_any_year = "climatology" in attributes
         name = unit.strip().lower()
         if re.fullmatch(r"months?|years?|common_years?|mon|yr", name):
             length = {"360_day": (30, 360), "noleap": (None, 365), "365_day": (None, 365)}.get(calendar)
@@ -129,7 +132,7 @@ class TimeUnits:
                     f"its times are in {unit.strip()}, whose length changes in calendar {calendar}; write "
                     "them in days since a date"
                 )
-            return cls(86400.0 * days, since.strip(), calendar, units)
+            return cls(86400.0 * days, since.strip(), calendar, units, is_of_any_year)
         if name not in SECONDS:
             shown = f"{units!r} are not units of time" if units else "its times have no units"
             raise ConventionError(f"{shown}; write units such as 'days since 2000-01-01'")
@@ -137,7 +140,7 @@ class TimeUnits:
             raise ConventionError(
                 f"calendar {calendar!r} is unknown; CF has standard, noleap, 360_day and others"
             )
-        return cls(SECONDS[name], since.strip(), calendar, units)
+        return cls(SECONDS[name], since.strip(), calendar, units, is_of_any_year)
 
     def seconds_between(self, other: TimeUnits) -> float:
         """Return the seconds from the date at 0 of these units to that of others (needs cftime)."""
@@ -151,7 +154,10 @@ class TimeUnits:
         return float(cftime.date2num(begin, f"seconds since {self.since}", self.calendar))
 
     def date(self, number: float) -> str:
-        """Return the date and time of a number; empty where the file has no date, or cftime is missing."""
+        """Return the date and time of a number; empty where the file has no date, or cftime is missing.
+
+        Means over years have `-` in place of the year (ISO 8601:2000, 5.2.1.3): `--01-16 12:00:00`.
+        """
         try:
             import cftime
 
@@ -159,7 +165,9 @@ class TimeUnits:
             date = cftime.num2date(number, f"{unit} since {self.since}", self.calendar)
         except (ImportError, ValueError, OverflowError):
             return ""
-        return str(date) if self.since else ""
+        if not self.since:
+            return ""
+        return str(date) if not self.is_of_any_year else "-" + str(date)[str(date).index("-", 1) :]
 
 
 def duration(words: str) -> float:

@@ -5,7 +5,10 @@ from __future__ import annotations
 import math
 from itertools import pairwise
 
-MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")
+MONTHS = (
+    *("January", "February", "March", "April", "May", "June"),
+    *("July", "August", "September", "October", "November", "December"),
+)
 
 _NICE = (1.0, 2.0, 5.0, 10.0)
 MOST_OF_HOURS, MOST_OF_DAYS = 6 * 60.0, 20 * 1440.0
@@ -63,19 +66,22 @@ def written(value: float, places: list[tuple[float, float]]) -> str:
 def date_text(date: str, later: str) -> str:
     """Return a date as a legend shows it.
 
-    date, later  `2003-08-02 06:00:00`, of a frame and the next one: the finer their step, the more is shown
+    date, later  `2003-08-02 06:00:00`, of a frame and the next one: the finer their step, the more is shown;
+                 `--08-02 06:00:00` in means over years, which have months alone
     """
     (year, month, day, time), minutes = _parts(date), _minutes_between(date, later)
-    name = MONTHS[month - 1]
+    if year is None:
+        return MONTHS[month - 1]
+    name = MONTHS[month - 1][:3]
     if minutes >= MOST_OF_DAYS:
         return f"{name} {year}"
     return f"{day} {name} {year}" + f"  {time[:5]}" * (minutes < MOST_OF_HOURS and len(time) >= 5)
 
 
-def _parts(date: str) -> tuple[int, int, int, str]:
+def _parts(date: str) -> tuple[int | None, int, int, str]:
     days, _, time = date.partition(" ")
     year, month, day = days.rsplit("-", 2)
-    return int(year), int(month), int(day), time
+    return None if year == "-" else int(year), int(month), int(day), time
 
 
 def _minutes_between(date: str, later: str) -> float:
@@ -83,7 +89,7 @@ def _minutes_between(date: str, later: str) -> float:
     ends = []
     for year, month, day, time in map(_parts, (date, later)):
         hours, minutes = (int(each) if each else 0 for each in (time[:2], time[3:5]))
-        ends.append(60.0 * (24.0 * (365.25 * year + 30.44 * month + day) + hours) + minutes)
+        ends.append(60.0 * (24.0 * (365.25 * (year or 0) + 30.44 * month + day) + hours) + minutes)
     return abs(ends[1] - ends[0])
 
 

@@ -11,6 +11,7 @@ import pytest
 from flowsculpt import MissingInputError
 from flowsculpt.api import ShotError
 from flowsculpt.pipeline.animation import animate
+from flowsculpt.pipeline.plugins.fields.cf_conventions import TimeUnits
 from flowsculpt.pipeline.plugins.fields.grid_layout import EARTH
 from flowsculpt.pipeline.shot import read_shot
 from tests.needed_plugins import needs_plugins
@@ -134,6 +135,12 @@ def test_measures_of_data_have_units_of_data_and_dates(tmp_path: Path) -> None:
     assert age.surface(1.0)[0].attributes["values"][:, 0].max() == pytest.approx(25.0 / 24.0)
     heat = shot_of(tmp_path, "{variable: thetao}", ACROSS).motion.animated.model.sequence
     assert (heat.facts(0.0)["values"], heat.facts(0.0)["unit"]) == ("Temperature", "°C")
+
+
+def test_means_over_years_have_dates_without_a_year() -> None:
+    attributes = {"units": "days since 2001-01-01", "calendar": "noleap"}
+    assert TimeUnits.of(attributes).date(45.5) == "2001-02-15 12:00:00"
+    assert TimeUnits.of({**attributes, "climatology": "bounds"}).date(45.5) == "--02-15 12:00:00"
 
 
 @pytest.mark.parametrize("suffix", ["npz", "vti"])
