@@ -66,11 +66,13 @@ def replay_births(mesh: MeshArrays, sizes: AnyArray, births: Indices, opposite: 
         leaving[vert[h]] = h
     for i in range(len(births)):
         a, b = births[i, 0], births[i, 1]
-        h = _between(mesh, leaving[a], b)
+        h, left = _between(mesh, leaving[a], b), 0
+        if h < 0:  # of an edge of the boundary there is one half-edge
+            h, left = _between(mesh, leaving[b], a), 1
         if h < 0:
             return i
         middle, first, back = sizes[0], sizes[1], twin[h]
-        opposite[i, 0], opposite[i, 1] = vert[preceding(h)], -1
+        opposite[i, left], opposite[i, 1 - left] = vert[preceding(h)], -1
         if back >= 0:
             opposite[i, 1] = vert[preceding(back)]
         sizes[0] = middle + 1

@@ -7,7 +7,7 @@ import pytest
 
 from flowsculpt.pipeline.arrays import Points
 from flowsculpt.pipeline.errors import FrameError, VertexBudgetError
-from flowsculpt.pipeline.mesh import icosphere
+from flowsculpt.pipeline.mesh import TriangleMesh, icosphere
 from flowsculpt.pipeline.resample import Thresholds
 from flowsculpt.pipeline.resample.refinement import RefinableSurface
 
@@ -39,6 +39,14 @@ def test_births_replayed_at_rest_give_the_same_triangles() -> None:
     opposite = again.replay(parents, rest)
     assert np.array_equal(again.mesh().faces, surface.mesh().faces) and (opposite >= 0).all()
     assert np.allclose(stretched(again.points), surface.points, atol=1e-12)
+
+
+@pytest.mark.parametrize("parents", [(0, 1), (1, 0)])
+def test_an_edge_of_the_boundary_is_split_whichever_of_its_ends_comes_first(parents: tuple[int, int]) -> None:
+    surface = RefinableSurface(TriangleMesh(np.eye(3), np.array([[0, 1, 2]], np.int32)))
+    opposite = surface.replay(np.array([parents], np.int32), np.full((1, 6), 0.5))
+    left, right = (2, -1) if parents == (0, 1) else (-1, 2)
+    assert opposite.tolist() == [[left, right]] and len(surface.mesh().faces) == 2
 
 
 def test_nothing_is_split_without_thresholds() -> None:
