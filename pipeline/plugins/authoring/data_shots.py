@@ -58,7 +58,7 @@ flows: [{{sampled: {sampled}}}]
 
 @dataclass(frozen=True)
 class _Seen:
-    """What a look at the data tells.
+    """The facts about data that a new shot follows.
 
     low, high  (3,) corners of where it is, units
     flat       the axis along which nothing changes, 0 to 2; None of data in space

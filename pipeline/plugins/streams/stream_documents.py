@@ -63,7 +63,7 @@ class CircleDocument(Document):
         return SeedCircle(np.array(self.centre, np.float64), float(self.radius), axes)
 
 
-class SpiralDocument(Document):
+class SphereSpiralDocument(Document):
     """A spiral on a sphere from pole to pole, with turns equally far apart: seeds all over a globe."""
 
     radius: Positive = Field(1.0, description="units")
@@ -92,7 +92,7 @@ class SeedsDocument(OneOfSeveral):
         None, description="smooth through points (units)"
     )
     circle: CircleDocument | None = Field(None, description="a circle")
-    spiral: SpiralDocument | None = Field(None, description="a spiral all over a sphere")
+    spiral: SphereSpiralDocument | None = Field(None, description="a spiral all over a sphere")
     file: str | None = Field(
         None, description="straight through the points of a text file, three numbers a line (units)"
     )
