@@ -27,10 +27,12 @@ GLOBE = 0.9
 """Share of a circle that longitudes cover, from which data lie on a sphere."""
 
 _AWAY = 1.75  # of the camera, in diagonals of the data
-_REACH = 0.12  # of streamlines at the median speed, in sizes of the data
-_ROWS = 10  # of seeds, across a plane of the data
+_AROUND = 1.2  # width of the picture where data of one level are, in theirs
+FOCAL_LENGTH = 50.0  # mm; a picture is 36 by 20.25 mm
+_REACH = 0.3  # of streamlines at the speed of the end of the palette, in sizes of the data
+_ROWS = 16  # of seeds, across a plane of the data
 _TURNS = 40  # of seeds, on a globe: nearer than seeds on a turn, since most flows go around
-_LINES = {True: 1000, False: 300}  # on a globe, and across a plane
+_LINES = {True: 1000, False: 480}  # on a globe, and across a plane
 _BRIGHT = 98.0  # per cent of the speeds that are below the end of the palette
 
 SHOT = """\
@@ -135,8 +137,8 @@ def _lines(field: Sampled, seen: _Seen, pace: float, sampled: dict[str, object])
     if seen.is_globe:
         seeds = {"spiral": {"radius": _rounded(0.5 * seen.size), "turns": _TURNS}}
     subject: dict[str, object] = {"stream_lines" if seen.seconds else "path_lines": seeds}
-    subject |= {"count": _LINES[seen.is_globe], "radius": _rounded(seen.size / 450.0)}
-    subject |= {"length": _rounded(_REACH * seen.size / (seen.median * pace))} if seen.seconds else {}
+    subject |= {"count": _LINES[seen.is_globe], "radius": _rounded(seen.size / 380.0)}
+    subject |= {"length": _rounded(_REACH * seen.size / (seen.fastest * pace))} if seen.seconds else {}
     subject |= {"max_edge_length": _rounded(seen.size / 50.0), "values": "speed"}
     return {**subject, "velocity": [{"sampled": sampled}]}
 
@@ -150,7 +152,7 @@ def _subject(seen: _Seen, lines: dict[str, object]) -> str:
 
 def _base(seen: _Seen) -> dict[str, object]:
     """Return the dark subject on which lines lie: a globe, or a plate behind data of one level."""
-    look = {"material": "clay", "colour": [0.01, 0.013, 0.02]}
+    look = {"material": "clay", "colour": [0.03, 0.033, 0.04]}
     if seen.is_globe:
         return {"solid": "icosphere", "radius": _rounded(0.4975 * seen.size), "resample": "off", "look": look}
     thin = 0.02 * seen.size
@@ -275,15 +277,17 @@ def _rows(field: Sampled, seen: _Seen) -> list[list[float]]:
 def _camera(seen: _Seen) -> dict[str, object]:
     """Return a camera that shows all of the data: flat data from the front, a globe from the north, others
     from the upper right."""
-    middle, size = 0.5 * (seen.low + seen.high), float(np.linalg.norm(seen.high - seen.low))
-    away = np.array([0.0, 0.0, 1.0]) if seen.flat == 2 else np.array([0.42, 0.3, 0.86])
+    sides, middle = seen.high - seen.low, 0.5 * (seen.low + seen.high)
+    away, distance = np.array([0.42, 0.3, 0.86]), _AWAY * float(np.linalg.norm(sides))
     if seen.flat == 1:
         away = np.array([0.0, 0.8, 0.6])
-    position = middle + _AWAY * size * away
-    places = {"position": position, "target": middle}
+    elif seen.flat == 2:
+        away = np.array([0.0, 0.0, 1.0])
+        distance = _AROUND * max(sides[0] * FOCAL_LENGTH / 36.0, sides[1] * FOCAL_LENGTH / 20.25)
+    places = {"position": middle + distance * away, "target": middle}
     return {
         **{name: [round(float(x), 3) for x in place] for name, place in places.items()},
-        "focal_length": 50,
+        "focal_length": FOCAL_LENGTH,
     }
 
 

@@ -80,6 +80,8 @@ class MeshSource:
         if known is not None:
             self._simulation = None
             return known
+        if self._is_given:
+            return next(animate(self.request.shot, progress=self.callback, only={number}))
         if self._simulation is None:
             first = self.request.shot.motion.frames.first
             earlier = (self._known(n) for n in range(number - 1, first - 1, -1))
@@ -91,6 +93,12 @@ class MeshSource:
             self._keep(frame, time.thread_time() - started)
             if frame.number == number:
                 return frame
+
+    @property
+    def _is_given(self) -> bool:
+        """True if files, or seeds, give each frame by itself: no other one has to be simulated."""
+        motion = self.request.shot.motion
+        return motion.animated is not None and motion.resampling is None
 
     def _known(self, number: int) -> MeshFrame | None:
         key = self.request.keys.mesh(number)
