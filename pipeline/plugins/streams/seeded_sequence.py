@@ -18,7 +18,7 @@ from flowsculpt.api.shots import SurfaceSequence
 from flowsculpt.pipeline.plugins.streams.shells import shell
 from flowsculpt.pipeline.plugins.streams.travels import Frozen
 
-VERSION = 1
+VERSION = 2
 """Raised when equal settings give other surfaces."""
 
 
