@@ -15,11 +15,23 @@ import numpy as np
 from flowsculpt import MeshError, PolygonMesh, Streamlines, TriangleMesh
 from flowsculpt.api.meshes import Floats
 from flowsculpt.api.shots import SurfaceSequence
+from flowsculpt.pipeline.plugins.streams.sheet_cuts import cut_below
 from flowsculpt.pipeline.plugins.streams.shells import shell
 from flowsculpt.pipeline.plugins.streams.travels import Frozen
 
 VERSION = 2
 """Raised when equal settings give other surfaces."""
+
+CUT = 0.5
+"""The weight of a region at which surfaces end: points slow down from 1, and stop before 0."""
+
+
+class Weights(Protocol):
+    """A region: 1 inside, less in its falloff, and 0 outside."""
+
+    def weight(self, points: Floats, time: float) -> Floats: ...
+
+    def cache_data(self, time: float) -> Any: ...
 
 
 class Released(Protocol):
@@ -48,6 +60,7 @@ class SeededSequence(SurfaceSequence):
     length     seconds that points travel
     direction  of streamlines
     thickness  of a shell about a surface, units
+    region     outside of which `flow` does not move points: surfaces end there
     """
 
     word: str
@@ -59,6 +72,7 @@ class SeededSequence(SurfaceSequence):
     length: float = math.inf
     direction: str = "forwards"
     thickness: float = 0.0
+    region: Weights | None = None
     _known: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -83,6 +97,7 @@ class SeededSequence(SurfaceSequence):
             repr(self.length),
             self.direction,
             self.thickness,
+            self.region is not None,
         ]
         return hashlib.sha256(json.dumps(known).encode()).hexdigest()
 
@@ -102,10 +117,26 @@ class SeededSequence(SurfaceSequence):
         released = self._streamlines(frame) if self.begin is None else self._grown(frame, self.begin)
         mesh = released.mesh
         velocities = None if self.begin is None else released.velocities()
+        if self.region is not None:
+            mesh, velocities = self._inside(mesh, velocities, self.region.weight(mesh.vertices, seconds))
         if self.thickness:
             mesh = shell(mesh, self.thickness)
             velocities = None if velocities is None else np.concatenate([velocities, velocities])
         return PolygonMesh.from_triangles(mesh), velocities
+
+    def _inside(
+        self, mesh: TriangleMesh, velocities: Floats | None, weights: Floats
+    ) -> tuple[TriangleMesh, Floats | None]:
+        """Return the part of a surface where weights (V,) are at least CUT, and its velocities."""
+        if weights.min() >= CUT:
+            return mesh, velocities
+        if velocities is not None:
+            mesh = mesh.with_attributes(velocity=velocities)
+        part = cut_below(mesh, weights, CUT)
+        if not len(part.faces):
+            raise MeshError(f"all of the {self.word} is outside of the region of within. Make it larger.")
+        kept = {name: values for name, values in part.attributes.items() if name != "velocity"}
+        return TriangleMesh(part.vertices, part.faces, kept), part.attributes.get("velocity")
 
     def data(self, seconds: float) -> Any:
         frame = self._frame(seconds)
