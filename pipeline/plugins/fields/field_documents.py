@@ -28,7 +28,8 @@ from flowsculpt.api.shots import (
 )
 from flowsculpt.pipeline.plugins.fields.attraction import Attraction, Target, Wind
 from flowsculpt.pipeline.plugins.fields.cf_conventions import duration
-from flowsculpt.pipeline.plugins.fields.cf_files import Selection, cf_samples
+from flowsculpt.pipeline.plugins.fields.cf_files import cf_samples
+from flowsculpt.pipeline.plugins.fields.cf_headers import Selection
 from flowsculpt.pipeline.plugins.fields.file_sequences import files_named
 from flowsculpt.pipeline.plugins.fields.grid_files import read_samples
 from flowsculpt.pipeline.plugins.fields.grid_layout import Placing

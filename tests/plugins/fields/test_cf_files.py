@@ -13,7 +13,8 @@ import pytest
 from flowsculpt.pipeline.errors import FlowsculptError, UsageError
 from flowsculpt.pipeline.flow.catalogue.sampled_field import Sampled
 from flowsculpt.pipeline.plugins.fields.cf_conventions import duration, speed_factor, velocity_direction
-from flowsculpt.pipeline.plugins.fields.cf_files import Selection, cf_samples
+from flowsculpt.pipeline.plugins.fields.cf_files import cf_samples
+from flowsculpt.pipeline.plugins.fields.cf_headers import Selection
 from flowsculpt.pipeline.plugins.fields.grid_layout import EARTH, Placing
 
 xarray = pytest.importorskip("xarray")
