@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from flowsculpt import UsageError
+from flowsculpt.api.files import CachedAnswer
 from flowsculpt.api.meshes import Floats
 from flowsculpt.pipeline.plugins.fields import stored_arrays
 from flowsculpt.pipeline.plugins.fields.cf_conventions import (
@@ -19,6 +20,7 @@ from flowsculpt.pipeline.plugins.fields.cf_conventions import (
     TIME,
     UP,
     ConventionError,
+    attribute_number,
     speed_factor,
     text,
 )
@@ -26,10 +28,10 @@ from flowsculpt.pipeline.plugins.fields.cf_headers import (
     FILLED,
     FileHeader,
     Selection,
-    attribute_number,
     convention_faults,
     read_header,
 )
+from flowsculpt.pipeline.plugins.fields.curvilinear_grids import CurvilinearGrid
 from flowsculpt.pipeline.plugins.fields.grid_layout import Coordinates, GridLayout, Placing
 from flowsculpt.pipeline.plugins.fields.windowed_samples import (
     GridSource,
@@ -37,6 +39,9 @@ from flowsculpt.pipeline.plugins.fields.windowed_samples import (
     WindowedSamples,
     file_digest,
 )
+
+EVEN_VERSION = 1
+"""Raised when equal curvilinear grids give other velocities."""
 
 LAYER_PARTS = 8  # parts in which the layers of a file without chunks are read
 
@@ -84,6 +89,19 @@ class CFSource(GridSource):
         times = np.concatenate(parts)
         return times - times[0]
 
+    def seconds_of(self, date: str) -> float:
+        """Return the seconds from the first time to a date. Raises UsageError for one that the data lack."""
+        first, last = self.headers[0], self.headers[-1]
+        with convention_faults(first.path):
+            units = first.time_units
+            if units is None:
+                raise ConventionError("it has no times; leave out start")
+            seconds = units.seconds * (units.number_of(date) - float(first.times[0]))
+            if not -1e-6 <= seconds <= self.times[-1] + 1e-6:
+                ends = units.date(float(first.times[0])), last.time_units.date(float(last.times[-1]))  # type: ignore[union-attr]
+                raise ConventionError(f"start is {date}, and its times are {ends[0]} to {ends[1]}")
+        return min(max(seconds, 0.0), float(self.times[-1]))
+
     @cached_property
     def _where(self) -> list[tuple[int, int]]:
         """The file of each time, and its index in there."""
@@ -94,7 +112,9 @@ class CFSource(GridSource):
         chosen, placing = self.selection, self.placing
         names = sorted(self.headers[0].names.items())
         placed = [placing.map, placing.up, placing.fit, placing.exaggerate, placing.land]
-        return ["cf", names, list(chosen.at), chosen.group, placed]
+        grid = self.headers[0].curvilinear
+        even = [] if grid is None else [["even", EVEN_VERSION, *grid.grid.shape, grid.along]]
+        return ["cf", names, list(chosen.at), chosen.group, placed, *even]
 
     def place(self, index: int) -> Any:
         k, i = self._where[index]
@@ -140,8 +160,30 @@ class CFSource(GridSource):
                 if missing is not None:
                     for values in components.values():
                         values[missing] = 0.0
+                if header.curvilinear is not None:
+                    components, missing = header.curvilinear.resampled(components, missing)
                 self.layout.fill(out, layers, components, missing, header.is_angular)
         return out
+
+    def resampling_error(self) -> float:
+        """Return the rms error of the first time at the nodes of a curvilinear grid, over its rms."""
+        header, layers = self.headers[0], slice(0, 1)
+        assert header.curvilinear is not None, "other grids are read as they are"
+        with (
+            stored_arrays.opened_together(header.paths, self.selection.group) as dataset,
+            convention_faults(header.path),
+        ):
+            read = {
+                axis: self._component(header, dataset.variables[name], 0, layers)
+                for axis, name in header.names.items()
+                if axis != UP
+            }
+        missing = None
+        for values, lacking in read.values():
+            if lacking is not None:
+                values[lacking] = 0.0
+                missing = lacking if missing is None else missing | lacking
+        return header.curvilinear.error({axis: values for axis, (values, _) in read.items()}, missing)
 
     def _layers(self, header: FileHeader, dataset: Any) -> Iterator[tuple[slice, slice]]:
         """Yield layers to read at once: indices in the file along the axis up, and in the grid.
@@ -260,7 +302,24 @@ def cf_samples(
         notes.append(
             f"{first.path.name}: the plane is {size / 1000:.4g} km wide, a metre a unit; write fit: 4"
         )
-    return WindowedSamples(source), tuple(notes)
+    samples = WindowedSamples(source)
+    if first.curvilinear is not None:
+        notes.append(f"{first.path.name}: {_resampling(samples, source, first.curvilinear)}")
+    return samples, tuple(notes)
+
+
+def _resampling(samples: WindowedSamples, source: CFSource, grid: CurvilinearGrid) -> str:
+    """Return a note on how a curvilinear grid is read; the error is kept in the user's cache."""
+    answer = CachedAnswer.of("field_errors", [samples.digest(0)])
+    error = answer.load(lambda kept: float(kept["error"]))
+    if error is None:
+        error = source.resampling_error()
+        answer.store_alone({"error": error})
+    before, after = (" × ".join(map(str, each)) for each in (grid.longitudes.shape, grid.grid.shape))
+    return (
+        f"its curvilinear grid of {before} nodes is read on an even one of {after}; velocities at its own "
+        f"nodes differ by {100.0 * error:.2g}% (rms), which a higher resolution makes less"
+    )
 
 
 def _same_grid(one: Coordinates, other: Coordinates) -> bool:

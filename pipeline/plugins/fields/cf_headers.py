@@ -23,12 +23,20 @@ from flowsculpt.pipeline.plugins.fields.cf_conventions import (
     UP,
     ConventionError,
     TimeUnits,
+    attribute_number,
     axis_of,
     is_degrees,
     speed_factor,
     standard_height,
     text,
     velocities_among,
+)
+from flowsculpt.pipeline.plugins.fields.curvilinear_grids import (
+    Along,
+    CurvilinearGrid,
+    direction_of,
+    shared_grid,
+    two_dimensional,
 )
 from flowsculpt.pipeline.plugins.fields.grid_layout import Coordinates
 
@@ -44,12 +52,16 @@ class Selection:
     at         indices of dimensions that are not axes, or of axes to leave out
     group      of NetCDF 4 and Zarr; None is the first
     interval   seconds from file to file, where files have no times
+    along      of a curvilinear grid: what the components go along; None: as their standard names say
+    resolution  of a curvilinear grid: nodes along the longer side of the even one in its place
     """
 
     variables: tuple[tuple[str, str], ...] = ()
     at: tuple[tuple[str, int], ...] = ()
     group: str | None = None
     interval: float = 1.0
+    along: Along | None = None
+    resolution: int | None = None
 
 
 @dataclass(frozen=True)
@@ -77,6 +89,7 @@ class FileHeader:
     coordinates  in degrees or metres
     turned       axes that are descending in the file
     times        (T,) as the file writes them; none where it has no time
+    curvilinear  the grid of the file, where its longitudes have two dimensions; `axes` has the even one
     """
 
     paths: tuple[Path, ...]
@@ -88,6 +101,7 @@ class FileHeader:
     time_units: TimeUnits | None
     is_angular: bool
     notes: tuple[str, ...]
+    curvilinear: CurvilinearGrid | None = None
 
     @property
     def path(self) -> Path:
@@ -118,6 +132,7 @@ class _HeaderReader:
     dataset: Any
     selection: Selection
     notes: list[str] = field(default_factory=list)
+    curvilinear: dict[str, CurvilinearGrid] = field(default_factory=dict)
 
     def header(self) -> FileHeader:
         names = self._names()
@@ -154,6 +169,7 @@ class _HeaderReader:
             units,
             self._units(names),
             tuple(dict.fromkeys(self.notes)),
+            self._curvilinear(names),
         )
 
     # Variables
@@ -257,9 +273,13 @@ class _HeaderReader:
 
     def _axes(self, name: str) -> dict[str, Axis]:
         variable, chosen = self.dataset.variables[name], dict(self.selection.at)
-        axes: dict[str, Axis] = {}
-        self._require_regular(name, variable)
-        for k, (dimension, length) in enumerate(zip(variable.dims, variable.shape, strict=True)):
+        axes = self._even_axes(name, variable)
+        even = {axis.dimension for axis in axes.values()}
+        if not axes:
+            self._require_regular(name, variable)
+        for dimension, length in zip(variable.dims, variable.shape, strict=True):
+            if dimension in even:
+                continue
             if dimension in chosen:
                 if chosen[dimension] >= length:
                     raise ConventionError(
@@ -287,10 +307,45 @@ class _HeaderReader:
                     f"{axis.coordinate} has a length of 0, so nothing has a velocity; write the file again"
                 )
             axes[role] = axis
-            del k
         if not axes.keys() & {EAST, NORTH, UP}:
             raise ConventionError(f"{name} has no axis in space of two or more nodes")
         return axes
+
+    def _even_axes(self, name: str, variable: Any) -> dict[str, Axis]:
+        """Return the axes of the even grid in place of a curvilinear one; none for other grids."""
+        found = two_dimensional(self.dataset.variables, variable)
+        dimensions = () if found is None else self.dataset.variables[found[0]].dims
+        if found is None or all(self._is_axis(str(dimension)) for dimension in dimensions):
+            return {}
+        if self.dataset.variables[found[1]].dims != dimensions:
+            raise ConventionError(f"{found[0]} and {found[1]} have different dimensions; correct them")
+        degrees = [
+            np.asarray(self.dataset.variables[each].values, np.float64).T for each in found
+        ]  # the last dimension is the first direction of the grid
+        along = self.selection.along or direction_of(name, variable.attrs)
+        made = CurvilinearGrid(degrees[0], degrees[1], self.selection.resolution, along)
+        self.curvilinear[name] = made
+        east, north = made.grid.axes
+        second, first = map(str, dimensions)
+        return {
+            EAST: Axis(first, found[0], east, {"units": "degrees_east"}),
+            NORTH: Axis(second, found[1], north, {"units": "degrees_north"}),
+        }
+
+    def _is_axis(self, dimension: str) -> bool:
+        """Tell whether a dimension has a coordinate of its own that measures east or north."""
+        axis = self._axis(dimension, 0)
+        return axis is not None and axis_of(axis.coordinate, axis.attributes) in (EAST, NORTH)
+
+    def _curvilinear(self, names: Mapping[str, str]) -> CurvilinearGrid | None:
+        """Return the curvilinear grid that all components share; None for other grids."""
+        if self.curvilinear:
+            return shared_grid({axis: self.curvilinear.get(name) for axis, name in names.items()})
+        if self.selection.along or self.selection.resolution:
+            raise ConventionError(
+                "along and resolution are for curvilinear grids, and its grid is not one. Remove them"
+            )
+        return None
 
     def _axis(self, dimension: str, length: int) -> Axis | None:
         coordinate = self.dataset.variables.get(dimension)
@@ -440,17 +495,3 @@ class _HeaderReader:
                 f"are {twice}; sort them, and remove one of two"
             )
         return axis.values, units
-
-
-def attribute_number(attributes: Mapping[str, Any], name: str, variable: str) -> float | None:
-    """Return an attribute that is a number; None where it is missing. Raises ConventionError."""
-    value = attributes.get(name)
-    if value is None:
-        return None
-    try:
-        number = float(np.asarray(value).reshape(-1)[0])
-    except (TypeError, ValueError, IndexError):
-        number = float("nan")
-    if not np.isfinite(number):
-        raise ConventionError(f"attribute {name} of {variable} is {value!r}; it must be a number")
-    return number

@@ -1,5 +1,6 @@
 """Entries of flows in a shot file: `sampled`, `attraction` and `wind`."""
 
+from datetime import date
 from itertools import pairwise
 from typing import Annotated, Any, Literal, Self
 
@@ -27,8 +28,8 @@ from flowsculpt.api.shots import (
     Triple,
 )
 from flowsculpt.pipeline.plugins.fields.attraction import Attraction, Target, Wind
-from flowsculpt.pipeline.plugins.fields.cf_conventions import duration
-from flowsculpt.pipeline.plugins.fields.cf_files import cf_samples
+from flowsculpt.pipeline.plugins.fields.cf_conventions import DATE, duration
+from flowsculpt.pipeline.plugins.fields.cf_files import CFSource, cf_samples
 from flowsculpt.pipeline.plugins.fields.cf_headers import Selection
 from flowsculpt.pipeline.plugins.fields.file_sequences import files_named
 from flowsculpt.pipeline.plugins.fields.grid_files import read_samples
@@ -44,6 +45,14 @@ def _in_seconds(value: Any) -> Any:
     return duration(value) if isinstance(value, str) else value
 
 
+def _as_written(value: Any) -> Any:
+    """Return a date as ISO 8601 writes it; YAML makes dates of some texts."""
+    written = value.isoformat() if isinstance(value, date) else value
+    if isinstance(written, str) and not DATE.fullmatch(written):
+        raise ValueError(f"{written!r} is not a date; write a number of seconds, or such as 2019-03-01T06:00")
+    return written
+
+
 class VelocityVariables(Document):
     """The variables of the components of a velocity; one that is left out is 0."""
 
@@ -52,7 +61,7 @@ class VelocityVariables(Document):
     z: str | None = Field(None, description="along z, or upward")
 
 
-_OF_STORED = ("also", "variables", "at", "group", "map", "up", "fit", "exaggerate", "land")
+_OF_STORED = ("also", "variables", "at", "group", "map", "up", "fit", "exaggerate", "land", "along")
 """Settings of fields in NetCDF, HDF5 and Zarr alone."""
 
 
@@ -99,7 +108,21 @@ class SampledDocument(FlowParameters):
     land: Annotated[
         Literal["stop", "slide"], ParameterDoc("where velocities are missing: 0, or along the coast")
     ] = "stop"
+    along: Annotated[
+        Literal["east", "grid"] | None,
+        ParameterDoc("what components on a curvilinear grid go along; else as their standard names say"),
+    ] = None
+    resolution: Annotated[
+        Annotated[int, Field(ge=2, le=65536)] | None,
+        ParameterDoc("nodes along the longest side of the even grid in place of another; by default as fine"),
+    ] = None
+    start: Annotated[
+        Annotated[float, Field(ge=-1e12, le=1e12)] | str,
+        BeforeValidator(_as_written),
+        ParameterDoc("of the samples when the shot starts: seconds, or a date such as 2019-03-01"),
+    ] = 0.0
 
+    _start: float | None = PrivateAttr(None)
     _samples: Samples = PrivateAttr()
     _context: ParseContext = PrivateAttr()
 
@@ -116,8 +139,14 @@ class SampledDocument(FlowParameters):
                 raise UsageError(f"file and also name {counts} files. Name as many of each component.")
             self._samples, notes = cf_samples(paths, self._selection(), self._placing(), *others)
             context.notes.extend(notes)
+            if isinstance(self.start, str):
+                source = self._samples.source
+                assert isinstance(source, CFSource), "it is read by the conventions"
+                self._start = source.seconds_of(self.start)
             self._note_files(0, 0)
             return self
+        if isinstance(self.start, str):
+            raise UsageError(f"{paths[0]}: its times have no dates. Write start in seconds.")
         given = [
             name
             for name in _OF_STORED
@@ -127,7 +156,7 @@ class SampledDocument(FlowParameters):
             raise UsageError(
                 f"{paths[0]}: {given[0]} does not apply; it is for NetCDF, HDF5 and Zarr. Remove it."
             )
-        read = read_samples(paths, self.array, float(self.interval))
+        read = read_samples(paths, self.array, float(self.interval), self.resolution)
         self._samples = read.samples
         context.digests.update(read.files)
         context.notes.extend(read.notes)
@@ -138,7 +167,9 @@ class SampledDocument(FlowParameters):
         if self.variables is not None and len(named) < 2:
             raise UsageError("variables: a velocity has at least two components. Write {x: NAME, y: NAME}.")
         at = tuple((self.at or {}).items())
-        return Selection(tuple(named.items()), at, self.group, float(self.interval))
+        return Selection(
+            tuple(named.items()), at, self.group, float(self.interval), self.along, self.resolution
+        )
 
     def _placing(self) -> Placing:
         return Placing(self.map, self.up, self.fit, float(self.exaggerate), self.land)
@@ -153,7 +184,8 @@ class SampledDocument(FlowParameters):
 
     def build(self, clock: Clock) -> Any:
         """Return the flow, and note the files of the times that its frames may show."""
-        flow = super().build(clock)
+        given = self if self._start is None else self.model_copy(update={"start": self._start})
+        flow = super(SampledDocument, given).build(clock)
         if isinstance(self._samples, WindowedSamples):
             ends = clock.frames.first - 1, clock.frames.last + 1
             frames = [ends[0], *clock.frames, ends[1]]

@@ -27,6 +27,7 @@ from flowsculpt.pipeline.plugins.fields.vtk_grids import (
     read_vtk,
     require_size,
 )
+from flowsculpt.pipeline.plugins.fields.vtk_meshes import RESAMPLED, read_resampled
 from flowsculpt.pipeline.plugins.fields.windowed_samples import (
     MAX_SPEED,
     GridSource,
@@ -61,7 +62,10 @@ def read_npz(
     return (axes, arrays["t"], velocity) if "t" in arrays else (axes, np.zeros(1), velocity[None])
 
 
-FORMATS = (".vti", ".vtr", ".pvti", ".pvtr", ".pvd", ".npz")
+FORMATS = (".vti", ".vtr", ".pvti", ".pvtr", ".pvd", *RESAMPLED, ".npz")
+
+EVEN_VERSION = 1
+"""Raised when equal meshes give other velocities on an even grid."""
 
 IN_MEMORY = 1 << 30
 """Bytes of a sequence up to which all of its times are read with the shot, and checked; of a longer one those
@@ -76,33 +80,36 @@ class FieldFiles(NamedTuple):
     notes: tuple[str, ...] = ()
 
 
-def read_samples(files: tuple[Path, ...], array: str | None = None, interval: float = 1.0) -> FieldFiles:
+def read_samples(
+    files: tuple[Path, ...], array: str | None = None, interval: float = 1.0, resolution: int | None = None
+) -> FieldFiles:
     """Return the samples of one file, or of a sequence of files `interval` seconds apart.
 
-    array  the name of the velocities in VTK files; None: the file's active vectors, or its only array
+    array       the name of the velocities in VTK files; None: the file's active vectors, or its only array
+    resolution  nodes along the longest side of the even grid in place of a mesh or a bent grid
 
     The digests are of the same bytes that are parsed. The last samples stay in memory: as long as the
     contents of their files do not change, they are not parsed again.
 
     Raises MissingInputError where a file is missing, UsageError where it is invalid.
     """
-    request = (files, array, interval)
+    request = (files, array, interval, resolution)
     for known, read in list(_LAST.items()):  # another thread may replace them
         if known == request and all(_is_unchanged(file, digest) for file, digest in read.files):
             return read
     _LAST.clear()  # before others take as much memory
-    _LAST[request] = read = _read(files, array, interval)
+    _LAST[request] = read = _read(files, array, interval, resolution)
     return read
 
 
-_LAST: dict[tuple[tuple[Path, ...], str | None, float], FieldFiles] = {}
+_LAST: dict[tuple[tuple[Path, ...], str | None, float, int | None], FieldFiles] = {}
 
 
 def _is_unchanged(file: Path, digest: str) -> bool:
     return hashlib.sha256(InputFile(file, MAX_BYTES).content()).hexdigest() == digest
 
 
-def _read(files: tuple[Path, ...], array: str | None, interval: float) -> FieldFiles:
+def _read(files: tuple[Path, ...], array: str | None, interval: float, resolution: int | None) -> FieldFiles:
     times, listed = np.asarray(interval * np.arange(len(files)), np.float64), tuple[tuple[Path, str], ...]()
     if files[0].suffix.lower() == ".pvd":
         if len(files) > 1:
@@ -112,13 +119,13 @@ def _read(files: tuple[Path, ...], array: str | None, interval: float) -> FieldF
             moments, paths = collection(files[0], content)
         listed = ((files[0], hashlib.sha256(content).hexdigest()),)
         times, files = np.array(moments), tuple(paths)
-    first = _read_file(files[0], array)
+    first = _read_file(files[0], array, resolution)
     if len(files) == 1:
         samples: Samples = _in_memory(first, first.times, first.velocity, (first.digest,), array, interval)
         return FieldFiles(samples, (*listed, *first.files), first.notes)
     _require_one_time(files[0], first.velocity)
     if len(files) * first.velocity.nbytes > IN_MEMORY:
-        source = GridFileSource(files, array, first.axes, times, first.turn)
+        source = GridFileSource(files, array, resolution, first.axes, times, first.turn)
         return FieldFiles(WindowedSamples(source), (*listed, *first.files), first.notes)
     velocity, digests, read = (
         np.empty((len(files), *first.velocity.shape[1:])),
@@ -127,7 +134,7 @@ def _read(files: tuple[Path, ...], array: str | None, interval: float) -> FieldF
     )
     velocity[0] = first.velocity[0]
     for k, file in enumerate(files[1:], 1):
-        part = _read_file(file, array)
+        part = _read_file(file, array, resolution)
         _require_same_grid(file, part, files[0], first.axes, first.turn)
         velocity[k] = part.velocity[0]
         digests.append(part.digest)
@@ -145,10 +152,11 @@ class _FieldFile(NamedTuple):
     turn: Floats | None
     files: SourceFiles
     notes: tuple[str, ...]
+    resampling: str = ""
 
     @property
     def digest(self) -> str:
-        own = [digest for _, digest in self.files]
+        own = [digest for _, digest in self.files] + ([self.resampling] if self.resampling else [])
         return own[0] if len(own) == 1 else hashlib.sha256("\n".join(own).encode()).hexdigest()
 
 
@@ -169,6 +177,7 @@ class GridFileSource(GridSource):
 
     paths: tuple[Path, ...]
     array: str | None
+    resolution: int | None
     axes: tuple[Floats, Floats, Floats] = field(compare=False, repr=False)
     times: Floats = field(compare=False, repr=False)
     turn: Floats | None = field(compare=False, repr=False)
@@ -179,7 +188,7 @@ class GridFileSource(GridSource):
 
     @property
     def settings(self) -> Any:
-        return ["grid", self.array]
+        return ["grid", self.array] if self.resolution is None else ["grid", self.array, self.resolution]
 
     def place(self, index: int) -> Any:
         return 0
@@ -189,7 +198,7 @@ class GridFileSource(GridSource):
         return tuple((each, file_digest(each)) for each in (path, *piece_files(path)))
 
     def read(self, index: int) -> np.ndarray:
-        part = _read_file(self.paths[index], self.array)
+        part = _read_file(self.paths[index], self.array, self.resolution)
         _require_same_grid(self.paths[index], part, self.paths[0], self.axes, self.turn)
         return np.ascontiguousarray(part.velocity[0], np.float32)
 
@@ -204,7 +213,7 @@ def _require_same_grid(
     _require_one_time(file, part.velocity)
 
 
-def _read_file(file: Path, array: str | None) -> _FieldFile:
+def _read_file(file: Path, array: str | None, resolution: int | None = None) -> _FieldFile:
     if file.suffix.lower() not in FORMATS:
         is_mesh = file.suffix.lower() in MESHES
         remedy = (
@@ -219,11 +228,17 @@ def _read_file(file: Path, array: str | None) -> _FieldFile:
         raise UsageError(
             f"{file}: array {array} does not apply; in .npz the array is velocity. Leave out array."
         )
+    is_resampled = file.suffix.lower() in RESAMPLED
+    if resolution is not None and not is_resampled:
+        raise UsageError(f"{file}: resolution does not apply; it is for curved grids and meshes. Remove it.")
     kind = "an archive of arrays, as numpy.savez writes" if is_npz else "a grid, as VTK and ParaView write"
     with reading(file, f"{kind} one"):
         if is_npz:
             axes, times, velocity = read_npz(file, content)
             grid = VtkGrid(axes, velocity)
+        elif is_resampled:
+            grid = read_resampled(file, content, array, resolution)
+            velocity = grid.velocity[None]
         else:
             grid = read_vtk(file, content, array)
             velocity = grid.velocity[None]
@@ -232,10 +247,11 @@ def _read_file(file: Path, array: str | None) -> _FieldFile:
     velocity, times = np.ascontiguousarray(velocity, np.float64), np.asarray(times, np.float64)
     files = [(file, hashlib.sha256(content).hexdigest())]
     files += [(piece, file_digest(piece)) for piece in piece_files(file)]
-    return _FieldFile((x, y, z), times, velocity, grid.turn, tuple(files), grid.notes)
+    how = f"even {EVEN_VERSION} {velocity.shape}" if is_resampled else ""
+    return _FieldFile((x, y, z), times, velocity, grid.turn, tuple(files), grid.notes, how)
 
 
-MESHES = (".vtu", ".vts", ".pvtu", ".pvts", ".vtk", ".vtp")
+MESHES = (".pvtu", ".pvts", ".vtk", ".vtp")
 
 
 def _require_one_time(file: Path, velocity: Floats) -> None:

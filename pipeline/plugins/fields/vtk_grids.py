@@ -241,20 +241,10 @@ class _Grid:
 
     def velocities(self, piece: ElementTree.Element, array: str | None) -> tuple[ElementTree.Element, bool]:
         """Return the velocities of a piece, and whether they are at cells."""
-        names: list[str] = []
-        wanted = array
-        for place in ("PointData", "CellData"):
-            data = piece.find(place)
-            data = ElementTree.Element(place) if data is None else data
-            vectors = [element for element in data if element.get("NumberOfComponents") == "3"]
-            wanted = array or data.get("Vectors") or wanted
-            matches = [element for element in vectors if wanted is None or element.get("Name") == wanted]
-            if len(matches) == 1:
-                return matches[0], place == "CellData"
-            names += [element.get("Name", "?") for element in vectors]
-        what = f"no array {shorten(wanted)} of" if wanted and wanted not in names else "not one array of"
-        hint = f" There are: {', '.join(names)}." if names else ""
-        raise UsageError(f"{self.file}: there is {what} three components at its points or cells.{hint}")
+        try:
+            return velocity_array(piece, array)
+        except UsageError as error:
+            raise UsageError(f"{self.file}: {error}") from None
 
     def numbers(self, element: ElementTree.Element, most: int) -> np.ndarray:
         """Return the values of a DataArray, flat: see `VtkFile.numbers`."""
@@ -272,6 +262,27 @@ class _Grid:
         if len(row) != count or not np.isfinite(row).all():
             self.fail(f"{name} is {text!r}; it must be {count} numbers")
         return row
+
+
+def velocity_array(piece: ElementTree.Element, array: str | None) -> tuple[ElementTree.Element, bool]:
+    """Return the array of a piece with its velocities, and whether they are at cells.
+
+    Raises UsageError where there is none, or more than one.
+    """
+    names: list[str] = []
+    wanted = array
+    for place in ("PointData", "CellData"):
+        data = piece.find(place)
+        data = ElementTree.Element(place) if data is None else data
+        vectors = [element for element in data if element.get("NumberOfComponents") == "3"]
+        wanted = array or data.get("Vectors") or wanted
+        matches = [element for element in vectors if wanted is None or element.get("Name") == wanted]
+        if len(matches) == 1:
+            return matches[0], place == "CellData"
+        names += [element.get("Name", "?") for element in vectors]
+    what = f"no array {shorten(wanted)} of" if wanted and wanted not in names else "not one array of"
+    hint = f" There are: {', '.join(names)}." if names else ""
+    raise UsageError(f"there is {what} three components at its points or cells.{hint}")
 
 
 def _parsed(file: Path, content: bytes) -> VtkFile:
