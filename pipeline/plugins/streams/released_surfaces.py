@@ -75,10 +75,13 @@ class SeedCoordinates:
         on[:, :2] *= self._radius / np.linalg.norm(points[:, :2], axis=1, keepdims=True)
         return on
 
-    def within(self, coordinates: Floats, low: float, high: float) -> Floats:
-        """Return the nearest coordinates (N, 3) of the curve, and of times from `low` to `high`."""
+    def within(self, coordinates: Floats, low: float, high: float, inside: Floats) -> Floats:
+        """Return the nearest coordinates (N, 3) of the curve, between two times.
+
+        inside  (N,) coordinates that are kept from either: a row of one time moves on as a whole
+        """
         on = self.nearest(coordinates)
-        on[:, 2] = np.clip(on[:, 2], self._second * low, self._second * high)
+        on[:, 2] = np.clip(on[:, 2], self._second * low + inside, self._second * high - inside)
         if not self._seeds.is_closed:
             on[:, 0] = np.clip(on[:, 0], 0.0, self._seeds.length)
         return on

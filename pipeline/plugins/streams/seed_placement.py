@@ -22,12 +22,15 @@ REST, ASTRAY = "rest", "astray"
 
 _NEAR = 0.2  # of an edge: how far from its middle a new vertex may be without a search for a better place
 _FARTHEST = 0.35  # of an edge, from its middle: both halves are then at most 0.85 times as long
-_UNEVEN = 0.3  # difference of both halves over their sum, in a row
-_HALVINGS = 50  # of an edge in a row: about the precision of coordinates
+_UNEVEN = 0.3  # difference of both halves over their sum, on the rim
+_HALVINGS = 50  # of an edge of the rim: about the precision of coordinates
 _MOST_STEPS = 20  # towards the middle of an edge, from each start
 _SHORTEST = 0.005  # share of a step to which it is shortened before a search ends
 _ASIDE = 1e-4  # for derivatives, over the difference of the ends' coordinates
-_SAME_TIME = 1e-9  # over the length of coordinates, up to which vertices are in one row
+_INSIDE = (
+    0.05  # of the difference of times along an edge, that a new vertex keeps from the first and last row
+)
+_LEAST = 0.1  # of an edge: the difference of times that a search takes an edge within one row to have
 _HALFEDGE = 2  # column of births after both parents: the half-edge from the new vertex to the second parent
 
 
@@ -38,7 +41,7 @@ class Strip(Protocol):
 
     def tangents(self, coordinates: Floats) -> Floats: ...
 
-    def within(self, coordinates: Floats, low: float, high: float) -> Floats: ...
+    def within(self, coordinates: Floats, low: float, high: float, inside: Floats) -> Floats: ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,10 +51,10 @@ class SeedPlacement(Exact):
     strip  the coordinates
     times  returns the first and the last time that vertices may have
 
-    In a row of one time the new vertex is on that row, since it is moved on with it: its seed is halved
-    towards the longer half of the edge, until both are about as long. Elsewhere it is the middle in
-    coordinates, or where that is far from the middle of the edge, what Gauss and Newton's steps towards that
-    find, with Broyden's derivatives. A vertex for which they find nothing stays on the middle of its edge.
+    On the rim the new vertex is on the line between both ends, since a row of one time moves on as a whole:
+    it is halved towards the longer half of the edge, until both are about as long. Elsewhere it is the middle
+    in coordinates, or where that is far from the middle of the edge, what Gauss and Newton's steps towards
+    that find, with Broyden's derivatives. A vertex for which they find nothing stays on the middle.
     """
 
     strip: Strip
@@ -72,10 +75,11 @@ class SeedPlacement(Exact):
         born = mesh.arrays.vert[births[:, _HALFEDGE]]
         rest, astray = mesh.column(REST), mesh.column(ASTRAY)
         coordinates = mesh.arrays.attributes[:, rest : rest + 3]
-        edges = _Edges(coordinates[births[:, :_HALFEDGE]], mesh.arrays.points[births[:, :_HALFEDGE]])
+        on_rim = mesh.arrays.twin[births[:, _HALFEDGE]] < 0
+        ends = births[:, :_HALFEDGE]
+        edges = _Edges(coordinates[ends], mesh.arrays.points[ends], on_rim)
         found, places = edges.middles(self)
-        kept = np.linalg.norm(places - edges.goals, axis=1) <= _FARTHEST * edges.lengths
-        kept |= edges.in_row
+        kept = on_rim | (np.linalg.norm(places - edges.goals, axis=1) <= _FARTHEST * edges.lengths)
         mesh.arrays.points[born[kept]] = places[kept]
         coordinates[born] = found
         mesh.arrays.attributes[born, astray] = ~kept
@@ -87,22 +91,31 @@ class SeedPlacement(Exact):
 
 
 class _Edges:
-    """Edges that are split: coordinates (N, 2, 3) and places (N, 2, 3) of their ends."""
+    """Edges that are split.
 
-    def __init__(self, coordinates: Floats, places: Floats) -> None:
-        self.coordinates, self.places = coordinates, places
+    coordinates  (N, 2, 3) of their ends
+    places       (N, 2, 3) of these
+    on_rim       (N,) True for edges of one face, along which coordinates are on a line
+    """
+
+    def __init__(self, coordinates: Floats, places: Floats, on_rim: np.ndarray) -> None:
+        self.coordinates, self.places, self.on_rim = coordinates, places, on_rim
         self.goals = places.mean(axis=1)
         self.lengths = np.linalg.norm(places[:, 1] - places[:, 0], axis=1)
-        heights = coordinates[:, :, 2]
-        self.in_row = np.abs(heights[:, 1] - heights[:, 0]) <= _SAME_TIME * (1.0 + np.abs(heights[:, 0]))
+        apart = np.abs(coordinates[:, 1] - coordinates[:, 0])
+        times = np.maximum(apart[:, 2], _LEAST * self.lengths)
+        self.scale = np.column_stack([np.maximum(np.linalg.norm(apart[:, :2], axis=1), 1e-12), times])
 
     def middles(self, placement: SeedPlacement) -> tuple[Floats, Floats]:
         """Return coordinates (N, 3) and places (N, 3) of new vertices."""
-        found = placement.strip.nearest(self.coordinates.mean(axis=1))
-        places = placement.carried(found)
-        self._halve_rows(placement, found, places)
+        found, inner = placement.strip.nearest(self.coordinates.mean(axis=1)), ~self.on_rim
+        found[inner] = placement.strip.within(
+            found[inner], *placement.times(), _INSIDE * self.scale[inner, 1]
+        )
+        places, middles = placement.carried(found), found.copy()
+        self._halve_rim(placement, found, places)
         far = np.linalg.norm(places - self.goals, axis=1) > _NEAR * self.lengths
-        rows = np.flatnonzero(far & ~self.in_row)
+        rows = np.flatnonzero(far & inner)
         for start in (None, 0, 1):
             if not len(rows):
                 break
@@ -114,11 +127,12 @@ class _Edges:
             nearer = search.away < np.linalg.norm(places[rows] - self.goals[rows], axis=1)
             found[rows[nearer]], places[rows[nearer]] = search.at[nearer], search.places[nearer]
             rows = rows[search.away > _FARTHEST * self.lengths[rows]]
+        found[rows] = middles[rows]  # never those of an end: they may be in a row that moves on
         return found, places
 
-    def _halve_rows(self, placement: SeedPlacement, found: Floats, places: Floats) -> None:
-        """Move new vertices along their row until both halves of their edge are about as long."""
-        rows = np.flatnonzero(self.in_row)
+    def _halve_rim(self, placement: SeedPlacement, found: Floats, places: Floats) -> None:
+        """Move new vertices along the rim until both halves of their edge are about as long."""
+        rows = np.flatnonzero(self.on_rim)
         low, high = np.zeros(len(found)), np.ones(len(found))
         for _ in range(_HALVINGS):
             before, after = (np.linalg.norm(places[rows] - self.places[rows, end], axis=1) for end in (0, 1))
@@ -140,10 +154,7 @@ class _Search:
     def __init__(self, edges: _Edges, rows: np.ndarray, placement: SeedPlacement) -> None:
         self._placement, self._goals = placement, edges.goals[rows]
         self._near = _NEAR * edges.lengths[rows]
-        ends = edges.coordinates[rows]
-        apart = np.abs(ends[:, 1] - ends[:, 0])
-        self._scale = np.column_stack([np.linalg.norm(apart[:, :2], axis=1), apart[:, 2]])
-        self._scale = np.maximum(self._scale, 1e-12)
+        self._scale = edges.scale[rows]
 
     def run(self, start: Floats, places: Floats) -> None:
         """Search from coordinates (N, 3) and their places on.
@@ -178,9 +189,10 @@ class _Search:
     def _moved(self, rows: np.ndarray, step: Floats) -> Floats:
         """Return coordinates (N, 3) moved by steps (N, 2), in shares of the edges."""
         strip, (low, high) = self._placement.strip, self._placement.times()
+        inside = _INSIDE * self._scale[rows, 1]
         new = self.at[rows] + (step[:, :1] * self._scale[rows, :1]) * strip.tangents(self.at[rows])
         new[:, 2] += step[:, 1] * self._scale[rows, 1]
-        return strip.within(new, low, high)
+        return strip.within(new, low, high, inside)
 
     def _slopes(self, rows: np.ndarray) -> Floats:
         """Return derivatives (N, 3, 2) of places by shares of the edges, by differences."""

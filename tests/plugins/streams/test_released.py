@@ -125,7 +125,7 @@ def test_vertices_are_exact_where_a_saddle_stretches_the_front_a_thousand_times(
     along = surface.coordinates.along(inner.attributes[REST])
     late = np.abs(surface.coordinates.times(inner.attributes[REST]) - (3.0 if kind is PathSurface else 0.0))
     seeds = np.sort(along[late < 1e-9])
-    assert np.diff(seeds).min() < 0.2 / 1000
+    assert 0.0 < np.diff(seeds).min() < 0.2 / 1000  # no seed twice in the row that moves on
     assert (inner.attributes["astray"] == 0).mean() > 0.999
     off = np.linalg.norm(carry(inner.attributes[REST]) - inner.vertices, axis=1)
     assert off[inner.attributes["astray"] == 0].max() < 1e-5
