@@ -2,8 +2,8 @@
 
 Four fields, each on a grid of 96³ samples, which both programs interpolate linearly: ABC, a double gyre as it
 is at one time, Enright's, and a dipole of two vortices, whose saddle tears a front apart. Seeds on a line
-travel for some seconds. The exact surface is a table of points, of 16 times as many seeds and in 8 steps a
-frame. Columns:
+travel for some seconds. The exact surface is a table of points, in 8 steps a frame, of 16 times as many seeds
+and of more where these come to be farther apart than a quarter of an edge. Columns:
 
     vertices       of the surface
     distance       rms of its vertices and face centres from the exact surface, in longest edges
@@ -39,15 +39,15 @@ from flowsculpt.api.meshes import Floats
 from flowsculpt.pipeline.flow.catalogue.basic import DoubleGyre, Enright
 from flowsculpt.pipeline.plugins.streams.released_surfaces import (
     MATERIAL,
-    REST,
     PathSurface,
     ReleasedSurface,
     StreakSurface,
 )
 from flowsculpt.pipeline.plugins.streams.seed_curves import SeedCurve
+from flowsculpt.pipeline.plugins.streams.seed_placement import REST
 from flowsculpt.pipeline.plugins.streams.travels import Travel
 
-SAMPLES, FRAMES, DENSER, PER_FRAME = 96, 72, 16, 8
+SAMPLES, FRAMES, DENSER, PER_FRAME, WIDEST = 96, 72, 16, 8, 0.25
 LONGEST = 1 / 20
 """The longest edge, over the length of the seeds."""
 
@@ -142,17 +142,34 @@ class Exact:
 
     def __init__(self, field: VelocityField, seeds: SeedCurve, seconds: float) -> None:
         self.longest = LONGEST * seeds.length
-        columns = DENSER * math.ceil(seeds.length / self.longest) + 1
-        travel, rows = Travel(Streamlines(field), 0.0), [seeds.points(np.linspace(0, seeds.length, columns))]
+        self._travel, self._seeds = Travel(Streamlines(field), 0.0), seeds
+        along = np.linspace(0.0, seeds.length, DENSER * math.ceil(seeds.length / self.longest) + 1)
+        rows = [seeds.points(along)]
         for step in range(1, PER_FRAME * FRAMES + 1):
-            travel.advance(rows[-1], seconds * step / (PER_FRAME * FRAMES), rows[-1], np.inf)
-            rows.append(travel.moved(rows[-1]))
+            self._travel.advance(rows[-1], seconds * step / (PER_FRAME * FRAMES), rows[-1], np.inf)
+            rows.append(self._travel.moved(rows[-1]))
         self.points = np.stack(rows)
+        while True:
+            apart = np.linalg.norm(np.diff(self.points, axis=1), axis=2).max(axis=0)
+            far = np.flatnonzero((apart > WIDEST * self.longest) & (np.diff(along) > 1e-13 * seeds.length))
+            if not len(far):
+                break
+            between = 0.5 * (along[far] + along[far + 1])
+            self.points = np.insert(self.points, far + 1, self._paths(between), axis=1)
+            along = np.insert(along, far + 1, between)
+        columns = len(along)
         size = np.arange(self.points.shape[0] * columns).reshape(-1, columns)
         a, b, c, d = size[:-1, :-1], size[:-1, 1:], size[1:, 1:], size[1:, :-1]
         self.faces = np.concatenate(
             [np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)]
         )
+
+    def _paths(self, along: Floats) -> Floats:
+        """Return the points (T, N, 3) of other seeds."""
+        rows = [self._seeds.points(along)]
+        for step in self._travel.steps:
+            rows.append(step.moved(rows[-1]))
+        return np.stack(rows)
 
     def compare(self, points: Floats, faces: np.ndarray) -> Row:
         """Return how far a surface and the exact one are from each other."""

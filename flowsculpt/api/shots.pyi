@@ -15,6 +15,7 @@ from flowsculpt.pipeline.shot.documents.field_types import linear_of_hex as line
 from flowsculpt.pipeline.shot.documents.field_types import one_of as one_of
 from flowsculpt.pipeline.shot.documents.flow_documents import FLOW_DOCUMENTS as FLOW_DOCUMENTS
 from flowsculpt.pipeline.shot.documents.flow_documents import FlowParameters as FlowParameters
+from flowsculpt.pipeline.shot.documents.flow_entries import RegionDocument as RegionDocument
 from flowsculpt.pipeline.shot.documents.flow_entries import VelocityDocument as VelocityDocument
 from flowsculpt.pipeline.shot.documents.shot_documents import DOCUMENTS as DOCUMENTS
 from flowsculpt.pipeline.shot.documents.shot_documents import PRESETS as PRESETS

@@ -60,6 +60,7 @@ class Placement:
     can_relax           True if `relax` can move vertices
     hard_by_angle       True if edges beyond the hard angle are hard in each frame (P29), False if only tagged
                         ones and boundaries are
+    most_rounds         rounds of splits whose vertices are placed, if more than of the pass
 
     The base keeps nothing at the vertices and places new ones in the middle of their edges.
     """
@@ -68,6 +69,7 @@ class Placement:
     merges_at_midpoint: ClassVar[bool] = False
     can_relax: ClassVar[bool] = False
     hard_by_angle: ClassVar[bool] = True
+    most_rounds: ClassVar[int] = 0
 
     def prepare(self, mesh: TriangleMesh, hard_angle: float | Floats) -> TriangleMesh:
         """Return the mesh with all that this placement keeps at its vertices and edges.

@@ -248,7 +248,8 @@ class ResamplePass:
 
     def _place(self, births: Indices, remaining: Indices) -> Indices:
         """Move the new vertices to where the placement has them; return the edges that are then too long."""
-        if not self.placement.leaves_chord or not len(births) or self.passes > self.most_placed:
+        most = max(self.most_placed, self.placement.most_rounds)
+        if not self.placement.leaves_chord or not len(births) or self.passes > most:
             return remaining
         self.on_chord += self.placement.place(self.mesh, births, self.limits)
         long_edges = work_list(int(remaining[0]) + MAX_SPOKES_OF_NEW * len(births))

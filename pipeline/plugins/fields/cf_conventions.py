@@ -11,6 +11,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 EAST, NORTH, UP, TIME = "xyzt"
 
 _STANDARD_AXES = {
@@ -67,6 +69,10 @@ CALENDARS = {"standard", "gregorian", "proleptic_gregorian", "julian", "noleap",
 CALENDARS |= {"366_day", "360_day", "utc", "tai"}
 
 
+DATE = re.compile(r"(\d{1,4})-(\d{1,2})-(\d{1,2})(?:[T ](\d{1,2}):(\d{2})(?::(\d{2}))?Z?)?")
+"""A date, and maybe a time, of ISO 8601."""
+
+
 class ConventionError(ValueError):
     """A fact, the rule it breaks, and a remedy, in one line without the name of the file."""
 
@@ -93,6 +99,20 @@ def text(attributes: Mapping[str, Any], name: str) -> str:
     value = attributes.get(name, "")
     value = value.decode(errors="replace") if isinstance(value, bytes) else value
     return value.strip() if isinstance(value, str) else ""
+
+
+def attribute_number(attributes: Mapping[str, Any], name: str, variable: str) -> float | None:
+    """Return an attribute that is a number; None where it is missing. Raises ConventionError."""
+    value = attributes.get(name)
+    if value is None:
+        return None
+    try:
+        number = float(np.asarray(value).reshape(-1)[0])
+    except (TypeError, ValueError, IndexError):
+        number = float("nan")
+    if not np.isfinite(number):
+        raise ConventionError(f"attribute {name} of {variable} is {value!r}; it must be a number")
+    return number
 
 
 def is_degrees(units: str) -> bool:
@@ -152,6 +172,25 @@ class TimeUnits:
             raise ConventionError(f"calendars {self.calendar} and {other.calendar} differ")
         begin = cftime.num2date(0, f"days since {other.since}", other.calendar)
         return float(cftime.date2num(begin, f"seconds since {self.since}", self.calendar))
+
+    def number_of(self, date: str) -> float:
+        """Return the number of a date of ISO 8601 in the calendar of the file (needs cftime).
+
+        Raises ConventionError where the file has no dates, or its calendar not that one.
+        """
+        match = DATE.fullmatch(date)
+        if match is None:
+            raise ConventionError(f"{date!r} is not a date; write one such as 2019-03-01 or 2019-03-01T06:00")
+        if not self.since:
+            raise ConventionError(f"its times ({self.units}) have no dates; write start in seconds")
+        import cftime
+
+        parts = [int(part or 0) for part in match.groups()]
+        try:
+            found = cftime.datetime(*parts, calendar=self.calendar)
+            return float(cftime.date2num(found, self.units, self.calendar))
+        except (ValueError, OverflowError):
+            raise ConventionError(f"{date} is not a date of its calendar, {self.calendar}") from None
 
     def date(self, number: float) -> str:
         """Return the date and time of a number; empty where the file has no date, or cftime is missing.

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from flowsculpt.pipeline.plugins.fields.cf_conventions import text
+from flowsculpt.pipeline.plugins.fields.cf_conventions import EAST, NORTH, text
 from flowsculpt.pipeline.plugins.fields.cf_files import CFSource
 from flowsculpt.pipeline.plugins.fields.grid_layout import FLAT, SPHERE
 from flowsculpt.pipeline.plugins.fields.stored_arrays import opened_together
@@ -59,7 +59,12 @@ class CFNumbers(CFSource):
             for stored, layers in self._layers(header, dataset):
                 values, missing = self._component(header, dataset.variables[name], i, stored)
                 known = np.ones_like(values) if missing is None else (~missing).astype(np.float32)
-                self.layout.fill_numbers(out, layers, np.where(known > 0.0, values, np.float32(0.0)), known)
+                values = np.where(known > 0.0, values, np.float32(0.0))
+                if header.curvilinear is not None:  # known corners alone give an even node its value
+                    even, lacking = header.curvilinear.resampled({EAST: values, NORTH: known}, missing)
+                    values = even[EAST] / np.maximum(even[NORTH], np.float32(0.5))
+                    known = (~lacking).astype(np.float32)
+                self.layout.fill_numbers(out, layers, values, known)
         return out
 
     @property

@@ -15,13 +15,8 @@ from flowsculpt.api.commands import duration_words, empty_table, print_result
 from flowsculpt.api.options import Common
 from flowsculpt.pipeline.plugins.fields import stored_arrays
 from flowsculpt.pipeline.plugins.fields.cf_conventions import ConventionError, text
-from flowsculpt.pipeline.plugins.fields.cf_files import (
-    FileHeader,
-    Selection,
-    cf_samples,
-    missing_among,
-    read_header,
-)
+from flowsculpt.pipeline.plugins.fields.cf_files import cf_samples, missing_among
+from flowsculpt.pipeline.plugins.fields.cf_headers import FileHeader, Selection, read_header
 from flowsculpt.pipeline.plugins.fields.grid_files import read_samples
 from flowsculpt.pipeline.plugins.fields.grid_layout import Placing
 

@@ -1,6 +1,7 @@
 """Entries of flows in a shot file: `sampled`, `attraction` and `wind`."""
 
 from dataclasses import replace
+from datetime import date
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
@@ -29,8 +30,9 @@ from flowsculpt.api.shots import (
     Triple,
 )
 from flowsculpt.pipeline.plugins.fields.attraction import Attraction, Target, Wind
-from flowsculpt.pipeline.plugins.fields.cf_conventions import duration
-from flowsculpt.pipeline.plugins.fields.cf_files import CFSource, Selection, cf_samples
+from flowsculpt.pipeline.plugins.fields.cf_conventions import DATE, duration
+from flowsculpt.pipeline.plugins.fields.cf_files import CFSource, cf_samples
+from flowsculpt.pipeline.plugins.fields.cf_headers import Selection
 from flowsculpt.pipeline.plugins.fields.cf_numbers import CFNumbers
 from flowsculpt.pipeline.plugins.fields.file_sequences import files_named, is_there
 from flowsculpt.pipeline.plugins.fields.grid_files import read_samples
@@ -46,6 +48,14 @@ def _in_seconds(value: Any) -> Any:
     return duration(value) if isinstance(value, str) else value
 
 
+def _as_written(value: Any) -> Any:
+    """Return a date as ISO 8601 writes it; YAML makes dates of some texts."""
+    written = value.isoformat() if isinstance(value, date) else value
+    if isinstance(written, str) and not DATE.fullmatch(written):
+        raise ValueError(f"{written!r} is not a date; write a number of seconds, or such as 2019-03-01T06:00")
+    return written
+
+
 class VelocityVariables(Document):
     """The variables of the components of a velocity; one that is left out is 0."""
 
@@ -54,7 +64,7 @@ class VelocityVariables(Document):
     z: str | None = Field(None, description="along z, or upward")
 
 
-_OF_STORED = ("also", "variables", "at", "group", "map", "up", "fit", "exaggerate", "land")
+_OF_STORED = ("also", "variables", "at", "group", "map", "up", "fit", "exaggerate", "land", "along")
 """Settings of fields in NetCDF, HDF5 and Zarr alone."""
 
 
@@ -101,7 +111,21 @@ class SampledDocument(FlowParameters):
     land: Annotated[
         Literal["stop", "slide"], ParameterDoc("where velocities are missing: 0, or along the coast")
     ] = "stop"
+    along: Annotated[
+        Literal["east", "grid"] | None,
+        ParameterDoc("what components on a curvilinear grid go along; else as their standard names say"),
+    ] = None
+    resolution: Annotated[
+        Annotated[int, Field(ge=2, le=65536)] | None,
+        ParameterDoc("nodes along the longest side of the even grid in place of another; by default as fine"),
+    ] = None
+    start: Annotated[
+        Annotated[float, Field(ge=-1e12, le=1e12)] | str,
+        BeforeValidator(_as_written),
+        ParameterDoc("of the samples when the shot starts: seconds, or a date such as 2019-03-01"),
+    ] = 0.0
 
+    _start: float | None = PrivateAttr(None)
     _samples: Samples = PrivateAttr()
     _context: ParseContext = PrivateAttr()
 
@@ -118,8 +142,14 @@ class SampledDocument(FlowParameters):
                 raise UsageError(f"file and also name {counts} files. Name as many of each component.")
             self._samples, notes = cf_samples(paths, self._selection(), self._placing(), *others)
             context.notes.extend(notes)
+            if isinstance(self.start, str):
+                source = self._samples.source
+                assert isinstance(source, CFSource), "it is read by the conventions"
+                self._start = source.seconds_of(self.start)
             self._note_files(0, 0)
             return self
+        if isinstance(self.start, str):
+            raise UsageError(f"{paths[0]}: its times have no dates. Write start in seconds.")
         given = [
             name
             for name in _OF_STORED
@@ -129,7 +159,7 @@ class SampledDocument(FlowParameters):
             raise UsageError(
                 f"{paths[0]}: {given[0]} does not apply; it is for NetCDF, HDF5 and Zarr. Remove it."
             )
-        read = read_samples(paths, self.array, float(self.interval))
+        read = read_samples(paths, self.array, float(self.interval), self.resolution)
         self._samples = read.samples
         context.digests.update(read.files)
         context.notes.extend(read.notes)
@@ -140,7 +170,9 @@ class SampledDocument(FlowParameters):
         if self.variables is not None and len(named) < 2:
             raise UsageError("variables: a velocity has at least two components. Write {x: NAME, y: NAME}.")
         at = tuple((self.at or {}).items())
-        return Selection(tuple(named.items()), at, self.group, float(self.interval))
+        return Selection(
+            tuple(named.items()), at, self.group, float(self.interval), self.along, self.resolution
+        )
 
     def _placing(self) -> Placing:
         return Placing(self.map, self.up, self.fit, float(self.exaggerate), self.land)
@@ -167,13 +199,13 @@ class SampledDocument(FlowParameters):
         if "*" not in name and not is_there(self._context.folder / name):
             raise MissingInputError(f"file {name} is not there; it is looked for beside the shot file")
         paths = files_named(name, self._context)
-        flow: Sampled = super().build(clock)
+        flow: Sampled = super(SampledDocument, self._started).build(clock)
         if is_stored(paths[0]):
             samples, source, start = self._stored_numbers(paths, variable)
             flow = replace(flow, samples=samples, start=flow.start - start)
             self._note_files(*self._span(flow, clock), samples)
             return flow, *source.named
-        read = read_samples(paths, variable, float(self.interval), is_number=True)
+        read = read_samples(paths, variable, float(self.interval), self.resolution, is_number=True)
         self._context.digests.update(read.files)
         return replace(flow, samples=read.samples), variable, ""
 
@@ -189,7 +221,10 @@ class SampledDocument(FlowParameters):
         if not ours.source.layout.is_round:
             placing = replace(placing, up="z" if ours.source.layout.is_upright else "y")
         at = tuple((self.at or {}).items())
-        selection = Selection((("x", variable),), at, self.group, float(self.interval), is_number=True)
+        even = Selection(along="east", resolution=self.resolution, is_number=True)  # where its grid is bent
+        selection = replace(
+            even, variables=(("x", variable),), at=at, group=self.group, interval=float(self.interval)
+        )
         samples, notes = cf_samples(paths, selection, placing, reader=CFNumbers)
         theirs = samples.source
         assert isinstance(theirs, CFNumbers), "that reads them"
@@ -201,12 +236,17 @@ class SampledDocument(FlowParameters):
         self._context.notes.extend(notes)
         return samples, theirs, ours.source.seconds_until(theirs)
 
+    @property
+    def _started(self) -> Self:
+        """The entry with its start in seconds."""
+        return self if self._start is None else self.model_copy(update={"start": self._start})
+
     def own_values(self, clock: Clock) -> dict[str, Any]:
         return {"samples": self._samples}
 
     def build(self, clock: Clock) -> Any:
         """Return the flow, and note the files of the times that its frames may show."""
-        flow = super().build(clock)
+        flow = super(SampledDocument, self._started).build(clock)
         if isinstance(self._samples, WindowedSamples):
             self._note_files(*self._span(flow, clock))
             if flow.samples.is_paced and "time_scale" not in self.model_fields_set:

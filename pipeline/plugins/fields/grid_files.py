@@ -27,6 +27,7 @@ from flowsculpt.pipeline.plugins.fields.vtk_grids import (
     read_vtk,
     require_size,
 )
+from flowsculpt.pipeline.plugins.fields.vtk_meshes import RESAMPLED, read_resampled
 from flowsculpt.pipeline.plugins.fields.windowed_samples import (
     MAX_SPEED,
     GridSource,
@@ -60,7 +61,10 @@ def read_npz(
     return (axes, arrays["t"], velocity) if "t" in arrays else (axes, np.zeros(1), velocity[None])
 
 
-FORMATS = (".vti", ".vtr", ".pvti", ".pvtr", ".pvd", ".npz")
+FORMATS = (".vti", ".vtr", ".pvti", ".pvtr", ".pvd", *RESAMPLED, ".npz")
+
+EVEN_VERSION = 1
+"""Raised when equal meshes give other velocities on an even grid."""
 
 IN_MEMORY = 1 << 30
 """Bytes of a sequence up to which all of its times are read with the shot, and checked; of a longer one those
@@ -76,36 +80,48 @@ class FieldFiles(NamedTuple):
 
 
 def read_samples(
-    files: tuple[Path, ...], array: str | None = None, interval: float = 1.0, is_number: bool = False
+    files: tuple[Path, ...],
+    array: str | None = None,
+    interval: float = 1.0,
+    resolution: int | None = None,
+    is_number: bool = False,
 ) -> FieldFiles:
     """Return the samples of one file, or of a sequence of files `interval` seconds apart.
 
-    array      the name of the velocities in VTK files; None: the file's active vectors, or its only array
-    is_number  True if the array has numbers: samples are these, 0 where they are NaN, 1 or 0 there, and 1
+    array       the name of the velocities in VTK files; None: the file's active vectors, or its only array
+    resolution  nodes along the longest side of the even grid in place of a mesh or a bent grid
+    is_number   True if the array has numbers: samples are these, 0 where they are NaN, 1 or 0 there, and 1
 
     The digests are of the same bytes that are parsed. The last samples stay in memory: as long as the
     contents of their files do not change, they are not parsed again.
 
     Raises MissingInputError where a file is missing, UsageError where it is invalid.
     """
-    request = (files, array, interval, is_number)
+    request = (files, array, interval, resolution, is_number)
     for known, read in list(_LAST.items()):  # another thread may replace them
         if known == request and all(_is_unchanged(file, digest) for file, digest in read.files):
             return read
     if not is_number:
         _LAST.clear()  # before others take as much memory
-    _LAST[request] = read = _read(files, array, interval, is_number)
+    _LAST[request] = read = _read(files, array, interval, _Kind(resolution, is_number))
     return read
 
 
-_LAST: dict[tuple[tuple[Path, ...], str | None, float, bool], FieldFiles] = {}
+class _Kind(NamedTuple):
+    """How files are read: `resolution` and `is_number` of `read_samples`."""
+
+    resolution: int | None = None
+    is_number: bool = False
+
+
+_LAST: dict[tuple[tuple[Path, ...], str | None, float, int | None, bool], FieldFiles] = {}
 
 
 def _is_unchanged(file: Path, digest: str) -> bool:
     return hashlib.sha256(InputFile(file, MAX_BYTES).content()).hexdigest() == digest
 
 
-def _read(files: tuple[Path, ...], array: str | None, interval: float, is_number: bool) -> FieldFiles:
+def _read(files: tuple[Path, ...], array: str | None, interval: float, kind: _Kind) -> FieldFiles:
     times, listed = np.asarray(interval * np.arange(len(files)), np.float64), tuple[tuple[Path, str], ...]()
     if files[0].suffix.lower() == ".pvd":
         if len(files) > 1:
@@ -115,13 +131,13 @@ def _read(files: tuple[Path, ...], array: str | None, interval: float, is_number
             moments, paths = collection(files[0], content)
         listed = ((files[0], hashlib.sha256(content).hexdigest()),)
         times, files = np.array(moments), tuple(paths)
-    first = _read_file(files[0], array, is_number)
+    first = _read_file(files[0], array, kind)
     if len(files) == 1:
         samples: Samples = _in_memory(first, first.times, first.velocity, (first.digest,), array, interval)
         return FieldFiles(samples, (*listed, *first.files), first.notes)
     _require_one_time(files[0], first.velocity)
     if len(files) * first.velocity.nbytes > IN_MEMORY:
-        source = GridFileSource(files, array, is_number, first.axes, times, first.turn)
+        source = GridFileSource(files, array, kind, first.axes, times, first.turn)
         return FieldFiles(WindowedSamples(source), (*listed, *first.files), first.notes)
     velocity, digests, read = (
         np.empty((len(files), *first.velocity.shape[1:])),
@@ -130,7 +146,7 @@ def _read(files: tuple[Path, ...], array: str | None, interval: float, is_number
     )
     velocity[0] = first.velocity[0]
     for k, file in enumerate(files[1:], 1):
-        part = _read_file(file, array, is_number)
+        part = _read_file(file, array, kind)
         _require_same_grid(file, part, files[0], first.axes, first.turn)
         velocity[k] = part.velocity[0]
         digests.append(part.digest)
@@ -148,10 +164,11 @@ class _FieldFile(NamedTuple):
     turn: Floats | None
     files: SourceFiles
     notes: tuple[str, ...]
+    resampling: str = ""
 
     @property
     def digest(self) -> str:
-        own = [digest for _, digest in self.files]
+        own = [digest for _, digest in self.files] + ([self.resampling] if self.resampling else [])
         return own[0] if len(own) == 1 else hashlib.sha256("\n".join(own).encode()).hexdigest()
 
 
@@ -172,7 +189,7 @@ class GridFileSource(GridSource):
 
     paths: tuple[Path, ...]
     array: str | None
-    is_number: bool
+    kind: _Kind
     axes: tuple[Floats, Floats, Floats] = field(compare=False, repr=False)
     times: Floats = field(compare=False, repr=False)
     turn: Floats | None = field(compare=False, repr=False)
@@ -183,7 +200,8 @@ class GridFileSource(GridSource):
 
     @property
     def settings(self) -> Any:
-        return ["grid", self.array, *(["numbers"] if self.is_number else [])]
+        more = [] if self.kind.resolution is None else [self.kind.resolution]
+        return ["grid", self.array, *more, *(["numbers"] if self.kind.is_number else [])]
 
     def place(self, index: int) -> Any:
         return 0
@@ -193,7 +211,7 @@ class GridFileSource(GridSource):
         return tuple((each, file_digest(each)) for each in (path, *piece_files(path)))
 
     def read(self, index: int) -> np.ndarray:
-        part = _read_file(self.paths[index], self.array, self.is_number)
+        part = _read_file(self.paths[index], self.array, self.kind)
         _require_same_grid(self.paths[index], part, self.paths[0], self.axes, self.turn)
         return np.ascontiguousarray(part.velocity[0], np.float32)
 
@@ -208,7 +226,8 @@ def _require_same_grid(
     _require_one_time(file, part.velocity)
 
 
-def _read_file(file: Path, array: str | None, is_number: bool = False) -> _FieldFile:
+def _read_file(file: Path, array: str | None, kind: _Kind) -> _FieldFile:
+    resolution, is_number = kind
     if file.suffix.lower() not in FORMATS:
         is_mesh = file.suffix.lower() in MESHES
         remedy = (
@@ -223,13 +242,24 @@ def _read_file(file: Path, array: str | None, is_number: bool = False) -> _Field
         raise UsageError(
             f"{file}: array {array} does not apply; in .npz the array is velocity. Leave out array."
         )
-    kind = "an archive of arrays, as numpy.savez writes" if is_npz else "a grid, as VTK and ParaView write"
-    with reading(file, f"{kind} one"):
+    is_resampled = file.suffix.lower() in RESAMPLED
+    if resolution is not None and not is_resampled:
+        raise UsageError(f"{file}: resolution does not apply; it is for curved grids and meshes. Remove it.")
+    if is_number and is_resampled:
+        raise UsageError(
+            f"{file}: arrays of curved grids and meshes are read as velocities alone. Resample it (Resample "
+            "To Image) and save it as .vti."
+        )
+    sort = "an archive of arrays, as numpy.savez writes" if is_npz else "a grid, as VTK and ParaView write"
+    with reading(file, f"{sort} one"):
         if is_npz:
             axes, times, velocity = (
                 read_npz(file, content, name=str(array)) if is_number else read_npz(file, content)
             )
             grid = VtkGrid(axes, velocity)
+        elif is_resampled:
+            grid = read_resampled(file, content, array, resolution)
+            velocity = grid.velocity[None]
         else:
             grid = read_vtk(file, content, array, components=1 if is_number else 3)
             velocity = grid.velocity[None]
@@ -240,7 +270,8 @@ def _read_file(file: Path, array: str | None, is_number: bool = False) -> _Field
     velocity, times = np.ascontiguousarray(velocity, np.float64), np.asarray(times, np.float64)
     files = [(file, hashlib.sha256(content).hexdigest())]
     files += [(piece, file_digest(piece)) for piece in piece_files(file)]
-    return _FieldFile((x, y, z), times, velocity, grid.turn, tuple(files), grid.notes)
+    how = f"even {EVEN_VERSION} {velocity.shape}" if is_resampled else ""
+    return _FieldFile((x, y, z), times, velocity, grid.turn, tuple(files), grid.notes, how)
 
 
 def _numbers(values: np.ndarray) -> np.ndarray:
@@ -249,7 +280,7 @@ def _numbers(values: np.ndarray) -> np.ndarray:
     return np.stack([np.where(known, values, 0.0), known, np.ones(values.shape)], axis=-1)
 
 
-MESHES = (".vtu", ".vts", ".pvtu", ".pvts", ".vtk", ".vtp")
+MESHES = (".pvtu", ".pvts", ".vtk", ".vtp")
 
 
 def _require_one_time(file: Path, velocity: Floats) -> None:

@@ -246,23 +246,10 @@ class _Grid:
         self, piece: ElementTree.Element, array: str | None, components: int
     ) -> tuple[ElementTree.Element, bool]:
         """Return the velocities of a piece, or its numbers, and whether they are at cells."""
-        names: list[str] = []
-        wanted = array
-        for place in ("PointData", "CellData"):
-            data = piece.find(place)
-            data = ElementTree.Element(place) if data is None else data
-            vectors = [
-                element for element in data if int(element.get("NumberOfComponents") or 1) == components
-            ]
-            wanted = array or data.get("Vectors") or wanted
-            matches = [element for element in vectors if wanted is None or element.get("Name") == wanted]
-            if len(matches) == 1:
-                return matches[0], place == "CellData"
-            names += [element.get("Name", "?") for element in vectors]
-        what = f"no array {shorten(wanted)} of" if wanted and wanted not in names else "not one array of"
-        hint = f" There are: {', '.join(names)}." if names else ""
-        count = "three components" if components == 3 else "one component"
-        raise UsageError(f"{self.file}: there is {what} {count} at its points or cells.{hint}")
+        try:
+            return velocity_array(piece, array, components)
+        except UsageError as error:
+            raise UsageError(f"{self.file}: {error}") from None
 
     def numbers(self, element: ElementTree.Element, most: int) -> np.ndarray:
         """Return the values of a DataArray, flat: see `VtkFile.numbers`."""
@@ -280,6 +267,30 @@ class _Grid:
         if len(row) != count or not np.isfinite(row).all():
             self.fail(f"{name} is {text!r}; it must be {count} numbers")
         return row
+
+
+def velocity_array(
+    piece: ElementTree.Element, array: str | None, components: int = 3
+) -> tuple[ElementTree.Element, bool]:
+    """Return the array of a piece with its velocities, or its numbers, and whether they are at cells.
+
+    Raises UsageError where there is none, or more than one.
+    """
+    names: list[str] = []
+    wanted = array
+    for place in ("PointData", "CellData"):
+        data = piece.find(place)
+        data = ElementTree.Element(place) if data is None else data
+        vectors = [element for element in data if int(element.get("NumberOfComponents") or 1) == components]
+        wanted = array or data.get("Vectors") or wanted
+        matches = [element for element in vectors if wanted is None or element.get("Name") == wanted]
+        if len(matches) == 1:
+            return matches[0], place == "CellData"
+        names += [element.get("Name", "?") for element in vectors]
+    what = f"no array {shorten(wanted)} of" if wanted and wanted not in names else "not one array of"
+    hint = f" There are: {', '.join(names)}." if names else ""
+    count = "three components" if components == 3 else "one component"
+    raise UsageError(f"there is {what} {count} at its points or cells.{hint}")
 
 
 def _parsed(file: Path, content: bytes) -> VtkFile:

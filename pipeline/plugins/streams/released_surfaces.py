@@ -15,16 +15,16 @@ from abc import ABC, abstractmethod
 
 import numpy as np
 
-from flowsculpt import Exact, Resampler, Streamlines, Thresholds, TriangleMesh
+from flowsculpt import Resampler, Streamlines, Thresholds, TriangleMesh
 from flowsculpt.api.meshes import Floats
 from flowsculpt.pipeline.plugins.streams.seed_curves import Seeds
+from flowsculpt.pipeline.plugins.streams.seed_placement import ASTRAY, REST, SeedPlacement
 from flowsculpt.pipeline.plugins.streams.sheet_cuts import cut_below, stretches, with_faces
 from flowsculpt.pipeline.plugins.streams.stream_values import Parcels
 from flowsculpt.pipeline.plugins.streams.travels import Travel, travelled_both_ways
 
-REST, ASTRAY, MATERIAL = "rest", "astray", "material"
-"""Vertex attributes: of exact placement, here the coordinates (V, 3), and a flag for vertices that could not
-be placed exactly; and of frames, (V, 3), which patterns go by."""
+MATERIAL = "material"
+"""Vertex attribute of frames, (V, 3): the coordinates, which patterns go by."""
 
 _FIRST = 0.7  # edges of the first row, over the longest that may be
 
@@ -75,6 +75,24 @@ class SeedCoordinates:
         on = points.copy()
         on[:, :2] *= self._radius / np.linalg.norm(points[:, :2], axis=1, keepdims=True)
         return on
+
+    def within(self, coordinates: Floats, low: float, high: float, inside: Floats) -> Floats:
+        """Return the nearest coordinates (N, 3) of the curve, between two times.
+
+        inside  (N,) coordinates that are kept from either: a row of one time moves on as a whole
+        """
+        on = self.nearest(coordinates)
+        on[:, 2] = np.clip(on[:, 2], self._second * low + inside, self._second * high - inside)
+        if not self._seeds.is_closed:
+            on[:, 0] = np.clip(on[:, 0], 0.0, self._seeds.length)
+        return on
+
+    def tangents(self, coordinates: Floats) -> Floats:
+        """Return the unit vectors (N, 3) along which the length along the curve grows."""
+        if not self._seeds.is_closed:
+            return np.broadcast_to([1.0, 0.0, 0.0], coordinates.shape)
+        x, y = coordinates[:, 0], coordinates[:, 1]
+        return np.column_stack([-y, x, np.zeros(len(x))]) / self._radius
 
 
 class ReleasedSurface(ABC):
@@ -159,8 +177,8 @@ class ReleasedSurface(ABC):
                 self._remove_stretched()
 
     @property
-    def _placement(self) -> Exact:
-        return Exact(self.carry, self.coordinates.nearest, tags_creases=False)
+    def _placement(self) -> SeedPlacement:
+        return SeedPlacement(self.carry, strip=self.coordinates, times=self.times)
 
     def _strip(self, travel: Travel) -> TriangleMesh:
         """Return the first two rows."""
@@ -223,6 +241,10 @@ class ReleasedSurface(ABC):
         """Move what the last step moves."""
 
     @abstractmethod
+    def times(self) -> tuple[float, float]:
+        """Return the first and the last time of points of the surface."""
+
+    @abstractmethod
     def carry(self, coordinates: Floats) -> Floats:
         """Return where points (N, 3) of these coordinates are now."""
 
@@ -260,6 +282,9 @@ class StreakSurface(ReleasedSurface):
         points[row] = self.carry(rest[row])
         self._go_on(part.with_vertices(points).with_attributes(**{REST: rest}))
 
+    def times(self) -> tuple[float, float]:
+        return max(self.travel.begin, self.travel.now - self.length), self.travel.now
+
     def carry(self, coordinates: Floats) -> Floats:
         seeds = self.coordinates.seeds(coordinates)
         return self.travel.released(seeds, self.coordinates.times(coordinates))
@@ -296,6 +321,9 @@ class PathSurface(ReleasedSurface):
         front = self._front(travel, travel.before)
         self._resampler.vertices[front] = travel.moved(self._resampler.vertices[front])
         self._set_time(front, travel.now - travel.begin)
+
+    def times(self) -> tuple[float, float]:
+        return self._back.now - self._back.begin, self.travel.now - self.travel.begin
 
     def carry(self, coordinates: Floats) -> Floats:
         return self.displaced(self.coordinates.seeds(coordinates), self.coordinates.times(coordinates))

@@ -18,13 +18,25 @@ from flowsculpt.api.materials import with_known
 from flowsculpt.api.meshes import Floats
 from flowsculpt.api.shots import SurfaceSequence
 from flowsculpt.pipeline.plugins.streams.data_units import facts_of_data
+from flowsculpt.pipeline.plugins.streams.sheet_cuts import cut_below
 from flowsculpt.pipeline.plugins.streams.shells import shell
 from flowsculpt.pipeline.plugins.streams.stream_values import Measured, Parcels, StreamValues
 from flowsculpt.pipeline.plugins.streams.travels import Frozen
 from flowsculpt.pipeline.plugins.streams.value_samples import ValueSamples
 
-VERSION = 1
+VERSION = 2
 """Raised when equal settings give other surfaces."""
+
+CUT = 0.5
+"""The weight of a region at which surfaces end: points slow down from 1, and stop before 0."""
+
+
+class Weights(Protocol):
+    """A region: 1 inside, less in its falloff, and 0 outside."""
+
+    def weight(self, points: Floats, time: float) -> Floats: ...
+
+    def cache_data(self, time: float) -> Any: ...
 
 
 class Released(Protocol):
@@ -58,6 +70,7 @@ class SeededSequence(SurfaceSequence):
     direction  of streamlines
     thickness  of a shell about a surface, units
     values     what is measured at its points; None for nothing
+    region     outside of which `flow` does not move points: surfaces end there
     """
 
     word: str
@@ -70,6 +83,7 @@ class SeededSequence(SurfaceSequence):
     direction: str = "forwards"
     thickness: float = 0.0
     values: StreamValues | None = None
+    region: Weights | None = None
     _known: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -95,6 +109,7 @@ class SeededSequence(SurfaceSequence):
             self.direction,
             self.thickness,
             *([] if self.values is None else [self.values.factor]),
+            self.region is not None,
         ]
         return hashlib.sha256(json.dumps(known).encode()).hexdigest()
 
@@ -118,6 +133,8 @@ class SeededSequence(SurfaceSequence):
             self._samples.note(frame, values)
             mesh = mesh.with_attributes(values=with_known(values))
         velocities = None if self.begin is None else released.velocities()
+        if self.region is not None:
+            mesh, velocities = self._inside(mesh, velocities, self.region.weight(mesh.vertices, seconds))
         if self.thickness:
             mesh = shell(mesh, self.thickness)
             velocities = None if velocities is None else np.concatenate([velocities, velocities])
@@ -156,6 +173,20 @@ class SeededSequence(SurfaceSequence):
     def facts(self, seconds: float) -> dict[str, Any]:
         known, values = facts_of_data(self.flow.field, seconds), self.values
         return known if values is None else {**known, "values": values.label, "unit": values.unit}
+
+    def _inside(
+        self, mesh: TriangleMesh, velocities: Floats | None, weights: Floats
+    ) -> tuple[TriangleMesh, Floats | None]:
+        """Return the part of a surface where weights (V,) are at least CUT, and its velocities."""
+        if weights.min() >= CUT:
+            return mesh, velocities
+        if velocities is not None:
+            mesh = mesh.with_attributes(velocity=velocities)
+        part = cut_below(mesh, weights, CUT)
+        if not len(part.faces):
+            raise MeshError(f"all of the {self.word} is outside of the region of within. Make it larger.")
+        kept = {name: values for name, values in part.attributes.items() if name != "velocity"}
+        return TriangleMesh(part.vertices, part.faces, kept), part.attributes.get("velocity")
 
     def data(self, seconds: float) -> Any:
         frame = self._frame(seconds)

@@ -8,7 +8,7 @@ from abc import abstractmethod
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -24,6 +24,7 @@ from flowsculpt.api.shots import (
     FlowParameters,
     OneOfSeveral,
     Positive,
+    RegionDocument,
     SurfaceSequence,
     Triple,
     VelocityDocument,
@@ -33,7 +34,7 @@ from flowsculpt.pipeline.plugins.streams.data_units import in_units_of_data
 from flowsculpt.pipeline.plugins.streams.released_lines import PathLines, ReleasedLines, StreakLines
 from flowsculpt.pipeline.plugins.streams.released_surfaces import PathSurface, ReleasedSurface, StreakSurface
 from flowsculpt.pipeline.plugins.streams.seed_curves import SeedCircle, SeedCurve, Seeds
-from flowsculpt.pipeline.plugins.streams.seeded_sequence import Released, SeededSequence
+from flowsculpt.pipeline.plugins.streams.seeded_sequence import CUT, Released, SeededSequence
 from flowsculpt.pipeline.plugins.streams.stream_values import NAMES, StreamValues
 
 Maker = Callable[[Streamlines, float], Released]
@@ -137,68 +138,71 @@ class VariableDocument(Document):
     file: str | None = Field(None, description="another file with it, on the same axes of space and time")
 
 
-Velocity = Annotated[
-    list[VelocityDocument],
-    Field(min_length=1, description="velocity fields that act together, as under sum"),
-]
-Begin = Annotated[
-    Annotated[float, Field(lt=0, ge=-1e6)] | None,
-    Field(
-        description="when points are released first; the first frame is at 0; by default a frame before (s)"
-    ),
-]
-Longest = Annotated[
-    Positive | None,
-    Field(description="the longest edge; by default a fortieth of the length of the seeds (units)"),
-]
-Tear = Annotated[
-    Annotated[float, Field(gt=1, le=1e6)] | None,
-    Field(description="leaves out what stretches the seeds to more than so many times their length"),
-]
-Thickness = Annotated[
-    Positive | None, Field(description="makes a closed shell of the surface; by default it is open (units)")
-]
-Count = Annotated[int, Field(ge=1, le=10_000, description="lines, evenly along the seeds")]
-Radius = Annotated[
-    Positive | None, Field(description="of the tubes; by default a 200th of the length of the seeds (units)")
-]
-Flatten = Annotated[
-    float,
-    Field(gt=0, le=1, description="thickness over width: 1 is a round tube, 0.1 a ribbon along the seeds"),
-]
-Length = Annotated[Positive, Field(description="of travel along the streamlines (s)")]
 Lifetime = Annotated[Positive | None, Field(description="how long points travel; by default without end (s)")]
+Length = Annotated[Positive, Field(description="of travel along the streamlines (s)")]
 Values = Annotated[
     Annotated[str, one_of(NAMES, "measure")] | VariableDocument | None,
     Field(description="what look: {measure: {values: {}}} shows: a measure, or a variable of the data"),
     ByForm(lambda value: 2 if value is None else not isinstance(value, str)),
 ]
 Direction = Annotated[Literal["forwards", "backwards", "both"], Field(description="of travel")]
+Begin = Annotated[
+    Annotated[float, Field(lt=0, ge=-1e6)] | None,
+    Field(
+        description="when points are released first; the first frame is at 0; by default a frame before (s)"
+    ),
+]
+
+_OF_FILES = ("up", "repair", "paint", "fit")
+"""Settings of subjects from files alone."""
 
 
 class _FromSeeds(MovingKind):
-    """Base of the subjects that grow from seeds."""
+    """Base of the subjects that grow from seeds; each adds one field, by whose name shots know it."""
+
+    velocity: Annotated[
+        list[VelocityDocument],
+        Field(min_length=1, description="velocity fields that act together, as under sum"),
+    ]
+    within: RegionDocument | None = Field(
+        None, description="the region in which points move; those that leave it stop"
+    )
+    max_edge_length: Positive | None = Field(
+        None, description="the longest edge; by default a fortieth of the length of the seeds (units)"
+    )
+    values: Values = None
+
+    @classmethod
+    def word(cls) -> str:
+        return next(iter(cls.__annotations__))
 
     @abstractmethod
-    def _maker(self, seeds: Seeds) -> Maker:
+    def maker(self, seeds: Seeds) -> Maker:
         """Return what makes the surface, or the lines."""
 
     def surfaces(self, folder: Path, clock: Clock) -> SurfaceSequence:
         given: Any = self
-        for name, is_set in (("paint", self.paint == "on"), ("fit", self.fit is not None)):
-            if is_set:
+        for name in _OF_FILES:
+            if name in self.model_fields_set:
                 raise UsageError(f"{name} is for models from files, and this is made of seeds. Leave it out.")
         word = self.word()
         seeds: Seeds = getattr(given, word).build(folder)
         begin = None if word.startswith("stream") else _begin(given.begin, clock)
         lifetime = getattr(given, "length", None)
-        left_out = {word, "velocity", "begin", "length", "thickness", *([] if given.values else ["values"])}
-        plain = self.model_dump(mode="json", exclude=left_out)
-        velocity = Sum(tuple(entry.build(clock) for entry in given.velocity))
+        left_out = {word, "velocity", "begin", "length", "thickness", "within"}
+        plain = self.model_dump(mode="json", exclude=left_out | (set() if given.values else {"values"}))
         points = seeds.points(np.linspace(0.0, seeds.length, _COMPARED))
+        fields, region = self.velocity, None
+        if self.within is not None:
+            within = self._softened(seeds)
+            region = within.build(clock)
+            if not (region.weight(points, clock.flow_time(clock.frames.first)) > CUT).any():
+                raise UsageError("no seed is in the region of within. Make it larger, or place it elsewhere.")
+            fields = [VelocityDocument.model_validate({"within": {"region": within, "flows": fields}})]
+        velocity = Sum(tuple(entry.build(clock) for entry in fields))
         return SeededSequence(
             word=word,
-            make=self._maker(seeds),
+            make=self.maker(seeds),
             settings=[plain, hashlib.sha256(points.tobytes()).hexdigest(), seeds.length, seeds.is_closed],
             flow=Streamlines(velocity),
             times=tuple(map(clock.flow_time, clock.frames)),
@@ -206,8 +210,39 @@ class _FromSeeds(MovingKind):
             length=math.inf if lifetime is None else float(lifetime),
             direction=getattr(given, "direction", "forwards"),
             thickness=float(getattr(given, "thickness", None) or 0.0),
-            values=_values(given, seeds, clock, velocity),
+            values=self._measured(seeds, clock, velocity),
+            region=region if word.endswith("surface") else None,
         )
+
+    def _measured(self, seeds: Seeds, clock: Clock, velocity: VelocityField) -> StreamValues | None:
+        """Return what is measured, if anything is. Raises UsageError for a variable that the data lack."""
+        if self.values is None:
+            return None
+        if isinstance(self.values, str):
+            label, unit = NAMES[self.values]
+            unit, factor = in_units_of_data(self.values, unit, velocity)
+            return StreamValues(self.values, label, unit, self.longest(seeds), factor=factor)
+        flows = [entry.chosen for entry in self.velocity if isinstance(entry.chosen, FlowParameters)]
+        with_data = [each for each in flows if type(each).variable_field is not FlowParameters.variable_field]
+        if len(with_data) != 1:
+            entries = plural(len(with_data), "entry", "entries")
+            raise UsageError(
+                f"values are a variable of the data of velocity, and that has {entries} with data. Write "
+                "one, as in velocity: [{sampled: {file: ocean.nc}}]."
+            )
+        numbers, label, unit = with_data[0].variable_field(self.values.variable, self.values.file, clock)
+        return StreamValues(self.values.variable, label, unit, self.longest(seeds), numbers)
+
+    def longest(self, seeds: Seeds) -> float:
+        """Return the longest edge, units."""
+        return float(self.max_edge_length or seeds.length / _ACROSS)
+
+    def _softened(self, seeds: Seeds) -> RegionDocument:
+        """Return the region; without a falloff it gets one as wide as an edge, in which points slow down."""
+        assert self.within is not None
+        if "falloff" in self.within.model_fields_set:
+            return self.within
+        return self.within.model_copy(update={"falloff": self.longest(seeds)})
 
 
 def _begin(begin: float | None, clock: Clock) -> float:
@@ -215,155 +250,108 @@ def _begin(begin: float | None, clock: Clock) -> float:
     return begin if begin is not None else before if before < 0.0 else -1.0 / float(clock.rate.fps)
 
 
-def _values(given: Any, seeds: Seeds, clock: Clock, velocity: VelocityField) -> StreamValues | None:
-    """Return what is measured, if anything is. Raises UsageError for a variable that the data lack."""
-    longest = float(given.max_edge_length or seeds.length / _ACROSS)
-    if isinstance(given.values, str):
-        label, unit = NAMES[given.values]
-        unit, factor = in_units_of_data(given.values, unit, velocity)
-        return StreamValues(given.values, label, unit, longest, factor=factor)
-    if given.values is None:
-        return None
-    flows = [entry.chosen for entry in given.velocity if isinstance(entry.chosen, FlowParameters)]
-    with_data = [each for each in flows if type(each).variable_field is not FlowParameters.variable_field]
-    if len(with_data) != 1:
-        entries = plural(len(with_data), "entry", "entries")
-        raise UsageError(
-            f"values are a variable of the data of velocity, and that has {entries} with data. Write one, as "
-            "in velocity: [{sampled: {file: ocean.nc}}]."
+class _Surface(_FromSeeds):
+    """Base of surfaces."""
+
+    kind: ClassVar[type[ReleasedSurface]] = PathSurface
+
+    length: Lifetime = None
+    tear: Annotated[float, Field(gt=1, le=1e6)] | None = Field(
+        None, description="leaves out what stretches the seeds to more than so many times their length"
+    )
+    thickness: Positive | None = Field(
+        None, description="makes a closed shell of the surface; by default it is open (units)"
+    )
+
+    def maker(self, seeds: Seeds) -> Maker:
+        return partial(
+            self.kind,
+            seeds,
+            thresholds=Thresholds(self.longest(seeds)),
+            tear=math.inf if self.tear is None else float(self.tear),
+            length=math.inf if self.length is None else float(self.length),
         )
-    numbers, label, unit = with_data[0].variable_field(given.values.variable, given.values.file, clock)
-    return StreamValues(given.values.variable, label, unit, longest, numbers)
 
 
-def _surface(kind: type[ReleasedSurface], given: Any, seeds: Seeds) -> Maker:
-    return partial(
-        kind,
-        seeds,
-        thresholds=Thresholds(float(given.max_edge_length or seeds.length / _ACROSS)),
-        tear=math.inf if given.tear is None else float(given.tear),
-        length=math.inf if given.length is None else float(given.length),
+class _Lines(_FromSeeds):
+    """Base of lines."""
+
+    kind: ClassVar[type[ReleasedLines]] = PathLines
+
+    length: Lifetime = None
+    count: Annotated[int, Field(ge=1, le=10_000, description="lines, evenly along the seeds")] = 24
+    radius: Positive | None = Field(
+        None, description="of the tubes; by default a 200th of the length of the seeds (units)"
+    )
+    flatten: Annotated[float, Field(gt=0, le=1)] = Field(
+        1.0, description="thickness over width: 1 is a round tube, 0.1 a ribbon along the seeds"
     )
 
+    def maker(self, seeds: Seeds) -> Maker:
+        return partial(
+            self.kind,
+            seeds,
+            count=self.count,
+            longest=self.longest(seeds),
+            radius=float(self.radius or seeds.length / _ROUND),
+            flatten=self.flatten,
+            length=math.inf if self.length is None else float(self.length),
+        )
 
-def _lines(kind: type[ReleasedLines], given: Any, seeds: Seeds) -> Maker:
-    return partial(
-        kind,
-        seeds,
-        count=given.count,
-        longest=float(given.max_edge_length or seeds.length / _ACROSS),
-        radius=float(given.radius or seeds.length / _ROUND),
-        flatten=given.flatten,
-        length=math.inf if given.length is None else float(given.length),
-    )
 
-
-class StreakSurfaceDocument(_FromSeeds):
+class StreakSurfaceDocument(_Surface):
     """All points that a curve has released so far, as smoke from a row of nozzles."""
 
     example = "{streak_surface: {line: [[-1, 0, 0], [1, 0, 0]]}, velocity: [{abc: {}}]}"
+    kind = StreakSurface
 
     streak_surface: SeedsDocument = Field(description="the curve that releases points")
-    velocity: Velocity
     begin: Begin = None
-    length: Lifetime = None
-    max_edge_length: Longest = None
-    values: Values = None
-    tear: Tear = None
-    thickness: Thickness = None
-
-    def _maker(self, seeds: Seeds) -> Maker:
-        return _surface(StreakSurface, self, seeds)
 
 
-class PathSurfaceDocument(_FromSeeds):
+class PathSurfaceDocument(_Surface):
     """The paths of the points that a curve has released at one time."""
 
     example = "{path_surface: {line: [[-1, 0, 0], [1, 0, 0]]}, velocity: [{abc: {}}]}"
 
     path_surface: SeedsDocument = Field(description="the curve that releases points")
-    velocity: Velocity
     begin: Begin = None
-    length: Lifetime = None
-    max_edge_length: Longest = None
-    values: Values = None
-    tear: Tear = None
-    thickness: Thickness = None
-
-    def _maker(self, seeds: Seeds) -> Maker:
-        return _surface(PathSurface, self, seeds)
 
 
-class StreamSurfaceDocument(_FromSeeds):
+class StreamSurfaceDocument(_Surface):
     """The streamlines through a curve, of the velocities as they are in each frame."""
 
     example = "{stream_surface: {line: [[-1, 0, 0], [1, 0, 0]]}, velocity: [{abc: {}}], length: 2}"
 
     stream_surface: SeedsDocument = Field(description="the curve that streamlines go through")
-    velocity: Velocity
     length: Length = 2.0
     direction: Direction = "forwards"
-    max_edge_length: Longest = None
-    values: Values = None
-    tear: Tear = None
-    thickness: Thickness = None
-
-    def _maker(self, seeds: Seeds) -> Maker:
-        return _surface(PathSurface, self, seeds)
 
 
-class StreakLinesDocument(_FromSeeds):
+class StreakLinesDocument(_Lines):
     """Streaks: lines of the points that seeds have released so far, as tubes."""
 
     example = "{streak_lines: {line: [[-1, 0, 0], [1, 0, 0]]}, velocity: [{abc: {}}], count: 30}"
+    kind = StreakLines
 
     streak_lines: SeedsDocument = Field(description="the curve that releases points")
-    velocity: Velocity
-    count: Count = 24
-    radius: Radius = None
-    flatten: Flatten = 1.0
     begin: Begin = None
-    length: Lifetime = None
-    max_edge_length: Longest = None
-    values: Values = None
-
-    def _maker(self, seeds: Seeds) -> Maker:
-        return _lines(StreakLines, self, seeds)
 
 
-class PathLinesDocument(_FromSeeds):
+class PathLinesDocument(_Lines):
     """Paths of points that seeds have released at one time, as tubes."""
 
     example = "{path_lines: {line: [[-1, 0, 0], [1, 0, 0]]}, velocity: [{abc: {}}], count: 30}"
 
     path_lines: SeedsDocument = Field(description="the curve that releases points")
-    velocity: Velocity
-    count: Count = 24
-    radius: Radius = None
-    flatten: Flatten = 1.0
     begin: Begin = None
-    length: Lifetime = None
-    max_edge_length: Longest = None
-    values: Values = None
-
-    def _maker(self, seeds: Seeds) -> Maker:
-        return _lines(PathLines, self, seeds)
 
 
-class StreamLinesDocument(_FromSeeds):
+class StreamLinesDocument(_Lines):
     """Streamlines of the velocities as they are in each frame, as tubes."""
 
     example = "{stream_lines: {line: [[-1, 0, 0], [1, 0, 0]]}, velocity: [{abc: {}}], length: 2}"
 
     stream_lines: SeedsDocument = Field(description="the curve that streamlines go through")
-    velocity: Velocity
-    count: Count = 24
-    radius: Radius = None
-    flatten: Flatten = 1.0
     length: Length = 2.0
     direction: Direction = "forwards"
-    max_edge_length: Longest = None
-    values: Values = None
-
-    def _maker(self, seeds: Seeds) -> Maker:
-        return _lines(PathLines, self, seeds)

@@ -13,7 +13,8 @@ import pytest
 from flowsculpt.pipeline.errors import FlowsculptError, UsageError
 from flowsculpt.pipeline.flow.catalogue.sampled_field import Sampled
 from flowsculpt.pipeline.plugins.fields.cf_conventions import duration, speed_factor, velocity_direction
-from flowsculpt.pipeline.plugins.fields.cf_files import Selection, cf_samples
+from flowsculpt.pipeline.plugins.fields.cf_files import cf_samples
+from flowsculpt.pipeline.plugins.fields.cf_headers import Selection
 from flowsculpt.pipeline.plugins.fields.grid_layout import EARTH, Placing
 
 xarray = pytest.importorskip("xarray")
@@ -336,6 +337,104 @@ def staggered(data: Any) -> Any:
     return data.assign(uo=west.drop_vars("lon_u").assign_coords(lon_u=("lon_u", LON - 0.25, LONGITUDE)))
 
 
+def bent(along: str = "eastward", around: bool = False) -> Any:
+    """Return a field on a grid that is turned by 25 degrees, or goes around the globe.
+
+    Its velocity goes east by sin(4 latitude) and north by cos(2 longitude).
+    """
+    j, i = np.meshgrid(np.linspace(0.0, 1.0, 50), np.linspace(0.0, 1.0, 60), indexing="ij")
+    x, y, turn = 20.0 * i - 10.0, 16.0 * j - 8.0, np.radians(25.0)
+    lon, lat = 180.0 + x * np.cos(turn) - y * np.sin(turn), 40.0 + x * np.sin(turn) + y * np.cos(turn)
+    if around:
+        lon, lat = 360.0 * i * 60 / 61 + 10.0 * np.sin(np.pi * j), 140.0 * j - 70.0
+    lon = (lon + 180.0) % 360.0 - 180.0  # jumps within the grid
+    east, north = np.sin(np.radians(4.0 * lat)), np.cos(np.radians(2.0 * lon))
+    names = ["eastward_sea_water_velocity", "northward_sea_water_velocity"]
+    if along == "grid":
+        names = ["sea_water_x_velocity", "sea_water_y_velocity"]
+        step = np.gradient(np.unwrap(lon, period=360.0, axis=1), axis=1) * np.cos(np.radians(lat))
+        angle = np.arctan2(np.gradient(lat, axis=1), step)
+        east, north = (
+            east * np.cos(angle) + north * np.sin(angle),
+            north * np.cos(angle) - east * np.sin(angle),
+        )
+    times = 1.0 + np.arange(2.0)[:, None, None]
+    fields = {
+        name: (
+            ("time", "y", "x"),
+            (times * values).astype("f4"),
+            {"units": "m s-1", "standard_name": standard},
+        )
+        for name, values, standard in zip(("uo", "vo"), (east, north), names, strict=True)
+    }
+    places = {"nav_lon": (("y", "x"), lon, LONGITUDE), "nav_lat": (("y", "x"), lat, LATITUDE)}
+    return xarray.Dataset(fields, places | {"time": ("time", np.arange(2.0), HOURS)})
+
+
+@pytest.mark.parametrize(
+    ("along", "around", "most"), [("eastward", False, 1e-3), ("grid", False, 1e-3), ("eastward", True, 0.01)]
+)
+def test_curvilinear_grids_are_read_on_even_ones(
+    tmp_path: Path, along: str, around: bool, most: float
+) -> None:
+    samples = read(bent(along, around), tmp_path)
+    for lon, lat in ((179.0, 40.0), (-178.0, 38.0), (175.0, 41.0)):
+        here = samples.source.headers[0].coordinates
+        near = here.east[np.argmin(np.abs((here.east - lon + 180.0) % 360.0 - 180.0))]
+        level = here.north[np.argmin(np.abs(here.north - lat))]
+        wider = np.cos(np.radians(0.5 * (here.north[0] + here.north[-1]))) / np.cos(np.radians(level))
+        east, north, _ = velocity_at(samples, lon, lat, 1)
+        assert east / wider == pytest.approx(2.0 * np.sin(np.radians(4.0 * level)), abs=most)
+        assert north == pytest.approx(2.0 * np.cos(np.radians(2.0 * near)), abs=most)
+    assert here.is_global == around
+
+
+def test_a_curvilinear_grid_is_read_with_its_error_and_land_stays_land(tmp_path: Path) -> None:
+    data = bent()
+    data["uo"] = data.uo.where((data.nav_lat < 40.0) | (data.nav_lat > 44.0))
+    path = save(data, tmp_path / "a.nc")
+    samples, notes = cf_samples((path,), Selection(resolution=80), Placing())
+    assert any("60 × 50 nodes is read on an even one of 80 ×" in note and "% (rms)" in note for note in notes)
+    assert not velocity_at(samples, 180.0, 42.0).any()
+    assert velocity_at(samples, 180.0, 38.0).any()
+    assert not velocity_at(samples, 170.0, 30.5).any()  # outside of the grid
+
+
+def test_along_settles_what_names_leave_open(tmp_path: Path) -> None:
+    data = bent("grid")
+    for name in ("uo", "vo"):
+        del data[name].attrs["standard_name"]
+    with pytest.raises(UsageError, match="Write along: east, or along: grid"):
+        read(data, tmp_path)
+    known = read(bent("grid"), tmp_path).velocities(0)
+    assert np.array_equal(known, read(data, tmp_path, along="grid").velocities(0))
+
+
+def test_resolution_and_along_are_for_curvilinear_grids(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="are for curvilinear grids"):
+        read(dataset(), tmp_path, resolution=100)
+
+
+@pytest.mark.parametrize(
+    ("date", "seconds"), [("2020-02-28", 0.0), ("2020-02-28T01:30", 5400.0), ("2020-02-28 02:00:00", 7200.0)]
+)
+def test_a_date_is_seconds_after_the_first_time(tmp_path: Path, date: str, seconds: float) -> None:
+    assert read(dataset(), tmp_path).source.seconds_of(date) == pytest.approx(seconds)
+
+
+@pytest.mark.parametrize(
+    ("hours", "date", "fault"),
+    [
+        (HOURS, "2020-02-29", "its times are 2020-02-28 00:00:00 to 2020-02-28 02:00:00"),
+        (HOURS | {"calendar": "noleap"}, "2020-02-29", "is not a date of its calendar, noleap"),
+        ({"units": "hours"}, "2020-02-28", "have no dates"),
+    ],
+)
+def test_dates_that_the_data_lack_are_refused(tmp_path: Path, hours: Any, date: str, fault: str) -> None:
+    with pytest.raises(UsageError, match=fault):
+        read(dataset(hours=hours), tmp_path).source.seconds_of(date)
+
+
 WRONG: dict[str, tuple[Callable[[Any], Any], str]] = {
     "no velocity": (
         lambda d: d.assign(thetao=d.uo.assign_attrs(standard_name="")).drop_vars(["uo", "vo"]),
@@ -356,7 +455,14 @@ WRONG: dict[str, tuple[Callable[[Any], Any], str]] = {
         lambda d: d.assign(uo=d.uo.assign_attrs(units="degrees s-1")),
         "some of its components are in m/s and others in degrees/s",
     ),
-    "a curvilinear grid": (curvilinear, "on a curvilinear grid"),
+    "a curvilinear grid with components along nothing known": (
+        lambda d: curvilinear(d.assign({k: d[k].assign_attrs(standard_name="") for k in ("uo", "vo")})),
+        "nothing says whether it goes east",
+    ),
+    "a curvilinear grid with one row": (
+        lambda d: curvilinear(d).isel(y=slice(1)),
+        "has one row",
+    ),
     "an unstructured mesh": (unstructured, "on an unstructured mesh"),
     "a staggered grid": (staggered, "as on a staggered grid"),
     "no times": (lambda d: d.isel(time=slice(0)), "time has a length of 0"),

@@ -14,7 +14,8 @@ import pytest
 from flowsculpt.pipeline.errors import MissingInputError
 from flowsculpt.pipeline.flow import Streamlines
 from flowsculpt.pipeline.plugins.fields import windowed_samples
-from flowsculpt.pipeline.plugins.fields.cf_files import Selection, cf_samples
+from flowsculpt.pipeline.plugins.fields.cf_files import cf_samples
+from flowsculpt.pipeline.plugins.fields.cf_headers import Selection
 from flowsculpt.pipeline.plugins.fields.grid_layout import Placing
 from flowsculpt.pipeline.shot import Shot, read_shot
 

@@ -128,3 +128,31 @@ def test_a_file_of_seeds_is_read_right_or_refused(tmp_path: Path, text: str) -> 
     read = next(iter(animate(read_shot(tmp_path / "a.yaml", words))))
     line = next(iter(animate(shot(SUBJECTS["path_lines"]))))
     assert np.array_equal(read.mesh.vertices, line.mesh.vertices)
+
+
+WITHIN = "within: {box: {centre: [0, 0.1, 0], size: [3, 0.2, 3]}}, max_edge_length: 0.05"
+RISING = "velocity: [{translation: {rate: [0, 2, 0]}}]"
+
+
+@pytest.mark.parametrize("word", ["path_surface", "streak_surface", "stream_surface", "path_lines"])
+def test_what_leaves_a_region_ends_there(word: str) -> None:
+    last = frames_of(f"{word}: {LINE}, {RISING}, {WITHIN}", "1-6")[-1].mesh
+    assert validate(last).problem is None
+    assert 0.2 < last.vertices[:, 1].max() < 0.26  # the border, and an edge in which points slow down
+
+
+def test_a_falloff_of_a_region_says_over_what_distance_points_slow_down() -> None:
+    wide = WITHIN.replace("}},", "}, falloff: 0.2},")
+    (frame,) = frames_of(f"stream_surface: {LINE}, {RISING}, {wide}", "1-1")
+    assert abs(frame.mesh.vertices[:, 1].max() - 0.3) < 0.02
+
+
+def test_a_region_without_seeds_is_refused() -> None:
+    with pytest.raises(ShotError, match="no seed is in the region"):
+        shot(f"path_surface: {LINE}, {RISING}, within: {{sphere: {{centre: [9, 0, 0], radius: 1}}}}")
+
+
+@pytest.mark.parametrize("setting", ["up: z", "repair: on", "paint: off", "fit: 2"])
+def test_settings_of_files_are_refused(setting: str) -> None:
+    with pytest.raises(ShotError, match="is for models from files"):
+        shot(f"path_surface: {LINE}, {RISING}, {setting}")
