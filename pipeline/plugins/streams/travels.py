@@ -123,7 +123,10 @@ class TravelStep:
         steps of few sub-steps is within 2 · 10⁻⁴ of how far a point goes.
         """
         if len(self.plan.spans) > _CUBIC:
-            return self.moved_within(points, np.full(len(points), self.begin), stops, self.finest)
+            whole, points = self._sub_steps(stops, np.floor), points.copy()
+            for count in np.unique(whole[whole > 0]).tolist():
+                points[whole == count] = self._followed(points[whole == count], 0, count)
+            return self.moved_within(points, self._boundaries(whole), stops, self.finest)
         seconds, there = self.end - self.begin, self.moved(points)
         first, _, last = self._moments
         ahead, after = first.velocity(points, self.begin), last.velocity(there, self.end)
@@ -132,7 +135,11 @@ class TravelStep:
     def moved_since(self, points: Floats, starts: Floats) -> Floats:
         """Return points (N, 3) that begin at times (N,) within the step, at its end; as `moved_until`."""
         if len(self.plan.spans) > _CUBIC:
-            return self.moved_within(points, starts, np.full(len(points), self.end), self.finest)
+            whole = self._sub_steps(starts, np.ceil)
+            points = self.moved_within(points, starts, self._boundaries(whole), self.finest)
+            for first in np.unique(whole[whole < len(self.plan.spans)]).tolist():
+                points[whole == first] = self._followed(points[whole == first], first, len(self.plan.spans))
+            return points
         seconds, (first, _, last) = self.end - self.begin, self._moments
         ahead = first.velocity(points, self.begin)
         aside = _ASIDE * seconds
@@ -140,6 +147,27 @@ class TravelStep:
         leaving = -seconds / aside * (beside - there)  # by how much a later start leaves a point behind
         arriving = -seconds * last.velocity(points, self.end)
         return _cubic(there, leaving, points, arriving, (starts - self.begin) / seconds)
+
+    def _sub_steps(self, times: Floats, rounded: np.ufunc) -> np.ndarray:
+        """Return how many sub-steps (N,) lie before times (N,), rounded down or up."""
+        count = len(self.plan.spans)
+        share = (times - self.begin) / (self.end - self.begin)
+        return np.clip(rounded(share * count), 0, count).astype(np.int64)
+
+    def _boundaries(self, whole: np.ndarray) -> Floats:
+        """Return the times (N,) at which so many sub-steps have passed."""
+        return np.asarray(self.begin + (self.end - self.begin) * whole / len(self.plan.spans))
+
+    def _followed(self, points: Floats, first: int, last: int) -> Floats:
+        """Return points (N, 3) after the sub-steps from number `first` up to `last`, which is left out."""
+        plan = self.plan._replace(steps=self.plan.steps[first:last], spans=self.plan.spans[first:last])
+        moved = np.asarray(plan.follow(points))
+        lost = ~np.isfinite(moved).all(axis=1)
+        if lost.any():  # their sub-steps are too coarse
+            ends = self._boundaries(np.array([first, last]))
+            starts, stops = np.repeat(ends[:, None], lost.sum(), axis=1)
+            moved[lost] = self.moved_within(points[lost], starts, stops, self.finest)
+        return moved
 
     def _velocity(self, points: Floats, times: Floats) -> Floats:
         """Return velocities (N, 3) at points (N, 3) and times (N, 1)."""
