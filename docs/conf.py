@@ -14,7 +14,7 @@ sys.path[:0] = [str(DOCS), str(DOCS.parent)]  # the library is documented as it 
 
 import public_names  # noqa: E402
 
-gc.disable()  # pages stay until the site is written: to look for garbage took a third of the time and found little
+gc.disable()  # pages stay until the site is written: to look for garbage takes a third of the time
 
 ENTRIES = "(Built as a site, this page has an entry for each name.)\n"
 """What stands in api.md where its entries come."""
