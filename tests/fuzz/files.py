@@ -317,7 +317,7 @@ def _watch(event: str, given: tuple[Any, ...], *allowed: str) -> None:
 
 
 class Worker:
-    """A process that reads files. After a crash or a hang another one is forked of what has loaded the readers."""
+    """A process that reads files; after a crash or a hang another one is forked from one with the readers."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
