@@ -66,7 +66,7 @@ def quick(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     def rounds_of(goal: FittedSurface, detail: str) -> list[fitting.FitRound]:
         space = PathSpace(12, 0.09)
         first = fitting.FitRound(PathSpace(12, 0.12), 1e-3, 800, 0.1, goal.growth.start, True)
-        return [first, *(fitting.FitRound(space, 1e-6, 800, 0.06) for _ in range(3))]
+        return [first, *(fitting.FitRound(space, 1e-6, 800, 0.06) for _ in range(2))]
 
     monkeypatch.setattr(fitting, "rounds_of", rounds_of)
     monkeypatch.setattr(target, "NODES", 40)
@@ -115,7 +115,7 @@ def test_the_progress_of_a_fit_that_needs_no_box_ends_whole(quick: Path) -> None
     ball, seen = icosphere(8), []
     surface = cubed(ball.vertices, ball.faces)
     fitting.fitted(surface, surface, "medium", None, lambda state, rounds: seen.append((state.done, rounds)))
-    assert seen == [(n, 5) for n in range(1, 6)]
+    assert seen == [(n, 4) for n in range(1, 5)]
 
 
 def test_a_path_keeps_its_velocities_on_a_finer_grid() -> None:
