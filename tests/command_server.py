@@ -168,7 +168,7 @@ class CommandServer:
         return ours
 
 
-COMMANDS = CommandServer("commands")
+COMMANDS = CommandServer("commands", {"COLUMNS"})
 
 LIBRARIES = CommandServer("libraries", OF_PLUGINS)
 """Forks commands that may find other plug-ins than this process, while `forks_with_plugins` has it on."""

@@ -524,8 +524,8 @@ def _cut(polygon: Floats, sides: Indices, taken: set[Edge]) -> tuple[Faces, floa
 
 def _sides(polygons: Indices) -> set[Edge]:
     """Return the sides of polygons (N, n), each the lower of its two vertices first."""
-    ends = np.stack([polygons, np.roll(polygons, -1, axis=1)], axis=2).reshape(-1, 2)
-    return {(a, b) for a, b in np.sort(ends, axis=1).tolist()}
+    rows = ((row, [*row[1:], row[0]]) for row in polygons.tolist())
+    return {(a, b) if a < b else (b, a) for row, after in rows for a, b in zip(row, after, strict=True)}
 
 
 _BITS = 10  # of each coordinate

@@ -92,10 +92,9 @@ class Copies:
         """
         radii, found, number = radius * self._sizes(), np.empty((self.count, 3)), 0
         for places in self._places(float(radii.max())):
-            if number and len(places):  # most are too near to some copy of earlier batches
-                near = (0.999 * GAP * (radii[:number] + radii[number:].min())) ** 2
-                beyond = (found[:number] ** 2).sum(axis=1) - near - 2.0 * (places @ found[:number].T)
-                places = places[beyond.min(axis=1) + (places**2).sum(axis=1) > 0.0]
+            if number:
+                least = GAP * (radii[:number] + radii[number:].min())
+                places = _without_near(places, found[:number], least)
             for place in places:
                 least = GAP * (radii[:number] + radii[number])
                 if not number or (np.linalg.norm(found[:number] - place, axis=1) > least).all():
@@ -147,6 +146,19 @@ class Copies:
         angles = 2.0 * math.pi * random.random(self.count)
         c, s, zero, one = np.cos(angles), np.sin(angles), np.zeros(self.count), np.ones(self.count)
         return np.moveaxis(np.array([[c, zero, s], [zero, one, zero], [-s, zero, c]]), 2, 0)
+
+
+def _without_near(places: Points, found: Points, least: Floats) -> Points:
+    """Return places (N, 3) without most of those nearer to a found one (M, 3) than `least` (M,).
+
+    Products of matrices are so small that they start no threads, which took most of the time.
+    """
+    sums, twice = (found**2).sum(axis=1) - (0.999 * least) ** 2, -2.0 * found.T
+    size = 1 + 80_000 // len(found)
+    blocks = [places[start : start + size] for start in range(0, len(places), size)]
+    return np.concatenate(
+        [places[:0], *(part[(part @ twice + sums).min(axis=1) > -(part**2).sum(axis=1)] for part in blocks)]
+    )
 
 
 def bounding_sphere(points: Points) -> tuple[Points, float]:

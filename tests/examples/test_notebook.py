@@ -1,28 +1,16 @@
-"""The notebook of the library: its cells run in a process of their own, and print what is stored."""
+"""The notebook of the library: its cells run one after another, and print what is stored."""
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
-import os
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 NOTEBOOK = Path(__file__).parents[2] / "examples" / "resampling.ipynb"
-
-RUN = """
-import contextlib, io, json, sys
-
-names, printed = {"__name__": "__main__"}, []
-for source in json.load(sys.stdin):
-    with contextlib.redirect_stdout(io.StringIO()) as out:
-        exec(compile(source, "notebook", "exec"), names)
-    printed.append(out.getvalue())
-json.dump([printed, len(names["plt"].get_fignums())], sys.stdout)
-"""
 
 
 def _cells() -> list[dict[str, Any]]:
@@ -35,22 +23,24 @@ def _source(cell: dict[str, Any]) -> str:
 
 
 @pytest.mark.slow
-def test_the_notebook_runs_from_top_to_bottom_and_prints_what_it_shows(tmp_path: Path) -> None:
-    cells = _cells()
-    done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", RUN],
-        input=json.dumps([*map(_source, cells)]),
-        capture_output=True,
-        text=True,
-        cwd=tmp_path,
-        env={**os.environ, "MPLBACKEND": "agg", "MPLCONFIGDIR": str(tmp_path)},
-        timeout=300,
-    )
-    assert done.returncode == 0, done.stderr[-2000:]
-    printed, pictures = json.loads(done.stdout)
-    for cell, text in zip(cells, printed, strict=True):
-        if "pyvista" not in _source(cell) or text:  # it has no wheel small enough for the tests
-            assert "".join("".join(o["text"]) for o in cell["outputs"] if "text" in o) == text
+def test_the_notebook_runs_from_top_to_bottom_and_prints_what_it_shows(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MPLCONFIGDIR", str(tmp_path))
+    import matplotlib.pyplot as plt
+
+    plt.close("all")
+    plt.switch_backend("agg")
+    cells, names = _cells(), {"__name__": "notebook"}
+    for cell in cells:
+        with contextlib.redirect_stdout(io.StringIO()) as printed:
+            exec(compile(_source(cell), "notebook", "exec"), names)
+        if "pyvista" not in _source(cell) or printed.getvalue():  # it has no wheel small enough for the tests
+            shown = "".join("".join(o["text"]) for o in cell["outputs"] if "text" in o)
+            assert shown == printed.getvalue()
+    pictures = len(plt.get_fignums())
+    plt.close("all")
     assert pictures == sum("image/png" in o.get("data", {}) for cell in cells for o in cell["outputs"])
 
 

@@ -280,17 +280,18 @@ def _peak() -> int:
 
 def _work(connection: Any, folder: Path) -> None:
     """Read the files whose kinds and paths come in; the parent ends this process where it hangs."""
-    import flowsculpt.pipeline.shot.subjects  # noqa: F401  # compiled kernels stay in the user's cache
     from flowsculpt.render.base.kernel_cache import cache_folder
 
-    kernels = str(cache_folder())
-
-    os.environ["XDG_CACHE_HOME"] = str(folder / "cache")
+    kernels, cache = cache_folder().parent, folder / "cache"
+    os.environ["XDG_CACHE_HOME"] = str(cache)
+    if not cache.is_dir():
+        (cache / "flowsculpt").mkdir(parents=True)
+        (cache / "flowsculpt/kernels").symlink_to(kernels)  # which need not be compiled again
     tempfile.gettempdir()  # which tries the folder by writing to it, once
     for stream in (sys.stdout, sys.stderr):
         os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    sys.addaudithook(lambda event, given: _watch(event, given, str(folder), kernels))
+    sys.addaudithook(lambda event, given: _watch(event, given, str(folder), str(kernels)))
     while True:
         kind, path = connection.recv()
         _SEEN.clear()
@@ -316,16 +317,17 @@ def _watch(event: str, given: tuple[Any, ...], *allowed: str) -> None:
 
 
 class Worker:
-    """A process that reads files; it is started anew after a crash or a hang."""
+    """A process that reads files; after a crash or a hang another one is forked from one with the readers."""
 
     def __init__(self, folder: Path) -> None:
-        self._folder = folder
+        self.folder = folder
         self._start()
 
     def _start(self) -> None:
-        context = multiprocessing.get_context("spawn")
+        context = multiprocessing.get_context("forkserver")
+        context.set_forkserver_preload([Worker.__module__, "flowsculpt.pipeline.mesh.read"])
         self._connection, other = context.Pipe()
-        self._process = context.Process(target=_work, args=(other, self._folder), daemon=True)
+        self._process = context.Process(target=_work, args=(other, self.folder), daemon=True)
         self._process.start()
         other.close()
 
@@ -353,25 +355,22 @@ class Worker:
 
 
 def attempts(
-    seed: int, folder: Path, kinds: tuple[str, ...] = ()
+    seed: int, worker: Worker, kinds: tuple[str, ...] = ()
 ) -> Iterator[tuple[str, str, bytes, Attempt]]:
     """Yield kind, name, content and outcome of mutated files, without end, all kinds in turn."""
-    random, worker = Random(seed), Worker(folder)
+    random, folder = Random(seed), worker.folder
     known = [sample for sample in samples(folder / "samples") if not kinds or sample.kind in kinds]
-    try:
-        for sample in known:  # imports and compilation are not the files' fault
-            worker.read(sample.kind, sample.path)
-            attempt = worker.read(sample.kind, sample.path)
-            assert not attempt.fault and not attempt.message, (sample.path.name, attempt)
-        while True:
-            for sample in known:
-                content = mutated(sample.path.read_bytes(), random)
-                path = folder / "tried" / sample.path.name
-                path.parent.mkdir(exist_ok=True)
-                path.write_bytes(content)
-                yield sample.kind, path.name, content, worker.read(sample.kind, path)
-    finally:
-        worker.close()
+    for sample in known:  # imports and compilation are not the files' fault
+        worker.read(sample.kind, sample.path)
+        attempt = worker.read(sample.kind, sample.path)
+        assert not attempt.fault and not attempt.message, (sample.path.name, attempt)
+    while True:
+        for sample in known:
+            content = mutated(sample.path.read_bytes(), random)
+            path = folder / "tried" / sample.path.name
+            path.parent.mkdir(exist_ok=True)
+            path.write_bytes(content)
+            yield sample.kind, path.name, content, worker.read(sample.kind, path)
 
 
 def main() -> None:
@@ -385,9 +384,10 @@ def main() -> None:
     folder = Path(tempfile.mkdtemp(prefix="fuzz_"))
     tally: Counter[str] = Counter()
     slowest = largest = (0.0, "")
+    worker = Worker(folder)
     try:
         for number, (kind, name, content, attempt) in enumerate(
-            attempts(chosen.seed, folder, tuple(chosen.kind)), 1
+            attempts(chosen.seed, worker, tuple(chosen.kind)), 1
         ):
             known = {"": "read", CRASHED: "refused, as the library crashed"}
             tally[known.get(attempt.message, "refused")] += not attempt.fault
@@ -405,6 +405,7 @@ def main() -> None:
             if number >= chosen.count:
                 break
     finally:
+        worker.close()
         shutil.rmtree(folder)
     for words, count in tally.most_common():
         print(f"{count:7} {words}")

@@ -131,7 +131,7 @@ _LAUGHS = (
 )
 
 
-_DOUBLED = '<g id="g0"/>' + "".join(
+_DOUBLED = f'<g id="g0">{"<desc/>" * 2000}</g>' + "".join(
     f'<g id="g{n + 1}"><use href="#g{n}"/><use href="#g{n}"/></g>' for n in range(30)
 )
 _ARC = '<path d="M0 0a5 6 30 9" style="transform-box: fill-box; transform: scale(2)"/>'

@@ -34,18 +34,16 @@ def test_files_that_once_crashed_or_hung_are_told_in_one_line(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("count", [310])
-def test_mutated_files_are_read_or_told(count: int, tmp_path: Path) -> None:
-    tried = attempts(seed=7, folder=tmp_path)
-    for _, (kind, name, content, attempt) in zip(range(count), tried, strict=False):
+def test_mutated_files_are_read_or_told(count: int, worker: Worker) -> None:
+    for _, (kind, name, content, attempt) in zip(range(count), attempts(7, worker), strict=False):
         assert not attempt.fault, (kind, name, content, attempt)
-    tried.close()
 
 
 @pytest.mark.soak
-def test_new_mutated_files_are_read_or_told(tmp_path: Path) -> None:
+def test_new_mutated_files_are_read_or_told(worker: Worker) -> None:
     """Try files for FUZZ_MINUTES, five by default, from another seed each time."""
     end, seed = time.monotonic() + 60 * float(os.environ.get("FUZZ_MINUTES", "5")), time.time_ns() % 10**6
-    for kind, name, content, attempt in attempts(seed, tmp_path):
+    for kind, name, content, attempt in attempts(seed, worker):
         assert not attempt.fault, (seed, kind, name, content, attempt)
         if time.monotonic() > end:
             break

@@ -50,7 +50,7 @@ def test_git_ignores_what_is_made_and_editors_find_the_schemas(show):
     for file in (show.path / "shots").glob("*.yaml"):
         first, _, _ = (text := file.read_text()).partition("\n")
         schema = json.loads((file.parent / first.partition("$schema=")[2]).read_text())
-        jsonschema.validate(YAML(typ="safe").load(text), schema)
+        jsonschema.Draft202012Validator(schema).validate(YAML(typ="safe").load(text))
 
 
 def test_shots_of_a_show_leave_to_its_defaults_what_these_give(show):

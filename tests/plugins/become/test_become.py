@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -65,7 +66,7 @@ def quick(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     def rounds_of(goal: FittedSurface, detail: str) -> list[fitting.FitRound]:
         space = PathSpace(12, 0.09)
         first = fitting.FitRound(PathSpace(12, 0.12), 1e-3, 800, 0.1, goal.growth.start, True)
-        return [first, *(fitting.FitRound(space, 1e-6, 800, 0.06) for _ in range(3))]
+        return [first, *(fitting.FitRound(space, 1e-6, 800, 0.06) for _ in range(2))]
 
     monkeypatch.setattr(fitting, "rounds_of", rounds_of)
     monkeypatch.setattr(target, "NODES", 40)
@@ -80,6 +81,20 @@ def quick(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     monkeypatch.setattr(stored_fits.CachedAnswer, "of", fits_here)
     fit_between.cache_clear()
     return tmp_path
+
+
+@pytest.fixture(scope="module")
+def fits(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder for fits that several tests look at: one of them makes them."""
+    return tmp_path_factory.mktemp("fits")
+
+
+@pytest.fixture
+def shared(quick: Path, fits: Path) -> Iterator[Path]:
+    """The cache of `quick` with the fits of other tests, which it gives to them in turn."""
+    shutil.copytree(fits, quick, dirs_exist_ok=True)
+    yield quick
+    shutil.copytree(quick, fits, dirs_exist_ok=True)
 
 
 def test_the_derivatives_of_the_energy_are_those_of_differences() -> None:
@@ -100,7 +115,7 @@ def test_the_progress_of_a_fit_that_needs_no_box_ends_whole(quick: Path) -> None
     ball, seen = icosphere(8), []
     surface = cubed(ball.vertices, ball.faces)
     fitting.fitted(surface, surface, "medium", None, lambda state, rounds: seen.append((state.done, rounds)))
-    assert seen == [(n, 5) for n in range(1, 6)]
+    assert seen == [(n, 4) for n in range(1, 5)]
 
 
 def test_a_path_keeps_its_velocities_on_a_finer_grid() -> None:
@@ -132,14 +147,14 @@ def test_a_surface_reaches_its_target_with_the_same_bits_on_one_and_on_two_threa
     assert away.mean() < 0.01 < lengths(rest.points - onto.nearest(rest.points)[0]).mean() / onto.diagonal
 
 
-def test_a_fit_that_was_interrupted_goes_on_and_ends_with_the_same_bits(quick: Path) -> None:
+def test_a_fit_that_was_interrupted_goes_on_and_ends_with_the_same_bits(shared: Path) -> None:
     ball, goal = (
         PlacedShape(Solid.of("icosphere", {}), (0, 0, 0)),
-        PlacedShape(Solid.of("box", {"size": [1.6] * 3}), (0, 0, 0)),
+        PlacedShape(Solid.of("box", {"size": [1.5] * 3}), (0, 0, 0)),
     )
     whole = fit_between(ball, goal, "coarse")
     fit_between.cache_clear()
-    (stored,) = quick.glob("*.npz")
+    (stored,) = shared.glob("*.npz")
     stored.unlink()
     with pytest.MonkeyPatch.context() as patch, pytest.raises(KeyboardInterrupt):
         rounds: list[int] = []
@@ -153,7 +168,7 @@ def test_a_fit_that_was_interrupted_goes_on_and_ends_with_the_same_bits(quick: P
 
         patch.setattr(fitting, "next_round", third_fails)
         fit_between(ball, goal, "coarse")
-    assert [file.name.endswith(".unfinished.npz") for file in quick.glob("*.npz")] == [True]
+    assert [file.name.endswith(".unfinished.npz") for file in shared.glob("*.npz")] == [True]
     assert np.array_equal(fit_between(ball, goal, "coarse").legs[0].z, whole.legs[0].z)
     fit_between.cache_clear()
     assert np.array_equal(fit_between(ball, goal, "coarse").legs[0].z, whole.legs[0].z), (
@@ -162,7 +177,7 @@ def test_a_fit_that_was_interrupted_goes_on_and_ends_with_the_same_bits(quick: P
 
 
 def test_a_fit_that_was_cut_short_or_holds_something_else_is_computed_again(
-    quick: Path, monkeypatch: pytest.MonkeyPatch
+    shared: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     class ComputedError(Exception):
         """Raised in place of computing."""
@@ -170,10 +185,11 @@ def test_a_fit_that_was_cut_short_or_holds_something_else_is_computed_again(
     def computed(*given: object) -> fitting.State:
         raise ComputedError
 
-    ball, goal = (PlacedShape(Solid.of("icosphere", {}), (x, 0, 0)) for x in (0.0, 0.01))
+    ball = PlacedShape(Solid.of("icosphere", {}), (0, 0, 0))
+    goal = PlacedShape(Solid.of("box", {"size": [1.5] * 3}), (0, 0, 0))
     fit_between(ball, goal, "coarse")
     monkeypatch.setattr(stored_fits, "fitted", computed)
-    (file,) = quick.glob("*.npz")
+    (file,) = shared.glob("*.npz")
     content, arrays = file.read_bytes(), dict(np.load(file))
     for damaged in (b"", content[:-10], content[:100], b"[]", *others_of(arrays)):
         for place in (file, file.with_suffix(".unfinished.npz")):
@@ -194,7 +210,7 @@ def others_of(arrays: dict[str, Floats]) -> Iterator[bytes]:
         yield file.getvalue()
 
 
-def test_the_flow_arrives_in_any_steps_and_goes_back_exactly(quick: Path) -> None:
+def test_the_flow_arrives_in_any_steps_and_goes_back_exactly(shared: Path) -> None:
     flow = shot("become: {solid: box, size: [1.5, 1.5, 1.5], from: 3, to: 9, detail: coarse}")
     there_first = "become: {solid: box, size: [1.5, 1.5, 1.5], to: 6, detail: coarse}"
     back = shot(f"{there_first}}}, {{become: {{solid: icosphere, from: 6, detail: coarse}}")
@@ -211,13 +227,13 @@ def test_the_flow_arrives_in_any_steps_and_goes_back_exactly(quick: Path) -> Non
 
 def test_a_spike_that_is_lost_grows_in_a_box_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
     def rounds_in_box(growth: SolidGrowth) -> list[fitting.FitRound]:
-        space = PathSpace(24, 0.05, True)
-        until = np.linspace(0.0, growth.end, 6)[1:].tolist()
+        space = PathSpace(16, 0.07, True)
+        until = np.linspace(0.0, growth.end, 4)[1:].tolist()
         return [fitting.FitRound(space, 1e-6, 600, 0.03, u, along=0.1) for u in (*until, None)]
 
     monkeypatch.setattr(fitting, "_rounds_in_box", rounds_in_box)
     monkeypatch.setattr(target, "NODES", 40)
-    ball = icosphere(24)
+    ball = icosphere(16)
     angle = np.arccos(np.clip(ball.vertices[:, 0], -1.0, 1.0))
     spiked = ball.vertices * (1.0 + 0.4 * np.clip(1.0 - (angle / 0.2) ** 2, 0.0, 1.0))[:, None]
     rest, onto = cubed(ball.vertices, ball.faces), cubed(spiked, ball.faces)
@@ -257,7 +273,7 @@ def test_a_surface_that_becomes_another_is_renewed_at_rest_often_unless_its_shot
 
 
 def test_a_residual_that_is_too_large_is_refused_and_told(
-    quick: Path, monkeypatch: pytest.MonkeyPatch
+    shared: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     flow = shot("become: {solid: box, size: [1.5, 1.5, 1.5], detail: coarse}")
     note, *_ = flow.findings()
@@ -331,7 +347,7 @@ def test_within_another_entry_it_is_refused_where_it_stands(composition: str) ->
 
 
 def test_headers_of_frames_have_the_residual_and_the_review_page_shows_it(
-    quick: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
+    quick: Path, fits: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path_factory.mktemp("show"))
     flows = "become: {solid: box, size: [1.5, 1.5, 1.5], from: 3, to: 9, detail: coarse}"
@@ -339,6 +355,7 @@ def test_headers_of_frames_have_the_residual_and_the_review_page_shows_it(
     Path("shots/a.yaml").write_text(SHOT.format(flows=flows, subject="{solid: icosphere}"))
     request = Project(Path(), 1).request(Show().find_shot("a"), "draft")
     assert flow_facts(request, 7) == {} and not list(quick.iterdir()), "a node that only renders fits nothing"
+    shutil.copytree(fits, quick, dirs_exist_ok=True)
     fit = request.shot.motion.flow.flows[0].flow.fit()  # type: ignore[attr-defined]
     assert flow_facts(request, 3) == {}, "nothing has moved"
     write_exr(

@@ -83,14 +83,10 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, str]]:
 
 
 @pytest.fixture(scope="module")
-def scripts(cache: dict[str, str]) -> dict[str, str]:
+def scripts(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     """The script of each shell."""
-
-    def script(shell: str) -> str:
-        words = [PROGRAM, "completion", shell]
-        return subprocess.run(words, env=cache, capture_output=True, text=True, check=True).stdout
-
-    return {shell: script(shell) for shell in ("bash", "zsh", "fish")}
+    folder = ProjectFolder(tmp_path_factory.mktemp("scripts"))
+    return {shell: folder.call("completion", shell).out for shell in ("bash", "zsh", "fish")}
 
 
 @pytest.mark.slow

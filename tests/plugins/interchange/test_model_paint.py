@@ -38,7 +38,7 @@ resample: {{max_edge_length: 0.25{more}}}
 FLOWS = {
     "twist": "twist: {axis: y, amount: {formula: 40 * frame}}",
     "vortex": "vortex: {axis: y, strength: 9, radius: 0.6}",
-    "curl_noise": "curl_noise: {size: 1.1, strength: 1.5, seed: 3}",
+    "curl_noise": "curl_noise: {size: 1.1, strength: 1.5, octaves: 1, seed: 3}",
 }
 SIDES = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
 """The sides of a box, by its corners: number 4 x + 2 y + z, each coordinate 0 or 1."""

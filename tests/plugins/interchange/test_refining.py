@@ -74,7 +74,7 @@ def crease_length(mesh: TriangleMesh) -> float:
 
 FLOWS = {
     "vortex": "vortex: {axis: y, strength: 40, radius: 0.6}",
-    "curl noise": "curl_noise: {strength: 2, size: 1.2}",
+    "curl noise": "curl_noise: {strength: 2, size: 1.2, octaves: 1}",
     "twist": TWIST % (6, 300),
 }
 

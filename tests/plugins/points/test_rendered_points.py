@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from flowsculpt.pipeline.mesh.control_net import PIECES
+from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.request.shot_source import ShotSource
 from flowsculpt.render.post.image import read_exr, read_header
-from tests.conftest import QUALITY
+from tests.conftest import QUALITY, done
 
 CLOUD = """\
 title: Motes
@@ -53,7 +54,9 @@ def test_other_points_make_other_frames() -> None:
     assert len(others | {same}) == 5
 
 
-def test_a_cloud_is_simulated_rendered_resumed_and_turned(project) -> None:
+def test_a_cloud_is_simulated_rendered_resumed_and_turned(project, monkeypatch) -> None:
+    from flowsculpt.pipeline.plugins.turntable.turntable_movie import TurntableRequest
+
     project.shot.write_text(CLOUD)
     project.render("3")
     project.render("4")
@@ -69,8 +72,9 @@ def test_a_cloud_is_simulated_rendered_resumed_and_turned(project) -> None:
     assert matte.max() > 0.99
     assert max(matte[0].max(), matte[-1].max(), matte[:, 0].max(), matte[:, -1].max()) == 0
     assert read_header(home / QUALITY / "frames" / f"{NAME}.0004.exr")["resample"] == "off"
-    turned = project.run("--json", "turntable", NAME, "--at", "4", "--frames", "2", "-q", QUALITY)
-    assert turned.code == 0, turned.err
+    monkeypatch.chdir(project.path)
+    done(project.path, TurntableRequest(Project(project.path, 1), NAME, QUALITY, 4, 2).plan())
+    assert [*project.path.glob(f"renders/turntable/{NAME}.0004/{QUALITY}/*.mp4")]
     states = json.loads(project.call("--json", "status").out)
     assert NAME in json.dumps(states)
 

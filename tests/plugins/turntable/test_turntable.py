@@ -36,7 +36,7 @@ from flowsculpt.render.scene.reference_objects import ball, chart, positions
 from flowsculpt.render.scene.render_camera import PERSPECTIVE, Camera
 from flowsculpt.render.scene.scene_stage import STAGES, StagePlacement
 from flowsculpt.render.scene.surface import Surface
-from tests.conftest import commanded, lines
+from tests.conftest import commanded, done, lines
 from tests.mesh_files import write_ply
 from tests.needed_plugins import needs_plugins
 
@@ -92,6 +92,7 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Desk]:
 @pytest.fixture(scope="module")
 def turned_in_two_looks(desk: Desk) -> Path:
     """Return the folder with the turntables of a shot's second frame, in clay and in glaze."""
+    done(desk.root, desk.turning(looks=("clay", "glaze")).plan())
     looks = "--look", "clay,glaze"
     code, said = desk.command(NAME, "--at", "2", "--frames", "4", "--scale", SCALE, *looks, "--json")
     assert code == 0, said
