@@ -42,7 +42,11 @@ from typing import Any, NamedTuple
 
 from flowsculpt.render.base.python_process import PACKAGE_ROOT, SAFE_PATH, ForkedProcess, prepare
 
+AT_START = "FLOWSCULPT_TESTS_AT_START"
+"""A variable of the environment that names a file of Python, which a forked command runs first."""
+
 HARMLESS = {
+    AT_START,
     *("DRJIT_LIBLLVM_PATH", "NUMBA_DISABLE_INTEL_SVML", "OMP_WAIT_POLICY", "OpenImageIO_ROOT"),
     *("FLOWSCULPT_CACHE_WARNED", "FLOWSCULPT_PROCESS", "FLOWSCULPT_STORE", "FLOWSCULPT_STORE_READ_ONLY"),
     *("AWS_ACCESS_KEY_ID", "AWS_DEFAULT_REGION", "AWS_ENDPOINT_URL", "AWS_SECRET_ACCESS_KEY"),
@@ -249,6 +253,8 @@ def _run(command: Command, loaded: dict[str, str]) -> None:
     sys.argv = [command.module, *command.words]
     warnings.filterwarnings("ignore", ".* found in sys.modules", RuntimeWarning)  # as what was loaded is
     code = 0
+    if AT_START in os.environ:
+        runpy.run_path(os.environ[AT_START])
     try:
         runpy.run_module(command.module, run_name="__main__", alter_sys=True)
     except SystemExit as end:

@@ -22,7 +22,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from flowsculpt.render.base import python_process
-from tests.command_server import COMMANDS, LIBRARIES
+from tests.command_server import AT_START, COMMANDS, LIBRARIES
 from tests.needed_plugins import watch_imports
 from tests.processes import wait_until
 
@@ -276,13 +276,14 @@ class ProjectFolder:
             hooks = self.path.parent / f"{self.path.name}-hooks"
             hooks.mkdir()
             name, done = f"raw/{self.shot.stem}.{number:04d}.exr", str(hooks / "done")
-            (hooks / "sitecustomize.py").write_text(AT_LINK.format(name=name, done=done, do=statement))
-            environment["PYTHONPATH"] = str(hooks)
+            hook = hooks / "sitecustomize.py"
+            hook.write_text(AT_LINK.format(name=name, done=done, do=statement))
+            environment |= {AT_START: str(hook)} if COMMANDS.is_on else {"PYTHONPATH": str(hooks)}
         return subprocess.Popen(
             command,
             cwd=self.path,
             env=environment,
-            start_new_session=True,
+            process_group=0,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
