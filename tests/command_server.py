@@ -299,11 +299,16 @@ def _load_libraries() -> None:
     import pydantic  # noqa: F401
     import rich.progress  # noqa: F401
     import ruamel.yaml  # noqa: F401
+    import smart_open  # noqa: F401  # Snakemake reads the Snakefile with it
+    import snakemake.cli  # noqa: F401
     import typer.main  # noqa: F401
     from numba.core.registry import cpu_target
 
     from flowsculpt.pipeline import flow, mesh  # noqa: F401
+    from flowsculpt.pipeline.animation import frame  # noqa: F401
     from flowsculpt.pipeline.plugin import plugins
+    from flowsculpt.render.movie import encode  # noqa: F401
+    from flowsculpt.render.post import image  # noqa: F401
     from flowsculpt.render.scene.materials import models  # noqa: F401
 
     cpu_target.typing_context.refresh()

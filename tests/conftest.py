@@ -10,7 +10,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import chdir, redirect_stderr, redirect_stdout
+from contextlib import chdir, contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
@@ -314,13 +314,20 @@ def without_forks(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(COMMANDS, "is_on", False)
 
 
-@pytest.fixture
-def forks_with_plugins() -> Iterator[None]:
+@contextmanager
+def forking_with_plugins() -> Iterator[None]:
     """Have commands forked whose PYTHONPATH leads to other plug-ins, of a process that has none."""
     if COMMANDS.is_on:
         LIBRARIES.begin()
     yield
     LIBRARIES.is_on = False
+
+
+@pytest.fixture
+def forks_with_plugins() -> Iterator[None]:
+    """Have all commands of a test forked as `forking_with_plugins` does."""
+    with forking_with_plugins():
+        yield
 
 
 @pytest.fixture
