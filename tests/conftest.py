@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import gc
 import os
 import re
@@ -69,7 +70,13 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Have commands forked, unless they are to be started as users start them."""
+    """Have commands forked, unless they are to be started as users start them.
+
+    Nothing is collected as garbage while tests are: what they load stays. At the end Python collects all of
+    it, for libraries report what is never collected.
+    """
+    gc.disable()
+    atexit.register(gc.unfreeze)
     if not config.getoption("--no-forks"):
         COMMANDS.begin()
 
@@ -93,6 +100,7 @@ def pytest_collection_finish() -> None:
     """Keep garbage collections away from what is loaded: imageio collects after each movie, for 0.2 s."""
     gc.collect()
     gc.freeze()
+    gc.enable()
 
 
 @pytest.hookimpl(trylast=True)
@@ -101,11 +109,6 @@ def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> 
     if nextitem is None or nextitem.path != item.path:
         gc.collect()
         gc.freeze()
-
-
-def pytest_unconfigure() -> None:
-    """Let the process end as any other: libraries report what is never collected."""
-    gc.unfreeze()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
