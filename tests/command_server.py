@@ -42,7 +42,11 @@ from typing import Any, NamedTuple
 
 from flowsculpt.render.base.python_process import PACKAGE_ROOT, SAFE_PATH, ForkedProcess, prepare
 
+AT_START = "FLOWSCULPT_TESTS_AT_START"
+"""A variable of the environment that names a file of Python, which a forked command runs first."""
+
 HARMLESS = {
+    AT_START,
     *("DRJIT_LIBLLVM_PATH", "NUMBA_DISABLE_INTEL_SVML", "OMP_WAIT_POLICY", "OpenImageIO_ROOT"),
     *("FLOWSCULPT_CACHE_WARNED", "FLOWSCULPT_PROCESS", "FLOWSCULPT_STORE", "FLOWSCULPT_STORE_READ_ONLY"),
     *("AWS_ACCESS_KEY_ID", "AWS_DEFAULT_REGION", "AWS_ENDPOINT_URL", "AWS_SECRET_ACCESS_KEY"),
@@ -249,6 +253,8 @@ def _run(command: Command, loaded: dict[str, str]) -> None:
     sys.argv = [command.module, *command.words]
     warnings.filterwarnings("ignore", ".* found in sys.modules", RuntimeWarning)  # as what was loaded is
     code = 0
+    if AT_START in os.environ:
+        runpy.run_path(os.environ[AT_START])
     try:
         runpy.run_module(command.module, run_name="__main__", alter_sys=True)
     except SystemExit as end:
@@ -293,11 +299,16 @@ def _load_libraries() -> None:
     import pydantic  # noqa: F401
     import rich.progress  # noqa: F401
     import ruamel.yaml  # noqa: F401
+    import smart_open  # noqa: F401  # Snakemake reads the Snakefile with it
+    import snakemake.cli  # noqa: F401
     import typer.main  # noqa: F401
     from numba.core.registry import cpu_target
 
     from flowsculpt.pipeline import flow, mesh  # noqa: F401
+    from flowsculpt.pipeline.animation import frame  # noqa: F401
     from flowsculpt.pipeline.plugin import plugins
+    from flowsculpt.render.movie import encode  # noqa: F401
+    from flowsculpt.render.post import image  # noqa: F401
     from flowsculpt.render.scene.materials import models  # noqa: F401
 
     cpu_target.typing_context.refresh()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import gc
 import os
 import re
@@ -10,7 +11,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import chdir, redirect_stderr, redirect_stdout
+from contextlib import chdir, contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
@@ -22,7 +23,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from flowsculpt.render.base import python_process
-from tests.command_server import COMMANDS, LIBRARIES
+from tests.command_server import AT_START, COMMANDS, LIBRARIES
 from tests.needed_plugins import watch_imports
 from tests.processes import wait_until
 
@@ -69,7 +70,13 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Have commands forked, unless they are to be started as users start them."""
+    """Have commands forked, unless they are to be started as users start them.
+
+    Nothing is collected as garbage while tests are: what they load stays. At the end Python collects all of
+    it, for libraries report what is never collected.
+    """
+    gc.disable()
+    atexit.register(gc.unfreeze)
     if not config.getoption("--no-forks"):
         COMMANDS.begin()
 
@@ -93,11 +100,15 @@ def pytest_collection_finish() -> None:
     """Keep garbage collections away from what is loaded: imageio collects after each movie, for 0.2 s."""
     gc.collect()
     gc.freeze()
+    gc.enable()
 
 
-def pytest_unconfigure() -> None:
-    """Let the process end as any other: libraries report what is never collected."""
-    gc.unfreeze()
+@pytest.hookimpl(trylast=True)
+def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> None:
+    """Keep them also away from what the tests of a file have loaded: kernels are a million objects."""
+    if nextitem is None or nextitem.path != item.path:
+        gc.collect()
+        gc.freeze()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -268,13 +279,14 @@ class ProjectFolder:
             hooks = self.path.parent / f"{self.path.name}-hooks"
             hooks.mkdir()
             name, done = f"raw/{self.shot.stem}.{number:04d}.exr", str(hooks / "done")
-            (hooks / "sitecustomize.py").write_text(AT_LINK.format(name=name, done=done, do=statement))
-            environment["PYTHONPATH"] = str(hooks)
+            hook = hooks / "sitecustomize.py"
+            hook.write_text(AT_LINK.format(name=name, done=done, do=statement))
+            environment |= {AT_START: str(hook)} if COMMANDS.is_on else {"PYTHONPATH": str(hooks)}
         return subprocess.Popen(
             command,
             cwd=self.path,
             env=environment,
-            start_new_session=True,
+            process_group=0,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
@@ -305,13 +317,20 @@ def without_forks(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(COMMANDS, "is_on", False)
 
 
-@pytest.fixture
-def forks_with_plugins() -> Iterator[None]:
+@contextmanager
+def forking_with_plugins() -> Iterator[None]:
     """Have commands forked whose PYTHONPATH leads to other plug-ins, of a process that has none."""
     if COMMANDS.is_on:
         LIBRARIES.begin()
     yield
     LIBRARIES.is_on = False
+
+
+@pytest.fixture
+def forks_with_plugins() -> Iterator[None]:
+    """Have all commands of a test forked as `forking_with_plugins` does."""
+    with forking_with_plugins():
+        yield
 
 
 @pytest.fixture

@@ -21,6 +21,8 @@ import numpy as np
 import pytest
 
 from flowsculpt.render.post.image import read_exr
+from tests.command_server import COMMANDS
+from tests.conftest import forking_with_plugins
 from tests.needed_plugins import needs_plugins
 from tests.production.farm.test_clusters import SUBMIT, write_profile
 
@@ -61,15 +63,29 @@ class Installed:
     def install(self, *words: str) -> None:
         self.pip("install", "--no-index", "--no-deps", "--no-build-isolation", *words)
 
-    def run(self, *words: str, **variables: str) -> subprocess.CompletedProcess[str]:
-        command = [str(self.environment / "bin" / "python"), "-m", "flowsculpt", "--no-progress", *words]
-        environment = {**os.environ, "COLUMNS": "150", **variables}
-        return subprocess.run(
-            command, cwd=self.show, env=environment, capture_output=True, text=True, timeout=300
-        )
+    @property
+    def search_path(self) -> str:
+        """The folders in which Python of this environment finds what was installed into it."""
+        (packages,) = self.environment.glob("lib/python*/site-packages")
+        editable = [path.read_text().strip() for path in packages.glob("_*.pth")]
+        return os.pathsep.join([str(packages), *editable])
 
-    def done(self, *words: str, **variables: str) -> str:
-        done = self.run(*words, **variables)
+    def run(
+        self, *words: str, by_its_python: bool = False, **variables: str
+    ) -> subprocess.CompletedProcess[str]:
+        """Run a command by the Python of this environment, or fork one with the same search path."""
+        environment = {**os.environ, "COLUMNS": "150", **variables}
+        python = str(self.environment / "bin" / "python")
+        if COMMANDS.is_on and not by_its_python:
+            python, environment["PYTHONPATH"] = sys.executable, self.search_path
+        command = [python, "-m", "flowsculpt", "--no-progress", *words]
+        with forking_with_plugins():
+            return subprocess.run(
+                command, cwd=self.show, env=environment, capture_output=True, text=True, timeout=300
+            )
+
+    def done(self, *words: str, by_its_python: bool = False, **variables: str) -> str:
+        done = self.run(*words, by_its_python=by_its_python, **variables)
         assert done.returncode == 0, done.stderr
         return done.stdout
 
@@ -122,7 +138,7 @@ def test_the_example_goes_from_shot_file_to_film(marbling: Installed) -> None:
 @needs_plugins("authoring", "delivery")
 @pytest.mark.renderer
 def test_its_command_format_encode_and_schema_are_there(marbling: Installed) -> None:
-    assert marbling.done("inks").splitlines()[0] == "0.840 0.800 0.710"
+    assert marbling.done("inks", by_its_python=True).splitlines()[0] == "0.840 0.800 0.710"
     marbling.done("export", "csv", "M020_slab")
     table = marbling.show / "renders" / "M020_slab" / "csv" / "M020_slab.csv"
     assert table.read_text().startswith("frame,vertices,faces,area\n1,")

@@ -11,6 +11,7 @@ import tempfile
 import pytest
 from numba.core.errors import TypingError
 
+from flowsculpt.pipeline.production.store.shared_kernels import has_kernels, kernels_key
 from flowsculpt.render.base import kernel_cache, user_cache
 from flowsculpt.render.base.kernel_build import build_kernels, kernel_calls
 from flowsculpt.render.base.render_errors import MachineError
@@ -34,7 +35,8 @@ for dispatcher, types in DECLARED:
 
 
 def test_a_whole_shot_runs_on_what_set_up_has_compiled(project):
-    build_kernels(kernel_calls(), 2, lambda: None)
+    if not has_kernels(kernels_key()):  # set-up has been interrupted, or a source edited since
+        build_kernels(kernel_calls(), 2, lambda: None)
     scene = SCENE.format(path=str(project.shot))
     done = subprocess.run([sys.executable, "-c", scene], capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
@@ -46,51 +48,48 @@ from flowsculpt.render.base.kernel_build import compile_module
 compile_module({module!r})
 """
 
-CALL = """
-import numpy as np
-from {module} import TWIST, deform
-deform(TWIST, np.zeros(12), 0, 1, np.zeros(768), 0)
-print(dict(deform.stats.cache_misses), len(deform.stats.cache_hits))
-"""
-
-
-@pytest.mark.slow
-def test_a_call_finds_what_set_up_has_compiled_in_an_empty_cache(tmp_path):
-    module = "flowsculpt.pipeline.flow.kernels.deformation_kernels"
-    environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
-    said = []
-    for step in (PREPARE, CALL):
-        code = step.format(module=module)
-        done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
-        assert done.returncode == 0, done.stderr
-        said.append(done.stdout.strip())
-    assert said == ["", "{} 1"]
-
-
-@pytest.mark.slow
-def test_a_kernel_is_compiled_after_all_that_it_calls_and_once_for_all_its_callers(tmp_path):
-    calls = kernel_calls()
-    called, caller = (
-        "flowsculpt.pipeline.mesh.kernels.halfedge",
-        "flowsculpt.pipeline.mesh.kernels.face_measures",
-    )
-    assert calls[caller] == {called}
-    code = BUILD.format(calls={called: set(), caller: {called}})
-    environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
-    subprocess.run([sys.executable, "-c", code], env=environment, check=True)
-    stored = [path for kind in ("kernel", "inner") for path in tmp_path.rglob(f"*.{kind}")]
-    compiled = [path.name.rpartition("-")[0] for path in stored]
-    assert len(compiled) == len(set(compiled))
-    assert {"join", "cosines_at_edges", "following"} <= set(compiled), (
-        "two that Python calls, and one that only kernels call"
-    )
-
-
 BUILD = """
 from flowsculpt.render.base.kernel_build import build_kernels
 if __name__ == "__main__":
     build_kernels({calls!r}, 2, lambda: None)
 """
+
+CALLED, CALLER = "flowsculpt.pipeline.mesh.kernels.halfedge", "flowsculpt.pipeline.mesh.kernels.face_measures"
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory):
+    """A user's cache in which set-up has compiled the kernels of CALLED and CALLER."""
+    cache = tmp_path_factory.mktemp("built")
+    code = BUILD.format(calls={CALLED: set(), CALLER: {CALLED}})
+    subprocess.run([sys.executable, "-c", code], env={**os.environ, "XDG_CACHE_HOME": str(cache)}, check=True)
+    return cache
+
+
+MEASURE = """
+import numpy as np
+from flowsculpt.pipeline.kernels import readable
+from flowsculpt.pipeline.mesh.kernels.face_measures import lengths_and_areas as kernel
+points, faces = readable([[0, 0, 0], [1, 0, 0], [0, 1, 0]]), readable([[0, 1, 2]], np.int32)
+assert kernel(points, faces)[1] > 0
+print(dict(kernel.stats.cache_misses), len(kernel.stats.cache_hits))
+"""
+
+
+@pytest.mark.slow
+def test_a_call_finds_what_set_up_has_compiled(built, tmp_path):
+    assert run_code(MEASURE, built, tmp_path) == "{} 1"
+
+
+@pytest.mark.slow
+def test_a_kernel_is_compiled_after_all_that_it_calls_and_once_for_all_its_callers(built):
+    assert kernel_calls()[CALLER] == {CALLED}
+    stored = [path for kind in ("kernel", "inner") for path in built.rglob(f"*.{kind}")]
+    compiled = [path.name.rpartition("-")[0] for path in stored]
+    assert len(compiled) == len(set(compiled))
+    assert {"join", "cosines_at_edges", "following"} <= set(compiled), (
+        "two that Python calls, and one that only kernels call"
+    )
 
 
 COLD = """
@@ -338,64 +337,98 @@ def test_a_new_cache_is_closed_to_others_whatever_the_umask(tmp_path, folder_now
     }
 
 
-@pytest.mark.slow
-def test_a_cache_that_may_only_be_read_is_read_and_what_it_lacks_is_kept_elsewhere(tmp_path):
-    """As in the image of a container, whose cache belongs to root."""
-    place, other = tmp_path / "cache", tmp_path / "temporary"
-    other.mkdir()
-    call = CALL.format(module="flowsculpt.pipeline.flow.kernels.deformation_kernels")
-    run_code(call, place, other)
-    subprocess.run(["chmod", "-R", "a-w", place], check=True)
-    before = sorted(place.rglob("*"))
-    assert before and run_code(call, place, other, only_reads=True) == "{} 1"
-    assert not [*other.rglob("*.kernel")]
+SMALL = """
+from flowsculpt.render.base.kernel_cache import compiled
 
+@compiled()
+def twice(number):
+    return 2 * number
 
-DEFORM = CALL.format(module="flowsculpt.pipeline.flow.kernels.deformation_kernels")
+@compiled()
+def thrice(number):
+    return 3 * number
+
+@compiled()
+def half(number):
+    return number / 2
+"""
+
+CALL = """
+import sys
+sys.path.insert(0, {folder!r})
+from small import half, thrice, twice
+assert (half(2), thrice(2), twice(2)) == (1, 6, 4)
+print(*[kernel.__name__ for kernel in (half, thrice, twice) if kernel.stats.cache_misses])
+"""
+"""Calls three kernels; prints those that it has compiled."""
 
 
 @pytest.fixture(scope="module")
-def filled(tmp_path_factory):
-    """A user's cache with the kernels that DEFORM calls, filled by two processes at once."""
+def call(tmp_path_factory):
+    """Return the code of CALL, whose kernels are in a folder of their own."""
+    folder = tmp_path_factory.mktemp("small")
+    (folder / "small.py").write_text(SMALL)
+    return CALL.format(folder=str(folder))
+
+
+@pytest.fixture(scope="module")
+def filled(call, tmp_path_factory):
+    """A user's cache with the kernels of CALL, filled by two processes at once."""
     cache = tmp_path_factory.mktemp("filled")
     environment = {**os.environ, "XDG_CACHE_HOME": str(cache)}
-    command = [sys.executable, "-c", DEFORM]
+    command = [sys.executable, "-c", call]
     both = [subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL) for _ in range(2)]
     assert [process.wait() for process in both] == [0, 0]
     return cache
 
 
 @pytest.mark.slow
-def test_what_two_processes_have_compiled_at_once_is_whole(filled, tmp_path):
-    assert run_code(DEFORM, filled, tmp_path) == "{} 1"
+def test_a_cache_that_may_only_be_read_is_read_and_nothing_is_kept_elsewhere(call, filled, tmp_path):
+    """As in the image of a container, whose cache belongs to root."""
+    place, other = shutil.copytree(filled, tmp_path / "cache"), tmp_path / "temporary"
+    other.mkdir()
+    subprocess.run(["chmod", "-R", "a-w", place], check=True)
+    assert run_code(call, place, other, only_reads=True) == ""
+    assert not [*other.rglob("*.kernel")]
+
+
+@pytest.mark.slow
+def test_what_two_processes_have_compiled_at_once_is_whole(call, filled, tmp_path):
+    assert run_code(call, filled, tmp_path) == ""
+    assert len([*filled.rglob("*.kernel")]) == 3
     assert not [*filled.rglob(".*")], "no drafts are left"
 
 
 @pytest.mark.slow
-def test_shipped_kernels_are_used_without_compiling_or_copying_them(filled, tmp_path):
+def test_shipped_kernels_are_used_without_compiling_or_copying_them(call, filled, tmp_path):
     kernels = str(filled / "flowsculpt/kernels")
     shipped = f"import flowsculpt.render.base.user_cache as c; c.SHIPPED = c.Path({kernels!r})"
-    assert run_code(f"{shipped}\n{DEFORM}", tmp_path / "cache", tmp_path) == "{} 1"
+    assert run_code(f"{shipped}\n{call}", tmp_path / "cache", tmp_path) == ""
     assert not [*tmp_path.rglob("*.kernel")]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "damage", [lambda data: data[:-1], lambda data: data[:99] + b"?" + data[100:], lambda data: b""]
-)
-def test_a_damaged_kernel_is_compiled_again(damage, filled, tmp_path):
-    shutil.copytree(filled, tmp_path / "cache")
-    (file,) = tmp_path.rglob("deform-*.kernel")
-    file.write_bytes(damage(file.read_bytes()))
-    assert kernel_cache._whole_content(file) is None
-    assert run_code(DEFORM, tmp_path / "cache", tmp_path).endswith(": 1} 0")
-    assert kernel_cache._whole_content(file), "what was compiled has replaced it"
+DAMAGES = {
+    "half": lambda data: data[:-1],
+    "thrice": lambda data: data[:99] + b"?" + data[100:],
+    "twice": lambda data: b"",
+}
 
 
 @pytest.mark.slow
-def test_kernels_of_another_level_are_left_alone(filled, tmp_path):
+def test_a_damaged_kernel_is_compiled_again(call, filled, tmp_path):
     shutil.copytree(filled, tmp_path / "cache")
-    assert run_code(DEFORM, tmp_path / "cache", tmp_path, level="host").endswith(": 1} 0")
+    files = [next(tmp_path.rglob(f"{name}-*.kernel")) for name in DAMAGES]
+    for file, damage in zip(files, DAMAGES.values(), strict=True):
+        file.write_bytes(damage(file.read_bytes()))
+        assert kernel_cache._whole_content(file) is None
+    assert run_code(call, tmp_path / "cache", tmp_path) == " ".join(DAMAGES)
+    assert all(map(kernel_cache._whole_content, files)), "what was compiled has replaced them"
+
+
+@pytest.mark.slow
+def test_kernels_of_another_level_are_left_alone(call, filled, tmp_path):
+    shutil.copytree(filled, tmp_path / "cache")
+    assert run_code(call, tmp_path / "cache", tmp_path, level="host") == "half thrice twice"
 
 
 @pytest.mark.parametrize(

@@ -138,7 +138,7 @@ def test_a_stroke_of_kneading_moves_the_crests_by_its_amount_and_no_more() -> No
 
 @pytest.mark.slow
 def test_kneading_draws_lines_out_by_half_as_much_again_in_every_period() -> None:
-    along = np.linspace(0, 1, 20_000)
+    along = np.linspace(0, 1, 4_000)
     line = np.stack([along, 0.3 + 0 * along, 0.2 + 0 * along], axis=1)
     flow, lengths = Streamlines(Kneading(amount=1.6, period=3.0)), []
     for period in range(5):

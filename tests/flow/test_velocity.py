@@ -272,7 +272,7 @@ def test_a_reversed_flow_returns_every_point(strength: float, radius: float, rat
 
 @pytest.mark.slow
 def test_the_number_of_threads_changes_no_bit(points: Points) -> None:
-    many = np.random.default_rng(1).normal(size=(10_007, 3))
+    many = np.random.default_rng(1).normal(size=(5 * op.BLOCK + 23, 3))
     flow = Streamlines(Sum(tuple(FIELDS.values())))
     before = numba.get_num_threads()
     try:

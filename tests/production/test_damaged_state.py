@@ -13,7 +13,7 @@ import pytest
 from flowsculpt.pipeline.production.planning.profile import avoid
 from flowsculpt.pipeline.production.store.paths import STATE
 from flowsculpt.pipeline.production.store.store import UPLOADS
-from tests.conftest import QUALITY, ProjectFolder
+from tests.conftest import HOSTILE, QUALITY, ProjectFolder
 from tests.needed_plugins import installed
 
 NAME = "T010_tiny"
@@ -80,14 +80,21 @@ def state_of(project: ProjectFolder) -> list[Path]:
     ]
 
 
-@pytest.fixture
-def whole(finished: ProjectFolder) -> ProjectFolder:
-    avoid(finished.path, NAME, "cuda_ad_rgb", "a reason")
-    (finished.path / UPLOADS).mkdir()
-    (finished.path / UPLOADS / ".DS_Store").touch()
+@pytest.fixture(scope="module")
+def whole_project(finished_project: ProjectFolder, tmp_path_factory: pytest.TempPathFactory) -> ProjectFolder:
+    """A finished project in which all commands have left their state."""
+    made = finished_project.copy(tmp_path_factory.mktemp("whole") / HOSTILE)
+    avoid(made.path, NAME, "cuda_ad_rgb", "a reason")
+    (made.path / UPLOADS).mkdir()
+    (made.path / UPLOADS / ".DS_Store").touch()
     for command in COMMANDS[:-1]:
-        assert finished.call(*command).code == 0
-    return finished
+        assert made.call(*command).code == 0
+    return made
+
+
+@pytest.fixture
+def whole(whole_project: ProjectFolder, tmp_path: Path) -> ProjectFolder:
+    return whole_project.copy(tmp_path / HOSTILE)
 
 
 def shown(project: ProjectFolder) -> dict[Path, bytes]:

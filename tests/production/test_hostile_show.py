@@ -71,7 +71,7 @@ def hostile(project: ProjectFolder) -> ProjectFolder:
 def test_no_file_of_a_show_runs(hostile: ProjectFolder, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", f".:{os.environ['PATH']}:")
     render = ["render", "T010_tiny", "-q", QUALITY, "-f", "1"]
-    for words in installed(["validate"], render, ["curves", "T010_tiny"]):
+    for words in installed(render, ["curves", "T010_tiny"]):
         done = hostile.run(*words)
         assert done.code == 0, done.err
     assert not (hostile.path / "trace").exists(), (hostile.path / "trace").read_text()

@@ -9,6 +9,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from unittest import mock
 
 import pytest
 
@@ -16,6 +17,7 @@ from flowsculpt.pipeline.errors import MachineError
 from flowsculpt.pipeline.production.execution.snakemake import refusal
 from flowsculpt.pipeline.production.store.digests import Digests
 from flowsculpt.pipeline.production.store.paths import DIGESTS
+from tests.command_server import AT_START, COMMANDS
 from tests.conftest import QUALITY, ProjectFolder, Run, commanded
 from tests.full_disk import disk_of
 from tests.needed_plugins import installed, needs_plugins
@@ -69,13 +71,36 @@ def test_every_command_that_writes_tells_a_disk_that_takes_no_more_and_leaves_wh
             assert commanded(finished.path, *words)[0] == 0, "one of them frees the disk"
 
 
+WITHOUT_RIGHTS = """\
+import ctypes
+
+def drop(numbers):
+    libc, header, sets = ctypes.CDLL(None), (ctypes.c_uint32 * 2)(0x20080522, 0), (ctypes.c_uint32 * 6)()
+    assert libc.capget(header, sets) == 0
+    for number in numbers:
+        assert libc.prctl(24, number, 0, 0, 0) == 0  # PR_CAPBSET_DROP
+    for place in range(3):  # effective, permitted, inheritable
+        sets[place] &= ~sum(1 << number for number in numbers)
+    assert libc.capset(header, sets) == 0
+
+drop((1, 2, 3))  # CAP_DAC_OVERRIDE, CAP_DAC_READ_SEARCH, CAP_FOWNER
+"""
+"""What a fork does first: as `setpriv` below."""
+
+
 def unprivileged(project: ProjectFolder, *words: str) -> Run:
     """Run a command without root's right to read and write what the modes of files forbid."""
-    command = [sys.executable, "-m", "flowsculpt", "--no-progress", *words]
-    if os.geteuid() == 0:
-        if shutil.which("setpriv") is None:
-            pytest.skip("no setpriv, and root may write whatever the modes of files say")
-        command = ["setpriv", "--bounding-set=-dac_override,-dac_read_search,-fowner", *command]
+    if os.geteuid() != 0:
+        return project.run(*words)
+    if COMMANDS.is_on:
+        first = project.path.parent / "without_rights.py"
+        first.write_text(WITHOUT_RIGHTS)
+        with mock.patch.dict(os.environ, {AT_START: str(first)}):
+            return project.run(*words)
+    if shutil.which("setpriv") is None:
+        pytest.skip("no setpriv, and root may write whatever the modes of files say")
+    humbly = ["setpriv", "--bounding-set=-dac_override,-dac_read_search,-fowner"]
+    command = [*humbly, sys.executable, "-m", "flowsculpt", "--no-progress", *words]
     done = subprocess.run(command, cwd=project.path, capture_output=True, text=True, timeout=300)
     assert "Traceback" not in done.stdout + done.stderr, done.stderr
     return Run(done.returncode, done.stdout, done.stderr)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import sys
 from collections.abc import Callable
@@ -177,18 +178,20 @@ def test_done_files_cannot_lie_when_the_store_has_lost_what_they_name(finished: 
     for stored in (finished.path / ".flowsculpt/store/cameras").rglob("*.json"):
         stored.unlink()
     forget(finished.path, "frame", finished.frames()[0])
-    done = snakemake(finished.path, *CONFIG, cores=1)
-    assert done.returncode == 0 and jobs_in(done.stdout)["frame_camera"] == 1, done.stdout
+    assert jobs_in(snakemake(finished.path, "-n", *CONFIG).stdout)["frame_camera"] == 1
+    made = json.loads(finished.run("film", "-q", QUALITY, "--json").out)["made"]
+    assert made["finish"] == 1, made
+    assert "Nothing to be done" in snakemake(finished.path, "-n", *CONFIG).stdout
 
 
 def test_an_edit_is_made_and_taken_back_for_nothing(finished: Any) -> None:
     text = finished.shot.read_text()
     finished.shot.write_text(text.replace("azimuth: -30", "azimuth: 20"))
     words = ("--config", f"shot={NAME}", "frames=1-2", f"quality={QUALITY}")
-    done = snakemake(finished.path, *words, cores=1)
-    assert done.returncode == 0, done.stdout
-    jobs = jobs_in(done.stdout)
+    jobs = jobs_in(snakemake(finished.path, "-n", *words).stdout)
     assert "simulate" not in jobs and jobs["assemble"] == 1
+    assert finished.run("render", NAME, "-f", "1-2", "-q", QUALITY).code == 0
+    assert "Nothing to be done" in snakemake(finished.path, "-n", *words).stdout, "both mean the same files"
     assert probe_movie(finished.path / MOVIE.replace(".mp4", ".1-2.mp4")).frames == 2
     finished.shot.write_text(text)
     back = snakemake(finished.path, *CONFIG, cores=1)

@@ -333,8 +333,8 @@ def test_two_processes_give_the_same_bits(
     if variant == "llvm_ad_rgb" and engine.variant != variant:
         pytest.skip("there is no libLLVM here")
     np.savez(tmp_path / "in.npz", vertices=sphere.vertices, normals=sphere.normals, faces=sphere.faces)
-    found = []
-    for threads in ("1", "2"):
+    found = [picture.arrays] if variant == engine.variant else []  # of this process, in two threads
+    for threads in ("1", "2")[: 2 - len(found)]:
         out = tmp_path / f"{threads}.npz"
         command = [
             sys.executable,
@@ -347,6 +347,6 @@ def test_two_processes_give_the_same_bits(
         ]
         subprocess.run(command, check=True, cwd=Path(render.__file__).parent.parent)
         found.append(np.load(out))
-    for name in found[0].files:
+    assert found[0].keys() == found[1].keys()
+    for name in found[0]:
         assert np.array_equal(found[0][name], found[1][name]), name
-        assert variant != engine.variant or np.array_equal(found[0][name], picture[name])

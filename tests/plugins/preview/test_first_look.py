@@ -23,18 +23,22 @@ from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.planning.plan import Plan
 from flowsculpt.render.base import python_process
 from flowsculpt.render.movie.probe import probe_movie
-from tests.conftest import TINY, ProjectFolder
+from tests.conftest import AT_LINK, QUALITY, TINY, ProjectFolder
 from tests.processes import has_ended, wait_until
 
 NAME = "T010_tiny"
 
 
 class Terminal:
-    """A command at a pseudo-terminal."""
+    """A command at a pseudo-terminal.
 
-    def __init__(self, folder: Path, *words: str) -> None:
-        command = python_process.python_command("flowsculpt", "-j", "2", *words)
+    search_path  folders in which its processes find modules
+    """
+
+    def __init__(self, folder: Path, *words: str, search_path: str) -> None:
+        command = python_process.python_command("flowsculpt", "-j", "1", *words)
         environment = {**python_process.environment(), "TERM": "xterm", "COLUMNS": "160", "CI": ""}
+        environment["PYTHONPATH"] = search_path
         self.process, self._terminal = pty.fork()
         if self.process == 0:
             os.chdir(folder)
@@ -90,7 +94,12 @@ def drawing_processes(command: int) -> list[psutil.Process]:
 
 
 def test_an_animatic_comes_first_and_is_whole_when_the_run_is_interrupted(project: ProjectFolder) -> None:
-    terminal = Terminal(longer(project).path, "render", NAME, "-q", "draft")
+    hooks = project.path / "hooks"
+    hooks.mkdir()
+    waiting = AT_LINK.format(name=f"raw/{NAME}.0001.exr", done=str(hooks / "done"), do="signal.pause()")
+    (hooks / "sitecustomize.py").write_text(waiting)  # so that nothing more is rendered meanwhile
+    words = ("render", NAME, "-q", QUALITY)
+    terminal = Terminal(longer(project).path, *words, search_path=str(hooks))
     drawing = terminal.processes_that_draw()
     terminal.read_until(r"Animatic: \S+\.mp4 \(24 frames")
     terminal.press_ctrl_c()
@@ -98,7 +107,7 @@ def test_an_animatic_comes_first_and_is_whole_when_the_run_is_interrupted(projec
     assert "in all" in terminal.text and "Traceback" not in terminal.text
     assert drawing and all(map(has_ended, drawing))
     assert probe_movie(project.path / "renders" / NAME / "preview" / f"{NAME}.mp4").frames == 24
-    assert not list((project.path / "renders" / NAME / "draft").glob("frames/*.0024.exr"))
+    assert not list((project.path / "renders" / NAME / QUALITY).glob("frames/*.0024.exr"))
 
 
 @contextmanager
