@@ -332,7 +332,12 @@ class GivenSurface(SimulatedSurface):
             mesh = self._subject.mesh(number)
             return mesh if MATERIAL in mesh.attributes else with_material(mesh)
         points, velocities = self._history.carry_given(self._subject.vertices)
-        return self._mesh.with_vertices(points).with_attributes(**{VELOCITY: velocities})
+        mesh = self._mesh.with_vertices(points).with_attributes(**{VELOCITY: velocities})
+        normals = self._history.carry_normals(points)
+        if normals is None:
+            return mesh
+        normals[mesh.creases.ravel()] = 0.0
+        return mesh.with_attributes(**{NORMAL: normals})
 
 
 def _report(motion: Motion, number: int, mesh: TriangleMesh, resampling: Report | None) -> FrameReport:

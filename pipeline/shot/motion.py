@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from flowsculpt.pipeline.arrays import AnyArray, Faces, Floats, Points
+from flowsculpt.pipeline.arrays import AnyArray, Faces, Floats, Points, Vectors
 from flowsculpt.pipeline.errors import FrameError, UsageError
 from flowsculpt.pipeline.flow import Flow, Sequence
 from flowsculpt.pipeline.flow.flow_map import FrameStep, cache_data_or_failure, checked_cache_data
@@ -623,6 +623,11 @@ class AnimatedSubject:
         """Return where the vertices (V, 3) of `Motion.mesh_at_rest` are at a time."""
         points = self.model.vertices(seconds)
         return points if self.motion._is_at_origin else self.motion._standing[1].points(points)
+
+    def normals(self, seconds: float) -> Vectors | None:
+        """Return unit normals (V, 3) at `vertices`, 0 where unknown; None where the files have none."""
+        normals = self.model.normals(seconds)
+        return None if normals is None else self.motion._standing[1].directions(normals)
 
     def mesh(self, frame: int) -> TriangleMesh:
         """Return the surface of a frame."""

@@ -20,7 +20,7 @@ from flowsculpt.api.meshes import FileSurface, Floats, find_coincident, repair_s
 from flowsculpt.api.shots import SurfaceSequence
 from flowsculpt.pipeline.plugins.sequences.surface_samples import Files, SurfaceSamples, joint
 
-VERSION = 2
+VERSION = 3
 """Raised when equal files and settings give other surfaces."""
 
 EXACT = 1e-6
@@ -170,6 +170,17 @@ class GivenSurfaces(SurfaceSequence):
             return _cubic(before, here, there, after, share)
         return (1.0 - share) * here + share * there
 
+    def normals(self, seconds: float) -> Floats | None:
+        sample, share = self._place(seconds)
+        here = self._normals(sample)
+        if here is None or not 0.0 < share < 1.0 or self._is_end(sample):
+            return here
+        there = self._normals(self.times.following(sample))
+        if there is None:
+            return None
+        is_known = here.any(axis=1, keepdims=True) & there.any(axis=1, keepdims=True)
+        return np.where(is_known, (1.0 - share) * here + share * there, 0.0)
+
     def surface(self, seconds: float) -> tuple[Any, Floats | None]:
         sample, share = self._place(seconds)
         nearest = self.times.following(sample) if share > 0.5 and not self._is_end(sample) else sample
@@ -242,6 +253,11 @@ class GivenSurfaces(SurfaceSequence):
     def _points(self, sample: int) -> Floats:
         """Return the positions (V, 3) of a sample of the vertices of the first frame's surface."""
         return self._checked(self.samples.surface(sample), self.samples.name(sample))
+
+    def _normals(self, sample: int) -> Floats | None:
+        """Return the normals (V, 3) that a sample has at the vertices of the first frame's surface."""
+        surface = self.samples.surface(sample)
+        return None if surface.normals is None else _single_normals(surface)[self._start.origins]
 
     def _checked(self, surface: FileSurface, name: str) -> Floats:
         """Return where a surface, called `name` in messages, has the vertices (V, 3) of the first one."""

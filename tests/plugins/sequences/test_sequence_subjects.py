@@ -118,6 +118,29 @@ def test_normals_of_files_shade_faces_that_change_except_where_a_vertex_has_seve
     assert (given[0], given[1:].min()) == pytest.approx((0.0, 1.0)), "corners that differ have no one normal"
 
 
+@pytest.mark.parametrize("flows", ["", "flows: [{rotation: {axis: y, speed: 137.50987}}]\n"])
+def test_normals_of_files_shade_faces_that_stay_and_flows_turn_them(tmp_path: Path, flows: str) -> None:
+    def turned(directions: np.ndarray, frame: float) -> np.ndarray:
+        return place(directions, frame) - place(np.zeros(3), frame)
+
+    slanted = BALL.vertices + np.array([0.2, 0.0, 0.0])
+    slanted /= np.linalg.norm(slanted, axis=1, keepdims=True)
+    for number in (1, 2):
+        normals = turned(slanted, number)
+        normals[0] = 0.0
+        write_ball(tmp_path, number, **dict(zip(("nx", "ny", "nz"), normals.T, strict=True)))
+    shot = read(tmp_path, "ball_####.ply, rate: 12, rotate: [90, 0, 0], scale: 5", flows, frames="1-3")
+    for frame in animate(shot):
+        step = 0.5 * (frame.number - 1)
+        x, y, z = turned(slanted, 1.0 + step).T
+        expected = np.column_stack([x, -z, y])
+        if flows:
+            expected = turned(expected, 1.0 + 2.0 * step)
+        found = frame.mesh.attributes["normal"]
+        assert found[1:] == pytest.approx(expected[1:], abs=2e-3 if step == 0.5 else 1e-6)
+        assert not found[0].any(), "the triangles decide where a file has no normal"
+
+
 def test_vertices_follow_lines_or_curves_between_files(folder: Path) -> None:
     def error(between: str) -> float:
         shot = read(folder, f"cache/ball_####.ply, rate: 12, between: {between}", frames="1-9")
