@@ -46,12 +46,14 @@ class SampleTimes:
     interval  seconds between two samples
     speed     seconds of the samples in a second of the flow
     loops     True if the first sample follows the last
+    may_lack  True if samples may be missing, as numbered files: then times further apart are a gap
     """
 
     times: Floats
     interval: float
     speed: float
     loops: bool
+    may_lack: bool = True
 
     def place(self, seconds: float) -> tuple[int, float]:
         """Return the last sample that is not later, and the share of the way to the next one.
@@ -79,7 +81,7 @@ class SampleTimes:
 
     def is_gap(self, sample: int) -> bool:
         """Tell whether samples are missing after one."""
-        return self.length(sample) > (1.0 + EXACT) * self.interval
+        return self.may_lack and self.length(sample) > (1.0 + EXACT) * self.interval
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,7 +250,7 @@ class GivenSurfaces(SurfaceSequence):
             return self._points(sample)
         here, step = self._points(sample), self.times.length(min(sample, other))
         rate = (here - self._points(other)) / step * (1.0 if share > 0.0 else -1.0)
-        return here + share * self.times.interval * rate
+        return here + share * self.times.length(sample) * rate
 
     def _points(self, sample: int) -> Floats:
         """Return the positions (V, 3) of a sample of the vertices of the first frame's surface."""
@@ -291,11 +293,12 @@ class GivenSurfaces(SurfaceSequence):
         ends: list[tuple[Floats, float]] = []
         for by in (-1, 1):
             other = self.times.following(sample, by)
-            if other == sample or self.times.is_gap(min(sample, other)):
+            first = sample if by > 0 else other
+            if other == sample or self.times.is_gap(first):
                 continue
             there = self.samples.surface(other)
             if _same_faces(surface, there):
-                ends.append((there.points, by * self.times.interval))
+                ends.append((there.points, by * self.times.length(first)))
         if not ends:
             return None
         if len(ends) == 1:

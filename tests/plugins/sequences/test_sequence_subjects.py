@@ -339,6 +339,21 @@ def test_files_in_steps_need_a_rate(tmp_path: Path) -> None:
     np.testing.assert_allclose(frames[2].mesh.vertices, place(BALL.vertices, 3), atol=1e-14)
 
 
+def test_a_file_in_another_format_than_the_others_is_named(tmp_path: Path) -> None:
+    for number in (1, 3, 4, 5):
+        write_ball(tmp_path, number)
+    (tmp_path / "ball_0002.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    (tmp_path / "ball_0002.mtl").write_text("")
+    said = told(tmp_path, "ball_####.ply", frames="1-5")
+    assert (
+        "1 file not there: 2, for frame 2. ball_0002.obj is in another format; write all files in one."
+        in said
+    )
+    for number in (4, 5):
+        (tmp_path / f"ball_{number:04d}.ply").unlink()
+    assert "ball_0002.obj is in another format" in told(tmp_path, "ball_####.ply", frames="1-3")
+
+
 def test_a_subject_fitted_and_turned_keeps_its_motion(folder: Path) -> None:
     plain, placed = (
         list(animate(read(folder, f"cache/ball_####.ply{more}")))
@@ -397,6 +412,21 @@ def test_an_animation_in_one_file_is_shown_at_its_own_times(folder: Path) -> Non
     assert "is over. Write frames: 1-6, missing: hold, or loop: true." in told(folder, subject, frames="1-8")
     held = list(animate(read(folder, f"{subject}, missing: hold", frames="1-8")))
     np.testing.assert_array_equal(held[7].mesh.vertices, held[5].mesh.vertices)
+
+
+@needs_plugins("interchange")
+def test_an_animation_whose_samples_are_not_evenly_spaced_goes_on_between_them(folder: Path) -> None:
+    rise, times = np.array([0.0, 0.24, 0.0]), np.array([0.0, 1.0, 2.0, 2.5, 4.0, 5.5]) / 24.0
+    samples = np.array([BALL.vertices + 24.0 * time * rise for time in times], ">f4")
+    header = struct.pack(">ii", len(times), len(BALL.vertices)) + times.astype(">f4").tobytes()
+    (folder / "ball.mdd").write_bytes(header + samples.tobytes())
+    for faces in ("fixed", "changing"):
+        shot = read(folder, f"ball.mdd, mesh: cache/ball_0001.ply, faces: {faces}", frames="1-6")
+        for frame in animate(shot):
+            risen = BALL.vertices + (frame.number - 1) * rise
+            np.testing.assert_allclose(frame.mesh.vertices, risen, atol=1e-6)
+            velocity = frame.mesh.attributes["velocity"]
+            np.testing.assert_allclose(velocity, np.broadcast_to(24.0 * rise, velocity.shape), atol=2e-3)
 
 
 @needs_plugins("interchange")
