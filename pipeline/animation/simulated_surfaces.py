@@ -336,8 +336,8 @@ class GivenSurface(SimulatedSurface):
         normals = self._history.carry_normals(points)
         if normals is None:
             return mesh
-        normals[mesh.creases.ravel()] = 0.0
-        return mesh.with_attributes(**{NORMAL: normals})
+        is_smooth = (normals != 0.0).any(axis=1)[mesh.creases].any(axis=1)
+        return mesh.with_creases(mesh.creases[~is_smooth]).with_attributes(**{NORMAL: normals})
 
 
 def _report(motion: Motion, number: int, mesh: TriangleMesh, resampling: Report | None) -> FrameReport:

@@ -340,10 +340,13 @@ class Motion:
     def thresholds_at(self, frame: int) -> Thresholds:
         """Return the thresholds of a frame, or of the shape of rigid copies.
 
-        Without resampling they are the default, whose hard angle makes creases.
+        Without resampling they are the default, whose hard angle makes creases; of animated models that keep
+        their faces those of the first frame, which are tagged, are the only ones, so that none come and go.
         """
         resampling = self.resampling_at(frame) or self.shape
-        return resampling.thresholds if resampling else Thresholds(1.0)
+        is_tagged = self.animated is not None and self.animated.model.keeps_faces
+        default = Thresholds(1.0, hard_angle=math.pi) if is_tagged else Thresholds(1.0)
+        return resampling.thresholds if resampling else default
 
     def place_of_flow(self, index: int) -> str:
         """Return the place in the shot file of one of its flows, such as `flows.0`."""
@@ -431,7 +434,8 @@ class Motion:
             return self._placed(self.subject.build(longest))
         resampling = self.resampling_at(self.frames.first) or self.shape
         if resampling is None:
-            return self._placed(self.subject.build())
+            mesh = self._placed(self.subject.build())
+            return mesh if self.animated is None else Thresholds(1.0).with_hard_edges(mesh)
         limit = resampling.thresholds.max_edge_length
         if isinstance(limit, float):
             return self._placed(self.subject.build(limit))

@@ -45,15 +45,20 @@ class SampleTimes:
     times     float64 (T,): seconds of the samples, the first frame of the shot at 0
     interval  seconds between two samples
     speed     seconds of the samples in a second of the flow
-    loops     True if the first sample follows the last
+    period    seconds after which the first sample follows; None where time does not loop
     may_lack  True if samples may be missing, as numbered files: then times further apart are a gap
     """
 
     times: Floats
     interval: float
     speed: float
-    loops: bool
+    period: float | None
     may_lack: bool = True
+
+    @property
+    def loops(self) -> bool:
+        """True if the first sample follows the last."""
+        return self.period is not None
 
     def place(self, seconds: float) -> tuple[int, float]:
         """Return the last sample that is not later, and the share of the way to the next one.
@@ -61,8 +66,8 @@ class SampleTimes:
         The share is 0 at a sample. Before the first one it is negative, and after the last one positive.
         """
         time, last = seconds * self.speed, len(self.times) - 1
-        if self.loops:
-            time = self.times[0] + (time - self.times[0]) % (self.times[-1] - self.times[0] + self.interval)
+        if self.period is not None:
+            time = self.times[0] + (time - self.times[0]) % self.period
         sample = int(
             np.clip(np.searchsorted(self.times, time + EXACT * self.interval, side="right") - 1, 0, last)
         )
@@ -72,7 +77,13 @@ class SampleTimes:
     def length(self, sample: int) -> float:
         """Return the seconds from a sample to the next one."""
         last = len(self.times) - 1
-        return float(self.times[sample + 1] - self.times[sample]) if sample < last else self.interval
+        if sample == last:
+            return (
+                self.interval
+                if self.period is None
+                else float(self.times[0] + self.period - self.times[last])
+            )
+        return float(self.times[sample + 1] - self.times[sample])
 
     def following(self, sample: int, by: int = 1) -> int:
         """Return the sample after another one, or `by` after it: at an end, that end."""
@@ -82,6 +93,23 @@ class SampleTimes:
     def is_gap(self, sample: int) -> bool:
         """Tell whether samples are missing after one."""
         return self.may_lack and self.length(sample) > (1.0 + EXACT) * self.interval
+
+
+def looped(times: SampleTimes, samples: SurfaceSamples) -> SampleTimes:
+    """Return times that begin again after the last sample; one that equals the first is the first again."""
+    last = len(times.times) - 1
+    span = float(times.times[last] - times.times[0])
+    if last and _same_surface(samples.surface(0), samples.surface(last)):
+        return replace(times, times=times.times[:last], period=span)
+    return replace(times, period=span + times.interval)
+
+
+def _same_surface(one: FileSurface, other: FileSurface) -> bool:
+    """Tell whether two surfaces have the same faces and, but for rounding, the same points."""
+    if not _same_faces(one, other):
+        return False
+    size = float(np.linalg.norm(np.ptp(one.points, axis=0)))
+    return float(np.abs(one.points - other.points).max()) <= WELDED * size
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,6 +240,7 @@ class GivenSurfaces(SurfaceSequence):
             "times": [round((times.times[each] - times.times[sample]) / times.interval, 6) for each in near],
             "share": share,
             "interval": times.interval,
+            "length": times.length(sample),
             "speed": times.speed,
             "between": self.between,
             "keeps_faces": self.keeps_faces,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
@@ -14,7 +15,7 @@ from flowsculpt import UsageError
 from flowsculpt.api import MovingKind, plural
 from flowsculpt.api.meshes import Floats, ModelFile, ScenePart
 from flowsculpt.api.shots import Clock, Positive, SurfaceSequence
-from flowsculpt.pipeline.plugins.sequences.given_surfaces import EXACT, GivenSurfaces, SampleTimes
+from flowsculpt.pipeline.plugins.sequences.given_surfaces import EXACT, GivenSurfaces, SampleTimes, looped
 from flowsculpt.pipeline.plugins.sequences.numbered_files import (
     in_other_format,
     is_pattern,
@@ -103,9 +104,15 @@ class MeshSequenceDocument(MovingKind):
             )
         at = np.arange(first, last + EXACT, 1.0 / known) if moving.is_continuous else moving.times
         interval = 1.0 / known if moving.is_continuous else _interval(moving.times, clock)
-        times = SampleTimes(np.asarray(at) - begins, interval, faster * self.speed, self.loop, may_lack=False)
+        samples = MovingSamples(np.asarray(at) - begins, moving, file, begins)
+        times = SampleTimes(samples.times, interval, faster * self.speed, None, may_lack=False)
+        if self.loop and moving.is_continuous:
+            before_end = at[: max(int(np.searchsorted(at, last - EXACT)), 1)] - begins
+            times = replace(times, times=before_end, period=max(last - first, interval))
+        elif self.loop:
+            times = looped(times, samples)
         absent = _absent_time(times, clock, last) if self.missing == "refused" else None
-        return times, MovingSamples(times.times, moving, file, begins), absent
+        return times, samples, absent
 
     def _numbered(self, folder: Path, clock: Clock) -> tuple[SampleTimes, SurfaceSamples, Absent]:
         """Return the samples of numbered files, their times, and what is absent."""
@@ -128,7 +135,8 @@ class MeshSequenceDocument(MovingKind):
                 f"Write start: {numbers[0]}, the number of the file that the first frame shows."
             )
         samples = NumberedSamples((numbers - first) / (step * rate), list(files.values()), self._part)
-        times = SampleTimes(samples.times, 1.0 / rate, self.speed, self.loop)
+        times = SampleTimes(samples.times, 1.0 / rate, self.speed, None)
+        times = looped(times, samples) if self.loop else times
         absent = _absent_files(times, numbers, clock, others) if self.missing == "refused" else None
         return times, samples, absent
 

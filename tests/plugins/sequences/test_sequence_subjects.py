@@ -15,6 +15,7 @@ from flowsculpt.pipeline.errors import FlowsculptError, FrameError
 from flowsculpt.pipeline.mesh import TriangleMesh, icosphere
 from flowsculpt.pipeline.mesh.normals import trusted_normals
 from flowsculpt.pipeline.production.request.manifest import mesh_keys
+from flowsculpt.pipeline.production.request.shading import Shading
 from flowsculpt.pipeline.shot import Shot, read_shot
 from tests.mesh_files import write_ply
 from tests.needed_plugins import needs_plugins
@@ -141,6 +142,24 @@ def test_normals_of_files_shade_faces_that_stay_and_flows_turn_them(tmp_path: Pa
         assert not found[0].any(), "the triangles decide where a file has no normal"
 
 
+def test_creases_of_faces_that_stay_are_those_of_the_first_frame(tmp_path: Path) -> None:
+    fold = np.array(
+        [[0, 0, 0], [0, 0, 1], [1, 0, 0], [-1, 0, 0], [3, 0, 0], [3, 0, 1], [3, 1, 0], [2, 0, 0]], float
+    )
+    faces = [[0, 1, 2], [1, 0, 3], [4, 5, 6], [5, 4, 7]]  # flat at first, and hard at first
+    for number in (1, 2, 3):
+        points = fold.copy()
+        points[3, 1], points[6, 1] = 0.5 * (number - 1), 1.5 - 0.5 * number
+        write_ply(TriangleMesh(points, faces), tmp_path / f"fold.{number}.ply")
+    shot = read(tmp_path, "fold.#.ply", frames="1-3")
+    for frame in animate(shot):
+        shading = Shading.of(frame, shot.motion.thresholds_at(frame.number), 1)
+        assert shading.split is not None and len(shading.split.vertices) == 8 + 2
+        assert not {0, 1} & {*shading.split.source_vertex[8:].tolist()}, (
+            "an edge that is bent later stays smooth"
+        )
+
+
 def test_vertices_follow_lines_or_curves_between_files(folder: Path) -> None:
     def error(between: str) -> float:
         shot = read(folder, f"cache/ball_####.ply, rate: 12, between: {between}", frames="1-9")
@@ -171,6 +190,32 @@ def test_a_loop_begins_again_after_the_last_file(folder: Path) -> None:
     frames = list(animate(read(folder, "cache/ball_####.ply, loop: true", frames="1-14")))
     np.testing.assert_array_equal(frames[6].mesh.vertices, frames[0].mesh.vertices)
     np.testing.assert_array_equal(frames[13].mesh.vertices, frames[1].mesh.vertices)
+
+
+def test_a_loop_that_ends_as_it_begins_does_not_show_that_twice(folder: Path) -> None:
+    write_ball(folder / "cache", 5, at=1)
+    frames = list(
+        animate(read(folder, "cache/ball_####.ply, start: 1, loop: true, faces: fixed", frames="1-6"))
+    )
+    assert frames[5].mesh.vertices == pytest.approx(place(BALL.vertices, 6)), "six files differ"
+    (folder / "cache/ball_0006.ply").unlink()
+    frames = list(animate(read(folder, "cache/ball_####.ply, loop: true", frames="1-9")))
+    for number, shown in [(5, 1), (6, 2), (9, 1)]:
+        assert frames[number - 1].mesh.vertices == pytest.approx(place(BALL.vertices, shown))
+
+
+@needs_plugins("interchange")
+def test_a_loop_of_an_animation_is_as_long_as_its_keys_say(tmp_path: Path) -> None:
+    from tests.plugins.interchange.gltf_scenes import box_scene
+    from tests.plugins.interchange.test_gltf_motion import animate as animate_node
+
+    scene = box_scene(BALL)
+    animate_node(scene, 0, "translation", [0, 0.25, 0.5], [[0, 0, 0], [1, 0, 0], [0, 0, 0]])
+    scene.glb(tmp_path / "a.glb")
+    shot = read(tmp_path, "a.glb, loop: true", frames="1-26")
+    at = [float(frame.mesh.vertices[:, 0].mean()) for frame in animate(shot)]
+    assert at[:13] == pytest.approx([1 - abs(1 - n / 6) for n in range(13)])
+    assert at[12:25] == pytest.approx(at[:13]), "the first key follows 0.5 s after it"
 
 
 def test_a_shot_that_runs_backwards_shows_the_files_backwards(folder: Path) -> None:
