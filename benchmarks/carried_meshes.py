@@ -1,4 +1,4 @@
-"""`python -m benchmarks.carried_meshes [CASE…]`: one mesh of sequences whose faces change, by its command.
+"""`python -m benchmarks.carried_meshes [CASE[:FRAMES]…]`: one mesh of sequences whose faces change.
 
 Shots of the gallery are exported as PLY with velocities and taken in again; a fluid (metaballs by marching
 tetrahedra, on another grid in each frame) and a cloth (a sheet with other triangles in each frame) are
@@ -41,25 +41,26 @@ RATE = 24.0
 def main(names: list[str]) -> list[Target]:
     """Measure the cases of these names, by default all; return the targets."""
     rows = []
-    for name in names or [*SHOTS, *OWN]:
+    for case in names or [*SHOTS, *OWN]:
+        name, _, frames = case.partition(":")
         with tempfile.TemporaryDirectory() as folder:
-            rows += measure(Path(folder), name)
+            rows += measure(Path(folder), name, frames or (SHOTS | OWN)[name])
         show("One mesh of sequences", rows[-2:])
     keep("carried_meshes", rows)
     show("One mesh of sequences", rows)
     return [target for row in rows for target in targets(row)]
 
 
-def measure(root: Path, name: str) -> Iterator[Row]:
+def measure(root: Path, name: str, frames: str) -> Iterator[Row]:
     """Yield what becomes of a sequence, and of the frames that remain where it is refused."""
-    cache, frames = write_files(root, name)
+    cache = write_files(root, name, frames)
     text = f"title: {name}\nframes: {frames}\nsubject: {{sequence: {cache}/{name}.####.ply}}\n"
     (root / "shots").mkdir(exist_ok=True)
     (root / f"shots/C_{name}.yaml").write_text(text)
     asked = [frames]
     for part in asked:
         began, used = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)
-        run = command(root, "export", "abc", f"C_{name}", "-f", part)
+        run = command(root, "export", "abc", f"C_{name}", "-f", *part.split())
         now = resource.getrusage(resource.RUSAGE_CHILDREN)
         row: Row = {"sequence": name, "frames": part, "seconds": time.perf_counter() - began}
         row["CPU s"] = now.ru_utime + now.ru_stime - used.ru_utime - used.ru_stime
@@ -158,20 +159,20 @@ def targets(row: Row) -> Iterator[Target]:
 # The files
 
 
-def write_files(root: Path, name: str) -> tuple[Path, str]:
-    """Write the files of a case; return their folder and the frames."""
+def write_files(root: Path, name: str, frames: str) -> Path:
+    """Write the files of a case; return their folder."""
     if name in SHOTS:
         (root / "shots").mkdir()
         shutil.copy(shot_file(name), root / "shots")
-        if (run := command(root, "export", "ply", name, "-f", SHOTS[name])).returncode:
+        if (run := command(root, "export", "ply", name, "-f", frames)).returncode:
             raise RuntimeError(run.stderr)
-        return root / f"renders/{name}/models", SHOTS[name]
+        return root / f"renders/{name}/models"
     cache, of = root / "cache", {"fluid": fluid, "cloth": cloth}[name]
     cache.mkdir()
-    first, last = map(int, OWN[name].split("-"))
+    first, last = map(int, frames.split("-"))
     for number in range(first, last + 1):
         write_ply(cache / f"{name}.{number:04d}.ply", *of(number))
-    return cache, OWN[name]
+    return cache
 
 
 def write_ply(path: Path, mesh: TriangleMesh, velocities: Floats) -> None:
