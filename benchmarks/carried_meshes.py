@@ -1,12 +1,12 @@
-"""`python -m benchmarks.carried_meshes [CASE…]`: one mesh of sequences whose faces change, by its command.
+"""`python -m benchmarks.carried_meshes [CASE[:FRAMES]…]`: one mesh of sequences whose faces change.
 
 Shots of the gallery are exported as PLY with velocities and taken in again; a fluid (metaballs by marching
 tetrahedra, on another grid in each frame) and a cloth (a sheet with other triangles in each frame) are
 written by this script. Then `flowsculpt export abc` makes one mesh of each, which is read back. Distances
 are from 20,000 points of each surface, even by area, to the other one, in median edges of the file; angles
-are between the normals of both there, where the file's faces agree with the mesh. Of distances the largest
-of all frames is shown, and of angles the largest that 95% of a frame are below. Prints a table; writes
-`benchmarks/out/carried_meshes.json`.
+are between the normals of both there, where the file's faces agree with the mesh; a file may have normals of
+its own. Of distances the largest of all frames is shown, and of angles the largest that 95% of a frame are
+below. Prints a table; writes `benchmarks/out/carried_meshes.json`.
 """
 
 from __future__ import annotations
@@ -25,10 +25,11 @@ import numpy as np
 
 from benchmarks.measured_shots import shot_file
 from benchmarks.report import Row, Target, keep, show
-from flowsculpt import TriangleMesh, read_mesh, sheet
+from flowsculpt import TriangleMesh, sheet
 from flowsculpt.pipeline.arrays import AnyArray, Floats, Points
 from flowsculpt.pipeline.flow.regions import TriangleTree
 from flowsculpt.pipeline.mesh.normals import split_at_creases
+from flowsculpt.pipeline.shot import read_shot
 from flowsculpt.render.base.python_process import python_command
 
 SHOTS = {"A010_cube": "1-58", "A020_lorenz": "1-60", "B060_bloom": "1-48"}
@@ -40,25 +41,26 @@ RATE = 24.0
 def main(names: list[str]) -> list[Target]:
     """Measure the cases of these names, by default all; return the targets."""
     rows = []
-    for name in names or [*SHOTS, *OWN]:
+    for case in names or [*SHOTS, *OWN]:
+        name, _, frames = case.partition(":")
         with tempfile.TemporaryDirectory() as folder:
-            rows += measure(Path(folder), name)
+            rows += measure(Path(folder), name, frames or (SHOTS | OWN)[name])
         show("One mesh of sequences", rows[-2:])
     keep("carried_meshes", rows)
     show("One mesh of sequences", rows)
     return [target for row in rows for target in targets(row)]
 
 
-def measure(root: Path, name: str) -> Iterator[Row]:
+def measure(root: Path, name: str, frames: str) -> Iterator[Row]:
     """Yield what becomes of a sequence, and of the frames that remain where it is refused."""
-    cache, frames = write_files(root, name)
+    cache = write_files(root, name, frames)
     text = f"title: {name}\nframes: {frames}\nsubject: {{sequence: {cache}/{name}.####.ply}}\n"
     (root / "shots").mkdir(exist_ok=True)
     (root / f"shots/C_{name}.yaml").write_text(text)
     asked = [frames]
     for part in asked:
         began, used = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)
-        run = command(root, "export", "abc", f"C_{name}", "-f", part)
+        run = command(root, "export", "abc", f"C_{name}", "-f", *part.split())
         now = resource.getrusage(resource.RUSAGE_CHILDREN)
         row: Row = {"sequence": name, "frames": part, "seconds": time.perf_counter() - began}
         row["CPU s"] = now.ru_utime + now.ru_stime - used.ru_utime - used.ru_stime
@@ -70,7 +72,7 @@ def measure(root: Path, name: str) -> Iterator[Row]:
             if "Choose -f " in words and len(asked) == 1:
                 asked.append(words.split("Choose -f ")[1].split(",")[0])
         else:
-            yield {**row, **compared(root, name, cache), "refused": ""}
+            yield {**row, **compared(root, name), "refused": ""}
 
 
 def command(root: Path, *words: str) -> subprocess.CompletedProcess[str]:
@@ -78,12 +80,13 @@ def command(root: Path, *words: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(program, cwd=root, capture_output=True, text=True, check=False)
 
 
-def compared(root: Path, name: str, cache: Path) -> Row:
+def compared(root: Path, name: str) -> Row:
     """Return sizes, and the largest distances and angles of all frames."""
     largest, away, back, degrees, count = 0, 0.0, 0.0, 0.0, 0
+    sequence = read_shot(root / f"shots/C_{name}.yaml").motion.animated
+    assert sequence is not None, "its subject is a sequence"
     for number, ours, shading in frames_of(next(root.rglob("*.abc"))):
-        theirs = read_mesh(cache / f"{name}.{number:04d}.ply")
-        assert isinstance(theirs, TriangleMesh)
+        theirs = sequence.mesh(number)
         largest, count = max(largest, len(theirs.vertices)), len(ours.vertices)
         sides = theirs.vertices[theirs.faces]
         edge = float(np.median(np.linalg.norm(np.roll(sides, 1, axis=1) - sides, axis=2)))
@@ -156,20 +159,20 @@ def targets(row: Row) -> Iterator[Target]:
 # The files
 
 
-def write_files(root: Path, name: str) -> tuple[Path, str]:
-    """Write the files of a case; return their folder and the frames."""
+def write_files(root: Path, name: str, frames: str) -> Path:
+    """Write the files of a case; return their folder."""
     if name in SHOTS:
         (root / "shots").mkdir()
         shutil.copy(shot_file(name), root / "shots")
-        if (run := command(root, "export", "ply", name, "-f", SHOTS[name])).returncode:
+        if (run := command(root, "export", "ply", name, "-f", frames)).returncode:
             raise RuntimeError(run.stderr)
-        return root / f"renders/{name}/models", SHOTS[name]
+        return root / f"renders/{name}/models"
     cache, of = root / "cache", {"fluid": fluid, "cloth": cloth}[name]
     cache.mkdir()
-    first, last = map(int, OWN[name].split("-"))
+    first, last = map(int, frames.split("-"))
     for number in range(first, last + 1):
         write_ply(cache / f"{name}.{number:04d}.ply", *of(number))
-    return cache, OWN[name]
+    return cache
 
 
 def write_ply(path: Path, mesh: TriangleMesh, velocities: Floats) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from flowsculpt.pipeline.arrays import AnyArray, Points, Vectors
 from flowsculpt.pipeline.flow.flow_map import FlowMap, FrameStep
+from flowsculpt.pipeline.mesh.normals import carried_normals
 from flowsculpt.pipeline.resample.placement import Ends
 from flowsculpt.pipeline.shot.motion import VELOCITY_STEP, AnimatedSubject, without_animation
 
@@ -47,6 +48,13 @@ class AnimatedMap(FlowMap):
             flow = self._motion.limit_steps(self._motion.flow, self._number + (ahead > 0.0))
             ends.append(FrameStep(flow, self._seconds, ahead, self._number).apply(points))
         return super().carry(given(self._seconds)), np.asarray((ends[1] - ends[0]) / (2.0 * step))
+
+    def carry_normals(self, points: Points) -> Vectors | None:
+        """Return normals (V, 3) at vertices (V, 3) of the last frame, 0 where unknown; None without any."""
+        normals = self._subject.normals(self._seconds)
+        if normals is None or not self._motion.flow.members:
+            return normals
+        return carried_normals(super().carry, self._subject.vertices(self._seconds), points, normals)
 
     @property
     def _seconds(self) -> float:

@@ -326,7 +326,12 @@ class GivenSurface(SimulatedSurface):
             mesh = self._subject.mesh(number)
             return mesh if MATERIAL in mesh.attributes else with_material(mesh)
         points, velocities = self._history.carry_given(self._subject.vertices)
-        return self._mesh.with_vertices(points).with_attributes(**{VELOCITY: velocities})
+        mesh = self._mesh.with_vertices(points).with_attributes(**{VELOCITY: velocities})
+        normals = self._history.carry_normals(points)
+        if normals is None:
+            return mesh
+        is_smooth = (normals != 0.0).any(axis=1)[mesh.creases].any(axis=1)
+        return mesh.with_creases(mesh.creases[~is_smooth]).with_attributes(**{NORMAL: normals})
 
 
 def _report(motion: Motion, number: int, mesh: TriangleMesh, resampling: Report | None) -> FrameReport:

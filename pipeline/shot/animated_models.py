@@ -89,6 +89,10 @@ class SurfaceSequence(ABC):
         Times a little before the first or after the last continue in a straight line.
         """
 
+    def normals(self, seconds: float) -> Vectors | None:
+        """Return the normals (V, 3) at `points`, 0 where unknown; None where the files have none."""
+        return None
+
     @abstractmethod
     def surface(self, seconds: float) -> tuple[PolygonMesh, Vectors | None]:
         """Return the surface at a time, and the velocities (V, 3) of its vertices per second, where known.
@@ -164,6 +168,11 @@ class AnimatedModel(Model):
             points = np.concatenate([points, [points[ring].mean(axis=0) for ring in extra]])
         return self._placed(points, polygons.vertices)
 
+    def normals(self, seconds: float) -> Vectors | None:
+        """Return unit normals (V, 3) at `vertices`, 0 where unknown; None where the files have none."""
+        normals, more = self.sequence.normals(seconds), np.zeros((len(self._middles[1]), 3))
+        return None if normals is None else unit(self._turned(np.concatenate([normals, more])))
+
     def carried(self, rest: Points, faces: AnyArray, seconds: float) -> Points:
         """Return where points (N, 3) on faces (N,) of the first frame are at a time."""
         return self.faces.on(faces, rest, self.vertices(seconds))
@@ -177,8 +186,7 @@ class AnimatedModel(Model):
             moved = self._placed(polygons.vertices + velocities, around)
             polygons = polygons.with_attributes(**{VELOCITY: moved - points})
         if NORMAL in polygons.attributes:
-            ends = self._placed(polygons.vertices + polygons.attributes[NORMAL], around)
-            polygons = polygons.with_attributes(**{NORMAL: unit(ends - points)})
+            polygons = polygons.with_attributes(**{NORMAL: unit(self._turned(polygons.attributes[NORMAL]))})
         return polygons.with_vertices(points).triangulated()
 
     @cached_property
@@ -219,7 +227,7 @@ class FaceSurface:
 
     def on(self, faces: AnyArray, points: Points, vertices: Points) -> Points:
         """Return the places on faces (N,) nearest to points (N, 3), with the vertices moved to (V, 3)."""
-        return self.blended(vertices, faces, _of_corners(self.tree.shares_on(faces, points)))
+        return self.blended(vertices, faces, self.tree.shares_on(faces, points))
 
     @property
     def of_vertices(self) -> AnyArray:
@@ -234,19 +242,10 @@ class FaceSurface:
         twins = PolygonMesh.from_triangles(TriangleMesh(self.vertices, self.faces)).twins
         return np.where(twins < 0, -1, twins // 3).reshape(-1, 3)
 
-    def located(self, points: Points) -> tuple[AnyArray, Floats]:
-        """Return the face (N,) nearest to each point, and shares (N, 3) of its corners there."""
-        face, shares = self.tree.nearest(np.ascontiguousarray(points))
-        return face, _of_corners(shares)
-
     def blended(self, values: Floats, face: AnyArray, shares: Floats) -> Floats:
-        """Return values of the vertices (V, 3) at places of `located`."""
-        return np.asarray(np.einsum("nk,nkj->nj", shares, values[self.faces[face]]))
-
-
-def _of_corners(shares: Floats) -> Floats:
-    """Return shares (N, 3) of all corners for those (N, 2) of the second and third."""
-    return np.column_stack([1.0 - shares.sum(axis=1), shares])
+        """Return values of the vertices (V, 3) at places of `tree`: faces (N,) and shares (N, 2)."""
+        weights = np.column_stack([1.0 - shares.sum(axis=1), shares])
+        return np.asarray(np.einsum("nk,nkj->nj", weights, values[self.faces[face]]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -264,7 +263,7 @@ class AnimatedFlow(Flow):
         if known is not None and np.array_equal(known[0], points):
             located = known[1]
         else:
-            located = self._faces_at(time).located(points)
+            located = self._faces_at(time).tree.nearest(np.ascontiguousarray(points))
         before, after = (
             self._faces_at(0.0).blended(self.model.vertices(t), *located) for t in (time, time + dt)
         )

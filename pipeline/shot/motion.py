@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from flowsculpt.pipeline.arrays import AnyArray, Faces, Floats, Points
+from flowsculpt.pipeline.arrays import AnyArray, Faces, Floats, Points, Vectors
 from flowsculpt.pipeline.errors import FrameError, UsageError
 from flowsculpt.pipeline.flow import Flow, Sequence
 from flowsculpt.pipeline.flow.flow_map import FrameStep, cache_data_or_failure, checked_cache_data
@@ -341,10 +341,13 @@ class Motion:
     def thresholds_at(self, frame: int) -> Thresholds:
         """Return the thresholds of a frame, or of the shape of rigid copies.
 
-        Without resampling they are the default, whose hard angle makes creases.
+        Without resampling they are the default, whose hard angle makes creases; of animated models that keep
+        their faces those of the first frame, which are tagged, are the only ones, so that none come and go.
         """
         resampling = self.resampling_at(frame) or self.shape
-        return resampling.thresholds if resampling else Thresholds(1.0)
+        is_tagged = self.animated is not None and self.animated.model.keeps_faces
+        default = Thresholds(1.0, hard_angle=math.pi) if is_tagged else Thresholds(1.0)
+        return resampling.thresholds if resampling else default
 
     def place_of_flow(self, index: int) -> str:
         """Return the place in the shot file of one of its flows, such as `flows.0`."""
@@ -432,7 +435,8 @@ class Motion:
             return self._placed(self.subject.build(longest))
         resampling = self.resampling_at(self.frames.first) or self.shape
         if resampling is None:
-            return self._placed(self.subject.build())
+            mesh = self._placed(self.subject.build())
+            return mesh if self.animated is None else Thresholds(1.0).with_hard_edges(mesh)
         limit = resampling.thresholds.max_edge_length
         if isinstance(limit, float):
             return self._placed(self.subject.build(limit))
@@ -624,6 +628,11 @@ class AnimatedSubject:
         """Return where the vertices (V, 3) of `Motion.mesh_at_rest` are at a time."""
         points = self.model.vertices(seconds)
         return points if self.motion._is_at_origin else self.motion._standing[1].points(points)
+
+    def normals(self, seconds: float) -> Vectors | None:
+        """Return unit normals (V, 3) at `vertices`, 0 where unknown; None where the files have none."""
+        normals = self.model.normals(seconds)
+        return None if normals is None else self.motion._standing[1].directions(normals)
 
     def mesh(self, frame: int) -> TriangleMesh:
         """Return the surface of a frame."""

@@ -185,7 +185,8 @@ def _polygons(schema: Any, path: str, seconds: float) -> Polygons:
     before, after, share = _around(schema, seconds)
     sample = _sample(schema, before)
     points = _rows(sample.getPositions())
-    if share and schema.getTopologyVariance() != _CHANGING:
+    share = share if schema.getTopologyVariance() != _CHANGING else 0.0
+    if share:
         other = _rows(_sample(schema, after).getPositions())
         if other.shape != points.shape:
             raise MeshError(f"{shorten(path)} has {len(points)} points, and {len(other)} in its next sample")
@@ -201,8 +202,11 @@ def _polygons(schema: Any, path: str, seconds: float) -> Polygons:
     if velocities is not None and velocities.shape != points.shape:
         raise MeshError(f"{shorten(path)} has {len(points)} points and {len(velocities)} velocities")
     normals = None
-    if isinstance(schema, AbcGeom.IPolyMeshSchema) and schema.getNormalsParam().valid() and not share:
+    if isinstance(schema, AbcGeom.IPolyMeshSchema) and schema.getNormalsParam().valid():
         values = _expanded(schema.getNormalsParam(), _time_of(schema, before))
+        if share:
+            later = _expanded(schema.getNormalsParam(), _time_of(schema, after))
+            values = (1.0 - share) * values + share * later if later.shape == values.shape else values
         normals = vertex_normals(values, corners, len(points))
     return Polygons(points, sides, reversed_faces(corners, sides), velocities=velocities, normals=normals)
 

@@ -21,7 +21,9 @@ from flowsculpt.pipeline.plugins.interchange.shown_surfaces import ShownSurface,
 TOLERANCE = 0.25
 """The largest distance of the mesh and a file's surface, in median edges of that, by default."""
 
-_KEPT = 4  # surfaces in memory
+_KEPT = 4  # surfaces that are in memory in any case: those of a step
+
+_MOST_KEPT = 1_000_000  # vertices of all surfaces in memory: about 0.5 GB
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +103,7 @@ class CarriedSequence:
     def _carry(self, began: Began) -> None:
         """Compute the mesh and store it, if it follows all surfaces."""
         motion = self.request.shot.motion
-        surface_of = lru_cache(_KEPT)(self._surface)
+        surface_of = _kept(self._surface)
         self._require_topology(surface_of, began("reading", len(self._numbers)))
         budget = motion.thresholds_at(self._start).max_vertices
         carrier = Carrier(surface_of, self._numbers, self._start, self.tolerance, budget)
@@ -114,8 +116,8 @@ class CarriedSequence:
             )
             raise FrameError(
                 f"the mesh of frame {self._start}, carried here, is {in_words(found)} from the file's "
-                f"surface, and --tolerance is {self.tolerance:g}. Choose -f {_range(near)}, another frame's "
-                "mesh (--carry-from), or a coarser --tolerance",
+                f"surface, and --tolerance is {self.tolerance:g}. Choose -f {_range(near)} --carry-from "
+                f"{self._start}, another frame's mesh, or a coarser --tolerance",
                 worst,
             )
         for number, places in carried.places.items():
@@ -167,6 +169,21 @@ class CarriedSequence:
     def _read(self, key: str) -> dict[str, np.ndarray]:
         place = self.store.path(KIND, key).relative_to(self.store.root)
         return self.store.read(KIND, key, place, StoredFiles(KIND).reader(key))
+
+
+def _kept(surface_of: Callable[[int], ShownSurface]) -> Callable[[int], ShownSurface]:
+    """Return what keeps the first surfaces that are asked for in memory, as long as there is room."""
+    latest, kept = lru_cache(_KEPT)(surface_of), dict[int, ShownSurface]()
+
+    def surface(number: int) -> ShownSurface:
+        if number in kept:
+            return kept[number]
+        found = latest(number)
+        if sum(len(each.mesh.vertices) for each in kept.values()) < _MOST_KEPT:
+            kept[number] = found
+        return found
+
+    return surface
 
 
 def _around(start: int, numbers: set[int]) -> list[int]:

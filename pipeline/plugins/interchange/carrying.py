@@ -22,23 +22,35 @@ from flowsculpt.pipeline.plugins.interchange.mesh_smoothing import smoothed
 from flowsculpt.pipeline.plugins.interchange.refining import Began
 from flowsculpt.pipeline.plugins.interchange.shown_surfaces import (
     AGREEING,
+    CarriedFaces,
     Places,
     ShownSurface,
-    bound_vertices,
-    edges_of,
     ends_of_keys,
     nearest_points,
     unit,
 )
 
-VERSION = 1
+VERSION = 2
 """Raised when equal frames and settings give another mesh."""
 
-MOST_ROUNDS = 5
-"""Times that the mesh is refined and carried again."""
+MOST_ROUNDS = 16
+"""Times that the mesh is refined."""
+
+MANY = 0.02
+"""The share of edges to be split from which on the mesh is carried again: new vertices of fewer edges are put
+between their parents in every frame, which keeps all others."""
+
+ENOUGH_ROUNDS, FEW = 4, 0.01
+"""Rounds from which on a share of the edges may remain too long, where the mesh is within the tolerance."""
+
+FOLDED = 0.0
+"""The shape of triangles that lie backwards, up to which the corners of faces with new vertices are moved."""
 
 REFINED = 0.7
 """The share of the tolerance from which on edges are split: the rest is for places between samples."""
+
+MOST_PIECES = 4.0
+"""Pieces that an edge is split into at once."""
 
 STRETCHED = 2.0
 """The length of an edge, over the median of the file's or those around it, from which on it is split."""
@@ -82,7 +94,7 @@ class Carrier:
     start: int
     tolerance: float
     max_vertices: int
-    _marks: dict[int, float] = field(default_factory=dict)
+    _marks: dict[int, tuple[float, float]] = field(default_factory=dict)
     _deviations: dict[int, Deviation] = field(default_factory=dict)
 
     def carried(self, began: Began) -> CarriedMesh:
@@ -94,61 +106,104 @@ class Carrier:
         Raises FrameError where it needs too many vertices.
         """
         first = self.surface_of(self.start)
-        surface = RefinableSurface(first.with_creases())
+        surface, faces = RefinableSurface(first.with_creases()), CarriedFaces(first.with_creases())
+        places, far = dict[int, Places](), list[int]()
+        births: list[Indices] = []
         for count in range(MOST_ROUNDS + 1):
-            self._marks, self._deviations = {}, {}
-            mesh, places = surface.mesh(), dict[int, Places]()
+            known = len(places[self.start].points) if births else 0
+            new = faces.edges[faces.edges.max(axis=1) >= known]
+            self._marks = {}
             passed = began(f"carrying {count + 1}" if count else "carrying", len(self.numbers))
-            for shown, here in self._through(mesh):
-                places[shown.number] = here
-                self._compare_edges(shown, mesh, here)
+            for number, here in self._born(faces, places, births) if births else self._through(faces):
+                places[number] = here
+                self._compare_edges(self.surface_of(number), new, here)
                 passed()
-            if self._marks and count < MOST_ROUNDS:
-                self._split(surface, mesh, first)
-                continue
-            passed = began("comparing", len(self.numbers))
-            for number in self.numbers:
-                self._compare_faces(self.surface_of(number), mesh.with_vertices(places[number].points))
-                passed()
-            worst = self._deviations[farthest(self._deviations)].distance
-            if worst <= self.tolerance or not self._marks or count == MOST_ROUNDS:
-                break
-            self._split(surface, mesh, first)
-        return CarriedMesh(mesh, places, self._deviations)
+            few = FEW * len(faces.edges) if count >= ENOUGH_ROUNDS else 0
+            if len(self._marks) <= few or count == MOST_ROUNDS:
+                far = self._far_frames(faces, places, far, began)
+                if not far or not self._marks or count == MOST_ROUNDS:
+                    break
+            is_many = len(self._marks) > MANY * len(faces.edges)
+            births = self._split(surface, first)
+            faces = CarriedFaces(surface.mesh())
+            births = [] if is_many else births
+        if far:
+            self._far_frames(faces, places, [], began)
+        return CarriedMesh(faces.mesh, places, self._deviations)
 
     def step(self) -> Deviation:
         """Return the deviation at the last frame of the surface of the frame before it, carried there."""
         before, after = self.surface_of(self.numbers[-2]), self.surface_of(self.numbers[-1])
         mesh = before.with_creases()
         self._deviations = {}
-        there = moved(before, after, mesh, before.vertices_places())
+        there = moved(before, after, CarriedFaces(mesh).is_bound, before.vertices_places())
         self._compare_faces(after, mesh.with_vertices(there.points))
         return self._deviations[after.number]
 
-    def _through(self, mesh: TriangleMesh) -> Iterator[tuple[ShownSurface, Places]]:
-        """Yield the surface of each frame, and the places of the vertices on it."""
-        first = self.surface_of(self.start)
-        begin = first.followed(mesh.vertices, vertex_normals(mesh))
-        yield first, begin._replace(points=mesh.vertices)
+    def _through(self, faces: CarriedFaces) -> Iterator[tuple[int, Places]]:
+        """Yield the number of each frame, and the places of the vertices on its surface."""
+        first, mesh = self.surface_of(self.start), faces.mesh
+        begin = first.followed(mesh.vertices, vertex_normals(mesh))._replace(points=mesh.vertices)
+        yield self.start, begin
         for step, end in ((1, self.numbers[-1]), (-1, self.numbers[0])):
-            before, places = first, begin._replace(points=mesh.vertices)
+            before, places = first, begin
             for number in range(self.start + step, end + step, step):
                 after = self.surface_of(number)
-                places = smoothed(after, mesh, moved(before, after, mesh, places))
-                yield after, places
+                places = smoothed(after, faces, moved(before, after, faces.is_bound, places))
+                yield number, places
                 before = after
 
-    def _compare_edges(self, shown: ShownSurface, mesh: TriangleMesh, here: Places) -> None:
+    def _born(
+        self, faces: CarriedFaces, places: dict[int, Places], births: list[Indices]
+    ) -> Iterator[tuple[int, Places]]:
+        """Yield the number of each frame, and the places with those of new vertices, between their parents.
+
+        places  of the other vertices
+        births  parents (N, 2) of the new ones, in turn
+        """
+        for number in self.numbers:
+            shown, here = self.surface_of(number), places[number]
+            for parents in births:
+                first = len(here.points)
+                facing = unit(here.normals[parents].sum(axis=1))
+                there = shown.followed(here.points[parents].mean(axis=1), facing)
+                bound(shown, faces.is_bound[first : first + len(parents)], there)
+                here = here.joined(there)
+            if number == self.start:
+                yield number, here._replace(points=faces.mesh.vertices)
+            else:
+                yield number, smoothed(shown, faces, here, FOLDED)
+
+    def _far_frames(
+        self, faces: CarriedFaces, places: dict[int, Places], before: list[int], began: Began
+    ) -> list[int]:
+        """Measure the frames; return those beyond the tolerance.
+
+        before  those that were: if one still is, the others are not measured
+        """
+        self._deviations = {}
+        passed = began("comparing", len(self.numbers))
+        for numbers in (before, sorted({*self.numbers} - {*before})):
+            for number in numbers:
+                shown, here = self.surface_of(number), places[number]
+                self._compare_edges(shown, faces.edges, here)
+                self._compare_faces(shown, faces.mesh.with_vertices(here.points))
+                passed()
+            far = [n for n, found in self._deviations.items() if found.distance > self.tolerance]
+            if far:
+                break
+        return far
+
+    def _compare_edges(self, shown: ShownSurface, edges: Indices, here: Places) -> None:
         """Mark the edges that are too long in a frame, or whose middles are off its surface."""
-        edges = edges_of(mesh.faces)[0]
         ends, facing = here.points[edges], unit(here.normals[edges].sum(axis=1))
         places, away = self._measure(shown, ends.mean(axis=1), facing)
         lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
         of_file = places.values(shown.mesh.faces, shown.lengths)[:, 0]
         stretch = lengths / np.maximum(of_file, shown.edge)
-        need = np.maximum(away / (REFINED * self.tolerance), stretch / STRETCHED)
-        rows = np.flatnonzero((need > 1.0) & (lengths > SHORTEST * of_file))
-        self._mark(edges[rows], lengths[rows])
+        pieces = np.maximum(np.sqrt(away / (REFINED * self.tolerance)), stretch / STRETCHED)
+        rows = np.flatnonzero((pieces > 1.0) & (lengths > SHORTEST * of_file))
+        self._mark(edges[rows], lengths[rows], np.minimum(pieces[rows], MOST_PIECES))
 
     def _compare_faces(self, shown: ShownSurface, mesh: TriangleMesh) -> None:
         """Mark the longest edges of faces that are off the surface of a frame, or that it is off."""
@@ -163,7 +218,7 @@ class Carrier:
         faces = faces[lengths[faces].max(axis=1) > SHORTEST * shown.edge]
         side = np.argmax(lengths[faces], axis=1)
         ends = np.stack([mesh.faces[faces, side], mesh.faces[faces, (side + 1) % 3]], axis=1)
-        self._mark(ends, lengths[faces, side])
+        self._mark(ends, lengths[faces, side], np.full(len(faces), 2.0))
 
     def _facing(self, shown: ShownSurface, mesh: TriangleMesh) -> Floats:
         """Return the normals (F, 3) of faces, zero for those lower than the tolerance: they may be folded."""
@@ -190,37 +245,62 @@ class Carrier:
             self._deviations[shown.number] = Deviation(float(away[worst]), (x, y, z))
         return away
 
-    def _mark(self, edges: Indices, lengths: Floats) -> None:
-        for key, length in zip(edge_keys(edges).tolist(), lengths.tolist(), strict=True):
-            self._marks[key] = max(length, self._marks.get(key, 0.0))
+    def _mark(self, edges: Indices, lengths: Floats, pieces: Floats) -> None:
+        """Mark edges (N, 2) that are to be split into so many pieces, with their lengths in a frame."""
+        for key, *mark in zip(edge_keys(edges).tolist(), lengths.tolist(), pieces.tolist(), strict=True):
+            length, count = self._marks.get(key, (0.0, 0.0))
+            self._marks[key] = max(length, mark[0]), max(count, mark[1])
 
-    def _split(self, surface: RefinableSurface, mesh: TriangleMesh, first: ShownSurface) -> None:
-        """Split the marked edges, those that are longest in a frame first."""
-        keys = np.array(sorted(self._marks, key=lambda key: (-self._marks[key], key)))
-        if len(mesh.vertices) + len(keys) > self.max_vertices:
-            raise FrameError(
-                f"one mesh for all these frames needs more than {self.max_vertices} vertices; choose a "
-                "coarser --tolerance, or fewer frames"
-            )
-        parents = ends_of_keys(keys)
-        middles = mesh.vertices[parents].mean(axis=1)
-        facing = unit(vertex_normals(mesh)[parents].sum(axis=1))
-        is_crease = np.isin(keys, edge_keys(mesh.creases))
-        on = np.where(is_crease[:, None], middles, first.nearest(middles, facing, 0.0).points)
-        surface.replay(parents, np.hstack([on, facing]))
+    def _split(self, surface: RefinableSurface, first: ShownSurface) -> list[Indices]:
+        """Split the marked edges, those that are longest in a frame first, and then their halves.
+
+        Returns the parents (N, 2) of the new vertices, in turn.
+        """
+        marks, births = self._marks, list[Indices]()
+        while marks:
+            mesh = surface.mesh()
+            keys = np.array(sorted(marks, key=lambda key: (-marks[key][0], key)))
+            if len(mesh.vertices) + len(keys) > self.max_vertices:
+                raise FrameError(
+                    f"one mesh for all these frames needs more than {self.max_vertices} vertices; choose a "
+                    "coarser --tolerance, or fewer frames"
+                )
+            parents = ends_of_keys(keys)
+            middles = mesh.vertices[parents].mean(axis=1)
+            facing = unit(vertex_normals(mesh)[parents].sum(axis=1))
+            is_crease = np.isin(keys, edge_keys(mesh.creases))
+            on = np.where(is_crease[:, None], middles, first.nearest(middles, facing, 0.0).points)
+            surface.replay(parents, np.hstack([on, facing]))
+            births.append(parents)
+            middle = len(mesh.vertices) + np.arange(len(keys))
+            halves = (edge_keys(np.column_stack([end, middle])).tolist() for end in parents.T)
+            halved = [
+                (0.5 * length, 0.5 * pieces) for length, pieces in map(marks.__getitem__, keys.tolist())
+            ]
+            marks = {half: mark for of_end in halves for half, mark in zip(of_end, halved, strict=True)}
+            marks = {half: mark for half, mark in marks.items() if mark[1] > 1.0}
+        return births
 
 
-def moved(before: ShownSurface, after: ShownSurface, mesh: TriangleMesh, places: Places) -> Places:
-    """Return the places on the surface of a frame of vertices that are at places on that of another."""
+def moved(before: ShownSurface, after: ShownSurface, is_bound: np.ndarray, places: Places) -> Places:
+    """Return the places on the surface of a frame of vertices that are at places on that of another.
+
+    is_bound  flags (N,) of vertices that stay on creases and rims
+    """
     seconds, here = after.seconds - before.seconds, before.velocities(places)
     first = after.followed(places.points + seconds * here, places.normals)
     goals = places.points + 0.5 * seconds * (here + after.velocities(first))
     arrived = after.followed(goals, first.normals)
-    rows = bound_vertices(mesh)
-    if len(rows):
-        on = after.on_bounds(arrived.points[rows])
-        arrived.put(rows, after.followed(on, arrived.normals[rows])._replace(points=on))
+    bound(after, is_bound, arrived)
     return arrived
+
+
+def bound(shown: ShownSurface, is_bound: np.ndarray, places: Places) -> None:
+    """Put the places of vertices, flags (N,), on the creases and rims of a surface that are near."""
+    rows = np.flatnonzero(is_bound)
+    if len(rows):
+        on = shown.on_bounds(places.points[rows])
+        places.put(rows, shown.followed(on, places.normals[rows])._replace(points=on))
 
 
 def farthest(deviations: dict[int, Deviation]) -> int:

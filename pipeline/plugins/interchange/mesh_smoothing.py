@@ -4,15 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from flowsculpt import TriangleMesh
 from flowsculpt.api.meshes import Floats, Indices
-from flowsculpt.pipeline.plugins.interchange.shown_surfaces import (
-    Places,
-    ShownSurface,
-    bound_vertices,
-    edges_of,
-    unit,
-)
+from flowsculpt.pipeline.plugins.interchange.shown_surfaces import CarriedFaces, Places, ShownSurface, unit
 
 POOR = 0.2
 """The shape of a triangle below which its corners are moved: 1 if its sides are equal, 0 if it is flat."""
@@ -25,23 +18,26 @@ SHARE = 0.5
 FLAT = 0.85
 """The cosine of the angle of a vertex's normal and its neighbours' from which on it moves: rims stay."""
 
+FOLDED = 0.2
+"""The same for a vertex of a face that lies backwards."""
 
-def smoothed(shown: ShownSurface, mesh: TriangleMesh, places: Places) -> Places:
+
+def smoothed(shown: ShownSurface, carried: CarriedFaces, places: Places, poor: float = POOR) -> Places:
     """Return places (V,) on a surface, with corners of poor triangles moved along it.
 
     A vertex moves where the poorest of its triangles gets better. Those of creases and boundaries stay.
     """
-    is_fixed = np.zeros(len(mesh.vertices), bool)
-    is_fixed[bound_vertices(mesh)] = True
+    mesh = carried.mesh
     for _ in range(PASSES):
         normals = places.normals
         shapes = _shapes(places.points, mesh.faces, normals)
-        is_poor = np.zeros(len(mesh.vertices), bool)
-        is_poor[mesh.faces[shapes < POOR]] = True
-        rows = np.flatnonzero(is_poor & ~is_fixed)
+        flat = np.full(len(mesh.vertices), np.inf)
+        flat[mesh.faces[shapes < poor]] = FLAT
+        flat[mesh.faces[shapes < 0.0]] = FOLDED
+        rows = np.flatnonzero((flat < 1.0) & ~carried.is_bound)
         if not len(rows):
             break
-        rows, goals = _goals(places.points, normals, edges_of(mesh.faces)[0], rows)
+        rows, goals = _goals(places.points, normals, carried.edges, rows, flat[rows])
         there = shown.followed(goals, normals[rows])
         points = places.points.copy()
         points[rows] = there.points
@@ -58,8 +54,13 @@ def smoothed(shown: ShownSurface, mesh: TriangleMesh, places: Places) -> Places:
     return places
 
 
-def _goals(points: Floats, normals: Floats, edges: Indices, rows: np.ndarray) -> tuple[np.ndarray, Floats]:
-    """Return which of the vertices move, and where to (N, 3) in their tangent planes."""
+def _goals(
+    points: Floats, normals: Floats, edges: Indices, rows: np.ndarray, flat: Floats
+) -> tuple[np.ndarray, Floats]:
+    """Return which of the vertices move, and where to (N, 3) in their tangent planes.
+
+    flat  (N,) as FLAT, of each vertex
+    """
     number = np.full(len(points), -1)
     number[rows] = np.arange(len(rows))
     both = np.concatenate([edges, edges[:, ::-1]])
@@ -71,7 +72,7 @@ def _goals(points: Floats, normals: Floats, edges: Indices, rows: np.ndarray) ->
     way -= np.einsum("ij,ij->i", way, normals[rows])[:, None] * normals[rows]
     bend = np.ones(len(rows))
     np.minimum.at(bend, here, np.einsum("ij,ij->i", normals[both[:, 0]], normals[other]))
-    moving = bend > FLAT
+    moving = bend > flat
     return rows[moving], points[rows[moving]] + way[moving]
 
 

@@ -84,15 +84,16 @@ def _require_same_faces(surface: FileSurface, first: FileSurface) -> None:
 
 
 def _sample(surface: FileSurface, points_alone: bool) -> bytes:
-    values = [surface.points] if surface.velocities is None else [surface.points, surface.velocities]
-    is_finite = np.all([np.isfinite(rows).all(axis=1) for rows in values], axis=0)
+    values = {"points": surface.points, "velocities": surface.velocities, "normals": surface.normals}
+    given: dict[str, Any] = {name: rows for name, rows in values.items() if rows is not None}
+    is_finite = np.all([np.isfinite(given[name]).all(axis=1) for name in {*given} - {"normals"}], axis=0)
     if not is_finite[surface.corners].all():
         vertex = int(surface.corners[np.argmin(is_finite[surface.corners])])
         raise MeshError(f"vertex {vertex} is {surface.points[vertex].tolist()}, which is not finite")
     if not points_alone:
         return packed_surface(surface)
     file = io.BytesIO()
-    np.save(file, np.array(values))
+    np.savez(file, **given)
     return file.getvalue()
 
 
@@ -166,14 +167,14 @@ class MovingFile:
             if not self.is_fixed:
                 return unpacked_surface(self._ask("sample", seconds))
             if self._first is None:
-                self._first = unpacked_surface(self._ask("surface", seconds))._replace(normals=None)
+                self._first = unpacked_surface(self._ask("surface", seconds))
                 return self._first
             rows = np.load(io.BytesIO(self._ask("points", seconds)), allow_pickle=False)
         except MissingInputError:
             raise
         except (MeshError, ValueError) as error:
             raise MeshError(f"{self.path}: at {seconds:.6g} s: {error}. Export it again.") from None
-        return self._first._replace(points=rows[0], velocities=rows[1] if len(rows) > 1 else None)
+        return self._first._replace(**{"velocities": None, "normals": None, **rows})
 
     def close(self) -> None:
         if self._session is not None:

@@ -158,7 +158,8 @@ def joined(parts: Sequence[Polygons], notes: Sequence[str] = ()) -> FileSurface:
         groups.append(own + base)
         base += int(own.max(initial=0)) + 1
     velocities = [part.velocities for part in parts if part.velocities is not None]
-    normals = [part.normals for part in parts if part.normals is not None]
+    has_normals = any(part.normals is not None for part in parts)
+    normals = [np.zeros_like(p.points) if p.normals is None else p.normals for p in parts if has_normals]
     return FileSurface(
         points=np.concatenate([part.points for part in parts]),
         offsets=np.concatenate([[0], np.cumsum(np.concatenate([part.sides for part in parts]))]),
@@ -168,7 +169,7 @@ def joined(parts: Sequence[Polygons], notes: Sequence[str] = ()) -> FileSurface:
         base=0 if len(parts) == 1 else None,
         notes=tuple(notes),
         velocities=np.concatenate(velocities) if len(velocities) == len(parts) else None,
-        normals=np.concatenate(normals) if len(normals) == len(parts) else None,
+        normals=np.concatenate(normals) if has_normals else None,
     )
 
 

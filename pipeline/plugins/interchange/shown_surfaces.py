@@ -46,6 +46,10 @@ class Places(NamedTuple):
         for values, own in zip(self, places, strict=True):
             values[rows] = own
 
+    def joined(self, others: Places) -> Places:
+        """Return these places and then others."""
+        return Places(*(np.concatenate(both) for both in zip(self, others, strict=True)))
+
     def values(self, faces: Indices, values: Floats) -> Floats:
         """Return values (N, 3) at the places, of values (V, 3) at the vertices."""
         return np.asarray(np.einsum("nk,nkj->nj", self.shares, values[faces[self.face]]))
@@ -94,9 +98,23 @@ def rims_of(faces: Indices) -> Indices:
     return edges[counts == 1]
 
 
-def bound_vertices(mesh: TriangleMesh) -> np.ndarray:
-    """Return the vertices of creases and rims."""
-    return np.unique(np.concatenate([mesh.creases, rims_of(mesh.faces)]))
+@dataclass(frozen=True, eq=False)
+class CarriedFaces:
+    """The faces of the mesh that is carried, and what follows from them in every frame."""
+
+    mesh: TriangleMesh
+
+    @cached_property
+    def edges(self) -> Indices:
+        """Each edge once (E, 2)."""
+        return edges_of(self.mesh.faces)[0]
+
+    @cached_property
+    def is_bound(self) -> np.ndarray:
+        """Whether vertices (V,) are those of creases and rims."""
+        flags = np.zeros(len(self.mesh.vertices), bool)
+        flags[self.mesh.creases] = flags[rims_of(self.mesh.faces)] = True
+        return flags
 
 
 def ends_of_keys(keys: np.ndarray) -> Indices:

@@ -23,7 +23,7 @@ from flowsculpt.api.meshes import FileSurface, Floats, find_coincident, repair_s
 from flowsculpt.api.shots import SurfaceSequence
 from flowsculpt.pipeline.plugins.sequences.surface_samples import Files, SurfaceSamples, joint
 
-VERSION = 2
+VERSION = 3
 """Raised when equal files and settings give other surfaces."""
 
 EXACT = 1e-6
@@ -48,13 +48,20 @@ class SampleTimes:
     times     float64 (T,): seconds of the samples, the first frame of the shot at 0
     interval  seconds between two samples
     speed     seconds of the samples in a second of the flow
-    loops     True if the first sample follows the last
+    period    seconds after which the first sample follows; None where time does not loop
+    may_lack  True if samples may be missing, as numbered files: then times further apart are a gap
     """
 
     times: Floats
     interval: float
     speed: float
-    loops: bool
+    period: float | None
+    may_lack: bool = True
+
+    @property
+    def loops(self) -> bool:
+        """True if the first sample follows the last."""
+        return self.period is not None
 
     def place(self, seconds: float) -> tuple[int, float]:
         """Return the last sample that is not later, and the share of the way to the next one.
@@ -62,8 +69,8 @@ class SampleTimes:
         The share is 0 at a sample. Before the first one it is negative, and after the last one positive.
         """
         time, last = seconds * self.speed, len(self.times) - 1
-        if self.loops:
-            time = self.times[0] + (time - self.times[0]) % (self.times[-1] - self.times[0] + self.interval)
+        if self.period is not None:
+            time = self.times[0] + (time - self.times[0]) % self.period
         sample = int(
             np.clip(np.searchsorted(self.times, time + EXACT * self.interval, side="right") - 1, 0, last)
         )
@@ -73,7 +80,13 @@ class SampleTimes:
     def length(self, sample: int) -> float:
         """Return the seconds from a sample to the next one."""
         last = len(self.times) - 1
-        return float(self.times[sample + 1] - self.times[sample]) if sample < last else self.interval
+        if sample == last:
+            return (
+                self.interval
+                if self.period is None
+                else float(self.times[0] + self.period - self.times[last])
+            )
+        return float(self.times[sample + 1] - self.times[sample])
 
     def following(self, sample: int, by: int = 1) -> int:
         """Return the sample after another one, or `by` after it: at an end, that end."""
@@ -82,7 +95,24 @@ class SampleTimes:
 
     def is_gap(self, sample: int) -> bool:
         """Tell whether samples are missing after one."""
-        return self.length(sample) > (1.0 + EXACT) * self.interval
+        return self.may_lack and self.length(sample) > (1.0 + EXACT) * self.interval
+
+
+def looped(times: SampleTimes, samples: SurfaceSamples) -> SampleTimes:
+    """Return times that begin again after the last sample; one that equals the first is the first again."""
+    last = len(times.times) - 1
+    span = float(times.times[last] - times.times[0])
+    if last and _same_surface(samples.surface(0), samples.surface(last)):
+        return replace(times, times=times.times[:last], period=span)
+    return replace(times, period=span + times.interval)
+
+
+def _same_surface(one: FileSurface, other: FileSurface) -> bool:
+    """Tell whether two surfaces have the same faces and, but for rounding, the same points."""
+    if not _same_faces(one, other):
+        return False
+    size = float(np.linalg.norm(np.ptp(one.points, axis=0)))
+    return float(np.abs(one.points - other.points).max()) <= WELDED * size
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,6 +207,17 @@ class GivenSurfaces(SurfaceSequence):
             return _cubic(before, here, there, after, share)
         return (1.0 - share) * here + share * there
 
+    def normals(self, seconds: float) -> Floats | None:
+        sample, share = self._place(seconds)
+        here = self._normals(sample)
+        if here is None or not 0.0 < share < 1.0 or self._is_end(sample):
+            return here
+        there = self._normals(self.times.following(sample))
+        if there is None:
+            return None
+        is_known = here.any(axis=1, keepdims=True) & there.any(axis=1, keepdims=True)
+        return np.where(is_known, (1.0 - share) * here + share * there, 0.0)
+
     def surface(self, seconds: float) -> tuple[Any, Floats | None]:
         sample, share = self._place(seconds)
         nearest = self.times.following(sample) if share > 0.5 and not self._is_end(sample) else sample
@@ -209,6 +250,7 @@ class GivenSurfaces(SurfaceSequence):
             "times": [round((times.times[each] - times.times[sample]) / times.interval, 6) for each in near],
             "share": share,
             "interval": times.interval,
+            "length": times.length(sample),
             "speed": times.speed,
             "between": self.between,
             "keeps_faces": self.keeps_faces,
@@ -278,11 +320,16 @@ class GivenSurfaces(SurfaceSequence):
             return self._points(sample)
         here, step = self._points(sample), self.times.length(min(sample, other))
         rate = (here - self._points(other)) / step * (1.0 if share > 0.0 else -1.0)
-        return here + share * self.times.interval * rate
+        return here + share * self.times.length(sample) * rate
 
     def _points(self, sample: int) -> Floats:
         """Return the positions (V, 3) of a sample of the vertices of the first frame's surface."""
         return self._checked(self.samples.surface(sample), self.samples.name(sample))
+
+    def _normals(self, sample: int) -> Floats | None:
+        """Return the normals (V, 3) that a sample has at the vertices of the first frame's surface."""
+        surface = self.samples.surface(sample)
+        return None if surface.normals is None else _single_normals(surface)[self._start.origins]
 
     def _checked(self, surface: FileSurface, name: str) -> Floats:
         """Return where a surface, called `name` in messages, has the vertices (V, 3) of the first one."""
@@ -316,11 +363,12 @@ class GivenSurfaces(SurfaceSequence):
         ends: list[tuple[Floats, float]] = []
         for by in (-1, 1):
             other = self.times.following(sample, by)
-            if other == sample or self.times.is_gap(min(sample, other)):
+            first = sample if by > 0 else other
+            if other == sample or self.times.is_gap(first):
                 continue
             there = self.samples.surface(other)
             if _same_faces(surface, there):
-                ends.append((there.points, by * self.times.interval))
+                ends.append((there.points, by * self.times.length(first)))
         if not ends:
             return None
         if len(ends) == 1:

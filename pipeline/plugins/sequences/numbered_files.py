@@ -9,6 +9,7 @@ from pathlib import Path
 
 from flowsculpt import MissingInputError, UsageError
 from flowsculpt.api import quote, shorten
+from flowsculpt.api.meshes import ModelFile
 
 _NUMBER = re.compile(r"#+|%0?(\d*)d|\*")
 """The place of the number in a pattern: as Houdini's and Nuke's # write it, as printf does, or any digits."""
@@ -46,6 +47,23 @@ def numbered_files(pattern: str, folder: Path) -> Mapping[int, Path]:
     if not found:
         raise MissingInputError(f"no file matches {shorten(pattern)} in {place}. Correct the name or its #.")
     return dict(sorted(found.items()))
+
+
+def in_other_format(pattern: str, folder: Path, numbers: Iterable[int]) -> str:
+    """Return the sentence about a mesh file that has one of some numbers, in another format than a pattern's.
+
+    It begins with a space; empty where there is none.
+    """
+    above, _, name = pattern.rpartition("/")
+    place, wanted = folder / above if above else folder, set(numbers)
+    stem, names = Path(name).stem, sorted(_names(place))
+    for suffix in sorted({Path(file).suffix for file in names} - {Path(name).suffix}):
+        if is_pattern(stem) and ModelFile(place / f"a{suffix}").reader is not None:
+            matches = _matcher(stem + suffix)
+            for file in names:
+                if matches(file) in wanted:
+                    return f" {file} is in another format; write all files in one."
+    return ""
 
 
 def _names(folder: Path) -> Iterable[str]:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -12,8 +15,19 @@ from flowsculpt import UsageError
 from flowsculpt.api import MovingKind, plural
 from flowsculpt.api.meshes import Floats, ModelFile, ScenePart
 from flowsculpt.api.shots import Clock, Positive, SurfaceSequence
-from flowsculpt.pipeline.plugins.sequences.given_surfaces import EXACT, GivenSurfaces, SampleTimes, numbers_of
-from flowsculpt.pipeline.plugins.sequences.numbered_files import is_pattern, listed_numbers, numbered_files
+from flowsculpt.pipeline.plugins.sequences.given_surfaces import (
+    EXACT,
+    GivenSurfaces,
+    SampleTimes,
+    looped,
+    numbers_of,
+)
+from flowsculpt.pipeline.plugins.sequences.numbered_files import (
+    in_other_format,
+    is_pattern,
+    listed_numbers,
+    numbered_files,
+)
 from flowsculpt.pipeline.plugins.sequences.surface_samples import (
     MovingSamples,
     NumberedSamples,
@@ -104,20 +118,28 @@ class MeshSequenceDocument(MovingKind):
             )
         at = np.arange(first, last + EXACT, 1.0 / known) if moving.is_continuous else moving.times
         interval = 1.0 / known if moving.is_continuous else _interval(moving.times, clock)
-        times = SampleTimes(np.asarray(at) - begins, interval, faster * self.speed, self.loop)
+        samples = MovingSamples(np.asarray(at) - begins, moving, file, begins)
+        times = SampleTimes(samples.times, interval, faster * self.speed, None, may_lack=False)
+        if self.loop and moving.is_continuous:
+            before_end = at[: max(int(np.searchsorted(at, last - EXACT)), 1)] - begins
+            times = replace(times, times=before_end, period=max(last - first, interval))
+        elif self.loop:
+            times = looped(times, samples)
         absent = _absent_time(times, clock, last) if self.missing == "refused" else None
-        return times, MovingSamples(times.times, moving, file, begins), absent
+        return times, samples, absent
 
     def _numbered(self, folder: Path, clock: Clock) -> tuple[SampleTimes, SurfaceSamples, Absent]:
         """Return the samples of numbered files, their times, and what is absent."""
         rate = self._rate or float(clock.rate.fps)
         files = numbered_files(self.sequence, folder)
         numbers = np.array(list(files))
-        step = _step(numbers)
+        step, others = _step(numbers), partial(in_other_format, self.sequence, folder)
         if step > 1 and self._rate is None:
+            between = {*range(int(numbers[0]), int(numbers[-1]))} - {*files}
             raise UsageError(
                 f"the files are numbered {numbers[0]}, {numbers[1]}, … in steps of {step}, and how long a "
                 f"step takes is not known. Write rate: {rate:g} for {rate:g} files a second, or interval."
+                f"{others(between)}"
             )
         first = clock.frames.first if self.start is None else self.start
         if not numbers[0] <= first <= numbers[-1]:
@@ -127,8 +149,9 @@ class MeshSequenceDocument(MovingKind):
                 f"Write start: {numbers[0]}, the number of the file that the first frame shows."
             )
         samples = NumberedSamples((numbers - first) / (step * rate), list(files.values()), self._part)
-        times = SampleTimes(samples.times, 1.0 / rate, self.speed, self.loop)
-        absent = _absent_files(times, numbers, clock) if self.missing == "refused" else None
+        times = SampleTimes(samples.times, 1.0 / rate, self.speed, None)
+        times = looped(times, samples) if self.loop else times
+        absent = _absent_files(times, numbers, clock, others) if self.missing == "refused" else None
         return times, samples, absent
 
 
@@ -160,8 +183,13 @@ def _absent_time(times: SampleTimes, clock: Clock, last: float) -> Absent:
     return None
 
 
-def _absent_files(times: SampleTimes, numbers: np.ndarray, clock: Clock) -> Absent:
-    """Say where frames show times at which no file is there."""
+def _absent_files(
+    times: SampleTimes, numbers: np.ndarray, clock: Clock, others: Callable[[Iterable[int]], str]
+) -> Absent:
+    """Say where frames show times at which no file is there.
+
+    others  returns a sentence about files of such numbers in other formats
+    """
     step, lacking, frames = _step(numbers), set[int](), list[int]()
     for frame in clock.frames:
         sample, share = times.place(clock.flow_time(frame))
@@ -178,7 +206,8 @@ def _absent_files(times: SampleTimes, numbers: np.ndarray, clock: Clock) -> Abse
     present = f"{clock.frames.first}-{frames[0] - 1}"
     fact = (
         f"{plural(len(lacking), 'file')} not there: {listed_numbers(lacking)}, for "
-        f"{'frame' if len(frames) == 1 else 'frames'} {listed_numbers(frames)}. "
+        f"{'frame' if len(frames) == 1 else 'frames'} {listed_numbers(frames)}."
+        f"{others(lacking)} "
     )
     if frames[0] == clock.frames.first:
         raise UsageError(f"{fact}Write a later start, or missing: hold, which shows the file before.")

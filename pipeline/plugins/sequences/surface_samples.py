@@ -151,7 +151,8 @@ def _part_words(part: ScenePart | None) -> str:
 
 @lru_cache(maxsize=KEPT)
 def _moved(samples: MovingSamples, seconds: float) -> FileSurface:
-    return samples.moving.at(samples.begins + seconds)
+    at = samples.begins + seconds
+    return _with_faces(samples.moving.at(at), f"{samples.file.path}: at {at:.6g} s")
 
 
 def joint(files: Files) -> str:
@@ -169,10 +170,15 @@ def _read(model: ModelFile, digest: str) -> FileSurface:
         raise MissingInputError(
             f"{model.path}: it was changed since the work was planned; run again once it is written"
         )
+    return _with_faces(surface, str(model.path))
+
+
+def _with_faces(surface: FileSurface, place: str) -> FileSurface:
+    """Return a surface. Raises MeshError, with its place, where it has no faces."""
     if not len(surface.corners):
         more = "".join(f"; {note}" for note in surface.notes)
         raise MeshError(
-            f"{model.path}: it has no faces, so its frame shows nothing{more}. Leave the frame out of the "
+            f"{place}: it has no faces, so its frame shows nothing{more}. Leave the frame out of the "
             "shot's frames, or export it again."
         )
     return surface

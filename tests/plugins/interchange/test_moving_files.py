@@ -199,6 +199,9 @@ def alembic_mesh(
         if "velocity" in more:
             velocities = np.tile(np.array(more["velocity"], np.float32), (len(points), 1))
             sample.setVelocities(imath.V3fArrayFromBuffer(velocities))
+        if "normals" in more:
+            normals = imath.V3fArrayFromBuffer(np.ascontiguousarray(more["normals"][k], np.float32))
+            sample.setNormals(AbcGeom.ON3fGeomParamSample(normals, AbcGeom.GeometryScope.kVertexScope))
         schema.set(sample)
 
 
@@ -215,7 +218,9 @@ def test_meshes_of_an_archive_are_joined_mirrored_and_taken_between_samples_of_o
     flip = AbcGeom.XformSample()
     flip.setScale(imath.V3d(-1, 1, 1))
     xform.getSchema().set(flip)
-    alembic_mesh(xform, "slow", 1.0, [BOX.vertices, BOX.vertices + 4 * RISE], velocity=(1, 4, 0))
+    leaning = [BOX.vertices, BOX.vertices + RISE]
+    slow = [BOX.vertices, BOX.vertices + 4 * RISE]
+    alembic_mesh(xform, "slow", 1.0, slow, velocity=(1, 4, 0), normals=leaning)
     del made, xform
     moving = ModelFile(tmp_path / "a.abc").motion()
     assert moving.times.tolist() == [1.0, 1.5, 2.0]
@@ -224,6 +229,12 @@ def test_meshes_of_an_archive_are_joined_mirrored_and_taken_between_samples_of_o
     assert surface.points[:8] == pytest.approx(BOX.vertices + RISE)
     assert surface.points[8:] == pytest.approx(BOX.vertices * [-1, 1, 1] + 2 * RISE)
     assert volume(surface) == pytest.approx(16.0), "a mirror turns the faces over"
+    assert surface.normals is not None and not surface.normals[:8].any(), "a mesh without normals"
+    between = (BOX.vertices + 0.5 * RISE) * [-1, 1, 1]
+    ours, theirs = (
+        values / np.linalg.norm(values, axis=1)[:, None] for values in (surface.normals[8:], between)
+    )
+    assert ours == pytest.approx(theirs)
     assert moving.at(2.0).points[0] == pytest.approx(BOX.vertices[0] + 2 * RISE)
     assert np.array_equal(ModelFile(tmp_path / "a.abc").surface().mesh.vertices.min(0), [-1, -1, -1])
     moving.close()

@@ -55,11 +55,15 @@ def away(points: np.ndarray, mesh: TriangleMesh) -> float:
     return float(np.linalg.norm(a + shares[:, :1] * (b - a) + shares[:, 1:] * (c - a) - points, axis=1).max())
 
 
+def sides_of(mesh: TriangleMesh) -> np.ndarray:
+    corners = mesh.vertices[mesh.faces]
+    return np.asarray(np.roll(corners, 1, axis=1) - corners)
+
+
 def apart(faces: np.ndarray, points: np.ndarray, file: TriangleMesh) -> float:
     """Return the largest distance of a mesh and a file's surface, both ways, in median edges of the file."""
     ours = TriangleMesh(points, faces)
-    sides = file.vertices[file.faces]
-    edge = np.median(np.linalg.norm(np.roll(sides, 1, axis=1) - sides, axis=2))
+    edge = np.median(np.linalg.norm(sides_of(file), axis=2))
     both = [(ours, file), (file, ours)]
     return max(away(one.scattered(4000, 3)[0], other) for one, other in both) / float(edge)
 
@@ -96,6 +100,21 @@ def test_one_mesh_stays_on_a_ball_that_turns_stretches_and_is_meshed_again(
     lengths = np.linalg.norm(points[8][faces] - np.roll(points[8][faces], 1, axis=1), axis=2)
     assert len(points[1]) > len(files[1].vertices), "it is refined where it stretches"
     assert np.quantile(lengths, 0.99) < 3 * np.median(lengths)
+
+
+@pytest.mark.slow
+def test_one_mesh_follows_a_ball_that_is_drawn_out_and_meshed_finer(tmp_path: Path) -> None:
+    def drawn_out(points: np.ndarray, frame: float) -> np.ndarray:
+        long = 1.0 + frame
+        return points * [long, long**-0.5, long**-0.5]
+
+    files = {n: write(tmp_path, n, icosphere(4 + 8 * n), drawn_out) for n in range(3)}
+    faces, points = carried(tmp_path, "0-2", carry_from=0)
+    for number, file in files.items():
+        assert apart(faces, points[number], file) < 0.25
+    sides = points[2][faces] - np.roll(points[2][faces], 1, axis=1)
+    ours, theirs = (np.quantile(np.linalg.norm(each, axis=-1), 0.99) for each in (sides, sides_of(files[2])))
+    assert ours < 2.0 * theirs
 
 
 def test_material_stays_where_velocities_carry_it(balls: tuple[Path, dict[int, TriangleMesh]]) -> None:
@@ -185,7 +204,8 @@ def test_a_surface_that_the_velocities_do_not_lead_to_is_refused_with_frame_and_
         write(tmp_path, number, turned_ball(number), lambda p, n: p + 3.0 * (round(n) == 5))
     code, said = commanded(tmp_path, "export", "abc", str(shot(tmp_path, "1-5")), "--carry-from", "2")
     assert code == 1
-    assert "frame 5: the mesh of frame 2, carried here, is" in said and "-f 1-4" in said
+    assert "frame 5: the mesh of frame 2, carried here, is" in said
+    assert "Choose -f 1-4 --carry-from 2, another frame's mesh" in said, "with the mesh that is near there"
     assert not list((tmp_path / "renders").rglob("*.abc"))
 
 

@@ -15,6 +15,7 @@ from flowsculpt.pipeline.errors import FlowsculptError, FrameError
 from flowsculpt.pipeline.mesh import TriangleMesh, icosphere
 from flowsculpt.pipeline.mesh.normals import trusted_normals
 from flowsculpt.pipeline.production.request.manifest import mesh_keys
+from flowsculpt.pipeline.production.request.shading import Shading
 from flowsculpt.pipeline.shot import Shot, read_shot
 from tests.mesh_files import write_ply
 from tests.needed_plugins import needs_plugins
@@ -118,6 +119,47 @@ def test_normals_of_files_shade_faces_that_change_except_where_a_vertex_has_seve
     assert (given[0], given[1:].min()) == pytest.approx((0.0, 1.0)), "corners that differ have no one normal"
 
 
+@pytest.mark.parametrize("flows", ["", "flows: [{rotation: {axis: y, speed: 137.50987}}]\n"])
+def test_normals_of_files_shade_faces_that_stay_and_flows_turn_them(tmp_path: Path, flows: str) -> None:
+    def turned(directions: np.ndarray, frame: float) -> np.ndarray:
+        return place(directions, frame) - place(np.zeros(3), frame)
+
+    slanted = BALL.vertices + np.array([0.2, 0.0, 0.0])
+    slanted /= np.linalg.norm(slanted, axis=1, keepdims=True)
+    for number in (1, 2):
+        normals = turned(slanted, number)
+        normals[0] = 0.0
+        write_ball(tmp_path, number, **dict(zip(("nx", "ny", "nz"), normals.T, strict=True)))
+    shot = read(tmp_path, "ball_####.ply, rate: 12, rotate: [90, 0, 0], scale: 5", flows, frames="1-3")
+    for frame in animate(shot):
+        step = 0.5 * (frame.number - 1)
+        x, y, z = turned(slanted, 1.0 + step).T
+        expected = np.column_stack([x, -z, y])
+        if flows:
+            expected = turned(expected, 1.0 + 2.0 * step)
+        found = frame.mesh.attributes["normal"]
+        assert found[1:] == pytest.approx(expected[1:], abs=2e-3 if step == 0.5 else 1e-6)
+        assert not found[0].any(), "the triangles decide where a file has no normal"
+
+
+def test_creases_of_faces_that_stay_are_those_of_the_first_frame(tmp_path: Path) -> None:
+    fold = np.array(
+        [[0, 0, 0], [0, 0, 1], [1, 0, 0], [-1, 0, 0], [3, 0, 0], [3, 0, 1], [3, 1, 0], [2, 0, 0]], float
+    )
+    faces = [[0, 1, 2], [1, 0, 3], [4, 5, 6], [5, 4, 7]]  # flat at first, and hard at first
+    for number in (1, 2, 3):
+        points = fold.copy()
+        points[3, 1], points[6, 1] = 0.5 * (number - 1), 1.5 - 0.5 * number
+        write_ply(TriangleMesh(points, faces), tmp_path / f"fold.{number}.ply")
+    shot = read(tmp_path, "fold.#.ply", frames="1-3")
+    for frame in animate(shot):
+        shading = Shading.of(frame, shot.motion.thresholds_at(frame.number), 1)
+        assert shading.split is not None and len(shading.split.vertices) == 8 + 2
+        assert not {0, 1} & {*shading.split.source_vertex[8:].tolist()}, (
+            "an edge that is bent later stays smooth"
+        )
+
+
 def test_vertices_follow_lines_or_curves_between_files(folder: Path) -> None:
     def error(between: str) -> float:
         shot = read(folder, f"cache/ball_####.ply, rate: 12, between: {between}", frames="1-9")
@@ -148,6 +190,32 @@ def test_a_loop_begins_again_after_the_last_file(folder: Path) -> None:
     frames = list(animate(read(folder, "cache/ball_####.ply, loop: true", frames="1-14")))
     np.testing.assert_array_equal(frames[6].mesh.vertices, frames[0].mesh.vertices)
     np.testing.assert_array_equal(frames[13].mesh.vertices, frames[1].mesh.vertices)
+
+
+def test_a_loop_that_ends_as_it_begins_does_not_show_that_twice(folder: Path) -> None:
+    write_ball(folder / "cache", 5, at=1)
+    frames = list(
+        animate(read(folder, "cache/ball_####.ply, start: 1, loop: true, faces: fixed", frames="1-6"))
+    )
+    assert frames[5].mesh.vertices == pytest.approx(place(BALL.vertices, 6)), "six files differ"
+    (folder / "cache/ball_0006.ply").unlink()
+    frames = list(animate(read(folder, "cache/ball_####.ply, loop: true", frames="1-9")))
+    for number, shown in [(5, 1), (6, 2), (9, 1)]:
+        assert frames[number - 1].mesh.vertices == pytest.approx(place(BALL.vertices, shown))
+
+
+@needs_plugins("interchange")
+def test_a_loop_of_an_animation_is_as_long_as_its_keys_say(tmp_path: Path) -> None:
+    from tests.plugins.interchange.gltf_scenes import box_scene
+    from tests.plugins.interchange.test_gltf_motion import animate as animate_node
+
+    scene = box_scene(BALL)
+    animate_node(scene, 0, "translation", [0, 0.25, 0.5], [[0, 0, 0], [1, 0, 0], [0, 0, 0]])
+    scene.glb(tmp_path / "a.glb")
+    shot = read(tmp_path, "a.glb, loop: true", frames="1-26")
+    at = [float(frame.mesh.vertices[:, 0].mean()) for frame in animate(shot)]
+    assert at[:13] == pytest.approx([1 - abs(1 - n / 6) for n in range(13)])
+    assert at[12:25] == pytest.approx(at[:13]), "the first key follows 0.5 s after it"
 
 
 def test_a_shot_that_runs_backwards_shows_the_files_backwards(folder: Path) -> None:
@@ -316,6 +384,21 @@ def test_files_in_steps_need_a_rate(tmp_path: Path) -> None:
     np.testing.assert_allclose(frames[2].mesh.vertices, place(BALL.vertices, 3), atol=1e-14)
 
 
+def test_a_file_in_another_format_than_the_others_is_named(tmp_path: Path) -> None:
+    for number in (1, 3, 4, 5):
+        write_ball(tmp_path, number)
+    (tmp_path / "ball_0002.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    (tmp_path / "ball_0002.mtl").write_text("")
+    said = told(tmp_path, "ball_####.ply", frames="1-5")
+    assert (
+        "1 file not there: 2, for frame 2. ball_0002.obj is in another format; write all files in one."
+        in said
+    )
+    for number in (4, 5):
+        (tmp_path / f"ball_{number:04d}.ply").unlink()
+    assert "ball_0002.obj is in another format" in told(tmp_path, "ball_####.ply", frames="1-3")
+
+
 def test_a_subject_fitted_and_turned_keeps_its_motion(folder: Path) -> None:
     plain, placed = (
         list(animate(read(folder, f"cache/ball_####.ply{more}")))
@@ -374,6 +457,21 @@ def test_an_animation_in_one_file_is_shown_at_its_own_times(folder: Path) -> Non
     assert "is over. Write frames: 1-6, missing: hold, or loop: true." in told(folder, subject, frames="1-8")
     held = list(animate(read(folder, f"{subject}, missing: hold", frames="1-8")))
     np.testing.assert_array_equal(held[7].mesh.vertices, held[5].mesh.vertices)
+
+
+@needs_plugins("interchange")
+def test_an_animation_whose_samples_are_not_evenly_spaced_goes_on_between_them(folder: Path) -> None:
+    rise, times = np.array([0.0, 0.24, 0.0]), np.array([0.0, 1.0, 2.0, 2.5, 4.0, 5.5]) / 24.0
+    samples = np.array([BALL.vertices + 24.0 * time * rise for time in times], ">f4")
+    header = struct.pack(">ii", len(times), len(BALL.vertices)) + times.astype(">f4").tobytes()
+    (folder / "ball.mdd").write_bytes(header + samples.tobytes())
+    for faces in ("fixed", "changing"):
+        shot = read(folder, f"ball.mdd, mesh: cache/ball_0001.ply, faces: {faces}", frames="1-6")
+        for frame in animate(shot):
+            risen = BALL.vertices + (frame.number - 1) * rise
+            np.testing.assert_allclose(frame.mesh.vertices, risen, atol=1e-6)
+            velocity = frame.mesh.attributes["velocity"]
+            np.testing.assert_allclose(velocity, np.broadcast_to(24.0 * rise, velocity.shape), atol=2e-3)
 
 
 @needs_plugins("interchange")
