@@ -8,11 +8,7 @@ from flowsculpt.pipeline.animation.frame import (
     mesh_at_subframe,
     moved_to_subframe,
 )
-from flowsculpt.pipeline.animation.loop import (
-    FrameProgress,
-    FrameProgressCallback,
-    animate,
-)
+from flowsculpt.pipeline.animation.loop import FrameProgress, FrameProgressCallback, animate
 
 __all__ = [
     "FrameProgress",

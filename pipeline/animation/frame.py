@@ -150,11 +150,7 @@ class MeshFrame:
         the same surface at another number.
         """
         mesh, polygons = self.own, self.polygons
-        arrays: dict[str, AnyArray] = {
-            "vertices": mesh.vertices,
-            "faces": mesh.faces,
-            **mesh.tagged_edges,
-        }
+        arrays: dict[str, AnyArray] = {"vertices": mesh.vertices, "faces": mesh.faces, **mesh.tagged_edges}
         if polygons is not None:
             arrays |= {"offsets": polygons.offsets, "corners": polygons.corners}
         if self.births is not None:

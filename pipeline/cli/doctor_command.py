@@ -33,8 +33,7 @@ PACKAGES = ("numba", "mitsuba", "pyoidn", "OpenImageIO", "av", "snakemake")
 def doctor(
     common: Common,
     prepare: Annotated[
-        bool,
-        typer.Option("--prepare", help="Finish the installation: libLLVM, three.js, compiled kernels."),
+        bool, typer.Option("--prepare", help="Finish the installation: libLLVM, three.js, compiled kernels.")
     ] = False,
     background: Annotated[
         bool,

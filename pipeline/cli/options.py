@@ -120,10 +120,7 @@ _SHARED: dict[str, tuple[tuple[str, ...], dict[str, Any]]] = {
     ),
     "variant": (
         ("--variant",),
-        {
-            "metavar": "|".join(VARIANTS),
-            "help": "Mitsuba variant. Default: the first that works.",
-        },
+        {"metavar": "|".join(VARIANTS), "help": "Mitsuba variant. Default: the first that works."},
     ),
 }
 """Words and settings of options by name."""
@@ -324,9 +321,7 @@ class CommonOptions:
     store_read_only: Annotated[
         bool,
         _common(
-            "--store-read-only",
-            envvar=READ_ONLY,
-            help="Take what the store has, and write nothing to it.",
+            "--store-read-only", envvar=READ_ONLY, help="Take what the store has, and write nothing to it."
         ),
     ] = False
     profile: Annotated[

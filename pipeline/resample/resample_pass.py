@@ -25,11 +25,7 @@ from flowsculpt.pipeline.arrays import Faces, Indices, Points
 from flowsculpt.pipeline.errors import FlowsculptError, FrameError, VertexBudgetError
 from flowsculpt.pipeline.long_computations import Progress, interruptible
 from flowsculpt.pipeline.mesh.halfedge_mesh import WORTH_SHARING, HalfedgeMesh
-from flowsculpt.pipeline.resample.kernels.collapse import (
-    REASONS,
-    TOO_LONG,
-    collapse_and_flip,
-)
+from flowsculpt.pipeline.resample.kernels.collapse import REASONS, TOO_LONG, collapse_and_flip
 from flowsculpt.pipeline.resample.kernels.edge_scans import (
     BLOCK,
     CHUNK,

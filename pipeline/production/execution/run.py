@@ -308,11 +308,7 @@ class _Rounds:
         EventLog(log).write("run", time=round(clock.began, 3), cores=cores, **where)
         try:
             running = snakemake.running(plan, self.root, cores, self.profile)  # before any thread is started
-            with (
-                running as process,
-                self.watch(plan, EventReader(log)),
-                watched(log, self.patience),
-            ):
+            with running as process, self.watch(plan, EventReader(log)), watched(log, self.patience):
                 well = process.wait() == 0
         finally:
             EventLog(log).write("ran", cpu=round(cpu_seconds() - clock.cpu_before, 3))

@@ -197,11 +197,7 @@ def _axes(azimuth: float, elevation: float) -> Floats:
     sin_a, cos_a = np.sin(azimuth), np.cos(azimuth)
     sin_e, cos_e = np.sin(elevation), np.cos(elevation)
     return np.array(
-        [
-            [cos_a, 0.0, -sin_a],
-            [-sin_e * sin_a, cos_e, -sin_e * cos_a],
-            [cos_e * sin_a, sin_e, cos_e * cos_a],
-        ]
+        [[cos_a, 0.0, -sin_a], [-sin_e * sin_a, cos_e, -sin_e * cos_a], [cos_e * sin_a, sin_e, cos_e * cos_a]]
     )
 
 

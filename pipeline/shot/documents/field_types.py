@@ -382,8 +382,6 @@ def no_bare_colour(entry: str, beginning: str) -> BeforeValidator:
 ColourParts = Annotated[list[ZeroToOne], Field(min_length=3, max_length=3)]
 
 Colour = Annotated[
-    ColourParts,
-    BeforeValidator(parsed_colour),
-    SchemaKeywords(type=["array", "string"], pattern=HEX_PATTERN),
+    ColourParts, BeforeValidator(parsed_colour), SchemaKeywords(type=["array", "string"], pattern=HEX_PATTERN)
 ]
 """Three numbers, linear Rec.709, or a text of sRGB; validated it is three numbers."""

@@ -11,12 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
-from pydantic import (
-    ConfigDict,
-    Field,
-    create_model,
-    model_validator,
-)
+from pydantic import ConfigDict, Field, create_model, model_validator
 
 from flowsculpt.pipeline.errors import UsageError, suggest
 from flowsculpt.pipeline.plugin import Plugin, plugins
