@@ -174,7 +174,7 @@ class _FromSeeds(MovingKind):
 
     @classmethod
     def word(cls) -> str:
-        return next(iter(cls.__annotations__))
+        return next(name for name in cls.model_fields if name.endswith(("_surface", "_lines")))
 
     @abstractmethod
     def maker(self, seeds: Seeds) -> Maker:

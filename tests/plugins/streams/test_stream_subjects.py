@@ -156,3 +156,9 @@ def test_a_region_without_seeds_is_refused() -> None:
 def test_settings_of_files_are_refused(setting: str) -> None:
     with pytest.raises(ShotError, match="is for models from files"):
         shot(f"path_surface: {LINE}, {RISING}, {setting}")
+
+
+def test_lines_stand_beside_other_subjects(tmp_path: Path) -> None:
+    text = "title: Two\nframes: 1-2\nsubjects:\n  flow: {path_lines: {line: [[-1, 0, 0], [1, 0, 0]]}, velocity: [{abc: {}}]}\n"
+    shot = read_shot(tmp_path / "a.yaml", text + "  ball: {solid: icosphere, place: [3, 0, 0]}\n")
+    assert [part.motion.animated is not None for part in shot.parts] == [True, False]
