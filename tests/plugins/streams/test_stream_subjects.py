@@ -159,6 +159,8 @@ def test_settings_of_files_are_refused(setting: str) -> None:
 
 
 def test_lines_stand_beside_other_subjects(tmp_path: Path) -> None:
-    text = "title: Two\nframes: 1-2\nsubjects:\n  flow: {path_lines: {line: [[-1, 0, 0], [1, 0, 0]]}, velocity: [{abc: {}}]}\n"
-    shot = read_shot(tmp_path / "a.yaml", text + "  ball: {solid: icosphere, place: [3, 0, 0]}\n")
+    lines = "{path_lines: {line: [[-1, 0, 0], [1, 0, 0]]}, velocity: [{abc: {}}]}"
+    ball = "{solid: icosphere, place: [3, 0, 0], resample: off}"
+    text = f"title: Two\nframes: 1-2\nsubjects:\n  flow: {lines}\n  ball: {ball}\n"
+    shot = read_shot(tmp_path / "a.yaml", text)
     assert [part.motion.animated is not None for part in shot.parts] == [True, False]
