@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,8 @@ from flowsculpt.api.flows import Sampled
 from flowsculpt.api.frames import Show
 from flowsculpt.api.meshes import Floats
 from flowsculpt.api.shots import PRESETS, Shot, read_shot, to_yaml
+from flowsculpt.pipeline.plugins.authoring.land_pictures import around_globe, land_at, over_plate, write_land
+from flowsculpt.pipeline.plugins.authoring.new_files import Content
 from flowsculpt.pipeline.plugins.authoring.shot_templates import FIT, choice, title_of
 
 SECONDS = 10.0
@@ -33,6 +36,7 @@ _REACH = 0.3  # of streamlines at the speed of the end of the palette, in sizes 
 _ROWS = 16  # of seeds, across a plane of the data
 _TURNS = 40  # of seeds, on a globe: nearer than seeds on a turn, since most flows go around
 _LINES = {True: 1000, False: 480}  # on a globe, and across a plane
+_PLATE = 1.1  # sides of the plate behind data of one level, over theirs
 _BRIGHT = 98.0  # per cent of the speeds that are below the end of the palette
 
 SHOT = """\
@@ -85,8 +89,8 @@ class _Seen:
         return float((self.high - self.low).max())
 
 
-def shot_of_data(data: Path, name: str) -> tuple[str, list[str]]:
-    """Return the text of a new shot of a file of velocities, and lines to tell about it.
+def shot_of_data(data: Path, name: str) -> tuple[str, dict[Path, Content], list[str]]:
+    """Return the text of a new shot of a file of velocities, files beside it, and lines to tell about it.
 
     Raises UsageError where nothing moves in it, and what `read_shot` raises where it cannot be read.
     """
@@ -97,24 +101,28 @@ def shot_of_data(data: Path, name: str) -> tuple[str, list[str]]:
     field = _field(shot)
     seen = _look(field, data, is_globe="map" in settings)
     pace, settings = _paced(field, seen, settings)
+    land, picture = _land(field, seen), f"{name}_land.png"
 
-    def text_with(named: str) -> str:
+    def text_with(named: str, land_file: str = "") -> str:
         legend: dict[str, object] = {"colours": {"place": "lower right"}}
         if seen.is_dated:
             legend["clock"] = {"place": "upper right"}
         return SHOT.format(
             title=title_of(name),
             frames=round(24.0 * SECONDS),
-            about=f"# flowsculpt data {data.name} lists what the file holds.",
-            subject=_subject(seen, _lines(field, seen, pace, {"file": named, **settings})),
+            about=f"# flowsculpt data {data.name} lists variables; values: {{variable: NAME}} shows one.",
+            subject=_subject(seen, _lines(field, seen, pace, {"file": named, **settings}), land_file),
             range=to_yaml([0, _rounded(seen.fastest * _in_data(field, pace))]),
             camera=to_yaml(_camera(seen)),
-            lights=choice(PRESETS["lights"], "porcelain"),
+            lights=choice(PRESETS["lights"], "studio"),
             legend=to_yaml(legend),
         )
 
     shot = read_shot(Path(f"{name}.yaml"), text_with(str(data.absolute())))  # shots/ may not be there yet
-    return text_with(reference), [f"{data} stays where it is; the shot names it {reference}", *shot.notes]
+    remarks = [f"{data} stays where it is; the shot names it {reference}", *shot.notes]
+    if land is None:
+        return text_with(reference), {}, remarks
+    return text_with(reference, picture), {Show().folder / picture: partial(write_land, land)}, remarks
 
 
 def _paced(field: Sampled, seen: _Seen, settings: dict[str, object]) -> tuple[float, dict[str, object]]:
@@ -139,24 +147,40 @@ def _lines(field: Sampled, seen: _Seen, pace: float, sampled: dict[str, object])
     subject: dict[str, object] = {"stream_lines" if seen.seconds else "path_lines": seeds}
     subject |= {"count": _LINES[seen.is_globe], "radius": _rounded(seen.size / 380.0)}
     subject |= {"length": _rounded(_REACH * seen.size / (seen.fastest * pace))} if seen.seconds else {}
-    subject |= {"max_edge_length": _rounded(seen.size / 50.0), "values": "speed"}
+    subject |= {"max_edge_length": _rounded(seen.size / 50.0), "values": "speed", "taper": 0.3}
     return {**subject, "velocity": [{"sampled": sampled}]}
 
 
-def _subject(seen: _Seen, lines: dict[str, object]) -> str:
+def _subject(seen: _Seen, lines: dict[str, object], land_file: str) -> str:
     """Return the lines of the shot file that say what is shown: data of one level lie on something."""
     if seen.flat is None and not seen.is_globe:
         return f"subject: {to_yaml(lines)}"
-    return f"subjects:\n  flow: {to_yaml(lines)}\n  base: {to_yaml(_base(seen))}"
+    return f"subjects:\n  flow: {to_yaml(lines)}\n  base: {to_yaml(_base(seen, land_file))}"
 
 
-def _base(seen: _Seen) -> dict[str, object]:
+def _land(field: Sampled, seen: _Seen) -> np.ndarray | None:
+    """Return a picture of where nothing moves on a globe or a plate; None where there is no such place."""
+    if seen.is_globe:
+        return land_at(field, around_globe(0.5 * seen.size))
+    if seen.flat != 2:
+        return None
+    points = over_plate(0.5 * (seen.low + seen.high), _PLATE * (seen.high - seen.low))
+    return land_at(field, points, ((points >= seen.low) & (points <= seen.high)).all(axis=-1))
+
+
+def _base(seen: _Seen, land_file: str) -> dict[str, object]:
     """Return the dark subject on which lines lie: a globe, or a plate behind data of one level."""
-    look = {"material": "clay", "colour": [0.03, 0.033, 0.04]}
+    look: dict[str, object] = {"material": "clay", "colour": land_file or [0.03, 0.033, 0.04]}
+    if land_file:
+        look["projection"] = {"kind": "spherical"}
+    if land_file and not seen.is_globe:
+        middle, wide = 0.5 * (seen.low + seen.high), _PLATE * (seen.high - seen.low)[0]
+        centre = [_rounded(x) for x in middle]
+        look["projection"] = {"kind": "planar", "axis": "z", "scale": _rounded(wide), "centre": centre}
     if seen.is_globe:
         return {"solid": "icosphere", "radius": _rounded(0.4975 * seen.size), "resample": "off", "look": look}
     thin = 0.02 * seen.size
-    sides = np.where(np.arange(3) == seen.flat, thin, 1.1 * (seen.high - seen.low))
+    sides = np.where(np.arange(3) == seen.flat, thin, _PLATE * (seen.high - seen.low))
     place = 0.5 * (seen.low + seen.high) - (0.5 * thin + seen.size / 300.0) * np.eye(3)[seen.flat or 0]
     placed = {"size": [_rounded(x) for x in sides], "place": [_rounded(x) for x in place]}
     return {"solid": "box", **placed, "resample": "off", "look": look}

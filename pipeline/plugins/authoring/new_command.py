@@ -236,10 +236,10 @@ def _of_files(sequence: str | None, data: Path | None, name: str, alone: bool) -
         option = "--sequence" if data is None else "--data"
         raise UsageError(f"{option} shows files as they are; leave the other options out")
     if data is not None:
-        text, remarks = shot_of_data(data, name)
+        text, beside, remarks = shot_of_data(data, name)
     else:
-        text, remarks = shot_of_sequence(str(sequence), name)
-    return _NewShot(without_shared(text, defaults_of(Show().folder)), remarks=remarks)
+        (text, remarks), beside = shot_of_sequence(str(sequence), name), {}
+    return _NewShot(without_shared(text, defaults_of(Show().folder)), beside, remarks)
 
 
 def _of_model(model: Path, source: str, name: str) -> _NewShot:

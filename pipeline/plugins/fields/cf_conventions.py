@@ -120,6 +120,9 @@ def is_degrees(units: str) -> bool:
     return _DEGREES.fullmatch(units) is not None
 
 
+_YEAR_ZERO = re.compile(r"\s*0+(?=-)")
+
+
 @dataclass(frozen=True)
 class TimeUnits:
     """The units of a time axis.
@@ -128,7 +131,7 @@ class TimeUnits:
     since     the date at 0 as the file writes it; empty where there is none
     calendar  by its name in CF
     units     as the file writes them
-    is_of_any_year  True if values are means over years (§7.4)
+    is_of_any_year  True if values are means over years (§7.4), also where their year is 0 (COARDS)
     """
 
     seconds: float
@@ -143,6 +146,8 @@ class TimeUnits:
         units, calendar = text(attributes, "units"), text(attributes, "calendar").lower() or "standard"
         unit, _, since = units.partition(" since ")
         is_of_any_year = "climatology" in attributes
+        if _YEAR_ZERO.match(since):  # as COARDS marks means over years; year 0 is in no calendar
+            since, is_of_any_year = _YEAR_ZERO.sub("2001", since, count=1), True
         name = unit.strip().lower()
         if re.fullmatch(r"months?|years?|common_years?|mon|yr", name):
             length = {"360_day": (30, 360), "noleap": (None, 365), "365_day": (None, 365)}.get(calendar)

@@ -14,6 +14,7 @@ from flowsculpt.pipeline.plugins.fields.stored_arrays import opened_together
 
 SHOWN = {
     "degc": "°C",
+    "deg c": "°C",
     "deg_c": "°C",
     "celsius": "°C",
     "degree_celsius": "°C",
@@ -78,5 +79,6 @@ class CFNumbers(CFSource):
 def name_and_unit(name: str, attributes: Mapping[str, Any]) -> tuple[str, str]:
     """Return what readers call a variable, and its unit as they know it."""
     called = text(attributes, "long_name") or text(attributes, "standard_name").replace("_", " ") or name
+    called = called.lower() if called.isupper() and " " in called else called
     unit = text(attributes, "units")
     return called, SHOWN.get(unit.lower(), unit)

@@ -182,8 +182,20 @@ def _velocity_lines(facts: dict[str, Any]) -> list[str]:
         lines.append(f"{name}: {extent['axis']}, {span}, {extent['nodes']} nodes")
     if times := facts["times"]:
         dates = f", {times['first']} to {times['last']} ({times['calendar']})" if times["first"] else ""
+        if times["first"].startswith("-"):
+            first, last = (times[end][2:7] for end in ("first", "last"))
+            dates = f", {first} to {last} of any year: they are means over years"
         each = f", {duration_words(times['interval'])} apart" if times["interval"] else ""
         lines.append(f"times: {times['count']}{each}{dates}")
     lines += [f"speed: {facts['speed']:.3g} m/s at the first time (median)"] if "speed" in facts else []
     lines += [f"missing: {share:.1%} of {name}" for name, share in facts["missing"].items() if share]
-    return [*lines, *facts["notes"], f"in a shot: {facts['shot']}"]
+    lines += [*facts["notes"], f"in a shot: {facts['shot']}"]
+    return [*lines, *([f"by its colours: values: {{variable: {shown}}}"] if (shown := _shown(facts)) else [])]
+
+
+def _shown(facts: dict[str, Any]) -> str:
+    """Return a variable that colours may show: on the axes of the velocities; empty where there is none."""
+    axes = {each["name"]: each["dimensions"].keys() for each in facts["variables"]}
+    moving = [axes[name] for name in facts["velocity"].values() if name in axes]
+    others = [name for name in axes if name not in facts["velocity"].values() and axes[name] in moving]
+    return others[0] if others else ""

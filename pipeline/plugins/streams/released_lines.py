@@ -34,8 +34,11 @@ class ReleasedLines(ABC):
     longest  distance of two neighbours on a line, units
     radius   of the tubes, units
     flatten  thickness of a tube over its width, which lies across the line and along the seeds
+    taper    width of a tube where its points come from, over that where they go
     length   seconds that points of a streak travel
     """
+
+    _source = 0  # the row of points that come last along the flow
 
     def __init__(
         self,
@@ -46,6 +49,7 @@ class ReleasedLines(ABC):
         longest: float,
         radius: float,
         flatten: float = 1.0,
+        taper: float = 1.0,
         length: float = math.inf,
     ) -> None:
         self.along = np.linspace(0.0, seeds.length, count + seeds.is_closed)[:count]
@@ -54,7 +58,8 @@ class ReleasedLines(ABC):
         ahead = seeds.points(np.minimum(self.along + 1e-4 * seeds.length, seeds.length))
         behind = seeds.points(np.maximum(self.along - 1e-4 * seeds.length, 0.0))
         self._across = ahead - behind
-        self._longest, self._radius, self._flatten, self._length = longest, radius, flatten, length
+        self._longest, self._length = longest, length
+        self._radius, self._flatten, self._taper = radius, flatten, taper
         speed = np.linalg.norm(flow.field.velocity(self._seeds, begin), axis=1).mean()
         self._second = float(speed) or 1.0
         self._times, self._points = [0.0], self._seeds[None]
@@ -76,7 +81,9 @@ class ReleasedLines(ABC):
     def mesh(self) -> TriangleMesh:
         """The tubes, with the attribute `material`: length along the seeds, 0, and time."""
         times = self._second * np.array(self._times)
-        mesh, rows = tubes(self._points, self._across, self._radius, self._flatten)
+        ages = np.abs(np.array(self._times) - self._times[self._source])
+        widths = self._taper + (1.0 - self._taper) * ages / (ages.max() or 1.0)
+        mesh, rows = tubes(self._points, self._across, self._radius * widths, self._flatten)
         self._rows = rows
         line = np.arange(len(rows)) // (len(rows) // len(self.along))
         material = np.column_stack([self.along[line], np.zeros(len(rows)), times[rows]])
@@ -123,6 +130,8 @@ class ReleasedLines(ABC):
 
 class StreakLines(ReleasedLines):
     """All points that the seeds have released so far, each line from the oldest to the newest."""
+
+    _source = -1
 
     def _moving(self, travel: Travel) -> Floats:
         return self._points.reshape(-1, 3)
@@ -206,25 +215,28 @@ class PathLines(ReleasedLines):
         return found
 
 
-def tubes(centres: Floats, across: Floats, radius: float, flatten: float) -> tuple[TriangleMesh, np.ndarray]:
+def tubes(centres: Floats, across: Floats, radii: Floats, flatten: float) -> tuple[TriangleMesh, np.ndarray]:
     """Return tubes about lines, with round ends, and the row (V,) of `centres` that each vertex belongs to.
 
     centres  (T, L, 3), two rows or more
     across   (L, 3) along which a tube is wide where it begins; it is carried along the line without a twist
+    radii    (T,) half the width at each row
     flatten  thickness over width
 
     Lines shorter than a tube is wide are as thin as they are short, so those that stand still do not show.
     """
     rows, lines, _ = centres.shape
     length = np.linalg.norm(np.diff(centres, axis=0), axis=2).sum(axis=0)
-    thin = np.clip(length / (2.0 * radius), _THINNEST, 1.0)[None, :, None]
+    thin = np.clip(length / (2.0 * radii.max()), _THINNEST, 1.0)[None, :, None]
     ahead = unit_rows(np.gradient(centres, axis=0))
     wide = _carried(ahead, across)
     thick = np.cross(ahead, wide)
     rings = np.concatenate([np.zeros(len(_CAP), int), np.arange(rows), np.full(len(_CAP), rows - 1)])
     latitude = np.concatenate([_CAP, np.zeros(rows), _CAP[::-1]])
-    shift = radius * flatten * np.sin(latitude) * np.repeat([-1.0, 0.0, 1.0], [len(_CAP), rows, len(_CAP)])
-    size = radius * np.cos(latitude)
+    shift = (
+        radii[rings] * flatten * np.sin(latitude) * np.repeat([-1.0, 0.0, 1.0], [len(_CAP), rows, len(_CAP)])
+    )
+    size = radii[rings] * np.cos(latitude)
     middles = centres[rings] + shift[:, None, None] * thin * ahead[rings]
     angle = 2.0 * np.pi * np.arange(SIDES) / SIDES
     cosines, sines = np.cos(angle)[:, None], flatten * np.sin(angle)[:, None]

@@ -286,6 +286,9 @@ class _Lines(_FromSeeds):
     flatten: Annotated[float, Field(gt=0, le=1)] = Field(
         1.0, description="thickness over width: 1 is a round tube, 0.1 a ribbon along the seeds"
     )
+    taper: Annotated[float, Field(gt=0, le=1)] = Field(
+        1.0, description="width where points come from over that where they go: 0.2 shows the direction"
+    )
 
     def maker(self, seeds: Seeds) -> Maker:
         return partial(
@@ -295,6 +298,7 @@ class _Lines(_FromSeeds):
             longest=self.longest(seeds),
             radius=float(self.radius or seeds.length / _ROUND),
             flatten=self.flatten,
+            taper=self.taper,
             length=math.inf if self.length is None else float(self.length),
         )
 
