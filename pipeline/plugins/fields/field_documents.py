@@ -122,8 +122,7 @@ class SampledDocument(FlowParameters):
     start: Annotated[
         Annotated[float, Field(ge=-1e12, le=1e12)] | str,
         BeforeValidator(_as_written),
-        ParameterDoc("of the samples when the shot starts: seconds, or a date such as 2019-03-01"),
-    ] = 0.0
+    ] = Field(0.0, description="of the samples when the shot starts: seconds, or a date such as 2019-03-01")
 
     _start: float | None = PrivateAttr(None)
     _samples: Samples = PrivateAttr()

@@ -190,7 +190,9 @@ class _FromSeeds(MovingKind):
         begin = None if word.startswith("stream") else _begin(given.begin, clock)
         lifetime = getattr(given, "length", None)
         left_out = {word, "velocity", "begin", "length", "thickness", "within"}
-        plain = self.model_dump(mode="json", exclude=left_out | (set() if given.values else {"values"}))
+        left_out |= MovingKind.model_fields.keys() | (set() if self.values else {"values"})
+        kind: Any = next(each for each in type(self).__mro__ if each.__module__ == __name__)
+        plain = self.model_dump(mode="json", include=kind.model_fields.keys() - left_out)
         points = seeds.points(np.linspace(0.0, seeds.length, _COMPARED))
         fields, region = self.velocity, None
         if self.within is not None:

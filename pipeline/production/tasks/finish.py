@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zipfile
 import zlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -53,7 +53,7 @@ def finish(context: Context) -> bool:
         def write(path: Path) -> None:
             layers, header = denoiser.finished(number)
             for name in request.keys.last_stages:
-                layers = _made_by(name, layers, number, request, framings[number])
+                layers = _staged(name, layers, number, request, framings[number])
             output.write(path, number, layers, {**header, "key": keys[number].frame})
 
         return context.make("frame", keys[number].frame, request.place("frame", number), write)
@@ -146,7 +146,7 @@ def plugin_stage(context: Context) -> bool:
     def work(number: int) -> bool:
         def write(path: Path) -> None:
             frame, header = read_source(context, keys[number], number, before=stage.name)
-            made = _made_by(stage.name, frame, number, request, framings[number])
+            made = _staged(stage.name, frame, number, request, framings[number])
             header |= {"key": keys[number].staged[stage.name]}
             header |= {"stages": {**header.get("stages", {}), stage.name: stage.recipe}}
             header |= {"entries": {**header.get("entries", {}), stage.name: entry}}
@@ -160,18 +160,25 @@ def plugin_stage(context: Context) -> bool:
     return context.for_each(ready, work) and len(ready) == len(context.job.frames)
 
 
-def _made_by(
+def _staged(
     name: str, frame: RenderedFrame, number: int, request: RenderRequest, framing: Framing
 ) -> RenderedFrame:
-    """Return what the task of an entry makes of a frame. Raises FrameError where that is not a frame."""
+    """Return what the task of an entry makes of a frame. Raises what `_made_by` raises."""
     plugin, stage = plugins().picture_stages[name]
     quality, place = request.pictures.quality, f"plug-in {plugin.name}: {stage.task}"
     corner = quality.crop[:2] if quality.crop else (0, 0)
     told = {**frame.facts, "whole": (quality.width, quality.height), "corner": corner}
     frame = replace(frame, facts={**told, "shot": request.shot, "camera": framing.camera})
+    return replace(_made_by(named(stage.task), place, frame, request.shot.entries[name], number), facts=told)
+
+
+def _made_by(
+    task: Callable[..., RenderedFrame], place: str, frame: RenderedFrame, settings: Any, number: int
+) -> RenderedFrame:
+    """Return what the task of a plug-in makes of a frame. Raises FrameError where that is not a frame."""
     shapes = {name: layer.shape for name, layer in frame.arrays.items()}
     try:
-        made = named(stage.task)(frame, request.shot.entries[name], number)
+        made = task(frame, settings, number)
     except FrameError:
         raise
     except BaseException as error:  # a stranger's function may raise anything
@@ -187,7 +194,7 @@ def _made_by(
             raise FrameError(f"{place}: layer {name} has the shape {made[name].shape}, not {shape}", number)
     if not np.isfinite(made["beauty"]).all():
         raise FrameError(f"{place}: the beauty is not finite", number)
-    return replace(_with_groups(made, frame), facts=told)
+    return _with_groups(made, frame)
 
 
 def _with_groups(made: RenderedFrame, frame: RenderedFrame) -> RenderedFrame:

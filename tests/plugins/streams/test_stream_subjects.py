@@ -164,3 +164,15 @@ def test_lines_stand_beside_other_subjects(tmp_path: Path) -> None:
     text = f"title: Two\nframes: 1-2\nsubjects:\n  flow: {lines}\n  ball: {ball}\n"
     shot = read_shot(tmp_path / "a.yaml", text)
     assert [part.motion.animated is not None for part in shot.parts] == [True, False]
+
+
+def test_another_look_makes_no_other_surface(tmp_path: Path) -> None:
+    lines = "{path_lines: {line: [[-1, 0, 0], [1, 0, 0]]}, velocity: [{abc: {}}], values: speed, look: %s}"
+    ball = "{solid: icosphere, place: [3, 0, 0], resample: off}"
+    decided = []
+    for look in ("clay", "{material: clay, measure: {values: {range: [0, 1]}}}"):
+        text = f"title: Two\nframes: 1-2\nsubjects:\n  flow: {lines % look}\n  ball: {ball}\n"
+        animated = read_shot(tmp_path / "a.yaml", text).parts[0].motion.animated
+        assert animated is not None
+        decided.append(animated.model.sequence.data(0.0))
+    assert decided[0] == decided[1]
