@@ -157,3 +157,9 @@ def test_a_closed_surface_is_required_where_it_is_asked_for() -> None:
     assert validate(CUBE).require(closed=True).euler == 2
     with pytest.raises(MeshError, match="4 edges have a face on one side only"):
         validate(PolygonMesh(POINTS, [CUBE.face(f) for f in range(5)])).require(closed=True)
+
+
+def test_a_polygon_is_not_cut_along_the_last_side_of_another() -> None:
+    points = np.array([[0, 0, 0], [0.5, -2, 0], [1, 0, 0], [0.5, 2, 0], [0.5, 0, 1]], np.float64)
+    cut = PolygonMesh(points, [[0, 1, 2, 3], [2, 4, 0]]).triangulated()
+    assert sum({0, 2} <= set(face) for face in cut.faces.tolist()) == 1

@@ -165,7 +165,8 @@ def _land(field: Sampled, seen: _Seen) -> np.ndarray | None:
     if seen.flat != 2:
         return None
     points = over_plate(0.5 * (seen.low + seen.high), _PLATE * (seen.high - seen.low))
-    return land_at(field, points, ((points >= seen.low) & (points <= seen.high)).all(axis=-1))
+    inside = np.all((points >= seen.low) & (points <= seen.high), axis=-1)
+    return land_at(field, points, np.asarray(inside))
 
 
 def _base(seen: _Seen, land_file: str) -> dict[str, object]:

@@ -141,6 +141,8 @@ def test_means_over_years_have_dates_without_a_year() -> None:
     attributes = {"units": "days since 2001-01-01", "calendar": "noleap"}
     assert TimeUnits.of(attributes).date(45.5) == "2001-02-15 12:00:00"
     assert TimeUnits.of({**attributes, "climatology": "bounds"}).date(45.5) == "--02-15 12:00:00"
+    of_year_zero = {"units": "hours since 0000-01-01 00:00:00"}
+    assert TimeUnits.of(of_year_zero).date(24 * 45.5) == "--02-15 12:00:00"
 
 
 @pytest.mark.parametrize("suffix", ["npz", "vti"])

@@ -5,6 +5,7 @@ from __future__ import annotations
 from itertools import islice
 from pathlib import Path
 
+import imageio.v3 as iio
 import numpy as np
 import pytest
 
@@ -24,13 +25,17 @@ def write_gyre(path: Path, speed: float = 3.0) -> None:
     np.savez(path, x=x, y=y, z=z, velocity=velocity)
 
 
-def write_winds(path: Path, west: float = 0.0, east: float = 180.0) -> None:
-    """Write winds of a year between two longitudes, at one level."""
+def write_winds(
+    path: Path, west: float = 0.0, east: float = 180.0, land: tuple[float, float] | None = None
+) -> None:
+    """Write winds of a year between two longitudes, at one level; none between those of `land`."""
     xarray = pytest.importorskip("xarray")
     longitudes, north, months = np.linspace(west, east, 19), np.linspace(-60, 60, 13), np.arange(12.0)
     shape = (12, 13, 19)
     growing = (1.0 + 0.1 * months)[:, None, None]
     wind = np.broadcast_to(8.0 * growing * np.cos(np.radians(north))[None, :, None], shape)
+    if land is not None:
+        wind = np.where((longitudes >= land[0]) & (longitudes <= land[1]), np.nan, wind)
     names = ("time", "lat", "lon")
     xarray.Dataset(
         {
@@ -63,7 +68,7 @@ def test_a_shot_shows_what_velocities_of_a_file_carry_along(
     lines, *bases = shot.parts
     first, *_, last = islice(animate(lines), 40)
     sizes = [np.ptp(frame.mesh.vertices, axis=0).max() for frame in (first, last)]
-    assert 0.5 < sizes[0] <= sizes[1] < 2.5
+    assert min(sizes) > 0.5 and max(sizes) < 2.5
     values = last.mesh.attributes["values"][:, 0]
     assert 0.0 < np.median(values) < (2.0 if name.endswith("npz") else 20.0)
     assert np.abs(first.mesh.vertices - last.mesh.vertices[: len(first.mesh.vertices)]).max() > 0.01
@@ -79,6 +84,23 @@ def test_data_around_the_world_lie_on_a_globe(tmp_path: Path, monkeypatch: pytes
     distances = np.linalg.norm(next(iter(animate(lines))).mesh.vertices, axis=1)
     assert distances.min() > 0.98 and distances.max() < 1.02
     assert np.linalg.norm(globe.motion.mesh_at_rest().vertices, axis=1).max() < 1.0
+
+
+def test_land_lies_in_a_picture_where_the_globe_shows_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_winds(tmp_path / "winds.nc", 0.0, 350.0, land=(20.0, 90.0))
+    monkeypatch.chdir(tmp_path)
+    assert begun(tmp_path, "winds.nc")[0] == 0
+    picture = iio.imread(tmp_path / "shots/A010_sea_land.png").astype(float).sum(axis=2)
+    height, width = picture.shape
+    row, columns = (
+        picture[height // 2],
+        [round(width * (0.5 + east / 360.0)) for east in (55.0, -55.0, 130.0)],
+    )
+    assert row[columns[0]] > 2.0 * row[columns[1]] and row[columns[1]] == row[columns[2]]
+    shot = read_shot(tmp_path / "shots/A010_sea.yaml")
+    assert any("A010_sea_land.png" in str(file) for file in shot.files)
 
 
 def test_data_without_motion_or_beside_other_sources_are_refused(

@@ -176,3 +176,15 @@ def test_another_look_makes_no_other_surface(tmp_path: Path) -> None:
         assert animated is not None
         decided.append(animated.model.sequence.data(0.0))
     assert decided[0] == decided[1]
+
+
+@pytest.mark.parametrize("kind", ["stream_lines", "path_lines", "streak_lines"])
+def test_tapered_lines_are_thin_where_points_come_from(kind: str, tmp_path: Path) -> None:
+    text = (
+        f"title: T\nframes: 1-9\nsubject: {{{kind}: {{line: [[0, 0, -1], [0, 0, 1]]}}, count: 2, "
+        "radius: 0.02, taper: 0.25, velocity: [{formula: [1, 0, 0]}], max_edge_length: 0.05}\n"
+    )
+    *_, last = animate(read_shot(tmp_path / "a.yaml", text))
+    x, y = last.mesh.vertices[:, 0], last.mesh.vertices[:, 1]
+    ends = [y[np.abs(x - end) < 0.1 * np.ptp(x)].max() for end in (x.min(), x.max())]
+    assert ends[0] < 0.5 * ends[1] and ends[1] == pytest.approx(0.02, rel=0.1)
