@@ -60,8 +60,8 @@ def land_at(field: VelocityField, points: Floats, inside: np.ndarray | None = No
 
 def write_land(land: np.ndarray, path: Path) -> None:
     """Write a picture of land and sea as PNG."""
-    import imageio.v3 as iio  # takes a moment
+    from flowsculpt.api.pictures import write_still  # takes a moment
 
     linear = land[:, :, None] * np.array(LAND) + (1.0 - land[:, :, None]) * np.array(SEA)
     encoded = np.where(linear < 0.0031308, 12.92 * linear, 1.055 * linear ** (1.0 / 2.4) - 0.055)
-    iio.imwrite(path, np.round(255.0 * encoded).astype(np.uint8), extension=".png")
+    write_still(path, np.round(255.0 * encoded).astype(np.uint8))
