@@ -2,9 +2,7 @@
 // value, and handles of Bézier segments drawn.
 
 class Timeline {
-  constructor(page, holder) {
-    Object.assign(this, { page, holder, rows: [], chosen: "", point: 0 });
-  }
+  constructor(page, holder) { Object.assign(this, { page, holder, rows: [], chosen: "", point: 0 }); }
 
   /** Show the curves of a new state. */
   take(values) {
@@ -80,7 +78,7 @@ class CurveRow {
   }
 
   add(frame) {
-    const { shot } = this.page, value = shot.at(this.value, frame), row = Array.isArray(value) ? value : [value];
+    const { shot } = this.page, row = [shot.at(this.value, frame)].flat();
     if (this.keys.some((key) => key.frame === frame)) return;
     const given = row.map((number) => rounded(number, this.plot.step / 10));
     this.timeline.point = this.keys.filter((key) => key.frame < frame).length;
@@ -277,7 +275,7 @@ class CurvePlot {
 
   /** The handle that a key without one has, from the slope of the curve beside it. */
   #automatic(key, frames) {
-    const { shot } = this.page, beside = shot.at(this.value, key.frame + Math.sign(frames) * 0.5), row = Array.isArray(beside) ? beside : [beside];
+    const row = [this.page.shot.at(this.value, key.frame + Math.sign(frames) * 0.5)].flat();
     return [frames, row.map((number, i) => ((number - key.value[i]) / 0.5) * Math.abs(frames))];
   }
 }
