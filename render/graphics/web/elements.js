@@ -2,6 +2,8 @@
 
 const id = (name) => document.getElementById(name);
 const clamp = (value, low, high) => Math.min(high, Math.max(low, value));
+/** The value after another in a list, or so many on; the first follows the last, and what is not there. */
+const nextOf = (list, value, steps = 1) => list.at((list.indexOf(value) + steps) % list.length);
 
 /**
  * Give an element properties; ARIA names are properties too: `role`, `ariaLabel`, `ariaPressed`. `data` becomes
@@ -93,6 +95,11 @@ function whenResized(element, draw) { new ResizeObserver(draw).observe(element);
 function shareOf(element, event) {
   const { left, top, width, height } = element.getBoundingClientRect();
   return { x: (event.clientX - left) / width, y: (event.clientY - top) / height };
+}
+
+/** Which of so many columns of an element a pointer is over. */
+function columnAt(element, event, count) {
+  return clamp(Math.floor(shareOf(element, event).x * count), 0, count - 1);
 }
 
 /** Tell something in the element `message`; a fault longer, and in red. */

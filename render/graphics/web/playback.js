@@ -84,10 +84,7 @@ class FrameStrip {
   get #count() { return this.transport.numbers.length; }
 
   /** The frame under a pointer. */
-  frameAt(event) {
-    const { numbers } = this.transport;
-    return numbers[clamp(Math.floor(shareOf(this.element, event).x * numbers.length), 0, numbers.length - 1)];
-  }
+  frameAt(event) { return this.transport.numbers[columnAt(this.element, event, this.#count)]; }
 
   /** Where the frame at a place begins, as the share of the width that CSS takes. */
   left(place) { return `${(100 * place) / this.#count}%`; }

@@ -91,10 +91,7 @@ class Review {
     this.choose("a", this.a);
   }
 
-  chooseNext(side, count) {
-    const { length } = this.sequences;
-    this.choose(side, this.sequences[(this[side].index + count + length) % length]);
-  }
+  chooseNext(side, count) { this.choose(side, nextOf(this.sequences, this[side], count)); }
 
   swap() {
     const { a, b } = this;
@@ -111,7 +108,7 @@ class Review {
 
   /** D: the difference or, where it is shown, a larger one. */
   difference() {
-    if (this.mode === "difference") this.stage.gain = GAINS[(GAINS.indexOf(this.stage.gain) + 1) % GAINS.length];
+    if (this.mode === "difference") this.stage.gain = nextOf(GAINS, this.stage.gain);
     this.setMode("difference");
   }
 
@@ -120,6 +117,9 @@ class Review {
     Object.assign(part, fields);
     this.redraw();
   }
+
+  /** Turn a field of a part of the page on or off, and show it. */
+  toggle(part, name) { this.change(part, { [name]: !part[name] }); }
 
   zoomBy(factor) { this.setSize(this.stage.scale * factor); }
 
@@ -189,7 +189,7 @@ class Review {
     this.#preload();
     refresh();
     this.#drawPicture();
-    this.panels[this.tab].draw();
+    this.drawPanel();
     this.viewing.draw();
     if (!this.transport.playing) this.#rememberSoon();
   }
@@ -201,6 +201,9 @@ class Review {
     if (this.cache.get(this.a.url(this.transport.frame))) this.drawn ??= performance.now(); // ms until it was first seen
   }
 
+  /** Draw the panel that is shown; the others are drawn when they are. */
+  drawPanel() { this.panels[this.tab].draw(); }
+
   /** Draw everything as it is now. */
   redraw() {
     if (!this.isBuilt) return;
@@ -209,7 +212,7 @@ class Review {
     this.stage.resize();
     this.#drawPicture();
     this.strip.draw();
-    this.panels[this.tab].draw();
+    this.drawPanel();
     this.viewing.draw();
     this.#rememberSoon();
   }

@@ -4,13 +4,9 @@
 class NoteBook {
   /** `page` is the page's identity, `given` the notes that it was written with; `changed()` is called after every change. */
   constructor(page, given, changed) {
-    this.changed = changed;
+    Object.assign(this, { changed, notes: new Map(), undone: [], done: [], isSaved: true });
     this.prefix = `flowsculpt.notes.1/${page}/`;
-    this.notes = new Map();
     this.unsettled = new Set();  // ids of notes whose latest revision may still be replaced
-    this.undone = [];
-    this.done = [];
-    this.isSaved = true;
     this.#take(mergedNotes(given, this.#kept()));
     window.addEventListener("storage", (event) => this.#fromOtherTab(event));
     window.addEventListener("beforeunload", (event) => { if (!this.isSaved) event.preventDefault(); });

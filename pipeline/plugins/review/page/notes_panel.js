@@ -56,9 +56,8 @@ class NotesPanel {
 
   /** List notes of the next status; after the last, all. */
   listNext() {
-    const statuses = [null, ...STATUSES];
     this.review.showTab("notes");
-    this.list({ status: statuses[(statuses.indexOf(this.status) + 1) % statuses.length] });
+    this.list({ status: nextOf([null, ...STATUSES], this.status) });
   }
 
   #chosen() {
@@ -134,7 +133,6 @@ class NotesPanel {
   }
 
   draw() {
-    if (this.element.hidden) return;
     this.found = this.#inScope();
     refresh(this.element);
     if (!this.cards.contains(document.activeElement) || !document.activeElement.matches("textarea, input")) this.#list();

@@ -63,34 +63,44 @@ class Stage {
     this.pan = { x: 0, y: 0 };
   }
 
+  /** Which sequence's picture lies where, and between which columns it is seen; none under the grid. */
+  get parts() {
+    const { mode, canvas: { width: to }, a, b } = this, [one, other = one] = this.places();
+    if (this.review.mode === "grid") return [];
+    if (mode !== "side" && mode !== "wipe") return [{ sequence: mode === "b" ? b : a, place: one, from: 0, to }];
+    const edge = mode === "side" ? to / 2 : this.wipeAt(one);
+    return [{ sequence: a, place: one, from: 0, to: edge }, { sequence: b, place: other, from: edge, to }];
+  }
+
+  /** The part of the stage at a point. */
+  partAt({ x }) { return this.parts.find(({ from, to }) => x >= from && x < to); }
+
+  /** Call `draw(sequence, place)` for each part of the stage, within its columns of a canvas as large. */
+  drawParts(context, draw) {
+    for (const { sequence, place, from, to } of this.parts) {
+      const columns = { x: from, y: 0, width: to - from, height: this.canvas.height };
+      drawWithin(context, columns, () => draw(sequence, place));
+    }
+  }
+
   draw() {
-    const { context, canvas } = this;
+    const { context, canvas, mode } = this;
     context.clearRect(0, 0, canvas.width, canvas.height);
     context.imageSmoothingEnabled = this.scale < 2;
     context.imageSmoothingQuality = "high";
-    const [one, other] = this.places();
-    if (this.mode === "a") this.#picture(this.a, one);
-    else if (this.mode === "b") this.#picture(this.b, one);
-    else if (this.mode === "wipe") this.#wiped(one);
-    else if (this.mode === "difference") this.#difference(one);
-    else this.#sideBySide(one, other);
-  }
-
-  #sideBySide(one, other) {
-    const half = this.canvas.width / 2;
-    this.#within(0, half, () => this.#picture(this.a, one));
-    this.#within(half, half, () => this.#picture(this.b, other));
-    this.context.fillStyle = "#000";
-    this.context.fillRect(half - 1, 0, 2, this.canvas.height);
+    if (mode === "difference") return this.#difference(this.places()[0]);
+    this.drawParts(context, (...part) => this.#picture(...part));
+    if (mode === "wipe") this.#drawEdge(this.places()[0]);
+    if (mode !== "side") return;
+    context.fillStyle = "#000";
+    context.fillRect(canvas.width / 2 - 1, 0, 2, canvas.height);
   }
 
   /** Where the edge between A and B is, in pixels of the canvas. */
   wipeAt(place = this.places()[0]) { return Math.round(place.x + this.wipe * place.width); }
 
-  #wiped(place) {
+  #drawEdge(place) {
     const x = this.wipeAt(place), { context, canvas } = this;
-    this.#within(0, x, () => this.#picture(this.a, place));
-    this.#within(x, canvas.width - x, () => this.#picture(this.b, place));
     const top = Math.max(0, place.y), bottom = Math.min(canvas.height, place.y + place.height);
     context.fillStyle = "rgba(0, 0, 0, 0.55)";
     context.fillRect(x - 1, top, 3, bottom - top);
@@ -116,8 +126,6 @@ class Stage {
     scratch.globalCompositeOperation = "source-over";
     return this.context.drawImage(this.scratch, place.x, place.y, place.width, place.height);
   }
-
-  #within(x, width, draw) { drawWithin(this.context, { x, y: 0, width, height: this.canvas.height }, draw); }
 
   #bitmap(sequence, frame = this.frame) {
     const url = sequence.url(frame);
