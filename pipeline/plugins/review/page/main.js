@@ -161,6 +161,8 @@ class Review {
     return [...new Set(shown.flatMap((each) => frames.map((one) => each.url(one))))];
   }
 
+  get #sheets() { return this.shownSequences.map((each) => each.sheetUrl); }
+
   #isReady(frame) { return this.#shown(frame).every((url) => this.cache.isSettled(url)); }
 
   #preload() {
@@ -171,11 +173,11 @@ class Review {
     const frames = [...transport.ahead(Math.min(AHEAD, Math.max(4, room - BEHIND))), ...before];
     const urls = frames.flatMap((frame) => this.#shown(frame));
     if (!this.stage.needsB && this.b !== this.a) urls.push(this.b.url(transport.frame));  // so that T is at once
-    this.cache.want([...new Set(urls)].filter((url) => url !== null));
+    this.cache.want([...new Set([...this.#sheets, ...urls])].filter((url) => url !== null));
   }
 
   #arrived(url) {
-    if (this.#shown(this.transport.frame).includes(url)) this.#drawPicture();
+    if ([...this.#sheets, ...this.#shown(this.transport.frame)].includes(url)) this.#drawPicture();
     this.#drawStripSoon();
   }
 

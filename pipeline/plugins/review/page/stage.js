@@ -6,7 +6,7 @@ const GREYS = { ground: "#232323", line: "#3a3a3a", quiet: "#a3a3a3", ink: "#ede
 
 class Stage {
   constructor(canvas, review) {
-    Object.assign(this, { canvas, review, context: canvas.getContext("2d"), scratch: make("canvas"), sheets: new Map() });
+    Object.assign(this, { canvas, review, context: canvas.getContext("2d"), scratch: make("canvas") });
     Object.assign(this, { mode: "a", gain: 4, wipe: 0.5 });
     this.zoom = null;  // pixels of the display to a pixel of the picture; null: as large as fits
     this.pan = { x: 0, y: 0 };  // of the picture's middle from the stage's, in pixels of the display
@@ -132,20 +132,9 @@ class Stage {
     return this.review.viewing.source(sequence, frame) ?? (url === null ? null : this.review.cache.get(url));
   }
 
-  /** The sheet of small pictures of a sequence, or null while it is not there. */
-  #sheet({ sheet }) {
-    const url = sheet && `pictures/${sheet.file}`;
-    if (sheet && !this.sheets.has(url)) {
-      const image = make("img", { src: url, onload: () => this.review.redraw() });
-      this.sheets.set(url, image);
-    }
-    const image = this.sheets.get(url);
-    return image?.complete && image.naturalWidth ? image : null;
-  }
-
   /** What stands for a picture that is still being read: its small one, where the sheet has it. */
   #drawThumb(sequence, place) {
-    const sheet = this.#sheet(sequence), thumb = sequence.thumb(this.frame);
+    const sheet = this.review.cache.get(sequence.sheetUrl), thumb = sequence.thumb(this.frame);
     this.context.fillStyle = GREYS.ground;
     this.context.fillRect(place.x, place.y, place.width, place.height);
     if (!sheet || thumb?.number !== this.frame) return;
@@ -216,7 +205,7 @@ function stagePointer(stage, drawing, changed) {
   const { canvas } = stage;
   const at = (event) => ({ x: event.offsetX * devicePixelRatio, y: event.offsetY * devicePixelRatio }); // in pixels of the display
   const isAtWipe = (event) => stage.mode === "wipe" && Math.abs(event.offsetX - stage.wipeAt() / devicePixelRatio) < WIPE_REACH;
-  let last, drawsWipe;
+  let drawsWipe;
   const pan = (dx, dy) => {
     if (stage.zoom === null) stage.zoomTo(stage.fitting);
     stage.pan = { x: stage.pan.x + dx * devicePixelRatio, y: stage.pan.y + dy * devicePixelRatio };
@@ -229,15 +218,13 @@ function stagePointer(stage, drawing, changed) {
   };
   gestures(canvas, {
     start: (event) => {
-      last = event;
       drawsWipe = isAtWipe(event);
       if (drawing.isOn) drawing.down(at(event));
     },
-    move: (event) => {
+    move: (event, begun, dx, dy) => {
       if (drawing.isOn) drawing.move(at(event));
       else if (drawsWipe) setWipe(event);
-      else pan(event.clientX - last.clientX, event.clientY - last.clientY);
-      last = event;
+      else pan(dx, dy);
     },
     over: () => drawing.up(),
     pan,
