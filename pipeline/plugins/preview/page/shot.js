@@ -8,12 +8,8 @@ const ENDED = "flowsculpt has ended, so nothing was written. Start it again and 
 
 /** Ask the server by the name of a request. Throws RefusedError. */
 async function ask(name, body) {
-  let answer;
-  try {
-    answer = await fetch(name, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) });
-  } catch {
-    throw new RefusedError(ENDED);
-  }
+  const about = { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) };
+  const answer = await fetch(name, about).catch(() => { throw new RefusedError(ENDED); });
   const data = await answer.json().catch(() => ({ error: `The server answers ${answer.status}; load the page again.` }));
   if (!answer.ok) throw new RefusedError(data.error);
   return data;

@@ -31,8 +31,8 @@ function buildControls(review) {
   give(id("viewing-button"), { onclick: () => review.viewing.toggle(), ariaPressed: () => review.viewing.isOn });
   give(id("panel-button"), { onclick: () => review.togglePanel(), ariaPressed: () => !id("panel").hidden });
   give(id("splitter"), { hidden: () => id("panel").hidden });
-  const shown = () => ({ a: [review.a], b: [review.b] })[review.mode] ?? [review.a, review.b];
-  const label = () => `Frame ${review.transport.frame}, ${shown().map((each) => each.name(review.isAlone)).join(" and ")}`;
+  const names = () => review.shownSequences.map((each) => each.name(review.isAlone)).join(" and ");
+  const label = () => `Frame ${review.transport.frame}, ${names()}`;
   give(id("stage"), { hidden: () => review.mode === "grid", ariaLabel: label });
   give(id("grid"), { hidden: () => review.mode !== "grid" });
   for (const [name, about] of Object.entries(TABS)) addTab(review, name, ...about);

@@ -70,10 +70,8 @@ class Review {
   choose(side, sequence) {
     this[side] = sequence;
     if (side === "a") {
-      const frame = this.transport.frame;
       const numbers = this.#numbersOf(sequence), { about } = sequence;
       this.transport.setNumbers(numbers, about.fps, String(numbers) === String(about.numbers) ? about.dissolve : 0);
-      this.transport.go(frame);
     }
     this.redraw();
   }
@@ -156,9 +154,8 @@ class Review {
 
   #shown(frame) {
     if (this.mode === "grid") return this.grid.urls(frame);
-    const shown = this.mode === "b" ? [this.b] : this.stage.needsB ? [this.a, this.b] : [this.a];
     const frames = [frame, this.transport.beginningWith(frame)?.[0] ?? frame];
-    return [...new Set(shown.flatMap((each) => frames.map((one) => each.url(one))))];
+    return [...new Set(this.shownSequences.flatMap((each) => frames.map((one) => each.url(one))))];
   }
 
   get #sheets() { return this.shownSequences.map((each) => each.sheetUrl); }
