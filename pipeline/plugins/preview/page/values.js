@@ -77,7 +77,7 @@ class Field {
   constructor(page, value, name) {
     Object.assign(this, { page, value, name, gestures: 0, words: `${name}${value.unit ? `, ${value.unit}` : ""}` });
     const className = () => `field${this.value.is_given ? " given" : ""}`;
-    this.row = make("div", { className, title: () => this.#title, data: { path: nameOf(value.where) } }, make("span", "name", name));
+    this.row = make("div", { className, title: () => this.#title, data: { path: nameOf(value.where) } }, make("span", "about name", name));
   }
 
   get #title() {

@@ -135,7 +135,7 @@ class Chart {
    *         frames, aside: (place) shares beside them, legend: [name, ink], parts: (place) words for each name of it}
    */
   constructor(about, numbers, seek) {
-    Object.assign(this, { numbers, output: make("span"), head: make("div", "head"), told: about.legend?.map(() => make("b")) }, about);
+    Object.assign(this, { numbers, output: make("span", "about"), head: make("div", "head"), told: about.legend?.map(() => make("b")) }, about);
     this.bars = svg("svg", { class: "aside", preserveAspectRatio: "none" });
     const drawing = svg("svg", { viewBox: `0 0 ${numbers.length} ${WHOLE}`, preserveAspectRatio: "none" });
     drawing.append(...this.shapes.filter((shape) => shape instanceof SVGElement));

@@ -167,7 +167,7 @@ class NotesPanel {
     const { review } = this, isChosen = note.id === review.chosenNote;
     const frames = buttonOf(framesOf(note), `Go to frame ${note.first}`, () => this.#goTo(note), { className: "note-frames", ariaCurrent: isChosen });
     const earlier = note.history.length ? `; ${note.history.length} earlier versions are kept` : "", title = `Written ${minuteOf(note.created)} UTC${earlier}`;
-    const about = make("span", { className: "note-about", title }, make("bdi", {}, authorOf(note)), ` · ${minuteOf(note.modified)}`);
+    const about = make("span", { className: "about note-about", title }, make("bdi", {}, authorOf(note)), ` · ${minuteOf(note.modified)}`);
     const extras = [note.drawings.length ? strokesOf(note) : "", this.#isOutdated(note) ? "the picture has changed since" : ""].filter(Boolean);
     const isEdited = this.form.id === note.id, words = (name, text) => (text ? [make("p", name, text)] : []);
     return make("li", {
