@@ -6,8 +6,7 @@ const RIGHT_TO_LEFT = /[\p{Script=Arabic}\p{Script=Hebrew}\p{Script=Syriac}\p{Sc
 
 class InkLayer {
   constructor(canvas, review) {
-    Object.assign(this, { canvas, review, showsOnion: false, isVisible: true });
-    this.context = canvas.getContext("2d");
+    Object.assign(this, { canvas, review, context: canvas.getContext("2d"), showsOnion: false, isVisible: true });
   }
 
   draw() {
@@ -89,10 +88,9 @@ class Drawing {
 
   toggle(isOn = !this.isOn) {
     if (isOn && this.review.mode === "grid") this.review.setMode("a");
-    this.isOn = isOn;
     this.#endWords();
     if (isOn) this.review.transport.pause();
-    this.review.redraw();
+    this.review.change(this, { isOn });
   }
 
   setTool(tool) {

@@ -129,15 +129,11 @@ class Review {
   }
 
   showTab(name) {
-    if (id("panel").hidden) this.togglePanel();
-    this.tab = name;
-    this.redraw();
+    id("panel").hidden = false;
+    this.change(this, { tab: name });
   }
 
-  togglePanel() {
-    id("panel").hidden = !id("panel").hidden;
-    this.redraw();
-  }
+  togglePanel() { this.toggle(id("panel"), "hidden"); }
 
   /** Begin a note on the frame that is shown, or on all frames of the loop. */
   writeNote(onLoop = false) {

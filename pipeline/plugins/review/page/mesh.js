@@ -69,7 +69,7 @@ class MeshView extends ShotView {
 
   /** Put other meshes in the place of those that are there. */
   put(name, meshes) {
-    this.shown?.dispose();
+    this.shown?.dispose?.();
     if (this.shown) this.scene.remove(this.shown.group);
     Object.assign(this, { shown: meshes, shownName: name });
     this.scene.add(meshes.group);
@@ -189,7 +189,7 @@ class StillMeshes {
   dispose() { this.group.traverse((each) => each.geometry?.dispose()); }
 }
 
-/** All frames: poses, between which vertices move on straight lines. */
+/** All frames: poses, between which vertices move on straight lines. It is kept, for going back to it. */
 class MovingMesh {
   /** Takes a GLB whose morph targets are blended two at a time. */
   constructor(THREE, { scene, animations }, first, fps) {
@@ -254,8 +254,6 @@ class MovingMesh {
     }
     return { low: all.min.toArray(), high: all.max.toArray() };
   }
-
-  dispose() {}  // kept, for going back to it
 }
 
 /** The bounds of positions, with what a morph target adds to them. */

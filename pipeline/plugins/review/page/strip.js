@@ -10,8 +10,8 @@ class ReviewStrip extends FrameStrip {
       describe: (frame) => this.#words(frame),
       hovered: (event, frame) => this.#showHover(event, frame),
     });
-    Object.assign(this, { review, film: make("div", "film"), lanes: make("div", "lanes"), hover: make("div", "hover") });
-    this.hover.hidden = true;
+    Object.assign(this, { review, film: make("div", "film"), lanes: make("div", "lanes") });
+    this.hover = make("div", { className: "hover", hidden: true });
     element.prepend(this.film);
     element.append(this.lanes, this.hover);
     element.addEventListener("pointerleave", () => { this.hover.hidden = true; });

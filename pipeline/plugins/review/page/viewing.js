@@ -50,10 +50,7 @@ class Viewing {
 
   toggleClipping() { this.set({ clipping: !this.grader.settings.clipping }); }
 
-  setLayer(name) {
-    this.layer = name;
-    this.toggle(true);
-  }
+  setLayer(layer) { this.review.change(this, { layer, isOn: true }); }
 
   nextLayer() { this.setLayer(nextOf(this.names.length ? this.names : [LAYER_OF_PICTURE], this.layer)); }
 
@@ -62,14 +59,12 @@ class Viewing {
 
   reset() {
     Object.assign(this.grader.settings, { exposure: 0, gamma: 1, channel: "rgb", clipping: false });
-    this.layer = LAYER_OF_PICTURE;
-    this.review.redraw();
+    this.review.change(this, { layer: LAYER_OF_PICTURE });
   }
 
   toggle(isOn = !this.isOn) {
-    this.isOn = isOn;
     if (!isOn) this.reset();
-    this.review.redraw();
+    this.review.change(this, { isOn });
   }
 
   /** Download the frame that is shown as PNG, in the size of its picture, with drawings or without. */
