@@ -53,15 +53,13 @@ function setAttributes(element, attributes) {
   for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, value);
 }
 
-/** A button that does what a key does too; its title names the key. */
+/** A button with words or an icon that does what a key does too; its title names the key. */
 function buttonOf(words, title, onclick, more = {}) {
-  return make("button", { type: "button", textContent: words, title, onclick, ...more });
+  return make("button", { type: "button", title, onclick, ...more }, words);
 }
 
 function iconButton(name, title, onclick, more = {}) {
-  const button = buttonOf("", title, onclick, { className: "icon plain", ariaLabel: title, ...more });
-  button.append(icon(name));
-  return button;
+  return buttonOf(icon(name), title, onclick, { className: "icon plain", ariaLabel: title, ...more });
 }
 
 /** Buttons side by side, of which one or some are pressed. */
@@ -71,9 +69,8 @@ function segments(label, buttons) {
 
 /** A list to choose from, of [value, words]. */
 function listOf(label, options, act, more = {}) {
-  const list = make("select", { ariaLabel: label, onchange: () => act(list.value), ...more });
-  list.append(...options.map(([value, words]) => new Option(words, value)));
-  return list;
+  const list = make("select", {}, ...options.map(([value, words]) => new Option(words, value)));
+  return give(list, { ariaLabel: label, onchange: () => act(list.value), ...more });
 }
 
 /** A slider that acts while it is moved. */

@@ -32,8 +32,7 @@ class Timeline {
 /** One curve: its name, the settings of the chosen key, and its plot. */
 class CurveRow {
   constructor(timeline, value) {
-    Object.assign(this, { timeline, value, page: timeline.page });
-    this.name = nameOf(value.where);
+    Object.assign(this, { timeline, value, page: timeline.page, name: nameOf(value.where) });
     this.isChosen = timeline.chosen === this.name;
     const title = `${this.name}${value.unit ? ` (${value.unit})` : ""}`;
     const choose = () => timeline.choose(this.name), data = { focus: `${this.name} open` };
@@ -89,8 +88,8 @@ class CurveRow {
     const { key } = this, { where, curve } = this.value, { shot } = this.page;
     const part = this.label.appendChild(make("div", "settings"));
     const list = (words, names, value, set) => {
-      const select = listOf(`${this.title}: ${words}`, names.map((name) => [name, name.replaceAll("_", " ")]), set, { data: { focus: `${this.name} ${words}` } });
-      select.value = value;
+      const options = names.map((name) => [name, name.replaceAll("_", " ")]);
+      const select = listOf(`${this.title}: ${words}`, options, set, { value, data: { focus: `${this.name} ${words}` } });
       part.append(make("span", {}, words), select);
     };
     const setter = (name) => (value) => shot.edit([{ kind: "set", where: [...where, name], value }]);

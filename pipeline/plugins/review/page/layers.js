@@ -91,8 +91,7 @@ class Grader {
     if (last?.state === state) return last.canvas;
     const { width, height } = layer, canvas = last?.canvas ?? make("canvas");
     Object.assign(canvas, { width, height });
-    const context = canvas.getContext("2d", { alpha: false });
-    context.drawImage(this.#draw(layer, view), 0, 0);
+    canvas.getContext("2d", { alpha: false }).drawImage(this.#draw(layer, view), 0, 0);
     this.drawn.set(layer, { state, canvas });
     return canvas;
   }

@@ -41,11 +41,8 @@ class Stage {
     const { width, height } = this.canvas, [w, h] = this.a.size;
     const size = { width: w * this.scale, height: h * this.scale };
     const middles = this.mode === "side" ? [0.25 * width, 0.75 * width] : [0.5 * width];
-    return middles.map((x) => ({
-      x: Math.round(x + this.pan.x - size.width / 2),
-      y: Math.round(height / 2 + this.pan.y - size.height / 2),
-      ...size,
-    }));
+    const y = Math.round(height / 2 + this.pan.y - size.height / 2);
+    return middles.map((x) => ({ x: Math.round(x + this.pan.x - size.width / 2), y, ...size }));
   }
 
   /** Zoom about a point of the canvas, which stays where it is. */
