@@ -8,13 +8,9 @@ async function inflated(text) {
 }
 
 /** The module of a script's text: a page that lies in a folder may load none from there. */
-async function moduleOf(text) {
+function moduleOf(text) {
   const url = URL.createObjectURL(new Blob([text], { type: "text/javascript" }));
-  try {
-    return await import(url);
-  } finally {
-    URL.revokeObjectURL(url);
-  }
+  return import(url).finally(() => URL.revokeObjectURL(url));
 }
 
 /** Keep a file on the disk of whoever looks at the page. */

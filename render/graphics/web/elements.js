@@ -2,6 +2,8 @@
 
 const id = (name) => document.getElementById(name);
 const clamp = (value, low, high) => Math.min(high, Math.max(low, value));
+/** The value after another in a list, or so many on; the first follows the last, and what is not there. */
+const nextOf = (list, value, steps = 1) => list.at((list.indexOf(value) + steps) % list.length);
 
 /**
  * Give an element properties; ARIA names are properties too: `role`, `ariaLabel`, `ariaPressed`. `data` becomes
@@ -51,15 +53,13 @@ function setAttributes(element, attributes) {
   for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, value);
 }
 
-/** A button that does what a key does too; its title names the key. */
+/** A button with words or an icon that does what a key does too; its title names the key. */
 function buttonOf(words, title, onclick, more = {}) {
-  return make("button", { type: "button", textContent: words, title, onclick, ...more });
+  return make("button", { type: "button", title, onclick, ...more }, words);
 }
 
 function iconButton(name, title, onclick, more = {}) {
-  const button = buttonOf("", title, onclick, { className: "icon plain", ariaLabel: title, ...more });
-  button.append(icon(name));
-  return button;
+  return buttonOf(icon(name), title, onclick, { className: "icon plain", ariaLabel: title, ...more });
 }
 
 /** Buttons side by side, of which one or some are pressed. */
@@ -69,9 +69,8 @@ function segments(label, buttons) {
 
 /** A list to choose from, of [value, words]. */
 function listOf(label, options, act, more = {}) {
-  const list = make("select", { ariaLabel: label, onchange: () => act(list.value), ...more });
-  list.append(...options.map(([value, words]) => new Option(words, value)));
-  return list;
+  const list = make("select", {}, ...options.map(([value, words]) => new Option(words, value)));
+  return give(list, { ariaLabel: label, onchange: () => act(list.value), ...more });
 }
 
 /** A slider that acts while it is moved. */
@@ -93,6 +92,11 @@ function whenResized(element, draw) { new ResizeObserver(draw).observe(element);
 function shareOf(element, event) {
   const { left, top, width, height } = element.getBoundingClientRect();
   return { x: (event.clientX - left) / width, y: (event.clientY - top) / height };
+}
+
+/** Which of so many columns of an element a pointer is over. */
+function columnAt(element, event, count) {
+  return clamp(Math.floor(shareOf(element, event).x * count), 0, count - 1);
 }
 
 /** Tell something in the element `message`; a fault longer, and in red. */

@@ -2,7 +2,7 @@
 
 /**
  * start(event)         the main button, a pen or a finger goes down
- * move(event, begun)   it has moved by more than a little
+ * move(event, begun, dx, dy)  it has moved by more than a little: since the last time by so many pixels
  * end(event, begun)    it was released after a move
  * click(event)         it was released without one
  * cancel(event)        the move was given up: by Escape, by a second finger, or by the browser
@@ -30,7 +30,7 @@ function gestures(element, acts) {
     down.set(event.pointerId, event);
     if (drag) return finish("cancel", event);
     if (event.button === 0 && down.size === 1 && !(event.shiftKey && acts.pan)) {
-      drag = { begun: event, isMoved: false };
+      drag = { begun: event, last: event, isMoved: false };
       gestures.active = { element, giveUp: (by) => finish("cancel", by) };
       acts.start?.(event);
     }
@@ -43,7 +43,9 @@ function gestures(element, acts) {
     down.set(event.pointerId, event);
     if (drag) {
       drag.isMoved ||= apart(event, drag.begun) >= 3;
-      if (drag.isMoved) acts.move?.(event, drag.begun);
+      if (!drag.isMoved) return;
+      acts.move?.(event, drag.begun, event.clientX - drag.last.clientX, event.clientY - drag.last.clientY);
+      drag.last = event;
       return;
     }
     const other = [...down.values()].find((each) => each !== event), share = other ? 0.5 : 1;

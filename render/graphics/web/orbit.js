@@ -37,13 +37,8 @@ class Orbit {
     Object.assign(this, { changed, isFree: false, slope: 0.5, height: () => element.clientHeight || 1 });
     this.view = { position: [0, 0, 1], target: [0, 0, 0], up: [0, 1, 0] };
     const act = (change) => { began(); change(); };
-    let last;
     gestures(element, {
-      start: (event) => { last = event; },
-      move: (event) => {
-        act(() => this.turn(event.clientX - last.clientX, event.clientY - last.clientY));
-        last = event;
-      },
+      move: (event, begun, dx, dy) => act(() => this.turn(dx, dy)),
       pan: (dx, dy) => act(() => this.pan(dx, dy)),
       zoom: (factor) => act(() => this.zoom(factor)),
     });

@@ -71,9 +71,7 @@ class FrameStrip {
     Object.assign(this, { element, transport, stateOf, describe });
     Object.assign(element, { role: "slider", tabIndex: 0, ariaLabel: "Frame" });
     this.marks = svg("svg", { class: "marks", preserveAspectRatio: "none" });
-    this.ruler = make("div", "ruler");
-    this.loop = make("div", "loop");
-    this.head = make("div", "head");
+    Object.assign(this, { ruler: make("div", "ruler"), loop: make("div", "loop"), head: make("div", "head") });
     element.append(this.loop, this.marks, this.ruler, this.head);
     const seek = (event) => transport.go(this.frameAt(event));
     gestures(element, { start: seek, move: seek, hover: (event) => hovered?.(event, this.frameAt(event)) });
@@ -84,10 +82,7 @@ class FrameStrip {
   get #count() { return this.transport.numbers.length; }
 
   /** The frame under a pointer. */
-  frameAt(event) {
-    const { numbers } = this.transport;
-    return numbers[clamp(Math.floor(shareOf(this.element, event).x * numbers.length), 0, numbers.length - 1)];
-  }
+  frameAt(event) { return this.transport.numbers[columnAt(this.element, event, this.#count)]; }
 
   /** Where the frame at a place begins, as the share of the width that CSS takes. */
   left(place) { return `${(100 * place) / this.#count}%`; }

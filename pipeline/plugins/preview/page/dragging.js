@@ -31,9 +31,7 @@ function handleOf(label, focus, now, words = now) {
 }
 
 class Follow {
-  constructor(page) {
-    Object.assign(this, { page, waiting: null, isAsking: false, drags: false });
-  }
+  constructor(page) { Object.assign(this, { page, waiting: null, isAsking: false, drags: false }); }
 
   /** The pointer goes down on a value: until it moves the server can prepare the first picture. */
   prepare(where) { ask("prepare", { where, frame: this.page.film.at }).catch(() => {}); }
@@ -51,8 +49,7 @@ class Follow {
   /** The drag has ended with these edits: write them. */
   end(edits, gesture = "") {
     const digest = this.drags ? this.digest : "";
-    this.waiting = null;
-    this.drags = false;
+    Object.assign(this, { waiting: null, drags: false });
     if (this.page.film.trial) this.page.film.trial.isDragged = false;
     if (edits.length) return this.page.shot.edit(edits, gesture, digest);
     this.cancel();
@@ -61,8 +58,7 @@ class Follow {
 
   /** The drag was given up: show the file as it is. */
   cancel() {
-    this.waiting = null;
-    this.drags = false;
+    Object.assign(this, { waiting: null, drags: false });
     this.page.film.endTrial();
     this.page.draw();
   }

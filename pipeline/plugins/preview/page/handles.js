@@ -71,7 +71,7 @@ class Handles {
    */
   #add(holder, words, value, shapes, { given, keyed, draw }) {
     const { page } = this, { shot, film } = page, now = this.#now(value), name = nameOf(value.where);
-    const numbers = (Array.isArray(now) ? now : [now]).map((part) => (typeof part === "number" ? written(part) : part)).join(", ");
+    const numbers = [now].flat().map((part) => (typeof part === "number" ? written(part) : part)).join(", ");
     const edits = (to) => {
       const change = shot.change(value, to, shot.frameOf(value.where, film.at));
       if (!change.length) page.note(formulaNote(value));

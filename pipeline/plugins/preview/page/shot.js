@@ -1,26 +1,17 @@
 // The shot file as the server tells it, its values by their paths, and edits of them. Each request to the server has a JSON
 // object as its answer, or is refused with one message.
 
-class RefusedError extends Error {
-  /** status: 409 where the file was changed meanwhile, 422 for a bad value, 507 where the disk refuses. */
-  constructor(message, status) {
-    super(message);
-    this.status = status;
-  }
-}
+/** The file was changed meanwhile, a value is bad, the disk refuses, or the server has ended. */
+class RefusedError extends Error {}
 
 const ENDED = "flowsculpt has ended, so nothing was written. Start it again and open its new address.";
 
 /** Ask the server by the name of a request. Throws RefusedError. */
 async function ask(name, body) {
-  let answer;
-  try {
-    answer = await fetch(name, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) });
-  } catch {
-    throw new RefusedError(ENDED, 0);
-  }
+  const about = { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) };
+  const answer = await fetch(name, about).catch(() => { throw new RefusedError(ENDED); });
   const data = await answer.json().catch(() => ({ error: `The server answers ${answer.status}; load the page again.` }));
-  if (!answer.ok) throw new RefusedError(data.error, answer.status);
+  if (!answer.ok) throw new RefusedError(data.error);
   return data;
 }
 
@@ -28,10 +19,7 @@ const nameOf = (where) => where.join(".");
 
 class Shot {
   constructor(page) {
-    this.page = page;
-    this.state = null;
-    this.values = new Map();
-    this.last = Promise.resolve();
+    Object.assign(this, { page, state: null, values: new Map(), last: Promise.resolve() });
     this.writes = 0; // edits that the server has not answered yet
   }
 
@@ -95,10 +83,10 @@ class Shot {
 
   /** The value at a frame: of a curve by its samples, three numbers of a vector or an axis. */
   at(value, frame) {
-    if (value.form === "axis" && typeof value.value === "string") return ["x", "y", "z"].map((name) => +(name === value.value));
+    if (value.form === "axis" && typeof value.value === "string") return vectorOf(value.value);
     if (!value.curve) return value.value;
     const { frames, values } = value.curve, last = frames.length - 1;
-    const place = Math.min(last, Math.max(0, ((frame - frames[0]) / (frames[last] - frames[0] || 1)) * last));
+    const place = clamp(((frame - frames[0]) / (frames[last] - frames[0] || 1)) * last, 0, last);
     const i = Math.min(last - 1, Math.floor(place)), share = last ? place - i : 0;
     const row = last ? values[i].map((start, k) => start + share * (values[i + 1][k] - start)) : values[0];
     return value.is_vector ? row : row[0];

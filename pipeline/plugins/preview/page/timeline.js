@@ -2,9 +2,7 @@
 // value, and handles of Bézier segments drawn.
 
 class Timeline {
-  constructor(page, holder) {
-    Object.assign(this, { page, holder, rows: [], chosen: "", point: 0 });
-  }
+  constructor(page, holder) { Object.assign(this, { page, holder, rows: [], chosen: "", point: 0 }); }
 
   /** Show the curves of a new state. */
   take(values) {
@@ -34,8 +32,7 @@ class Timeline {
 /** One curve: its name, the settings of the chosen key, and its plot. */
 class CurveRow {
   constructor(timeline, value) {
-    Object.assign(this, { timeline, value, page: timeline.page });
-    this.name = nameOf(value.where);
+    Object.assign(this, { timeline, value, page: timeline.page, name: nameOf(value.where) });
     this.isChosen = timeline.chosen === this.name;
     const title = `${this.name}${value.unit ? ` (${value.unit})` : ""}`;
     const choose = () => timeline.choose(this.name), data = { focus: `${this.name} open` };
@@ -80,7 +77,7 @@ class CurveRow {
   }
 
   add(frame) {
-    const { shot } = this.page, value = shot.at(this.value, frame), row = Array.isArray(value) ? value : [value];
+    const { shot } = this.page, row = [shot.at(this.value, frame)].flat();
     if (this.keys.some((key) => key.frame === frame)) return;
     const given = row.map((number) => rounded(number, this.plot.step / 10));
     this.timeline.point = this.keys.filter((key) => key.frame < frame).length;
@@ -91,8 +88,8 @@ class CurveRow {
     const { key } = this, { where, curve } = this.value, { shot } = this.page;
     const part = this.label.appendChild(make("div", "settings"));
     const list = (words, names, value, set) => {
-      const select = listOf(`${this.title}: ${words}`, names.map((name) => [name, name.replaceAll("_", " ")]), set, { data: { focus: `${this.name} ${words}` } });
-      select.value = value;
+      const options = names.map((name) => [name, name.replaceAll("_", " ")]);
+      const select = listOf(`${this.title}: ${words}`, options, set, { value, data: { focus: `${this.name} ${words}` } });
       part.append(make("span", {}, words), select);
     };
     const setter = (name) => (value) => shot.edit([{ kind: "set", where: [...where, name], value }]);
@@ -277,7 +274,7 @@ class CurvePlot {
 
   /** The handle that a key without one has, from the slope of the curve beside it. */
   #automatic(key, frames) {
-    const { shot } = this.page, beside = shot.at(this.value, key.frame + Math.sign(frames) * 0.5), row = Array.isArray(beside) ? beside : [beside];
+    const row = [this.page.shot.at(this.value, key.frame + Math.sign(frames) * 0.5)].flat();
     return [frames, row.map((number, i) => ((number - key.value[i]) / 0.5) * Math.abs(frames))];
   }
 }

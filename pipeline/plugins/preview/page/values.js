@@ -26,9 +26,7 @@ function titleOf(group) {
 }
 
 class Values {
-  constructor(page, panel) {
-    Object.assign(this, { page, panel, fields: [], shape: "" });
-  }
+  constructor(page, panel) { Object.assign(this, { page, panel, fields: [], shape: "" }); }
 
   /** Show a new state: fields stay where their values do, and with them the focus. */
   take(values) {
@@ -79,7 +77,7 @@ class Field {
   constructor(page, value, name) {
     Object.assign(this, { page, value, name, gestures: 0, words: `${name}${value.unit ? `, ${value.unit}` : ""}` });
     const className = () => `field${this.value.is_given ? " given" : ""}`;
-    this.row = make("div", { className, title: () => this.#title, data: { path: nameOf(value.where) } }, make("span", "name", name));
+    this.row = make("div", { className, title: () => this.#title, data: { path: nameOf(value.where) } }, make("span", "about name", name));
   }
 
   get #title() {
@@ -179,53 +177,49 @@ class NumberValue extends Field {
   }
 }
 
-class VectorValue extends Field {
-  constructor(...about) {
-    super(...about);
+/** What shows and sets a value in its row, by the kind of its field; a number has a class. */
+const CONTROLS = {
+  vector: (field) => {
     const inputs = ["x", "y", "z"].map((axis, i) => {
-      const set = (to, gesture) => this.set(this.now.map((old, k) => (k === i ? to : rounded(old, 1e-4))), gesture);
-      return this.numberInput(`${this.words}, ${axis}`, () => this.now[i], set, () => 0.05);
+      const moved = (to) => field.now.map((old, k) => (k === i ? to : rounded(old, 1e-4)));
+      const set = (to, gesture) => field.set(moved(to), gesture);
+      return field.numberInput(`${field.words}, ${axis}`, () => field.now[i], set, () => 0.05);
     });
-    this.row.append(make("span", "wide", ...inputs));
-    this.addKeyButton();
-  }
-}
-
-class NameValue extends Field {
-  constructor(...about) {
-    super(...about);
-    const names = this.value.names.map((each) => [each, each.replaceAll("_", " ")]);
-    this.row.append(listOf(this.words, names, (given) => this.set(given), { value: () => this.value.value }));
-  }
-}
-
-class SwitchValue extends Field {
-  constructor(...about) {
-    super(...about);
-    const onchange = (event) => this.set(event.target.checked);
-    this.row.append(make("input", { type: "checkbox", ariaLabel: this.words, onchange, checked: () => this.value.value }));
-  }
-}
-
-class FormulaValue extends Field {
-  constructor(...about) {
-    super(...about);
-    const isList = Array.isArray(this.value.curve.formula), texts = isList ? this.value.curve.formula : [this.value.curve.formula];
-    const inputs = texts.map((_, i) => {
-      const ariaLabel = `${this.words}, formula${texts.length > 1 ? ` ${"xyz"[i]}` : ""}`, path = texts.length > 1 ? ["formula", i] : ["formula"];
-      const onchange = (event) => this.page.shot.edit([{ kind: "set", where: [...this.value.where, ...path], value: event.target.value }]);
-      const value = () => (isList ? this.value.curve.formula[i] : this.value.curve.formula);
-      return make("input", { type: "text", className: "formula", spellcheck: false, autocomplete: "off", ariaLabel, onchange, value });
+    return make("span", "wide", ...inputs);
+  },
+  name: (field) => {
+    const names = field.value.names.map((each) => [each, each.replaceAll("_", " ")]);
+    return listOf(field.words, names, (given) => field.set(given), { value: () => field.value.value });
+  },
+  switch: (field) => {
+    const onchange = (event) => field.set(event.target.checked), checked = () => field.value.value;
+    return make("input", { type: "checkbox", ariaLabel: field.words, onchange, checked });
+  },
+  formula: (field) => {
+    const texts = () => [field.value.curve.formula].flat(), isOne = texts().length === 1;
+    const inputs = texts().map((_, i) => {
+      const where = [...field.value.where, "formula", ...(isOne ? [] : [i])];
+      const onchange = (event) => field.page.shot.edit([{ kind: "set", where, value: event.target.value }]);
+      const ariaLabel = `${field.words}, formula${isOne ? "" : ` ${"xyz"[i]}`}`, value = () => texts()[i];
+      const about = { type: "text", className: "formula", spellcheck: false, autocomplete: "off" };
+      return make("input", { ...about, ariaLabel, onchange, value });
     });
-    this.row.append(make("span", "wide", ...inputs));
-  }
+    return make("span", "wide", ...inputs);
+  },
+};
+
+function kindOf({ form, value, curve, is_vector: isVector }) {
+  if (curve && curve.formula !== null) return "formula";
+  if (form === "axis") return typeof value === "string" ? "name" : "vector";
+  return isVector ? "vector" : form;
 }
 
 /** The field of a value. */
 function fieldOf(page, value, name) {
-  if (value.curve && value.curve.formula !== null) return new FormulaValue(page, value, name);
-  if (value.form === "axis") return typeof value.value === "string" ? new NameValue(page, value, name) : new VectorValue(page, value, name);
-  if (value.form === "name") return new NameValue(page, value, name);
-  if (value.form === "switch") return new SwitchValue(page, value, name);
-  return value.is_vector ? new VectorValue(page, value, name) : new NumberValue(page, value, name);
+  const kind = kindOf(value);
+  if (!CONTROLS[kind]) return new NumberValue(page, value, name);
+  const field = new Field(page, value, name);
+  field.row.append(CONTROLS[kind](field));
+  if (kind === "vector") field.addKeyButton();
+  return field;
 }

@@ -31,8 +31,8 @@ function buildControls(review) {
   give(id("viewing-button"), { onclick: () => review.viewing.toggle(), ariaPressed: () => review.viewing.isOn });
   give(id("panel-button"), { onclick: () => review.togglePanel(), ariaPressed: () => !id("panel").hidden });
   give(id("splitter"), { hidden: () => id("panel").hidden });
-  const shown = () => ({ a: [review.a], b: [review.b] })[review.mode] ?? [review.a, review.b];
-  const label = () => `Frame ${review.transport.frame}, ${shown().map((each) => each.name(review.isAlone)).join(" and ")}`;
+  const names = () => review.shownSequences.map((each) => each.name(review.isAlone)).join(" and ");
+  const label = () => `Frame ${review.transport.frame}, ${names()}`;
   give(id("stage"), { hidden: () => review.mode === "grid", ariaLabel: label });
   give(id("grid"), { hidden: () => review.mode !== "grid" });
   for (const [name, about] of Object.entries(TABS)) addTab(review, name, ...about);
@@ -59,7 +59,7 @@ function addTab(review, name, words, key) {
   setAttributes(tab, { "aria-controls": panel.id });
   setAttributes(panel, { "aria-labelledby": tabId });
   arrowKeys(tab, (right) => {
-    const names = Object.keys(TABS), next = names.at((names.indexOf(name) + right) % names.length);
+    const next = nextOf(Object.keys(TABS), name, right);
     review.showTab(next);
     id(`tab-${next}`).focus();
   });
@@ -126,7 +126,7 @@ function keysOf(r) {
         U: () => r.notes.redo(), "Ctrl+Z": () => r.notes.redo(), "Ctrl+y": () => r.notes.redo(),
       }],
       ["Backspace", "Erase the drawing of this frame", { Backspace: () => drawing.erase() }],
-      ["Y", "Onion skin; Shift H: hide drawings", { y: () => drawing.toggleOnion(), H: () => r.change(r.ink, { isVisible: !r.ink.isVisible }) }],
+      ["Y", "Onion skin; Shift H: hide drawings", { y: () => r.toggle(r.ink, "showsOnion"), H: () => r.toggle(r.ink, "isVisible") }],
       ["Shift J T O", "Download notes as JSON, text, OTIO", { J: () => downloadNotes(r, "json"), T: () => downloadNotes(r, "txt"), O: () => downloadNotes(r, "otio") }],
       ["Shift L", "Load a file of notes; or drop it", { L: () => id("notes-file").click() }],
     ]],
@@ -143,8 +143,8 @@ function keysOf(r) {
         "Shift+PageUp": () => viewing.changeGamma(1), "Shift+PageDown": () => viewing.changeGamma(-1),
       }],
       ["Shift K", "False colour where it clips", { K: () => viewing.toggleClipping() }],
-      ["Shift P", "Probe", { P: () => viewing.probe.toggle() }],
-      ["/", "Loupe", { "/": () => viewing.probe.toggleLoupe() }],
+      ["Shift P", "Probe", { P: () => r.toggle(viewing.probe, "isOn") }],
+      ["/", "Loupe", { "/": () => r.toggle(viewing.probe, "hasLoupe") }],
       ["Shift S W", "Save the frame with drawings, without", { S: () => viewing.save(true), W: () => viewing.save(false) }],
     ]],
     ["Looking", [
@@ -159,8 +159,8 @@ function keysOf(r) {
       }],
       ["Shift Z", "Levels: waveforms and histogram", { Z: () => r.showTab("levels") }],
       ["Shift D", "Shot file, and how that of B differs", { D: () => r.showTab("shot") }],
-      ["E", "Triangles of the mesh", { e: () => r.panels.mesh.toggle("lines") }],
-      ["Shift M", "All frames as one mesh, or simulated ones", { M: () => r.panels.mesh.toggle("plays") }],
+      ["E", "Triangles of the mesh", { e: () => r.toggle(r.panels.mesh, "lines") }],
+      ["Shift M", "All frames as one mesh, or simulated ones", { M: () => r.toggle(r.panels.mesh, "plays") }],
       ["C", "The shot's camera in the mesh view", { c: () => r.panels.mesh.view?.follow(true) }],
     ]],
   ];

@@ -6,38 +6,19 @@ const RIGHT_TO_LEFT = /[\p{Script=Arabic}\p{Script=Hebrew}\p{Script=Syriac}\p{Sc
 
 class InkLayer {
   constructor(canvas, review) {
-    Object.assign(this, { canvas, review, showsOnion: false, isVisible: true });
-    this.context = canvas.getContext("2d");
+    Object.assign(this, { canvas, review, context: canvas.getContext("2d"), showsOnion: false, isVisible: true });
   }
-
-  /** Where which sequence's picture lies on the stage, in pixels of the display. */
-  shown() {
-    const { mode, stage, a, b } = this.review;
-    if (mode === "grid") return [];
-    const [one, other] = stage.places(), half = this.canvas.width / 2, whole = this.canvas.width;
-    if (mode === "side") return [{ sequence: a, place: one, from: 0, to: half }, { sequence: b, place: other, from: half, to: whole }];
-    if (mode === "wipe") {
-      const edge = stage.wipeAt(one);
-      return [{ sequence: a, place: one, from: 0, to: edge }, { sequence: b, place: one, from: edge, to: whole }];
-    }
-    return [{ sequence: mode === "b" ? b : a, place: one, from: 0, to: whole }];
-  }
-
-  /** The part of the stage at a point: {sequence, place}. */
-  at(point) { return this.shown().find(({ from, to }) => point.x >= from && point.x < to); }
 
   draw() {
     const { canvas, context, review } = this, { width, height } = review.stage.canvas;
     if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
     else context.clearRect(0, 0, width, height);
     if (!this.isVisible) return;
-    for (const { sequence, place, from, to } of this.shown()) {
-      drawWithin(context, { x: from, y: 0, width: to - from, height }, () => {
-        this.drawOver(context, sequence, place, review.transport.frame);
-        const { unfinished } = review.drawing;
-        if (unfinished?.sequence === sequence) drawStroke(context, unfinished.stroke, place);
-      });
-    }
+    review.stage.drawParts(context, (sequence, place) => {
+      this.drawOver(context, sequence, place, review.transport.frame);
+      const { unfinished } = review.drawing;
+      if (unfinished?.sequence === sequence) drawStroke(context, unfinished.stroke, place);
+    });
   }
 
   /** Draw the strokes of a frame, and with onion skin those of the drawn frames around it, faintly. */
@@ -107,10 +88,9 @@ class Drawing {
 
   toggle(isOn = !this.isOn) {
     if (isOn && this.review.mode === "grid") this.review.setMode("a");
-    this.isOn = isOn;
     this.#endWords();
     if (isOn) this.review.transport.pause();
-    this.review.redraw();
+    this.review.change(this, { isOn });
   }
 
   setTool(tool) {
@@ -118,12 +98,7 @@ class Drawing {
     this.toggle(true);
   }
 
-  nextInk() {
-    const inks = Object.keys(INKS);
-    this.review.change(this, { ink: inks[(inks.indexOf(this.ink) + 1) % inks.length] });
-  }
-
-  toggleOnion() { this.review.change(this.review.ink, { showsOnion: !this.review.ink.showsOnion }); }
+  nextInk() { this.review.change(this, { ink: nextOf(Object.keys(INKS), this.ink) }); }
 
   changeWidth(steps) { this.review.change(this, { width: WIDTHS[clamp(WIDTHS.indexOf(this.width) + steps, 0, WIDTHS.length - 1)] }); }
 
@@ -139,7 +114,7 @@ class Drawing {
   // The pointer: points are in pixels of the stage
 
   down(point) {
-    const part = this.review.ink.at(point);
+    const part = this.review.stage.partAt(point);
     if (!part) return;
     const { tool: kind, ink, width } = this, frame = this.review.transport.frame;
     const [x, y] = this.#units(point, part.place);
@@ -224,7 +199,7 @@ class Drawing {
       iconButton("undo", "Undo (U)", () => notes.undo(), { disabled: () => !notes.done.length }),
       iconButton("redo", "Redo (Shift U)", () => notes.redo(), { disabled: () => !notes.undone.length }),
       iconButton("erase", "Erase this frame's drawing (Backspace)", () => this.erase()),
-      iconButton("onion", "Onion skin: drawings of the frames before and after (Y)", () => this.toggleOnion(), { ariaPressed: () => review.ink.showsOnion }), gap(),
+      iconButton("onion", "Onion skin: drawings of the frames before and after (Y)", () => review.toggle(review.ink, "showsOnion"), { ariaPressed: () => review.ink.showsOnion }), gap(),
       iconButton("close", "End drawing (B or Esc)", () => this.toggle(false)),
     );
   }

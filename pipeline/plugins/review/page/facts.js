@@ -16,7 +16,6 @@ class FactsPanel {
   }
 
   draw() {
-    if (this.element.hidden) return;
     const { a, b, transport: { frame }, stage } = this.review, sequences = stage.needsB && a !== b ? [a, b] : [a];
     const told = (name) => sequences.some((each) => each.fact(frame, name) !== undefined);
     const names = [...new Set(sequences.flatMap((each) => each.factNames))].filter(told).sort();
@@ -62,12 +61,9 @@ const CONTEXT = 3;  // equal lines around a difference
 const MOST_LINES = 3000;
 
 class ShotPanel {
-  constructor(element, review, sources) {
-    Object.assign(this, { element, review, sources });
-  }
+  constructor(element, review, sources) { Object.assign(this, { element, review, sources }); }
 
   draw() {
-    if (this.element.hidden) return;
     const { a, b } = this.review;
     if (this.shown?.[0] === a && this.shown[1] === b) return;
     this.shown = [a, b];

@@ -34,8 +34,6 @@ function fromHalf(bits) {
   return sign * (exponent ? 2 ** (exponent - 15) * (1 + fraction / 1024) : 2 ** -24 * fraction);
 }
 
-const CHANNELS = ["rgb", "red", "green", "blue", "luminance"];
-
 const VERTEX_SHADER = `#version 300 es
 void main() { gl_Position = vec4(vec2[3](vec2(-1, -1), vec2(3, -1), vec2(-1, 3))[gl_VertexID], 0, 1); }`;
 
@@ -93,8 +91,7 @@ class Grader {
     if (last?.state === state) return last.canvas;
     const { width, height } = layer, canvas = last?.canvas ?? make("canvas");
     Object.assign(canvas, { width, height });
-    const context = canvas.getContext("2d", { alpha: false });
-    context.drawImage(this.#draw(layer, view), 0, 0);
+    canvas.getContext("2d", { alpha: false }).drawImage(this.#draw(layer, view), 0, 0);
     this.drawn.set(layer, { state, canvas });
     return canvas;
   }
@@ -151,7 +148,7 @@ class Grader {
     gl.uniform2f(place("range"), low, high);
     const floats = { gain: 2 ** settings.exposure, power: 1 / settings.gamma, height };
     for (const [name, value] of Object.entries(floats)) gl.uniform1f(place(name), value);
-    const whole = { channel: CHANNELS.indexOf(settings.channel), kind: KINDS[kind], clipping: settings.clipping };
+    const whole = { channel: Object.keys(CHANNEL_NAMES).indexOf(settings.channel), kind: KINDS[kind], clipping: settings.clipping };
     for (const [name, value] of Object.entries(whole)) gl.uniform1i(place(name), value);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     return this.canvas;

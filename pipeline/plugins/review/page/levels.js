@@ -61,13 +61,14 @@ class Scope {
 class LevelsPanel {
   constructor(element, review) {
     Object.assign(this, { element, review });
-    this.scopes = new ScriptStore("scopes", "reviewScope", async (data) => Scope.unpacked(await inflated(data)), () => this.draw());
+    const read = async (data) => Scope.unpacked(await inflated(data));
+    this.scopes = new ScriptStore("scopes", "reviewScope", read, () => review.drawPanel());
     const waves = (channels) => make("canvas", { className: "waves", role: "img", width: channels * SCOPE_COLUMNS, height: SCOPE_LEVELS });
     Object.assign(this, { words: make("p", "note"), numbers: make("p", "legend"), luma: waves(1), parade: waves(3) });
     this.lines = svg("svg", { viewBox: "0 0 256 100", preserveAspectRatio: "none", role: "img" });
     const figureOf = (title, hint, shape, holder = shape) => {
       shape.ariaLabel = `${title}: ${hint}`;
-      return make("figure", "chart levels", make("figcaption", {}, make("span", {}, title), make("span", {}, hint)), holder);
+      return make("figure", "chart levels", make("figcaption", {}, make("span", {}, title), make("span", "about", hint)), holder);
     };
     this.figures = make("div", {}, figureOf("Waveform", "luma by column", this.luma), figureOf("RGB parade", "red, green, blue by column", this.parade),
       figureOf("Histogram", "pixels by level", this.lines, make("div", "histogram", this.lines)), this.numbers);
@@ -75,7 +76,6 @@ class LevelsPanel {
   }
 
   draw() {
-    if (this.element.hidden) return;
     const { review } = this, sequence = review.shownSequence, { frame } = review.transport;
     const scope = this.scopeOf(sequence, frame);
     this.words.textContent = scope ? "" : this.#without(sequence, frame);
@@ -108,18 +108,13 @@ class LevelsPanel {
 
   /** Draw waveforms of channels side by side, a pixel for each level of each column. */
   #drawWaves(canvas, scope, channels) {
-    const image = new ImageData(SCOPE_COLUMNS, SCOPE_LEVELS);
     channels.forEach((channel, place) => {
-      const ink = SCOPE_CHANNELS[channel][1];
-      for (let level = 0; level < SCOPE_LEVELS; level++) {
-        for (let column = 0; column < SCOPE_COLUMNS; column++) {
-          const wave = scope.waves[(channel * SCOPE_LEVELS + level) * SCOPE_COLUMNS + column];
-          const rule = level && level % 16 === 0 ? 0.12 : 0; // at each quarter
-          const light = wave ? Math.min(1, 0.25 + wave / 110) : rule; // a single pixel of a column is seen
-          image.data.set([...ink.map((value) => 31 + (value - 31) * light), 255], 4 * ((SCOPE_LEVELS - 1 - level) * SCOPE_COLUMNS + column));
-        }
-      }
-      canvas.getContext("2d").putImageData(image, place * SCOPE_COLUMNS, 0);
+      drawPixels(canvas, place * SCOPE_COLUMNS, SCOPE_COLUMNS, SCOPE_LEVELS, (column, level) => {
+        const wave = scope.waves[(channel * SCOPE_LEVELS + level) * SCOPE_COLUMNS + column];
+        const rule = level && level % 16 === 0 ? 0.12 : 0; // at each quarter
+        const light = wave ? Math.min(1, 0.25 + wave / 110) : rule; // a single pixel of a column is seen
+        return SCOPE_CHANNELS[channel][1].map((value) => 31 + (value - 31) * light);
+      });
     });
   }
 

@@ -70,10 +70,8 @@ class Review {
   choose(side, sequence) {
     this[side] = sequence;
     if (side === "a") {
-      const frame = this.transport.frame;
       const numbers = this.#numbersOf(sequence), { about } = sequence;
       this.transport.setNumbers(numbers, about.fps, String(numbers) === String(about.numbers) ? about.dissolve : 0);
-      this.transport.go(frame);
     }
     this.redraw();
   }
@@ -91,10 +89,7 @@ class Review {
     this.choose("a", this.a);
   }
 
-  chooseNext(side, count) {
-    const { length } = this.sequences;
-    this.choose(side, this.sequences[(this[side].index + count + length) % length]);
-  }
+  chooseNext(side, count) { this.choose(side, nextOf(this.sequences, this[side], count)); }
 
   swap() {
     const { a, b } = this;
@@ -111,7 +106,7 @@ class Review {
 
   /** D: the difference or, where it is shown, a larger one. */
   difference() {
-    if (this.mode === "difference") this.stage.gain = GAINS[(GAINS.indexOf(this.stage.gain) + 1) % GAINS.length];
+    if (this.mode === "difference") this.stage.gain = nextOf(GAINS, this.stage.gain);
     this.setMode("difference");
   }
 
@@ -120,6 +115,9 @@ class Review {
     Object.assign(part, fields);
     this.redraw();
   }
+
+  /** Turn a field of a part of the page on or off, and show it. */
+  toggle(part, name) { this.change(part, { [name]: !part[name] }); }
 
   zoomBy(factor) { this.setSize(this.stage.scale * factor); }
 
@@ -131,15 +129,11 @@ class Review {
   }
 
   showTab(name) {
-    if (id("panel").hidden) this.togglePanel();
-    this.tab = name;
-    this.redraw();
+    id("panel").hidden = false;
+    this.change(this, { tab: name });
   }
 
-  togglePanel() {
-    id("panel").hidden = !id("panel").hidden;
-    this.redraw();
-  }
+  togglePanel() { this.toggle(id("panel"), "hidden"); }
 
   /** Begin a note on the frame that is shown, or on all frames of the loop. */
   writeNote(onLoop = false) {
@@ -156,10 +150,11 @@ class Review {
 
   #shown(frame) {
     if (this.mode === "grid") return this.grid.urls(frame);
-    const shown = this.mode === "b" ? [this.b] : this.stage.needsB ? [this.a, this.b] : [this.a];
     const frames = [frame, this.transport.beginningWith(frame)?.[0] ?? frame];
-    return [...new Set(shown.flatMap((each) => frames.map((one) => each.url(one))))];
+    return [...new Set(this.shownSequences.flatMap((each) => frames.map((one) => each.url(one))))];
   }
+
+  get #sheets() { return this.shownSequences.map((each) => each.sheetUrl); }
 
   #isReady(frame) { return this.#shown(frame).every((url) => this.cache.isSettled(url)); }
 
@@ -171,11 +166,11 @@ class Review {
     const frames = [...transport.ahead(Math.min(AHEAD, Math.max(4, room - BEHIND))), ...before];
     const urls = frames.flatMap((frame) => this.#shown(frame));
     if (!this.stage.needsB && this.b !== this.a) urls.push(this.b.url(transport.frame));  // so that T is at once
-    this.cache.want([...new Set(urls)].filter((url) => url !== null));
+    this.cache.want([...new Set([...this.#sheets, ...urls])].filter((url) => url !== null));
   }
 
   #arrived(url) {
-    if (this.#shown(this.transport.frame).includes(url)) this.#drawPicture();
+    if ([...this.#sheets, ...this.#shown(this.transport.frame)].includes(url)) this.#drawPicture();
     this.#drawStripSoon();
   }
 
@@ -189,7 +184,7 @@ class Review {
     this.#preload();
     refresh();
     this.#drawPicture();
-    this.panels[this.tab].draw();
+    this.drawPanel();
     this.viewing.draw();
     if (!this.transport.playing) this.#rememberSoon();
   }
@@ -201,6 +196,9 @@ class Review {
     if (this.cache.get(this.a.url(this.transport.frame))) this.drawn ??= performance.now(); // ms until it was first seen
   }
 
+  /** Draw the panel that is shown; the others are drawn when they are. */
+  drawPanel() { this.panels[this.tab].draw(); }
+
   /** Draw everything as it is now. */
   redraw() {
     if (!this.isBuilt) return;
@@ -209,7 +207,7 @@ class Review {
     this.stage.resize();
     this.#drawPicture();
     this.strip.draw();
-    this.panels[this.tab].draw();
+    this.drawPanel();
     this.viewing.draw();
     this.#rememberSoon();
   }

@@ -9,7 +9,6 @@ class MeasuresPanel {
   constructor(element, review) { Object.assign(this, { element, review }); }
 
   draw() {
-    if (this.element.hidden) return;
     if (this.shown !== this.review.a) this.#build(this.review.a);
     for (const chart of this.charts) chart.draw(this.review.transport.frame);
   }
@@ -40,9 +39,11 @@ const digits = (value, many = 4) => (Number.isFinite(value) ? `${+value.toPrecis
 
 /** A chart of curves over the frames, [values, name] each, with their highest and lowest value beside them. */
 function curves(about, lines, value, words = short) {
-  const there = lines.flatMap(([values]) => values).filter(Number.isFinite), range = extent(there);
-  const shapes = lines.map(([values, name]) => lineOf(values, range, name));
-  return { ...about, shapes, value, ends: [words(Math.max(...there)), words(Math.min(...there))] };
+  const there = lines.flatMap(([values]) => values).filter(Number.isFinite);
+  const low = Math.min(...there), high = Math.max(...there);
+  const room = high > low ? 0.06 * (high - low) : Math.abs(high) * 0.1 || 1;
+  const shapes = lines.map(([values, name]) => lineOf(values, [low - room, high + room], name));
+  return { ...about, shapes, value, ends: there.length ? [words(high), words(low)] : [] };
 }
 
 function counted(vertices, faces) {
@@ -134,7 +135,7 @@ class Chart {
    *         frames, aside: (place) shares beside them, legend: [name, ink], parts: (place) words for each name of it}
    */
   constructor(about, numbers, seek) {
-    Object.assign(this, { numbers, output: make("span"), head: make("div", "head"), told: about.legend?.map(() => make("b")) }, about);
+    Object.assign(this, { numbers, output: make("span", "about"), head: make("div", "head"), told: about.legend?.map(() => make("b")) }, about);
     this.bars = svg("svg", { class: "aside", preserveAspectRatio: "none" });
     const drawing = svg("svg", { viewBox: `0 0 ${numbers.length} ${WHOLE}`, preserveAspectRatio: "none" });
     drawing.append(...this.shapes.filter((shape) => shape instanceof SVGElement));
@@ -144,8 +145,9 @@ class Chart {
     const caption = make("figcaption", {}, make("span", { title: this.hint }, this.title), this.output);
     this.figure = make("figure", "chart", caption, make("div", "chart-box", this.plot, make("div", "beside", this.bars, ends)), ...this.#legend());
     this.figure.style.setProperty("--tall", this.height);
-    const go = (event) => seek(this.numbers[this.#placeAt(event)]);
-    const hover = (event) => { this.hovered = event && this.#placeAt(event); this.draw(this.frame); };
+    const placeAt = (event) => columnAt(this.plot, event, numbers.length);
+    const go = (event) => seek(numbers[placeAt(event)]);
+    const hover = (event) => { this.hovered = event && placeAt(event); this.draw(this.frame); };
     gestures(this.plot, { start: go, move: go, hover });
     this.plot.addEventListener("pointerleave", () => hover());
   }
@@ -154,11 +156,6 @@ class Chart {
   #legend() {
     const item = ([name, ink], i) => make("span", {}, make("i", { style: `background: ${ink}` }), `${name} `, this.told[i]);
     return this.legend ? [make("p", "legend", ...this.legend.map(item))] : [];
-  }
-
-  #placeAt(event) {
-    const { length } = this.numbers;
-    return clamp(Math.floor(shareOf(this.plot, event).x * length), 0, length - 1);
   }
 
   draw(frame) {
@@ -180,14 +177,6 @@ class Chart {
   }
 }
 
-/** The lowest and highest of values that are there, a little apart; null where none is. */
-function extent(values) {
-  const there = values.filter(Number.isFinite);
-  if (!there.length) return null;
-  const low = Math.min(...there), high = Math.max(...there), room = high > low ? 0.06 * (high - low) : Math.abs(high) * 0.1 || 1;
-  return [low - room, high + room];
-}
-
 /** A curve through the frames' values; gaps where there are none. */
 function lineOf(values, [low, high], name) {
   const at = (value, i) => `${i + 0.5} ${WHOLE * (1 - (value - low) / (high - low))}`;
@@ -207,14 +196,17 @@ function levelOf(share, word) { return make("div", { className: "level", style: 
 /** Shares by frame and bin as brightness; the lowest bin is below. */
 function heatOf(rows) {
   const bins = rows.find(Boolean)?.length ?? 1, most = Math.max(...rows.flatMap((row) => row ?? [0])) || 1;
-  const image = new ImageData(rows.length, bins);
-  rows.forEach((row, i) => {
-    for (let bin = 0; bin < bins; bin++) {
-      const light = row ? 31 + 209 * Math.sqrt(row[bin] / most) : 24;
-      image.data.set([light, light, light, 255], 4 * ((bins - 1 - bin) * rows.length + i));
-    }
-  });
+  const lightOf = (i, bin) => (rows[i] ? 31 + 209 * Math.sqrt(rows[i][bin] / most) : 24);
   const map = make("canvas", { className: "heat", width: rows.length, height: bins });
-  map.getContext("2d").putImageData(image, 0, 0);
+  drawPixels(map, 0, rows.length, bins, (...at) => Array(3).fill(lightOf(...at)));
   return map;
+}
+
+/** Draw pixels of a canvas from column `left` on: `inkOf(x, y)` is red, green and blue; y goes upwards. */
+function drawPixels(canvas, left, width, height, inkOf) {
+  const image = new ImageData(width, height);
+  for (let y = 0; y < height; y++) {
+    for (let x = 0; x < width; x++) image.data.set([...inkOf(x, y), 255], 4 * ((height - 1 - y) * width + x));
+  }
+  canvas.getContext("2d").putImageData(image, left, 0);
 }

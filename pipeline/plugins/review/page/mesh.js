@@ -3,12 +3,12 @@
 
 class MeshPanel {
   constructor(element, review, three, hint) {
-    Object.assign(this, { element, review, three, hint, plays: true, lines: false, words: make("p", "note") });
+    Object.assign(this, { element, review, three, hint, words: make("p", "note") });
+    Object.assign(this, { plays: true, lines: false }); // one mesh in all frames; its triangles
     element.classList.add("mesh");
   }
 
   draw() {
-    if (this.element.hidden) return;
     const none = "This page has no meshes of this shot; --models says how many it may have.";
     if (!this.three || !this.review.a.about.models.length) return this.element.replaceChildren(make("p", "note", this.three ? none : this.hint));
     this.begun ??= this.#begin();
@@ -19,23 +19,20 @@ class MeshPanel {
     await script(this.three); // its text, for a page that lies in a folder may load no modules from it
     const bundle = await moduleOf(window.reviewThree);
     const decode = async (data) => (data.glb ? new bundle.GLTFLoader().parseAsync((await inflated(data.glb)).buffer, "") : data);
-    this.models = new ScriptStore("models", "reviewModel", decode, () => this.draw());
+    this.models = new ScriptStore("models", "reviewModel", decode, () => this.review.drawPanel());
     this.view = new MeshView(bundle.THREE, this.review);
     this.element.replaceChildren(this.#bar(), make("div", "mesh-stage", this.view.canvas), this.words);
     whenResized(this.view.canvas, () => this.view.resize());
   }
 
   #bar() {
-    const { view } = this, { orbit } = view;
+    const { review, view } = this, { orbit } = view;
     return make("div", "mesh-bar",
-      buttonOf("Motion", "One mesh that plays every frame, or simulated frames (Shift M)", () => this.toggle("plays"), { ariaPressed: () => this.plays, hidden: () => !this.hasMotion }),
-      buttonOf("Triangles", "Show the triangles (E)", () => this.toggle("lines"), { ariaPressed: () => this.lines }),
+      buttonOf("Motion", "One mesh that plays every frame, or simulated frames (Shift M)", () => review.toggle(this, "plays"), { ariaPressed: () => this.plays, hidden: () => !this.hasMotion }),
+      buttonOf("Triangles", "Show the triangles (E)", () => review.toggle(this, "lines"), { ariaPressed: () => this.lines }),
       buttonOf("Shot's camera", "Look through the camera of the shot (C)", () => view.follow(!view.follows), { ariaPressed: () => view.follows }),
-      buttonOf("Free", "Turn freely, not about the vertical axis", () => this.review.change(orbit, { isFree: !orbit.isFree }), { ariaPressed: () => orbit.isFree }));
+      buttonOf("Free", "Turn freely, not about the vertical axis", () => review.toggle(orbit, "isFree"), { ariaPressed: () => orbit.isFree }));
   }
-
-  /** Switch `plays`, one mesh in all frames, or `lines`, the triangles. */
-  toggle(name) { this.review.change(this, { [name]: !this[name] }); }
 
   /** Show what is known of the frame; what is still being read is shown when it comes. */
   #show() {
@@ -72,7 +69,7 @@ class MeshView extends ShotView {
 
   /** Put other meshes in the place of those that are there. */
   put(name, meshes) {
-    this.shown?.dispose();
+    this.shown?.dispose?.();
     if (this.shown) this.scene.remove(this.shown.group);
     Object.assign(this, { shown: meshes, shownName: name });
     this.scene.add(meshes.group);
@@ -192,7 +189,7 @@ class StillMeshes {
   dispose() { this.group.traverse((each) => each.geometry?.dispose()); }
 }
 
-/** All frames: poses, between which vertices move on straight lines. */
+/** All frames: poses, between which vertices move on straight lines. It is kept, for going back to it. */
 class MovingMesh {
   /** Takes a GLB whose morph targets are blended two at a time. */
   constructor(THREE, { scene, animations }, first, fps) {
@@ -257,21 +254,17 @@ class MovingMesh {
     }
     return { low: all.min.toArray(), high: all.max.toArray() };
   }
-
-  dispose() {}  // kept, for going back to it
 }
 
 /** The bounds of positions, with what a morph target adds to them. */
 function boxOf(THREE, rest, target, matrix) {
-  const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
+  const box = new THREE.Box3(), place = new THREE.Vector3(), change = new THREE.Vector3();
   for (let i = 0; i < rest.count; i++) {
-    for (let axis = 0; axis < 3; axis++) {
-      const value = rest.getComponent(i, axis) + (target?.getComponent(i, axis) ?? 0);
-      if (value < low[axis]) low[axis] = value;
-      if (value > high[axis]) high[axis] = value;
-    }
+    place.fromBufferAttribute(rest, i);
+    if (target) place.add(change.fromBufferAttribute(target, i));
+    box.expandByPoint(place);
   }
-  return new THREE.Box3(new THREE.Vector3(...low), new THREE.Vector3(...high)).applyMatrix4(matrix);
+  return box.applyMatrix4(matrix);
 }
 
 /** A material whose vertices are those at rest, with two targets by their weights. */

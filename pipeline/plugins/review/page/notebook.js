@@ -4,13 +4,9 @@
 class NoteBook {
   /** `page` is the page's identity, `given` the notes that it was written with; `changed()` is called after every change. */
   constructor(page, given, changed) {
-    this.changed = changed;
+    Object.assign(this, { changed, notes: new Map(), undone: [], done: [], isSaved: true });
     this.prefix = `flowsculpt.notes.1/${page}/`;
-    this.notes = new Map();
     this.unsettled = new Set();  // ids of notes whose latest revision may still be replaced
-    this.undone = [];
-    this.done = [];
-    this.isSaved = true;
     this.#take(mergedNotes(given, this.#kept()));
     window.addEventListener("storage", (event) => this.#fromOtherTab(event));
     window.addEventListener("beforeunload", (event) => { if (!this.isSaved) event.preventDefault(); });
@@ -158,14 +154,15 @@ function newId() {
   return digits.replace(/^(.{8})(.{4})(.{4})(.{4})(.{12})$/, "$1-$2-$3-$4-$5");
 }
 
+/** The data of JSON; undefined where a text is none. */
+function parsed(text) {
+  try { return JSON.parse(text); } catch { return undefined; }
+}
+
 /** A list of the note in a text, or of none. */
 function parsedNote(text) {
-  try {
-    const note = JSON.parse(text);
-    return noteFault(note, "note") ? [] : [note];
-  } catch {
-    return [];
-  }
+  const note = parsed(text);
+  return noteFault(note, "note") ? [] : [note];
 }
 
 const NOTES_FORMAT = "flowsculpt notes", NOTES_VERSION = 1;
@@ -213,12 +210,8 @@ function revisionFault({ first, last, drawings }, place) {
 
 /** The notes in the text of a file. Throws an Error that says in one sentence what is wrong with it. */
 function notesIn(text) {
-  let data;
-  try {
-    data = JSON.parse(text);
-  } catch {
-    throw new Error("it is no JSON, or was cut short");
-  }
+  const data = parsed(text);
+  if (data === undefined) throw new Error("it is no JSON, or was cut short");
   if (data?.format !== NOTES_FORMAT || !Array.isArray(data.notes)) throw new Error("it is no file of notes");
   if (data.version !== NOTES_VERSION) throw new Error(`version ${String(data.version).slice(0, 20)} of its format is not read here, but ${NOTES_VERSION}`);
   const fault = data.notes.map((note, i) => noteFault(note, `notes.${i}`)).find(Boolean);

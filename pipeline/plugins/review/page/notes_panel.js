@@ -56,9 +56,8 @@ class NotesPanel {
 
   /** List notes of the next status; after the last, all. */
   listNext() {
-    const statuses = [null, ...STATUSES];
     this.review.showTab("notes");
-    this.list({ status: statuses[(statuses.indexOf(this.status) + 1) % statuses.length] });
+    this.list({ status: nextOf([null, ...STATUSES], this.status) });
   }
 
   #chosen() {
@@ -134,7 +133,6 @@ class NotesPanel {
   }
 
   draw() {
-    if (this.element.hidden) return;
     this.found = this.#inScope();
     refresh(this.element);
     if (!this.cards.contains(document.activeElement) || !document.activeElement.matches("textarea, input")) this.#list();
@@ -169,7 +167,7 @@ class NotesPanel {
     const { review } = this, isChosen = note.id === review.chosenNote;
     const frames = buttonOf(framesOf(note), `Go to frame ${note.first}`, () => this.#goTo(note), { className: "note-frames", ariaCurrent: isChosen });
     const earlier = note.history.length ? `; ${note.history.length} earlier versions are kept` : "", title = `Written ${minuteOf(note.created)} UTC${earlier}`;
-    const about = make("span", { className: "note-about", title }, make("bdi", {}, authorOf(note)), ` · ${minuteOf(note.modified)}`);
+    const about = make("span", { className: "about note-about", title }, make("bdi", {}, authorOf(note)), ` · ${minuteOf(note.modified)}`);
     const extras = [note.drawings.length ? strokesOf(note) : "", this.#isOutdated(note) ? "the picture has changed since" : ""].filter(Boolean);
     const isEdited = this.form.id === note.id, words = (name, text) => (text ? [make("p", name, text)] : []);
     return make("li", {

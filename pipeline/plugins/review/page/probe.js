@@ -10,9 +10,6 @@ class Probe {
     review.stage.canvas.addEventListener("pointerleave", () => { this.loupe.hidden = true; });
   }
 
-  toggle() { this.review.change(this, { isOn: !this.isOn }); }
-  toggleLoupe() { this.review.change(this, { hasLoupe: !this.hasLoupe }); }
-
   #moved(event) {
     const dots = devicePixelRatio;
     this.at = { x: event.offsetX * dots, y: event.offsetY * dots, left: event.offsetX, top: event.offsetY };
@@ -28,7 +25,7 @@ class Probe {
 
   /** The pixel of A under the pointer: shares of its width and height, or null. */
   #pixel() {
-    const part = this.at && this.review.ink.at(this.at);
+    const part = this.at && this.review.stage.partAt(this.at);
     if (!part) return null;
     const x = (this.at.x - part.place.x) / part.place.width, y = (this.at.y - part.place.y) / part.place.height;
     return x >= 0 && x < 1 && y >= 0 && y < 1 ? { x, y } : null;

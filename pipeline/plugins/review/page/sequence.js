@@ -24,6 +24,9 @@ class Sequence {
     return name ? `pictures/${name}` : null;
   }
 
+  /** Where its sheet of small pictures lies; null where it has none. */
+  get sheetUrl() { return this.sheet && `pictures/${this.sheet.file}`; }
+
   /** missing, failed, stale or done, and why. */
   state(number) {
     return this.states[number] ?? (this.places.has(number) ? ["done", ""] : ["missing", "it is not in this sequence"]);
@@ -32,8 +35,8 @@ class Sequence {
   /** The place of the nearest small picture on the sheet: {url, x, y, width, height, number}. */
   thumb(number) {
     if (!this.sheet) return null;
-    const { frames, columns, size: [width, height], file } = this.sheet, nearest = nearestOf(frames, number), place = frames.indexOf(nearest);
-    return { url: `pictures/${file}`, x: (place % columns) * width, y: Math.floor(place / columns) * height, width, height, number: nearest };
+    const { frames, columns, size: [width, height] } = this.sheet, nearest = nearestOf(frames, number), place = frames.indexOf(nearest);
+    return { url: this.sheetUrl, x: (place % columns) * width, y: Math.floor(place / columns) * height, width, height, number: nearest };
   }
 
   /** An entry of the header of a frame; undefined where it does not say. */

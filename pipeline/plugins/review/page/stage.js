@@ -6,7 +6,7 @@ const GREYS = { ground: "#232323", line: "#3a3a3a", quiet: "#a3a3a3", ink: "#ede
 
 class Stage {
   constructor(canvas, review) {
-    Object.assign(this, { canvas, review, context: canvas.getContext("2d"), scratch: make("canvas"), sheets: new Map() });
+    Object.assign(this, { canvas, review, context: canvas.getContext("2d"), scratch: make("canvas") });
     Object.assign(this, { mode: "a", gain: 4, wipe: 0.5 });
     this.zoom = null;  // pixels of the display to a pixel of the picture; null: as large as fits
     this.pan = { x: 0, y: 0 };  // of the picture's middle from the stage's, in pixels of the display
@@ -41,11 +41,8 @@ class Stage {
     const { width, height } = this.canvas, [w, h] = this.a.size;
     const size = { width: w * this.scale, height: h * this.scale };
     const middles = this.mode === "side" ? [0.25 * width, 0.75 * width] : [0.5 * width];
-    return middles.map((x) => ({
-      x: Math.round(x + this.pan.x - size.width / 2),
-      y: Math.round(height / 2 + this.pan.y - size.height / 2),
-      ...size,
-    }));
+    const y = Math.round(height / 2 + this.pan.y - size.height / 2);
+    return middles.map((x) => ({ x: Math.round(x + this.pan.x - size.width / 2), y, ...size }));
   }
 
   /** Zoom about a point of the canvas, which stays where it is. */
@@ -63,34 +60,44 @@ class Stage {
     this.pan = { x: 0, y: 0 };
   }
 
+  /** Which sequence's picture lies where, and between which columns it is seen; none under the grid. */
+  get parts() {
+    const { mode, canvas: { width: to }, a, b } = this, [one, other = one] = this.places();
+    if (this.review.mode === "grid") return [];
+    if (mode !== "side" && mode !== "wipe") return [{ sequence: mode === "b" ? b : a, place: one, from: 0, to }];
+    const edge = mode === "side" ? to / 2 : this.wipeAt(one);
+    return [{ sequence: a, place: one, from: 0, to: edge }, { sequence: b, place: other, from: edge, to }];
+  }
+
+  /** The part of the stage at a point. */
+  partAt({ x }) { return this.parts.find(({ from, to }) => x >= from && x < to); }
+
+  /** Call `draw(sequence, place)` for each part of the stage, within its columns of a canvas as large. */
+  drawParts(context, draw) {
+    for (const { sequence, place, from, to } of this.parts) {
+      const columns = { x: from, y: 0, width: to - from, height: this.canvas.height };
+      drawWithin(context, columns, () => draw(sequence, place));
+    }
+  }
+
   draw() {
-    const { context, canvas } = this;
+    const { context, canvas, mode } = this;
     context.clearRect(0, 0, canvas.width, canvas.height);
     context.imageSmoothingEnabled = this.scale < 2;
     context.imageSmoothingQuality = "high";
-    const [one, other] = this.places();
-    if (this.mode === "a") this.#picture(this.a, one);
-    else if (this.mode === "b") this.#picture(this.b, one);
-    else if (this.mode === "wipe") this.#wiped(one);
-    else if (this.mode === "difference") this.#difference(one);
-    else this.#sideBySide(one, other);
-  }
-
-  #sideBySide(one, other) {
-    const half = this.canvas.width / 2;
-    this.#within(0, half, () => this.#picture(this.a, one));
-    this.#within(half, half, () => this.#picture(this.b, other));
-    this.context.fillStyle = "#000";
-    this.context.fillRect(half - 1, 0, 2, this.canvas.height);
+    if (mode === "difference") return this.#difference(this.places()[0]);
+    this.drawParts(context, (...part) => this.#picture(...part));
+    if (mode === "wipe") this.#drawEdge(this.places()[0]);
+    if (mode !== "side") return;
+    context.fillStyle = "#000";
+    context.fillRect(canvas.width / 2 - 1, 0, 2, canvas.height);
   }
 
   /** Where the edge between A and B is, in pixels of the canvas. */
   wipeAt(place = this.places()[0]) { return Math.round(place.x + this.wipe * place.width); }
 
-  #wiped(place) {
+  #drawEdge(place) {
     const x = this.wipeAt(place), { context, canvas } = this;
-    this.#within(0, x, () => this.#picture(this.a, place));
-    this.#within(x, canvas.width - x, () => this.#picture(this.b, place));
     const top = Math.max(0, place.y), bottom = Math.min(canvas.height, place.y + place.height);
     context.fillStyle = "rgba(0, 0, 0, 0.55)";
     context.fillRect(x - 1, top, 3, bottom - top);
@@ -117,27 +124,14 @@ class Stage {
     return this.context.drawImage(this.scratch, place.x, place.y, place.width, place.height);
   }
 
-  #within(x, width, draw) { drawWithin(this.context, { x, y: 0, width, height: this.canvas.height }, draw); }
-
   #bitmap(sequence, frame = this.frame) {
     const url = sequence.url(frame);
     return this.review.viewing.source(sequence, frame) ?? (url === null ? null : this.review.cache.get(url));
   }
 
-  /** The sheet of small pictures of a sequence, or null while it is not there. */
-  #sheet({ sheet }) {
-    const url = sheet && `pictures/${sheet.file}`;
-    if (sheet && !this.sheets.has(url)) {
-      const image = make("img", { src: url, onload: () => this.review.redraw() });
-      this.sheets.set(url, image);
-    }
-    const image = this.sheets.get(url);
-    return image?.complete && image.naturalWidth ? image : null;
-  }
-
   /** What stands for a picture that is still being read: its small one, where the sheet has it. */
   #drawThumb(sequence, place) {
-    const sheet = this.#sheet(sequence), thumb = sequence.thumb(this.frame);
+    const sheet = this.review.cache.get(sequence.sheetUrl), thumb = sequence.thumb(this.frame);
     this.context.fillStyle = GREYS.ground;
     this.context.fillRect(place.x, place.y, place.width, place.height);
     if (!sheet || thumb?.number !== this.frame) return;
@@ -208,7 +202,7 @@ function stagePointer(stage, drawing, changed) {
   const { canvas } = stage;
   const at = (event) => ({ x: event.offsetX * devicePixelRatio, y: event.offsetY * devicePixelRatio }); // in pixels of the display
   const isAtWipe = (event) => stage.mode === "wipe" && Math.abs(event.offsetX - stage.wipeAt() / devicePixelRatio) < WIPE_REACH;
-  let last, drawsWipe;
+  let drawsWipe;
   const pan = (dx, dy) => {
     if (stage.zoom === null) stage.zoomTo(stage.fitting);
     stage.pan = { x: stage.pan.x + dx * devicePixelRatio, y: stage.pan.y + dy * devicePixelRatio };
@@ -221,15 +215,13 @@ function stagePointer(stage, drawing, changed) {
   };
   gestures(canvas, {
     start: (event) => {
-      last = event;
       drawsWipe = isAtWipe(event);
       if (drawing.isOn) drawing.down(at(event));
     },
-    move: (event) => {
+    move: (event, begun, dx, dy) => {
       if (drawing.isOn) drawing.move(at(event));
       else if (drawsWipe) setWipe(event);
-      else pan(event.clientX - last.clientX, event.clientY - last.clientY);
-      last = event;
+      else pan(dx, dy);
     },
     over: () => drawing.up(),
     pan,

@@ -10,8 +10,8 @@ class ReviewStrip extends FrameStrip {
       describe: (frame) => this.#words(frame),
       hovered: (event, frame) => this.#showHover(event, frame),
     });
-    Object.assign(this, { review, film: make("div", "film"), lanes: make("div", "lanes"), hover: make("div", "hover") });
-    this.hover.hidden = true;
+    Object.assign(this, { review, film: make("div", "film"), lanes: make("div", "lanes") });
+    this.hover = make("div", { className: "hover", hidden: true });
     element.prepend(this.film);
     element.append(this.lanes, this.hover);
     element.addEventListener("pointerleave", () => { this.hover.hidden = true; });
@@ -54,11 +54,8 @@ class ReviewStrip extends FrameStrip {
   /** The middle of a small picture, at the height of the film. */
   #tile(sequence, number, wide) {
     const { url, x, y, width, height } = sequence.thumb(number), scale = FILM / height, { columns } = sequence.sheet;
-    const tile = make("div");
-    Object.assign(tile.style, {
-      background: `url("${url}") ${(wide - width * scale) / 2 - x * scale}px ${-y * scale}px / ${columns * width * scale}px auto`,
-    });
-    return tile;
+    const place = `${(wide - width * scale) / 2 - x * scale}px ${-y * scale}px / ${columns * width * scale}px auto`;
+    return make("div", { style: `background: url("${url}") ${place}` });
   }
 
   /** Lines over the frames of notes in the colours of their statuses. */
@@ -84,9 +81,9 @@ class ReviewStrip extends FrameStrip {
     });
     this.hover.replaceChildren(words, ...notes);
     if (thumb && a.url(frame)) {
-      const picture = make("div", { style: `width: ${thumb.width}px; height: ${thumb.height}px` });
-      picture.style.background = `url("${thumb.url}") -${thumb.x}px -${thumb.y}px`;
-      this.hover.prepend(picture);
+      const background = `url("${thumb.url}") -${thumb.x}px -${thumb.y}px`;
+      const style = `width: ${thumb.width}px; height: ${thumb.height}px; background: ${background}`;
+      this.hover.prepend(make("div", { style }));
     }
     this.hover.hidden = false;
     const half = this.hover.offsetWidth / 2;

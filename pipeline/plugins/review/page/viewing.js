@@ -50,29 +50,21 @@ class Viewing {
 
   toggleClipping() { this.set({ clipping: !this.grader.settings.clipping }); }
 
-  setLayer(name) {
-    this.layer = name;
-    this.toggle(true);
-  }
+  setLayer(layer) { this.review.change(this, { layer, isOn: true }); }
 
-  nextLayer() {
-    const names = this.names.length ? this.names : [LAYER_OF_PICTURE];
-    this.setLayer(names[(names.indexOf(this.layer) + 1) % names.length]);
-  }
+  nextLayer() { this.setLayer(nextOf(this.names.length ? this.names : [LAYER_OF_PICTURE], this.layer)); }
 
   /** Show alpha, or go back to the picture. */
   toggleAlpha() { this.setLayer(this.layer === "alpha" ? LAYER_OF_PICTURE : "alpha"); }
 
   reset() {
     Object.assign(this.grader.settings, { exposure: 0, gamma: 1, channel: "rgb", clipping: false });
-    this.layer = LAYER_OF_PICTURE;
-    this.review.redraw();
+    this.review.change(this, { layer: LAYER_OF_PICTURE });
   }
 
   toggle(isOn = !this.isOn) {
-    this.isOn = isOn;
     if (!isOn) this.reset();
-    this.review.redraw();
+    this.review.change(this, { isOn });
   }
 
   /** Download the frame that is shown as PNG, in the size of its picture, with drawings or without. */
@@ -122,7 +114,7 @@ class Viewing {
       slider("Exposure", "Stops (Page Up, Page Down)", "exposure", -6, 6, 0.25, stops),
       slider("Gamma", "Gamma (Shift Page Up, Page Down)", "gamma", 0.2, 3, 0.1, (value) => value.toFixed(1)),
       buttonOf("Clipping", "Red where white, blue where black, magenta where no number (Shift K)", () => this.toggleClipping(), { ariaPressed: () => settings().clipping }),
-      buttonOf("Probe", "Values under the pointer (Shift P)", () => this.probe.toggle(), { ariaPressed: () => this.probe.isOn }),
+      buttonOf("Probe", "Values under the pointer (Shift P)", () => review.toggle(this.probe, "isOn"), { ariaPressed: () => this.probe.isOn }),
       buttonOf("Save", "Save this frame as PNG, with drawings (Shift S), without (Shift W)", () => this.save(true)),
       buttonOf("Reset", "Show pictures as they are (0)", () => this.reset()),
       make("p", { className: "viewing-words", textContent: () => (isMissing() ? this.without(review.shownSequence, review.transport.frame) : "") }),
