@@ -26,6 +26,7 @@ from flowsculpt.pipeline.flow.catalogue.basic import (
 )
 from flowsculpt.pipeline.flow.catalogue.deformations import Bend, Deformation
 from flowsculpt.pipeline.flow.catalogue.sampled_field import Sampled
+from flowsculpt.pipeline.plugins.contact.squash import Squash
 from flowsculpt.pipeline.plugins.fields.attraction import Attraction, Target, Wind
 from flowsculpt.pipeline.plugins.fields.curl_noise import CurlNoise
 from flowsculpt.pipeline.plugins.fields.formula_field import FormulaField
@@ -33,6 +34,7 @@ from flowsculpt.pipeline.plugins.fields.grid_files import read_samples
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 SIZE, REACH, SEEDS, STEPS = 1.6, 1.45, 260, 30
 """Width in inches, scene units from the middle to the edge, streamlines, and pieces of each."""
@@ -128,6 +130,17 @@ def _draw_block(panel: Axes, flow: Any, seen: AnyArray) -> None:
         panel.plot(*(moved @ seen).T, color=INK if on_edge else WARM, linewidth=1.0 if on_edge else 0.5)
 
 
+def _draw_contact() -> None:
+    """Draw the block before, and as a floor squashes it."""
+    squash = Squash.of(-0.45, 0.9, 0.001, -0.9)
+    panel, figure = _panel()
+    for points in _block_lines():
+        panel.plot(*(points @ view()).T, color=FAINT, linewidth=0.7)
+    for points in _block_lines():
+        panel.plot(*(squash.apply(points) @ view()).T, color=WARM, linewidth=0.6)
+    save(figure, "flows/contact.png")
+
+
 def _block_lines(across: float = 0.4, high: float = 0.9) -> list[Points]:
     t = np.linspace(-1, 1, 61)[:, None]
     marks = np.linspace(-across, across, 5)
@@ -164,9 +177,11 @@ def draw() -> None:
         _draw(SHOWN[kind] if kind in SHOWN else Bend(length=1.8) if kind is Bend else kind())
     for field in (*WRITTEN, _random_samples()):
         _draw(field)
+    _draw_contact()
 
 
-def _draw(flow: VelocityField | Deformation) -> None:
+def _panel() -> tuple[Axes, Figure]:
+    """Return empty axes that fill a figure."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -175,6 +190,11 @@ def _draw(flow: VelocityField | Deformation) -> None:
     panel = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     panel.set(xlim=(-REACH, REACH), ylim=(-REACH, REACH), aspect="equal")
     panel.set_axis_off()
+    return panel, figure
+
+
+def _draw(flow: VelocityField | Deformation) -> None:
+    panel, figure = _panel()
     seen = view(0.0, 0.0) if isinstance(flow, DoubleGyre) else view()
     if isinstance(flow, Deformation):
         _draw_block(panel, flow, seen)

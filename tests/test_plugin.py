@@ -515,6 +515,7 @@ def test_a_name_of_a_plug_in_that_is_not_there_says_which_one_it_needs():
     ("name", "needed"),
     [
         ("become", "become"),
+        ("contact", "contact"),
         ("wind", "fields"),
         ("cloud", "points"),
         ("layout", "layout"),

@@ -41,6 +41,9 @@ class Flow(ABC):
     runs_code: ClassVar[bool] = False
     """True if it runs code of the user's, which can do anything: only with permission."""
 
+    acts_around_earlier: ClassVar[bool] = False
+    """True if `of_subject` put the flows before it into its own steps."""
+
     def require_permission(self) -> None:
         """Raise UsageError where it runs code without permission; `displace` does so too."""
         assert not self.runs_code, "flows that run code override this"
@@ -60,7 +63,7 @@ class Flow(ABC):
         return self
 
     def of_subject(self, subject: Any, place: Vector, before: Sequence[Flow]) -> Flow:
-        """Return the flow as it acts on a subject that stands at a place, after flows `before` it.
+        """Return the flow as it acts on a subject that stands at a place, after or around those `before` it.
 
         Only flows of a list of flows are asked; compositions refuse flows that define this.
         """
@@ -130,10 +133,7 @@ class Function(Flow):
 
 @dataclass(frozen=True)
 class PluginMap(Flow):
-    """A map of a plug-in.
-
-    origin  the plug-in, its version and the map's name, which are part of what decides it
-    """
+    """A map of a plug-in; `origin` is the plug-in, its version and the map's name, which enter keys."""
 
     flow: Flow
     origin: tuple[str, str, str]

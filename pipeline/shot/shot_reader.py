@@ -440,13 +440,13 @@ def _motion(
         acting.append(AnimatedFlow(built))
     for entry in flows:
         flow = entry.build(clock, integrate)
-        acting.append(flow if subject is None else flow.of_subject(built, place, acting))
+        flow = flow if subject is None else flow.of_subject(built, place, acting)
+        acting = [flow] if flow.acts_around_earlier else [*acting, flow]
     if isinstance(resample, ResampleDocument) and resample.rest_interval is None and resampling is not None:
         intervals = [flow.rest_interval for flow in acting if flow.rest_interval is not None]
         resampling = replace(resampling, rest_interval=min([resampling.rest_interval, *intervals]))
-    if (
-        isinstance(built, AnimatedModel) and resampling is not None
-    ):  # points find their faces in the first frame
+    if isinstance(built, AnimatedModel) and resampling is not None:
+        # points find their faces in the first frame
         resampling = replace(resampling, normals="geometric", rest_interval=len(clock.frames) + 1)
     return Motion(
         frames=clock.frames,

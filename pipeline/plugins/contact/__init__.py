@@ -1,0 +1,9 @@
+"""The flow `contact`: a subject gives way to a floor."""
+
+from flowsculpt.api import Plugin
+
+PLUGIN = Plugin(
+    name="contact",
+    version="1",
+    flows={"contact": "flowsculpt.pipeline.plugins.contact.contact_document:ContactDocument"},
+)

@@ -1,0 +1,77 @@
+"""The map of space above a floor that squashes a subject which reaches below it, and its inverse."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from flowsculpt.api.meshes import Floats
+
+
+class Squash(NamedTuple):
+    """A map that squashes what would be below a floor into a zone above it.
+
+    With v the depth below the top of the zone, κ the strength and Y the height after the map,
+
+        Y = top − v/√(1 + κ² v²)        Y' = (1 + κ² v²)^(−3/2)
+
+    The derivatives up to the second are those of the identity at v = 0. κ is such that the lowest point of
+    the subject arrives at the floor. A point below that one, at v = V + w, follows
+
+        Y = base + margin² / (margin + Y'(V) w)        base = floor − margin
+
+    so that none passes the base. Where volume is kept, distances from a vertical axis are multiplied by
+    1/√Y', and the determinant of the Jacobian is 1 down to V. Below, they are multiplied as at V.
+
+    top     height of the zone's upper end, units
+    base    height that no point reaches, `margin` below the floor
+    margin  units, above 0
+    span    V, units: from the top down to the lowest point of the subject
+    bend    κ, 1/units: 0 where nothing is squashed
+    axis    x and z of the axis, units
+    spreads  True where volume is kept
+    """
+
+    top: float
+    base: float
+    margin: float
+    span: float
+    bend: float
+    axis: tuple[float, float]
+    spreads: bool
+
+    @classmethod
+    def of(
+        cls,
+        floor: float,
+        softness: float,
+        margin: float,
+        lowest: float,
+        axis: tuple[float, float] = (0.0, 0.0),
+        spreads: bool = True,
+    ) -> Squash:
+        """Return the squash of a subject whose lowest point is at `lowest`, in a zone of `softness`."""
+        depth = max(0.0, floor - lowest)
+        span = softness + depth
+        bend = math.sqrt((span / softness) ** 2 - 1.0) / span
+        return cls(floor + softness, floor - margin, margin, span, bend, axis, spreads)
+
+    def apply(self, points: Floats) -> Floats:
+        """Return points (N, 3) after the map: a new array."""
+        return self._moved(points, undoes=False)
+
+    def undo(self, points: Floats) -> Floats:
+        """Return the points (N, 3) that `apply` moves to `points`; NaN at or below the base."""
+        return self._moved(points, undoes=True)
+
+    def _moved(self, points: Floats, undoes: bool) -> Floats:
+        # imported here, as shots are read without numba
+        from flowsculpt.pipeline.plugins.contact.squash_kernels import squash
+
+        points = np.ascontiguousarray(points, np.float64)
+        moved = np.empty_like(points)
+        numbers = np.array([*self[:5], *self.axis], np.float64)
+        squash(points, moved, numbers, self.spreads, undoes)
+        return moved
