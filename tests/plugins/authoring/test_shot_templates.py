@@ -55,7 +55,7 @@ def test_a_shot_of_each_flow_moves_what_it_shows(flow: str, tmp_path: Path) -> N
     first = next(frames)
     points, clock = first.mesh.vertices, shot.motion.clock
     assert len(next(frames).mesh.faces) > 20
-    for number in range(30, 34):
+    for number in range(2 if flow == "contact" else 30, 34):  # contact undoes what it did before
         points = shot.motion.flow.displace(points, *clock.step(number))
     assert np.isfinite(points).all()
     moved = np.linalg.norm(points - first.mesh.vertices, axis=1).max()
