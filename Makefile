@@ -106,7 +106,7 @@ UNCOMPILED := $(UNCOMPILED)|/(cffi|dateutil|fastjsonschema|humanfriendly|imageio
 UNCOMPILED := $(UNCOMPILED)|/(cftime|cmocean|donfig|google_crc32c|h5netcdf|h5py|numcodecs|pandas|scipy|xarray|zarr)/
 UNCOMPILED := $(UNCOMPILED)|/(pluggy|pycparser|referencing|rich/_unicode_data|smmap|tomlkit|trove_classifiers)/
 PIP := --quiet --no-compile --require-hashes -r requirements-pip.lock
-# Each of two processes installs every other package: one alone unpacks 1.1 GB on one core.
+# Each of two processes installs every other package: one alone unpacks 1.2 GB on one core.
 LOCKED := --quiet --no-compile --no-deps --require-hashes
 
 .venv/ready: requirements-pip.lock requirements.lock pyproject.toml | same-python
@@ -116,7 +116,7 @@ LOCKED := --quiet --no-compile --no-deps --require-hashes
 		"point make at one: make PYTHON=python3.12 film" >&2; exit 4; }
 	@$(PYTHON) -c 'import ensurepip' 2>/dev/null || \
 		{ echo "flowsculpt needs Python's venv module: apt-get install python3-venv" >&2; exit 4; }
-	@echo "Setting up .venv, once. 1 of 2: packages (1.1 GB; about a minute if pip has them already)"
+	@echo "Setting up .venv, once. 1 of 2: packages (1.2 GB; about a minute if pip has them already)"
 	@$(PYTHON) -m venv --without-pip .venv
 	@$(PYTHON) -m pip --python $(BIN)/python install $(PIP) 2>/dev/null || \
 		{ $(BIN)/python -m ensurepip >/dev/null && $(BIN)/python -m pip install $(PIP); }
