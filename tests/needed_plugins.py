@@ -119,6 +119,7 @@ def needed_in(text: str) -> list[str]:
     words = re.findall(r"[\w.]+", text)
     found = {owners.get(word) or owners.get(f".{word.rpartition('.')[2]}", "") for word in words}
     found |= {*SHIPPED} & {word.partition(".")[0] for word in words if "." in word}
+    found |= {*SHIPPED} & {*re.findall(r"^(\w+):", text, flags=re.M)}  # entries of plug-ins
     shots = (shot for shot in GALLERY.glob("*.yaml") if shot.stem in words)
     return sorted(found.union(needed_by(*shots)) - {""})
 
