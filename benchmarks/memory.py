@@ -5,7 +5,7 @@ difference over the vertices is what mesh and resampler need together.
 
 `python -m benchmarks.memory stages` renders six frames of A020_lorenz at daily and, with four samples, at
 final, both denoised over time, and shows the largest resident sizes of all processes and of renderers: where
-memory is short (processes are told that 3 GB are free), and as it is here.
+memory is short (psutil reports 3 GB as free to every process), and with what this machine has.
 """
 
 from __future__ import annotations

@@ -159,7 +159,7 @@ def _subject(seen: _Seen, lines: dict[str, object], land_file: str) -> str:
 
 
 def _land(field: Sampled, seen: _Seen) -> np.ndarray | None:
-    """Return a picture of where nothing moves on a globe or a plate; None where there is no such place."""
+    """Return a picture of land on a globe or a plate; None without land."""
     if seen.is_globe:
         return land_at(field, around_globe(0.5 * seen.size))
     if seen.flat != 2:

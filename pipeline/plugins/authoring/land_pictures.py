@@ -1,4 +1,4 @@
-"""Pictures of where nothing moves in data of one level, as on land, for what its lines lie on."""
+"""Pictures of land, where data of one level have no velocity, for the globe or plate below their lines."""
 
 from __future__ import annotations
 

@@ -131,23 +131,23 @@ class TimeUnits:
     since     the date at 0 as the file writes it; empty where there is none
     calendar  by its name in CF
     units     as the file writes them
-    is_of_any_year  True if values are means over years (§7.4), also where their year is 0 (COARDS)
+    is_climatology  True if values are means over years (§7.4), also where their year is 0 (COARDS)
     """
 
     seconds: float
     since: str
     calendar: str
     units: str
-    is_of_any_year: bool = False
+    is_climatology: bool = False
 
     @classmethod
     def of(cls, attributes: Mapping[str, Any]) -> TimeUnits:
         """Return the units of a time coordinate (§4.4). Raises ConventionError."""
         units, calendar = text(attributes, "units"), text(attributes, "calendar").lower() or "standard"
         unit, _, since = units.partition(" since ")
-        is_of_any_year = "climatology" in attributes
+        is_climatology = "climatology" in attributes
         if _YEAR_ZERO.match(since):  # as COARDS marks means over years; year 0 is in no calendar
-            since, is_of_any_year = _YEAR_ZERO.sub("2001", since, count=1), True
+            since, is_climatology = _YEAR_ZERO.sub("2001", since, count=1), True
         name = unit.strip().lower()
         if re.fullmatch(r"months?|years?|common_years?|mon|yr", name):
             length = {"360_day": (30, 360), "noleap": (None, 365), "365_day": (None, 365)}.get(calendar)
@@ -157,7 +157,7 @@ class TimeUnits:
                     f"its times are in {unit.strip()}, whose length changes in calendar {calendar}; write "
                     "them in days since a date"
                 )
-            return cls(86400.0 * days, since.strip(), calendar, units, is_of_any_year)
+            return cls(86400.0 * days, since.strip(), calendar, units, is_climatology)
         if name not in SECONDS:
             shown = f"{units!r} are not units of time" if units else "its times have no units"
             raise ConventionError(f"{shown}; write units such as 'days since 2000-01-01'")
@@ -165,7 +165,7 @@ class TimeUnits:
             raise ConventionError(
                 f"calendar {calendar!r} is unknown; CF has standard, noleap, 360_day and others"
             )
-        return cls(SECONDS[name], since.strip(), calendar, units, is_of_any_year)
+        return cls(SECONDS[name], since.strip(), calendar, units, is_climatology)
 
     def seconds_between(self, other: TimeUnits) -> float:
         """Return the seconds from the date at 0 of these units to that of others (needs cftime)."""
@@ -211,7 +211,7 @@ class TimeUnits:
             return ""
         if not self.since:
             return ""
-        return str(date) if not self.is_of_any_year else "-" + str(date)[str(date).index("-", 1) :]
+        return str(date) if not self.is_climatology else "-" + str(date)[str(date).index("-", 1) :]
 
 
 def duration(words: str) -> float:

@@ -190,10 +190,17 @@ def _velocity_lines(facts: dict[str, Any]) -> list[str]:
     lines += [f"speed: {facts['speed']:.3g} m/s at the first time (median)"] if "speed" in facts else []
     lines += [f"missing: {share:.1%} of {name}" for name, share in facts["missing"].items() if share]
     lines += [*facts["notes"], f"in a shot: {facts['shot']}"]
-    return [*lines, *([f"by its colours: values: {{variable: {shown}}}"] if (shown := _shown(facts)) else [])]
+    return [
+        *lines,
+        *(
+            [f"by its colours: values: {{variable: {shown}}}"]
+            if (shown := _variable_for_colours(facts))
+            else []
+        ),
+    ]
 
 
-def _shown(facts: dict[str, Any]) -> str:
+def _variable_for_colours(facts: dict[str, Any]) -> str:
     """Return a variable that colours may show: on the axes of the velocities; empty where there is none."""
     axes = {each["name"]: each["dimensions"].keys() for each in facts["variables"]}
     moving = [axes[name] for name in facts["velocity"].values() if name in axes]

@@ -108,7 +108,7 @@ def looped(times: SampleTimes, samples: SurfaceSamples) -> SampleTimes:
 
 
 def _same_surface(one: FileSurface, other: FileSurface) -> bool:
-    """Tell whether two surfaces have the same faces and, but for rounding, the same points."""
+    """Tell whether two surfaces have the same faces, and the same points within rounding."""
     if not _same_faces(one, other):
         return False
     size = float(np.linalg.norm(np.ptp(one.points, axis=0)))

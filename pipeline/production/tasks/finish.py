@@ -53,7 +53,7 @@ def finish(context: Context) -> bool:
         def write(path: Path) -> None:
             layers, header = denoiser.finished(number)
             for name in request.keys.last_stages:
-                layers = _staged(name, layers, number, request, framings[number])
+                layers = _apply_stage(name, layers, number, request, framings[number])
             output.write(path, number, layers, {**header, "key": keys[number].frame})
 
         return context.make("frame", keys[number].frame, request.place("frame", number), write)
@@ -146,7 +146,7 @@ def plugin_stage(context: Context) -> bool:
     def work(number: int) -> bool:
         def write(path: Path) -> None:
             frame, header = read_source(context, keys[number], number, before=stage.name)
-            made = _staged(stage.name, frame, number, request, framings[number])
+            made = _apply_stage(stage.name, frame, number, request, framings[number])
             header |= {"key": keys[number].staged[stage.name]}
             header |= {"stages": {**header.get("stages", {}), stage.name: stage.recipe}}
             header |= {"entries": {**header.get("entries", {}), stage.name: entry}}
@@ -160,10 +160,10 @@ def plugin_stage(context: Context) -> bool:
     return context.for_each(ready, work) and len(ready) == len(context.job.frames)
 
 
-def _staged(
+def _apply_stage(
     name: str, frame: RenderedFrame, number: int, request: RenderRequest, framing: Framing
 ) -> RenderedFrame:
-    """Return what the task of an entry makes of a frame. Raises what `_made_by` raises."""
+    """Return a frame after the picture stage of an entry. Raises what `_made_by` raises."""
     plugin, stage = plugins().picture_stages[name]
     quality, place = request.pictures.quality, f"plug-in {plugin.name}: {stage.task}"
     corner = quality.crop[:2] if quality.crop else (0, 0)
