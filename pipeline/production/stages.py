@@ -144,7 +144,7 @@ ASSEMBLE = PipelineStage(
 )
 FILM = PipelineStage(
     "film",
-    version=2,
+    version=3,
     packages=("av", "OpenImageIO"),
     doing="encoding the film",
     makes="movie",

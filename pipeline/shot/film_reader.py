@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from flowsculpt.pipeline.frames import FrameRange, FrameRate
 from flowsculpt.pipeline.shot.documents.curves import SUFFIXES
 from flowsculpt.pipeline.shot.documents.field_types import is_number
 from flowsculpt.pipeline.shot.documents.picture_documents import PictureShapeDocument
-from flowsculpt.pipeline.shot.documents.shot_documents import FilmDocument
+from flowsculpt.pipeline.shot.documents.shot_documents import CardDocument, CardStyleDocument, FilmDocument
 from flowsculpt.pipeline.shot.shot import Card, Clip, Film, Shot
 from flowsculpt.pipeline.shot.shot_reader import read_rate, read_shot
 from flowsculpt.pipeline.shot.yaml.document_validation import Checks, unforeseen, validated
@@ -23,6 +24,7 @@ from flowsculpt.pipeline.shot.yaml.named_files import is_edit, name_fault, quote
 from flowsculpt.pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource
 from flowsculpt.render.base.input_files import InputFile
 from flowsculpt.render.base.plural import plural
+from flowsculpt.render.graphics.title_card import CardStyle
 from flowsculpt.render.scene.render_camera import Projection
 
 
@@ -44,12 +46,12 @@ def _read(source: YamlSource, settings: tuple[str, ...]) -> Film:
     rate, problems = (None, []) if follows_shots else read_rate(source)
     failed: list[FlowsculptError] = []
     entries: list[Clip | Card | None] = []
-    own = _picture_setting(source.get("picture"))
+    own, style = _picture_setting(source.get("picture")), _style(source.get("cards"))
     settings = (own, *settings) if own else settings
     placed: list[tuple[Where, Shot]] = []
     for index, entry in enumerate(source.listing("shots")):
         if isinstance(entry, dict) and "card" in entry:
-            entries.append(_card(entry))
+            entries.append(_card(entry, style))
             continue
         entries.append(None)
         where: Where = ("shots", index)
@@ -76,25 +78,21 @@ def _read(source: YamlSource, settings: tuple[str, ...]) -> Film:
     if entries and all(isinstance(entry, Card) for entry in entries):
         problems.append((("shots",), "shots has cards only; a film shows at least one shot. Add one."))
     problems += _mixed_pictures(placed)
-    title = Card(str(source.get("title") or ""), seconds=_title_seconds(source.get("title_seconds")))
+    title = Card(str(source.get("title") or ""), "", _title_seconds(source.get("title_seconds")), 0, style)
     if rate:
         dissolves = list(_dissolves(entries, title.length(rate) if title.title else 0, rate))
         problems += dict(reversed(dissolves)).items()  # the first of each place
     missing = list(_missing_sound(source, path.parent))
     problems += [] if missing else _unreadable_sound(source, path.parent)
     document = validated(Checks(source, problems), FilmDocument, missing, failed)
-    return Film(
-        title=document.title,
-        subtitle=document.subtitle,
-        credits=tuple(document.credits),
-        entries=tuple(entry for entry in entries if entry is not None),
-        rate=rate or FrameRate.of(24),
-        title_seconds=float(document.title_seconds),
-        credits_seconds=float(document.credits_seconds),
-        sound=None if document.sound is None else document.sound.build(path.parent),
-        path=path,
-        setting=own,
+    title, credits = document.cards_at_the_ends()
+    rate = rate or FrameRate.of(24)
+    shown = (
+        each for each in (title, *entries, credits) if each and (isinstance(each, Clip) or each.shown(rate))
     )
+    sound = None if document.sound is None else document.sound.build(path.parent)
+    film = Film(document.title, document.subtitle, tuple(shown), rate, sound, path, own)
+    return _require_room(source, film)
 
 
 def _picture_setting(written: Any) -> str:
@@ -139,14 +137,28 @@ def _clip(shot: Shot, entry: Any) -> Clip:
     return Clip(shot, frames, dissolve)
 
 
-def _card(entry: dict[str, Any]) -> Card | None:
-    """Return the card of an entry; None if its form is wrong, which the document reports."""
-    title, subtitle, seconds = entry["card"], entry.get("subtitle", ""), entry.get("seconds", 2.0)
-    if not (
-        isinstance(title, str) and isinstance(subtitle, str) and is_number(seconds) and 0 < seconds <= 60
-    ):
-        return None
-    return Card(title, subtitle, float(seconds), _frame_count(entry.get("dissolve")))
+def _card(entry: dict[str, Any], style: CardStyle) -> Card | None:
+    """Return the card of an entry; None if its form is wrong, which the document of the film reports."""
+    with suppress(ValidationError):
+        return CardDocument.model_validate(entry).build(style)
+    return None
+
+
+def _style(written: Any) -> CardStyle:
+    """Return how the cards of an edit look; by default where the document of the film reports a fault."""
+    with suppress(ValidationError):
+        return CardStyleDocument.model_validate(written or {}).style()
+    return CardStyle()
+
+
+def _require_room(source: YamlSource, film: Film) -> Film:
+    """Return the film. Raises ShotError where words over pictures need more pictures than it has."""
+    over = [each for each in film.entries if isinstance(each, Card) and each.style.over]
+    needed, length = sum(card.shown(film.rate) for card in over), film.length
+    if needed > length:
+        fact = f"words lie over {plural(needed, 'frame')}, and the film has {length}"
+        raise ShotError(f"{source.place(('shots',))}: {fact}; give cards fewer seconds, or a ground.")
+    return film
 
 
 def _frame_count(value: Any) -> int:
@@ -166,21 +178,29 @@ def _dissolves(
 
     entries  in the order of the edit; None for one with problems
     """
+    standing = [
+        (index, each)
+        for index, each in enumerate(entries)
+        if not (isinstance(each, Card) and each.style.over)
+    ]
     for index, entry in enumerate(entries):
+        if isinstance(entry, Card) and not entry.shown(rate):
+            yield ("shots", index, "seconds"), "the card is shorter than a frame; give it more seconds."
+        elif isinstance(entry, Card) and entry.style.over and entry.dissolve:
+            yield ("shots", index, "dissolve"), "words over pictures do not dissolve. Take the dissolve out."
+    for place, (index, entry) in enumerate(standing):
         if entry is None:
             continue
-        following = entries[index + 1] if index + 1 < len(entries) else None
+        following = standing[place + 1][1] if place + 1 < len(standing) else None
         length, after = entry.length(rate), following.dissolve if following is not None else 0
         where = ("shots", index)
-        if length == 0:
-            yield (*where, "seconds"), "the card is shorter than a frame; give it more seconds."
-        elif entry.dissolve and index == 0 and not title_frames:
+        if entry.dissolve and place == 0 and not title_frames:
             yield (
                 (*where, "dissolve"),
                 "there is nothing before the first entry to dissolve from. Take the dissolve out, or give "
-                "the film a title.",
+                "the film a title on a ground.",
             )
-        elif entry.dissolve and index == 0 and entry.dissolve > title_frames:
+        elif entry.dissolve and place == 0 and entry.dissolve > title_frames:
             yield (
                 (*where, "dissolve"),
                 f"a dissolve of {plural(entry.dissolve, 'frame')} needs as many of the title, which has "
@@ -190,7 +210,7 @@ def _dissolves(
             both = f"{entry.dissolve} in and {after} out" if entry.dissolve and after else ""
             name = f"the card {entry.title!r}" if isinstance(entry, Card) else entry.shot.name
             yield (
-                ("shots", index if entry.dissolve else index + 1, "dissolve"),
+                ("shots", index if entry.dissolve else standing[place + 1][0], "dissolve"),
                 f"{name} shows {plural(length, 'frame')}, and {both or entry.dissolve or after} are to "
                 "dissolve. Shorten that, or show more frames.",
             )

@@ -17,6 +17,7 @@ from flowsculpt.pipeline.frames import FrameRange, FrameRate
 from flowsculpt.pipeline.shot.camera_path import CameraPath, Shutter
 from flowsculpt.pipeline.shot.motion import Loop, Motion
 from flowsculpt.render.base.serialise import NOT_PLAIN, OMIT_DEFAULT
+from flowsculpt.render.graphics.title_card import PLAIN, CardStyle
 from flowsculpt.render.post.picture_display import PictureDisplay
 from flowsculpt.render.post.view import ACES, ColourView
 from flowsculpt.render.scene.aovs import AOVS, EXTRA
@@ -243,27 +244,29 @@ class Card:
     subtitle: str = ""
     seconds: float = 2.0
     dissolve: int = 0
+    style: CardStyle = PLAIN
 
     def length(self, rate: FrameRate) -> int:
-        """Return the length in frames at the film's rate, rounded."""
+        """Return the length in frames at the film's rate, rounded; 0 where the words lie over pictures."""
+        return 0 if self.style.over else self.shown(rate)
+
+    def shown(self, rate: FrameRate) -> int:
+        """Return the number of frames with its words."""
         return round(self.seconds * float(rate.fps))
 
 
 @dataclass(frozen=True)
 class Film:
-    """An edit: clips of shots and cards in order, a title, credits and sound.
+    """An edit: clips of shots and cards in order, and sound.
 
-    title_seconds, credits_seconds  duration of those cards; 0 leaves them out
-    setting                         gives its shots the shape of its pictures, in place of their own; or empty
+    entries  in order; title and credits, which are cards, first and last
+    setting  gives its shots the shape of its pictures, in place of their own; or empty
     """
 
     title: str
+    subtitle: str
     entries: tuple[Clip | Card, ...]
     rate: FrameRate
-    subtitle: str = ""
-    credits: tuple[str, ...] = ()
-    title_seconds: float = 3.0
-    credits_seconds: float = 3.0
     sound: SoundTrack | None = None
     path: Path | None = field(default=None, metadata=NOT_PLAIN)
     setting: str = ""
@@ -278,8 +281,11 @@ class Film:
         return tuple(clip.shot for clip in self.clips)
 
     @property
+    def length(self) -> int:
+        """Frames of the film with its cards; dissolves overlap."""
+        return sum(each.length(self.rate) - each.dissolve for each in self.entries)
+
+    @property
     def seconds(self) -> float:
-        """Duration of the film with its cards; dissolves overlap."""
-        entries = self.rate.seconds(sum(e.length(self.rate) - e.dissolve for e in self.entries))
-        title = self.title_seconds if self.title else 0
-        return entries + title + (self.credits_seconds if self.credits else 0)
+        """Duration of the film with its cards."""
+        return self.rate.seconds(self.length)

@@ -1,42 +1,37 @@
-"""Title cards of a film: words on a warm dark ground. In wide pictures a card stands like a screen before
-the viewer.
+"""Title cards of a film: words on a ground, or over pictures. In wide pictures a card stands like a screen
+before the viewer.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flowsculpt.render.base.plural import plural
 from flowsculpt.render.base.render_errors import BadInputError
+from flowsculpt.render.base.serialise import Triple
+from flowsculpt.render.graphics.title_card import CardStyle, TitleCard
 from flowsculpt.render.graphics.typesetting import Font
 from flowsculpt.render.post.colour import quantise
 from flowsculpt.render.scene.render_camera import Projection, pixel_places
 
 Floats = NDArray[np.float32]
 
-GROUND, CENTRE = (0.075, 0.068, 0.064), (0.205, 0.186, 0.172)
+T = TypeVar("T")
+
+GROUND, CENTRE = (0.062, 0.066, 0.075), (0.150, 0.157, 0.172)
 """Display colours of the corners of a card, and of the glow behind its words."""
 
 INK, SUBTITLE_INK = (0.93, 0.90, 0.85), (0.80, 0.75, 0.68)
 
-_SANS, _SERIF = "DroidSans", "DroidSerif-Italic"
-
 NARROW, MOST_LINES = 1.5, 6
 """Width to height below which titles are set in several lines, and the most of them."""
-
-
-@dataclass(frozen=True)
-class TitleCard:
-    """A title card: title in wide capitals and subtitle, a line each where the page is wide enough."""
-
-    title: str
-    subtitle: str = ""
 
 
 def title_frames(card: TitleCard, size: tuple[int, int], count: int, fade: int) -> Iterator[Floats]:
@@ -49,53 +44,90 @@ def title_frames(card: TitleCard, size: tuple[int, int], count: int, fade: int) 
         raise BadInputError(
             f"a title of {plural(count, 'frame')} cannot fade over {fade} at each end; at most half"
         )
-    title, subtitle = _words(card, size)
+    words = _words(card, size)
     for number in range(count):
-        time = number / max(1, count - 1)
-        picture = _title_ground(size, swell=_smooth(time))
-        strength = _fade(number, count, fade)
-        # The subtitle follows the title and leaves with it.
-        late = _fade(number - fade // 2, count - fade // 2, fade)
-        for ink, mask, amount in ((INK, title, strength), (SUBTITLE_INK, subtitle, late)):
-            cover = (mask * amount)[..., None]
+        picture = _ground(card.style, size, swell=_smooth(number / max(1, count - 1)))
+        for ink, mask, strength in _fading(card.style, words, number, count, fade):
+            cover = (mask * strength)[..., None]
             picture = picture * (1.0 - cover) + np.array(ink, dtype=np.float32) * cover
         yield np.asarray(picture, dtype=np.float32)
 
 
-def card_frames(title: str, subtitle: str, screen: Screen, count: int) -> Iterator[NDArray[np.uint16]]:
+def card_frames(card: TitleCard, screen: Screen, count: int) -> Iterator[NDArray[np.uint16]]:
     """Yield the frames of a card of a film; its words take a quarter of the time to come, another to go."""
-    for drawn in title_frames(TitleCard(title, subtitle), screen.size, count, fade=count // 4):
+    for drawn in title_frames(card, screen.size, count, fade=count // 4):
         yield screen.frame(drawn)
 
 
-def _title_ground(size: tuple[int, int], swell: float) -> Floats:
+def with_words_over(
+    pictures: Iterator[T],
+    cards: Sequence[tuple[int, int, TitleCard]],
+    screen: Screen,
+    page: Callable[[NDArray[np.uint16]], T],
+    mix: Callable[[T, T, Any], T],
+) -> Iterator[T]:
+    """Yield the pictures of a film with the words of cards over them.
+
+    cards  with the number of each one's first picture, from 0, and of its pictures
+    page   turns a frame (H, W, 3) of one colour into a picture
+    mix    mixes two pictures by the weight of the second in each pixel, (H, W, 1)
+    """
+    set_words = [_words(card, screen.size) for *_, card in cards]
+    for number, picture in enumerate(pictures):
+        for (first, count, card), words in zip(cards, set_words, strict=True):
+            if not first <= number < first + count:
+                continue
+            for ink, mask, strength in _fading(card.style, words, number - first, count, count // 4):
+                coloured = np.broadcast_to(np.array(ink, np.float32), (*mask.shape, 3))
+                picture = mix(picture, page(screen.frame(coloured)), screen.show(strength * mask[..., None]))
+        yield picture
+
+
+def _fading(
+    style: CardStyle, words: tuple[Floats, Floats], number: int, count: int, fade: int
+) -> Iterator[tuple[Triple, Floats, float]]:
+    """Yield ink, coverage (H, W) and strength of title and subtitle in a frame.
+
+    The subtitle follows the title, and leaves with it.
+    """
+    first, second = style.colour or INK, style.colour or SUBTITLE_INK
+    yield first, words[0], _fade(number, count, fade)
+    yield second, words[1], _fade(number - fade // 2, count - fade // 2, fade)
+
+
+def _ground(style: CardStyle, size: tuple[int, int], swell: float) -> Floats:
     width, height = size
+    if style.ground is not None:
+        return np.broadcast_to(np.array(style.ground, np.float32), (height, width, 3))
     y, x = np.mgrid[0:height, 0:width].astype(np.float32)
-    across = (x - width / 2.0) / (0.80 * width)
-    down = (y - 0.46 * height) / (0.95 * height)
+    reach = math.hypot(width, height)
+    across, down = (x - 0.5 * width) / (0.75 * reach), (y - style.middle * height) / (0.5 * reach)
     glow = np.exp(-(across**2 + down**2) / (0.10 + 0.03 * swell))[..., None]
     ground, centre = np.array(GROUND), np.array(CENTRE)
     return np.asarray(ground + (centre - ground) * glow, dtype=np.float32)
 
 
 def _words(card: TitleCard, size: tuple[int, int]) -> tuple[Floats, Floats]:
-    """Return the coverage (H, W) of the title, a little above the middle, and of the subtitle below it."""
+    """Return the coverage (H, W) of the title, and of the subtitle below it."""
     width, height = size
+    style, middle = card.style, card.style.middle
     if width < NARROW * height:
         return _stack(card, size)
-    title = _fit(card.title.upper(), _SANS, 0.085 * height, 0.30, width)
-    subtitle = _fit(card.subtitle, _SERIF, 0.06 * height, 0.03, width)
-    return _centre(title, size, 0.46), _centre(subtitle, size, 0.585)
+    title = _fit(card.title.upper(), style.font, 0.095 * height * style.size, 0.20, width)
+    subtitle = _fit(card.subtitle, style.subtitle_font, 0.06 * height * style.size, 0.03, width)
+    apart = 0.06 * style.size if card.subtitle else 0.0
+    return _centre(title, size, middle - apart), _centre(subtitle, size, middle + apart)
 
 
 def _stack(card: TitleCard, size: tuple[int, int]) -> tuple[Floats, Floats]:
     """Return the coverage (H, W) of both on a narrow page, each in as many lines as it needs."""
     width, height = size
-    title = _block(card.title.upper(), _SANS, 0.09 * width, 0.20, width)
-    subtitle = _block(card.subtitle, _SERIF, 0.065 * width, 0.03, width)
+    style = card.style
+    title = _block(card.title.upper(), style.font, 0.09 * width * style.size, 0.20, width)
+    subtitle = _block(card.subtitle, style.subtitle_font, 0.065 * width * style.size, 0.03, width)
     gap = 0.07 * width if card.subtitle else 0.0
     above, below = (gap + len(block) for block in (subtitle, title))
-    middle = 0.48 * height
+    middle = style.middle * height
     return (
         _centre(title, size, (middle - above / 2.0) / height),
         _centre(subtitle, size, (middle + below / 2.0) / height),

@@ -47,6 +47,12 @@ def lettering(text: str, font: str, size: int, spacing: float = 0.0) -> Floats:
     return np.asarray(ink.reshape(rows, _FINE, columns, _FINE).mean(axis=(1, 3)), dtype=np.float32)
 
 
+def require_font(name: str) -> str:
+    """Return the name of a font. Raises BadInputError where there is none of that name."""
+    _ink_width("H", 12, name)
+    return name
+
+
 def _set_letters(text: str, font: str, size: int, spacing: float) -> tuple[list[int], int]:
     """Return where the letters of a line begin, in fine pixels, and the width of the line in pixels."""
     bearings = _ink_width("HH", size * _FINE, font)
@@ -147,7 +153,8 @@ class Font:
 def _ink_width(text: str, size: int, font: str) -> int:
     box = oiio.ImageBufAlgo.text_size(text, size, font)
     if not box.defined:
-        raise BadInputError(f"font {font!r} not found; try DroidSans or DroidSerif")
+        known = filter(None, oiio.get_string_attribute("font_list").split(";"))
+        raise BadInputError(f"font {font!r} not found. {suggest(font, known)}")
     return int(box.xend - box.xbegin)
 
 

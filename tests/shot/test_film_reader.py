@@ -25,7 +25,7 @@ def test_a_film_is_its_shots_in_order(tmp_path: Path) -> None:
         written(tmp_path, GOOD.replace("Cube", name), f"{name}.yaml")
     film = read_film(written(tmp_path, FILM.replace("[A, B]", "[B, A]"), "film.yaml"))
     assert [shot.title for shot in film.shots] == ["B", "A"]
-    assert (film.title, str(film.rate), film.title_seconds) == ("Two", "24", 3.0)
+    assert (film.title, str(film.rate), film.entries[0].seconds) == ("Two", "24", 3.0)
 
 
 def test_a_film_tells_what_is_wrong_in_all_its_files(tmp_path: Path) -> None:

@@ -255,7 +255,7 @@ def film_source(
     finished = [(reader, n) for reader, n in numbered if reader.is_finished(n)]
     quality_name, rate = requests[0].quality_name, edit.frame_rate
     screen = requests[0].pictures.screen
-    opening = edit.items[0]
+    opening = edit.opening
 
     def frames(form: FrameFormat) -> Iterator[LabelledFrame]:
         def clip(index: int) -> Iterator[LabelledFrame]:
@@ -278,7 +278,10 @@ def film_source(
         start=FILM_START * ceil(rate.fps),
         count=edit.length,
         facts=(("shots", ", ".join(shots)), *_facts(requests[0], f"{edit.length}", edit.length, rate)),
-        content=[to_plain(edit.items), *(reader.content(reader.request.requested) for reader in readers)],
+        content=[
+            to_plain(edit.items + edit.over),
+            *(reader.content(reader.request.requested) for reader in readers),
+        ],
         lost=lost,
         has_coverage=all(reader.has_coverage(n) for reader, n in finished),
         sounds=edit.sounds,
@@ -292,9 +295,10 @@ def _name(request: RenderRequest, *parts: str | None) -> str:
     return ".".join(filter(None, parts)) + NAME_ENDS.get(request.pictures.projection.kind, "")
 
 
-def _mix(before: LabelledFrame, after: LabelledFrame, weight: float) -> LabelledFrame:
-    """Mix two frames; the labels are those of the one with more weight."""
-    return mix_frames(before[0], after[0], weight), after[1] if weight >= 0.5 else before[1]
+def _mix(before: LabelledFrame, after: LabelledFrame, weight: Any) -> LabelledFrame:
+    """Mix two frames; the labels are those of the one with more weight, or of a picture below words."""
+    is_after = np.ndim(weight) == 0 and weight >= 0.5
+    return mix_frames(before[0], after[0], weight), after[1] if is_after else before[1]
 
 
 def _lost(numbered: Sequence[tuple[FrameReader, int]]) -> tuple[str, ...]:

@@ -13,6 +13,7 @@ import re
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import chain
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote, urlsplit
@@ -27,6 +28,7 @@ from flowsculpt.api.files import InputFile, Parser
 from flowsculpt.api.frames import FrameRange, FrameRate
 from flowsculpt.pipeline.plugins.delivery.imported_sound import ImportedSound
 from flowsculpt.pipeline.plugins.delivery.timeline_times import (
+    CARD,
     fault_of,
     frames_in,
     is_on,
@@ -74,6 +76,10 @@ class ImportedEdit:
         if self.target.exists() and not self.target.read_text(encoding="utf-8").startswith(first):
             raise UsageError(f"{self.target} was not made from {self.file.name}, but exists; rename one")
         entries, faults = self._entries()
+        try:
+            entries, faults = self._with_titles(entries, faults)
+        except UsageError as error:
+            raise self._refused(f"its titles: {error}") from None
         if faults:
             raise ShotError(*(f"{self.file}: {fault}" for fault in faults))
         written: dict[str, Any] = {"title": self._timeline.name or self.file.stem, "shots": entries}
@@ -115,6 +121,8 @@ class ImportedEdit:
             if kind not in ("Video", "Audio") and len(track):
                 raise self._refused(f"{shorten(track.name)!r} is a {kind} among its tracks; remove it")
         tracks = [track for track in self._timeline.video_tracks() if any(map(is_on, track.find_clips()))]
+        if len(tracks) > 1 and self._titles:
+            tracks.remove(self._titles)
         if len(tracks) != 1:
             raise self._refused(
                 f"it has {len(tracks)} tracks of pictures that are enabled; an edit has one. Flatten them."
@@ -122,6 +130,15 @@ class ImportedEdit:
         if fault := fault_of(stack) or fault_of(tracks[0]):
             raise self._refused(fault)
         return tracks[0]
+
+    @cached_property
+    def _titles(self) -> Any:
+        """The track with nothing but cards, whose words lie over pictures; None where there is none."""
+        for track in reversed(self._timeline.video_tracks()):
+            clips = list(filter(is_on, track.find_clips()))
+            if clips and all(_over_pictures(clip) for clip in clips):
+                return track
+        return None
 
     @cached_property
     def _rate(self) -> FrameRate:
@@ -152,10 +169,45 @@ class ImportedEdit:
             except UsageError as error:
                 faults.append(f"{place}: {error}")
                 continue
-            line = CommentedMap(entry | ({"dissolve": dissolve} if dissolve else {}))
-            line.fa.set_flow_style()
-            entries.append(line)
+            entries.append(_in_flow_style(entry | ({"dissolve": dissolve} if dissolve else {})))
         return entries, faults
+
+    def _with_titles(self, entries: list[Any], faults: list[str]) -> tuple[list[Any], list[str]]:
+        """Return the entries of the edit with the cards that lie over pictures, and what is wrong.
+
+        Words lie over the beginning of an entry, or over the end of the film.
+        """
+        if self._titles is None or faults:
+            return entries, faults
+        begins, at = self._begins()
+        placed, first, last = dict[int, list[Any]](), 0, (-1, -1)
+        for part in self._titles:
+            _, count = span_of(part, self._rate)
+            if is_on(part) and isinstance(part, schema.Clip):
+                place = len(entries) if first + count == at else begins.get(first)
+                place = last[1] if first == last[0] else place  # words after other words over an entry
+                if place is None:
+                    fact = f"its words begin at frame {first} of the film, within a clip"
+                    faults.append(f"title {shorten(part.name)}: {fact}; move them to the beginning of one")
+                    continue
+                placed.setdefault(place, []).append(_in_flow_style(self._entry(part, 0, 0)))
+                last = (first + count, place)
+            first += count
+        shown = [[*placed.get(place, ()), entry] for place, entry in enumerate(entries)]
+        return [*chain(*shown), *placed.get(len(entries), ())], faults
+
+    def _begins(self) -> tuple[dict[int, int], int]:
+        """Return the entry that each frame begins, also those of its dissolve, and the length."""
+        begins, at, place = dict[int, int](), 0, 0
+        parts = list(self._pictures)
+        for before, part in zip([None, *parts], parts, strict=False):
+            if isinstance(part, schema.Clip):
+                dissolve = range(
+                    at - self._offset(before, "in_offset"), at + self._offset(before, "out_offset") + 1
+                )
+                begins |= dict.fromkeys(dissolve, place)
+                at, place = at + span_of(part, self._rate)[1], place + 1
+        return begins, at
 
     def _offset(self, part: Any, name: str) -> int:
         if not isinstance(part, schema.Transition):
@@ -182,14 +234,17 @@ class ImportedEdit:
         start, count = span_of(part, self._rate)
         reference = part.media_reference
         if isinstance(reference, schema.GeneratorReference):
-            words = {name: str(text) for name, text in reference.parameters.items() if text}
-            if "title" not in words and reference.generator_kind != "flowsculpt card":
+            given = dict(reference.parameters)
+            style = given.pop("style", None)
+            words = {name: str(text) for name, text in given.items() if text}
+            if "title" not in words and reference.generator_kind != CARD:
                 kind = shorten(reference.generator_kind)
                 raise UsageError(f"it is a generator {kind!r}; show a card or a shot")
             return {
                 "card": words.get("title", part.name or "Card"),
                 **({"subtitle": words["subtitle"]} if "subtitle" in words else {}),
                 "seconds": round((head + count + tail) / float(self._rate.fps), 6),
+                **_style_in_words(style),
             }
         shot, step = self._shot_of(part), self._step(part)
         first = self._first_frame(part, start, shot)
@@ -246,6 +301,29 @@ class ImportedEdit:
 
     def _refused(self, fault: str) -> ShotError:
         return ShotError(f"{self.file}: {fault}")
+
+
+def _over_pictures(clip: Any) -> bool:
+    """Tell whether a clip is a card whose words lie over pictures."""
+    reference = clip.media_reference
+    is_card = isinstance(reference, schema.GeneratorReference) and reference.generator_kind == CARD
+    return is_card and bool(dict(reference.parameters.get("style", {})).get("over"))
+
+
+def _style_in_words(style: Any) -> dict[str, Any]:
+    """Return how a card looks as an edit writes it."""
+    given = dict(style or {})
+    ground = {"ground": "picture"} if given.pop("over", False) else {}
+    for name in given.keys() & {"colour", "ground"}:
+        given[name] = "#" + "".join(f"{round(255 * float(value)):02x}" for value in given[name])
+    return given | ground
+
+
+def _in_flow_style(entry: Mapping[str, Any]) -> Any:
+    """Return an entry that is written in one line."""
+    line = CommentedMap(entry)
+    line.fa.set_flow_style()
+    return line
 
 
 def _media_name(reference: Any) -> str:

@@ -24,11 +24,13 @@ from opentimelineio import opentime, schema
 from flowsculpt import UsageError
 from flowsculpt.api import plural
 from flowsculpt.api.commands import print_result, require_one_of
+from flowsculpt.api.files import to_plain
 from flowsculpt.api.frames import Edit, FrameRange, RenderRequest, Show, Store
 from flowsculpt.api.options import DEFAULT_QUALITY, Common, Quality, ShotOptions, shared_option
 from flowsculpt.api.pictures import ENCODES, AudioClip, Encode
 from flowsculpt.pipeline.plugins.delivery.delivered_names import FILM_START, NAME_ENDS
 from flowsculpt.pipeline.plugins.delivery.imported_sound import LEVELS
+from flowsculpt.pipeline.plugins.delivery.timeline_times import CARD
 
 RATE = 48_000  # samples of sound in a second, as movies have them
 
@@ -192,6 +194,8 @@ class Timeline:
         for part in self._parts():
             pictures.append(part)
         timeline.tracks.append(pictures)
+        if self.edit.over:
+            timeline.tracks.append(self._titles())
         timeline.tracks.extend(sound_tracks(heard_sounds(self.edit, self.requests), self._url))
         return timeline
 
@@ -210,8 +214,7 @@ class Timeline:
                 )
             shown = slice(item.dissolve // 2, item.frames - (after - after // 2))  # without its handles
             if item.clip is None:
-                words = {"title": item.title, "subtitle": item.subtitle}
-                yield self._card(words, item.frames, shown)
+                yield self._card(item, shown)
             else:
                 yield from self._clips(self.requests[item.clip], shown)
 
@@ -225,10 +228,23 @@ class Timeline:
             clip.metadata["flowsculpt"] = {"quality": request.quality_name, "title": request.shot.title}
             yield clip
 
-    def _card(self, words: dict[str, str], frames: int, shown: slice) -> Any:
-        card = schema.GeneratorReference("card", "flowsculpt card", self._range(0, frames), words)
+    def _card(self, item: Any, shown: slice) -> Any:
+        words = {"title": item.title, "subtitle": item.subtitle}
+        if style := to_plain(item.style):
+            words["style"] = style
+        card = schema.GeneratorReference("card", CARD, self._range(0, item.frames), words)
         part = self._range(shown.start, shown.stop - shown.start)
-        return schema.Clip(words["title"] or "card", card, part)
+        return schema.Clip(item.title or "card", card, part)
+
+    def _titles(self) -> Any:
+        """Return the track with the words that lie over pictures."""
+        track, at = schema.Track("titles", kind=schema.TrackKind.Video), 0
+        for item in self.edit.over:
+            if item.first > at:
+                track.append(schema.Gap(source_range=self._range(0, item.first - at)))
+            track.append(self._card(item, slice(0, item.frames)))
+            at = item.first + item.frames
+        return track
 
     def _reference(self, request: RenderRequest) -> Any:
         """Return a reference to all frames of a shot."""

@@ -8,6 +8,9 @@ from flowsculpt import UsageError
 from flowsculpt.api import shorten
 from flowsculpt.api.frames import FrameRate
 
+CARD = "flowsculpt card"
+"""The kind of generators that are cards in our timelines."""
+
 _MOST_FRAMES, _LONGEST_CLIP = 10_000_000, 1_000_000  # a day of timecode has 5,184,000 at 60 a second
 
 _NEAR, _SAME_RATE = 0.03, 1e-4

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import astuple, dataclass, replace
+from dataclasses import astuple, dataclass, field, replace
 from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -19,7 +19,8 @@ from flowsculpt.pipeline.production.stages import FILM
 from flowsculpt.pipeline.production.store import paths
 from flowsculpt.pipeline.production.store.store import Key, key_of
 from flowsculpt.pipeline.shot.yaml.named_files import text_of
-from flowsculpt.render.base.serialise import to_plain
+from flowsculpt.render.base.serialise import OMIT_DEFAULT, to_plain
+from flowsculpt.render.graphics.title_card import PLAIN, CardStyle, TitleCard
 
 T = TypeVar("T")
 
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
     from flowsculpt.pipeline.production.request.keys import FrameKeys
     from flowsculpt.pipeline.production.request.render_request import RenderRequest
     from flowsculpt.pipeline.shot import Film
-    from flowsculpt.pipeline.shot.shot import Card, Clip
     from flowsculpt.render.graphics.cards import Screen
     from flowsculpt.render.movie.movie_frames import Frame
 
@@ -39,6 +39,7 @@ class EditItem:
     clip      index of its shot among the film's clips; None for a card
     frames    its length, with the frames that dissolve
     dissolve  frames over which it comes through the item before
+    first     the film's frame, from 0, where the words of a card appear over pictures; else 0
     """
 
     clip: int | None
@@ -46,6 +47,12 @@ class EditItem:
     dissolve: int = 0
     title: str = ""
     subtitle: str = ""
+    style: CardStyle = field(default=PLAIN, metadata=OMIT_DEFAULT)
+    first: int = field(default=0, metadata=OMIT_DEFAULT)
+
+    @property
+    def card(self) -> TitleCard:
+        return TitleCard(self.title, self.subtitle, self.style)
 
 
 @dataclass(frozen=True)
@@ -55,6 +62,7 @@ class Edit:
     audio    the film's own sound, in place of those of its shots
     clips    the sounds of its shots, if it has none of its own
     setting  gives its shots the shape of its pictures, in place of their own; empty if it has none
+    over     cards whose words lie over pictures, in order
     """
 
     name: str
@@ -63,27 +71,30 @@ class Edit:
     audio: AudioTrack | None = None
     clips: tuple[AudioClip, ...] = ()
     setting: str = ""
+    over: tuple[EditItem, ...] = ()
 
     @classmethod
     def of(cls, film: Film, name: str) -> Edit:
         """Return the edit of a film file; the movie is called `name`."""
-        from flowsculpt.pipeline.shot.shot import Card, Clip
+        from flowsculpt.pipeline.shot.shot import Clip
 
-        clips = count()
-
-        def item(entry: Clip | Card) -> EditItem:
-            frames = entry.length(film.rate)
+        items, over, clips, at = list[EditItem](), list[EditItem](), count(), 0
+        for entry in film.entries:
             if isinstance(entry, Clip):
-                return EditItem(next(clips), frames, entry.dissolve)
-            return EditItem(None, frames, entry.dissolve, entry.title, entry.subtitle)
-
-        first, *others = film.credits or ("",)
-        title = Card(film.title, film.subtitle, film.title_seconds if film.title else 0.0)
-        credits = Card(first, " · ".join(others), film.credits_seconds if film.credits else 0.0)
-        items = [item(entry) for entry in (title, *film.entries, credits)]
+                item = EditItem(next(clips), entry.length(film.rate), entry.dissolve)
+            else:
+                words = entry.title, entry.subtitle, entry.style
+                item = EditItem(None, entry.shown(film.rate), entry.dissolve, *words)
+                if entry.style.over:
+                    over.append(replace(item, first=max(at, *(each.first + each.frames for each in over), 0)))
+                    continue
+            items.append(item)
+            at += item.frames - item.dissolve
+        for place in reversed(range(len(over))):  # the last words end with the film
+            at = min(over[place].first, at - over[place].frames)
+            over[place] = replace(over[place], first=at)
         audio = None if film.sound is None else AudioTrack.of(film.sound)
-        shown = tuple(item for item in items if item.frames)
-        edit = cls(name, shown, str(film.rate), audio, setting=film.setting)
+        edit = cls(name, tuple(items), str(film.rate), audio, (), film.setting, tuple(over))
         return edit if audio else replace(edit, clips=tuple(edit._sounds_of_shots(film)))
 
     def _sounds_of_shots(self, film: Film) -> Iterator[AudioClip]:
@@ -104,6 +115,11 @@ class Edit:
         return self.clips if self.audio is None else (AudioClip((self.audio,), 0, self.length),)
 
     @property
+    def opening(self) -> EditItem:
+        """What the film begins with: words over the first picture, or the first item."""
+        return next((each for each in self.over if each.first == 0), self.items[0])
+
+    @property
     def frame_rate(self) -> FrameRate:
         return FrameRate.of(self.rate)
 
@@ -117,25 +133,27 @@ class Edit:
         screen: Screen,
         shown: Callable[[int], Iterator[T]],
         card: Callable[[Frame], T],
-        mix: Callable[[T, T, float], T] | None = None,
+        mix: Callable[[T, T, Any], T] | None = None,
     ) -> Iterator[T]:
         """Yield the frames of the film: clips and cards one after another, mixed where they dissolve.
 
         screen  where cards stand in the pictures
         shown   yields the frames of the clip in a place
         card    turns a card's frame, uint16 (H, W, 3), into one of these
-        mix     mixes two of them by the weight of the second; by default `mix_frames`
+        mix     mixes two of them by the weight of the second, or weights (H, W, 1); by default `mix_frames`
         """
-        from flowsculpt.render.graphics.cards import card_frames  # numba, which planning does without
+        from flowsculpt.render.graphics.cards import card_frames, with_words_over  # numba: not for planning
         from flowsculpt.render.movie.movie_frames import dissolve, mix_frames
 
         def frames(item: EditItem) -> Iterator[T]:
             if item.clip is not None:
                 return shown(item.clip)
-            return map(card, card_frames(item.title, item.subtitle, screen, item.frames))
+            return map(card, card_frames(item.card, screen, item.frames))
 
         mixing: Any = mix or mix_frames
-        return dissolve([(item.frames, item.dissolve, frames(item)) for item in self.items], mixing)
+        pictures = dissolve([(item.frames, item.dissolve, frames(item)) for item in self.items], mixing)
+        words = [(item.first, item.frames, item.card) for item in self.over]
+        return with_words_over(pictures, words, screen, card, mixing) if words else pictures
 
     def path(self, quality_name: str) -> Path:
         return paths.film(quality_name, self.name)
@@ -148,7 +166,8 @@ class Edit:
         if self.clips:
             audio = [clip.content for clip in self.clips]
         bits = movie_bits(requests[0].quality_name)
-        return key_of(FILM.recipe, to_plain(self.items), self.rate, audio, frames, shown_as, bits)
+        shown = to_plain(self.items) + to_plain(self.over)
+        return key_of(FILM.recipe, shown, self.rate, audio, frames, shown_as, bits)
 
 
 ManifestOf = Callable[[Path, Edit], ShotManifest]

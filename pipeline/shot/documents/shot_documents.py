@@ -4,10 +4,12 @@ import inspect
 import math
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from pydantic import (
+    AfterValidator,
     BaseModel,
     BeforeValidator,
     Field,
@@ -17,7 +19,7 @@ from pydantic import (
     model_validator,
 )
 
-from flowsculpt.pipeline.errors import quote
+from flowsculpt.pipeline.errors import FlowsculptError, quote
 from flowsculpt.pipeline.frames import FASTEST, SLOWEST
 from flowsculpt.pipeline.mesh.normals import MOST_PIECES
 from flowsculpt.pipeline.plugin import PictureTask, Plugin, named, plugins
@@ -27,6 +29,7 @@ from flowsculpt.pipeline.shot.documents.curves import NumberField, Start
 from flowsculpt.pipeline.shot.documents.field_types import (
     MAPPING_IS_SECOND,
     ByForm,
+    Colour,
     Count,
     Document,
     Positive,
@@ -49,15 +52,16 @@ from flowsculpt.pipeline.shot.documents.picture_documents import (
 )
 from flowsculpt.pipeline.shot.documents.resampling import ResampleField
 from flowsculpt.pipeline.shot.documents.subject_documents import SubjectDocument, SubjectsField
-from flowsculpt.pipeline.shot.shot import SoundTrack
+from flowsculpt.pipeline.shot.shot import Card, SoundTrack
 from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext, finding
 from flowsculpt.pipeline.shot.yaml.messages import number_in
 from flowsculpt.pipeline.shot.yaml.synonyms import synonym
 from flowsculpt.pipeline.shot.yaml.yaml_source import in_yaml
 from flowsculpt.render.base.input_files import InputFile
+from flowsculpt.render.graphics.title_card import MIDDLES, PLAIN, CardStyle
 from flowsculpt.render.scene.aovs import AOVS
 from flowsculpt.render.scene.render_quality import CONVENTIONS
-from flowsculpt.render.scene.rgb_spaces import REC709, WORKING_SPACES
+from flowsculpt.render.scene.rgb_spaces import REC709, WORKING_SPACES, srgb_of_linear
 from flowsculpt.render.scene.scene_lights import LIGHTS
 from flowsculpt.render.scene.scene_stage import STAGES
 
@@ -356,13 +360,58 @@ class ClipDocument(Document):
     dissolve: DissolveFrames = Field(0, description="overlap with the entry before (frames)")
 
 
-class CardDocument(Document):
+def _require_font(name: str) -> str:
+    from flowsculpt.render.graphics.typesetting import require_font  # OpenImageIO, which takes time
+
+    try:
+        return require_font(name)
+    except FlowsculptError as error:
+        raise ValueError(str(error)) from None
+
+
+Font = Annotated[str, AfterValidator(_require_font)]
+
+
+class CardStyleDocument(Document):
+    """How cards look."""
+
+    font: Font | None = optional("of titles: DroidSans, DroidSerif, or another font of this machine")
+    subtitle_font: Font | None = optional("of subtitles")
+    colour: Colour | None = optional("of the words")
+    size: Annotated[float, Field(ge=0.25, le=4)] | None = optional("of the words, as a factor")
+    ground: Annotated[Literal["picture"] | Colour | None, ByForm(lambda value: value != "picture")] = (
+        optional(
+            "the colour behind the words; picture lays them over the pictures, so the card takes no time"
+        )
+    )
+    position: Annotated[str, one_of(MIDDLES, "position")] | None = optional(
+        "of the words: low, middle or high; by default low over pictures, else middle"
+    )
+
+    def style(self, base: CardStyle = PLAIN) -> CardStyle:
+        """Return a style with what is written here in place of its own."""
+        written = {name: getattr(self, name) for name in CardStyleDocument.model_fields}
+        found: dict[str, Any] = {name: value for name, value in written.items() if value is not None}
+        if "ground" in found:
+            found["over"] = found["ground"] == "picture"
+            found["ground"] = None if found["over"] else found["ground"]
+        for name in ("colour", "ground"):
+            if found.get(name) is not None:
+                found[name] = tuple(srgb_of_linear(found[name]).tolist())
+        return replace(base, **found)
+
+
+class CardDocument(CardStyleDocument):
     """A title card between shots."""
 
     card: str = Field(description="its words")
     subtitle: str = Field("", description="words below them")
     seconds: Annotated[float, Field(gt=0, le=60)] = Field(2.0, description="its duration (s)")
     dissolve: DissolveFrames = Field(0, description="overlap with the entry before (frames)")
+
+    def build(self, style: CardStyle) -> Card:
+        """Return the card, which looks as the film's cards do, `style`, where it says nothing else."""
+        return Card(self.card, self.subtitle, self.seconds, self.dissolve, self.style(style))
 
 
 _ENTRY = ByForm(lambda value: 0 if not isinstance(value, dict) else 2 if "card" in value else 1)
@@ -386,8 +435,17 @@ class FilmDocument(Document):
     picture: PictureShapeDocument | None = optional(
         "the shape of the pictures of all shots, in place of their own; by default they share one"
     )
+    cards: CardStyleDocument = Field(
+        default=CardStyleDocument.model_construct(), description="how title, cards and credits look"
+    )
     title_seconds: CardSeconds = Field(3.0, description="duration of the title; 0 leaves it out (s)")
     credits_seconds: CardSeconds = Field(3.0, description="duration of the credits; 0 leaves them out (s)")
+
+    def cards_at_the_ends(self) -> tuple[Card, Card]:
+        """Return title and credits; those that are left out take no time."""
+        style, (line, *lines) = self.cards.style(), self.credits or [""]
+        title = Card(self.title, self.subtitle, self.title_seconds if self.title else 0.0, style=style)
+        return title, Card(line, " · ".join(lines), self.credits_seconds if line else 0.0, style=style)
 
 
 def _entry_of_plugin(plugin: Plugin, name: str, model: Any) -> Any:

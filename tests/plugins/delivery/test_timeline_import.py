@@ -57,6 +57,44 @@ def test_an_exported_edit_comes_back_with_its_frames_dissolves_cards_and_sound(p
     assert first.source_range == other.source_range and other.metadata["flowsculpt"]["gain"] == -3.0
 
 
+def test_words_over_pictures_come_back_with_their_look(project, monkeypatch):
+    monkeypatch.chdir(project.path)
+    style = "cards: {ground: picture, size: 1.5, colour: '#ff8000'}\n"
+    reel = REEL.replace(", dissolve: 3", "").replace("seconds: 1", "seconds: 0.125")
+    reel = reel.replace("  - {card", "  - {card: First, seconds: 0.1}\n  - {card").replace(
+        '}\n  - {shot: T010_tiny, frames: "6', ', }\n  - {shot: T010_tiny, dissolve: 2, frames: "6'
+    )
+    Path("shots/reel.yaml").write_text(reel.replace("title_seconds: 0.5", "title_seconds: 0.25") + style)
+    before = exported(project, "-o", "cut.otio")
+    assert [track.name for track in before.video_tracks()] == ["pictures", "titles"]
+    cut = ImportedEdit(Path("cut.otio"), (NAME,), Path("shots"))
+    Path("shots/cut.yaml").write_text(cut.text())
+    assert project.call("export", "otio", "cut", "-q", "draft", "-o", "again.otio").code == 0
+    after = otio.adapters.read_from_file("again.otio")
+    assert seen(after) == seen(before)
+    again, once = (
+        [
+            (c.name, c.range_in_parent(), str(c.media_reference.parameters))
+            for c in timeline.video_tracks()[1].find_clips()
+        ]
+        for timeline in (after, before)
+    )
+    assert again == once and len(once) == 3
+
+
+def test_words_within_a_clip_are_refused(tmp_path):
+    timeline = otio.schema.Timeline("Cut")
+    words = {"title": "Two", "style": {"over": True}}
+    card = otio.schema.GeneratorReference("card", "flowsculpt card", None, words)
+    span = otio.opentime.TimeRange(time(0), time(12))
+    title = otio.schema.Clip("Two", card, span)
+    for parts in ([clip("A010", 1, 48)], [otio.schema.Gap(duration=time(6)), title]):
+        timeline.tracks.append(otio.schema.Track(kind=otio.schema.TrackKind.Video, children=parts))
+    otio.adapters.write_to_file(timeline, str(tmp_path / "cut.otio"))
+    with pytest.raises(ShotError, match=r"title Two: its words begin at frame 6 of the film, within a clip"):
+        ImportedEdit(tmp_path / "cut.otio", ("A010",), tmp_path).text()
+
+
 @pytest.mark.slow
 @given(
     cuts=st.lists(

@@ -1,0 +1,48 @@
+"""What a title card says and how it looks; drawn by `cards.py` next to it, which planning does without."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from flowsculpt.render.base.serialise import OMIT_DEFAULT, Triple
+
+MIDDLES = {"low": 0.84, "middle": 0.48, "high": 0.15}
+"""Where the middle of the words is, as a share of the picture's height from its upper edge, by position."""
+
+
+@dataclass(frozen=True)
+class CardStyle:
+    """How cards look.
+
+    font, subtitle_font  names of fonts that OpenImageIO ships or the system has
+    colour    display values of the words; by default a warm white, and a darker one for subtitles
+    size      of the words, as a factor
+    ground    display values behind the words; by default a dark grey with a glow
+    over      whether the words lie over the pictures, in place of a ground
+    position  a name of MIDDLES; by default low over pictures, else middle
+    """
+
+    font: str = field(default="DroidSans", metadata=OMIT_DEFAULT)
+    subtitle_font: str = field(default="DroidSerif-Italic", metadata=OMIT_DEFAULT)
+    colour: Triple | None = field(default=None, metadata=OMIT_DEFAULT)
+    size: float = field(default=1.0, metadata=OMIT_DEFAULT)
+    ground: Triple | None = field(default=None, metadata=OMIT_DEFAULT)
+    over: bool = field(default=False, metadata=OMIT_DEFAULT)
+    position: str = field(default="", metadata=OMIT_DEFAULT)
+
+    @property
+    def middle(self) -> float:
+        """The height of the middle of the words, as in MIDDLES."""
+        return MIDDLES[self.position or ("low" if self.over else "middle")]
+
+
+PLAIN = CardStyle()
+
+
+@dataclass(frozen=True)
+class TitleCard:
+    """A title card: title in wide capitals and subtitle, a line each where the page is wide enough."""
+
+    title: str
+    subtitle: str = ""
+    style: CardStyle = PLAIN
