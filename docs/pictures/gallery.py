@@ -23,8 +23,8 @@ from flowsculpt.pipeline.production.picture_sequences import white_level
 HERE = Path(__file__).parent / "gallery"
 STILLS = {
     "A010_cube": 44,
-    "A020_lorenz": 56,
-    "A030_taffy": 54,
+    "A020_lorenz": 92,
+    "A030_taffy": 92,
     "B010_honey": 121,
     "B020_inks": 92,
     "B030_marble": 141,

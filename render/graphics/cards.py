@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from flowsculpt.render.base.plural import plural
 from flowsculpt.render.base.render_errors import BadInputError
 from flowsculpt.render.base.serialise import Triple
-from flowsculpt.render.graphics.title_card import CardStyle, TitleCard
+from flowsculpt.render.graphics.title_card import MIDDLES, SIDES, CardStyle, TitleCard
 from flowsculpt.render.graphics.typesetting import Font
 from flowsculpt.render.post.colour import quantise
 from flowsculpt.render.scene.render_camera import Projection, pixel_places
@@ -112,25 +112,33 @@ def _words(card: TitleCard, size: tuple[int, int]) -> tuple[Floats, Floats]:
     width, height = size
     style, middle = card.style, card.style.middle
     if width < NARROW * height:
-        return _stack(card, size)
+        return _stack(card, size, middle)
+    if style.position in SIDES:
+        half = width // 2
+        before = round(SIDES[style.position] * width)
+        places = (0, 0), (before, width - half - before)
+        title, subtitle = (np.pad(cover, places) for cover in _stack(card, (half, height), MIDDLES["middle"]))
+        return title, subtitle
     title = _fit(card.title.upper(), style.font, 0.095 * height * style.size, 0.20, width)
     subtitle = _fit(card.subtitle, style.subtitle_font, 0.06 * height * style.size, 0.03, width)
     apart = 0.06 * style.size if card.subtitle else 0.0
     return _centre(title, size, middle - apart), _centre(subtitle, size, middle + apart)
 
 
-def _stack(card: TitleCard, size: tuple[int, int]) -> tuple[Floats, Floats]:
-    """Return the coverage (H, W) of both on a narrow page, each in as many lines as it needs."""
+def _stack(card: TitleCard, size: tuple[int, int], middle: float) -> tuple[Floats, Floats]:
+    """Return the coverage (H, W) of both on a narrow page, each in as many lines as it needs.
+
+    middle  of the words, as a share of the height from the upper edge
+    """
     width, height = size
     style = card.style
     title = _block(card.title.upper(), style.font, 0.09 * width * style.size, 0.20, width)
     subtitle = _block(card.subtitle, style.subtitle_font, 0.065 * width * style.size, 0.03, width)
     gap = 0.07 * width if card.subtitle else 0.0
     above, below = (gap + len(block) for block in (subtitle, title))
-    middle = style.middle * height
     return (
-        _centre(title, size, (middle - above / 2.0) / height),
-        _centre(subtitle, size, (middle + below / 2.0) / height),
+        _centre(title, size, middle - above / 2.0 / height),
+        _centre(subtitle, size, middle + below / 2.0 / height),
     )
 
 

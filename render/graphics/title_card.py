@@ -9,6 +9,11 @@ from flowsculpt.render.base.serialise import OMIT_DEFAULT, Triple
 MIDDLES = {"low": 0.84, "middle": 0.48, "high": 0.15}
 """Where the middle of the words is, as a share of the picture's height from its upper edge, by position."""
 
+SIDES = {"left": 0.0, "right": 0.5}
+"""Where the half of a wide picture begins that has the words, as a share of its width, by position."""
+
+POSITIONS = (*MIDDLES, *SIDES)
+
 
 @dataclass(frozen=True)
 class CardStyle:
@@ -19,7 +24,7 @@ class CardStyle:
     size      of the words, as a factor
     ground    display values behind the words; by default a dark grey with a glow
     over      whether the words lie over the pictures, in place of a ground
-    position  a name of MIDDLES; by default low over pictures, else middle
+    position  one of POSITIONS; by default low over pictures, else middle
     """
 
     font: str = field(default="DroidSans", metadata=OMIT_DEFAULT)
@@ -33,7 +38,7 @@ class CardStyle:
     @property
     def middle(self) -> float:
         """The height of the middle of the words, as in MIDDLES."""
-        return MIDDLES[self.position or ("low" if self.over else "middle")]
+        return MIDDLES.get(self.position, MIDDLES["low" if self.over else "middle"])
 
 
 PLAIN = CardStyle()

@@ -65,6 +65,13 @@ def test_words_over_pictures_are_low_in_the_picture_or_where_the_edit_says(tmp_p
         assert first <= rows.min() and rows.max() < last, position
 
 
+def test_words_stand_in_a_half_of_a_wide_picture_where_the_sculpture_does_not(tmp_path: Path) -> None:
+    for position, (first, last) in {"left": (0, 48), "right": (48, 96)}.items():
+        edit = Edit.of(film(tmp_path, f"cards: {{ground: picture, position: {position}}}\n"), "film")
+        columns = np.flatnonzero(pictures(edit)[6].any(axis=(0, 2)))
+        assert first < columns.min() and columns.max() < last - 1, position
+
+
 def test_a_card_on_a_coloured_ground_has_its_colours(tmp_path: Path) -> None:
     read = film(tmp_path, "cards: {ground: '#c04020', colour: '#ffffff'}\n")
     picture = pictures(Edit.of(read, "film"))[6] / 65535 * 255

@@ -58,7 +58,7 @@ from flowsculpt.pipeline.shot.yaml.messages import number_in
 from flowsculpt.pipeline.shot.yaml.synonyms import synonym
 from flowsculpt.pipeline.shot.yaml.yaml_source import in_yaml
 from flowsculpt.render.base.input_files import InputFile
-from flowsculpt.render.graphics.title_card import MIDDLES, PLAIN, CardStyle
+from flowsculpt.render.graphics.title_card import PLAIN, POSITIONS, CardStyle
 from flowsculpt.render.scene.aovs import AOVS
 from flowsculpt.render.scene.render_quality import CONVENTIONS
 from flowsculpt.render.scene.rgb_spaces import REC709, WORKING_SPACES, srgb_of_linear
@@ -384,8 +384,8 @@ class CardStyleDocument(Document):
             "the colour behind the words; picture lays them over the pictures, so the card takes no time"
         )
     )
-    position: Annotated[str, one_of(MIDDLES, "position")] | None = optional(
-        "of the words: low, middle or high; by default low over pictures, else middle"
+    position: Annotated[str, one_of(POSITIONS, "position")] | None = optional(
+        "of the words: low, middle, high, left or right; by default low over pictures, else middle"
     )
 
     def style(self, base: CardStyle = PLAIN) -> CardStyle:
