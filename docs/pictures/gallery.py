@@ -29,7 +29,7 @@ STILLS = {
     "B020_inks": 92,
     "B030_marble": 141,
     "B040_monument": 100,
-    "B050_amber": 92,
+    "B050_amber": 100,
     "B060_bloom": 84,
     "B070_ring": 120,
     "B080_motes": 161,
