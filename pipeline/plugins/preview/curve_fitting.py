@@ -199,7 +199,7 @@ def _solve(knots: Floats, at: Floats, scaled: Floats) -> Floats:
 
 
 def _bending(lengths: Floats) -> Floats:
-    """Return the quadratic forms (M, 4, 4) of ∫ y''² over each segment, of lengths (M,), times its length³."""
+    """Return the quadratic forms (M, 4, 4) of ∫ y''² over segments of lengths (M,), times length³."""
     one = np.ones_like(lengths)
     rows = [
         [12 * one, 6 * lengths, -12 * one, 6 * lengths],

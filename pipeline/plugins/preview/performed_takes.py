@@ -127,13 +127,8 @@ def performed(
     )
 
 
-def file_keys(
-    curve: FittedCurve, ranges: np.ndarray, ends: tuple[bool, bool] = (False, False)
-) -> list[FileKey]:
-    """Return fitted keys as a shot file has them, with as many digits as the range of the values deserves.
-
-    ends  whether the first key has a handle to the left, and the last one to the right
-    """
+def file_keys(curve: FittedCurve, ranges: np.ndarray) -> list[FileKey]:
+    """Return fitted keys as a shot file has them, in as many digits as the range of the values deserves."""
     keys, made = curve.keys, []
     times = [_time(key.time) for key in keys]
     for i, key in enumerate(keys):
@@ -190,7 +185,7 @@ class TakeFolder:
         raise UsageError(f"{self.path}: there are {MOST_TAKES} takes of this shot. Delete some of them.")
 
     def read(self, name: str) -> Take:
-        """Return a take. Raises UsageError where it is none, MissingInputError, BadInputError, MachineError."""
+        """Return a take. Raises UsageError where it is damaged, and the errors of `InputFile.content`."""
         if not re.fullmatch(r"[\w.-]{1,120}", name):
             raise UsageError(f"{name[:40]!r} is not the name of a take; one has letters, digits, _, - and .")
         path = self.path / f"{name}.json"

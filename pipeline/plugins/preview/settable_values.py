@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import types
 import typing
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -176,7 +177,7 @@ class _Walk:
     clock: Clock
     first: int
     last: int
-    curves: dict[Where, Any] = field(default_factory=dict)
+    curves: dict[Where, Any] = dataclasses.field(default_factory=dict)
 
     def values(self, value: Any, where: Where, kind: Any, description: str) -> Iterator[SettableValue]:
         """Yield the values within a part of a document.

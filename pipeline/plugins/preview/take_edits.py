@@ -40,9 +40,8 @@ def take_edits(shot: SettableShot, taken: PerformedValue) -> list[ValueEdit]:
     if not (value.can_change or value.curve):
         raise UsageError(f"{path_text(where)} takes no keys; the take keeps its samples")
     if value.is_vector != (len(taken.samples[0]) == 3):
-        raise UsageError(
-            f"{path_text(where)} is {'a vector' if value.is_vector else 'a number'}, and was not"
-        )
+        kinds = ("a vector", "a number") if value.is_vector else ("a number", "a vector")
+        raise UsageError(f"{path_text(where)} is {kinds[0]} now, and {kinds[1]} in the take; choose another")
     performed = [(key.time, key.data) for key in taken.keys]
     if value.curve is None:
         return [ValueEdit("set", where, {"keys": _named(performed)})]
@@ -123,10 +122,9 @@ class _Merge:
         for i in (*left[-1:], *right[:1]):  # the file may have them in seconds
             frame = frames[i]
             named = {(self.curve.keys[i]["time"] if t == frame else t): key for t, key in named.items()}
-        if self.value.file or not self.value.is_given:
-            raise UsageError(
-                f"{path_text(self.where)} comes from {self.value.file or 'elsewhere'}; write it in this shot first"
-            )
+        if self.value.file:
+            name = path_text(self.where)
+            raise UsageError(f"{name} has its keys from {self.value.file}; write them into this shot first")
         return [ValueEdit("keys", (*self.where, "keys"), KeySpan(span[0], span[1], named))]
 
     def _repeats(self, first: float, last: float, frames: list[float]) -> bool:

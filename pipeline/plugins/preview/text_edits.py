@@ -272,7 +272,7 @@ class _Editor:
             position = sum(time is not None and time < span.first for time in times)
             return mapping.with_entry(position, mapping.joined(entries))
         start, end = mapping.key_span(inside[0])[0], mapping.end(inside[-1])
-        if "#" in self.text[start:end] and not mapping.node.flow_style:
+        if "#" in self.text[start:end] and "\n" in self.text[start:end]:
             raise _refused(self.source, where, "has comments between the keys that would go")
         return replaced(self.text, start, end, mapping.joined(entries))
 
