@@ -27,6 +27,8 @@ MOST_TAKES = 999  # of one shot
 
 TOLERANCE = 0.01  # the distance of a sample from the fitted curve, over the range of the samples
 
+PER_FRAME = 2  # values between samples that are fitted too: the shot was seen with them
+
 PathStep = str | int | float
 
 
@@ -115,7 +117,9 @@ def performed(
     ranges = np.ptp(rows, axis=0)
     reach = float(ranges.max()) or float(np.abs(rows).max()) or 1.0
     ranges = np.where(ranges > 0, ranges, reach)
-    curve = fit(times, rows, TOLERANCE * (0.97 * ranges), whole)
+    dense = np.union1d(np.array(times), np.arange(np.ceil(times[0]), times[-1], 1 / PER_FRAME))
+    between = np.stack([np.interp(dense, times, column) for column in rows.T], axis=1)
+    curve = fit(dense, between, TOLERANCE * (0.97 * ranges), whole)
     return PerformedValue(
         where=list(where),
         source=source,

@@ -154,6 +154,12 @@ class ShotEditor:
     def _can(self) -> dict[str, bool]:
         return {"can_undo": bool(self._done), "can_redo": bool(self._undone)}
 
+    def text(self) -> str:
+        """Return the text of the file, a valid shot. Raises ShotError and MissingInputError for another."""
+        text = YamlSource.read_text(self.path)
+        read_shot(self.path, text, self.settings, allow_code=self.allow_code)
+        return text
+
     def _current(self, digest: str) -> str:
         text = YamlSource.read_text(self.path)
         self._forget_others(text)

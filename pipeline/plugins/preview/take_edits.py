@@ -53,7 +53,16 @@ def restoring_edits(shot: SettableShot, taken: PerformedValue) -> list[ValueEdit
     where = tuple(taken.where)
     if taken.before is None:
         return [ValueEdit("remove", where)] if any(each.where == where for each in shot.values) else []
-    return [ValueEdit("set", where, _with_numbers(taken.before))]
+    before = _with_numbers(taken.before)
+    value = next((each for each in shot.values if each.where == where), None)
+    if isinstance(before, dict) and "keys" in before and value and value.curve and value.curve.keys:
+        return [ValueEdit("keys", (*where, "keys"), _all_keys(before["keys"]))]
+    return [ValueEdit("set", where, before)]
+
+
+def _all_keys(keys: dict[Any, Any]) -> KeySpan:
+    """Return keys in place of all that there are."""
+    return KeySpan(-math.inf, math.inf, keys)
 
 
 def is_chosen(value: SettableValue, taken: PerformedValue) -> bool:
@@ -111,6 +120,8 @@ class _Merge:
                 self._join(before, performed)
             after = self._after(last, high)
             keys = _named([*before, *performed, *after])
+            if frames:
+                return [ValueEdit("keys", (*self.where, "keys"), _all_keys(keys))]
             return [ValueEdit("set", self.where, {"keys": keys})]
         left = [i for i, frame in enumerate(frames) if frame < first - 1e-6]
         right = [i for i, frame in enumerate(frames) if frame > last + 1e-6]

@@ -24,7 +24,7 @@ frames: 1-96
 subject: {solid: box, size: [2, 2, 2]}
 resample: {max_edge_length: 0.3}
 flows:   # first the stir
-  - vortex: {strength: {keys: {3: 0, 0.5s: 3, 30: {value: 7, ease: bounce_out}, 60: 2, 90: 1}, ease: bezier}} # left
+  - vortex: {strength: {keys: {3: 0, 0.5s: 3, 30: {value: 7, ease: sine_in}, 60: 2, 90: 1}, ease: bezier}} # left
   - twist:
       axis: y  # upright
       amount:

@@ -31,6 +31,7 @@ class Shot {
   /** Write edits. Those with the same gesture, one after another, are undone together. A drag names the text that it
    *  began with; other edits are of the text that the page shows. */
   edit(edits, gesture = "", digest = "") {
+    if (this.page.perform.isRecording) return Promise.resolve(this.page.perform.play(edits));
     this.state = { ...this.state, can_undo: true }; // undo waits for it
     refresh();
     return this.#next(() => ask("edit", { digest: digest || this.state.digest, edits, gesture, frame: this.page.film.at }));
