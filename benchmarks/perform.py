@@ -28,13 +28,16 @@ MEDIAN, MOST = 50.0, 100.0
 
 CENTRE = "flows.0.sum.0.vortex.centre"
 
-EVENTS, PAUSE = 120, 12  # events of a drag, and milliseconds between them
+EVENTS, PAUSE = 200, 12  # events of a drag, and milliseconds between them
 
 WATCH = """(() => {
   window.moved = [];
   window.shown = [];
   const { perform, film } = page, play = perform.play.bind(perform), show = perform.show.bind(perform);
-  perform.play = (edits) => { if (perform.isRecording && edits.length) moved.push(window.event.timeStamp); play(edits); };
+  perform.play = (edits) => {
+    if (perform.isRecording && edits.length) moved.push(window.event.timeStamp);
+    play(edits);
+  };
   perform.show = (message) => {
     show(message);
     document.getElementById('picture').decode().catch(() => {}).then(() => requestAnimationFrame(() => {
@@ -84,7 +87,7 @@ def performed(follower: Follower, speed: float) -> Row:
 
 def measured(browser: Browser) -> list[Row]:
     """Perform the ball at full and at half speed."""
-    text = SHOTS["ball"].replace("frames: 1-24", "frames: 1-48")
+    text = SHOTS["ball"].replace("frames: 1-24", "frames: 1-120")
     with tempfile.TemporaryDirectory() as folder, live_page(browser, Path(folder), text) as follower:
         tab = follower.tab
         tab.click(f'[data-path="{CENTRE}"] button >> nth=1')

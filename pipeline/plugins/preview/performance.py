@@ -61,18 +61,21 @@ class LiveCurve:
     count: int = 0
 
     def add(self, frame: float, row: Row) -> None:
-        """Record a sample at a frame of the film; one that comes too late counts from now on."""
+        """Record a sample at a frame of the film; one that comes too late counts from now on.
+
+        Each row is there before its time, for a thread that draws meanwhile.
+        """
         time = self.own(frame)
         if not self.times:
             start = max(self.simulated, time - 1.0)
-            self.times.append(start)
             self.rows.append(self.given(self.clock.time(start)))
+            self.times.append(start)
         elif self.times[-1] < self.simulated:  # the last one was held until here, as was seen
-            self.times.append(self.simulated)
             self.rows.append(self.rows[-1])
+            self.times.append(self.simulated)
         self.count += 1
-        self.times.append(max(time, self.simulated + LATE, self.times[-1]))
         self.rows.append(row)
+        self.times.append(max(time, self.simulated + LATE, self.times[-1]))
 
     def at(self, seconds: float) -> Row:
         """Return the value at a time: between samples linearly, and after the last one as that was."""
@@ -82,8 +85,8 @@ class LiveCurve:
         i = bisect_right(self.times, frame)
         if i == 0:
             return self.given(seconds)
-        if i == len(self.times):
-            return self.rows[-1]
+        if i >= len(self.times):
+            return self.rows[i - 1]
         start, end = self.times[i - 1], self.times[i]
         share = (frame - start) / (end - start)
         return tuple(a + share * (b - a) for a, b in zip(self.rows[i - 1], self.rows[i], strict=True))
@@ -243,28 +246,35 @@ class Performance:
 
 @dataclass(eq=False)
 class _LivePart:
-    """One subject of a performance."""
+    """One subject of a performance.
+
+    shown  number and arrays of the latest frame that can be drawn: one thread draws while another simulates
+    """
 
     request: RenderRequest
     motion: Motion
     mesh: MeshFrame
     frames: Iterator[MeshFrame]
-    _shaded: dict[str, np.ndarray] | None = None
+    shown: tuple[int, dict[str, np.ndarray]] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._shade()
 
     def step(self) -> None:
         """Simulate the next frame."""
-        self.mesh, self._shaded = next(self.frames), None
+        self.mesh = next(self.frames)
+        self._shade()
+
+    def _shade(self) -> None:
+        number, pieces = self.mesh.number, pieces_of(self.request, self.mesh)
+        self.shown = number, Shading.of(self.mesh, self.motion.thresholds_at(number), pieces).arrays()
 
     def arrays(self, position: float) -> dict[str, np.ndarray]:
         """Return the arrays of the latest frame, carried on to a position after it."""
-        number = self.mesh.number
-        if self._shaded is None:
-            pieces = pieces_of(self.request, self.mesh)
-            self._shaded = Shading.of(self.mesh, self.motion.thresholds_at(number), pieces).arrays()
-        arrays = self._shaded
+        number, arrays = self.shown
         if position > number and not self.motion.is_rigid and self.motion.animated is None:
-            points = arrays["vertices"].astype(np.float64)
-            arrays = {**arrays, "vertices": self.motion.carry(points, number, position).astype(np.float32)}
+            points = self.motion.carry(arrays["vertices"].astype(np.float64), number, position)
+            arrays = {**arrays, "vertices": points.astype(np.float32)}
         if self.request.pictures.measures_speed:
             arrays = with_speeds(arrays, self.motion, number)
         return arrays

@@ -38,12 +38,16 @@ SILENCE = 3.0  # seconds without a word of any page after which a recording ends
 
 SHORTEST = 1 / 60  # seconds from a picture to the next, at least
 
+IN_TIME = 1 / 36  # seconds within which a picture is drawn, or it is drawn smaller
+
+MOST_BEHIND = 2.0  # frames by which the simulation may be behind before time waits for it
+
 RESTS = 3600.0 * 24  # seconds for which nothing else is computed, unless the recording ends before
 
 SIZES = ((480, 270), (360, 202), (240, 135), (160, 90))
 """Pixels of a 16:9 picture, from the usual ones to those of a shot that hardly keeps up."""
 
-SLOW, QUICK = 3, 48
+SLOW, QUICK = 4, 48
 """Pictures in a row that are late before a smaller size, and in time before a larger one."""
 
 MOST_INPUTS = 4000  # that one request may bring
@@ -57,6 +61,7 @@ class Recording:
     heard    seconds of the clock at which a page was last heard
     samples  (time, path, index or None for all numbers, numbers) that were not taken over yet
     count    samples that were heard
+    failed   why it ended early; empty where it did not
     """
 
     performance: Performance
@@ -67,6 +72,7 @@ class Recording:
     heard: float
     samples: deque[tuple[float, Where, int | None, list[float]]] = field(default_factory=deque)
     count: int = 0
+    failed: str = ""
     ended: threading.Event = field(default_factory=threading.Event)
     done: threading.Event = field(default_factory=threading.Event)
 
@@ -235,9 +241,7 @@ class Performer:
         with self._lock:
             self._require_still()
             if not self.controls.armed:
-                raise UsageError(
-                    "nothing is armed; press ● beside a value or A on a handle, then record"
-                )
+                raise UsageError("nothing is armed; press ● beside a value or A on a handle, then record")
             drawn = self.session.drawn(frame)
             if drawn is None:
                 raise UsageError(f"frame {frame} is not simulated yet; record once it is shown")
@@ -315,26 +319,27 @@ class Performer:
     # The recording
 
     def _perform(self, recording: Recording) -> None:
-        """Simulate and draw until the recording ends; then write what was recorded."""
-        size, failed = DisplaySize(), ""
+        """Draw until the recording ends, while another thread simulates; then write what was recorded."""
+        size = DisplaySize()
+        simulation = threading.Thread(target=self._simulate, args=(recording,), daemon=True)
+        simulation.start()
         try:
             while not recording.ended.is_set():
                 began = self.clock()
                 position = recording.position(began)
-                frames = self._show(recording, position, size)
+                self._show(recording, position, size)
                 took = self.clock() - began
-                if frames and took * recording.rate > 2.0 * frames and size.index == len(SIZES) - 1:
-                    recording.begun += took - frames / recording.rate  # time waits for the simulation
-                    self._note(f"Slow: {frames / (took * recording.rate):.0%} of the speed")
-                size.note(took, max(1, frames) / min(recording.rate, 24.0))
+                size.note(took, IN_TIME)
                 if position >= recording.performance.last or began - recording.heard > SILENCE:
                     break
                 recording.ended.wait(max(0.0, SHORTEST - took))
         except FlowsculptError as error:
-            failed = f"{error} The recording ended there. "
+            recording.failed = str(error)
         finally:
+            recording.ended.set()
+            simulation.join()
             try:
-                self._finish(recording, failed)
+                self._finish(recording)
             finally:
                 with self._lock:
                     self.recording = None
@@ -342,12 +347,32 @@ class Performer:
                 recording.done.set()
                 self.share()
 
-    def _show(self, recording: Recording, position: float, size: DisplaySize) -> int:
-        """Show the shot at a position; return the frames that were simulated for it."""
-        performance, heard = recording.performance, recording.count
+    def _simulate(self, recording: Recording) -> None:
+        """Simulate each frame once its time has come; where that takes too long, time waits."""
+        performance = recording.performance
+        try:
+            while not recording.ended.is_set():
+                position = recording.position(self.clock())
+                if performance.frame + 1 > position:
+                    recording.ended.wait((performance.frame + 1 - position) / recording.rate)
+                    continue
+                with self._lock:
+                    recording.take_over(self.clock())
+                performance.advance(performance.frame + 1.0)
+                behind = recording.position(self.clock()) - performance.frame
+                if behind > MOST_BEHIND and performance.frame < performance.last:
+                    recording.begun += (behind - MOST_BEHIND) / recording.rate
+                    self._note("Too slow for this speed: time waits for the simulation.")
+        except FlowsculptError as error:
+            recording.failed = str(error)
+            recording.ended.set()
+
+    def _show(self, recording: Recording, position: float, size: DisplaySize) -> None:
+        """Show the shot at a position, with all samples that were heard."""
+        performance = recording.performance
         with self._lock:
+            heard = recording.count
             recording.take_over(self.clock())
-        frames = performance.advance(position)
         request = performance.drawn.sketch.request
         pixels = size_for(request.pictures.aspect, size.pixels)
         picture, framing = performance.picture(position, pixels)
@@ -355,7 +380,7 @@ class Performer:
         self.session.feed.flash(
             {
                 "event": "live",
-                "frame": performance.frame,
+                "frame": int(position),
                 "position": position,
                 "picture": base64.b64encode(jpeg_bytes(picture)).decode(),
                 "camera": camera_data(framing.camera, request.pictures.aspect),
@@ -363,15 +388,15 @@ class Performer:
                 "words": words,
             }
         )
-        return frames
 
     def _note(self, words: str) -> None:
         if words != self.words:
             self.words = words
             self.share()
 
-    def _finish(self, recording: Recording, failed: str) -> None:
+    def _finish(self, recording: Recording) -> None:
         """Write the take, and its keys into the shot file; say what became of it."""
+        failed = f"{recording.failed} The recording ended there. " if recording.failed else ""
         recording.take_over(self.clock())
         curves = [curve for curve in recording.performance.curves.values() if curve.count]
         for curve in curves:

@@ -24,7 +24,7 @@ frames: 1-96
 subject: {solid: box, size: [2, 2, 2]}
 resample: {max_edge_length: 0.3}
 flows:   # first the stir
-  - vortex: {strength: {keys: {3: 0, 0.5s: 3, 30: {value: 7, ease: sine_in}, 60: 2, 90: 1}, ease: bezier}} # left
+  - vortex: {strength: {keys: {3: 0, 0.5s: 3, 30: {value: 7, ease: sine_in}, 60: 2, 90: 1}, ease: bezier}} # l
   - twist:
       axis: y  # upright
       amount:
@@ -109,7 +109,7 @@ def test_a_take_changes_its_keys_and_no_other_character(shot: Path) -> None:
     before, after = SHOT.splitlines(), text.splitlines()
     assert [i for i, (a, b) in enumerate(zip(before, after, strict=True)) if a != b] == [6]
     kept = "  - vortex: {strength: {keys: {3: 0, 0.5s: 3, 30: {"
-    assert after[6].startswith(kept) and after[6].endswith(", 90: 1}, ease: bezier}} # left")
+    assert after[6].startswith(kept) and after[6].endswith(", 90: 1}, ease: bezier}} # l")
     assert re.search(r" 35: \{value: [-\d.]+, right: \[.+, left: \[", after[6])
 
 
