@@ -79,6 +79,9 @@ def fit(
             break
         knots = np.union1d(knots, added)
     knots, solved = _pruned(places, knots, solved, at, scaled)
+    for end in (0, -1):
+        if places[knots[end]] == at[end]:
+            solved[end, 0] = scaled[end]
     unit = np.broadcast_to(np.asarray(tolerance, np.float64), rows.shape[1:])
     keys = [
         FittedKey(float(time), row[0] * unit, row[1] * unit)

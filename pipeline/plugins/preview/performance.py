@@ -221,6 +221,10 @@ class Performance:
         number = min(max(self.frame, request.shot.frames.first), self.last)
         return sketch.picture(number, surfaces, framing, size, "srgb"), framing
 
+    def values(self) -> list[tuple[Where, Row]]:
+        """Return the paths and the latest numbers of all values that were moved."""
+        return [(curve.where, curve.rows[-1]) for curve in self.curves.values() if curve.times]
+
     def meshes(self) -> list[MeshFrame]:
         """Return the mesh of each subject at the latest frame."""
         return [part.mesh for part in self._parts]

@@ -117,7 +117,11 @@ def performed(
     ranges = np.ptp(rows, axis=0)
     reach = float(ranges.max()) or float(np.abs(rows).max()) or 1.0
     ranges = np.where(ranges > 0, ranges, reach)
-    dense = np.union1d(np.array(times), np.arange(np.ceil(times[0]), times[-1], 1 / PER_FRAME))
+    ends = np.array([times[0], times[-1]], np.float64)
+    if whole:
+        ends = np.array([np.floor(ends[0]), np.ceil(ends[1])])
+    dense = np.union1d(np.array(times), np.arange(np.ceil(ends[0]), ends[1], 1 / PER_FRAME))
+    dense = np.union1d(dense, ends)
     between = np.stack([np.interp(dense, times, column) for column in rows.T], axis=1)
     curve = fit(dense, between, TOLERANCE * (0.97 * ranges), whole)
     return PerformedValue(

@@ -385,6 +385,7 @@ class Performer:
                 "picture": base64.b64encode(jpeg_bytes(picture)).decode(),
                 "camera": camera_data(framing.camera, request.pictures.aspect),
                 "inputs": heard,
+                "values": performance.values(),
                 "words": words,
             }
         )

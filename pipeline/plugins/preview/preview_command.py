@@ -93,7 +93,8 @@ def preview(
 
     `flowsculpt preview A010_cube --live` opens a page on this machine that shows frames while they are
     simulated. You can edit values, keys, camera and flows there, which changes the shot file. After each
-    edit, also in a text editor, simulation resumes at the first frame that changed. Ctrl-C ends it.
+    edit, also in a text editor, simulation resumes at the first frame that changed. Values can be performed
+    there while the shot plays, by hand, MIDI, gamepad or OSC (`--osc 9000`). Ctrl-C ends it.
     """
     if at is not None and frames is not None:
         raise UsageError("--at is for a still and --frames for a movie; give one of them")

@@ -101,7 +101,7 @@ class Follower:
 def live_page(browser: Browser, root: Path, text: str) -> Iterator[Follower]:
     """Open the page of a shot and show all its frames; the page may complain of refusals only."""
     shot = root / "shots" / f"{NAME}.yaml"
-    shot.parent.mkdir()
+    shot.parent.mkdir(exist_ok=True)
     shot.write_text(text)
 
     is_over = threading.Event()

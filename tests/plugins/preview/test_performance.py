@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import time
+import wave
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -24,6 +26,7 @@ from flowsculpt.pipeline.plugins.preview.shot_editor import ShotEditor, digest_o
 from flowsculpt.pipeline.plugins.preview.take_edits import take_edits
 from flowsculpt.pipeline.shot import read_shot
 from tests.plugins.preview.live_follower import Follower
+from tests.sounds import RATE, sine, write_sound
 
 EDGE = 0.5
 
@@ -108,7 +111,6 @@ def test_a_minute_of_three_values_is_kept_fitted_and_simulated_again_as_it_was_s
     for number, frame in seen.items():
         apart = distances(frame.mesh.vertices, again[number].mesh)
         assert apart.max() <= 0.1 * EDGE, f"frame {number}"
-        print(number, apart.max() / EDGE, len(frame.mesh.vertices))
 
 
 def with_request(drawn: Any, request: Any) -> Any:
@@ -176,6 +178,19 @@ def test_a_second_take_of_another_value_leaves_the_first_one_and_each_value_choo
     read = settable_values(follower.shot, follower.shot.read_text())
     assert read.curves[STRENGTH].at(10 / 24)[0] == pytest.approx(1.0)
     assert read.curves[AMOUNT].at(10 / 24)[0] == pytest.approx(9.0, abs=0.1)
+
+
+def test_the_sound_of_the_shot_is_there_from_its_first_frame_on(tmp_path: Path) -> None:
+    (tmp_path / "shots").mkdir()
+    write_sound(tmp_path / "shots/tone.wav", sine(440.0, 0.25))
+    follower = Follower(tmp_path, f"{SHOT.format(last=12)}sound: {{file: tone.wav, start: 0.125}}\n")
+    follower.until(READY)
+    performer = Performer(ShotEditor(follower.shot), follower.session)
+    with wave.open(io.BytesIO(performer.sound())) as heard:
+        samples = np.frombuffer(heard.readframes(heard.getnframes()), "<i2").reshape(-1, 2)
+        assert heard.getframerate() == RATE and len(samples) == RATE // 2
+    assert not samples[: RATE // 8 - 100].any() and np.abs(samples[RATE // 8 :]).max() > 10_000
+    follower.session.hold(1e9)
 
 
 def test_a_recording_ends_whole_when_no_page_is_heard(

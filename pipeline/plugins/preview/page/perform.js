@@ -9,7 +9,7 @@ const DRIFT = 0.15; // seconds by which sound and picture may differ
 class Perform {
   constructor(page) {
     Object.assign(this, { page, state: { armed: [], takes: [], controls: [], recording: false, words: "" }, speed: 1, whole: true });
-    Object.assign(this, { waiting: [], isSending: false, pads: new Map(), sound: new ShotSound() });
+    Object.assign(this, { live: new Map(), waiting: [], isSending: false, pads: new Map(), sound: new ShotSound() });
     this.element = make("details", { open: true, data: { group: "perform" } });
     const record = buttonOf("", "Record what moves the armed values (R)", () => this.record(), {
       id: "record", className: "record", textContent: () => (this.isRecording ? "Stop" : "Record"), ariaPressed: () => this.isRecording,
@@ -62,16 +62,18 @@ class Perform {
     if (wasRecording && !state.recording) {
       this.sound.stop();
       this.page.film.endTrial();
+      this.page.shot.refresh();
     }
-    if (state.words && state.words !== this.page.tagged) this.page.say(state.words, false);
+    this.live.clear();
     this.draw();
     this.page.handles.draw();
     refresh();
   }
 
   /** A picture of the performance. */
-  show({ frame, position, picture, camera, words }) {
+  show({ frame, position, picture, camera, words, values }) {
     const { film } = this.page;
+    for (const [where, row] of values) this.live.set(nameOf(where), row.length > 1 ? row : row[0]);
     film.transport.go(frame);
     film.setTrial({ source: `data:image/jpeg;base64,${picture}`, camera, words, isDragged: true });
     this.sound.play((position - film.take.first) / film.take.fps, this.state.fps / film.take.fps);
@@ -82,8 +84,10 @@ class Perform {
     if (!this.isRecording) return;
     for (const { where, value } of edits) {
       const end = where.indexOf("keys"), path = end < 0 ? where : where.slice(0, end);
-      if (this.isArmed(path)) this.#hear(performance.now(), "value", path, value);
-      else this.page.note(`${nameOf(path)} is not armed, so it is not recorded.`);
+      if (this.isArmed(path)) {
+        this.live.set(nameOf(path), value);
+        this.#hear(performance.now(), "value", path, value);
+      } else this.page.note(`${nameOf(path)} is not armed, so it is not recorded.`);
     }
   }
 
@@ -151,7 +155,7 @@ class Perform {
       ...armed.flatMap((each) => this.#armedRows(each)),
       ...(armed.length ? [make("label", "inline", make("input", { type: "checkbox", checked: this.whole, onchange: (event) => { this.whole = event.target.checked; } }), "keys on whole frames")] : []),
       ...takes.map((each) => this.#takeRow(each)),
-      ...(words ? [make("p", "note", words)] : []),
+      make("p", { className: "note", role: "status" }, words),
     ));
   }
 

@@ -85,7 +85,8 @@ class Shot {
   /** The value at a frame: of a curve by its samples, three numbers of a vector or an axis. */
   at(value, frame) {
     if (value.form === "axis" && typeof value.value === "string") return vectorOf(value.value);
-    if (!value.curve) return value.value;
+    const live = this.page.perform.live.get(nameOf(value.where)); // as it is performed
+    if (live !== undefined || !value.curve) return live ?? value.value;
     const { frames, values } = value.curve, last = frames.length - 1;
     const place = clamp(((frame - frames[0]) / (frames[last] - frames[0] || 1)) * last, 0, last);
     const i = Math.min(last - 1, Math.floor(place)), share = last ? place - i : 0;
