@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import base64
 import io
+import sys
 import threading
 import time
 import wave
@@ -38,7 +39,12 @@ SILENCE = 3.0  # seconds without a word of any page after which a recording ends
 
 SHORTEST = 1 / 60  # seconds from a picture to the next, at least
 
-IN_TIME = 1 / 36  # seconds within which a picture is drawn, or it is drawn smaller
+IN_TIME = 1 / 45  # seconds within which a picture is drawn, or it is drawn smaller
+
+SWITCH = 1e-3  # seconds after which a thread lets another one run, while a recording is under way
+
+ARRIVAL = 1 / 60
+"""Seconds after its time at which a frame is simulated: samples up to then have arrived by that time."""
 
 MOST_BEHIND = 2.0  # frames by which the simulation may be behind before time waits for it
 
@@ -323,6 +329,8 @@ class Performer:
         size = DisplaySize()
         simulation = threading.Thread(target=self._simulate, args=(recording,), daemon=True)
         simulation.start()
+        interval = sys.getswitchinterval()
+        sys.setswitchinterval(SWITCH)  # so that inputs are not kept waiting by another thread
         try:
             while not recording.ended.is_set():
                 began = self.clock()
@@ -338,6 +346,7 @@ class Performer:
         finally:
             recording.ended.set()
             simulation.join()
+            sys.setswitchinterval(interval)
             try:
                 self._finish(recording)
             finally:
@@ -352,14 +361,14 @@ class Performer:
         performance = recording.performance
         try:
             while not recording.ended.is_set():
-                position = recording.position(self.clock())
+                position = recording.position(self.clock() - ARRIVAL)
                 if performance.frame + 1 > position:
                     recording.ended.wait((performance.frame + 1 - position) / recording.rate)
                     continue
                 with self._lock:
                     recording.take_over(self.clock())
                 performance.advance(performance.frame + 1.0)
-                behind = recording.position(self.clock()) - performance.frame
+                behind = recording.position(self.clock() - ARRIVAL) - performance.frame
                 if behind > MOST_BEHIND and performance.frame < performance.last:
                     recording.begun += (behind - MOST_BEHIND) / recording.rate
                     self._note("Too slow for this speed: time waits for the simulation.")

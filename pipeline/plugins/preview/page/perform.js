@@ -14,7 +14,7 @@ class Perform {
     const record = buttonOf("", "Record what moves the armed values (R)", () => this.record(), {
       id: "record", className: "record", textContent: () => (this.isRecording ? "Stop" : "Record"), ariaPressed: () => this.isRecording,
     });
-    id("perform").append(listOf("Speed of recording", SPEEDS_TO_RECORD, (speed) => { this.speed = +speed; }), record);
+    id("perform").append(record, listOf("Speed of recording", SPEEDS_TO_RECORD, (speed) => { this.speed = +speed; }));
     for (const name of ["pointerdown", "pointermove"]) id("viewer").addEventListener(name, (event) => this.#point(event), true);
     setInterval(() => { if (this.isRecording) this.#send(true); }, HEARTBEAT);
     this.draw();
@@ -74,8 +74,9 @@ class Perform {
   show({ frame, position, picture, camera, words, values }) {
     const { film } = this.page;
     for (const [where, row] of values) this.live.set(nameOf(where), row.length > 1 ? row : row[0]);
-    film.transport.go(frame);
-    film.setTrial({ source: `data:image/jpeg;base64,${picture}`, camera, words, isDragged: true });
+    film.trial = { source: `data:image/jpeg;base64,${picture}`, camera, words, isDragged: true, frame };
+    if (film.at === frame) id("picture").src = film.trial.source; // all else is drawn once a frame
+    else film.transport.go(frame);
     this.sound.play((position - film.take.first) / film.take.fps, this.state.fps / film.take.fps);
   }
 
@@ -178,9 +179,9 @@ class Perform {
   }
 
   #takeRow({ where, takes, chosen }) {
-    const name = placeTitle(where), options = [...(chosen ? [] : [[" ", "its own keys"]]), ["", "as before the takes"], ...takes.map((take) => [take, `take ${take}`])];
+    const name = placeTitle(where), options = [...(chosen ? [] : [[" ", "its own keys"]]), ["", "as before the takes"], ...takes.map((take) => [take, take.replace(`${this.page.film.take?.shot}.`, "take ")])];
     const choose = (take) => take !== " " && this.#ask("choose", { where, take });
-    return make("div", "field", make("span", { className: "about name", title: nameOf(where) }, name), listOf(`${name}: take`, options, choose, { value: chosen || " ", data: { focus: `${name} take` } }));
+    return make("div", "bound", make("span", { className: "name", title: nameOf(where) }, name), listOf(`${name}: take`, options, choose, { value: chosen || " ", data: { focus: `${name} take` } }));
   }
 }
 
