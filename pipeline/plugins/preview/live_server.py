@@ -316,8 +316,9 @@ def actions_of(
         return pictures.picture(_text(asked, "digest"), edits_in(asked.get("edits")), _frame(asked))
 
     undo, redo = partial(edited, write=editor.undo), partial(edited, write=editor.redo)
-    acts = {"state": state, "edit": edit, "undo": undo, "redo": redo, "prepare": prepare, "follow": follow}
-    return {**acts, "perform": performer.act} if performer else acts
+    acts: dict[str, Action] = {"state": state, "edit": edit, "undo": undo, "redo": redo}
+    acts |= {"prepare": prepare, "follow": follow}
+    return acts | ({"perform": performer.act} if performer else {})
 
 
 def _frame(asked: Mapping[str, Any]) -> int:

@@ -19,8 +19,6 @@ from flowsculpt import FlowsculptError, UsageError
 from flowsculpt.api.files import ChangedFileError, InputFile, atomic_write, make_folder
 from flowsculpt.pipeline.plugins.preview.curve_fitting import FittedCurve, fit
 
-VERSION = 1  # of the form of takes
-
 MOST_BYTES = 64 << 20  # of a take: an hour of ten values at 120 samples a second
 
 MOST_TAKES = 999  # of one shot
@@ -86,7 +84,7 @@ class FileKey(_Document):
 class Take(_Document):
     """Values of a shot that were performed together."""
 
-    version: Literal[1] = VERSION
+    version: Literal[1] = 1
     shot: str = Field(description="name of the shot that it was performed on")
     fps: float = Field(gt=0, description="frames a second of the shot")
     speed: float = Field(gt=0, description="at which it was performed: 1 is the speed of the film")

@@ -41,6 +41,8 @@ SHORTEST = 1 / 60  # seconds from a picture to the next, at least
 
 IN_TIME = 1 / 45  # seconds within which a picture is drawn, or it is drawn smaller
 
+MOST_WAIT = 0.1  # seconds that a picture waits for a page that shows none, such as one in the background
+
 SWITCH = 1e-3  # seconds after which a thread lets another one run, while a recording is under way
 
 ARRIVAL = 1 / 60
@@ -67,6 +69,7 @@ class Recording:
     heard    seconds of the clock at which a page was last heard
     samples  (time, path, index or None for all numbers, numbers) that were not taken over yet
     count    samples that were heard
+    drawn    pictures that were drawn, and `shown` the last of them that a page has shown
     failed   why it ended early; empty where it did not
     """
 
@@ -78,9 +81,18 @@ class Recording:
     heard: float
     samples: deque[tuple[float, Where, int | None, list[float]]] = field(default_factory=deque)
     count: int = 0
+    drawn: int = 0
+    shown: int = 0
     failed: str = ""
     ended: threading.Event = field(default_factory=threading.Event)
     done: threading.Event = field(default_factory=threading.Event)
+    taken: threading.Event = field(default_factory=threading.Event)
+
+    def wait_for_page(self) -> None:
+        """Wait until a page has shown all pictures but the latest, or for MOST_WAIT."""
+        self.taken.clear()
+        if self.drawn - self.shown > 1:
+            self.taken.wait(MOST_WAIT)
 
     @cached_property
     def rate(self) -> float:
@@ -276,7 +288,10 @@ class Performer:
         if not isinstance(inputs, list) or len(inputs) > MOST_INPUTS:
             raise UsageError(f"inputs must be a list of at most {MOST_INPUTS}")
         if (recording := self.recording) is not None:
-            recording.heard = now
+            recording.heard, shown = now, asked.get("shown")
+            if isinstance(shown, int) and shown > recording.shown:
+                recording.shown = min(shown, recording.drawn)
+                recording.taken.set()
         for each in inputs:
             if not isinstance(each, list) or len(each) < 3 or not isinstance(each[0], int | float):
                 raise UsageError("an input has an age, a kind, and what was moved")
@@ -340,7 +355,8 @@ class Performer:
                 size.note(took, IN_TIME)
                 if position >= recording.performance.last or began - recording.heard > SILENCE:
                     break
-                recording.ended.wait(max(0.0, SHORTEST - took))
+                recording.wait_for_page()
+                recording.ended.wait(max(0.0, SHORTEST - (self.clock() - began)))
         except FlowsculptError as error:
             recording.failed = str(error)
         finally:
@@ -385,6 +401,7 @@ class Performer:
         request = performance.drawn.sketch.request
         pixels = size_for(request.pictures.aspect, size.pixels)
         picture, framing = performance.picture(position, pixels)
+        recording.drawn += 1
         words = "Recording" if not size.index else f"Recording; drawn at {pixels[0]} × {pixels[1]} to keep up"
         self.session.feed.flash(
             {
@@ -394,6 +411,7 @@ class Performer:
                 "picture": base64.b64encode(jpeg_bytes(picture)).decode(),
                 "camera": camera_data(framing.camera, request.pictures.aspect),
                 "inputs": heard,
+                "number": recording.drawn,
                 "values": performance.values(),
                 "words": words,
             }

@@ -119,10 +119,10 @@ class _Merge:
             if before:
                 self._join(before, performed)
             after = self._after(last, high)
-            keys = _named([*before, *performed, *after])
+            every = _named([*before, *performed, *after])
             if frames:
-                return [ValueEdit("keys", (*self.where, "keys"), _all_keys(keys))]
-            return [ValueEdit("set", self.where, {"keys": keys})]
+                return [ValueEdit("keys", (*self.where, "keys"), _all_keys(every))]
+            return [ValueEdit("set", self.where, {"keys": every})]
         left = [i for i, frame in enumerate(frames) if frame < first - 1e-6]
         right = [i for i, frame in enumerate(frames) if frame > last + 1e-6]
         before = self._cut_before(left[-1], first, performed) if left else []

@@ -18,7 +18,7 @@ class Film {
       if (message.event === "begin") this.#begin(message);
       else if (message.event === "frame") this.#frame(message);
       else if (message.event === "perform") this.page.perform.take(message);
-      else if (message.event === "live") this.page.perform.show(message);
+      else if (message.event === "live") this.page.perform.heard(message);
       else this.page.say(message.words, message.trouble);
     };
     events.onerror = () => this.page.say(ENDED, false);

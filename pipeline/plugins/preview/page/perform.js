@@ -9,7 +9,7 @@ const DRIFT = 0.15; // seconds by which sound and picture may differ
 class Perform {
   constructor(page) {
     Object.assign(this, { page, state: { armed: [], takes: [], controls: [], recording: false, words: "" }, speed: 1, whole: true });
-    Object.assign(this, { live: new Map(), waiting: [], isSending: false, pads: new Map(), sound: new ShotSound() });
+    Object.assign(this, { number: 0, live: new Map(), waiting: [], isSending: false, pads: new Map(), sound: new ShotSound() });
     this.element = make("details", { open: true, data: { group: "perform" } });
     const record = buttonOf("", "Record what moves the armed values (R)", () => this.record(), {
       id: "record", className: "record", textContent: () => (this.isRecording ? "Stop" : "Record"), ariaPressed: () => this.isRecording,
@@ -70,9 +70,18 @@ class Perform {
     refresh();
   }
 
-  /** A picture of the performance. */
-  show({ frame, position, picture, camera, words, values }) {
+  /** A picture of the performance came; of several until the display is drawn, the latest is shown. */
+  heard(message) {
+    if (!this.latest) requestAnimationFrame(() => this.show(this.latest));
+    this.latest = message;
+  }
+
+  show({ frame, position, picture, camera, words, values, number }) {
     const { film } = this.page;
+    this.latest = null;
+    if (!this.isRecording) return;
+    this.number = number;
+    this.#send(true); // the server waits for the page, so that pictures do not queue up
     for (const [where, row] of values) this.live.set(nameOf(where), row.length > 1 ? row : row[0]);
     film.trial = { source: `data:image/jpeg;base64,${picture}`, camera, words, isDragged: true, frame };
     if (film.at === frame) id("picture").src = film.trial.source; // all else is drawn once a frame
@@ -99,11 +108,13 @@ class Perform {
 
   /** Send what was heard; one request is under way at a time, and takes all that has come meanwhile. */
   async #send(always = false) {
+    this.isDue ||= always;
     if (this.isSending) return;
     this.isSending = true;
-    for (let isFirst = always; isFirst || this.waiting.length; isFirst = false) {
+    while (this.isDue || this.waiting.length) {
+      this.isDue = false;
       const inputs = this.waiting.splice(0, 1000), now = performance.now();
-      await this.#ask("play", { inputs: inputs.map(([time, ...input]) => [now - time, ...input]) });
+      await this.#ask("play", { shown: this.number, inputs: inputs.map(([time, ...input]) => [now - time, ...input]) });
     }
     this.isSending = false;
   }
