@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flowsculpt import UsageError
+from flowsculpt import TriangleMesh, UsageError
 from flowsculpt.api.flows import Keyframes
 from flowsculpt.api.frames import Framer, Framing, MeshFrame, RenderRequest, Shading, animate
 from flowsculpt.api.shots import Clock, Motion, WrittenShot, to_yaml
@@ -31,6 +31,8 @@ MARKED = -1.0e6
 """Frame of the key that marks the first performed value; the next ones are marked a hundred frames before."""
 
 LATE = 0.01  # frames after the last simulated time at which a sample counts that comes too late
+
+NORMAL = "normal"  # the attribute of vertices that the flow carries
 
 FRAMED = 600  # points, about, by which a performed camera is framed
 
@@ -189,7 +191,7 @@ class Performance:
         self._parts: list[_LivePart] = []
         for part, own in zip(request.parts, marked.parts, strict=True):
             stream = session.stream
-            mesh = MeshSource(part, stream.store, stream.meshes, _ignore).at(number)
+            mesh = _without_normals(MeshSource(part, stream.store, stream.meshes, _ignore).at(number))
             motion = _with_curves(own.shot.motion, marks)
             self._parts.append(_LivePart(part, motion, mesh, animate(motion, mesh)))
 
@@ -326,6 +328,18 @@ def _with_curves(value: Any, marks: Mapping[float | None, LiveCurve]) -> Any:
         made = {name: _with_curves(item, marks) for name, item in value.items()}
         return made if any(made[name] is not item for name, item in value.items()) else value
     return value
+
+
+def _without_normals(frame: MeshFrame) -> MeshFrame:
+    """Return a frame whose normals are those of its faces, so that the flow need not carry them.
+
+    To carry them takes two more points for each vertex, and changes no vertex.
+    """
+    if frame.copies is not None or frame.polygons is not None or NORMAL not in frame.own.attributes:
+        return frame
+    kept = {name: values for name, values in frame.own.attributes.items() if name != NORMAL}
+    own = TriangleMesh(frame.own.vertices, frame.own.faces, kept, **frame.own.tagged_edges)
+    return replace(frame, own=own)
 
 
 def _ignore(progress: Any) -> None:
