@@ -163,8 +163,8 @@ blender: .venv/ready-cycles
 # Versions of packages are part of keys: `fewest` takes one of each for all Pythons, not the newest for each.
 lock:
 	echo pip | uv pip compile $(LOCK) - -o requirements-pip.lock
-	uv pip compile $(LOCK) --extra film --extra models --extra fields --group build pyproject.toml -o requirements.lock
-	uv pip compile $(LOCK) --extra film --extra models --extra fields --group build --group dev pyproject.toml -c requirements.lock -o requirements-dev.lock
+	uv pip compile $(LOCK) --extra film --extra models --extra fields --extra perform --group build pyproject.toml -o requirements.lock
+	uv pip compile $(LOCK) --extra film --extra models --extra fields --extra perform --group build --group dev pyproject.toml -c requirements.lock -o requirements-dev.lock
 LOCK := --quiet --upgrade --python-version 3.11 --universal --fork-strategy fewest --generate-hashes --no-emit-index-url --no-emit-find-links --no-annotate --custom-compile-command "make lock"
 
 clean:

@@ -1,4 +1,4 @@
-"""Previews by a rasteriser, first pictures of a run, the live page, and shots within other programs."""
+"""Previews by a rasteriser, first pictures of a run, the live page, performances, shots in other programs."""
 
 from flowsculpt.api import Command, Plugin
 
@@ -24,5 +24,6 @@ PLUGIN = Plugin(
             "Look",
         ),
     },
+    extras="flowsculpt.pipeline.plugins.preview.preview_extras:PreviewExtras",
     observer="flowsculpt.pipeline.plugins.preview.first_look:FirstLook",
 )

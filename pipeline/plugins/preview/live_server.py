@@ -25,6 +25,7 @@ from typing import Any
 from flowsculpt import FlowsculptError, MachineError, UsageError
 from flowsculpt.api.files import PageFolder
 from flowsculpt.pipeline.plugins.preview.live_session import LiveFeed, LiveSession
+from flowsculpt.pipeline.plugins.preview.performer import Performer
 from flowsculpt.pipeline.plugins.preview.shot_editor import (
     MOST_REQUEST_BYTES,
     ShotEditor,
@@ -164,6 +165,8 @@ class _Handler(BaseHTTPRequestHandler):
             self._send(text().encode(), kind)
         elif name == "events":
             self._stream()
+        elif name == "sound.wav":
+            self._send(self._feed.sound(), "audio/wav")
         elif (match := _PICTURE.fullmatch(name)) and (
             picture := self._feed.picture(int(match[1]), int(match[2]))
         ):
@@ -282,7 +285,9 @@ class _Handler(BaseHTTPRequestHandler):
             self._feed.unsubscribe(messages)
 
 
-def actions_of(editor: ShotEditor, session: LiveSession) -> dict[str, Action]:
+def actions_of(
+    editor: ShotEditor, session: LiveSession, performer: Performer | None = None
+) -> dict[str, Action]:
     """Return the page's requests by name. Each may name the `frame` that the page shows."""
 
     pictures = TrialPictures(editor, session)
@@ -311,7 +316,9 @@ def actions_of(editor: ShotEditor, session: LiveSession) -> dict[str, Action]:
         return pictures.picture(_text(asked, "digest"), edits_in(asked.get("edits")), _frame(asked))
 
     undo, redo = partial(edited, write=editor.undo), partial(edited, write=editor.redo)
-    return {"state": state, "edit": edit, "undo": undo, "redo": redo, "prepare": prepare, "follow": follow}
+    acts: dict[str, Action] = {"state": state, "edit": edit, "undo": undo, "redo": redo}
+    acts |= {"prepare": prepare, "follow": follow}
+    return acts | ({"perform": performer.act} if performer else {})
 
 
 def _frame(asked: Mapping[str, Any]) -> int:

@@ -21,6 +21,8 @@ from flowsculpt.pipeline.plugins.preview.surface_stream import SurfaceStream
 
 Message = dict[str, Any]
 
+MOST_BEHIND = 2  # messages that a page may still have to take when a passing picture is sent
+
 LATEST = 2  # takes whose pictures are kept: the page shows the last one while the next is drawn
 
 
@@ -29,6 +31,7 @@ class LiveFeed:
     """Pictures and messages for browsers; safe to use from several threads.
 
     session  identifies this process, for a page that stayed open after another one ended
+    sound    returns the sound of the shot, as a WAV file; empty where it has none
 
     A *take* is one state of the shot file; takes are numbered. Each of its pictures may come twice: the
     second time from the camera that was framed by the whole shot.
@@ -42,6 +45,8 @@ class LiveFeed:
     _cameras: dict[tuple[int, int], Message] = field(default_factory=dict)
     _begun: Message = field(default_factory=dict)
     _said: Message = field(default_factory=dict)
+    _shared: Message = field(default_factory=dict)
+    sound: Callable[[], bytes] = bytes
 
     def begin(self, shot: str, first: int, last: int, fps: float, size: tuple[int, int]) -> int:
         """Begin a take and return its number."""
@@ -76,12 +81,25 @@ class LiveFeed:
         with self._lock:
             return self._pictures.get((take, frame))
 
+    def share(self, message: Message) -> None:
+        """Send a message to all pages, and to those that open later, until the next one."""
+        with self._lock:
+            self._shared = message
+            self._send(message)
+
+    def flash(self, message: Message) -> None:
+        """Send a message that the next one replaces; a page that is behind gets it not."""
+        with self._lock:
+            for messages in self._subscribers:
+                if messages.qsize() <= MOST_BEHIND:
+                    messages.put(message)
+
     def subscribe(self) -> queue.SimpleQueue[Message]:
         """Return a queue with all that the page shows now, to which every later message is added."""
         messages: queue.SimpleQueue[Message] = queue.SimpleQueue()
         with self._lock:
             shown = [self._frame(place) for place in self._pictures if place[0] == self._begun.get("take")]
-            for message in (self._begun, *shown, self._said):
+            for message in (self._begun, *shown, self._said, self._shared):
                 if message:
                     messages.put(message)
             self._subscribers.append(messages)
@@ -100,6 +118,9 @@ class LiveFeed:
         for messages in self._subscribers:
             messages.put(message)
 
+
+REST_SECONDS = 1.0
+"""Time from the begin of a picture of a drag in which nothing else is computed, unless an edit is written."""
 
 READY = "Up to date."  # the message of the page when it shows the whole shot
 
@@ -161,9 +182,9 @@ class LiveSession:
                 self.feed.say(f"{said}. Save the shot to try again.", trouble=True)
             wait_for_edit(self.watched, self._before, self._edited)
 
-    def hold(self) -> None:
-        """Rest for a moment, so that pictures of a drag come at once."""
-        self._rests_until = time.monotonic() + REST_SECONDS
+    def hold(self, seconds: float = REST_SECONDS) -> None:
+        """Rest for a moment, so that pictures of a drag come at once; or longer, until `resume`."""
+        self._rests_until = max(self._rests_until, time.monotonic() + seconds)
 
     def resume(self) -> None:
         """End the rest and look at the files at once: they have been edited."""
@@ -174,6 +195,14 @@ class LiveSession:
         """Return the latest picture of a frame, if its surface is still there."""
         drawn = self._drawn.get(number)
         return drawn if drawn and self.stream.knows(drawn.sketch.request, number) else None
+
+    def latest(self) -> list[Drawn]:
+        """Return the latest pictures of all frames."""
+        return list(self._drawn.values())
+
+    def framing(self, number: int) -> Framing | None:
+        """Return camera and stage of a frame, once the whole shot was simulated."""
+        return self._framings.get(number)
 
     def _require_unedited(self) -> None:
         while time.monotonic() < self._rests_until:
@@ -282,9 +311,6 @@ def _recipe(surfaces: FramedSurfaces, number: int) -> tuple[Any, ...]:
         (sketch.flow, flows, sketch.edges, sketch.burn_in),
     )
 
-
-REST_SECONDS = 1.0
-"""Time from the begin of a picture of a drag in which nothing else is computed, unless an edit is written."""
 
 POLL_SECONDS = 0.1  # seconds between checks for an edit
 

@@ -32,6 +32,8 @@ from flowsculpt.pipeline.plugins.preview.live_session import (
     stamp,
     wait_for_edit,
 )
+from flowsculpt.pipeline.plugins.preview.osc_input import osc_input
+from flowsculpt.pipeline.plugins.preview.performer import Performer
 from flowsculpt.pipeline.plugins.preview.shot_editor import ShotEditor
 from flowsculpt.pipeline.plugins.preview.sketch import Sketch
 from flowsculpt.pipeline.plugins.preview.surface_stream import SurfaceStream
@@ -71,6 +73,10 @@ def preview(
         int,
         typer.Option(metavar="PORT", help="The port of the live page. Default: any.", show_default=False),
     ] = 0,
+    osc: Annotated[
+        int | None,
+        typer.Option("--osc", metavar="PORT", help="Listen to OSC at this UDP port, to perform the shot."),
+    ] = None,
     no_browser: Annotated[
         bool, typer.Option("--no-browser", help="Print the address of the live page, and open no browser.")
     ] = False,
@@ -87,7 +93,8 @@ def preview(
 
     `flowsculpt preview A010_cube --live` opens a page on this machine that shows frames while they are
     simulated. You can edit values, keys, camera and flows there, which changes the shot file. After each
-    edit, also in a text editor, simulation resumes at the first frame that changed. Ctrl-C ends it.
+    edit, also in a text editor, simulation resumes at the first frame that changed. Values can be performed
+    there while the shot plays, by hand, MIDI, gamepad or OSC (`--osc 9000`). Ctrl-C ends it.
     """
     if at is not None and frames is not None:
         raise UsageError("--at is for a still and --frames for a movie; give one of them")
@@ -97,6 +104,8 @@ def preview(
         raise UsageError(f"{output}: this preview is {suffix[1:].upper()}; {remedy} the name in {suffix}")
     if not 0 <= port <= 65535:
         raise UsageError(f"--port {port} is not a port; one is from 1 to 65535, and 0 is any free one")
+    if osc is not None and not (live and 0 < osc <= 65535):
+        raise UsageError("--osc is a port from 1 to 65535 for the live page; add --live")
     if at is not None and (live or watch):
         raise UsageError("--live and --watch show movies; leave --at out")
     fields = None if burn_in is None else BurnIn.parse(burn_in)
@@ -126,7 +135,7 @@ def preview(
     with SurfaceStream(store) as stream:
         if live:
             editor = ShotEditor(path, tuple(options.settings or ()), options.allow_code)
-            _serve(common, read, stream, target, editor, port, not no_browser)
+            _serve(common, read, stream, target, editor, (port, osc), not no_browser)
         else:
             _redraw(common, read, stream, target, {path, *files_of(sketch.request.source)})
 
@@ -213,17 +222,26 @@ def _serve(
     stream: SurfaceStream,
     movie: Path,
     editor: ShotEditor,
-    port: int,
+    ports: tuple[int, int | None],
     browser: bool,
 ) -> None:
-    """Show the shot on a live page, and after each edit; until Ctrl-C."""
+    """Show the shot on a live page, and after each edit; until Ctrl-C.
+
+    ports  of the page, 0 for any, and of OSC, None for no OSC
+    """
     feed = LiveFeed()
 
     def write_movie(surfaces: FramedSurfaces) -> None:
         _report(common, movie, surfaces.movie(movie, lambda stage, number: None))
 
     session = LiveSession(read, feed, stream, write_movie, {editor.path})
-    with serving(feed, port, actions_of(editor, session)) as address:
+    performer = Performer(editor, session)
+    feed.sound, (port, osc) = performer.sound, ports
+    with ExitStack() as stack:
+        address = stack.enter_context(serving(feed, port, actions_of(editor, session, performer)))
+        stack.callback(performer.end)
+        if osc is not None:
+            stack.enter_context(osc_input(osc, performer.heard))
         typer.echo(f"Live at {address} – Ctrl-C ends it.", err=True)
         if browser:
             webbrowser.open(address)

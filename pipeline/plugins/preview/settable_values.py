@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import types
 import typing
@@ -125,11 +126,20 @@ class SettableShot(NamedTuple):
 
     values       in the order of SECTIONS
     flow_frames  see `flow_frames`
+    curves       those that values have, in the units of the file and over seconds of their own time
     """
 
     clock: Clock
     values: list[SettableValue]
     flow_frames: dict[Where, list[float]]
+    curves: dict[Where, Any]
+
+    def own_frames(self, where: Where) -> list[float]:
+        """Return the time by which a value goes at each frame of the shot, in frames."""
+        around = [path for path in self.flow_frames if path == where[: len(path)]]
+        if around:
+            return self.flow_frames[max(around, key=len)]
+        return [float(number) for number in range(self.clock.frames.first, self.clock.frames.last + 1)]
 
 
 def settable_values(path: Path, text: str, settings: tuple[str, ...] = ()) -> SettableShot:
@@ -152,7 +162,7 @@ def settable_values(path: Path, text: str, settings: tuple[str, ...] = ()) -> Se
             getattr(document, name), (name,), kinds[name], fields[name].description or ""
         )
     ]
-    return SettableShot(clock, values, times)
+    return SettableShot(clock, values, times, walk.curves)
 
 
 @dataclass(frozen=True)
@@ -160,12 +170,14 @@ class _Walk:
     """Lists the values of documents.
 
     first, last  frames between which curves are sampled: those that the shot or one of its flows reaches
+    curves       those that were met
     """
 
     source: YamlSource
     clock: Clock
     first: int
     last: int
+    curves: dict[Where, Any] = dataclasses.field(default_factory=dict)
 
     def values(self, value: Any, where: Where, kind: Any, description: str) -> Iterator[SettableValue]:
         """Yield the values within a part of a document.
@@ -238,7 +250,7 @@ class _Walk:
         """Return the samples of a curve, by its own clock."""
         first, last = self.first, self.last
         frames = np.linspace(first, last, min(MOST_SAMPLES, max(LEAST_SAMPLES, 2 * (last - first) + 1)))
-        curve = value.curve(self.clock)
+        curve = self.curves[where] = value.curve(self.clock)
         values = [list(curve.at(self.clock.time(float(frame)))) for frame in frames]
         keys = []
         if "keys" in type(value).model_fields:

@@ -139,7 +139,7 @@ class ShotEditor:
     def state_of(self, text: str) -> dict[str, Any]:
         """Return the state of a text. Raises ShotError where it is not a valid shot."""
         read_shot(self.path, text, self.settings, allow_code=self.allow_code)
-        clock, values, flow_frames = settable_values(self.path, text, self.settings)
+        clock, values, flow_frames, _ = settable_values(self.path, text, self.settings)
         return {
             "digest": digest_of(text),
             "shot": self.path.stem,
@@ -153,6 +153,12 @@ class ShotEditor:
 
     def _can(self) -> dict[str, bool]:
         return {"can_undo": bool(self._done), "can_redo": bool(self._undone)}
+
+    def text(self) -> str:
+        """Return the text of the file, a valid shot. Raises ShotError and MissingInputError for another."""
+        text = YamlSource.read_text(self.path)
+        read_shot(self.path, text, self.settings, allow_code=self.allow_code)
+        return text
 
     def _current(self, digest: str) -> str:
         text = YamlSource.read_text(self.path)

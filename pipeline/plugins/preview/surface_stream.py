@@ -291,7 +291,9 @@ class SurfaceStream:
         )
 
     def _shade(self, request: RenderRequest, frame: MeshFrame) -> None:
-        shading = Shading.of(frame, request.shot.motion.thresholds_at(frame.number), _pieces(request, frame))
+        shading = Shading.of(
+            frame, request.shot.motion.thresholds_at(frame.number), pieces_of(request, frame)
+        )
         arrays = shading.stored()
         if request.pictures.measures_speed:
             arrays[Surface.SPEED] = shading.speeds(request.shot.motion)
@@ -309,7 +311,7 @@ def _needs_mesh(request: RenderRequest) -> bool:
     return request.pictures.measures_speed or request.shot.picture.dicing is not None
 
 
-def _pieces(request: RenderRequest, frame: MeshFrame) -> int:
+def pieces_of(request: RenderRequest, frame: MeshFrame) -> int:
     """Return the number of pieces of each edge.
 
     Renders dice by the size in the picture. Previews do not wait for cameras, and use a fixed number of

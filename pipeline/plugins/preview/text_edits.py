@@ -10,7 +10,7 @@ from __future__ import annotations
 import copy
 import math
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -63,7 +63,7 @@ class TextMapping:
     def value_text(self, index: int) -> str:
         """Return the text of an entry's value."""
         value = self.node.value[index][1]
-        return self.text[value.start_mark.index : max(value.start_mark.index, self._end(index))]
+        return self.text[value.start_mark.index : max(value.start_mark.index, self.end(index))]
 
     def with_entry(self, position: int, entry: str) -> str:
         """Return the text with an entry `name: value` at a position among the others."""
@@ -74,18 +74,24 @@ class TextMapping:
             if position < len(self.names):
                 start = self.key_span(position)[0]
                 return replaced(self.text, start, start, f"{entry}, ")
-            end = self._end(position - 1)
+            end = self.end(position - 1)
             return replaced(self.text, end, end, f", {entry}")
         indent = " " * self.node.value[0][0].start_mark.column
         if position == 0:
             start = self.key_span(0)[0]
             return replaced(self.text, start, start, f"{entry}\n{indent}")
-        end = self._line_end(self._end(position - 1))
+        end = self._line_end(self.end(position - 1))
         return replaced(self.text, end, end, f"\n{indent}{entry}")
+
+    def joined(self, entries: Sequence[str]) -> str:
+        """Return entries as they stand one after another here."""
+        if self.node.flow_style:
+            return ", ".join(entries)
+        return f"\n{' ' * self.node.value[0][0].start_mark.column}".join(entries)
 
     def without(self, index: int) -> str | None:
         """Return the text without an entry; None where that would lose a comment or leave no mapping."""
-        start, end = self.key_span(index)[0], self._end(index)
+        start, end = self.key_span(index)[0], self.end(index)
         if "#" in self.text[start:end] and "\n" in self.text[start:end]:
             return None
         without = self._without_in_brackets if self.node.flow_style else self._without_lines
@@ -95,8 +101,8 @@ class TextMapping:
         comma = re.compile(r"\s*,[ \t]*").match(self.text, end)
         if comma is not None and index + 1 < len(self.names):
             return replaced(self.text, start, comma.end(), "")
-        if index and not re.search(r"[\n#]", self.text[self._end(index - 1) : start]):
-            return replaced(self.text, self._end(index - 1), end, "")
+        if index and not re.search(r"[\n#]", self.text[self.end(index - 1) : start]):
+            return replaced(self.text, self.end(index - 1), end, "")
         return replaced(self.text, start, comma.end() if comma else end, "")
 
     def _without_lines(self, index: int, start: int, end: int) -> str | None:
@@ -112,7 +118,8 @@ class TextMapping:
             return replaced(self.text, start, line, comment)
         return replaced(self.text, head, min(line + 1, len(self.text)), "")
 
-    def _end(self, index: int) -> int:
+    def end(self, index: int) -> int:
+        """Return the index after an entry."""
         return entry_end(self.text, *self.node.value[index])
 
     def _line_end(self, index: int) -> int:
@@ -134,15 +141,31 @@ TimeOf = Callable[[Any], float | None]
 
 
 @dataclass(frozen=True)
+class KeySpan:
+    """Keys in place of all others from one time to another, both included, in seconds of the shot."""
+
+    first: float
+    last: float
+    keys: dict[Any, Any]
+
+    def holds(self, seconds: float | None) -> bool:
+        """Tell whether a key at a time is replaced."""
+        return seconds is not None and self.first - SAME_TIME <= seconds <= self.last + SAME_TIME
+
+
+SAME_TIME = 1e-9  # seconds by which times of one key may differ by rounding
+
+
+@dataclass(frozen=True)
 class ValueEdit:
     """One change of a file.
 
     kind   `set` replaces or adds `value`, `remove` takes a name out of its mapping, `rename` gives it the
-           name `value`, such as another time of a key
+           name `value`, such as another time of a key; `keys` puts a KeySpan into the `keys` at `where`
     where  the path: names of mappings and indices of lists
     """
 
-    kind: Literal["set", "remove", "rename"]
+    kind: Literal["set", "remove", "rename", "keys"]
     where: Where
     value: Any = None
 
@@ -164,7 +187,7 @@ def edited(path: Path, text: str, edits: Iterable[ValueEdit], time_of: TimeOf, v
     """
     for edit in edits:
         before = parsed(path, text)
-        wanted = _edited_data(before, edit)
+        wanted = _edited_data(before, edit, time_of)
         changed = _Editor(before, text, time_of).apply(edit)
         try:
             arrived = not verify or parsed(path, changed).data == wanted
@@ -180,7 +203,7 @@ def _refused(source: YamlSource, where: Where, fact: str) -> ShotError:
     return ShotError(f"{source.place(where)}: {path_text(where)} {fact}. Edit it in the file.")
 
 
-def _edited_data(source: YamlSource, edit: ValueEdit) -> Any:
+def _edited_data(source: YamlSource, edit: ValueEdit, time_of: TimeOf) -> Any:
     """Return the data of a file after an edit."""
     data = copy.deepcopy(source.data)
     *steps, last = edit.where
@@ -198,8 +221,12 @@ def _edited_data(source: YamlSource, edit: ValueEdit) -> Any:
     if edit.kind == "set":
         holder[last] = copy.deepcopy(edit.value)
         return data
-    if last not in holder:
+    if last not in holder or (edit.kind == "keys" and not isinstance(holder[last], dict)):
         raise _missing(source, edit.where, len(steps))
+    if edit.kind == "keys":
+        kept = {time: key for time, key in holder[last].items() if not edit.value.holds(time_of(time))}
+        holder[last] = kept | edit.value.keys
+        return data
     value = holder.pop(last)
     if edit.kind == "rename":
         if edit.value in holder:
@@ -225,6 +252,9 @@ class _Editor:
         if edit.kind == "set":
             return self._set(edit.where, edit.value)
         nodes = self._nodes(edit.where)
+        if edit.kind == "keys":
+            assert isinstance(nodes[-1], MappingNode), "the data has keys here"
+            return self._with_keys(TextMapping(self.text, nodes[-1]), edit.value, edit.where)
         parent = nodes[-2]
         assert isinstance(parent, MappingNode), "the data has a mapping here"
         mapping = TextMapping(self.text, parent)
@@ -232,6 +262,19 @@ class _Editor:
         if edit.kind == "remove":
             return self._removed(mapping, index, edit.where)
         return self._renamed(mapping, index, edit)
+
+    def _with_keys(self, mapping: TextMapping, span: KeySpan, where: Where) -> str:
+        """Return the text with some keys in place of others, all at once: there may be hundreds."""
+        times = [self.time_of(name) for name in mapping.names]
+        inside = [index for index, time in enumerate(times) if span.holds(time)]
+        entries = [f"{to_yaml(time)}: {to_yaml(key)}" for time, key in span.keys.items()]
+        if not inside:
+            position = sum(time is not None and time < span.first for time in times)
+            return mapping.with_entry(position, mapping.joined(entries))
+        start, end = mapping.key_span(inside[0])[0], mapping.end(inside[-1])
+        if "#" in self.text[start:end] and "\n" in self.text[start:end]:
+            raise _refused(self.source, where, "has comments between the keys that would go")
+        return replaced(self.text, start, end, mapping.joined(entries))
 
     def _removed(self, mapping: TextMapping, index: int, where: Where) -> str:
         text = mapping.without(index)

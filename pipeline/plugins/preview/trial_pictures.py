@@ -245,7 +245,7 @@ class TrialPictures:
             drawn = self.session.drawn(number)
             if drawn is None:
                 raise UsageError(f"frame {number} is not simulated yet; the drag shows nothing until it is")
-            request = _with_text(drawn.sketch.request, self.editor.trial(digest, edits))
+            request = with_text(drawn.sketch.request, self.editor.trial(digest, edits))
             places, parts = [edit.where for edit in edits], drawn.sketch.request.parts
             if [part.source.subject for part in parts] != [part.source.subject for part in request.parts]:
                 raise UsageError("other subjects are simulated first; the drag shows nothing until they are")
@@ -335,7 +335,7 @@ class TrialPictures:
             views, follow = [asked.pictures.view(n) for n in numbers], asked.shot.picture.camera.follow
             return Framer(views, lambda i: extents[i], asked.pictures.aspect, follow).all()[index]
 
-        return _corrected(framed(request), framed(drawn.sketch.request), drawn.framing, request, number)
+        return corrected(framed(request), framed(drawn.sketch.request), drawn.framing, request, number)
 
     def _framing_of_subject(
         self, drawn: Drawn, request: RenderRequest, surfaces: Sequence[Mapping[str, np.ndarray]], number: int
@@ -349,7 +349,7 @@ class TrialPictures:
             return Framer(views, lambda i: points, asked.pictures.aspect, follow).all()[0]
 
         before = framed(drawn.sketch.request, known)
-        return _corrected(framed(request, surfaces), before, drawn.framing, request, number)
+        return corrected(framed(request, surfaces), before, drawn.framing, request, number)
 
     def _extent(self, number: int) -> np.ndarray:
         """Return a part of a frame's points (N, 3)."""
@@ -400,16 +400,14 @@ class _TrialRequest(RenderRequest):
         return self.before.angles if self.before is not None else super().angles
 
 
-def _with_text(request: RenderRequest, text: str) -> RenderRequest:
+def with_text(request: RenderRequest, text: str) -> RenderRequest:
     """Return a request of the same frames for another text of its shot."""
     source = request.source.with_text(text)
     own = {each.name: getattr(request, each.name) for each in fields(RenderRequest)}
     return _TrialRequest(**{**own, "source": source}, before=request)
 
 
-def _corrected(
-    after: Framing, before: Framing, true: Framing, request: RenderRequest, number: int
-) -> Framing:
+def corrected(after: Framing, before: Framing, true: Framing, request: RenderRequest, number: int) -> Framing:
     """Return a framing by few points of an edited shot, corrected as that before the edit has to be."""
     stands, stood, is_true = after.placement, before.placement, true.placement
     origin = np.add(stands.origin, np.subtract(is_true.origin, stood.origin)).tolist()

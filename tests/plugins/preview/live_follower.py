@@ -27,7 +27,7 @@ class Follower:
 
     def __init__(self, root: Path, text: str) -> None:
         self.root, self.shot = root, root / "shots" / f"{NAME}.yaml"
-        self.shot.parent.mkdir()
+        self.shot.parent.mkdir(exist_ok=True)
         self.shot.write_text(text)
         self.feed, self.stream = LiveFeed(), SurfaceStream(Project(root, 2).store)
         self.movies = 0

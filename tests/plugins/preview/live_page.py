@@ -16,6 +16,7 @@ from playwright.sync_api import Page as Tab
 
 from flowsculpt.pipeline.plugins.preview.live_server import actions_of, serving
 from flowsculpt.pipeline.plugins.preview.live_session import READY, LiveFeed, LiveSession
+from flowsculpt.pipeline.plugins.preview.performer import Performer
 from flowsculpt.pipeline.plugins.preview.shot_editor import ShotEditor
 from flowsculpt.pipeline.plugins.preview.sketch import Sketch
 from flowsculpt.pipeline.plugins.preview.surface_stream import SurfaceStream
@@ -38,6 +39,7 @@ class Follower:
 
     tab: Tab
     shot: Path
+    performer: Performer
 
     def wait(self, condition: str) -> None:
         wait_for(self.tab, condition)
@@ -99,7 +101,7 @@ class Follower:
 def live_page(browser: Browser, root: Path, text: str) -> Iterator[Follower]:
     """Open the page of a shot and show all its frames; the page may complain of refusals only."""
     shot = root / "shots" / f"{NAME}.yaml"
-    shot.parent.mkdir()
+    shot.parent.mkdir(exist_ok=True)
     shot.write_text(text)
 
     is_over = threading.Event()
@@ -116,7 +118,10 @@ def live_page(browser: Browser, root: Path, text: str) -> Iterator[Follower]:
     feed, complaints = LiveFeed(), []
     with SurfaceStream(Project(root, 2).store) as stream:
         session = LiveSession(sketch, feed, stream, lambda ready: None, {shot})
-        with serving(feed, 0, actions_of(ShotEditor(shot), session)) as address:
+        editor = ShotEditor(shot)
+        performer = Performer(editor, session)
+        feed.sound = performer.sound
+        with serving(feed, 0, actions_of(editor, session, performer)) as address:
             following = threading.Thread(target=follow, daemon=True)
             following.start()
             context = browser.new_context(viewport={"width": 1280, "height": 800}, reduced_motion="reduce")
@@ -125,9 +130,10 @@ def live_page(browser: Browser, root: Path, text: str) -> Iterator[Follower]:
             tab.on("console", lambda message: complaints.append(message.text))
             tab.on("pageerror", lambda error: complaints.append(str(error)))
             tab.goto(address)
-            made = Follower(tab, shot)
+            made = Follower(tab, shot, performer)
             made.wait(SHOWN)
             yield made
+            performer.end()
             is_over.set()
             made.save(f"{shot.read_text()}# the end\n")
             following.join()  # it reads no surface after they are gone

@@ -39,6 +39,7 @@ class Follow {
   /** Show the current frame with edits that are not written. */
   show(edits) {
     if (!edits.length) return;
+    if (this.performs ||= this.page.perform.isRecording) return this.page.perform.play(edits);
     if (!this.drags) this.digest = this.page.shot.writes ? "" : this.page.shot.state.digest; // which our own edit changes
     this.drags = true;
     this.page.film.hold();
@@ -48,6 +49,10 @@ class Follow {
 
   /** The drag has ended with these edits: write them. */
   end(edits, gesture = "") {
+    if (this.performs || this.page.perform.isRecording) {
+      this.performs = false; // though the recording may have ended before the drag
+      return Promise.resolve(this.page.perform.play(edits));
+    }
     const digest = this.drags ? this.digest : "";
     Object.assign(this, { waiting: null, drags: false });
     if (this.page.film.trial) this.page.film.trial.isDragged = false;
@@ -59,7 +64,8 @@ class Follow {
   /** The drag was given up: show the file as it is. */
   cancel() {
     Object.assign(this, { waiting: null, drags: false });
-    this.page.film.endTrial();
+    this.performs = false;
+    if (!this.page.perform.isRecording) this.page.film.endTrial();
     this.page.draw();
   }
 

@@ -17,6 +17,8 @@ class Film {
       const message = JSON.parse(event.data);
       if (message.event === "begin") this.#begin(message);
       else if (message.event === "frame") this.#frame(message);
+      else if (message.event === "perform") this.page.perform.take(message);
+      else if (message.event === "live") this.page.perform.heard(message);
       else this.page.say(message.words, message.trouble);
     };
     events.onerror = () => this.page.say(ENDED, false);

@@ -79,6 +79,7 @@ class Handles {
     };
     const group = holder.appendChild(handleOf(words, name, 0, numbers));
     group.append(...shapes);
+    group.classList.toggle("armed", page.perform.isArmed(value.where));
     editable(page, group, value.where, {
       edits: (...drag) => edits(given(...drag)),
       draw: (...drag) => draw(given(...drag)),

@@ -5,6 +5,7 @@ class LivePage {
     this.film = new Film(this);
     this.shot = new Shot(this);
     this.follow = new Follow(this);
+    this.perform = new Perform(this);
     this.values = new Values(this, id("panel"));
     this.timeline = new Timeline(this, id("curves"));
     this.handles = new Handles(this, id("handles"));
@@ -41,6 +42,7 @@ class LivePage {
         ["Ctrl Shift Z", "Redo; also Ctrl Y", { "Ctrl+Z": () => shot.redo(), "Ctrl+y": () => shot.redo() }],
         ["↑ ↓", "In a number: a step; with Shift ten"],
         ["Esc", "Give up a drag"],
+        ["R A", "Record; arm what has the focus", { r: () => this.perform.record(), a: () => this.perform.armFocused() }],
         ["V H", "Show or hide values, handles", { v: () => this.togglePanel(), h: () => this.handles.toggle() }],
       ]],
       ["A key of a curve", [

@@ -31,6 +31,7 @@ class Shot {
   /** Write edits. Those with the same gesture, one after another, are undone together. A drag names the text that it
    *  began with; other edits are of the text that the page shows. */
   edit(edits, gesture = "", digest = "") {
+    if (this.page.perform.isRecording) return Promise.resolve(this.page.perform.play(edits));
     this.state = { ...this.state, can_undo: true }; // undo waits for it
     refresh();
     return this.#next(() => ask("edit", { digest: digest || this.state.digest, edits, gesture, frame: this.page.film.at }));
@@ -84,7 +85,8 @@ class Shot {
   /** The value at a frame: of a curve by its samples, three numbers of a vector or an axis. */
   at(value, frame) {
     if (value.form === "axis" && typeof value.value === "string") return vectorOf(value.value);
-    if (!value.curve) return value.value;
+    const live = this.page.perform.live.get(nameOf(value.where)); // as it is performed
+    if (live !== undefined || !value.curve) return live ?? value.value;
     const { frames, values } = value.curve, last = frames.length - 1;
     const place = clamp(((frame - frames[0]) / (frames[last] - frames[0] || 1)) * last, 0, last);
     const i = Math.min(last - 1, Math.floor(place)), share = last ? place - i : 0;

@@ -43,11 +43,7 @@ class CurveRow {
     if (this.isChosen && value.curve.formula === null) this.#addSettings();
   }
 
-  get title() {
-    const group = groupOf(this.value.where), [words] = titleOf(group), rest = this.value.where.slice(group.length).join(" ");
-    const number = flowsAt(group) >= 0 ? ` ${group.filter((part) => typeof part === "number").join(".")}` : "";
-    return `${words}${number} ${rest}`.trim().replaceAll("_", " ");
-  }
+  get title() { return placeTitle(this.value.where); }
 
   get keys() { return this.value.curve.keys; }
   get key() { return this.keys[Math.min(this.timeline.point, this.keys.length - 1)]; }

@@ -25,6 +25,13 @@ function titleOf(group) {
   return [String(group.at(-1)).replaceAll("_", " "), words.join(", ")];
 }
 
+/** A value in words: vortex 0.1 strength. */
+function placeTitle(where) {
+  const group = groupOf(where), [words] = titleOf(group), rest = where.slice(group.length).join(" ");
+  const number = flowsAt(group) >= 0 ? ` ${group.filter((part) => typeof part === "number").join(".")}` : "";
+  return `${words}${number} ${rest}`.trim().replaceAll("_", " ");
+}
+
 class Values {
   constructor(page, panel) { Object.assign(this, { page, panel, fields: [], shape: "" }); }
 
@@ -43,7 +50,7 @@ class Values {
       return fieldOf(this.page, value, rest.join(" › ") || PARTS[group[0]].toLowerCase());
     });
     const groups = Map.groupBy(this.fields, ({ value }) => nameOf(groupOf(value.where)));
-    this.panel.replaceChildren(...[...groups].map(([name, fields]) => detailsOf(name, fields, wasOpen.get(name))));
+    this.panel.replaceChildren(this.page.perform.element, ...[...groups].map(([name, fields]) => detailsOf(name, fields, wasOpen.get(name))));
     if (focused) this.panel.querySelector(`[data-path="${CSS.escape(focused)}"]`)?.querySelector("input, select, button")?.focus();
   }
 }
@@ -101,6 +108,10 @@ class Field {
     this.row.append(buttonOf("", words, () => this.toggleKey(), {
       className: () => `key plain${isKeyed() ? " keyed" : ""}`, textContent: () => (isKeyed() && !this.keyHere ? "◇" : "◆"),
       ariaLabel: () => `${this.name}: ${words()}`, ariaPressed: () => Boolean(this.keyHere),
+    }));
+    const { perform } = this.page, { where } = this.value, isArmed = () => perform.isArmed(where);
+    this.row.append(buttonOf("●", "Arm it: R records what moves it", () => perform.arm(where), {
+      className: () => `key plain${isArmed() ? " armed" : ""}`, ariaLabel: `${this.name}: arm`, ariaPressed: isArmed,
     }));
   }
 

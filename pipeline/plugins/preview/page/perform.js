@@ -1,0 +1,227 @@
+// Performing: values are armed, and what hands and devices do to them is recorded while the shot plays. The server records,
+// fits keys and keeps takes; the page sends what it hears, and shows what comes.
+
+const SOURCES = [["touch", "handle, slider"], ["pointer x", "pointer, across"], ["pointer y", "pointer, upwards"], ["pen pressure", "pressure of a pen"], ["learn", "learn: move a control"]];
+const SPEEDS_TO_RECORD = [[1, "1×"], [0.5, "½×"], [0.25, "¼×"]];
+const HEARTBEAT = 500; // ms after which the server hears of the page while it records
+const DRIFT = 0.15; // seconds by which sound and picture may differ
+
+class Perform {
+  constructor(page) {
+    Object.assign(this, { page, state: { armed: [], takes: [], controls: [], recording: false, words: "" }, speed: 1, whole: true });
+    Object.assign(this, { number: 0, live: new Map(), waiting: [], isSending: false, pads: new Map(), sound: new ShotSound() });
+    this.element = make("details", { open: true, data: { group: "perform" } });
+    const record = buttonOf("", "Record what moves the armed values (R)", () => this.record(), {
+      id: "record", className: "record", textContent: () => (this.isRecording ? "Stop" : "Record"), ariaPressed: () => this.isRecording,
+    });
+    id("perform").append(record, listOf("Speed of recording", SPEEDS_TO_RECORD, (speed) => { this.speed = +speed; }));
+    for (const name of ["pointerdown", "pointermove"]) id("viewer").addEventListener(name, (event) => this.#point(event), true);
+    setInterval(() => { if (this.isRecording) this.#send(true); }, HEARTBEAT);
+    this.draw();
+  }
+
+  get isRecording() { return this.state.recording; }
+  isArmed(where) { return this.state.armed.some((each) => nameOf(each.where) === nameOf(where)); }
+
+  async #ask(what, more = {}) {
+    try {
+      await ask("perform", { do: what, ...more });
+      if (what !== "play") this.page.refused("");
+    } catch (error) {
+      if (!(error instanceof RefusedError)) throw error;
+      this.page.refused(error.message);
+    }
+  }
+
+  /** Arm a value, or disarm it. */
+  arm(where) {
+    this.#openDevices();
+    return this.#ask("arm", { where });
+  }
+
+  /** Arm the value whose row, handle or key has the focus; on the picture the direction of the camera. */
+  armFocused() {
+    const focused = document.activeElement, { values } = this.page.shot;
+    const name = focused.closest("[data-path]")?.dataset.path ?? focused.dataset.focus?.split(" ")[0];
+    const names = focused === id("picture") ? ["camera.azimuth", "camera.elevation"] : [name];
+    for (const each of names) if (values.has(each)) this.arm(values.get(each).where);
+  }
+
+  async record() {
+    if (this.isRecording) return this.#ask("stop");
+    await this.page.shot.last;
+    await this.sound.load(this.page.film.take.take);
+    this.page.film.hold();
+    return this.#ask("record", { frame: this.page.film.at, speed: this.speed, whole: this.whole });
+  }
+
+  /** What the server says of all that is armed, and of takes. */
+  take(state) {
+    const wasRecording = this.isRecording;
+    this.state = state;
+    if (wasRecording && !state.recording) {
+      this.sound.stop();
+      this.page.film.endTrial();
+      this.page.shot.refresh();
+    }
+    this.live.clear();
+    this.draw();
+    this.page.handles.draw();
+    refresh();
+  }
+
+  /** A picture of the performance came; of several until the display is drawn, the latest is shown. */
+  heard(message) {
+    if (!this.latest) requestAnimationFrame(() => this.show(this.latest));
+    this.latest = message;
+  }
+
+  show({ frame, position, picture, camera, words, values, number }) {
+    const { film } = this.page;
+    this.latest = null;
+    if (!this.isRecording) return;
+    this.number = number;
+    this.#send(true); // the server waits for the page, so that pictures do not queue up
+    for (const [where, row] of values) this.live.set(nameOf(where), row.length > 1 ? row : row[0]);
+    film.trial = { source: `data:image/jpeg;base64,${picture}`, camera, words, isDragged: true, frame };
+    if (film.at === frame) id("picture").src = film.trial.source; // all else is drawn once a frame
+    else film.transport.go(frame);
+    this.sound.play((position - film.take.first) / film.take.fps, this.state.fps / film.take.fps);
+  }
+
+  /** Edits that would be written are samples while the server records. */
+  play(edits) {
+    if (!this.isRecording) return;
+    for (const { where, value } of edits) {
+      const end = where.indexOf("keys"), path = end < 0 ? where : where.slice(0, end);
+      if (this.isArmed(path)) {
+        this.live.set(nameOf(path), value);
+        this.#hear(performance.now(), "value", path, value);
+      } else this.page.note(`${nameOf(path)} is not armed, so it is not recorded.`);
+    }
+  }
+
+  #hear(time, ...input) {
+    this.waiting.push([time, ...input]);
+    this.#send();
+  }
+
+  /** Send what was heard; one request is under way at a time, and takes all that has come meanwhile. */
+  async #send(always = false) {
+    this.isDue ||= always;
+    if (this.isSending) return;
+    this.isSending = true;
+    while (this.isDue || this.waiting.length) {
+      this.isDue = false;
+      const inputs = this.waiting.splice(0, 1000), now = performance.now();
+      await this.#ask("play", { shown: this.number, inputs: inputs.map(([time, ...input]) => [now - time, ...input]) });
+    }
+    this.isSending = false;
+  }
+
+  #isBound(start) { return this.state.armed.some(({ parts }) => parts.some(({ control }) => control.startsWith(start) || control === "learn")); }
+
+  /** The pointer over the picture, with all places between two frames of the display. */
+  #point(event) {
+    if (!this.isRecording || !this.#isBound("p")) return;
+    for (const each of event.getCoalescedEvents?.().concat(event.type === "pointerdown" ? event : []) ?? [event]) {
+      const { x, y } = shareOf(id("picture"), each);
+      this.#hear(each.timeStamp, "pointer", clamp(x, 0, 1), clamp(1 - y, 0, 1), ...(each.pointerType === "pen" ? [each.pressure] : []));
+    }
+  }
+
+  /** Listen to MIDI and gamepads, once something is armed: the browser may ask whoever sits there. */
+  #openDevices() {
+    if (this.isOpen) return;
+    this.isOpen = true;
+    navigator.requestMIDIAccess?.().then((midi) => {
+      const listen = () => midi.inputs.forEach((input) => {
+        input.onmidimessage = ({ data, timeStamp }) => this.#isBound("midi") && this.#hear(timeStamp, "midi", ...data);
+      });
+      midi.onstatechange = listen;
+      listen();
+    }, () => {}); // refused: there are other ways to perform
+    const poll = () => {
+      if (this.#isBound("gamepad")) this.#pollGamepads();
+      requestAnimationFrame(poll);
+    };
+    poll();
+  }
+
+  #pollGamepads() {
+    for (const pad of navigator.getGamepads?.() ?? []) {
+      [pad?.axes ?? [], pad?.buttons.map(({ value }) => value) ?? []].forEach((values, kind) => values.forEach((value, i) => {
+        const name = `${pad.index} ${kind} ${i}`, last = this.pads.get(name);
+        this.pads.set(name, value);
+        if (last !== undefined && Math.abs(value - last) > 0.002) this.#hear(performance.now(), "gamepad", kind, i, value);
+      }));
+    }
+  }
+
+  /** The group of the panel: what moves each armed value, and which take each value has. */
+  draw() {
+    const { armed, takes, words } = this.state;
+    redrawn(this.element, () => this.element.replaceChildren(
+      make("summary", {}, "Perform ", make("small", {}, armed.length ? `${armed.length} armed` : "nothing armed")),
+      ...(armed.length ? [] : [make("p", "note", "● beside a value arms it, and A the handle that has the focus. R records.")]),
+      ...armed.flatMap((each) => this.#armedRows(each)),
+      ...(armed.length ? [make("label", "inline", make("input", { type: "checkbox", checked: this.whole, onchange: (event) => { this.whole = event.target.checked; } }), "keys on whole frames")] : []),
+      ...takes.map((each) => this.#takeRow(each)),
+      make("p", { className: "note", role: "status" }, words),
+    ));
+  }
+
+  #armedRows({ where, parts }) {
+    const title = placeTitle(where), disarm = buttonOf("●", "Disarm", () => this.arm(where), { className: "key plain armed", ariaLabel: `${title}: disarm` });
+    return [make("div", "bound", make("span", { className: "name", title: nameOf(where) }, title), disarm), ...parts.map((bound, part) => this.#boundRow(where, bound, part, parts.length > 1 ? "xyz"[part] : ""))];
+  }
+
+  #boundRow(where, bound, part, letter) {
+    const name = `${placeTitle(where)} ${letter}`;
+    const bind = (change) => this.#ask("bind", { where, part, ...bound, ...change });
+    const sources = [...SOURCES, ...this.state.controls.filter((each) => !SOURCES.some(([known]) => known === each)).map((each) => [each, each])];
+    if (!sources.some(([known]) => known === bound.control)) sources.push([bound.control, bound.control]);
+    const list = listOf(`${name}: moved by`, sources, (control) => bind({ control }), { value: bound.control, data: { focus: `${name} by` } });
+    const ends = ["low", "high"].map((end) => make("input", {
+      type: "text", inputMode: "decimal", value: written(bound[end]), ariaLabel: `${name}: ${end} end`, title: `Its value at the ${end} end of the control`, data: { focus: `${name} ${end}` },
+      onchange: (event) => { if (Number.isFinite(+event.target.value)) bind({ [end]: +event.target.value }); },
+    }));
+    return make("div", "bound", make("span", "about", letter), list, ends[0], make("span", "about", "to"), ends[1]);
+  }
+
+  #takeRow({ where, takes, chosen }) {
+    const name = placeTitle(where), options = [...(chosen ? [] : [[" ", "its own keys"]]), ["", "as before the takes"], ...takes.map((take) => [take, take.replace(`${this.page.film.take?.shot}.`, "take ")])];
+    const choose = (take) => take !== " " && this.#ask("choose", { where, take });
+    return make("div", "bound", make("span", { className: "name", title: nameOf(where) }, name), listOf(`${name}: take`, options, choose, { value: chosen || " ", data: { focus: `${name} take` } }));
+  }
+}
+
+/** The sound of the shot, which plays with a performance. */
+class ShotSound {
+  /** Load the sound of a take of the film, unless it is there. */
+  async load(take) {
+    if (this.take === take) return;
+    Object.assign(this, { take, buffer: null });
+    const data = await fetch("sound.wav").then((answer) => answer.arrayBuffer(), () => null);
+    if (!data?.byteLength) return; // a silent shot
+    this.context ??= new AudioContext();
+    this.buffer = await this.context.decodeAudioData(data).catch(() => null);
+  }
+
+  /** Be at a second of the shot, at a speed. */
+  play(second, speed) {
+    if (!this.buffer) return;
+    if (this.source && Math.abs(this.begun + speed * (this.context.currentTime - this.at) - second) < DRIFT) return;
+    this.stop();
+    this.source = this.context.createBufferSource();
+    Object.assign(this.source, { buffer: this.buffer }).connect(this.context.destination);
+    this.source.playbackRate.value = speed;
+    Object.assign(this, { begun: second, at: this.context.currentTime });
+    if (second < this.buffer.duration) this.source.start(0, Math.max(0, second));
+  }
+
+  stop() {
+    try { this.source?.stop(); } catch { /* it has not begun */ }
+    this.source = null;
+  }
+}
