@@ -43,7 +43,7 @@ def _start() -> None:
         completion.answer(sys.argv[1:])
         return
     from flowsculpt.pipeline.cli.app import main as start
-    from flowsculpt.pipeline.cli.standard_streams import prepare_streams
+    from flowsculpt.render.base.standard_streams import prepare_streams
 
     prepare_streams()
     try:

@@ -33,12 +33,12 @@ from flowsculpt.pipeline.cli.options import (
     with_parameters,
 )
 from flowsculpt.pipeline.cli.output import out, print_error, print_warning
-from flowsculpt.pipeline.cli.standard_streams import READER_LEFT, OutputError, discard_output
 from flowsculpt.pipeline.errors import FlowsculptError, MachineError
 from flowsculpt.pipeline.plugin import Command, fault_of_plugin, named, plugins
 from flowsculpt.render.base.foreign_code import reason_of_foreign
 from flowsculpt.render.base.python_process import ENDING, interrupt_once
 from flowsculpt.render.base.render_errors import REMEDIES
+from flowsculpt.render.base.standard_streams import READER_LEFT, OutputError, discard_output
 
 HELP = """Films of shapes that flow like putty, from a shot file to a finished film.
 

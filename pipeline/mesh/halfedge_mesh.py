@@ -309,16 +309,16 @@ class HalfedgeMesh:
         return self._columns.start(name)
 
     def set_fields(self, fields: Floats) -> int:
-        """Store (V, 3) numbers beside the attributes and return their first column.
+        """Store (V, k) numbers beside the attributes and return their first column.
 
         They mix like attributes but are not part of the snapshot.
         """
         start = self._columns.width
-        if self.arrays.attributes.shape[1] == start:
+        if self.arrays.attributes.shape[1] != start + fields.shape[1]:
             points, carried, blends, *table = self.arrays
-            wider = np.zeros((len(carried), start + fields.shape[1]))
-            wider[: self.sizes[0], :start] = carried[: self.sizes[0]]
-            self.arrays = MeshArrays(points, wider, np.append(blends, np.ones(fields.shape[1])), *table)
+            wider, more = np.zeros((len(carried), start + fields.shape[1])), np.ones(fields.shape[1])
+            wider[: self.sizes[0], :start] = carried[: self.sizes[0], :start]
+            self.arrays = MeshArrays(points, wider, np.append(blends[:start], more), *table)
         self.arrays.attributes[: self.sizes[0], start:] = fields
         return start
 

@@ -177,9 +177,10 @@ def _distances(points: Points, a: Indices, b: Indices) -> Floats:
 
 
 def _fixed(fields: Floats, thresholds: Thresholds) -> Thresholds:
-    """Return thresholds with these (V, 3) fields on any mesh."""
-    longest, shortest, angle = (lambda mesh, values=values: values for values in fields.T)
-    return Thresholds(longest, shortest, angle, thresholds.max_vertices, _NO_GRADATION)
+    """Return thresholds with these (V, 3) or (V, 6) fields on any mesh."""
+    longest, shortest, angle = (lambda mesh, values=values: values for values in fields[:, :3].T)
+    bends = None if thresholds.bends is None else lambda mesh: fields[:, 3:]
+    return Thresholds(longest, shortest, angle, thresholds.max_vertices, _NO_GRADATION, bends)
 
 
 Splits = Literal["edges", "faces"]

@@ -195,7 +195,7 @@ class Timed(Protocol):
 
 
 ActiveFunction = Callable[[TriangleMesh], ArrayLike]
-"""A callable: a mesh to one number for each of its vertices, (V,)."""
+"""A callable: a mesh to one number for each of its vertices, (V,); of `bends` to three, (V, 3)."""
 
 Threshold = float | ActiveFunction | Timed
 
@@ -212,6 +212,10 @@ class Thresholds:
     max_vertices      a frame that would need more stops with an error instead of filling the memory
     gradation         for lengths that are functions: their largest difference between two ends of an edge, as
                       a share of its length
+    bends             a function that returns unit normals (V, 3) over eight times the height that the middle
+                      of an edge may have over the surface, scene units; both limits of an edge that bends
+                      more are lower, to a sixteenth at least, so that edges are short only along the
+                      direction in which the surface is curved; None where they may bend
 
     The first three are numbers, or callables `mesh -> (V,)` in the same units, such as those of
     `flowsculpt.pipeline.resample.thresholds`. Raises UsageError for impossible numbers.
@@ -222,6 +226,7 @@ class Thresholds:
     hard_angle: Threshold = DEFAULT_HARD_ANGLE
     max_vertices: int = 2_000_000
     gradation: float = DEFAULT_GRADATION
+    bends: ActiveFunction | None = None
 
     def __post_init__(self) -> None:
         longest, shortest = _plain(self.max_edge_length), _plain(self.min_edge_length)
@@ -233,14 +238,14 @@ class Thresholds:
             raise UsageError(f"max_vertices {self.max_vertices} is too few for any surface; 2000000 is usual")
         if not (math.isfinite(gradation) and gradation > 0):
             raise UsageError(f"gradation {gradation:g} must be positive; {DEFAULT_GRADATION:g} is usual")
-        values = (longest, shortest, angle, int(self.max_vertices), gradation)
+        values = (longest, shortest, angle, int(self.max_vertices), gradation, self.bends)
         for name, value in zip(self.__dataclass_fields__, values, strict=True):
             object.__setattr__(self, name, value)
 
     @property
     def active(self) -> bool:
-        """True if any of the three is a function instead of a number."""
-        return not all(isinstance(threshold, float) for threshold in self._three)
+        """True if the limits of edges vary: any of the three is a function, or edges may not bend."""
+        return self.bends is not None or not all(isinstance(threshold, float) for threshold in self._three)
 
     @property
     def _three(self) -> tuple[Threshold, Threshold | None, Threshold]:
@@ -278,10 +283,12 @@ class Thresholds:
             return self
         longest, shortest, angle = now
         assert longest is not None and angle is not None, "only a minimum may be left to its ratio"
-        return Thresholds(longest, shortest, angle, self.max_vertices, self.gradation)
+        return replace(self, max_edge_length=longest, min_edge_length=shortest, hard_angle=angle)
 
     def fields(self, mesh: TriangleMesh) -> Floats:
         """Return maximum and minimum edge length, scene units, and hard angle, radians, per vertex: (V, 3).
+
+        With `bends` their numbers follow: (V, 6).
 
         Lengths that are functions are graded: between two ends of an edge the maximum differs by at most
         `gradation` times its length, and the minimum by half of that, so that it stays below.
@@ -301,7 +308,7 @@ class Thresholds:
                 out[:, 1] = graded(mesh, out[:, 1], 0.5 * self.gradation)
             _require_ratio(out, mesh)
         out[:, 2] = self.hard_angles(mesh)
-        return out
+        return out if self.bends is None else np.column_stack([out, self.bends(mesh)])
 
 
 def _plain(threshold: Any) -> Any:

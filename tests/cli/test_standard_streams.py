@@ -14,8 +14,8 @@ import pytest
 from rich.console import Console
 
 from flowsculpt.pipeline.cli.output import empty_table
-from flowsculpt.pipeline.cli.standard_streams import LIKENESS, write_similar
 from flowsculpt.render.base.python_process import python_command
+from flowsculpt.render.base.standard_streams import LIKENESS, write_similar
 from tests.conftest import new_project
 
 

@@ -15,6 +15,7 @@ from flowsculpt.pipeline.mesh import TriangleMesh, box, icosphere, sheet, torus,
 from flowsculpt.pipeline.resample import (
     Curvature,
     DistanceToCamera,
+    Exact,
     Resampler,
     ThresholdFormula,
     Thresholds,
@@ -270,3 +271,31 @@ def test_a_callable_that_is_constant_gives_the_mesh_of_the_number() -> None:
     assert plain.vertices.tobytes() == active.vertices.tobytes()
     assert plain.faces.tobytes() == active.faces.tobytes()
     assert report == again
+
+
+def test_edges_are_short_where_the_surface_bends_and_only_along_the_bend() -> None:
+    height, longest = 0.002, 0.5
+
+    def on_surface(points: np.ndarray) -> np.ndarray:
+        return np.column_stack([points[:, 0], 0.5 * points[:, 0] ** 2, points[:, 2]])
+
+    def bends(mesh: TriangleMesh) -> np.ndarray:
+        x = mesh.vertices[:, 0]
+        normals = np.column_stack([-x, np.ones(len(x)), np.zeros(len(x))])
+        return normals / np.linalg.norm(normals, axis=1, keepdims=True) / (8 * height)
+
+    flat = sheet(edge_length=0.5)
+    resampler = Resampler(
+        flat.with_vertices(on_surface(flat.vertices)),
+        Thresholds(longest, bends=bends),
+        Exact(lambda rest: rest, project=on_surface),
+    )
+    for _ in range(3):
+        report = resampler.resample()
+    mesh = resampler.mesh
+    one, other = mesh.vertices[edges(mesh)].transpose(1, 0, 2)
+    over = 0.5 * (one + other)[:, 1] - 0.125 * (one + other)[:, 0] ** 2
+    across, along = np.abs(other - one)[:, [0, 2]].max(axis=0)
+    assert over.max() < 1.3 * height  # upwards, which is up to 1.4 times as far as to the surface
+    assert report.longest <= longest and along > 0.45 > 3 * across
+    assert 0.4 * np.sqrt(8 * height) < lengths(mesh).min()

@@ -66,6 +66,11 @@ class Samples(ABC):
         """Return the date and time at seconds of the samples; empty where they have none."""
         return ""
 
+    @property
+    def period(self) -> float:
+        """Seconds after which the first time comes again, where samples repeat: by default at the last."""
+        return float(self.times[-1] - self.times[0])
+
     @staticmethod
     def of_arrays(
         axes: tuple[Floats, Floats, Floats],
@@ -178,15 +183,23 @@ class Sampled(ExternalField):
         turn = () if samples.turn is None else samples.turn.ravel()
         return np.concatenate([np.array(header, np.float64), *samples.axes, turn])
 
-    def moment(self, time: float) -> tuple[int, int, float]:
-        """Return the indices of the samples before and after a time, and the share of the latter."""
+    def seconds(self, time: float) -> float:
+        """Return the seconds of the samples at a time, from the first time on, within their period."""
         times = self.samples.times
         now, first, last = self.start + self.time_scale * time, float(times[0]), float(times[-1])
         if self.loop and last > first:
-            now = first + (now - first) % (last - first)
-        if now <= first or len(times) == 1:
+            return float(first + (now - first) % self.samples.period)
+        return min(max(now, first), last)
+
+    def moment(self, time: float) -> tuple[int, int, float]:
+        """Return the indices of the samples before and after a time, and the share of the latter."""
+        times, now = self.samples.times, self.seconds(time)
+        if now <= times[0] or len(times) == 1:
             return 0, 0, 0.0
-        if now >= last:
+        if now > times[-1]:  # before the first comes again
+            left = times[0] + self.samples.period - times[-1]
+            return len(times) - 1, 0, float((now - times[-1]) / left)
+        if now == times[-1]:
             return len(times) - 1, len(times) - 1, 0.0
         i = int(np.searchsorted(times, now, side="right")) - 1
         return i, i + 1, float((now - times[i]) / (times[i + 1] - times[i]))

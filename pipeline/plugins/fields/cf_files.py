@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from flowsculpt import UsageError
+from flowsculpt.api import plural
 from flowsculpt.api.files import CachedAnswer
 from flowsculpt.api.meshes import Floats
 from flowsculpt.pipeline.plugins.fields import stored_arrays
@@ -42,6 +43,17 @@ from flowsculpt.pipeline.plugins.fields.windowed_samples import (
 
 EVEN_VERSION = 1
 """Raised when equal curvilinear grids give other velocities."""
+
+DAY = 86400.0
+YEARS = {
+    "standard": (365.2425 * DAY, 365.0 * DAY, 366.0 * DAY),
+    "360_day": (360.0 * DAY,),
+    "noleap": (365.0 * DAY,),
+    "365_day": (365.0 * DAY,),
+    "all_leap": (366.0 * DAY,),
+    "366_day": (366.0 * DAY,),
+}
+"""Lengths that a year of data may have, by calendar, seconds."""
 
 LAYER_PARTS = 8  # parts in which the layers of a file without chunks are read
 
@@ -86,6 +98,25 @@ class CFSource(GridSource):
         """Return the date and time at seconds after the first time; empty where the files have none."""
         units = self.headers[0].time_units
         return "" if units is None else units.date((seconds + float(self._seconds[0])) / units.seconds)
+
+    @cached_property
+    def period(self) -> float:  # type: ignore[override]
+        """Seconds after which the first time comes again: a day or a year where the times fill one.
+
+        They do where the step from the last time to the next first one is like the others: twelve months, or
+        24 hours. Raises UsageError for means over years that fill none: nothing says when they repeat.
+        """
+        units, times = self.headers[0].time_units, self.times
+        whole, steps = float(times[-1] - times[0]), np.diff(times)
+        for length in (DAY, *YEARS.get(units.calendar if units else "", YEARS["standard"])):
+            if len(steps) > 1 and 0.97 * steps.min() <= length - whole <= 1.03 * steps.max():
+                return length
+        if units is not None and units.is_climatology and abs(whole / YEARS["standard"][0] - 1.0) > 0.02:
+            raise UsageError(
+                f"{self.headers[0].path}: its {plural(len(times), 'time')} are means over years and do not "
+                "fill one evenly, so loop cannot join them. Leave loop out."
+            )
+        return whole
 
     def seconds_until(self, other: CFSource) -> float:
         """Return the seconds from the first time to that of others; 0 where one of them has no date."""

@@ -248,6 +248,8 @@ class SampledDocument(FlowParameters):
         flow = super(SampledDocument, self._started).build(clock)
         if isinstance(self._samples, WindowedSamples):
             self._note_files(*self._span(flow, clock))
+            if flow.loop:
+                flow.samples.period  # noqa: B018  # raises the error of times that cannot repeat
             if flow.samples.is_paced and "time_scale" not in self.model_fields_set:
                 self._note_pace(flow.samples.times)
         return flow

@@ -76,6 +76,11 @@ class GridSource(ABC):
         return np.diff(self.axes[axis]).reshape([-1 if k == axis else 1 for k in range(3)])
 
     @property
+    def period(self) -> float:
+        """Seconds after which the first time comes again, where the samples repeat."""
+        return float(self.times[-1] - self.times[0])
+
+    @property
     def spacing(self) -> float:
         """The shortest length over which velocities vary."""
         return min(float(np.diff(axis).min()) for axis in self.axes)
@@ -118,6 +123,10 @@ class WindowedSamples(Samples):
     @property
     def spacing(self) -> float:
         return self.source.spacing
+
+    @property
+    def period(self) -> float:
+        return self.source.period
 
     @property
     def metre(self) -> float | None:  # type: ignore[override]

@@ -130,9 +130,7 @@ def _facts(shot: Shot, seconds: float) -> Mapping[str, Any]:
 
 
 def _facts_of(sampled: Sampled, seconds: float) -> dict[str, Any]:
-    before, after, share = sampled.moment(seconds)
-    times = sampled.samples.times
-    date = sampled.samples.date(float((1.0 - share) * times[before] + share * times[after]))
+    date = sampled.samples.date(sampled.seconds(seconds))
     metre = sampled.samples.metre
     return {"date": date, **({"metres": 1.0 / (metre * number_at(sampled.scale, seconds))} if metre else {})}
 

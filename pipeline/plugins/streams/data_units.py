@@ -32,9 +32,7 @@ def facts_of_data(velocity: VelocityField, time: float) -> dict[str, Any]:
     sampled, metres = sampled_in(velocity), metres_in(velocity)
     if sampled is None:
         return {}
-    before, after, share = sampled.moment(time)
-    times = sampled.samples.times
-    date = sampled.samples.date(float((1.0 - share) * times[before] + share * times[after]))
+    date = sampled.samples.date(sampled.seconds(time))
     return {**({"date": date} if date else {}), **({"metres": metres} if metres else {})}
 
 

@@ -279,9 +279,9 @@ def _carried(ahead: Floats, across: Floats) -> Floats:
     return sides
 
 
-def unit_rows(vectors: Floats) -> Floats:
-    """Return vectors (…, 3) with length 1; those of length 0 along x."""
+def unit_rows(vectors: Floats, fallback: float = 1.0) -> Floats:
+    """Return vectors (…, 3) with length 1; those of length 0 along x, as long as `fallback`."""
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    fallback = np.zeros_like(vectors)
-    fallback[..., 0] = 1.0
-    return np.where(length > 0.0, vectors / np.where(length > 0.0, length, 1.0), fallback)
+    along = np.zeros_like(vectors)
+    along[..., 0] = fallback
+    return np.where(length > 0.0, vectors / np.where(length > 0.0, length, 1.0), along)

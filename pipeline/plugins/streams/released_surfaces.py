@@ -12,21 +12,33 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 
 from flowsculpt import Resampler, Streamlines, Thresholds, TriangleMesh
-from flowsculpt.api.meshes import Floats
+from flowsculpt.api.meshes import Floats, carried_normals
+from flowsculpt.pipeline.plugins.streams.released_lines import unit_rows
 from flowsculpt.pipeline.plugins.streams.seed_curves import Seeds
 from flowsculpt.pipeline.plugins.streams.seed_placement import ASTRAY, REST, SeedPlacement
 from flowsculpt.pipeline.plugins.streams.sheet_cuts import cut_below, stretches, with_faces
-from flowsculpt.pipeline.plugins.streams.stream_values import Parcels
+from flowsculpt.pipeline.plugins.streams.stream_values import Parcels, evaluated
 from flowsculpt.pipeline.plugins.streams.travels import Travel, travelled_both_ways
 
 MATERIAL = "material"
 """Vertex attribute of frames, (V, 3): the coordinates, which patterns go by."""
 
 _FIRST = 0.7  # edges of the first row, over the longest that may be
+HEIGHT = 0.0025
+"""How far the middle of an edge may be from the surface, over the longest edge: else it is split."""
+
+NORMAL = "normal"
+"""Vertex attribute: unit normals (V, 3), 0 where there is none. They face the same side of the surface."""
+
+_ALONG = 1e-8  # step of a derivative, over the length of the seeds
+_FLAT = 1e-3  # sine of the angle between two directions on the surface, below which it has no normal
 
 
 class SeedCoordinates:
@@ -87,6 +99,12 @@ class SeedCoordinates:
             on[:, 0] = np.clip(on[:, 0], 0.0, self._seeds.length)
         return on
 
+    def beside(self, coordinates: Floats) -> tuple[Floats, Floats]:
+        """Return coordinates (N, 3) a little farther along the curve, with 1, or before, with −1 (N, 1)."""
+        along, length = self.along(coordinates), self._seeds.length
+        side = np.where(along > 0.5 * length, -1.0, 1.0)  # never beyond an end
+        return self.of(along + side * _ALONG * length, self.times(coordinates)), side[:, None]
+
     def tangents(self, coordinates: Floats) -> Floats:
         """Return the unit vectors (N, 3) along which the length along the curve grows."""
         if not self._seeds.is_closed:
@@ -116,8 +134,8 @@ class ReleasedSurface(ABC):
         length: float = math.inf,
     ) -> None:
         self.travel, self._back = Travel(flow, begin), Travel(flow, begin)
-        self.thresholds, self.tear, self.length = thresholds, tear, length
         longest, _, _ = thresholds.numbers
+        self.thresholds, self.tear, self.length = replace(thresholds, bends=self._bends), tear, length
         count = max(3, math.ceil(seeds.length / (_FIRST * longest)) + 1)
         self._along = np.linspace(0.0, seeds.length, count)[: -1 if seeds.is_closed else None]
         self._first, self._longest, self._is_closed = seeds.points(self._along), longest, seeds.is_closed
@@ -175,6 +193,9 @@ class ReleasedSurface(ABC):
             self._resampler.resample()
             if self.tear < math.inf:
                 self._remove_stretched()
+
+    def _bends(self, mesh: TriangleMesh) -> Floats:
+        return self._normals(mesh) / (8.0 * HEIGHT * self._longest)
 
     @property
     def _placement(self) -> SeedPlacement:
@@ -245,6 +266,10 @@ class ReleasedSurface(ABC):
         """Return the first and the last time of points of the surface."""
 
     @abstractmethod
+    def _normals(self, mesh: TriangleMesh) -> Floats:
+        """Return the unit normals (V, 3) of the vertices; 0 where there is none."""
+
+    @abstractmethod
     def carry(self, coordinates: Floats) -> Floats:
         """Return where points (N, 3) of these coordinates are now."""
 
@@ -263,14 +288,34 @@ class StreakSurface(ReleasedSurface):
         return self._resampler.vertices
 
     def _move(self, travel: Travel) -> None:
-        newest = self._row(travel.before)
-        self._resampler.vertices[:] = travel.moved(self._resampler.vertices)
+        newest, before = self._row(travel.before), self._resampler.vertices.copy()
+        normals = self._resampler.vectors(NORMAL)
+        assert normals is not None, "the strip has them"
+        self._resampler.vertices[:] = travel.moved(before)
+        normals[:] = self._moved_normals(travel, before, unit_rows(normals, fallback=0.0))
         self._set_time(newest, travel.now)
-        coordinates = self._resampler.vectors(REST)
-        assert coordinates is not None, "exact placement keeps them"
+        coordinates, normals = self._resampler.vectors(REST), self._resampler.vectors(NORMAL)
+        assert coordinates is not None and normals is not None, "exact placement keeps them"
         self._resampler.vertices[newest] = self.coordinates.seeds(coordinates[newest])
+        normals[newest] = self._seed_normals(travel, coordinates[newest])
         if travel.now - travel.begin > self.length:
             self._remove_older(travel.now - self.length)
+
+    def _strip(self, travel: Travel) -> TriangleMesh:
+        strip = super()._strip(travel)
+        newest = self._seed_normals(travel, strip.attributes[REST][len(self._along) :])
+        older = self._moved_normals(travel, self._first, newest)
+        return strip.with_attributes(**{NORMAL: np.concatenate([older, newest])})
+
+    def _seed_normals(self, travel: Travel, coordinates: Floats) -> Floats:
+        """Return the normals (N, 3) of points that are just released."""
+        seeds, (beside, side) = self.coordinates.seeds(coordinates), self.coordinates.beside(coordinates)
+        ahead = travel.flow.field.velocity(seeds, travel.now)
+        return _normals_between(side * (self.coordinates.seeds(beside) - seeds), ahead)
+
+    def _moved_normals(self, travel: Travel, points: Floats, normals: Floats) -> Floats:
+        """Return normals (N, 3) of points after the last step by those before it."""
+        return carried_normals(travel.moved, points, travel.moved(points), normals)
 
     def _remove_older(self, limit: float) -> None:
         """Leave out what was released before a time."""
@@ -284,6 +329,9 @@ class StreakSurface(ReleasedSurface):
 
     def times(self) -> tuple[float, float]:
         return max(self.travel.begin, self.travel.now - self.length), self.travel.now
+
+    def _normals(self, mesh: TriangleMesh) -> Floats:
+        return unit_rows(mesh.attributes[NORMAL], fallback=0.0)
 
     def carry(self, coordinates: Floats) -> Floats:
         seeds = self.coordinates.seeds(coordinates)
@@ -303,6 +351,8 @@ class StreakSurface(ReleasedSurface):
 
 class PathSurface(ReleasedSurface):
     """The paths of points released at one time. A time is how long they have travelled, below 0 backwards."""
+
+    _known_normals: Mapping[bytes, Floats] = MappingProxyType({})
 
     def _first_times(self, travel: Travel) -> tuple[float, float]:
         first, last = sorted([travel.now - travel.begin, 0.0])
@@ -325,6 +375,24 @@ class PathSurface(ReleasedSurface):
     def times(self) -> tuple[float, float]:
         return self._back.now - self._back.begin, self.travel.now - self.travel.begin
 
+    def _normals(self, mesh: TriangleMesh) -> Floats:
+        """Return exact normals; points that stay where they are keep theirs.
+
+        Those of faces are one-sided at the front, and the edges that are split there stay.
+        """
+        coordinates, known = mesh.attributes[REST], dict(self._known_normals)
+        names = [row.tobytes() for row in coordinates]
+        new = [number for number, name in enumerate(names) if name not in known]
+        if new:
+            beside, side = self.coordinates.beside(coordinates[new])
+            points, others = np.split(self.carry(np.concatenate([coordinates[new], beside])), 2)
+            times = self.travel.begin + self.coordinates.times(coordinates[new])
+            ahead = evaluated(self.travel.flow.field.velocity, points, times)
+            normals = _normals_between(side * (others - points), ahead)
+            known.update(zip((names[number] for number in new), normals, strict=True))
+        self._known_normals = {name: known[name] for name in names}
+        return np.array([known[name] for name in names])
+
     def carry(self, coordinates: Floats) -> Floats:
         return self.displaced(self.coordinates.seeds(coordinates), self.coordinates.times(coordinates))
 
@@ -339,3 +407,9 @@ class PathSurface(ReleasedSurface):
         front = self._front(self.travel, self.travel.now)
         found[front] = self.travel.flow.field.velocity(self._resampler.vertices[front], self.travel.now)
         return found
+
+
+def _normals_between(along: Floats, ahead: Floats) -> Floats:
+    """Return unit normals (N, 3) of two directions on the surface, 0 where they are about the same."""
+    normals = np.cross(unit_rows(along), unit_rows(ahead))
+    return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), _FLAT))

@@ -48,7 +48,7 @@ class Limits(NamedTuple):
     min_edge_length: float  # scene units; where limits vary, the smallest of all
     hard_cosine: float  # cosine of hard_angle
     merges_at_midpoint: bool = True  # two soft ends merge halfway, or else at one of them
-    field_column: int = -1  # in `MeshArrays.attributes`: maximum, minimum and cosine, if they vary; else -1
+    field_column: int = -1  # in `MeshArrays.attributes`: `Thresholds.fields`, if they vary; else -1
     longest_share: float = 1.0  # of a triangle's longest side in its summed squared sides; above it is obtuse
     squared_slack: float = 1.0  # factor on the squared maximum for edges that a collapse makes
     rest_column: int = -1  # in `MeshArrays.attributes`: position at rest; -1 if there is none
@@ -57,17 +57,41 @@ class Limits(NamedTuple):
     normal_column: int = -1  # in `MeshArrays.attributes`: normal now, which no face may oppose; -1 if any may
 
 
+_FINEST = 1 / 256  # the factor on squared lengths where the surface bends most
 _F, _I = numba.float64, numba.int64
 LIMITS = numba.types.NamedTuple([_F, _F, _F, numba.boolean, _I, _F, _F, _I, _I, numba.boolean, _I], Limits)
 _PAIR = numba.types.UniTuple(numba.float64, 2)
 _TRIPLE = numba.types.UniTuple(numba.float64, 3)
 
 
+@kernel(numba.float64(MATRIX, numba.int64, numba.int64), **LEAN)
+def squared_length(points: Points, a: int, b: int) -> float:
+    """Return the squared distance between two vertices."""
+    u, v = np.uint64(a), np.uint64(b)  # unsigned: a signed index costs a test for negative ones
+    x = points[u, 0] - points[v, 0]
+    y = points[u, 1] - points[v, 1]
+    z = points[u, 2] - points[v, 2]
+    return float(x * x + y * y + z * z)
+
+
 @kernel(_PAIR(MESH_ARRAYS, numba.int64, numba.int64, numba.int64), **LEAN)
 def varying_limits(mesh: MeshArrays, column: int, a: int, b: int) -> tuple[float, float]:
-    """Return the largest and the smallest squared length of an edge, by the limits of its vertices."""
-    limits = mesh.attributes
-    return limits[a, column] * limits[b, column], limits[a, column + 1] * limits[b, column + 1]
+    """Return the largest and the smallest squared length of an edge, by the limits of its vertices.
+
+    With normals over eight times a height, as `Thresholds.bends` has them, both are lower by the factor that
+    brings the middle of the edge as near to the surface: it is about an eighth of the length times the turn
+    of the normal along the edge.
+    """
+    limits, bend = mesh.attributes, 0.0
+    longest, shortest = limits[a, column] * limits[b, column], limits[a, column + 1] * limits[b, column + 1]
+    for k in range(3 if limits.shape[1] > column + 3 else 0):
+        turn = limits[b, column + 3 + k] - limits[a, column + 3 + k]
+        bend += turn * (mesh.points[b, k] - mesh.points[a, k])
+    too_long, length = abs(bend) * longest, squared_length(mesh.points, a, b)
+    if too_long <= length:
+        return longest, shortest
+    lower = max(_FINEST, length / too_long)
+    return lower * longest, lower * shortest
 
 
 @kernel(_PAIR(MESH_ARRAYS, LIMITS, numba.int64, numba.int64), **LEAN)
@@ -94,16 +118,6 @@ def corner_cosine(mesh: MeshArrays, limits: Limits, v: int) -> float:
 def hard_cosine(mesh: MeshArrays, limits: Limits, v: int) -> float:
     """Return the cosine of the angle above which an edge at vertex v is hard."""
     return corner_cosine(mesh, limits, v) if limits.hard_by_angle else ONLY_TAGGED
-
-
-@kernel(numba.float64(MATRIX, numba.int64, numba.int64), **LEAN)
-def squared_length(points: Points, a: int, b: int) -> float:
-    """Return the squared distance between two vertices."""
-    u, v = np.uint64(a), np.uint64(b)  # unsigned: a signed index costs a test for negative ones
-    x = points[u, 0] - points[v, 0]
-    y = points[u, 1] - points[v, 1]
-    z = points[u, 2] - points[v, 2]
-    return float(x * x + y * y + z * z)
 
 
 @kernel(numba.boolean(MESH_ARRAYS, numba.int64, LIMITS), **LEAN)

@@ -181,6 +181,44 @@ def test_times_are_seconds_after_the_first_one(
     assert read(data, tmp_path).times.tolist() == [0.0, seconds, 3.0 * seconds]
 
 
+MID_MONTHS = [15.5, 45.0, 74.5, 105.0, 135.5, 166.0, 196.5, 227.5, 258.0, 288.5, 319.0, 349.5]
+
+
+@pytest.mark.parametrize(
+    ("units", "calendar", "times", "days"),
+    [
+        ("days since 2001-01-01", "noleap", MID_MONTHS, 365.0),
+        ("days since 2001-01-01", "standard", MID_MONTHS, 365.2425),
+        ("days since 2001-01-01", "standard", [*MID_MONTHS, 380.5], 365.0),
+        ("days since 2001-01-01", "360_day", np.arange(15.0, 360.0, 30.0), 360.0),
+        ("days since 2003-01-01", "noleap", np.arange(365.0), 365.0),
+        ("hours since 2001-01-01", "standard", np.arange(0.0, 24.0, 3.0), 1.0),
+        ("days since 2001-01-01", "standard", [0.0, 1.0, 2.0, 3.0], 3.0),
+    ],
+)
+def test_months_repeat_after_a_year_and_hours_after_a_day(
+    tmp_path: Path, units: str, calendar: str, times: Any, days: float
+) -> None:
+    data = dataset(hours={"units": units, "calendar": calendar}, time=np.array(times))
+    samples = read(data, tmp_path)
+    assert samples.period == pytest.approx(days * 86400.0)
+    flow, last = Sampled(samples, loop=True), float(samples.times[-1])
+    for share in (0.25, 0.75) if samples.period > last else ():
+        later = last + share * (samples.period - last)
+        assert flow.moment(later) == (len(times) - 1, 0, pytest.approx(share))
+        assert flow.moment(later + samples.period) == (len(times) - 1, 0, pytest.approx(share))
+        assert flow.seconds(later) == pytest.approx(later)
+    assert flow.moment(samples.period + 0.5 * samples.times[1]) == (0, 1, pytest.approx(0.5))
+
+
+def test_means_over_years_that_fill_no_year_do_not_loop(tmp_path: Path) -> None:
+    hours = {"units": "days since 2001-01-01", "calendar": "standard", "climatology": "bounds"}
+    samples = read(dataset(hours=hours, time=np.array(MID_MONTHS[:5])), tmp_path)
+    with pytest.raises(UsageError, match="do not fill one evenly, so loop cannot join them"):
+        Sampled(samples, loop=True).moment(0.0)
+    assert Sampled(samples).moment(1e9) == (4, 4, 0.0)
+
+
 def test_files_after_one_another_may_count_from_other_dates(tmp_path: Path) -> None:
     first = save(dataset(), tmp_path / "ocean_1.nc")
     hours = {"units": "days since 2020-02-29", "calendar": "standard"}  # of a leap year

@@ -19,12 +19,14 @@ from flowsculpt import (
     VelocityField,
     keyed,
     validate,
+    vertex_normals,
 )
 from flowsculpt.api.flows import TriangleTree
 from flowsculpt.api.meshes import Floats, connected_components
 from flowsculpt.pipeline.flow.catalogue.basic import ABC, Strain
 from flowsculpt.pipeline.plugins.streams.released_lines import PathLines, ReleasedLines, StreakLines
 from flowsculpt.pipeline.plugins.streams.released_surfaces import (
+    HEIGHT,
     PathSurface,
     ReleasedSurface,
     StreakSurface,
@@ -141,6 +143,21 @@ def test_surfaces_are_sound_and_no_edge_is_longer_than_it_may_be(
     assert validate(mesh).problem is None and pieces(mesh) == 1
     assert lengths_of_edges(mesh).max() <= LONGEST
     assert len(np.unique(mesh.faces)) == len(mesh.vertices)
+
+
+@pytest.mark.parametrize("kind", [PathSurface, StreakSurface])
+@pytest.mark.parametrize("case", CASES)
+def test_edges_are_near_the_surface_where_it_is_curved(kind: type[ReleasedSurface], case: str) -> None:
+    surface = shown(kind, case)
+    inner = surface._resampler.mesh
+    normals, faces = surface._normals(inner), vertex_normals(inner)
+    alike = np.abs((normals * faces).sum(axis=1))
+    assert np.quantile(alike, 0.05) > 0.98, "they are those of the surface"
+    ends = np.concatenate([inner.faces[:, pair] for pair in ([0, 1], [1, 2], [2, 0])])
+    one, other = inner.vertices[ends].transpose(1, 0, 2)
+    turns = normals[ends[:, 1]] - normals[ends[:, 0]]
+    heights = np.abs(((other - one) * turns).sum(axis=1)) / 8.0
+    assert np.quantile(heights, 0.98) < HEIGHT * LONGEST
 
 
 def test_the_newest_row_of_a_streak_surface_is_on_its_seeds_and_the_oldest_of_a_path_surface_moves() -> None:

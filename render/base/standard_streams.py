@@ -16,7 +16,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from flowsculpt.pipeline.errors import MachineError
+from flowsculpt.render.base.render_errors import MachineError
 
 READER_LEFT = 141
 """Exit code where the reader of a pipe has left, as shells have it: 128 and the number of SIGPIPE."""
