@@ -15,7 +15,6 @@ from examples.drawing import COOL, FAINT, INK, PICTURES, WARM, save
 from flowsculpt.pipeline.arrays import AnyArray, Points
 from flowsculpt.pipeline.flow import Streamlines, VelocityField, keyed
 from flowsculpt.pipeline.flow.catalogue import FLOWS
-from flowsculpt.pipeline.flow.catalogue.attractors import Attractor
 from flowsculpt.pipeline.flow.catalogue.basic import (
     DoubleGyre,
     Rotation,
@@ -25,6 +24,7 @@ from flowsculpt.pipeline.flow.catalogue.basic import (
     Translation,
 )
 from flowsculpt.pipeline.flow.catalogue.deformations import Bend, Deformation
+from flowsculpt.pipeline.flow.catalogue.lorenz import Attractor
 from flowsculpt.pipeline.flow.catalogue.sampled_field import Sampled
 from flowsculpt.pipeline.plugins.contact.squash import Squash
 from flowsculpt.pipeline.plugins.fields.attraction import Attraction, Target, Wind

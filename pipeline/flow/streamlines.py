@@ -17,7 +17,7 @@ from flowsculpt.pipeline.arrays import AnyArray, Floats, Indices, Points
 from flowsculpt.pipeline.errors import FrameError
 from flowsculpt.pipeline.flow.flow import Flow
 from flowsculpt.pipeline.flow.kernels import streamline_kernels as kernels
-from flowsculpt.pipeline.flow.kernels.instructions import BLOCK, COLUMNS, EXTERNAL, PARALLEL_FROM
+from flowsculpt.pipeline.flow.kernels.instructions import BLOCK, COLUMNS, PARALLEL_FROM
 from flowsculpt.pipeline.flow.parameters import kernel_points, vector_at
 from flowsculpt.pipeline.flow.velocity import Program, VelocityField, opcodes_of, sensitivity, table_of
 from flowsculpt.pipeline.kernels import in_threads
@@ -90,8 +90,8 @@ class StepPlan(NamedTuple):
             kernels.advect(points, *self[:4], self.halved, out)
             return out
         # Neighbours halve sub-steps alike, and share what turbulence computes once for a place.
-        gains_from_order = len(points) > BLOCK and (self.halved or EXTERNAL in self.opcodes)
-        order = morton_order(points) if gains_from_order else None
+        gains_from_order = self.halved or any(getattr(o, "gains_from_order", False) for o in self.owners)
+        order = morton_order(points) if gains_from_order and len(points) > BLOCK else None
         if order is not None:
             points = points[order]
         out = np.empty_like(points)

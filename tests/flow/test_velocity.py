@@ -23,15 +23,6 @@ from flowsculpt.pipeline.flow import (
     keyed,
 )
 from flowsculpt.pipeline.flow.catalogue import FLOWS
-from flowsculpt.pipeline.flow.catalogue.attractors import (
-    Aizawa,
-    Chen,
-    Chua,
-    Halvorsen,
-    Lorenz,
-    Rossler,
-    Thomas,
-)
 from flowsculpt.pipeline.flow.catalogue.basic import (
     ABC,
     DoubleGyre,
@@ -47,6 +38,7 @@ from flowsculpt.pipeline.flow.catalogue.basic import (
     TaylorGreen,
     Translation,
 )
+from flowsculpt.pipeline.flow.catalogue.lorenz import Lorenz
 from flowsculpt.pipeline.flow.catalogue.vortices import SpiralVortex, Vortex, VortexPair, VortexRing
 from flowsculpt.pipeline.flow.kernels import field_kernels as fields
 from flowsculpt.pipeline.flow.kernels import instructions as op
@@ -80,18 +72,11 @@ FIELDS: dict[str, VelocityField] = {
     "double gyre": DoubleGyre(OFF, 4.0, 0.6),
     "enright": Enright(OFF, 3.0, 2.0),
     "lorenz": Lorenz(OFF),
-    "rossler": Rossler(OFF),
-    "aizawa": Aizawa(OFF),
-    "thomas": Thomas(OFF),
-    "chua": Chua(OFF),
-    "halvorsen": Halvorsen(OFF),
-    "chen": Chen(OFF),
 }
 FIXED = [
     name
     for name in FIELDS
-    if name not in ("translation", "vortex pair", "vortex ring", "abc", "double gyre", "lorenz", "rossler")
-    and name not in ("aizawa", "halvorsen", "chen")
+    if name not in ("translation", "vortex pair", "vortex ring", "abc", "double gyre", "lorenz")
 ]
 """Those whose centre stays where it is."""
 
