@@ -25,10 +25,11 @@ class Lorenz(BasicField):
 
         x' = σ (y − x)    y' = x (ρ − z) − y    z' = x y − β z
 
-    It stands upright: its z is our y, its y our −z. (0, 0, ρ − 1), the height of its two eyes, is at `centre`.
-    It is about 40 of its units wide and 50 high, so a scale of 20 makes it fit a subject of half-size 1. One
-    turn about an eye takes about 0.7 of its time. The divergence is −(σ + 1 + β) × time_scale: everything is
-    drawn to a thin sheet within a fraction of its time unit, so a sculpture wants a small time scale.
+    It stands upright: its z is our y, its y our −z. (0, 0, ρ − 1), the height of its two eyes, is at
+    `centre`. It is about 40 of its units wide and 50 high, so a scale of 20 makes it fit a subject of
+    half-size 1. One turn about an eye takes about 0.7 of its time. The divergence is −(σ + 1 + β) ×
+    time_scale: everything is drawn to a thin sheet within a fraction of its time unit, so a sculpture wants a
+    small time scale.
 
     The gradient grows with the distance; its bound holds up to `reach` of its units from the centre along
     each axis, a little further than the attractor extends. Keep the subject about as large as that.
