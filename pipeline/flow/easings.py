@@ -152,8 +152,8 @@ def easing(name: str) -> Ease:
 def kinks(name: str) -> tuple[float, ...]:
     """Return the shares of time between 0 and 1 at which an easing is not smooth, ascending."""
     if name.startswith("drop"):
-        hops = _hops(float(name[5:] or HAND_EASES["drop"][1]))
-        return tuple(start for start, _ in hops[1:])
+        _, *rebounds = _hops(float(name[5:] or HAND_EASES["drop"][1]))
+        return tuple(start for start, _ in rebounds)
     family, _, direction = name.partition("_")
     hops = [1.0 - start / 2.75 for start, _, _ in _HOPS[:3]] if family == "bounce" else []
     if direction == "out":

@@ -17,7 +17,7 @@ from flowsculpt.pipeline.arrays import AnyArray, Floats, Indices, Points
 from flowsculpt.pipeline.errors import FrameError
 from flowsculpt.pipeline.flow.flow import Flow
 from flowsculpt.pipeline.flow.kernels import streamline_kernels as kernels
-from flowsculpt.pipeline.flow.kernels.instructions import BLOCK, COLUMNS, PARALLEL_FROM
+from flowsculpt.pipeline.flow.kernels.instructions import BLOCK, COLUMNS, MAP, PARALLEL_FROM
 from flowsculpt.pipeline.flow.parameters import kernel_points, vector_at
 from flowsculpt.pipeline.flow.velocity import Program, VelocityField, opcodes_of, sensitivity, table_of
 from flowsculpt.pipeline.kernels import in_threads
@@ -77,6 +77,16 @@ class StepPlan(NamedTuple):
         steps[:, 1] = rows
         spans = np.tile([seconds, math.inf, math.inf], (rows, 1))
         return cls(np.array([] if opcode is None else [opcode], np.int32), tables, steps, spans)
+
+    @classmethod
+    def of_kernel_row(cls, flow: Flow, time: float, dt: float) -> StepPlan | None:
+        """Return the step of a flow that has a compiled function; None for others."""
+        row = flow.kernel_row(time, dt)
+        if row is None:
+            return None
+        kernel, numbers = row
+        plan = cls.of_deformation(dt, MAP, (float(kernel.address), time, *numbers))
+        return plan._replace(owners=(kernel,))
 
     def follow(self, points: Points, activity: str = "flow") -> Points:
         """Return the positions of points (N, 3) at its end; not finite where it is too coarse for a point.

@@ -16,6 +16,7 @@ from flowsculpt.pipeline.flow.parameters import number_at, vector_at
 
 smooth = sorted(set(EASINGS) - {"constant"})
 swinging = ("back", "bounce", "elastic")
+returning = (*swinging, "drop", "settle")
 FAMILIES = ["sine", "quad", "cubic", "quart", "quint", "expo", "circ", *swinging]
 
 

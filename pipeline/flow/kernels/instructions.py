@@ -63,6 +63,9 @@ LINEAR, VORTICES, EXPANSION, ATTRACTORS, CELLULAR = 16, 32, 48, 64, 80
 DEFORMATIONS = 96
 """The first opcode of the deformations, which move points and have no velocity: see `deformation_kernels`."""
 
+MAP = 127
+"""An external function whose results are displacements; its row is that of EXTERNAL."""
+
 
 BLOCK = 256
 X, Y, Z, U, V, W = (BLOCK * run for run in range(6))

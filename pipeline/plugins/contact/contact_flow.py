@@ -148,7 +148,7 @@ class Squashing(Flow):
     name: ClassVar[str] = "contact"
 
     def displace(self, points: Floats, time: float, dt: float) -> Floats:
-        squash = self.whole.squash(time if self.undoes else time + dt)
+        squash = self._squash(time, dt)
         if not self.undoes:
             return squash.apply(points)
         moved = squash.undo(points)
@@ -160,6 +160,14 @@ class Squashing(Flow):
                 f"{squash.base + squash.margin:.4g}. Make contact the last entry of flows."
             )
         return moved
+
+    def kernel_row(self, time: float, dt: float) -> Any:
+        from flowsculpt.pipeline.plugins.contact.squash_kernels import squash
+
+        return squash, self._squash(time, dt).numbers(self.undoes)
+
+    def _squash(self, time: float, dt: float) -> Squash:
+        return self.whole.squash(time if self.undoes else time + dt)
 
     def cache_data(self, time: float, dt: float) -> Any:
         return {"undoes": self.undoes, **self.whole.contact.cache_data(time, dt)}

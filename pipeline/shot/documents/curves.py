@@ -189,7 +189,7 @@ def _check_ease(text: str) -> str:
     """Check the name of an easing; those of heavy things may have their number after it: `settle 0.3`."""
     name, _, number = text.partition(" ")
     if not number or name not in HAND_EASES:
-        return _EASE_NAME.func(text)  # type: ignore[call-arg, return-value]  # it takes no more
+        return _EASE_NAME.func(text)  # type: ignore[call-arg]  # it takes no more
     _, default, least, most = HAND_EASES[name]
     if not re.fullmatch(r"\d+(\.\d+)?", number) or not least <= float(number) <= most:
         rule = f"the number after {name} must be from {least:g} to {most:g}"

@@ -90,7 +90,7 @@ def test_where_volume_is_kept_the_determinant_of_the_jacobian_is_one(squash, see
     moved = [kept.apply(points + sign * step * axis) for axis in np.eye(3) for sign in (1.0, -1.0)]
     columns = [(moved[2 * k] - moved[2 * k + 1]) / (2.0 * step) for k in range(3)]
     determinants = np.linalg.det(np.stack(columns, axis=2))
-    assert np.abs(determinants - 1.0).max() < 1e-4
+    assert np.abs(determinants - 1.0).max() < 5e-4
 
 
 def test_a_subject_that_does_not_reach_the_floor_is_not_moved():
