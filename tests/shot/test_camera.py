@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+import re
 from pathlib import Path
 
 import pytest
@@ -193,3 +195,56 @@ def test_keys_that_are_no_times_are_told_once(tmp_path: Path) -> None:
     with pytest.raises(ShotError) as caught:
         path_of("{position: {keys: {late: [1, 2, 3], soon: [0, 0, 0]}}, target: [0, 0, 0]}")
     assert len(caught.value.messages) == 2
+
+
+def test_a_push_comes_nearer_and_is_in_its_middle_where_framing_puts_the_camera() -> None:
+    path = path_of("{move: {push: 0.2}}")
+    assert [path.at(time).dolly for time in (0.0, 1.0, 2.0)] == pytest.approx([1.1, 1.0, 0.9])
+    assert path.at(1.0) == view("{}")
+
+
+def test_moves_that_are_only_named_have_the_sizes_of_films() -> None:
+    path = path_of("{elevation: 20, move: {push: , arc: , crane: , reveal: }}")
+    start, end = path.at(0.0), path.at(2.0)
+    assert math.degrees(end.orbit - start.orbit) == pytest.approx(30)
+    assert math.degrees(end.elevation - start.elevation) == pytest.approx(12)
+    assert (start.dolly, end.dolly) == (pytest.approx(1.075 * 0.6), pytest.approx(0.925))
+
+
+@pytest.mark.parametrize("camera", ["elevation: 1, move: {crane: 40}", "elevation: 6, move: {crane: -30}"])
+def test_no_crane_leads_below_the_floor(camera: str) -> None:
+    path = path_of(f"{{{camera}}}")
+    assert min(path.at(i / 24).elevation for i in range(49)) >= math.radians(1) - 1e-12
+
+
+def test_a_move_begins_and_ends_at_its_frames_with_its_ease() -> None:
+    path = path_of("{distance: 10, move: {push: 0.4, from: 13, to: 37, ease: linear}}")
+    found = [path.at(time).distance for time in (0.0, 0.5, 1.0, 1.5, 2.0)]
+    assert found == pytest.approx([12.0, 12.0, 10.0, 8.0, 8.0])
+
+
+@given(st.integers(0, 2**31))
+def test_a_hand_sways_smoothly_and_by_no_more_than_it_says(seed: int) -> None:
+    """In hundredths of the picture's width, and from frame to frame by a small part of that."""
+    path = path_of(f"{{field_of_view: 30, move: {{handheld: 0.3, seed: {seed}}}}}")
+    still, most = view("{field_of_view: 30}"), 0.003 * math.radians(30)
+    views = [path.at(i / 24) for i in range(49)]
+    for now in ("orbit", "elevation", "roll"):
+        sway = [getattr(seen, now) - getattr(still, now) for seen in views]
+        assert max(map(abs, sway)) <= most * (1 + 1e-9)
+        assert max(abs(b - a) for a, b in itertools.pairwise(sway)) < 0.2 * most
+    assert len({seen.orbit for seen in views}) > 40
+
+
+@pytest.mark.parametrize(
+    ("camera", "message"),
+    [
+        ("{move: {}}", "nothing moves. Write push, arc, crane, reveal or handheld."),
+        ("{move: {push: 0.1, from: 40, to: 20}}", "ends at frame 20, and begins at 40. Write a later to."),
+        ("{position: [0, 1, 5], move: {arc: }}", "position holds the camera, so it cannot move"),
+        ("{move: {pan: 3}}", "pan"),
+    ],
+)
+def test_a_move_that_cannot_be_is_refused(camera: str, message: str) -> None:
+    with pytest.raises(ShotError, match=re.escape(message)):
+        path_of(camera)

@@ -234,7 +234,7 @@ def lorenz(p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
     return speed * u, speed * w, -speed * v
 
 
-ENRIGHT, ABC, TAYLOR_GREEN, DOUBLE_GYRE, KNEADING = range(CELLULAR, CELLULAR + 5)
+ENRIGHT, ABC, DOUBLE_GYRE = CELLULAR, CELLULAR + 1, CELLULAR + 3
 """Flows in cells that repeat: waves of velocity along one axis that vary along another."""
 
 
@@ -263,14 +263,6 @@ def abc(p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
 
 
 @kernel(EQUATION, forceinline=True)
-def taylor_green(p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
-    """Numbers: centre 0:3, wave number 3, speed 4."""
-    kx, ky, kz = p[o + 3] * (x - p[o]), p[o + 3] * (y - p[o + 1]), p[o + 3] * (z - p[o + 2])
-    speed = p[o + 4] * math.cos(kz)
-    return speed * math.sin(kx) * math.cos(ky), -speed * math.cos(kx) * math.sin(ky), 0.0
-
-
-@kernel(EQUATION, forceinline=True)
 def double_gyre(p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
     """Numbers: centre 0:3, 1 / height 3, π · speed 4, swing 5."""
     across, py, swing = p[o + 3] * (x - p[o]) + 1.0, p[o + 3] * (y - p[o + 1]) + 0.5, p[o + 5]
@@ -281,13 +273,6 @@ def double_gyre(p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
     u = -p[o + 4] * math.sin(math.pi * bent) * math.cos(math.pi * py)
     v = p[o + 4] * math.cos(math.pi * bent) * math.sin(math.pi * py) * slope
     return (-u if mirrored else u), v, 0.0
-
-
-@kernel(EQUATION, forceinline=True)
-def kneading(p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
-    """Numbers: centre 0:3, wave number 3, speeds 4:7."""
-    kx, ky, kz = p[o + 3] * (x - p[o]), p[o + 3] * (y - p[o + 1]), p[o + 3] * (z - p[o + 2])
-    return p[o + 4] * math.sin(ky), p[o + 5] * math.sin(kz), p[o + 6] * math.sin(kx)
 
 
 @kernel(FIELD)
@@ -323,12 +308,8 @@ def add_field(opcode: int, p: Floats, o: int, n: int, s: Floats, b: int) -> None
         add_each(enright, p, o, n, s, b)
     elif opcode == ABC:
         add_each(abc, p, o, n, s, b)
-    elif opcode == TAYLOR_GREEN:
-        add_each(taylor_green, p, o, n, s, b)
     elif opcode == DOUBLE_GYRE:
         add_each(double_gyre, p, o, n, s, b)
-    elif opcode == KNEADING:
-        add_each(kneading, p, o, n, s, b)
 
 
 BRACKET = "void(f8[::1], i8, i8, f8[::1], i8)"
