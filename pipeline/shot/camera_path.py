@@ -55,6 +55,14 @@ class WideLens(NamedTuple):
         return Projection(self.kind, self.angle)
 
 
+class Between(NamedTuple):
+    """A place between the middles of two of several subjects: `share` of the way."""
+
+    subject: str
+    other: str
+    share: float
+
+
 class View(NamedTuple):
     """The camera at one time. Angles in radians; azimuth 0 looks from +z, a quarter turn from +x.
 
@@ -76,7 +84,7 @@ class View(NamedTuple):
     orbit: float = 0.0
     dolly: float = 1.0
     distance: float | None = None
-    target: Vector | None = None
+    target: Vector | Between | None = None
     position: Vector | None = None
     lens: Lens | WideLens | None = None
 
@@ -107,6 +115,7 @@ class CameraMove:
     arc       radians that it goes around the set, which stands still
     crane     radians that it rises
     reveal    share of the distance by which it is nearer at the beginning, and none at the end
+    track     the subjects at which the camera looks, one after another
     handheld  greatest sway, in widths of the picture
     seed      another one sways differently
     """
@@ -117,6 +126,7 @@ class CameraMove:
     crane: float = 0.0
     reveal: float = 0.0
     handheld: float = 0.0
+    track: tuple[str, ...] = ()
     seed: int = 0
 
     def apply(self, view: View, time: float) -> View:
@@ -134,7 +144,14 @@ class CameraMove:
             roll=view.roll + around,
             dolly=view.dolly * nearer,
             distance=None if view.distance is None else view.distance * nearer,
+            target=self._target(passed) if self.track else view.target,
         )
+
+    def _target(self, passed: float) -> Between:
+        """Return where between two subjects the camera looks."""
+        way = passed * (len(self.track) - 1)
+        i = min(max(math.floor(way), 0), len(self.track) - 2)
+        return Between(self.track[i], self.track[i + 1], way - i)
 
     def _sway(self, time: float, axis: int) -> float:
         """Return a smooth noise from −1 to 1."""

@@ -7,11 +7,13 @@ import math
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from flowsculpt.pipeline.errors import ShotError
+from flowsculpt.pipeline.production.request.framing import BoundingSpheres, Framer
 from flowsculpt.pipeline.shot import CameraPath, read_shot
 from flowsculpt.pipeline.shot.camera_path import Lens, View
 from flowsculpt.render.scene.render_camera import Projection
@@ -239,12 +241,33 @@ def test_a_hand_sways_smoothly_and_by_no_more_than_it_says(seed: int) -> None:
 @pytest.mark.parametrize(
     ("camera", "message"),
     [
-        ("{move: {}}", "nothing moves. Write push, arc, crane, reveal or handheld."),
+        ("{move: {}}", "nothing moves. Write push, arc, crane, reveal, track or handheld."),
         ("{move: {push: 0.1, from: 40, to: 20}}", "ends at frame 20, and begins at 40. Write a later to."),
         ("{position: [0, 1, 5], move: {arc: }}", "position holds the camera, so it cannot move"),
         ("{move: {pan: 3}}", "pan"),
+        (
+            "{move: {track: [a, b]}}",
+            "camera.move.track: 'a' is not a subject. Write several subjects by name.",
+        ),
+        ("{target: [0, 1, 0], move: {track: [a, b]}}", "so it cannot track"),
     ],
 )
 def test_a_move_that_cannot_be_is_refused(camera: str, message: str) -> None:
     with pytest.raises(ShotError, match=re.escape(message)):
         path_of(camera)
+
+
+def test_a_camera_that_tracks_looks_at_one_subject_after_the_other() -> None:
+    """Framing aims at their middles, wherever they are by then."""
+    way = "move: {track: [ball, block, ball], ease: linear}"
+    subjects = "subjects: {ball: {solid: icosphere}, block: {solid: box, place: [5, 0, 0]}}\n"
+    text = HEAD.replace("subject: {solid: box}\n", subjects)
+    camera = read_shot("a.yaml", f"{text}camera: {{{way}}}\n").picture.camera
+    corners = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+    spheres = BoundingSpheres.join([corners, corners + np.array([5.0, 1.0, 0.0])], ["ball", "block"])
+    views = [camera.at(i / 24) for i in range(49)]
+    targets = np.array([each.camera.target for each in Framer(views, lambda _: spheres, 16 / 9).all()])
+    assert np.abs(targets[12] - [2.5, 0.5, 0.0]).max() < 0.01  # half-way to the block
+    assert np.abs(targets[24] - [5.0, 1.0, 0.0]).max() < 1.0  # the turn is smoothed
+    assert np.abs(targets[[0, 48]]).max() < 1.0
+    assert np.linalg.norm(np.diff(targets, axis=0), axis=1).max() < 0.25

@@ -66,9 +66,9 @@ class Move(Flow):
 
     def pose(self, time: float) -> tuple[float, float, float, float]:
         """Return offset and angle, radians, at a time, relative to those at the start; zero before it."""
-        now, first = (vector_at(self.by, max(t, 0.0)) for t in (time, 0.0))
+        (x, y, z), (x0, y0, z0) = (vector_at(self.by, max(t, 0.0)) for t in (time, 0.0))
         angle = number_at(self.turn, max(time, 0.0)) - number_at(self.turn, 0.0)
-        return (*(a - b for a, b in zip(now, first, strict=True)), float(angle))
+        return x - x0, y - y0, z - z0, float(angle)
 
 
 @dataclass(frozen=True)

@@ -111,7 +111,7 @@ MOVES = {"push": 0.15, "arc": 30.0, "crane": 12.0, "reveal": 0.4, "handheld": 0.
 """Moves of a camera, and how far each goes where a shot only names it."""
 
 
-class MoveDocument(Document):
+class CameraMoveDocument(Document):
     """Moves of the camera, made together. `{push: , arc: 40}`: a name alone takes its default."""
 
     example = "{push: 0.15}"
@@ -125,6 +125,9 @@ class MoveDocument(Document):
     crane: Annotated[float, Field(ge=-90, le=90)] | None = optional("rises, by 12 by default (degrees)")
     reveal: Annotated[float, Field(gt=0, lt=1)] | None = optional(
         "begins nearer by this share of the distance, 0.4 by default, and shows the whole at the end"
+    )
+    track: Annotated[list[str], Field(min_length=2, max_length=9)] | None = optional(
+        "names of subjects at which it looks, one after another"
     )
     handheld: Annotated[float, Field(ge=0, le=2)] | None = optional(
         "greatest sway, 0.25 by default (% of the picture's width)"
@@ -145,8 +148,8 @@ class MoveDocument(Document):
     @model_validator(mode="after")
     def _moves_forwards(self, info: ValidationInfo) -> Self:
         """Check that something moves, and that it ends after it begins."""
-        if all(getattr(self, name) is None for name in MOVES):
-            raise ValueError("nothing moves. Write push, arc, crane, reveal or handheld.")
+        if self.track is None and all(getattr(self, name) is None for name in MOVES):
+            raise ValueError("nothing moves. Write push, arc, crane, reveal, track or handheld.")
         clock: Clock | None = (info.context or {}).get("clock")
         if clock is not None:
             begin, end = self._frames(clock)
@@ -166,7 +169,8 @@ class MoveDocument(Document):
         units = {"arc": DEGREE, "crane": DEGREE, "handheld": 0.01}
         given = {name: getattr(self, name) for name in MOVES if getattr(self, name) is not None}
         amounts = {name: float(value) * units.get(name, 1.0) for name, value in given.items()}
-        return CameraMove(keyed(times, (0.0, 1.0), self.ease), seed=self.seed, **amounts)
+        track = tuple(self.track or ())
+        return CameraMove(keyed(times, (0.0, 1.0), self.ease), track=track, seed=self.seed, **amounts)
 
 
 class CameraDocument(Document):
@@ -211,7 +215,7 @@ class CameraDocument(Document):
         "what the camera looks at, in place of the sculpture's middle (units)"
     )
     position: PlaceField | None = optional("of the camera, in place of all that framing finds (units)")
-    move: MoveDocument | None = optional("a move of the camera around what framing finds")
+    move: CameraMoveDocument | None = optional("a move of the camera around what framing finds")
     roll: NumberField = Field(
         default=0.0, description="about the lens, clockwise as the camera looks (degrees)"
     )
@@ -232,6 +236,8 @@ class CameraDocument(Document):
         """Check that no position holds the camera."""
         if move is not None and info.data.get("position") is not None:
             raise ValueError("position holds the camera, so it cannot move. Leave one of them out.")
+        if move is not None and move.track is not None and info.data.get("target") is not None:
+            raise ValueError("target is what the camera looks at, so it cannot track. Leave one of them out.")
         return move
 
     @field_validator("position")
