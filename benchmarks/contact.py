@@ -17,9 +17,10 @@ from unittest.mock import patch
 import numpy as np
 
 from flowsculpt.pipeline.animation import animate
-from flowsculpt.pipeline.arrays import Floats
+from flowsculpt.pipeline.flow.flow import FlowStep
 from flowsculpt.pipeline.mesh import TriangleMesh
-from flowsculpt.pipeline.plugins.contact.contact_flow import Squashing
+from flowsculpt.pipeline.plugins.contact.contact_flow import OnFloor, Squashing
+from flowsculpt.pipeline.plugins.contact.earlier_motion import EarlierMotion, Extent
 from flowsculpt.pipeline.shot import read_shot
 
 DOWN = "translation: {rate: {ease: linear, keys: {1: [0, 0, 0], 3: [0, -0.5, 0], 48: [0, -0.5, 0]}}}"
@@ -58,22 +59,36 @@ def volume(mesh: TriangleMesh) -> float:
 
 
 @contextmanager
+def repeated() -> Iterator[None]:
+    """Undo each squash and do it again: the meshes stay, and what that adds is what contact takes."""
+    steps = OnFloor.steps
+
+    def again(floor: OnFloor, time: float, dt: float) -> Iterator[FlowStep]:
+        yield from steps(floor, time, dt)
+        yield from Squashing(floor, undoes=True).steps(time + dt, 0.0)
+        yield from Squashing(floor, undoes=False).steps(time, dt)
+
+    with patch.object(OnFloor, "steps", again):
+        yield
+
+
+@contextmanager
 def timed(spent: list[float]) -> Iterator[None]:
-    """Add up the CPU seconds of squashing, with following the subject's points without a floor."""
-    displace = Squashing.displace
+    """Add up the CPU seconds of following the subject's points without a floor."""
+    extent = EarlierMotion.extent
 
-    def counted(squashing: Squashing, points: Floats, time: float, dt: float) -> Floats:
+    def counted(motion: EarlierMotion, time: float) -> Extent:
         begun = process_time()
-        moved = displace(squashing, points, time, dt)
+        found = extent(motion, time)
         spent[0] += process_time() - begun
-        return moved
+        return found
 
-    with patch.object(Squashing, "displace", counted):
+    with patch.object(EarlierMotion, "extent", counted):
         yield
 
 
 def measure(folder: Path, subject: str, flows: str, length: float) -> Measured:
-    """Simulate a shot of 48 frames."""
+    """Simulate a shot of 48 frames; `contact` is what following the points takes."""
     path = folder / "A010_contact.yaml"
     text = f"title: Contact\nframes: 1-48\nsubject: {subject}\nresample: {{max_edge_length: {length}}}\n"
     path.write_text(f"{text}flows:\n  - {flows}{CONTACT}\n", encoding="utf-8")
@@ -96,8 +111,11 @@ def main() -> None:
     with TemporaryDirectory() as folder:
         for name, (subject, flows) in SHOTS.items():
             best = min(measure(Path(folder), subject, flows, length) for _ in range(RUNS))
+            with repeated():
+                twice = min(measure(Path(folder), subject, flows, length).seconds for _ in range(RUNS))
+            contact = best.contact + max(0.0, twice - best.seconds)
             print(
-                f"| {name} | {best.vertices} | {best.height:.2f} | {best.seconds:.2f} | {best.contact:.2f} | "
+                f"| {name} | {best.vertices} | {best.height:.2f} | {best.seconds:.2f} | {contact:.2f} | "
                 f"{50 * (best.lowest + 1):.3f} | {100 * best.change:.2f} |",
                 flush=True,
             )

@@ -17,7 +17,7 @@ import numpy as np
 
 from benchmarks.report import Row, Target, keep, show
 from flowsculpt.pipeline.flow import Streamlines
-from flowsculpt.pipeline.flow.catalogue.attractors import Lorenz
+from flowsculpt.pipeline.flow.catalogue.lorenz import Lorenz
 from flowsculpt.pipeline.mesh import TriangleMesh, box, icosphere, split_at_creases, torus
 from flowsculpt.pipeline.plugins.interchange.exported_frame import ExportedFrame
 from flowsculpt.pipeline.plugins.interchange.model_export import write_ply

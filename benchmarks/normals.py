@@ -19,8 +19,8 @@ import numpy as np
 from flowsculpt.pipeline.animation import MeshFrame, animate
 from flowsculpt.pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
 from flowsculpt.pipeline.flow import Flow, Streamlines
-from flowsculpt.pipeline.flow.catalogue.attractors import Lorenz
 from flowsculpt.pipeline.flow.catalogue.basic import Enright
+from flowsculpt.pipeline.flow.catalogue.lorenz import Lorenz
 from flowsculpt.pipeline.flow.flow_map import FrameStep
 from flowsculpt.pipeline.frames import FrameRange, FrameRate
 from flowsculpt.pipeline.mesh import ShadedMesh, TriangleMesh, icosphere, split_at_creases, vertex_normals

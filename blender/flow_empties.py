@@ -18,7 +18,16 @@ from typing import Any
 import bpy
 from mathutils import Matrix, Vector
 
-from .key_curves import Key, Numbers, lock_curves, read_keys, remove_curves, sampled_keys, write_keys
+from .key_curves import (
+    STAND_INS,
+    Key,
+    Numbers,
+    lock_curves,
+    read_keys,
+    remove_curves,
+    sampled_keys,
+    write_keys,
+)
 from .program import ProgramError
 
 PATH = "flowsculpt_path"
@@ -133,6 +142,7 @@ class Slot:
 
         by_handle = "bezier" if key["right"] is not None else self.value["curve"]["ease"]
         ease = key["ease"] or by_handle
+        ease = STAND_INS.get(ease.partition(" ")[0], ease)
         return Key(round(key["frame"], 3), self._shown(key["value"]), ease, handle("left"), handle("right"))
 
     def _show(self, value: Any) -> None:
@@ -248,7 +258,7 @@ class Slot:
     def _entry(self, key: Key, default: str) -> Any:
         value = self._written(self._read(key.values))
         entry: dict[str, Any] = {"value": value}
-        if key.ease != default:
+        if key.ease not in (default, STAND_INS.get(default.partition(" ")[0])):
             entry["ease"] = key.ease
         for side, handle in (("left", key.left), ("right", key.right)):
             if handle is not None:

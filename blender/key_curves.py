@@ -20,6 +20,9 @@ NAMED_EASINGS = ("SINE", "QUAD", "CUBIC", "QUART", "QUINT", "EXPO", "CIRC", "BAC
 OUT_BY_DEFAULT = ("BACK", "BOUNCE", "ELASTIC")
 """Easings that Blender's automatic direction takes as `out`; the others are `in`."""
 
+STAND_INS = {"settle": "elastic_out", "drop": "bounce_out", "drag": "expo_in_out"}
+"""What Blender draws in place of easings that it does not have."""
+
 CYCLES = {"loop": "REPEAT", "offset": "REPEAT_OFFSET", "ping_pong": "MIRROR"}
 
 

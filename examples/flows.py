@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -15,7 +16,6 @@ from examples.drawing import COOL, FAINT, INK, PICTURES, WARM, save
 from flowsculpt.pipeline.arrays import AnyArray, Points
 from flowsculpt.pipeline.flow import Streamlines, VelocityField, keyed
 from flowsculpt.pipeline.flow.catalogue import FLOWS
-from flowsculpt.pipeline.flow.catalogue.attractors import Attractor
 from flowsculpt.pipeline.flow.catalogue.basic import (
     DoubleGyre,
     Rotation,
@@ -25,12 +25,16 @@ from flowsculpt.pipeline.flow.catalogue.basic import (
     Translation,
 )
 from flowsculpt.pipeline.flow.catalogue.deformations import Bend, Deformation
+from flowsculpt.pipeline.flow.catalogue.lorenz import Lorenz
 from flowsculpt.pipeline.flow.catalogue.sampled_field import Sampled
+from flowsculpt.pipeline.plugins.attractors import attractor_flows as attractors
 from flowsculpt.pipeline.plugins.contact.squash import Squash
 from flowsculpt.pipeline.plugins.fields.attraction import Attraction, Target, Wind
 from flowsculpt.pipeline.plugins.fields.curl_noise import CurlNoise
 from flowsculpt.pipeline.plugins.fields.formula_field import FormulaField
 from flowsculpt.pipeline.plugins.fields.grid_files import read_samples
+from flowsculpt.pipeline.plugins.moves.move_flow import Carried, Move
+from flowsculpt.pipeline.plugins.waves.wave_flows import Kneading, TaylorGreen
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -51,6 +55,14 @@ SHOWN: dict[type, VelocityField] = {
     DoubleGyre: DoubleGyre(scale=1.2),
 }
 """Flows that do little by default, with the parameters of their pictures."""
+
+ATTRACTORS = (Lorenz, attractors.Attractor)
+
+OF_PLUGINS = (
+    *(attractors.Rossler, attractors.Aizawa, attractors.Thomas),
+    *(attractors.Chua, attractors.Halvorsen, attractors.Chen, TaylorGreen, Kneading),
+)
+"""Velocity fields of plug-ins whose parameters are numbers."""
 
 CURVE = ((-1.3, -0.6, 0.0), (-0.5, 0.7, 0.4), (0.5, -0.4, -0.4), (1.3, 0.6, 0.0))
 
@@ -81,7 +93,7 @@ def streamlines_of(field: VelocityField) -> AnyArray:
     seeds = np.random.default_rng(1).normal(size=(SEEDS, 3))
     seeds *= (np.linspace(0.02, 1, SEEDS) ** (1 / 3) * 1.1 / np.linalg.norm(seeds, axis=1))[:, None]
     flow, duration, start = Streamlines(field), 0.0, seeds
-    if isinstance(field, Attractor):
+    if isinstance(field, ATTRACTORS):
         start, duration = _displace(flow, 0.3 * seeds[:24] + 0.1), 6 * LINE_LENGTH
     speeds = np.linalg.norm(field.velocity(start, 0.3), axis=1)
     dt = max(duration, LINE_LENGTH) / float(np.quantile(speeds, 0.6)) / (STEPS * (8 if duration else 1))
@@ -132,13 +144,25 @@ def _draw_block(panel: Axes, flow: Any, seen: AnyArray) -> None:
 
 def _draw_contact() -> None:
     """Draw the block before, and as a floor squashes it."""
-    squash = Squash.of(-0.45, 0.9, 0.001, -0.9)
+    _draw_map("contact", Squash.of(-0.45, 0.9, 0.001, -0.9).apply)
+
+
+def _draw_move() -> None:
+    """Draw the block before, and as it is thrown over with its top late."""
+    turn = keyed((0.0, 1.0), (0.0, -1.2), "linear")
+    move = Move(turn=turn, axis=(0.0, 0.0, 1.0), centre=(0.0, -0.9, 0.0), lag=0.45, reach=1.9)
+    carried = Carried((), move, None, (0.0, 0.0, 0.0))
+    _draw_map("move", lambda points: carried.displace(points, 0.0, 0.8))
+
+
+def _draw_map(name: str, moved: Callable[[Points], Points]) -> None:
+    """Draw the block before and after a map."""
     panel, figure = _panel()
     for points in _block_lines():
         panel.plot(*(points @ view()).T, color=FAINT, linewidth=0.7)
     for points in _block_lines():
-        panel.plot(*(squash.apply(points) @ view()).T, color=WARM, linewidth=0.6)
-    save(figure, "flows/contact.png")
+        panel.plot(*(moved(points) @ view()).T, color=WARM, linewidth=0.6)
+    save(figure, f"flows/{name}.png")
 
 
 def _block_lines(across: float = 0.4, high: float = 0.9) -> list[Points]:
@@ -173,11 +197,12 @@ def _random_samples() -> Sampled:
 def draw() -> None:
     """Draw all flows to `docs/pictures/flows`."""
     (PICTURES / "flows").mkdir(exist_ok=True)
-    for kind in FLOWS:
+    for kind in (*FLOWS, *OF_PLUGINS):
         _draw(SHOWN[kind] if kind in SHOWN else Bend(length=1.8) if kind is Bend else kind())
     for field in (*WRITTEN, _random_samples()):
         _draw(field)
     _draw_contact()
+    _draw_move()
 
 
 def _panel() -> tuple[Axes, Figure]:
@@ -200,7 +225,7 @@ def _draw(flow: VelocityField | Deformation) -> None:
         _draw_block(panel, flow, seen)
     else:
         _draw_streamlines(panel, streamlines_of(flow), seen)
-        _fit_axes(panel, 0.0 if isinstance(flow, Attractor) else REACH)
+        _fit_axes(panel, 0.0 if isinstance(flow, ATTRACTORS) else REACH)
     save(figure, f"flows/{flow.name}.png")
 
 

@@ -13,7 +13,6 @@ from flowsculpt.pipeline.flow import Sum as Sum
 from flowsculpt.pipeline.flow import Transform as Transform
 from flowsculpt.pipeline.flow import VelocityField as VelocityField
 from flowsculpt.pipeline.flow import keyed as keyed
-from flowsculpt.pipeline.flow.catalogue.attractors import Lorenz as Lorenz
 from flowsculpt.pipeline.flow.catalogue.basic import DoubleGyre as DoubleGyre
 from flowsculpt.pipeline.flow.catalogue.basic import Enright as Enright
 from flowsculpt.pipeline.flow.catalogue.basic import Rotation as Rotation
@@ -26,6 +25,7 @@ from flowsculpt.pipeline.flow.catalogue.deformations import Shear as Shear
 from flowsculpt.pipeline.flow.catalogue.deformations import Stretch as Stretch
 from flowsculpt.pipeline.flow.catalogue.deformations import Taper as Taper
 from flowsculpt.pipeline.flow.catalogue.deformations import Twist as Twist
+from flowsculpt.pipeline.flow.catalogue.lorenz import Lorenz as Lorenz
 from flowsculpt.pipeline.flow.catalogue.vortices import SpiralVortex as SpiralVortex
 from flowsculpt.pipeline.flow.catalogue.vortices import Vortex as Vortex
 from flowsculpt.pipeline.flow.catalogue.vortices import VortexPair as VortexPair

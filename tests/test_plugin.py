@@ -259,7 +259,7 @@ def test_an_error_in_the_code_of_a_flow_is_told_in_a_line_with_its_place(marblin
             "(1.0, np.zeros(3))",
             "flow marbling.swirl: numbers() returned (1.0, array([0., 0., 0.]))",
         ),
-        ("(number_at(self.strength, time),)", "(1.0,) * 11", "it must return at most ten numbers"),
+        ("(number_at(self.strength, time),)", "(1.0,) * 12", "it must return at most eleven numbers"),
         ('float("inf")', "None", "length_scale() returned None; it must return a number from 0 on"),
         ("abs(number_at", "-abs(number_at", "gradient_bound() returned -2.0; it must return a number from 0"),
         ("z, t, u", "z, u", "turning takes other parameters than numbers, count, x, y, z, t, u, v, w"),

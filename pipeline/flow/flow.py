@@ -6,10 +6,13 @@ import dataclasses
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from flowsculpt.pipeline.arrays import Points
 from flowsculpt.pipeline.flow.parameters import Vector
+
+if TYPE_CHECKING:
+    from flowsculpt.pipeline.kernels import BlockKernel
 
 Displacement = Callable[[Points, float, float], Points]
 """Any callable `points, time, dt -> points` (P1)."""
@@ -37,6 +40,14 @@ class Flow(ABC):
     def steps(self, time: float, dt: float) -> Iterator[FlowStep]:
         """Yield the flows that act one after another within this step: `displace` is all of them in order."""
         yield FlowStep(self, time, dt)
+
+    def kernel_row(self, time: float, dt: float) -> tuple[BlockKernel, tuple[float, ...]] | None:
+        """Return a compiled function that moves points as `displace` does, and its numbers, at most eleven.
+
+        The function adds displacements where that of a field adds velocities. With it, new vertices go
+        through many frames in one compiled call. None where there is none.
+        """
+        return None
 
     runs_code: ClassVar[bool] = False
     """True if it runs code of the user's, which can do anything: only with permission."""
@@ -147,6 +158,9 @@ class PluginMap(Flow):
 
     def cache_data(self, time: float, dt: float) -> Any:
         return {"plugin": self.origin, "data": self.flow.cache_data(time, dt)}
+
+    def kernel_row(self, time: float, dt: float) -> tuple[BlockKernel, tuple[float, ...]] | None:
+        return self.flow.kernel_row(time, dt)
 
     def of_subject(self, subject: Any, place: Vector, before: Sequence[Flow]) -> Flow:
         plain = [flow.plugin_flow for flow in before]

@@ -29,8 +29,14 @@ def checked_displacement(
     `frame` is `frame`. `first` is the number of the first vertex.
     """
     try:
-        for step in flow.steps(time, dt):
-            points = _displace(step, points, frame, first)
+        for part in _planned_parts(FrameStep(flow, time, dt, frame)):
+            if isinstance(part, PlannedSteps) and len(part.steps) > 1:
+                moved = part.plan.follow(points, part.name)
+                if np.isfinite(moved).all():
+                    points = moved
+                    continue
+            for step in part.steps:
+                points = _displace(FlowStep(step.flow, step.time, step.dt), points, frame, first)
     except FrameError as error:
         raise error.of(frame) from None
     return points
@@ -66,7 +72,10 @@ def _displace(step: FlowStep, points: Points, frame: int, first: int) -> Points:
     flow, time, dt = step
     name = f"flow {flow.name}"
     try:
-        moved = np.array(flow.displace(points.copy(), time, dt), dtype=np.float64)
+        plan = StepPlan.of_kernel_row(flow, time, dt)
+        moved = None if plan is None else plan.follow(points, flow.name)
+        if moved is None or not np.isfinite(moved).all():  # the flow says why
+            moved = np.array(flow.displace(points.copy(), time, dt), dtype=np.float64)
     except FlowsculptError as error:
         raise flow_error(error, flow, frame) from error
     except Exception as error:
@@ -145,6 +154,11 @@ class FrameStep:
     dt: float
     frame: int
 
+    @property
+    def steps(self) -> tuple[FrameStep]:
+        """This step alone, as of PlannedSteps."""
+        return (self,)
+
     def apply(self, points: Points, first: int = 0) -> Points:
         """Return moved points (N, 3), checked; `first` is the number of the first. Raises FrameError."""
         return checked_displacement(self.flow, points, self.time, self.dt, self.frame, first)
@@ -180,6 +194,11 @@ class PlannedSteps:
             moved[lost] = alone
         return moved
 
+    @property
+    def name(self) -> str:
+        """The flows, for reports of progress."""
+        return ", ".join(step.flow.name for step in self.steps)
+
     def fits(self, more: PlannedSteps) -> bool:
         """Tell whether one call can follow both."""
         size = len(self.plan.tables) + len(more.plan.tables)
@@ -208,18 +227,10 @@ class FlowMap:
 
     def add(self, step: FrameStep) -> None:
         """Add the next frame. Raises FrameError where a velocity field needs too many sub-steps."""
-        try:
-            steps = [FrameStep(*part, step.frame) for part in step.flow.steps(step.time, step.dt)]
-        except FrameError as error:
-            raise error.of(step.frame) from None
-        parts = [_plan(part) for part in steps]
+        parts = _planned_parts(step)
         self._steps.append(step)
         for part in parts:
-            last = self._parts[-1] if self._parts else None
-            if isinstance(part, PlannedSteps) and isinstance(last, PlannedSteps) and last.fits(part):
-                self._parts[-1] = last.joined(part)
-            else:
-                self._parts.append(part)
+            _add(self._parts, part)
 
     def carry(self, rest_points: Points) -> Points:
         """Return points (N, 3) of the rest frame at the last frame: a new array, all finite.
@@ -239,11 +250,37 @@ class FlowMap:
         return points
 
 
-def _plan(step: FrameStep) -> PlannedSteps | FrameStep:
-    """Return a step along streamlines, or of a deformation, as planned; and any other unchanged."""
-    if not isinstance(step.flow, Streamlines | Deformation):
-        return step
+def _planned_parts(step: FrameStep) -> list[PlannedSteps | FrameStep]:
+    """Return the steps of the flows of a frame, planned together where one compiled call can do them.
+
+    Raises FrameError where a velocity field needs too many sub-steps.
+    """
     try:
-        return PlannedSteps(step.flow.step_plan(step.time, step.dt), (step,))
+        steps = [FrameStep(*part, step.frame) for part in step.flow.steps(step.time, step.dt)]
+    except FrameError as error:
+        raise error.of(step.frame) from None
+    parts: list[PlannedSteps | FrameStep] = []
+    for planned in map(_plan, steps):
+        _add(parts, planned)
+    return parts
+
+
+def _add(parts: list[PlannedSteps | FrameStep], part: PlannedSteps | FrameStep) -> None:
+    """Add a part, to the last one where one call can follow both."""
+    last = parts[-1] if parts else None
+    if isinstance(part, PlannedSteps) and isinstance(last, PlannedSteps) and last.fits(part):
+        parts[-1] = last.joined(part)
+    else:
+        parts.append(part)
+
+
+def _plan(step: FrameStep) -> PlannedSteps | FrameStep:
+    """Return a step that a compiled call can do as planned, and any other unchanged."""
+    flow, time, dt, frame = step.flow, step.time, step.dt, step.frame
+    try:
+        if isinstance(flow, Streamlines | Deformation):
+            return PlannedSteps(flow.step_plan(time, dt), (step,))
+        plan = StepPlan.of_kernel_row(flow, time, dt)
     except (FlowsculptError, ArithmeticError) as error:
-        raise flow_error(error, step.flow, step.frame) from error
+        raise flow_error(error, flow, frame) from error
+    return step if plan is None else PlannedSteps(plan, (step,))

@@ -1,16 +1,13 @@
 """Curves in time: keyframes as in Blender, formulas, curves that follow a sound, and their integrals.
 
-From a key to the next a value follows an easing, which maps the share of the time to the share of the change,
-or a Bézier segment with handles. Easings have the names of Blender's interpolation and easing types joined:
-`sine_in_out`. `in` starts slowly, `out` ends slowly, `in_out` does both. Each maps 0 to 0 and 1 to 1. The
-formulas are Robert Penner's (*Programming Macromedia Flash MX*, 2002, chapter 7).
+From a key to the next a value follows an easing (see `easings`), or a Bézier segment with handles.
 """
 
 from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from itertools import pairwise
@@ -19,87 +16,13 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from flowsculpt.pipeline.arrays import Floats
+from flowsculpt.pipeline.flow.easings import EASINGS, easing, kinks
 from flowsculpt.pipeline.flow.parameters import Curve, Number, Values, Vector, number_at
 from flowsculpt.pipeline.formula import TIME, Expression, time_values
 from flowsculpt.render.base.serialise import NOT_PLAIN, OMIT_DEFAULT
 
-Ease = Callable[[float], float]
-
 BEZIER = "bezier"  # the easing whose curve is drawn by handles
 BISECTIONS = 60  # after so many a number between 0 and 1 is exact to the last bit
-
-
-def _expo(s: float) -> float:
-    """Return 2^(10 (s − 1)), shifted and scaled so that it starts at 0 and ends at 1 exactly."""
-    return (math.exp2(10.0 * s) - 1.0) / 1023.0
-
-
-def _back(s: float) -> float:
-    """Swing back by a tenth first."""
-    overshoot = 1.70158
-    return s * s * ((overshoot + 1.0) * s - overshoot)
-
-
-def _bounce(s: float) -> float:
-    """Bounce like a dropped ball seen backwards: four parabolas, the last hop the highest."""
-    left = (1.0 - s) * 2.75
-    for start, middle, height in _HOPS:
-        if left >= start:
-            return height - (left - middle) ** 2
-    raise AssertionError("the hops begin at 0")
-
-
-_HOPS = ((2.5, 2.625, 1 / 64), (2.0, 2.25, 1 / 16), (1.0, 1.5, 1 / 4), (0.0, 0.0, 1.0))
-"""The start, middle and height of each hop of a bounce that lasts 2.75."""
-
-
-def _elastic(s: float) -> float:
-    """Swing with growing amplitude, three and a third times, like a released spring seen backwards.
-
-    The amplitude is that of `_expo`, which starts at 0; Penner's starts a two-thousandth off.
-    """
-    return _expo(s) * math.cos((s - 1.0) * 2 * math.pi / 0.3)
-
-
-def _reversed(ease: Ease) -> Ease:
-    return lambda s: 1.0 - ease(1.0 - s)
-
-
-def _both(ease: Ease) -> Ease:
-    return lambda s: 0.5 * ease(2.0 * s) if s < 0.5 else 1.0 - 0.5 * ease(2.0 - 2.0 * s)
-
-
-_STARTS: dict[str, Ease] = {
-    "sine": lambda s: 1.0 - math.cos(s * math.pi / 2),
-    "quad": lambda s: math.pow(s, 2),
-    "cubic": lambda s: math.pow(s, 3),
-    "quart": lambda s: math.pow(s, 4),
-    "quint": lambda s: math.pow(s, 5),
-    "expo": _expo,
-    "circ": lambda s: 1.0 - math.sqrt(max(0.0, 1.0 - s * s)),
-    "back": _back,
-    "bounce": _bounce,
-    "elastic": _elastic,
-}
-
-EASINGS: dict[str, Ease] = {
-    "constant": lambda s: 1.0 if s >= 1.0 else 0.0,
-    "linear": lambda s: s,
-    **{f"{name}_in": ease for name, ease in _STARTS.items()},
-    **{f"{name}_out": _reversed(ease) for name, ease in _STARTS.items()},
-    **{f"{name}_in_out": _both(ease) for name, ease in _STARTS.items()},
-}
-
-
-def kinks(name: str) -> tuple[float, ...]:
-    """Return the shares of time between 0 and 1 at which an easing is not smooth, ascending."""
-    family, _, direction = name.partition("_")
-    hops = [1.0 - start / 2.75 for start, _, _ in _HOPS[:3]] if family == "bounce" else []
-    if direction == "out":
-        hops = [1.0 - s for s in hops]
-    if direction == "in_out":
-        hops = [0.5, *(0.5 * s for s in hops), *(1.0 - 0.5 * s for s in hops)]
-    return tuple(sorted(hops))
 
 
 @dataclass(frozen=True)
@@ -368,7 +291,7 @@ class Keyframes(Curve):
         passed = min(max(time - times[i], 0.0), length)
         if self.eases[i] == BEZIER:
             return BezierSegment(length, start, end, self._handle(i, 1), self._handle(i + 1, -1)).at(passed)
-        share = EASINGS[self.eases[i]](passed / length)
+        share = easing(self.eases[i])(passed / length)
         if len(start) == 1:  # as below, but faster
             return (start[0] + (end[0] - start[0]) * share,)
         return tuple(a + (b - a) * share for a, b in zip(start, end, strict=True))

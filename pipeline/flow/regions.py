@@ -275,9 +275,9 @@ class Region(ABC):
         """Return the bracket that closes a group of a velocity program by this region."""
         first, last = self._measures(time)
         factors = (0.0, 1.0) if self.invert else (1.0, 0.0)
-        shape = (*first, *(0.0,) * (6 - len(first)))
-        numbers = (*shape, self.falloff_at(time), *factors, float(FALLOFF_TYPES[self.falloff_type]), *last)
-        return Instruction(self.opcode, (*numbers, *(0.0,) * (op.COLUMNS - len(numbers))))
+        shape, ends = (*first, *(0.0,) * (6 - len(first))), (*last, *(0.0,) * (2 - len(last)))
+        profile = float(FALLOFF_TYPES[self.falloff_type])
+        return Instruction(self.opcode, (*shape, self.falloff_at(time), *factors, profile, *ends))
 
     def cache_data(self, time: float) -> Any:
         """Return all that decides its weights at a time, JSON-able."""

@@ -17,7 +17,7 @@ from flowsculpt.pipeline.arrays import AnyArray, Floats, Indices, Points
 from flowsculpt.pipeline.errors import FrameError
 from flowsculpt.pipeline.flow.flow import Flow
 from flowsculpt.pipeline.flow.kernels import streamline_kernels as kernels
-from flowsculpt.pipeline.flow.kernels.instructions import BLOCK, COLUMNS, EXTERNAL, PARALLEL_FROM
+from flowsculpt.pipeline.flow.kernels.instructions import BLOCK, COLUMNS, MAP, PARALLEL_FROM
 from flowsculpt.pipeline.flow.parameters import kernel_points, vector_at
 from flowsculpt.pipeline.flow.velocity import Program, VelocityField, opcodes_of, sensitivity, table_of
 from flowsculpt.pipeline.kernels import in_threads
@@ -78,6 +78,16 @@ class StepPlan(NamedTuple):
         spans = np.tile([seconds, math.inf, math.inf], (rows, 1))
         return cls(np.array([] if opcode is None else [opcode], np.int32), tables, steps, spans)
 
+    @classmethod
+    def of_kernel_row(cls, flow: Flow, time: float, dt: float) -> StepPlan | None:
+        """Return the step of a flow that has a compiled function; None for others."""
+        row = flow.kernel_row(time, dt)
+        if row is None:
+            return None
+        kernel, numbers = row
+        plan = cls.of_deformation(dt, MAP, (float(kernel.address), time, *numbers))
+        return plan._replace(owners=(kernel,))
+
     def follow(self, points: Points, activity: str = "flow") -> Points:
         """Return the positions of points (N, 3) at its end; not finite where it is too coarse for a point.
 
@@ -90,8 +100,8 @@ class StepPlan(NamedTuple):
             kernels.advect(points, *self[:4], self.halved, out)
             return out
         # Neighbours halve sub-steps alike, and share what turbulence computes once for a place.
-        gains_from_order = len(points) > BLOCK and (self.halved or EXTERNAL in self.opcodes)
-        order = morton_order(points) if gains_from_order else None
+        gains_from_order = self.halved or any(getattr(o, "gains_from_order", False) for o in self.owners)
+        order = morton_order(points) if gains_from_order and len(points) > BLOCK else None
         if order is not None:
             points = points[order]
         out = np.empty_like(points)

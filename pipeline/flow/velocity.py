@@ -157,6 +157,9 @@ class ExternalField(VelocityField):
     The field owns the function and its arrays, and the rows of its programs own the field.
     """
 
+    gains_from_order: ClassVar[bool] = True
+    """True if it computes something once for neighbours: blocks then hold points that lie together."""
+
     @property
     @abstractmethod
     def block(self) -> BlockKernel:
@@ -164,7 +167,7 @@ class ExternalField(VelocityField):
 
     @abstractmethod
     def numbers(self, time: float) -> tuple[float, ...]:
-        """Return the function's numbers at a time, at most ten; some may be addresses of arrays."""
+        """Return the function's numbers at a time, at most eleven; some may be addresses of arrays."""
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what a pickle holds: nothing that is known by address in this process."""
@@ -210,7 +213,7 @@ class PluginField(ModifiedField):
         rows = self.field.program(time)
         for row in rows:
             if len(row.numbers) > op.COLUMNS or any(map(np.ndim, row.numbers)):
-                rule = "at most ten numbers; write *vector for the numbers of a vector"
+                rule = "at most eleven numbers; write *vector for the numbers of a vector"
                 raise self._fault(f"numbers() returned {row.numbers[2:]}", rule)
         return tuple(row._replace(cache_data=[*self.origin, row.as_data()]) for row in rows)
 

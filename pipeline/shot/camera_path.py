@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from random import Random
 from typing import NamedTuple
 
 from flowsculpt.pipeline.flow.keyframes import elapsed
-from flowsculpt.pipeline.flow.parameters import Number, Vector, VectorParameter, number_at, vector_at
+from flowsculpt.pipeline.flow.parameters import Curve, Number, Vector, VectorParameter, number_at, vector_at
+from flowsculpt.render.base.serialise import OMIT_DEFAULT
 from flowsculpt.render.scene.render_camera import PERSPECTIVE, Projection
 
 FULL_FRAME = 36.0
@@ -53,6 +55,14 @@ class WideLens(NamedTuple):
         return Projection(self.kind, self.angle)
 
 
+class Between(NamedTuple):
+    """A place between the middles of two of several subjects: `share` of the way."""
+
+    subject: str
+    other: str
+    share: float
+
+
 class View(NamedTuple):
     """The camera at one time. Angles in radians; azimuth 0 looks from +z, a quarter turn from +x.
 
@@ -74,7 +84,7 @@ class View(NamedTuple):
     orbit: float = 0.0
     dolly: float = 1.0
     distance: float | None = None
-    target: Vector | None = None
+    target: Vector | Between | None = None
     position: Vector | None = None
     lens: Lens | WideLens | None = None
 
@@ -87,6 +97,66 @@ class View(NamedTuple):
     def blur(self) -> Lens | None:
         """The lens with depth of field; None where everything is sharp."""
         return self.lens if isinstance(self.lens, Lens) else None
+
+
+LOWEST = math.radians(2.0)
+"""Elevation below which no move leads: the camera stays above the floor."""
+
+SWAYS = ((0.31, 0.5), (0.73, 0.3), (1.27, 0.2))
+"""Frequencies, Hz, and weights of the sines of a hand's sway; the weights add up to 1."""
+
+
+@dataclass(frozen=True)
+class CameraMove:
+    """A move of the camera, relative to what the shot and framing find; in its middle it is as without.
+
+    progress  from 0 to 1
+    push      share of the distance by which the camera comes nearer, half of it before the middle
+    arc       radians that it goes around the set, which stands still
+    crane     radians that it rises
+    reveal    share of the distance by which it is nearer at the beginning, and none at the end
+    track     the subjects at which the camera looks, one after another
+    handheld  greatest sway, in widths of the picture
+    seed      another one sways differently
+    """
+
+    progress: Curve
+    push: float = 0.0
+    arc: float = 0.0
+    crane: float = 0.0
+    reveal: float = 0.0
+    handheld: float = 0.0
+    track: tuple[str, ...] = ()
+    seed: int = 0
+
+    def apply(self, view: View, time: float) -> View:
+        """Return a view at a time in seconds as the move changes it."""
+        passed = self.progress.at(time)[0]
+        off_middle = passed - 0.5
+        nearer = (1.0 - off_middle * self.push) * (1.0 - (1.0 - passed) * self.reveal)
+        sideways, upwards, around = (
+            self.handheld * view.field_of_view * self._sway(time, axis) for axis in range(3)
+        )
+        raised = view.elevation + off_middle * self.crane
+        return view._replace(
+            orbit=view.orbit + off_middle * self.arc + sideways,
+            elevation=max(raised, min(view.elevation, LOWEST)) + upwards,
+            roll=view.roll + around,
+            dolly=view.dolly * nearer,
+            distance=None if view.distance is None else view.distance * nearer,
+            target=self._target(passed) if self.track else view.target,
+        )
+
+    def _target(self, passed: float) -> Between:
+        """Return where between two subjects the camera looks."""
+        way = passed * (len(self.track) - 1)
+        i = min(max(math.floor(way), 0), len(self.track) - 2)
+        return Between(self.track[i], self.track[i + 1], way - i)
+
+    def _sway(self, time: float, axis: int) -> float:
+        """Return a smooth noise from −1 to 1."""
+        phases = Random(f"{self.seed} {axis}")
+        return sum(weight * math.sin(TURN * (rate * time + phases.random())) for rate, weight in SWAYS)
 
 
 @dataclass(frozen=True)
@@ -104,6 +174,7 @@ class CameraPath:
     focus, unit         as in `Lens`
     projection          of all pictures; a wide one is sharp everywhere
     eye_distance        between the eyes of a stereo camera, millimetres
+    move                applied to all of these; None for none
     aspect              width to height of the pictures; upright ones are of the camera turned on its side
     """
 
@@ -126,9 +197,14 @@ class CameraPath:
     projection: Projection = PERSPECTIVE
     eye_distance: float = EYE_DISTANCE
     aspect: float = 16 / 9
+    move: CameraMove | None = field(default=None, metadata=OMIT_DEFAULT)
 
     def at(self, time: float) -> View:
         """Return the view at a time in seconds."""
+        view = self._at(time)
+        return view if self.move is None else self.move.apply(view, time)
+
+    def _at(self, time: float) -> View:
         return View(
             number_at(self.azimuth, time),
             number_at(self.elevation, time),

@@ -30,12 +30,17 @@ OBJECTS = ("stage", "plinth", "grey", "chrome", "chart", "wireframe")
 
 
 def check_focus(source: YamlSource) -> Iterator[Problem]:
-    """Check that a focus by name is that of a subject."""
+    """Check that a focus by name, and what the camera tracks, are subjects."""
     focus, subjects = source.get("camera", "focus"), source.get("subjects")
     names = (*FOCUS_WORDS, *(subjects if isinstance(subjects, dict) else ()))
     if isinstance(focus, str) and not is_written_number(focus) and focus not in names:
         hint = suggest(focus, names)
         yield ("camera", "focus"), f"camera.focus: {quote(focus)} is not a thing to focus on. {hint}"
+    track, known = source.get("camera", "move", "track"), names[len(FOCUS_WORDS) :]
+    for name in track if isinstance(track, list) else ():
+        if isinstance(name, str) and name not in known:
+            hint = suggest(name, known) if known else "Write several subjects by name."
+            yield ("camera", "move", "track"), f"camera.move.track: {quote(name)} is not a subject. {hint}"
 
 
 def check_one_or_several(source: YamlSource) -> Iterator[Problem]:

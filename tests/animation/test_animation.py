@@ -14,8 +14,8 @@ from flowsculpt.pipeline.animation import animate, descent
 from flowsculpt.pipeline.arrays import Points
 from flowsculpt.pipeline.errors import FrameError
 from flowsculpt.pipeline.flow import Sequence, Streamlines, keyed
-from flowsculpt.pipeline.flow.catalogue.attractors import Lorenz
 from flowsculpt.pipeline.flow.catalogue.deformations import Twist
+from flowsculpt.pipeline.flow.catalogue.lorenz import Lorenz
 from flowsculpt.pipeline.mesh import validate
 from flowsculpt.pipeline.resample import Thresholds
 from flowsculpt.pipeline.shot import Motion, Resampling, Solid, read_shot

@@ -25,9 +25,9 @@ from flowsculpt.pipeline.flow import (
     checked_displacement,
     keyed,
 )
-from flowsculpt.pipeline.flow.catalogue.attractors import Aizawa, Lorenz
 from flowsculpt.pipeline.flow.catalogue.basic import ABC, Rotation, Strain, Translation
 from flowsculpt.pipeline.flow.catalogue.deformations import Twist
+from flowsculpt.pipeline.flow.catalogue.lorenz import Lorenz
 from flowsculpt.pipeline.flow.catalogue.vortices import Vortex
 from flowsculpt.pipeline.flow.composition import Mirror, Placed, RegionField, Transform, Within
 from flowsculpt.pipeline.flow.flow_map import FlowMap, FrameStep
@@ -39,7 +39,6 @@ SWIRL = Sum((Vortex(radius=0.3, strength=keyed((0.0, 1.0), (0.0, 6.0))), Strain(
 FIELDS: dict[str, VelocityField] = {
     "swirl": SWIRL,
     "lorenz": Lorenz(time_scale=0.3),
-    "aizawa": Aizawa(),
     "abc": ABC(),
 }
 each_field = pytest.mark.parametrize("field", FIELDS.values(), ids=FIELDS)

@@ -13,14 +13,12 @@ from flowsculpt.pipeline.flow import Streamlines
 from flowsculpt.pipeline.flow.catalogue.basic import (
     ABC,
     DoubleGyre,
-    Kneading,
     Rotation,
     Scaling,
     Sink,
     Source,
     Squeeze,
     Strain,
-    TaylorGreen,
 )
 from flowsculpt.pipeline.flow.catalogue.vortices import SpiralVortex, Vortex, VortexPair, VortexRing
 
@@ -110,12 +108,6 @@ def test_the_vorticity_of_abc_is_its_velocity() -> None:
     np.testing.assert_allclose(curl(field, POINTS), np.pi * field.velocity(POINTS, 0.0), atol=1e-7)
 
 
-def test_nothing_crosses_the_walls_between_the_cells_of_taylor_and_green() -> None:
-    walls = np.concatenate([POINTS * [0, 1, 1] + [1.5, 0, 0], POINTS * [0, 1, 1] - [3.0, 0, 0]])
-    assert np.abs(TaylorGreen(scale=1.5).velocity(walls, 0.0)[:, 0]).max() < 1e-14
-    assert np.abs(TaylorGreen().velocity(POINTS, 0.0)[:, 2]).max() == 0.0
-
-
 def test_the_double_gyre_is_that_of_its_paper() -> None:
     """In its own coordinates, 0 < x < 2 and 0 < y < 1, with A = 0.1, ε = 0.25 and a period of 10."""
     rng = np.random.default_rng(2)
@@ -127,25 +119,6 @@ def test_the_double_gyre_is_that_of_its_paper() -> None:
     field = DoubleGyre((1.0, 0.5, 0.0), 1.0, 0.1, 0.25, 10.0)
     points = np.stack([x, y, rng.normal(size=50)], axis=1)
     np.testing.assert_allclose(field.velocity(points, t), np.stack([u, v, 0 * x], axis=1), atol=1e-14)
-
-
-def test_a_stroke_of_kneading_moves_the_crests_by_its_amount_and_no_more() -> None:
-    kneading = Kneading(scale=4.0, amount=0.8, period=3.0)
-    crest = np.array([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0], [0.3, 0.0, 0.0]])
-    moved = Streamlines(kneading, 60).displace(crest, 0.0, 1.0)
-    np.testing.assert_allclose(moved - crest, [[0.8, 0, 0], [-0.8, 0, 0], [0, 0, 0]], atol=1e-6)
-
-
-@pytest.mark.slow
-def test_kneading_draws_lines_out_by_half_as_much_again_in_every_period() -> None:
-    along = np.linspace(0, 1, 4_000)
-    line = np.stack([along, 0.3 + 0 * along, 0.2 + 0 * along], axis=1)
-    flow, lengths = Streamlines(Kneading(amount=1.6, period=3.0)), []
-    for period in range(5):
-        line = flow.displace(line, 3.0 * period, 3.0)
-        lengths.append(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
-    growth = np.array(lengths[1:]) / lengths[:-1]
-    assert growth.min() > 1.4
 
 
 def eigenvalues_at(field: Any, point: Floats, h: float = 1e-6) -> Any:

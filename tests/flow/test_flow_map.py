@@ -24,9 +24,9 @@ from flowsculpt.pipeline.flow import (
     keyed,
 )
 from flowsculpt.pipeline.flow import flow_map as module
-from flowsculpt.pipeline.flow.catalogue.attractors import Lorenz
 from flowsculpt.pipeline.flow.catalogue.basic import Enright, Expansion, Rotation
 from flowsculpt.pipeline.flow.catalogue.deformations import Shear, Stretch, Taper, Twist
+from flowsculpt.pipeline.flow.catalogue.lorenz import Lorenz
 from flowsculpt.pipeline.flow.catalogue.vortices import Vortex
 from flowsculpt.pipeline.flow.composition import RegionField
 from flowsculpt.pipeline.flow.flow_map import FlowMap, FrameStep

@@ -10,11 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from flowsculpt.pipeline.flow import EASINGS, Keyframes, keyed
-from flowsculpt.pipeline.flow.keyframes import FormulaCurve, Handle, kinks
+from flowsculpt.pipeline.flow.easings import HAND_EASES, easing, kinks
+from flowsculpt.pipeline.flow.keyframes import FormulaCurve, Handle
 from flowsculpt.pipeline.flow.parameters import number_at, vector_at
 
 smooth = sorted(set(EASINGS) - {"constant"})
 swinging = ("back", "bounce", "elastic")
+returning = (*swinging, "drop", "settle")
 FAMILIES = ["sine", "quad", "cubic", "quart", "quint", "expo", "circ", *swinging]
 
 
@@ -24,7 +26,9 @@ def test_every_easing_starts_at_one_key_and_ends_at_the_other(name: str) -> None
     assert EASINGS[name](1.0) == pytest.approx(1.0, abs=1e-12)
 
 
-@pytest.mark.parametrize("name", [name for name in smooth if not name.startswith(swinging)])
+@pytest.mark.parametrize(
+    "name", [name for name in smooth if not name.startswith((*swinging, "drop", "settle"))]
+)
 def test_every_easing_that_does_not_swing_only_rises(name: str) -> None:
     values = [EASINGS[name](i / 200) for i in range(201)]
     assert all(a <= b + 1e-15 for a, b in pairwise(values))
@@ -74,14 +78,14 @@ def test_a_constant_is_itself_at_any_time() -> None:
 def test_blenders_names_are_all_there() -> None:
     """Its interpolation modes; bezier is drawn by handles."""
     ways = {f"{family}_{way}" for family in FAMILIES for way in ("in", "out", "in_out")}
-    assert set(EASINGS) == ways | {"constant", "linear"}
+    assert set(EASINGS) == ways | {"constant", "linear", *HAND_EASES}
 
 
 @pytest.mark.parametrize("name", smooth)
 def test_only_those_said_to_overshoot_leave_the_way(name: str) -> None:
     values = [EASINGS[name](i / 1000) for i in range(1001)]
     beyond = min(values) < -1e-9 or max(values) > 1 + 1e-9
-    assert beyond == name.startswith(("back", "elastic"))
+    assert beyond == name.startswith(("back", "elastic", "settle"))
 
 
 @pytest.mark.parametrize("way", ["in", "out", "in_out"])
@@ -92,6 +96,41 @@ def test_a_bounce_touches_the_ground_at_its_kinks_and_is_smooth_between(way: str
     for a, b in pairwise(edges):  # parabolas have no third difference
         values = [ease(a + (b - a) * (0.1 + 0.2 * i)) for i in range(4)]
         assert np.diff(values, 3) == pytest.approx(0, abs=1e-12)
+
+
+@given(st.floats(0.01, 0.6))
+def test_settle_passes_its_goal_by_its_number_and_ends_at_rest(overshoot: float) -> None:
+    ease = easing(f"settle {overshoot}")
+    values = [ease(i / 2000) for i in range(2001)]
+    assert max(values) - 1 == pytest.approx(overshoot, rel=0.05)
+    peak = values.index(max(values))
+    assert 0.25 < peak / 2000 < 0.36  # the rest of the time, it swings ever less
+    assert abs(min(values[peak:]) - 1) < overshoot
+    assert abs(values[1] - values[0]) < 1e-3 and abs(values[-1] - values[-2]) < 1e-5
+
+
+@given(st.floats(0.0, 0.8))
+def test_drop_falls_by_gravity_and_each_bounce_has_less_energy(restitution: float) -> None:
+    name = f"drop {restitution}"
+    ease, touches = easing(name), [*kinks(name), 1.0]
+    fall = touches[0]
+    assert ease(0.5 * fall) == pytest.approx(0.25, abs=1e-9)  # a half of the time is a quarter of the height
+    heights = [1.0]
+    for start, end in pairwise(touches):
+        assert ease(start) == pytest.approx(1.0, abs=1e-9)
+        middle = 0.5 * (start + end)
+        heights.append(1.0 - ease(middle))
+        h = 0.1 * (end - start)  # as strong a gravity as in the fall
+        bend = (ease(middle + h) - 2 * ease(middle) + ease(middle - h)) / h**2
+        assert bend == pytest.approx(2 / fall**2, rel=1e-5)
+    assert heights == pytest.approx([restitution ** (2 * k) for k in range(len(heights))])
+
+
+@given(st.floats(0.5, 0.95))
+def test_drag_is_half_way_at_its_number_and_arrives_softly(middle: float) -> None:
+    ease = easing(f"drag {middle}")
+    assert ease(middle) == pytest.approx(0.5)
+    assert ease(0.2) < 0.11 and 1 - ease(0.9999) < 2e-5
 
 
 def bezier(*keys: tuple[float, float, Handle | None, Handle | None], after: str = "hold") -> Keyframes:

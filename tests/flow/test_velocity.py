@@ -23,30 +23,20 @@ from flowsculpt.pipeline.flow import (
     keyed,
 )
 from flowsculpt.pipeline.flow.catalogue import FLOWS
-from flowsculpt.pipeline.flow.catalogue.attractors import (
-    Aizawa,
-    Chen,
-    Chua,
-    Halvorsen,
-    Lorenz,
-    Rossler,
-    Thomas,
-)
 from flowsculpt.pipeline.flow.catalogue.basic import (
     ABC,
     DoubleGyre,
     Enright,
     Expansion,
-    Kneading,
     Rotation,
     Scaling,
     Sink,
     Source,
     Squeeze,
     Strain,
-    TaylorGreen,
     Translation,
 )
+from flowsculpt.pipeline.flow.catalogue.lorenz import Lorenz
 from flowsculpt.pipeline.flow.catalogue.vortices import SpiralVortex, Vortex, VortexPair, VortexRing
 from flowsculpt.pipeline.flow.kernels import field_kernels as fields
 from flowsculpt.pipeline.flow.kernels import instructions as op
@@ -74,24 +64,15 @@ FIELDS: dict[str, VelocityField] = {
     "source": Source(OFF, 0.6, 2.0),
     "sink": Sink(OFF, 0.6, 2.0),
     "squeeze": Squeeze(TILTED, OFF, 1.5, 0.9, 1.3),
-    "kneading": Kneading(OFF, 3.0, 0.7),
     "abc": ABC(OFF),
-    "taylor-green": TaylorGreen(OFF),
     "double gyre": DoubleGyre(OFF, 4.0, 0.6),
     "enright": Enright(OFF, 3.0, 2.0),
     "lorenz": Lorenz(OFF),
-    "rossler": Rossler(OFF),
-    "aizawa": Aizawa(OFF),
-    "thomas": Thomas(OFF),
-    "chua": Chua(OFF),
-    "halvorsen": Halvorsen(OFF),
-    "chen": Chen(OFF),
 }
 FIXED = [
     name
     for name in FIELDS
-    if name not in ("translation", "vortex pair", "vortex ring", "abc", "double gyre", "lorenz", "rossler")
-    and name not in ("aizawa", "halvorsen", "chen")
+    if name not in ("translation", "vortex pair", "vortex ring", "abc", "double gyre", "lorenz")
 ]
 """Those whose centre stays where it is."""
 

@@ -8,9 +8,9 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from flowsculpt.pipeline.flow import Flow, Sequence, Streamlines, Sum
-from flowsculpt.pipeline.flow.catalogue.attractors import Lorenz
 from flowsculpt.pipeline.flow.catalogue.basic import Enright, Expansion, Rotation
 from flowsculpt.pipeline.flow.catalogue.deformations import Bend, Twist
+from flowsculpt.pipeline.flow.catalogue.lorenz import Lorenz
 from flowsculpt.pipeline.flow.catalogue.vortices import SpiralVortex, Vortex, VortexRing
 from flowsculpt.pipeline.flow.keyframes import Keyframes, keyed
 from flowsculpt.pipeline.mesh import (

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from flowsculpt.pipeline.errors import ShotError
+from flowsculpt.pipeline.production.request.framing import BoundingSpheres, Framer
 from flowsculpt.pipeline.shot import CameraPath, read_shot
 from flowsculpt.pipeline.shot.camera_path import Lens, View
 from flowsculpt.render.scene.render_camera import Projection
@@ -193,3 +197,77 @@ def test_keys_that_are_no_times_are_told_once(tmp_path: Path) -> None:
     with pytest.raises(ShotError) as caught:
         path_of("{position: {keys: {late: [1, 2, 3], soon: [0, 0, 0]}}, target: [0, 0, 0]}")
     assert len(caught.value.messages) == 2
+
+
+def test_a_push_comes_nearer_and_is_in_its_middle_where_framing_puts_the_camera() -> None:
+    path = path_of("{move: {push: 0.2}}")
+    assert [path.at(time).dolly for time in (0.0, 1.0, 2.0)] == pytest.approx([1.1, 1.0, 0.9])
+    assert path.at(1.0) == view("{}")
+
+
+def test_moves_that_are_only_named_have_the_sizes_of_films() -> None:
+    path = path_of("{elevation: 20, move: {push: , arc: , crane: , reveal: }}")
+    start, end = path.at(0.0), path.at(2.0)
+    assert math.degrees(end.orbit - start.orbit) == pytest.approx(30)
+    assert math.degrees(end.elevation - start.elevation) == pytest.approx(12)
+    assert (start.dolly, end.dolly) == (pytest.approx(1.075 * 0.6), pytest.approx(0.925))
+
+
+@pytest.mark.parametrize("camera", ["elevation: 1, move: {crane: 40}", "elevation: 6, move: {crane: -30}"])
+def test_no_crane_leads_below_the_floor(camera: str) -> None:
+    path = path_of(f"{{{camera}}}")
+    assert min(path.at(i / 24).elevation for i in range(49)) >= math.radians(1) - 1e-12
+
+
+def test_a_move_begins_and_ends_at_its_frames_with_its_ease() -> None:
+    path = path_of("{distance: 10, move: {push: 0.4, from: 13, to: 37, ease: linear}}")
+    found = [path.at(time).distance for time in (0.0, 0.5, 1.0, 1.5, 2.0)]
+    assert found == pytest.approx([12.0, 12.0, 10.0, 8.0, 8.0])
+
+
+@given(st.integers(0, 2**31))
+def test_a_hand_sways_smoothly_and_by_no_more_than_it_says(seed: int) -> None:
+    """In hundredths of the picture's width, and from frame to frame by a small part of that."""
+    path = path_of(f"{{field_of_view: 30, move: {{handheld: 0.3, seed: {seed}}}}}")
+    still, most = view("{field_of_view: 30}"), 0.003 * math.radians(30)
+    views = [path.at(i / 24) for i in range(49)]
+    for now in ("orbit", "elevation", "roll"):
+        sway = [getattr(seen, now) - getattr(still, now) for seen in views]
+        assert max(map(abs, sway)) <= most * (1 + 1e-9)
+        assert max(abs(b - a) for a, b in itertools.pairwise(sway)) < 0.2 * most
+    assert len({seen.orbit for seen in views}) > 40
+
+
+@pytest.mark.parametrize(
+    ("camera", "message"),
+    [
+        ("{move: {}}", "nothing moves. Write push, arc, crane, reveal, track or handheld."),
+        ("{move: {push: 0.1, from: 40, to: 20}}", "ends at frame 20, and begins at 40. Write a later to."),
+        ("{position: [0, 1, 5], move: {arc: }}", "position holds the camera, so it cannot move"),
+        ("{move: {pan: 3}}", "pan"),
+        (
+            "{move: {track: [a, b]}}",
+            "camera.move.track: 'a' is not a subject. Write several subjects by name.",
+        ),
+        ("{target: [0, 1, 0], move: {track: [a, b]}}", "so it cannot track"),
+    ],
+)
+def test_a_move_that_cannot_be_is_refused(camera: str, message: str) -> None:
+    with pytest.raises(ShotError, match=re.escape(message)):
+        path_of(camera)
+
+
+def test_a_camera_that_tracks_looks_at_one_subject_after_the_other() -> None:
+    """Framing aims at their middles, wherever they are by then."""
+    way = "move: {track: [ball, block, ball], ease: linear}"
+    subjects = "subjects: {ball: {solid: icosphere}, block: {solid: box, place: [5, 0, 0]}}\n"
+    text = HEAD.replace("subject: {solid: box}\n", subjects)
+    camera = read_shot("a.yaml", f"{text}camera: {{{way}}}\n").picture.camera
+    corners = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+    spheres = BoundingSpheres.join([corners, corners + np.array([5.0, 1.0, 0.0])], ["ball", "block"])
+    views = [camera.at(i / 24) for i in range(49)]
+    targets = np.array([each.camera.target for each in Framer(views, lambda _: spheres, 16 / 9).all()])
+    assert np.abs(targets[12] - [2.5, 0.5, 0.0]).max() < 0.01  # half-way to the block
+    assert np.abs(targets[24] - [5.0, 1.0, 0.0]).max() < 1.0  # the turn is smoothed
+    assert np.abs(targets[[0, 48]]).max() < 1.0
+    assert np.linalg.norm(np.diff(targets, axis=0), axis=1).max() < 0.25

@@ -47,6 +47,12 @@ BROKEN = [
      "it must have three, along x, y and z."),
     ("1: 0, 25: 4", "25: 4, 1: 0",
      "a.yaml:8:86: key 1 comes after key 25; keys go forward in time. Sort them."),
+    ("25: 4", "25: {value: 4, ease: settle 2}",
+     "a.yaml:8:100: flows.0.sum.0.vortex.strength.keys.25.ease: 'settle 2' is not an easing; the number "
+     "after settle must be from 0.01 to 0.6. Write settle 0.15."),
+    ("25: 4", "25: {value: 4, ease: sine_in 0.3}",
+     "a.yaml:8:100: flows.0.sum.0.vortex.strength.keys.25.ease: 'sine_in 0.3' is not an easing. Did you mean "
+     "'sine_in'?"),
     ("25: 4", "soon: 4",
      "a.yaml:8:85: key 'soon' is not a time; write a frame, such as 12, or seconds, such as 0.5s"),
     ("max_edge_length: 0.25", "max_edge_length: 0.05, min_edge_length: 0.03",

@@ -4,14 +4,14 @@ Flows whose parameters are numbers stand in the tuple of their module and in FLO
 are made from their classes. The others are named in the documents of shot files.
 """
 
-from flowsculpt.pipeline.flow.catalogue import attractors, basic, deformations, vortices
+from flowsculpt.pipeline.flow.catalogue import basic, deformations, lorenz, vortices
 
 FLOWS: tuple[type, ...] = (
     *basic.LINEAR,
     *vortices.FLOWS,
     *basic.SOURCES,
     *basic.CELLULAR,
-    *attractors.FLOWS,
+    *lorenz.FLOWS,
     *deformations.FLOWS,
 )
 """The flows whose parameters are numbers only, in the order of the docs."""

@@ -219,87 +219,22 @@ def squeeze(p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
     return along * ax + across * qx, along * ay + across * qy, along * az + across * qz
 
 
-LORENZ, ROSSLER, AIZAWA, THOMAS, CHUA, HALVORSEN, CHEN = range(ATTRACTORS, ATTRACTORS + 7)
-"""Strange attractors, upright: in their own coordinates z is our y (up), and y our −z.
-
-All rows begin alike: origin 0:3, the point where the attractor's own coordinates are zero; scale 3, its units
-per unit of ours; time scale / scale 4; then its own parameters from 5 on.
-"""
-
-
-@kernel("UniTuple(f8, 3)(f8[::1], i8, f8, f8, f8)", forceinline=True)
-def to_own_axes(p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
-    """Return a point in the attractor's coordinates."""
-    scale = p[o + 3]
-    return scale * (x - p[o]), -scale * (z - p[o + 2]), scale * (y - p[o + 1])
-
-
-@kernel("UniTuple(f8, 3)(f8[::1], i8, f8, f8, f8)", forceinline=True)
-def to_scene_axes(p: Floats, o: int, u: float, v: float, w: float) -> Velocity:
-    """Return a velocity of the attractor's coordinates in those of the scene."""
-    speed = p[o + 4]
-    return speed * u, speed * w, -speed * v
+LORENZ = ATTRACTORS
 
 
 @kernel(EQUATION, forceinline=True)
 def lorenz(p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
-    """Numbers: sigma 5, rho 6, beta 7."""
-    x, y, z = to_own_axes(p, o, x, y, z)
-    return to_scene_axes(p, o, p[o + 5] * (y - x), x * (p[o + 6] - z) - y, x * y - p[o + 7] * z)
+    """Numbers: origin of its own coordinates 0:3, scale 3, time scale / scale 4, sigma 5, rho 6, beta 7.
+
+    It stands upright: in its own coordinates z is our y (up), and y our −z.
+    """
+    scale, speed = p[o + 3], p[o + 4]
+    x, y, z = scale * (x - p[o]), -scale * (z - p[o + 2]), scale * (y - p[o + 1])
+    u, v, w = p[o + 5] * (y - x), x * (p[o + 6] - z) - y, x * y - p[o + 7] * z
+    return speed * u, speed * w, -speed * v
 
 
-@kernel(EQUATION, forceinline=True)
-def rossler(p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
-    """Numbers: a 5, b 6, c 7."""
-    x, y, z = to_own_axes(p, o, x, y, z)
-    return to_scene_axes(p, o, -y - z, x + p[o + 5] * y, p[o + 6] + z * (x - p[o + 7]))
-
-
-@kernel(EQUATION, forceinline=True)
-def aizawa(p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
-    """Numbers: a 5, b 6, c 7, d 8, e 9, f 10."""
-    x, y, z = to_own_axes(p, o, x, y, z)
-    u = (z - p[o + 6]) * x - p[o + 8] * y
-    v = p[o + 8] * x + (z - p[o + 6]) * y
-    w = p[o + 7] + p[o + 5] * z - z * z * z / 3.0
-    w += p[o + 10] * z * x * x * x - (x * x + y * y) * (1.0 + p[o + 9] * z)
-    return to_scene_axes(p, o, u, v, w)
-
-
-@kernel(EQUATION, forceinline=True)
-def thomas(p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
-    """Numbers: b 5."""
-    x, y, z = to_own_axes(p, o, x, y, z)
-    b = p[o + 5]
-    return to_scene_axes(p, o, math.sin(y) - b * x, math.sin(z) - b * y, math.sin(x) - b * z)
-
-
-@kernel(EQUATION, forceinline=True)
-def chua(p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
-    """Numbers: alpha 5, beta 6, c 7."""
-    x, y, z = to_own_axes(p, o, x, y, z)
-    return to_scene_axes(p, o, p[o + 5] * (y - x * x * x - p[o + 7] * x), x - y + z, -p[o + 6] * y)
-
-
-@kernel(EQUATION, forceinline=True)
-def halvorsen(p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
-    """Numbers: a 5."""
-    x, y, z = to_own_axes(p, o, x, y, z)
-    a = p[o + 5]
-    u = -a * x - 4.0 * (y + z) - y * y
-    v = -a * y - 4.0 * (z + x) - z * z
-    return to_scene_axes(p, o, u, v, -a * z - 4.0 * (x + y) - x * x)
-
-
-@kernel(EQUATION, forceinline=True)
-def chen(p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
-    """Numbers: a 5, b 6, c 7."""
-    x, y, z = to_own_axes(p, o, x, y, z)
-    a, c = p[o + 5], p[o + 7]
-    return to_scene_axes(p, o, a * (y - x), (c - a) * x - x * z + c * y, x * y - p[o + 6] * z)
-
-
-ENRIGHT, ABC, TAYLOR_GREEN, DOUBLE_GYRE, KNEADING = range(CELLULAR, CELLULAR + 5)
+ENRIGHT, ABC, DOUBLE_GYRE = CELLULAR, CELLULAR + 1, CELLULAR + 3
 """Flows in cells that repeat: waves of velocity along one axis that vary along another."""
 
 
@@ -328,14 +263,6 @@ def abc(p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
 
 
 @kernel(EQUATION, forceinline=True)
-def taylor_green(p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
-    """Numbers: centre 0:3, wave number 3, speed 4."""
-    kx, ky, kz = p[o + 3] * (x - p[o]), p[o + 3] * (y - p[o + 1]), p[o + 3] * (z - p[o + 2])
-    speed = p[o + 4] * math.cos(kz)
-    return speed * math.sin(kx) * math.cos(ky), -speed * math.cos(kx) * math.sin(ky), 0.0
-
-
-@kernel(EQUATION, forceinline=True)
 def double_gyre(p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
     """Numbers: centre 0:3, 1 / height 3, π · speed 4, swing 5."""
     across, py, swing = p[o + 3] * (x - p[o]) + 1.0, p[o + 3] * (y - p[o + 1]) + 0.5, p[o + 5]
@@ -346,13 +273,6 @@ def double_gyre(p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
     u = -p[o + 4] * math.sin(math.pi * bent) * math.cos(math.pi * py)
     v = p[o + 4] * math.cos(math.pi * bent) * math.sin(math.pi * py) * slope
     return (-u if mirrored else u), v, 0.0
-
-
-@kernel(EQUATION, forceinline=True)
-def kneading(p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
-    """Numbers: centre 0:3, wave number 3, speeds 4:7."""
-    kx, ky, kz = p[o + 3] * (x - p[o]), p[o + 3] * (y - p[o + 1]), p[o + 3] * (z - p[o + 2])
-    return p[o + 4] * math.sin(ky), p[o + 5] * math.sin(kz), p[o + 6] * math.sin(kx)
 
 
 @kernel(FIELD)
@@ -384,28 +304,12 @@ def add_field(opcode: int, p: Floats, o: int, n: int, s: Floats, b: int) -> None
         add_each(squeeze, p, o, n, s, b)
     elif opcode == LORENZ:
         add_each(lorenz, p, o, n, s, b)
-    elif opcode == ROSSLER:
-        add_each(rossler, p, o, n, s, b)
-    elif opcode == AIZAWA:
-        add_each(aizawa, p, o, n, s, b)
-    elif opcode == THOMAS:
-        add_each(thomas, p, o, n, s, b)
-    elif opcode == CHUA:
-        add_each(chua, p, o, n, s, b)
-    elif opcode == HALVORSEN:
-        add_each(halvorsen, p, o, n, s, b)
-    elif opcode == CHEN:
-        add_each(chen, p, o, n, s, b)
     elif opcode == ENRIGHT:
         add_each(enright, p, o, n, s, b)
     elif opcode == ABC:
         add_each(abc, p, o, n, s, b)
-    elif opcode == TAYLOR_GREEN:
-        add_each(taylor_green, p, o, n, s, b)
     elif opcode == DOUBLE_GYRE:
         add_each(double_gyre, p, o, n, s, b)
-    elif opcode == KNEADING:
-        add_each(kneading, p, o, n, s, b)
 
 
 BRACKET = "void(f8[::1], i8, i8, f8[::1], i8)"

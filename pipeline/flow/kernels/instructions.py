@@ -40,8 +40,8 @@ from numba.extending import intrinsic
 from flowsculpt.pipeline.arrays import Floats, Points
 from flowsculpt.pipeline.kernels import higher_kernel, kernel
 
-COLUMNS = 12
-"""Numbers in a row: as many as the widest row, a transform, needs."""
+COLUMNS = 13
+"""Numbers in a row: an external function has its address, the time and eleven of its own."""
 
 OPEN = 1  # no numbers
 PLACE = 2  # centre 0:3, matrix 3:12 row by row: inside, points are matrix · (point − centre)
@@ -55,13 +55,16 @@ CLOSE_MESH = 10  # a closed surface: position of its origin 0:3, scale 3, addres
 # all regions: falloff 6, factor inside 7, factor outside 8, type of the falloff 9 (see `regions`)
 UNPLACE = 11  # -, matrix 3:12: outside, velocities are matrix · velocity
 
-EXTERNAL = 12  # address of a compiled function 0, time 1, its own numbers 2:12 (see `call_external`)
+EXTERNAL = 12  # address of a compiled function 0, time 1, its own numbers 2:13 (see `call_external`)
 
 LINEAR, VORTICES, EXPANSION, ATTRACTORS, CELLULAR = 16, 32, 48, 64, 80
 """The first opcode of each family, whose kernels number its fields from there."""
 
 DEFORMATIONS = 96
 """The first opcode of the deformations, which move points and have no velocity: see `deformation_kernels`."""
+
+MAP = 127
+"""An external function whose results are displacements; its row is that of EXTERNAL."""
 
 
 BLOCK = 256

@@ -30,10 +30,12 @@ from flowsculpt.pipeline.flow.kernels.instructions import (
     COLUMNS,
     DEFORMATIONS,
     LEVEL,
+    MAP,
     U,
     X,
     Y,
     Z,
+    call_external,
     clear_velocities,
     load,
     store,
@@ -283,7 +285,12 @@ def _advect_block(
     else:
         for step in range(len(spans)):
             kind = opcodes[steps[step, 0]] if steps[step, 0] < steps[step, 1] else 0
-            if kind >= DEFORMATIONS:
+            if kind == MAP:
+                s[SLOPE:STAGE] = 0.0
+                call_external(tables, steps[step, 2], n, s, POSITION)
+                for i in range(3 * BLOCK):
+                    s[POSITION + i] += s[SLOPE + i]
+            elif kind >= DEFORMATIONS:
                 deform(kind, tables, steps[step, 2], n, s, POSITION)
             else:
                 _step(opcodes, steps, tables, step, spans, n, s)

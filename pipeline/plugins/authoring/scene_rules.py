@@ -66,6 +66,9 @@ MOST_MEASURED = 500
 LOOP_GAP, LOOP_SAMPLE = 0.01, 1000
 """Distance, over the subject's size, from which on a loop jumps; and points that are followed, at most."""
 
+FLOOR_SAMPLE, FLOOR_MOVES = 300, 20.0
+"""Points that are followed, and thousandths of the subject's height by which a floor is seen to move."""
+
 LONG, SAMPLE = 1e8, 256
 """Vertices × sub-steps from which on a frame may be slow, and vertices that are moved to find out."""
 
@@ -249,6 +252,7 @@ def findings(shot: Shot, first: FirstFrame) -> list[Finding]:
         _coordinates,
         takes_long,
         stretches,
+        _stage_floor,
     )
     found = [finding for rule in rules for finding in rule(shot, first)]
     if not any(finding.where[0] == "flows" for finding in found):  # their remedies change the growth
@@ -339,6 +343,30 @@ def _sharpness(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
         f"at f/{stop:g} {'nothing' if sharp < 0.005 else f'{sharp:.0%}'} of the side of the subject that "
         f"faces the lens is sharp on frame {number}. Write {remedy}.",
     )
+
+
+def _stage_floor(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
+    """Check that the stage's floor stands still where a flow has a floor: only then things fall on it."""
+    camera, motion = shot.picture.camera, shot.motion
+    has_floor = any("floor" in flow.facts(0.0) for flow in motion.flow.members)
+    if not has_floor or camera.follow == 0.0 or not len(first.points):
+        return
+    order = np.argsort(first.points[:, 1])
+    points = first.points[order[:: -(-len(order) // FLOOR_SAMPLE)]].astype(np.float64)
+    sets, height = [points], float(np.ptp(points[:, 1])) or 1.0
+    for number in list(shot.frames)[1:]:
+        sets.append(motion.step_into(motion.flow, number).apply(sets[-1]))
+    views = [camera.at(motion.clock.time(number)) for number in shot.frames]
+    aspect = shot.picture.qualities["draft"].aspect
+    framings = Framer(views, lambda i: sets[i], aspect, camera.follow).all()
+    floors = [framing.placement.origin[1] for framing in framings]
+    moved = 1000.0 * (max(floors) - min(floors)) / height
+    if moved > FLOOR_MOVES:
+        yield Finding(
+            ("camera", "follow"),
+            f"the stage's floor follows the subject's lowest point: it moves by {moved:.0f} thousandths of "
+            "the subject's height, so nothing is seen to fall or land. Write follow: 0.",
+        )
 
 
 def loop_report(shot: Shot, first: FirstFrame) -> tuple[str, list[Finding]]:

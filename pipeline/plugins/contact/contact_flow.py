@@ -15,6 +15,9 @@ from flowsculpt.pipeline.plugins.contact import PLUGIN
 from flowsculpt.pipeline.plugins.contact.earlier_motion import EarlierMotion
 from flowsculpt.pipeline.plugins.contact.squash import Squash
 
+FLOATING = 5.0
+"""Thousandths of a subject's height above the floor from which on it is seen to float."""
+
 
 @dataclass(frozen=True)
 class Contact(Flow):
@@ -22,11 +25,15 @@ class Contact(Flow):
 
     The flows before it act on the subject as it would be without a floor: each step undoes the squash, moves
     the points, and squashes them again. So nothing accumulates, and a subject that rises is as it was.
+
+    floor  its height; None is that of the subject's lowest point at the start
+    times  those of all frames, seconds, for `findings`
     """
 
-    floor: Annotated[Number, ParameterDoc("its height", "units")] = 0.0
+    floor: Number | None = None
     softness: Annotated[PositiveNumber, ParameterDoc("height of the zone that gives way", "units")] = 1.0
     keep_volume: Annotated[bool, ParameterDoc("false keeps the width instead")] = True
+    times: tuple[float, ...] = field(default=(), compare=False, repr=False)
 
     def displace(self, points: Floats, time: float, dt: float) -> Floats:
         """Refuse to move points of which no subject is known."""
@@ -36,9 +43,10 @@ class Contact(Flow):
         ends = [self.numbers(t) for t in (time, time + dt)]
         return {"plugin": [PLUGIN.name, PLUGIN.version], "keep_volume": self.keep_volume, "ends": ends}
 
-    def numbers(self, time: float) -> list[float]:
-        """Return the height of the floor and the softness."""
-        return [float(number_at(self.floor, time)), float(number_at(self.softness, time))]
+    def numbers(self, time: float) -> list[float | None]:
+        """Return the height of the floor, None for the lowest point at the start, and the softness."""
+        floor = None if self.floor is None else float(number_at(self.floor, time))
+        return [floor, float(number_at(self.softness, time))]
 
     def of_subject(self, subject: Any, place: tuple[float, float, float], before: Sequence[Flow]) -> Flow:
         """Return the flow with the flows before it. Raises UsageError for a subject that a file moves."""
@@ -105,7 +113,7 @@ class OnFloor(Flow):
         return self.squashes[time]
 
     def _squash(self, time: float) -> Squash:
-        floor, softness = self.contact.numbers(time)
+        floor, softness = self.floor(time), float(number_at(self.contact.softness, time))
         if not softness > 0:
             raise FrameError(f"softness is {softness:g}; it must be above 0. Correct its keys.")
         self._require_above()
@@ -113,12 +121,35 @@ class OnFloor(Flow):
         spreads = self.contact.keep_volume
         return Squash.of(floor, softness, self.earlier.margin, lowest, axis, spreads)
 
+    def floor(self, time: float) -> float:
+        """Return the height of the floor, units."""
+        floor = self.contact.numbers(time)[0]
+        return self.earlier.extent(0.0).lowest if floor is None else floor
+
     def findings(self) -> Iterator[tuple[str, bool]]:
+        """Yield how far the subject rises above the floor and is pressed; warn where it never touches it."""
         yield from super().findings()
         self._require_above()
+        gaps = [self.earlier.extent(time).lowest - self.floor(time) for time in self.contact.times]
+        if not gaps:
+            return
+        height = self.earlier.height
+        least, most = (1000.0 * gap / height for gap in (min(gaps), max(gaps)))
+        yield (
+            f"contact: the lowest point rises up to {max(most, 0.0):.0f} thousandths of the subject's height "
+            f"above the floor, and is pressed by up to {max(-least, 0.0):.0f}",
+            False,
+        )
+        if least > FLOATING:
+            floor = self.floor(0.0) + min(gaps)
+            yield (
+                f"the subject floats: it is {least:.0f} thousandths of its height or more above the floor of "
+                f"contact in all frames. Write floor: {floor:.4g}, or floor: true.",
+                True,
+            )
 
     def _require_above(self) -> None:
-        floor, lowest = self.contact.numbers(0.0)[0], self.earlier.extent(0.0).lowest
+        floor, lowest = self.floor(0.0), self.earlier.extent(0.0).lowest
         if lowest < floor - 1e-9 * self.earlier.margin:
             raise FrameError(
                 f"the subject begins with its lowest point at {lowest:.4g}, below the floor at {floor:.4g}. "
@@ -126,7 +157,8 @@ class OnFloor(Flow):
             )
 
     def facts(self, time: float) -> Mapping[str, Any]:
-        return {name: fact for flow in self.flows for name, fact in flow.facts(time).items()}
+        facts = {name: fact for flow in self.flows for name, fact in flow.facts(time).items()}
+        return {**facts, "floor": self.floor(time)}
 
     @property
     def rest_interval(self) -> int | None:
@@ -148,7 +180,7 @@ class Squashing(Flow):
     name: ClassVar[str] = "contact"
 
     def displace(self, points: Floats, time: float, dt: float) -> Floats:
-        squash = self.whole.squash(time if self.undoes else time + dt)
+        squash = self._squash(time, dt)
         if not self.undoes:
             return squash.apply(points)
         moved = squash.undo(points)
@@ -160,6 +192,14 @@ class Squashing(Flow):
                 f"{squash.base + squash.margin:.4g}. Make contact the last entry of flows."
             )
         return moved
+
+    def kernel_row(self, time: float, dt: float) -> Any:
+        from flowsculpt.pipeline.plugins.contact.squash_kernels import squash
+
+        return squash, self._squash(time, dt).numbers(self.undoes)
+
+    def _squash(self, time: float, dt: float) -> Squash:
+        return self.whole.squash(time if self.undoes else time + dt)
 
     def cache_data(self, time: float, dt: float) -> Any:
         return {"undoes": self.undoes, **self.whole.contact.cache_data(time, dt)}

@@ -45,7 +45,7 @@ class EarlierMotion:
     flow: Flow
     states: dict[int, Floats] = field(default_factory=dict)
     extents: dict[float, Extent] = field(default_factory=dict)
-    margins: list[float] = field(default_factory=list)
+    heights: list[float] = field(default_factory=list)
 
     def extent(self, time: float) -> Extent:
         """Return the extent at a time in seconds."""
@@ -59,10 +59,15 @@ class EarlierMotion:
     @property
     def margin(self) -> float:
         """MARGIN in units."""
-        if not self.margins:
+        return MARGIN * self.height
+
+    @property
+    def height(self) -> float:
+        """The subject's height at rest, units."""
+        if not self.heights:
             size = np.ptp(self._state(0), axis=0)
-            self.margins.append(MARGIN * float(size[1] or size.max() or 1.0))
-        return self.margins[0]
+            self.heights.append(float(size[1] or size.max() or 1.0))
+        return self.heights[0]
 
     def cache_data(self, time: float, dt: float) -> list[Any]:
         """Return what decides the motion from one time to another, JSON-able."""

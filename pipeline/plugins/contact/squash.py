@@ -58,6 +58,10 @@ class Squash(NamedTuple):
         bend = math.sqrt((span / softness) ** 2 - 1.0) / span
         return cls(floor + softness, floor - margin, margin, span, bend, axis, spreads)
 
+    def numbers(self, undoes: bool) -> tuple[float, ...]:
+        """Return the numbers of the compiled function `squash`, for the map or for its inverse."""
+        return (*self[:5], *self.axis, float(self.spreads), float(undoes))
+
     def apply(self, points: Floats) -> Floats:
         """Return points (N, 3) after the map: a new array."""
         return self._moved(points, undoes=False)
@@ -70,8 +74,7 @@ class Squash(NamedTuple):
         # imported here, as shots are read without numba
         from flowsculpt.pipeline.plugins.contact.squash_kernels import squash
 
-        points = np.ascontiguousarray(points, np.float64)
-        moved = np.empty_like(points)
-        numbers = np.array([*self[:5], *self.axis], np.float64)
-        squash(points, moved, numbers, self.spreads, undoes)
-        return moved
+        rows = np.ascontiguousarray(points.T, np.float64)
+        moves = np.zeros_like(rows)
+        squash(np.array(self.numbers(undoes)), rows, 0.0, moves)
+        return np.ascontiguousarray((rows + moves).T)

@@ -105,6 +105,7 @@ def _seen_whole(shot: Shot, time: float) -> Shot:
         distance=None,
         target=None,
         position=None,
+        move=None,
         aperture=None,
         aspect=1.0,  # the field of view is that across
     )

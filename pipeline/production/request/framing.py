@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 import numpy as np
 
 from flowsculpt.pipeline.arrays import AnyArray, Floats
+from flowsculpt.pipeline.shot.camera_path import Between
 from flowsculpt.render.scene.render_camera import Camera, WideCamera
 from flowsculpt.render.scene.scene_stage import Stage, StagePlacement
 
@@ -65,6 +66,16 @@ class BoundingSpheres(NamedTuple):
 
 Extent = AnyArray | BoundingSpheres
 """Points (N, 3) of any float type, or spheres; a picture must show them all."""
+
+
+def place_between(points: Extent, place: Between) -> Floats:
+    """Return a place (3,) between the middles of two subjects; of all where they have no names."""
+    spheres = (
+        points if isinstance(points, BoundingSpheres) else BoundingSpheres(points, np.zeros(len(points)))
+    )
+    named = (spheres.of(name).points for name in (place.subject, place.other))
+    first, second = (0.5 * (part.min(axis=0) + part.max(axis=0)) for part in named)
+    return np.asarray(first + place.share * (second - first), np.float64)
 
 
 def rotate_y(
@@ -296,7 +307,8 @@ class Framer:
         self._landscapes = [landscape(view, aspect) for view in views]
         self._half_widths = np.array([np.tan(view.field_of_view / 2) for view in self._landscapes])
         self._boxes, self._centres, self._floors = np.zeros((many, 3)), np.zeros((many, 3)), np.zeros(many)
-        self._middles, self._aims, self._sides = (np.zeros((many, 3, *more)) for more in ((), (), (3,)))
+        self._middles, self._aims, self._goals = (np.zeros((many, 3)) for _ in range(3))
+        self._sides = np.zeros((many, 3, 3))
         self._reach, self._around, self._fronts = np.zeros(many), np.zeros(many), np.zeros(many)
         self._surveyed = self._aimed = self._given = 0
 
@@ -326,6 +338,8 @@ class Framer:
             points, view = self._points_of(i), self._views[i]
             self._boxes[i], self._floors[i] = bounds(points, view)
             self._centres[i] = picture_centre(points, self._boxes[i], view, self._aspect)
+            if isinstance(view.target, Between):
+                self._goals[i] = place_between(points, view.target)
         self._surveyed = come
 
     def _aim(self, last: int) -> None:
@@ -333,10 +347,11 @@ class Framer:
         first = self._aimed
         last = self._aimed = max(first, last)
         self._middles[first:last] = self._calm_part(self._boxes, first, last)
-        centres = self._calm_part(self._centres, first, last)
+        centres, goals = (self._calm_part(track, first, last) for track in (self._centres, self._goals))
         for i in range(first, last):
             view, centre, points = self._views[i], centres[i - first], self._points_of(i)
-            aim = self._aims[i] = centre if view.target is None else np.array(view.target)
+            given = goals[i - first] if isinstance(view.target, Between) else view.target
+            aim = self._aims[i] = centre if given is None else np.array(given)
             side = self._sides[i] = axes_of(view, aim)
             self._reach[i] = self._around[i] = fitting_distance(points, aim, side, view, self._aspect)
             if view.blur is not None and isinstance(view.blur.focus, str):

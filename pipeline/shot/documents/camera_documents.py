@@ -1,18 +1,20 @@
 """The entries `camera` and `shutter` of a shot file. Angles are degrees there, lenses in millimetres."""
 
 import math
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
+from flowsculpt.pipeline.flow.keyframes import keyed
 from flowsculpt.pipeline.flow.parameters import Number, VectorParameter, vector_at
-from flowsculpt.pipeline.shot.camera_path import EYE_DISTANCE, FULL_FRAME, CameraPath, Shutter
+from flowsculpt.pipeline.shot.camera_path import EYE_DISTANCE, FULL_FRAME, CameraMove, CameraPath, Shutter
 from flowsculpt.pipeline.shot.documents.curves import (
     ABOVE_0,
     ANYWHERE,
     CURVE,
     CURVE_FORM,
     Bounds,
+    Ease,
     FromSound,
     FromSoundTriple,
     KeyDocument,
@@ -33,6 +35,7 @@ from flowsculpt.pipeline.shot.documents.field_types import (
     ByForm,
     Document,
     Positive,
+    Real,
     Triple,
     ZeroToOne,
     is_number,
@@ -104,6 +107,72 @@ FocusField = Annotated[
 ]
 
 
+MOVES = {"push": 0.15, "arc": 30.0, "crane": 12.0, "reveal": 0.4, "handheld": 0.25}
+"""Moves of a camera, and how far each goes where a shot only names it."""
+
+
+class CameraMoveDocument(Document):
+    """Moves of the camera, made together. `{push: , arc: 40}`: a name alone takes its default."""
+
+    example = "{push: 0.15}"
+
+    push: Annotated[float, Field(gt=-1, lt=1)] | None = optional(
+        "share of the distance by which it comes nearer, 0.15 by default; negative goes away"
+    )
+    arc: Annotated[float, Field(ge=-360, le=360)] | None = optional(
+        "goes around the set, by 30 by default; positive to the right (degrees)"
+    )
+    crane: Annotated[float, Field(ge=-90, le=90)] | None = optional("rises, by 12 by default (degrees)")
+    reveal: Annotated[float, Field(gt=0, lt=1)] | None = optional(
+        "begins nearer by this share of the distance, 0.4 by default, and shows the whole at the end"
+    )
+    track: Annotated[list[str], Field(min_length=2, max_length=9)] | None = optional(
+        "names of subjects at which it looks, one after another"
+    )
+    handheld: Annotated[float, Field(ge=0, le=2)] | None = optional(
+        "greatest sway, 0.25 by default (% of the picture's width)"
+    )
+    seed: Annotated[int, Field(ge=0, le=2**31)] = Field(0, description="another one sways differently")
+    ease: Ease = Field("sine_in_out", description="from its beginning to its end")
+    begin: Real | None = optional("frame in which it begins; by default the first", alias="from")
+    end: Real | None = optional("frame in which it ends; by default the last", alias="to")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _by_default(cls, value: Any) -> Any:
+        """Give moves that are only named their defaults."""
+        if not isinstance(value, dict):
+            return value
+        return {name: MOVES.get(name) if each is None else each for name, each in value.items()}
+
+    @model_validator(mode="after")
+    def _moves_forwards(self, info: ValidationInfo) -> Self:
+        """Check that something moves, and that it ends after it begins."""
+        if self.track is None and all(getattr(self, name) is None for name in MOVES):
+            raise ValueError("nothing moves. Write push, arc, crane, reveal, track or handheld.")
+        clock: Clock | None = (info.context or {}).get("clock")
+        if clock is not None:
+            begin, end = self._frames(clock)
+            if not begin < end:
+                raise ValueError(
+                    f"the move ends at frame {end:g}, and begins at {begin:g}. Write a later to."
+                )
+        return self
+
+    def _frames(self, clock: Clock) -> tuple[float, float]:
+        frames = clock.frames
+        begin, end = self.begin, self.end
+        return frames.first if begin is None else begin, frames.last if end is None else end
+
+    def build(self, clock: Clock) -> CameraMove:
+        times = tuple(clock.time(frame) for frame in self._frames(clock))
+        units = {"arc": DEGREE, "crane": DEGREE, "handheld": 0.01}
+        given = {name: getattr(self, name) for name in MOVES if getattr(self, name) is not None}
+        amounts = {name: float(value) * units.get(name, 1.0) for name, value in given.items()}
+        track = tuple(self.track or ())
+        return CameraMove(keyed(times, (0.0, 1.0), self.ease), track=track, seed=self.seed, **amounts)
+
+
 class CameraDocument(Document):
     """The camera. An empty value counts as left out, so that a shot can undo a value that it inherits."""
 
@@ -146,6 +215,7 @@ class CameraDocument(Document):
         "what the camera looks at, in place of the sculpture's middle (units)"
     )
     position: PlaceField | None = optional("of the camera, in place of all that framing finds (units)")
+    move: CameraMoveDocument | None = optional("a move of the camera around what framing finds")
     roll: NumberField = Field(
         default=0.0, description="about the lens, clockwise as the camera looks (degrees)"
     )
@@ -159,6 +229,16 @@ class CameraDocument(Document):
     unit: Positive | None = optional(
         "length of a scene unit; by default a sculpture is about 200 mm large, in vr180 2 m (mm)"
     )
+
+    @field_validator("move")
+    @classmethod
+    def _is_framed(cls, move: Any, info: ValidationInfo) -> Any:
+        """Check that no position holds the camera."""
+        if move is not None and info.data.get("position") is not None:
+            raise ValueError("position holds the camera, so it cannot move. Leave one of them out.")
+        if move is not None and move.track is not None and info.data.get("target") is not None:
+            raise ValueError("target is what the camera looks at, so it cannot track. Leave one of them out.")
+        return move
 
     @field_validator("position")
     @classmethod
@@ -202,6 +282,7 @@ class CameraDocument(Document):
             aperture=_number(self.aperture, clock),
             focus=_focus(self.focus, clock),
             unit=None if self.unit is None else float(self.unit),
+            move=None if self.move is None else self.move.build(clock),
         )
 
     def _given(self, name: str, default: float) -> Any:

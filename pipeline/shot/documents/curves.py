@@ -9,6 +9,7 @@ from typing import Annotated, Any, Generic, NamedTuple, Self, TypeVar, cast, get
 from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr, ValidationInfo, model_validator
 
 from flowsculpt.pipeline.errors import UsageError, quote
+from flowsculpt.pipeline.flow.easings import HAND_EASES
 from flowsculpt.pipeline.flow.keyframes import (
     BEZIER,
     Envelope,
@@ -181,7 +182,28 @@ class FromSoundTriple(_FollowsSound):
 MOST_SAMPLES = 4000
 """Most times at which a curve is checked while the shot is read."""
 
-Ease = Annotated[str, one_of(Keyframes.EASE_NAMES, "easing")]
+_EASE_NAME = one_of(Keyframes.EASE_NAMES, "easing")
+
+
+def _check_ease(text: str) -> str:
+    """Check the name of an easing; those of heavy things may have their number after it: `settle 0.3`."""
+    name, _, number = text.partition(" ")
+    if not number or name not in HAND_EASES:
+        return _EASE_NAME.func(text)  # type: ignore[call-arg]  # it takes no more
+    _, default, least, most = HAND_EASES[name]
+    if not re.fullmatch(r"\d+(\.\d+)?", number) or not least <= float(number) <= most:
+        rule = f"the number after {name} must be from {least:g} to {most:g}"
+        raise ValueError(f"{quote(text)} is not an easing; {rule}. Write {name} {default:g}.")
+    return f"{name} {float(number):g}"
+
+
+Ease = Annotated[
+    str,
+    AfterValidator(_check_ease),
+    SchemaKeywords(
+        anyOf=[{"enum": list(Keyframes.EASE_NAMES)}, {"pattern": f"^({'|'.join(HAND_EASES)}) [0-9.]+$"}]
+    ),
+]
 ExtrapolationName = Annotated[str, one_of(get_args(Extrapolation), "extrapolation")]
 
 

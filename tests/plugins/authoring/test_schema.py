@@ -111,6 +111,7 @@ SAME = [
     ("max_edge_length: 0.25", "max_edge_length: {formula: 0.2 + 0.01 * abs(x)}, creases: {formula: x > 0}"),
     ("max_edge_length: 0.25", "max_edge_length: 0.25, min_edge_length: 0, creases: none"),
     ("25: 4", "25: {value: 4, ease: bounce_out}"),
+    ("25: 4", "25: {value: 4, ease: settle 0.3}"),
     ("25: 4", "25: {value: 4, right: [6, 0.5]}, 49: {value: 0, left: [-0.5s, 1]}"),
     ("1: 0, 25: 4", "1: 0, .5: 1, 12.5: 2, 0.75s: 3, 49: 4".replace(".5: 1, ", "")),
     ("{keys: {1: 0, 25: 4}}", "{formula: 4 * sin(t)}"),

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from flowsculpt.pipeline.animation import MeshFrame, animate, descent, mesh_at_subframe
 from flowsculpt.pipeline.errors import UsageError
 from flowsculpt.pipeline.flow import Flow, Sequence, Streamlines, keyed
-from flowsculpt.pipeline.flow.catalogue.attractors import Lorenz
 from flowsculpt.pipeline.flow.catalogue.deformations import Twist
+from flowsculpt.pipeline.flow.catalogue.lorenz import Lorenz
 from flowsculpt.pipeline.frames import FrameRange, FrameRate
 from flowsculpt.pipeline.mesh.control_net import Lattice, bspline_surface
 from flowsculpt.pipeline.plugins.points.clouds import CloudInSolid

@@ -99,7 +99,7 @@ def some_edit(chance: random.Random, values: list[dict[str, Any]], last: int) ->
                 return ValueEdit("remove", (*keys, key["time"]))
             case "ease":
                 return ValueEdit(
-                    "set", (*where, "ease"), chance.choice(("linear", "sine_in_out", "bounce_out"))
+                    "set", (*where, "ease"), chance.choice(("linear", "settle 0.3", "bounce_out"))
                 )
             case "handle":
                 return ValueEdit(

@@ -84,7 +84,8 @@ class CurveRow {
     const { key } = this, { where, curve } = this.value, { shot } = this.page;
     const part = this.label.appendChild(make("div", "settings"));
     const list = (words, names, value, set) => {
-      const options = names.map((name) => [name, name.replaceAll("_", " ")]);
+      const shown = names.includes(value) ? names : [value, ...names]; // an easing with a number, such as settle 0.3
+      const options = shown.map((name) => [name, name.replaceAll("_", " ")]);
       const select = listOf(`${this.title}: ${words}`, options, set, { value, data: { focus: `${this.name} ${words}` } });
       part.append(make("span", {}, words), select);
     };
@@ -98,7 +99,7 @@ class CurveRow {
   }
 }
 
-const EASES = ["constant", "linear", "bezier", ...["sine", "quad", "cubic", "quart", "quint", "expo", "circ", "back", "bounce", "elastic"].flatMap((name) => [`${name}_in`, `${name}_out`, `${name}_in_out`])];
+const EASES = ["constant", "linear", "bezier", "settle", "drop", "drag", ...["sine", "quad", "cubic", "quart", "quint", "expo", "circ", "back", "bounce", "elastic"].flatMap((name) => [`${name}_in`, `${name}_out`, `${name}_in_out`])];
 const BEYOND = ["hold", "loop", "ping_pong", "offset", "continue"];
 
 class CurvePlot {

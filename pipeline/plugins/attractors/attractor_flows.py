@@ -1,4 +1,4 @@
-"""Strange attractors: every point follows a system of three differential equations."""
+"""Strange attractors besides Lorenz's: every point follows a system of three differential equations."""
 
 from __future__ import annotations
 
@@ -6,27 +6,29 @@ import math
 from abc import abstractmethod
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
-from flowsculpt.pipeline.flow.kernels import field_kernels as kernels
-from flowsculpt.pipeline.flow.parameters import (
-    ORIGIN,
+from flowsculpt.api.flows import (
+    ExternalField,
     Number,
     ParameterDoc,
     PositiveNumber,
-    Vector,
     VectorParameter,
     number_at,
     vector_at,
 )
-from flowsculpt.pipeline.flow.velocity import BasicField
+from flowsculpt.pipeline.plugins.attractors import attractor_kernels as kernels
+
+Vector = tuple[float, float, float]
+
+ORIGIN: Vector = (0.0, 0.0, 0.0)
 
 _SCALE = ParameterDoc("of its units in one of the scene's")
 _TIME_SCALE = ParameterDoc("of its time units in a second")
 
 
 @dataclass(frozen=True)
-class Attractor(BasicField):
+class Attractor(ExternalField):
     """The base of all attractors. An attractor stands upright: its z is our y, its y our −z.
 
     The fields that a subclass adds are the parameters of its equations, in the kernel's order.
@@ -36,6 +38,7 @@ class Attractor(BasicField):
     along each axis, a little further than the attractor extends.
     """
 
+    gains_from_order: ClassVar[bool] = False
     reach: ClassVar[float] = math.inf
 
     centre: Annotated[VectorParameter, ParameterDoc("of the attractor", "units")] = ORIGIN
@@ -59,12 +62,16 @@ class Attractor(BasicField):
         """The names of the parameters that a subclass adds."""
         return [field.name for field in fields(self) if field.name not in Attractor.__dataclass_fields__]
 
-    def row(self, time: float) -> tuple[float, ...]:
+    def numbers(self, time: float) -> tuple[float, ...]:
         parameters = self._parameters(time)
         (cx, cy, cz), (x, y, z) = vector_at(self.centre, time), self._middle(parameters)
         scale = number_at(self.scale, time)
         origin = cx - x / scale, cy - z / scale, cz + y / scale
         return (*origin, scale, number_at(self.time_scale, time) / scale, *parameters)
+
+    def cache_data(self, time: float) -> Any:
+        """Return what decides its velocities: none depends on the time itself."""
+        return list(self.numbers(time))
 
     def gradient_bound(self, time: float) -> float:
         return abs(number_at(self.time_scale, time)) * self._gradient(self._parameters(time))
@@ -72,40 +79,6 @@ class Attractor(BasicField):
     def length_scale(self, time: float) -> float:
         """Return half the `reach`: over it the gradient, linear in the position or about so, changes."""
         return 0.5 * self.reach / number_at(self.scale, time)
-
-
-@dataclass(frozen=True)
-class Lorenz(Attractor):
-    """The butterfly of 1963: two eyes between which points change unpredictably.
-
-        x' = σ (y − x)    y' = x (ρ − z) − y    z' = x y − β z
-
-    (0, 0, ρ − 1), the height of its two eyes, is at `centre`. It is about 40 of its units wide and 50 high,
-    so a scale of 20 makes it fit a subject of half-size 1. One turn about an eye takes about 0.7 of its time.
-    The divergence is −(σ + 1 + β) × time_scale: everything is drawn to a thin sheet within a fraction of its
-    time unit, so a sculpture wants a small time scale.
-
-    Source: Lorenz, *Deterministic Nonperiodic Flow*, J. Atmos. Sci. 20 (1963). P3, P33.
-    """
-
-    opcode: ClassVar[int] = kernels.LORENZ
-    reach: ClassVar[float] = 27.0
-
-    sigma: Annotated[Number, ParameterDoc("σ")] = 10.0
-    rho: Annotated[Number, ParameterDoc("ρ")] = 28.0
-    beta: Annotated[Number, ParameterDoc("β")] = 8.0 / 3.0
-    scale: Annotated[PositiveNumber, _SCALE] = 20.0
-    time_scale: Annotated[Number, _TIME_SCALE] = 0.1
-
-    def _middle(self, parameters: tuple[float, ...]) -> Vector:
-        _, rho, _ = parameters
-        return 0.0, 0.0, rho - 1.0
-
-    def _gradient(self, parameters: tuple[float, ...]) -> float:
-        """Bound the gradient by its Frobenius norm (ρ − z is 1 in the middle), at least as for |x| < 20."""
-        sigma, rho, beta = parameters
-        bound = math.hypot(math.sqrt(2.0) * sigma, 1.0 + self.reach, 1.0, math.sqrt(3.0) * self.reach, beta)
-        return max(bound, abs(sigma) + abs(rho) + 20.0)
 
 
 @dataclass(frozen=True)
@@ -119,7 +92,7 @@ class Rossler(Attractor):
     Source: Rössler, *An Equation for Continuous Chaos*, Physics Letters A 57 (1976).
     """
 
-    opcode: ClassVar[int] = kernels.ROSSLER
+    block = kernels.rossler
     reach: ClassVar[float] = 23.0
 
     a: Annotated[Number, ParameterDoc("a")] = 0.2
@@ -146,7 +119,7 @@ class Aizawa(Attractor):
     Bifurcation Problems* (1984), whose system it is; named after Aizawa since.
     """
 
-    opcode: ClassVar[int] = kernels.AIZAWA
+    block = kernels.aizawa
     reach: ClassVar[float] = 1.7
 
     a: Annotated[Number, ParameterDoc("a")] = 0.95
@@ -185,7 +158,7 @@ class Thomas(Attractor):
     (1999).
     """
 
-    opcode: ClassVar[int] = kernels.THOMAS
+    block = kernels.thomas
 
     b: Annotated[Number, ParameterDoc("b: damping")] = 0.208186
     scale: Annotated[PositiveNumber, _SCALE] = 4.0
@@ -211,7 +184,7 @@ class Chua(Attractor):
     Systems I 41 (1994).
     """
 
-    opcode: ClassVar[int] = kernels.CHUA
+    block = kernels.chua
     reach: ClassVar[float] = 1.0
 
     alpha: Annotated[Number, ParameterDoc("α")] = 10.0
@@ -239,7 +212,7 @@ class Halvorsen(Attractor):
     Source: Sprott, *Chaos and Time-Series Analysis* (2003), appendix A.5, who names it after Halvorsen.
     """
 
-    opcode: ClassVar[int] = kernels.HALVORSEN
+    block = kernels.halvorsen
     reach: ClassVar[float] = 11.0
 
     a: Annotated[Number, ParameterDoc("a: damping")] = 1.4
@@ -267,7 +240,7 @@ class Chen(Attractor):
     Source: Chen & Ueta, *Yet Another Chaotic Attractor*, Int. J. Bifurcation and Chaos 9 (1999).
     """
 
-    opcode: ClassVar[int] = kernels.CHEN
+    block = kernels.chen
     reach: ClassVar[float] = 27.0
 
     a: Annotated[Number, ParameterDoc("a")] = 35.0
@@ -285,6 +258,3 @@ class Chen(Attractor):
         a, b, c = parameters
         reach = self.reach
         return math.hypot(math.sqrt(2.0) * a, abs(c) + reach, c, math.sqrt(3.0) * reach, b)
-
-
-FLOWS: tuple[type, ...] = (Lorenz, Rossler, Aizawa, Thomas, Chua, Halvorsen, Chen)

@@ -1,0 +1,9 @@
+"""The flow `move`: carries a subject along keys, its far parts later than the near ones."""
+
+from flowsculpt.api import Plugin
+
+PLUGIN = Plugin(
+    name="moves",
+    version="1",
+    flows={"move": "flowsculpt.pipeline.plugins.moves.move_document:MoveDocument"},
+)

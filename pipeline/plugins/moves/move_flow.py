@@ -1,0 +1,205 @@
+"""The flow `move`, which carries a subject along a keyed way, its far parts later than the near ones."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Any, ClassVar
+
+import numpy as np
+
+from flowsculpt import Flow, FrameError, UsageError
+from flowsculpt.api.flows import Number, ParameterDoc, VectorParameter, number_at, vector_at
+from flowsculpt.api.meshes import Floats
+from flowsculpt.pipeline.plugins.moves import PLUGIN
+
+Vector = tuple[float, float, float]
+
+RATE = 480.0
+"""Samples of a motion in a second, where parts are late; between them it is smooth."""
+
+ROUND = 0.05
+"""Width of the place that is not late, over the reach: there the delay is round, not a cone."""
+
+FASTEST = 0.95
+"""The largest difference of delay by which a motion may differ in as much time: at 1 parts would meet."""
+
+
+@dataclass(frozen=True)
+class Move(Flow):
+    """Carries the subject along a way and turns it, its far parts later: they drag, and swing out.
+
+    The flows before it act on the subject in its own place: each step undoes the motion, moves the points,
+    and carries them again. A point is late by lag × its distance from `leads` over `reach`, in that place.
+    """
+
+    by: Annotated[VectorParameter, ParameterDoc("the way from the first frame on, keyed", "units")] = (
+        0.0,
+        0.0,
+        0.0,
+    )
+    turn: Annotated[Number, ParameterDoc("about the axis, which goes along, keyed", "degrees")] = 0.0
+    axis: Annotated[Vector, "direction", ParameterDoc("of the turn")] = (0.0, 1.0, 0.0)
+    centre: Annotated[Vector, ParameterDoc("a point of the axis in the first frame", "units")] = (
+        0.0,
+        0.0,
+        0.0,
+    )
+    lag: Annotated[float, ParameterDoc("by which the farthest parts are late", "s", bounds=(0.0, 5.0))] = 0.0
+    leads: Vector | None = None
+    reach: float | None = None
+
+    def displace(self, points: Floats, time: float, dt: float) -> Floats:
+        """Refuse to move points of which no subject is known."""
+        raise UsageError("move carries one subject, as an entry of flows. Take it out of its composition.")
+
+    def cache_data(self, time: float, dt: float) -> Any:
+        raise UsageError("move carries one subject")
+
+    def of_subject(self, subject: Any, place: Vector, before: Sequence[Flow]) -> Flow:
+        """Return the flow with the flows before it. Raises UsageError for a subject that a file moves."""
+        if getattr(subject, "keeps_faces", False):
+            raise UsageError("move does not carry a model that its file moves. Use place, or remove it.")
+        return Carried(tuple(before), self, subject, place)
+
+    def pose(self, time: float) -> tuple[float, float, float, float]:
+        """Return offset and angle, radians, at a time, relative to those at the start; zero before it."""
+        (x, y, z), (x0, y0, z0) = (vector_at(self.by, max(t, 0.0)) for t in (time, 0.0))
+        angle = number_at(self.turn, max(time, 0.0)) - number_at(self.turn, 0.0)
+        return x - x0, y - y0, z - z0, float(angle)
+
+
+@dataclass(frozen=True)
+class Carried(Flow):
+    """Flows that move a subject in its own place, which a motion carries.
+
+    flows    those before `move`
+    move     the settings
+    motions  the numbers of motions for the kernel, by the times at which they end
+    reaches  the distance of what is late by the lag, once it is known
+    """
+
+    acts_around_earlier = True
+
+    flows: tuple[Flow, ...]
+    move: Move
+    subject: Any = field(compare=False)
+    place: Vector
+    motions: dict[float, Floats] = field(default_factory=dict, compare=False)
+    reaches: list[float] = field(default_factory=list, compare=False)
+
+    def displace(self, points: Floats, time: float, dt: float) -> Floats:
+        for flow, start, length in self.steps(time, dt):
+            points = flow.displace(points, start, length)
+        return points
+
+    def cache_data(self, time: float, dt: float) -> Any:
+        return [flow.cache_data(start, length) for flow, start, length in self.steps(time, dt)]
+
+    def steps(self, time: float, dt: float) -> Iterator[Any]:
+        """Yield the undoing of the motion at the start, the steps of the flows, and the motion at the end."""
+        yield from Carrying(self, undoes=True).steps(time, dt)
+        for flow in self.flows if dt >= 0 else reversed(self.flows):
+            yield from flow.steps(time, dt)
+        yield from Carrying(self, undoes=False).steps(time, dt)
+
+    def with_max_step(self, max_step: float) -> Carried:
+        return replace(self, flows=tuple(flow.with_max_step(max_step) for flow in self.flows))
+
+    @property
+    def leads(self) -> Vector:
+        """The place that is not late."""
+        return self.move.centre if self.move.leads is None else self.move.leads
+
+    @property
+    def reach(self) -> float:
+        """The distance from there of what is late by the lag: that of the farthest point at rest."""
+        if self.move.reach is not None:
+            return self.move.reach
+        if not self.reaches:
+            away = self.subject.body.build().vertices + np.array(self.place) - self.leads
+            self.reaches.append(float(np.linalg.norm(away, axis=1).max()) or 1.0)
+        return self.reaches[0]
+
+    def samples(self, time: float) -> tuple[float, Floats]:
+        """Return the time of the first sample of a motion that ends at `time`, and the samples (N, 4).
+
+        Samples lie at multiples of 1 / RATE. Twice the lag is enough for all points up to twice the reach.
+        """
+        if self.move.lag == 0.0:
+            return time, np.array([self.move.pose(time)])
+        first, last = math.floor((time - 2.0 * self.move.lag) * RATE) - 1, math.ceil(time * RATE) + 2
+        return first / RATE, np.array([self.move.pose(i / RATE) for i in range(first, last + 1)])
+
+    def motion(self, time: float) -> Floats:
+        """Return the numbers of a motion for the kernel. Raises FrameError where parts would meet."""
+        if time not in self.motions:
+            first, samples = self.samples(time)
+            move, slowness = self.move, self.move.lag / self.reach if self.move.lag else 0.0
+            changes = np.abs(np.diff(samples, axis=0)) * RATE
+            # of a turn, only what leads towards or away from the place that is not late counts
+            away = math.dist(self.leads, move.centre)
+            speed = float((np.hypot.reduce(changes[:, :3], axis=1) + away * changes[:, 3]).max(initial=0.0))
+            if speed * slowness > FASTEST:
+                most = FASTEST / speed * self.reach
+                raise FrameError(
+                    f"parts pass through each other: they move {speed:.3g} units/s where they are late by "
+                    f"{slowness:.3g} s a unit. Write lag: {most:.2g} or less, or give "
+                    "the keys more time."
+                )
+            axis = np.array(move.axis) / np.linalg.norm(move.axis)
+            round_off = ROUND * self.reach
+            head = [len(samples), first, 1.0 / RATE, *move.centre, *axis, *self.leads, slowness, round_off]
+            self.motions[time] = np.concatenate([head, samples.ravel()])
+        return self.motions[time]
+
+    def facts(self, time: float) -> Mapping[str, Any]:
+        return {name: fact for flow in self.flows for name, fact in flow.facts(time).items()}
+
+    @property
+    def rest_interval(self) -> int | None:
+        return min(
+            (flow.rest_interval for flow in self.flows if flow.rest_interval is not None), default=None
+        )
+
+    @property
+    def name(self) -> str:
+        return "move"
+
+
+@dataclass(frozen=True)
+class Carrying(Flow):
+    """The motion at the end of a step, or the undoing of that at its start."""
+
+    whole: Carried
+    undoes: bool
+    name: ClassVar[str] = "move"
+
+    def displace(self, points: Floats, time: float, dt: float) -> Floats:
+        kernel, numbers = self.kernel_row(time, dt)
+        rows = np.ascontiguousarray(points.T, np.float64)
+        moves = np.zeros_like(rows)
+        kernel(np.array(numbers), rows, 0.0, moves)
+        return np.ascontiguousarray((rows + moves).T)
+
+    def kernel_row(self, time: float, dt: float) -> Any:
+        # imported here, as shots are read without numba
+        from flowsculpt.pipeline.plugins.moves.move_kernels import move
+
+        at = time if self.undoes else time + dt
+        motion = self.whole.motion(at)
+        return move, (float(motion.ctypes.data), float(len(motion)), at, float(self.undoes))
+
+    def cache_data(self, time: float, dt: float) -> Any:
+        whole, at = self.whole, time if self.undoes else time + dt
+        move, (first, samples) = whole.move, whole.samples(at)
+        late = [whole.leads, move.reach, move.lag] if move.lag else []
+        digest = hashlib.sha256(samples.tobytes()).hexdigest()[:24]
+        turn = [list(move.axis), list(move.centre)]
+        return {
+            "plugin": [PLUGIN.name, PLUGIN.version],
+            "undoes": self.undoes,
+            "motion": [first, digest, *turn, *late],
+        }
