@@ -16,22 +16,13 @@ from flowsculpt.render.scene.render_camera import unit
 from flowsculpt.render.scene.rgb_spaces import LUMA, REC709, converted_pixels
 from flowsculpt.render.scene.scene import Scene
 from flowsculpt.render.scene.scene_lights import BACKGROUND, LightRig, Sky, Softbox, Sun, SunDisc
-from flowsculpt.render.scene.sky import Daylight, Environment
-
-_SUN_AT_60 = 1.45
-"""Luminous irradiance of a surface that faces a sun at 60° elevation, in Mitsuba's units."""
-
-_WANTED_AT_60 = 8.0
-"""The same irradiance in our units, as bright as the other rigs."""
+from flowsculpt.render.scene.sky import Daylight, Environment, exposure_of
 
 _MAP_ROWS, _COARSE = 1024, 8
 """Rows of a map of daylight, and how many times fewer the sky is computed at."""
 
 _MAP_EDGE, _DISC_EDGE = 1.5, 1e-4
 """Width of the sun's edge beyond its disc: in pixels of a map, and in radians."""
-
-_DUSK_EXPONENT = 0.8
-"""Power of the light's fall towards dusk that exposure makes up for."""
 
 
 def emitters(lights: LightRig, to_scene: NDArray[np.float64]) -> dict[str, Any]:
@@ -181,13 +172,9 @@ def _environment(environment: Environment) -> dict[str, Any]:
 
 @lru_cache(maxsize=4)
 def daylight_exposure(daylight: Daylight) -> float:
-    """Return the factor on Mitsuba's radiance.
-
-    Light falls by a factor of a hundred from noon to dusk. Exposure keeps of this what the eye notices.
-    """
+    """Return the factor on Mitsuba's radiance, as of `exposure_of`."""
     sun, sky = daylight_irradiances(daylight)
-    facing = float((sun + sky / 2.0) @ LUMA)
-    return _WANTED_AT_60 / _SUN_AT_60 * math.pow(facing / _SUN_AT_60, -_DUSK_EXPONENT)
+    return exposure_of(float((sun + sky / 2.0) @ LUMA))
 
 
 def daylight_irradiances(daylight: Daylight) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
