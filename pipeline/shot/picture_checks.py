@@ -149,7 +149,7 @@ def check_wide_camera(source: YamlSource) -> Iterator[Problem]:
     kind = "perspective" if kind is None else kind
     if kind not in KINDS:
         return
-    for name, owner in (("dome_angle", "dome"), ("eye_distance", "vr180")):
+    for name, owner in (("dome_angle", "dome"), ("dome_elevation", "dome"), ("eye_distance", "vr180")):
         if written.get(name) is not None and kind != owner:
             yield (
                 ("camera", name),

@@ -20,6 +20,9 @@ WITH_REFERENCES = "turntable"
 
 KINDS = ("cyclorama", "ground", "plinth", WITH_REFERENCES, "none")
 
+CYCLORAMAS = ("cyclorama", "plinth", WITH_REFERENCES)
+"""Kinds whose backdrop is a cyclorama."""
+
 BEVEL = 0.025
 """Radius of a plinth's edges, stage units: rounded edges catch the light."""
 
