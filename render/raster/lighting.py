@@ -30,6 +30,7 @@ from flowsculpt.render.raster.raster_shapes import (
 from flowsculpt.render.raster.shadows import CELL, REACH, ContactShadow, open_at, placed_softbox
 from flowsculpt.render.scene.materials import Diffuse
 from flowsculpt.render.scene.render_camera import unit
+from flowsculpt.render.scene.room_shapes import ROOMS
 from flowsculpt.render.scene.scene_lights import LightRig, Softbox
 from flowsculpt.render.scene.scene_stage import Stage, StagePlacement
 
@@ -63,6 +64,8 @@ def stage_radiance(stage: Stage, sky: NDArray[np.float64], light: FloorLight) ->
 
     sky  (SIDE², 3), radiance of the sky alone
     """
+    if stage.kind in ROOMS:
+        return _room_radiance(stage, sky, light)
     profile, slopes = stage.profile()
     seen_at = np.arctan2(profile[:, 1] - EYE_HEIGHT, profile[:, 0])
     towards = directions()
@@ -77,6 +80,34 @@ def stage_radiance(stage: Stage, sky: NDArray[np.float64], light: FloorLight) ->
     normals = np.stack([inward * x, upward, inward * z], axis=1).astype(np.float32)
     hidden = (elevation > seen_at[-1])[:, None]
     return np.where(hidden, sky, light(points, normals))
+
+
+def _room_radiance(stage: Stage, sky: NDArray[np.float64], light: FloorLight) -> NDArray[np.float64]:
+    """Return the radiance (SIDE², 3) of a room's flat walls and of the sky, seen from over its middle.
+
+    Rays are intersected with the triangles of the backdrop (Möller and Trumbore 1997).
+    """
+    vertices, normals, faces = stage.backdrop()
+    eye, towards = np.array([0.0, EYE_HEIGHT, 0.0]), directions()
+    a, b, c = (vertices[faces[:, k]].astype(np.float64) for k in range(3))
+    facing = np.cross(b - a, c - a)
+    nearest, hit = np.full(len(towards), np.inf), np.zeros((len(towards), 3))
+    for row, way in enumerate(towards):
+        across = facing @ way
+        with np.errstate(divide="ignore", invalid="ignore"):  # of faces along the ray
+            away = np.einsum("fk,fk->f", facing, a - eye) / across
+            turned = np.cross(eye - a, way)
+            u = np.einsum("fk,fk->f", c - a, turned) / -across
+            v = np.einsum("fk,fk->f", b - a, turned) / across
+            inside = (across < 0.0) & (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0) & (away > 0.0)
+        if inside.any():
+            face = np.flatnonzero(inside)[away[inside].argmin()]
+            nearest[row], hit[row] = away[face], normals[faces[face, 0]]
+    seen = np.isfinite(nearest)
+    radiance_seen = sky.copy()
+    points = (eye + nearest[seen, None] * towards[seen]).astype(np.float32)
+    radiance_seen[seen] = light(points, hit[seen].astype(np.float32))
+    return radiance_seen
 
 
 @lru_cache(maxsize=1)
@@ -183,7 +214,7 @@ class Lighting:
         colours = np.array([shape.material.colour]) if shape.colours is None else shape.colours
         colours = body_colours(shape.material, np.asarray(colours, np.float64))
         sees_sky_alone = sees_sky_alone or (is_stage and self.setup.stage.kind == "ground")
-        around = _surroundings(self.setup, 1.0 if is_stage else shape.material.roughness, sees_sky_alone)
+        around = _surroundings(self.setup, shape.material.roughness, sees_sky_alone)
         out = np.empty((len(which), 6), np.float32)
         shade_vertices(
             shape.vertices,
@@ -210,6 +241,10 @@ def _surroundings(setup: StageSetup, roughness: float, sees_sky_alone: bool) -> 
     return _surroundings_of(facing_stage(setup.lights, setup.placement.turn), stage, roughness)
 
 
+_THROUGH_WINDOW = 0.2
+"""Share of floor and walls that the light of a window reaches."""
+
+
 @lru_cache(maxsize=16)
 def _surroundings_of(rig: LightRig, stage: Stage | None, roughness: float) -> Surroundings:
     """Return the tables of a stage, or those of the sky alone."""
@@ -219,9 +254,11 @@ def _surroundings_of(rig: LightRig, stage: Stage | None, roughness: float) -> Su
     lighting = Lighting.of_stage(rig, stage)
 
     def light(points: NDArray[np.float32], normals: NDArray[np.float32]) -> NDArray[np.float32]:
-        colours = stage.reflectance_at(points).astype(float) if stage.is_graded else None
+        colours = stage.reflectance_at(points, normals).astype(float) if stage.is_graded else None
         floor = Shape(points, normals, np.empty((0, 3), np.int32), Diffuse(stage.colour), colours)
-        return lighting.shade(floor, np.arange(len(points)), 1, is_stage=True, sees_sky_alone=True)[:, :3]
+        lit = lighting.shade(floor, np.arange(len(points)), 1, is_stage=True, sees_sky_alone=True)
+        share = _THROUGH_WINDOW if stage.kind == "window" else 1.0
+        return share * lit[:, :3] + (1.0 - share) * lit[:, 3:]
 
     return surroundings_of(stage_radiance(stage, sky, light), roughness)
 

@@ -30,7 +30,7 @@ from flowsculpt.render.raster.raster_shapes import (
     VisibleFaces,
     body_colours,
     contact_opacity,
-    stage_shape,
+    stage_shapes,
 )
 from flowsculpt.render.raster.see_through import (
     VisiblePoints,
@@ -370,8 +370,8 @@ def preview(
         patterned += [(own, drawn)] if shape.pigment else []
         drawn += len(shape.faces)
     if has_floor:
-        stage = stage_shape(setup.stage, setup.placement, setup.fades)
-        canvas.draw(canvas.visible(stage), shadow, len(whole.faces), is_stage=True)
+        for stage in stage_shapes(setup.stage, setup.placement, setup.fades):
+            canvas.draw(canvas.visible(stage), shadow, len(whole.faces), is_stage=True)
     for own, first in patterned:
         canvas.draw_pigment(own, shadow, first)
     canvas.draw_sky()

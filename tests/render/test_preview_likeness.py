@@ -10,6 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from flowsculpt.pipeline.production.request.framing import Framer
+from flowsculpt.pipeline.shot import read_shot
 from flowsculpt.render.mitsuba import emitters
 from flowsculpt.render.mitsuba.engine import Engine
 from flowsculpt.render.post.colour import to_display
@@ -20,6 +22,7 @@ from flowsculpt.render.scene.materials import LOOKS
 from flowsculpt.render.scene.render_camera import Camera
 from flowsculpt.render.scene.render_quality import Quality
 from flowsculpt.render.scene.scene_lights import LIGHTS, LightRig, Sky
+from flowsculpt.render.scene.scene_sets import SETS
 from flowsculpt.render.scene.scene_stage import PLINTH, STAGES, Stage, StagePlacement
 from flowsculpt.render.scene.sky import Daylight
 from flowsculpt.render.scene.surface import Surface
@@ -148,6 +151,30 @@ def test_a_haze_at_the_horizon_has_the_colours_of_the_sky(
 ) -> None:
     stage = replace(STAGES["ground"], horizon_fade=math.radians(4.0))
     assert_sky_and_ground_are_alike(LIGHTS["daylight"], stage, StagePlacement(), pebble, rendered)
+
+
+@pytest.mark.parametrize("name", SETS)
+def test_a_set_looks_like_its_render(
+    name: str, pebble: Surface, rendered: Callable[..., RenderedFrame]
+) -> None:
+    text = "title: A\nframes: 1-2\nsubject: {solid: box}\nresample: {max_edge_length: 0.5}\n"
+    picture = read_shot("a.yaml", f"{text}set: {name}\n").picture
+    (framing,) = Framer([picture.camera.at(0.0)], lambda _: pebble.vertices, 16 / 9).all()
+    framing = framing.with_stage_in_view(picture.stage, 16 / 9)
+    place = {"stage": picture.stage, "placement": framing.placement, "camera": framing.camera}
+    layers = rendered(surface=pebble, lights=picture.lights, quality=QUALITY, **place)
+    shape = Shape(pebble.vertices, pebble.normals, pebble.faces, LOOKS["clay"], closed=True)
+    setup = StageSetup(picture.lights, picture.stage, framing.placement)
+    drawn = preview(shape, setup, framing.camera, (QUALITY.width, QUALITY.height), "srgb")
+    light, around = (
+        to_display(layers["beauty"], picture.lights.exposure, display="srgb"),
+        layers["matte"] == 0.0,
+    )
+    tolerance = 0.2 if name in ("pool", "shelf") else 0.1  # water mirrors; the boards have hard shadows
+    for part in (around & (drawn.nearness == 0.0), around & (drawn.nearness > 0.0)):
+        if np.count_nonzero(part) > 50:
+            shown, expected = (float(each[part].mean(axis=0) @ LUMINANCE) for each in (drawn.picture, light))
+            assert shown == pytest.approx(expected, rel=tolerance, abs=0.01)
 
 
 @pytest.mark.parametrize(
