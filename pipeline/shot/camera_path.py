@@ -43,12 +43,14 @@ class WideLens(NamedTuple):
     kind, angle   as of `Projection`
     eye_distance  millimetres; 0 for one eye
     unit          millimetres in a scene unit; None derives it from the sculpture's size
+    lift          angle from the target up to the middle of the picture, radians
     """
 
     kind: str
     angle: float
     eye_distance: float
     unit: float | None = None
+    lift: float = 0.0
 
     @property
     def projection(self) -> Projection:
@@ -174,6 +176,7 @@ class CameraPath:
     focus, unit         as in `Lens`
     projection          of all pictures; a wide one is sharp everywhere
     eye_distance        between the eyes of a stereo camera, millimetres
+    lift                angle from the target up to the middle of a wide picture, radians
     move                applied to all of these; None for none
     aspect              width to height of the pictures; upright ones are of the camera turned on its side
     """
@@ -196,6 +199,7 @@ class CameraPath:
     unit: float | None = None
     projection: Projection = PERSPECTIVE
     eye_distance: float = EYE_DISTANCE
+    lift: float = 0.0
     aspect: float = 16 / 9
     move: CameraMove | None = field(default=None, metadata=OMIT_DEFAULT)
 
@@ -232,7 +236,8 @@ class CameraPath:
 
     def _lens(self, time: float) -> Lens | WideLens | None:
         if (wide := self.projection).is_wide:
-            return WideLens(wide.kind, wide.angle, self.eye_distance if wide.is_stereo else 0.0, self.unit)
+            eye_distance = self.eye_distance if wide.is_stereo else 0.0
+            return WideLens(wide.kind, wide.angle, eye_distance, self.unit, self.lift)
         if self.aperture is None:
             return None
         if self.focal_length is None:

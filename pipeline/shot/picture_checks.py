@@ -20,6 +20,7 @@ from flowsculpt.render.scene.measured_colours import Measure
 from flowsculpt.render.scene.render_camera import KINDS
 from flowsculpt.render.scene.render_quality import MIN_ADAPTIVE_SAMPLES, QUALITIES
 from flowsculpt.render.scene.scene_lights import BACKGROUND, LIGHTS
+from flowsculpt.render.scene.scene_sets import SETS
 from flowsculpt.render.scene.texture_projection import MODEL
 
 ALTERNATIVES = {
@@ -47,6 +48,13 @@ def check_named_settings(source: YamlSource) -> Iterator[Problem]:
         where: Where = (entry, base_name) if isinstance(value, dict) else (entry,)
         if (hint := suggest(name, map(str, named), listing="")).startswith("Did"):
             yield where, f"{dotted_path(where)}: {quote(name)} is not among `{names}`. {hint}"
+
+
+def check_set(source: YamlSource) -> Iterator[Problem]:
+    """Check that the set that a shot names is there."""
+    name, own = source.get("set"), source.mapping("sets")
+    if name is not None and name not in SETS and name not in own:
+        yield ("set",), f"set {quote(name)} is not a set. {suggest(str(name), [*SETS, *map(str, own)])}"
 
 
 def check_clear_look(source: YamlSource) -> Iterator[Problem]:
@@ -149,7 +157,7 @@ def check_wide_camera(source: YamlSource) -> Iterator[Problem]:
     kind = "perspective" if kind is None else kind
     if kind not in KINDS:
         return
-    for name, owner in (("dome_angle", "dome"), ("eye_distance", "vr180")):
+    for name, owner in (("dome_angle", "dome"), ("dome_elevation", "dome"), ("eye_distance", "vr180")):
         if written.get(name) is not None and kind != owner:
             yield (
                 ("camera", name),

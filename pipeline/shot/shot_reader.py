@@ -56,6 +56,7 @@ CHECKS = (
     subject_checks.check_solid_size,
     subject_checks.check_stage,
     picture_checks.check_named_settings,
+    picture_checks.check_set,
     picture_checks.check_clear_look,
     picture_checks.check_paint,
     picture_checks.check_measured_look,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from functools import lru_cache
 from typing import Any
@@ -16,22 +17,13 @@ from flowsculpt.render.scene.render_camera import unit
 from flowsculpt.render.scene.rgb_spaces import LUMA, REC709, converted_pixels
 from flowsculpt.render.scene.scene import Scene
 from flowsculpt.render.scene.scene_lights import BACKGROUND, LightRig, Sky, Softbox, Sun, SunDisc
-from flowsculpt.render.scene.sky import Daylight, Environment
-
-_SUN_AT_60 = 1.45
-"""Luminous irradiance of a surface that faces a sun at 60° elevation, in Mitsuba's units."""
-
-_WANTED_AT_60 = 8.0
-"""The same irradiance in our units, as bright as the other rigs."""
+from flowsculpt.render.scene.sky import Daylight, Environment, exposure_of
 
 _MAP_ROWS, _COARSE = 1024, 8
 """Rows of a map of daylight, and how many times fewer the sky is computed at."""
 
 _MAP_EDGE, _DISC_EDGE = 1.5, 1e-4
 """Width of the sun's edge beyond its disc: in pixels of a map, and in radians."""
-
-_DUSK_EXPONENT = 0.8
-"""Power of the light's fall towards dusk that exposure makes up for."""
 
 
 def emitters(lights: LightRig, to_scene: NDArray[np.float64]) -> dict[str, Any]:
@@ -103,24 +95,71 @@ def softboxes_in_view(scene: Scene, size: tuple[int, int]) -> list[str]:
 
     A lens sees more than a pinhole: the view widens away from the plane in focus. A wide camera may see all.
     """
-    camera, to_scene, found = scene.camera, scene.placement.matrix(), []
-    for index, softbox in enumerate(scene.lights.softboxes):
-        if camera.projection.is_wide:
-            found.append(f"softbox{index}")
-            continue
-        facing = unit(np.subtract(softbox.target, softbox.position))
-        across = unit(np.cross(_up_for(softbox), facing)) * softbox.width / 2.0
-        along = np.cross(facing, unit(across)) * softbox.height / 2.0
-        corners = np.add([x * across + y * along for x in (-1, 1) for y in (-1, 1)], softbox.position)
-        seen = (corners @ to_scene[:3, :3].T + to_scene[:3, 3] - camera.origin) @ camera.axes().T
-        right, up, depth = seen.T
-        widening = camera.lens_radius * np.abs(depth / camera.focus_distance - 1.0)
-        half_width = math.tan(camera.field_of_view / 2.0) * depth
-        aside, upwards = half_width + widening, half_width * size[1] / size[0] + widening
-        outside = (right > aside, right < -aside, up > upwards, up < -upwards, depth < 0.0)
-        if not any(side.all() for side in outside):
+    boxes = enumerate(scene.lights.softboxes)
+    return [f"softbox{index}" for index, box in boxes if _may_be_seen(_corners(box), scene, size)]
+
+
+def _corners(softbox: Softbox) -> NDArray[np.float64]:
+    """Return the corners (4, 3) of a softbox, stage units."""
+    facing = unit(np.subtract(softbox.target, softbox.position))
+    across = unit(np.cross(_up_for(softbox), facing)) * softbox.width / 2.0
+    along = np.cross(facing, unit(across)) * softbox.height / 2.0
+    return np.add([x * across + y * along for x in (-1, 1) for y in (-1, 1)], softbox.position)
+
+
+def _may_be_seen(points: NDArray[np.float64], scene: Scene, size: tuple[int, int]) -> bool:
+    """Tell whether the convex hull of points (N, 3), stage units, is not all outside one side of the view."""
+    camera, to_scene = scene.camera, scene.placement.matrix()
+    if camera.projection.is_wide:
+        return True
+    seen = (points @ to_scene[:3, :3].T + to_scene[:3, 3] - camera.origin) @ camera.axes().T
+    right, up, depth = seen.T
+    widening = camera.lens_radius * np.abs(depth / camera.focus_distance - 1.0)
+    half_width = math.tan(camera.field_of_view / 2.0) * depth
+    aside, upwards = half_width + widening, half_width * size[1] / size[0] + widening
+    outside = (right > aside, right < -aside, up > upwards, up < -upwards, depth < 0.0)
+    return not any(side.all() for side in outside)
+
+
+_SLICES = 9
+"""Slices of a shadow, each of which is looked for in the picture."""
+
+_SHADOW_REACH = 24.0
+"""Distance behind a softbox to which its shadow is looked for, stage units: to the wall of a cyclorama."""
+
+
+def shadowing_softboxes(scene: Scene, size: tuple[int, int]) -> list[str]:
+    """Return the names of the softboxes that the lens does not see and whose shadow, in the light of another
+    or of a sun, may be in the picture. size: width and height of the picture in pixels"""
+    lights, found = scene.lights, []
+    sources = [(index, _corners(box)) for index, box in enumerate(lights.softboxes)]
+    towards_sun = [-np.array(sun.direction) for sun in lights.suns]
+    if lights.daylight:
+        towards_sun.append(np.linalg.inv(scene.placement.matrix()[:3, :3]) @ lights.daylight.direction)
+    far = [(-1, _SHADOW_REACH * 10.0 * unit(towards)[None]) for towards in towards_sun]
+    for index, box in enumerate(lights.softboxes):
+        corners = _corners(box)
+        shadows = [_shadow(corners, points) for other, points in (*sources, *far) if other != index]
+        parts = [np.concatenate(pair) for slices in shadows for pair in itertools.pairwise(slices)]
+        if not box.visible and any(_may_be_seen(part, scene, size) for part in parts):
             found.append(f"softbox{index}")
     return found
+
+
+def _shadow(corners: NDArray[np.float64], light: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return slices (K, N, 3) of the shadow that a softbox throws, down to the floor or far away.
+
+    The shadow is within the convex hulls of each two slices that follow each other.
+
+    corners  of the softbox (C, 3), stage units
+    light    places of the light (L, 3), stage units
+    """
+    steps = (corners[:, None] - light[None]).reshape(-1, 3)
+    steps /= np.maximum(np.linalg.norm(steps, axis=1, keepdims=True), 1e-9)
+    starts = np.repeat(corners, len(light), axis=0)
+    down = np.where(steps[:, 1] < -1e-9, -starts[:, 1] / np.minimum(steps[:, 1], -1e-9), np.inf)
+    reach = np.clip(down, 0.0, _SHADOW_REACH)[:, None]
+    return np.array([starts + part * reach * steps for part in np.linspace(0.0, 1.0, _SLICES)])
 
 
 def unseen_softboxes(scene: Scene, size: tuple[int, int]) -> list[str]:
@@ -181,13 +220,9 @@ def _environment(environment: Environment) -> dict[str, Any]:
 
 @lru_cache(maxsize=4)
 def daylight_exposure(daylight: Daylight) -> float:
-    """Return the factor on Mitsuba's radiance.
-
-    Light falls by a factor of a hundred from noon to dusk. Exposure keeps of this what the eye notices.
-    """
+    """Return the factor on Mitsuba's radiance, as of `exposure_of`."""
     sun, sky = daylight_irradiances(daylight)
-    facing = float((sun + sky / 2.0) @ LUMA)
-    return _WANTED_AT_60 / _SUN_AT_60 * math.pow(facing / _SUN_AT_60, -_DUSK_EXPONENT)
+    return exposure_of(float((sun + sky / 2.0) @ LUMA))
 
 
 def daylight_irradiances(daylight: Daylight) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -22,6 +22,7 @@ from flowsculpt.render.mitsuba.texture_coordinates import SUBJECT, SURROUNDINGS
 from flowsculpt.render.scene import reference_objects
 from flowsculpt.render.scene.reference_objects import CHROME, GREY
 from flowsculpt.render.scene.rgb_spaces import converted_pixels
+from flowsculpt.render.scene.room_shapes import window_frame
 from flowsculpt.render.scene.scene import Scene
 from flowsculpt.render.scene.scene_stage import WITH_REFERENCES
 from flowsculpt.render.scene.shaded_colours import shaded_colours
@@ -88,13 +89,16 @@ def stage_shapes(scene: Scene, size: tuple[int, int]) -> dict[str, Any]:
     if stage.kind == "none":
         return {}
     made = {"stage": _backdrop(scene)}
-    if stage.kind == "plinth":
+    if (plinth := stage.plinth()) is not None:
         made["plinth"] = mesh(
             "plinth",
-            Surface(*placement.placed(stage.plinth())),
+            Surface(*placement.placed(plinth)),
             _coat({"type": "rgb", "value": list(stage.plinth_colour)}, stage.plinth_roughness),
             _UV,
         )
+    if stage.kind == "window":
+        frame = Surface(*placement.placed(window_frame()))
+        made["window"] = mesh("window", frame, two_sided(diffuse(stage.plinth_colour)), _UV)
     if stage.kind == WITH_REFERENCES:
         grey, chrome, chart = reference_objects.positions(camera, placement, size[0] / size[1])
         mirror = two_sided(rough_conductor({"type": "rgb", "value": CHROME}, 0.02))

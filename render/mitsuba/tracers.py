@@ -33,6 +33,7 @@ from flowsculpt.render.scene.materials import MitsubaMaterial
 from flowsculpt.render.scene.render_camera import WideCamera
 from flowsculpt.render.scene.scene import Scene
 from flowsculpt.render.scene.scene_lights import sampled_emitters
+from flowsculpt.render.scene.scene_stage import CYCLORAMAS
 
 SAMPLES_PER_FACE = 30
 """Samples of a scene for each of its triangles from which on occluders pay: sorting a triangle takes as long
@@ -66,7 +67,7 @@ def path_tracer(
         tracer = _with_catcher(tracer, scene, size)
     elif walk is None:
         tracer = _with_caustics(tracer, scene, size, samples, seed)
-    hiding = occluders(lit, tracer.light_sampler, scene, samples)
+    hiding = occluders(lit, tracer.light_sampler, scene, samples, size)
     if cut_outs is not None and hiding is not None:
         hiding = replace(cut_outs, scene=hiding)
     return replace(tracer, subsurface=walk, occluders=hiding)
@@ -133,35 +134,44 @@ def _pointers(scene: Any, names: Sequence[str]) -> list[Any]:
     return pointers
 
 
-def occluders(lit: Any, light_sampler: Any, scene: Scene, samples: int) -> Any:
+def occluders(lit: Any, light_sampler: Any, scene: Scene, samples: int, size: tuple[int, int]) -> Any:
     """Return a scene of the shapes that may come between emitters and the points that paths reach, or None
-    where that is all of them, or too few samples are taken to build it.
+    where that is all of them, or too few samples are taken to build it for the cyclorama's sake.
 
     Left out is a cyclorama around everything. It is convex: where the lens and all emitters are within it, it
     never comes between an emitter and what paths reach. Its large triangles lengthen the search for others:
     rays to emitters that leave it out save 0 to 15% of the time of the light, by the shot, and find the same.
 
+    Softboxes that the lens does not see are left out where the picture would show their shadows.
+
     lit            Mitsuba's scene of `scene`
     light_sampler  of its emitters
     samples        of all pixels together
+    size           width and height of the picture in pixels
     """
-    if scene.stage.kind in ("none", "ground") or scene.stage.shadow_catcher:
-        return None
+    left_out = set(emitters.shadowing_softboxes(scene, size))
+    if _is_around_all(lit, light_sampler, scene, samples):
+        left_out.add("stage")
+    shapes = {shape.id(): shape for shape in lit.shapes() if shape.id() not in left_out}
+    return load_scene({"type": "scene", **shapes}) if left_out else None
+
+
+def _is_around_all(lit: Any, light_sampler: Any, scene: Scene, samples: int) -> bool:
+    """Tell whether a cyclorama is around the lens and all emitters, and it pays to leave it out."""
+    if scene.stage.kind not in CYCLORAMAS or scene.stage.shadow_catcher:
+        return False
     if not len(light_sampler) or any(source.position is None for source in light_sampler.sources):
-        return None
-    shapes = {shape.id(): shape for shape in lit.shapes() if shape.id() != "stage"}
-    faces = sum(shape.face_count() for shape in shapes.values() if shape.is_mesh())
-    if samples < SAMPLES_PER_FACE * faces:
-        return None
-    emitting = [shape.bbox() for shape in shapes.values() if shape.is_emitter()]
+        return False
+    shapes = [shape for shape in lit.shapes() if shape.id() != "stage"]
+    if samples < SAMPLES_PER_FACE * sum(shape.face_count() for shape in shapes if shape.is_mesh()):
+        return False
+    emitting = [shape.bbox() for shape in shapes if shape.is_emitter()]
     corners = [_corners(box.min, box.max) for box in emitting]
     eye_distance = getattr(scene.camera, "eye_distance", 0.0)
     camera = _corners(
         *(np.add(scene.camera.origin, s * (scene.camera.lens_radius + eye_distance)) for s in (-1, 1))
     )
-    if not _is_within_backdrop(np.concatenate([*corners, camera]), scene):
-        return None
-    return load_scene({"type": "scene", **shapes})
+    return _is_within_backdrop(np.concatenate([*corners, camera]), scene)
 
 
 def _corners(least: Any, most: Any) -> NDArray[np.float64]:

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from flowsculpt.render.raster.preview_sky import facing_stage, radiance
 from flowsculpt.render.raster.raster_shapes import (
     SHARPNESS,
     Array,
@@ -29,7 +30,8 @@ from flowsculpt.render.raster.raster_shapes import (
 from flowsculpt.render.raster.shadows import CELL, REACH, ContactShadow, open_at, placed_softbox
 from flowsculpt.render.scene.materials import Diffuse
 from flowsculpt.render.scene.render_camera import unit
-from flowsculpt.render.scene.scene_lights import LightRig, Sky, Softbox
+from flowsculpt.render.scene.room_shapes import ROOMS
+from flowsculpt.render.scene.scene_lights import LightRig, Softbox
 from flowsculpt.render.scene.scene_stage import Stage, StagePlacement
 
 SIDE = 33  # directions along each side of a table: about 8° apart
@@ -50,21 +52,20 @@ class Surroundings(NamedTuple):
     matt: Table
 
 
-def surroundings_of(radiance: NDArray[np.float64], roughness: float) -> Surroundings:
-    """Return tables of the radiance (SIDE², 3) of directions. roughness: of the mirror"""
+def surroundings_of(seen: NDArray[np.float64], roughness: float) -> Surroundings:
+    """Return tables of the radiance that is seen (SIDE², 3) of directions. roughness: of the mirror"""
     exponent = _exponent(roughness)
-    mirrored = radiance if exponent is None else _lobe(exponent) @ radiance
-    return Surroundings(_grid(mirrored), _grid(_lobe(1.0) @ radiance))
+    mirrored = seen if exponent is None else _lobe(exponent) @ seen
+    return Surroundings(_grid(mirrored), _grid(_lobe(1.0) @ seen))
 
 
-def sky_radiance(sky: Sky) -> NDArray[np.float64]:
-    """Return the radiance (SIDE², 3) of a sky, without a stage. Below the horizon it is the horizon's."""
-    height = np.clip(directions()[:, 1:2], 0.0, 1.0)
-    return np.array(sky.horizon) + height * (np.array(sky.zenith) - np.array(sky.horizon))
+def stage_radiance(stage: Stage, sky: NDArray[np.float64], light: FloorLight) -> NDArray[np.float64]:
+    """Return the radiance (SIDE², 3) of the stage and of the sky over it, seen from above its middle.
 
-
-def stage_radiance(stage: Stage, sky: Sky, light: FloorLight) -> NDArray[np.float64]:
-    """Return the radiance (SIDE², 3) of the stage and of the sky over it, seen from above its middle."""
+    sky  (SIDE², 3), radiance of the sky alone
+    """
+    if stage.kind in ROOMS:
+        return _room_radiance(stage, sky, light)
     profile, slopes = stage.profile()
     seen_at = np.arctan2(profile[:, 1] - EYE_HEIGHT, profile[:, 0])
     towards = directions()
@@ -78,7 +79,35 @@ def stage_radiance(stage: Stage, sky: Sky, light: FloorLight) -> NDArray[np.floa
     points = np.stack([radius * x, height, radius * z], axis=1).astype(np.float32)
     normals = np.stack([inward * x, upward, inward * z], axis=1).astype(np.float32)
     hidden = (elevation > seen_at[-1])[:, None]
-    return np.where(hidden, sky_radiance(sky), light(points, normals))
+    return np.where(hidden, sky, light(points, normals))
+
+
+def _room_radiance(stage: Stage, sky: NDArray[np.float64], light: FloorLight) -> NDArray[np.float64]:
+    """Return the radiance (SIDE², 3) of a room's flat walls and of the sky, seen from over its middle.
+
+    Rays are intersected with the triangles of the backdrop (Möller and Trumbore 1997).
+    """
+    vertices, normals, faces = stage.backdrop()
+    eye, towards = np.array([0.0, EYE_HEIGHT, 0.0]), directions()
+    a, b, c = (vertices[faces[:, k]].astype(np.float64) for k in range(3))
+    facing = np.cross(b - a, c - a)
+    nearest, hit = np.full(len(towards), np.inf), np.zeros((len(towards), 3))
+    for row, way in enumerate(towards):
+        across = facing @ way
+        with np.errstate(divide="ignore", invalid="ignore"):  # of faces along the ray
+            away = np.einsum("fk,fk->f", facing, a - eye) / across
+            turned = np.cross(eye - a, way)
+            u = np.einsum("fk,fk->f", c - a, turned) / -across
+            v = np.einsum("fk,fk->f", b - a, turned) / across
+            inside = (across < 0.0) & (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0) & (away > 0.0)
+        if inside.any():
+            face = np.flatnonzero(inside)[away[inside].argmin()]
+            nearest[row], hit[row] = away[face], normals[faces[face, 0]]
+    seen = np.isfinite(nearest)
+    radiance_seen = sky.copy()
+    points = (eye + nearest[seen, None] * towards[seen]).astype(np.float32)
+    radiance_seen[seen] = light(points, hit[seen].astype(np.float32))
+    return radiance_seen
 
 
 @lru_cache(maxsize=1)
@@ -113,8 +142,8 @@ def _exponent(roughness: float) -> float | None:
     return None if exponent > 200.0 else max(1.0, round(exponent, 1))
 
 
-def _grid(radiance: NDArray[np.float64]) -> Table:
-    return np.ascontiguousarray(radiance.reshape(SIDE, SIDE, 3), np.float32)
+def _grid(seen: NDArray[np.float64]) -> Table:
+    return np.ascontiguousarray(seen.reshape(SIDE, SIDE, 3), np.float32)
 
 
 @fast
@@ -172,17 +201,20 @@ class Lighting:
         side: int,
         is_stage: bool = False,
         sharpness: tuple[float, float] = SHARPNESS,
+        sees_sky_alone: bool = False,
     ) -> NDArray[np.float32]:
         """Return linear light (N, 6) of vertices with the key light (3) and without it (3).
 
-        which      (N,), their indices
-        side       as in the kernel
-        is_stage   True for the stage, which sees the sky but not itself
-        sharpness  the least and greatest exponent of highlights
+        which           (N,), their indices
+        side            as in the kernel
+        is_stage        True for the stage; ground sees the sky alone, others their own walls too
+        sharpness       the least and greatest exponent of highlights
+        sees_sky_alone  True for no light of the stage
         """
         colours = np.array([shape.material.colour]) if shape.colours is None else shape.colours
         colours = body_colours(shape.material, np.asarray(colours, np.float64))
-        around = _surroundings(self.setup, 1.0 if is_stage else shape.material.roughness, is_stage)
+        sees_sky_alone = sees_sky_alone or (is_stage and self.setup.stage.kind == "ground")
+        around = _surroundings(self.setup, shape.material.roughness, sees_sky_alone)
         out = np.empty((len(which), 6), np.float32)
         shade_vertices(
             shape.vertices,
@@ -204,24 +236,31 @@ class Lighting:
         return _surroundings(self.setup, roughness, False).mirrored
 
 
-def _surroundings(setup: StageSetup, roughness: float, is_stage: bool) -> Surroundings:
-    stage = None if is_stage or setup.stage.kind == "none" else replace(setup.stage, roughness=None)
-    return _surroundings_of(setup.lights, stage, roughness)
+def _surroundings(setup: StageSetup, roughness: float, sees_sky_alone: bool) -> Surroundings:
+    stage = None if sees_sky_alone or setup.stage.kind == "none" else replace(setup.stage, roughness=None)
+    return _surroundings_of(facing_stage(setup.lights, setup.placement.turn), stage, roughness)
+
+
+_THROUGH_WINDOW = 0.2
+"""Share of floor and walls that the light of a window reaches."""
 
 
 @lru_cache(maxsize=16)
 def _surroundings_of(rig: LightRig, stage: Stage | None, roughness: float) -> Surroundings:
     """Return the tables of a stage, or those of the sky alone."""
+    sky = radiance(rig, directions())
     if stage is None:
-        return surroundings_of(sky_radiance(rig.sky), roughness)
+        return surroundings_of(sky, roughness)
     lighting = Lighting.of_stage(rig, stage)
 
     def light(points: NDArray[np.float32], normals: NDArray[np.float32]) -> NDArray[np.float32]:
-        colours = stage.reflectance_at(points).astype(float) if stage.is_graded else None
+        colours = stage.reflectance_at(points, normals).astype(float) if stage.is_graded else None
         floor = Shape(points, normals, np.empty((0, 3), np.int32), Diffuse(stage.colour), colours)
-        return lighting.shade(floor, np.arange(len(points)), 1, is_stage=True)[:, :3]
+        lit = lighting.shade(floor, np.arange(len(points)), 1, is_stage=True, sees_sky_alone=True)
+        share = _THROUGH_WINDOW if stage.kind == "window" else 1.0
+        return share * lit[:, :3] + (1.0 - share) * lit[:, 3:]
 
-    return surroundings_of(stage_radiance(stage, rig.sky, light), roughness)
+    return surroundings_of(stage_radiance(stage, sky, light), roughness)
 
 
 def floor_light(rig: LightRig, stage: Stage) -> NDArray[np.float32]:

@@ -19,6 +19,7 @@ from flowsculpt.render.base.serialise import Triple
 from flowsculpt.render.post.colour import to_display
 from flowsculpt.render.post.view import ColourView
 from flowsculpt.render.raster.lighting import Lighting, apply_shadow, floor_light
+from flowsculpt.render.raster.preview_sky import seen_radiance, with_suns
 from flowsculpt.render.raster.raster_shapes import (
     LARGE,
     SMALL,
@@ -29,7 +30,7 @@ from flowsculpt.render.raster.raster_shapes import (
     VisibleFaces,
     body_colours,
     contact_opacity,
-    stage_shape,
+    stage_shapes,
 )
 from flowsculpt.render.raster.see_through import (
     VisiblePoints,
@@ -75,8 +76,7 @@ class Canvas:
     ) -> Canvas:
         (width, height), setup = size, lighting.setup
         shape = SUPERSAMPLING * height, SUPERSAMPLING * width
-        horizon = (0.0, 0.0, 0.0) if setup.fades else setup.lights.sky.horizon
-        background = _values(np.array([horizon], np.float32), setup, display)[0]
+        background = _values(np.zeros((1, 3), np.float32), setup, display)[0]
         drawn = Subsamples(
             np.zeros(shape, np.float32),
             np.full(shape, pack(*background), np.uint32),
@@ -111,9 +111,7 @@ class Canvas:
         material = faces.shape.material
         share = body_colours(material, colours) / body_colours(material, np.ones((1, 3)))
         light = (lit[0] + share * (lit[1] - lit[0])).astype(np.float32)
-        shown = np.clip(WHITE * _values(light, self.lighting.setup, self.display) + 0.5, 0.0, WHITE)
-        red, green, blue = shown.astype(np.uint32).T
-        self.drawn.colour[rows, columns] = red << 20 | green << 10 | blue
+        self.drawn.colour[rows, columns] = _packed(_values(light, self.lighting.setup, self.display))
 
     def draw_normals(self, faces: VisibleFaces, shadow: ShadowMap) -> None:
         """Draw the normals of a shape, from 0 to 1 along each axis, in place of light."""
@@ -124,6 +122,23 @@ class Canvas:
             large.values[:, :6] = np.tile(values, 2)
         self._draw(faces, values, large._replace(opacity=0.0), 0)
 
+    def draw_sky(self) -> None:
+        """Draw what the lens sees of the sky where nothing has been drawn, a colour for each pixel."""
+        setup, step = self.lighting.setup, SUPERSAMPLING
+        if setup.fades or not setup.lights.shows_sky:
+            return
+        rows, columns = (side // step for side in self.drawn.nearness.shape)
+        is_bare = (self.drawn.nearness == 0.0).reshape(rows, step, columns, step).any(axis=(1, 3))
+        places = pixel_places(columns, rows)[is_bare]
+        axes = self.projection.axes / np.sum(self.projection.axes**2, axis=1, keepdims=True)
+        towards = places @ axes[:2] + axes[2]
+        towards /= np.linalg.norm(towards, axis=1, keepdims=True)
+        light = seen_radiance(setup.lights, towards).astype(np.float32)
+        colours = np.zeros((rows, columns), np.uint32)
+        colours[is_bare] = _packed(_values(light, setup, self.display))
+        whole = np.repeat(np.repeat(colours, step, axis=0), step, axis=1)
+        np.copyto(self.drawn.colour, whole, where=self.drawn.nearness == 0.0)
+
     def _draw(self, faces: VisibleFaces, colours: Picture, large: LargeTriangles, first_id: int) -> None:
         for order in faces.orders:
             draw_triangles(order, faces.shape.faces, first_id, faces.screen, colours, large, self.drawn)
@@ -132,7 +147,7 @@ class Canvas:
         """Return display values (V, 3) of the corners of small triangles."""
         shape, which = faces.shape, faces.corners_of(SMALL)
         light = np.empty((len(which), 3), np.float32)
-        shaded = self.lighting.shade(shape, which, faces.outwards, is_stage)
+        shaded = self.lighting.shade(shape, which, 1 if is_stage else faces.outwards, is_stage)
         apply_shadow(shaded, shadow.visibility(shadow.coordinates(shape, which, faces.outwards)), light)
         light = self._in_haze(light, shape.vertices[which], is_stage)
         colours = np.empty((len(shape.vertices), 3), np.float32)
@@ -148,14 +163,18 @@ class Canvas:
             return light
         there = stage.opacity_at((points - placement.origin) / placement.size)
         there = there.reshape(-1, *[1] * (light.ndim - 1))
-        horizon = np.array(self.lighting.setup.lights.sky.horizon, np.float32)
-        return np.asarray(there * light + (1.0 - there) * horizon, np.float32)
+        towards = points - self.projection.origin
+        towards /= np.linalg.norm(towards, axis=1, keepdims=True)
+        sky = seen_radiance(self.lighting.setup.lights, towards.astype(np.float64))
+        sky = sky.reshape(-1, *[1] * (light.ndim - 2), 3)
+        return np.asarray(there * light + (1.0 - there) * sky, np.float32)
 
     def _large_triangles(self, faces: VisibleFaces, shadow: ShadowMap, is_stage: bool) -> LargeTriangles:
         """Return the inputs of large triangles."""
         shape, which, setup = faces.shape, faces.corners_of(LARGE), self.lighting.setup
         values = np.empty((len(shape.vertices) if len(which) else 0, 12), np.float32)
-        light = self.lighting.shade(shape, which, faces.outwards, is_stage).reshape(-1, 2, 3)
+        light = self.lighting.shade(shape, which, 1 if is_stage else faces.outwards, is_stage)
+        light = light.reshape(-1, 2, 3)
         light = np.concatenate([light, light.mean(axis=1, keepdims=True)], axis=1)
         light = self._in_haze(light, shape.vertices[which], is_stage)
         shown = _values(light.reshape(-1, 3), setup, self.display).reshape(-1, 3, 3)
@@ -213,6 +232,12 @@ def _values(light: NDArray[np.float32], setup: StageSetup, display: str) -> NDAr
     packed = np.empty_like(light)
     pack_light(light, packed)
     return packed
+
+
+def _packed(values: NDArray[np.float32]) -> NDArray[np.uint32]:
+    """Return values (N, 3), from 0 to 1, as subsamples (N,)."""
+    red, green, blue = np.clip(WHITE * values + 0.5, 0.0, WHITE).astype(np.uint32).T
+    return np.asarray(red << 20 | green << 10 | blue)
 
 
 def _unpack(colour: NDArray[np.uint32]) -> NDArray[np.float32]:
@@ -326,7 +351,7 @@ def preview(
     others  further subjects. Those that light passes through look as if they were of one material, the first
             one's
     """
-    setup = replace(setup, lights=setup.lights.without_maps())
+    setup = replace(setup, lights=with_suns(setup.lights))
     shapes = [shape.for_kernels() for shape in (subject, *others)]
     opaque = [shape for shape in shapes if not shape.material.is_clear]
     clear = [shape for shape in shapes if shape.material.is_clear]
@@ -345,10 +370,11 @@ def preview(
         patterned += [(own, drawn)] if shape.pigment else []
         drawn += len(shape.faces)
     if has_floor:
-        stage = stage_shape(setup.stage, setup.placement, setup.fades)
-        canvas.draw(canvas.visible(stage), shadow, len(whole.faces), is_stage=True)
+        for stage in stage_shapes(setup.stage, setup.placement, setup.fades):
+            canvas.draw(canvas.visible(stage), shadow, len(whole.faces), is_stage=True)
     for own, first in patterned:
         canvas.draw_pigment(own, shadow, first)
+    canvas.draw_sky()
     if clear:
         picture = _through(canvas, _faces_of(_join(clear), faces, canvas), shadow, display)
     else:

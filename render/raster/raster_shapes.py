@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flowsculpt.render.base.kernel_cache import compiled
+from flowsculpt.render.base.serialise import Colour
 from flowsculpt.render.post.view import ACES, ColourView
 from flowsculpt.render.scene.materials import (
     BrushedMetal,
@@ -27,6 +28,7 @@ from flowsculpt.render.scene.materials import (
 )
 from flowsculpt.render.scene.patterns import Pigment
 from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.room_shapes import window_frame
 from flowsculpt.render.scene.scene_lights import LightRig
 from flowsculpt.render.scene.scene_stage import Stage, StagePlacement
 from flowsculpt.render.scene.surface import Surface
@@ -252,20 +254,32 @@ class ScreenProjection(NamedTuple):
 
 
 @lru_cache(maxsize=4)
-def stage_shape(stage: Stage, placement: StagePlacement, fades: bool = False) -> Shape:
-    """Return the whole stage in scene units. fades: as of `StageSetup`"""
-    shape = Shape(*placement.placed(stage.mesh()), Diffuse(stage.colour)).for_kernels()
-    if stage.kind != "plinth" and not (fades or stage.is_graded):
-        return shape
-    backdrop = stage.reflectances(fades)
-    plinth = np.tile(stage.plinth_colour, (len(shape.vertices) - len(backdrop), 1))
-    return shape._replace(colours=np.concatenate([backdrop, plinth]))
+def stage_shapes(stage: Stage, placement: StagePlacement, fades: bool = False) -> tuple[Shape, ...]:
+    """Return the backdrop, and what the subject stands on, in scene units. fades: as of `StageSetup`"""
+    material = coated(stage.colour, stage.roughness)
+    backdrop = Shape(*placement.placed(stage.backdrop()), material).for_kernels()
+    if fades or stage.is_graded:
+        backdrop = backdrop._replace(colours=stage.reflectances(fades))
+        if isinstance(material, Plastic):  # Mitsuba's coat over vertex colours does not darken them
+            backdrop = backdrop._replace(material=Satin(stage.colour, roughness=material.roughness, coat=1.0))
+    if (plinth := stage.plinth()) is None:
+        return (backdrop,)
+    material = coated(stage.plinth_colour, stage.plinth_roughness)
+    return backdrop, Shape(*placement.placed(plinth), material).for_kernels()
+
+
+def coated(colour: Colour, roughness: float | None) -> Material:
+    """Return a matt material, under a clear coat where there is a roughness of one."""
+    return Diffuse(colour) if roughness is None else Plastic(colour, roughness=max(roughness, 0.02))
 
 
 @lru_cache(maxsize=4)
-def plinth_shape(stage: Stage, placement: StagePlacement) -> Shape:
-    """Return the plinth in scene units."""
-    return Shape(*placement.placed(stage.plinth()), Diffuse(stage.plinth_colour)).for_kernels()
+def shading_props(stage: Stage, placement: StagePlacement) -> Shape | None:
+    """Return what throws shadows besides the subject, scene units: a plinth, a window; None for none."""
+    mesh = window_frame() if stage.kind == "window" else stage.plinth()
+    if mesh is None:
+        return None
+    return Shape(*placement.placed(mesh), Diffuse(stage.plinth_colour)).for_kernels()
 
 
 @dataclass(frozen=True, eq=False)

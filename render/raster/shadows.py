@@ -25,10 +25,11 @@ from flowsculpt.render.raster.raster_shapes import (
     corner,
     exact,
     fast,
-    plinth_shape,
+    shading_props,
     shadow_opacity,
 )
 from flowsculpt.render.scene.render_camera import Camera, unit
+from flowsculpt.render.scene.room_shapes import ROOMS
 from flowsculpt.render.scene.scene_lights import Softbox
 from flowsculpt.render.scene.scene_stage import StagePlacement
 
@@ -278,6 +279,7 @@ def light_visibility(
         fraction[n] = 1.0 - opacity * (1.0 - light / whole)
 
 
+ROOM_REACH = 4.2  # of places with walls or further plinths, on which shadows show
 SHADOW_REACH = 2.6  # half the width of the shadow map, stage units at the subject
 SUN_DISTANCE = 60.0  # distance from which the sun's shadow map is rendered, stage units
 SHADOW_SIDE = 64 * BLOCK  # pixels along each side of the shadow map
@@ -313,9 +315,8 @@ class ShadowMap:
         render_depth(projection.project(subject.vertices, *square), subject.faces, side, layers)
         if side:
             move_halfway(layers)
-        if setup.stage.kind == "plinth":
-            plinth = plinth_shape(setup.stage, setup.placement)
-            render_depth(projection.project(plinth.vertices, *square), plinth.faces, 0, layers)
+        if (props := shading_props(setup.stage, setup.placement)) is not None:
+            render_depth(projection.project(props.vertices, *square), props.faces, 0, layers)
         block_maxima(layers[0], blocks)
         return cls(projection, layers[0], blocks, lift, opacity)
 
@@ -349,7 +350,8 @@ def _key_camera(setup: StageSetup) -> Camera | None:
     x, y, z = position.tolist()
     a, b, c = target.tolist()
     up = (0.0, 1.0, 0.0) if np.hypot(a - x, c - z) > 1e-3 * distance else (0.0, 0.0, 1.0)
-    angle = 2.0 * float(np.arctan(SHADOW_REACH * size / distance))
+    reach = ROOM_REACH if setup.stage.kind in (*ROOMS, "stair") else SHADOW_REACH
+    angle = 2.0 * float(np.arctan(reach * size / distance))
     return Camera((x, y, z), (a, b, c), up, angle, near=1e-3 * distance, far=1e3 * distance)
 
 

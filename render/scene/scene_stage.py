@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from flowsculpt.render.base.render_errors import BadInputError
 from flowsculpt.render.base.serialise import OMIT_DEFAULT, Colour, Triple
 from flowsculpt.render.scene.render_camera import Camera
+from flowsculpt.render.scene.room_shapes import BEVEL, HIGH, ROOMS, Mesh, joined, props, room_backdrop
 
 RINGS, SIDES = 33, 64
 """Triangles of a cyclorama, outwards and around. Its normals are exact: more triangles change no picture."""
@@ -18,10 +19,10 @@ RINGS, SIDES = 33, 64
 WITH_REFERENCES = "turntable"
 """The kind of a stage with reference balls and a colour chart."""
 
-KINDS = ("cyclorama", "ground", "plinth", WITH_REFERENCES, "none")
+KINDS = ("cyclorama", "ground", "plinth", *ROOMS, "stair", "table", WITH_REFERENCES, "none")
 
-BEVEL = 0.025
-"""Radius of a plinth's edges, stage units: rounded edges catch the light."""
+CYCLORAMAS = ("cyclorama", "plinth", "stair", "table", WITH_REFERENCES)
+"""Kinds whose backdrop is a cyclorama."""
 
 PLINTH = (0.56, 0.555, 0.545)
 """Reflectance of a plinth, linear Rec.709: a white one would outshine the subject."""
@@ -29,7 +30,11 @@ PLINTH = (0.56, 0.555, 0.545)
 FLAT_RADIUS, HORIZON_RADIUS, HORIZON_HEIGHT = 40.0, 400.0, 4.0
 """The ground: radius to which it is flat, its outer radius, and its height there, stage units."""
 
-_OBJECTS = {"plinth": ("stage", "plinth"), WITH_REFERENCES: ("stage", "grey", "chrome", "chart"), "none": ()}
+_OBJECTS = {
+    **dict.fromkeys(("plinth", "stair", "table", "shelf"), ("stage", "plinth")),
+    WITH_REFERENCES: ("stage", "grey", "chrome", "chart"),
+    "none": (),
+}
 """Objects of the kinds that are not a stage alone."""
 
 _CAMERA_MOVES = {"plinth": (1.14, 0.13), WITH_REFERENCES: (1.08, 0.04)}
@@ -43,8 +48,6 @@ of the picture at the target: the subject stays in the picture, also with a wide
 _WIDE, _AROUND, _FARTHEST = 16 / 9, 1.06, 2.0
 """Width to height from which on a picture shows all of a plinth; the width that it needs over that of the
 plinth; and the factor on the distance at which wider ones are cut off."""
-
-Mesh = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int32]]
 
 
 @dataclass(frozen=True)
@@ -97,17 +100,20 @@ class Stage:
     scattered upwards leaves at once, which makes pictures several times cheaper.
 
     kind           one of KINDS: "cyclorama", "ground" (level to the horizon), "plinth" (the subject stands
-                   on one, in a cyclorama), WITH_REFERENCES (a cyclorama with reference balls and a colour
+                   on one, in a cyclorama), "corner" (two walls), "window" (a wall that the light of a window
+                   crosses), "shelf" (boards before a wall), "stair" (plinths of several heights) and "table"
+                   in a cyclorama, WITH_REFERENCES (a cyclorama with reference balls and a colour
                    chart in the lower corners of the picture), or "none" for a subject before the sky
     colour         linear Rec.709 reflectance of floor and wall
     roughness      of a clear coat on them: 0.05 mirrors, 0.4 shimmers; None is matt
     floor          radius of the flat floor, stage units
     sweep          width of the ring in which the floor rises, stage units
     steepness      slope at the outer rim, radians
-    width, height  of the plinth, stage units
-    plinth_colour  linear Rec.709 reflectance of the plinth
+    width, height  of the plinth, stage units; of a shelf, between its uprights and boards; of a table, its
+                   width, and the height of its top above the floor; of a corner, the height of its walls
+    plinth_colour  linear Rec.709 reflectance of the plinth, of boards and of a table
     plinth_roughness  of a clear coat on the plinth; None is matt
-    wall_colour    at the rim of a cyclorama, which the floor's changes to; None is the floor's
+    wall_colour    of flat walls, or at a cyclorama's rim, which the floor's changes to; None is the floor's
     halo_colour    of a soft spot on floor and wall behind the subject; None for none
     halo_size      distance from the middle of the spot at which half of its colour is left, stage units
     halo_distance  of its middle behind the subject's middle, stage units
@@ -194,22 +200,19 @@ class Stage:
 
     def mesh(self) -> Mesh:
         """Return backdrop and plinth as one mesh, without reference objects."""
-        vertices, normals, faces = self.backdrop()
-        if self.kind != "plinth":
-            return vertices, normals, faces
-        plinth = self.plinth()
-        return (
-            np.concatenate([vertices, plinth[0]]),
-            np.concatenate([normals, plinth[1]]),
-            np.concatenate([faces, plinth[2] + np.int32(len(vertices))]),
-        )
+        return joined([self.backdrop(), *([] if (plinth := self.plinth()) is None else [plinth])])
 
     def backdrop(self) -> Mesh:
         """Return vertices (V, 3), normals (V, 3) and faces (F, 3) of floor and wall, seen from inside."""
+        if self.kind in ROOMS:
+            return room_backdrop(self.kind, self.height)
         vertices, normals, faces = _revolve(*self.profile(), 4 * SIDES if self.is_graded else SIDES)
-        if self.kind == "plinth":
-            vertices = vertices - np.array([0.0, self.height, 0.0], dtype=np.float32)
-        return vertices, normals, faces
+        return vertices - np.array([0.0, self.floor_depth, 0.0], dtype=np.float32), normals, faces
+
+    @property
+    def floor_depth(self) -> float:
+        """How far below the subject the floor of a cyclorama is, stage units."""
+        return self.height if self.kind in ("plinth", "stair", "table") else 0.0
 
     @property
     def is_graded(self) -> bool:
@@ -222,17 +225,24 @@ class Stage:
         fades  True to fade into the dark, down to 0 at the rim of a cyclorama, which would be a hard edge to
                the black above; ground, which ends at the horizon, does not fade
         """
-        points = self.backdrop()[0]
-        if self.kind == "plinth":
-            points = points + np.array([0.0, self.height, 0.0], np.float32)
-        colours = self.reflectance_at(points)
-        if fades and self.kind != "ground":
+        points, normals, _ = self.backdrop()
+        points = points + np.array([0.0, self.floor_depth, 0.0], np.float32)
+        colours = self.reflectance_at(points, normals)
+        if fades and self.kind in CYCLORAMAS:
             colours *= np.float32(1.0) - self._rise(points).astype(np.float32)
         return colours
 
-    def reflectance_at(self, points: NDArray[np.floating]) -> NDArray[np.float32]:
-        """Return the reflectance (N, 3) of points (N, 3) on floor and wall, with the floor at y = 0."""
+    def reflectance_at(
+        self, points: NDArray[np.floating], normals: NDArray[np.floating]
+    ) -> NDArray[np.float32]:
+        """Return the reflectance (N, 3) of points (N, 3) on floor and wall, with the floor at y = 0.
+
+        normals  (N, 3), of the surface there
+        """
         colours = np.tile(np.array(self.colour, np.float32), (len(points), 1))
+        if self.kind in ROOMS:
+            colours[normals[:, 1] < 0.5] = self.wall_colour or self.colour
+            return colours
         if self.wall_colour is not None:
             colours += self._rise(points) * (np.array(self.wall_colour) - self.colour)
         if self.halo_colour is not None:
@@ -253,9 +263,9 @@ class Stage:
         t = np.clip((np.hypot(points[:, :1], points[:, 2:]) - self.floor) / self.sweep, 0.0, 1.0)
         return np.asarray(t * t * (3.0 - 2.0 * t))
 
-    def plinth(self) -> Mesh:
-        """Return the mesh of a pillar whose top is at y = 0, with rounded upper edges."""
-        return _pillar(self.width / 2.0, self.height, self.width / 2.0 if self.round else 1.6 * BEVEL)
+    def plinth(self) -> Mesh | None:
+        """Return the mesh of what the subject stands on, its top at y = 0; None where that is the floor."""
+        return props(self.kind, self.width, self.height, self.round)
 
     def profile(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return points (N, 2) of radius and height, from the middle outwards, and their inward normals."""
@@ -320,43 +330,9 @@ def _revolve(profile: NDArray[np.float64], normals: NDArray[np.float64], sides: 
     return turned(profile), turned(normals), faces
 
 
-def _pillar(half: float, height: float, corner: float) -> Mesh:
-    """Return a pillar with a square section of half-width `half`, its vertical edges rounded by `corner`.
-
-    It is round where `corner` is `half`. The section shrinks towards the top by its corners alone: straight
-    parts keep their length.
-    """
-    turned = corner == half
-    part = np.linspace(0.0, 1.0, 24 if turned else 6, endpoint=not turned)
-    angle = (np.arange(4)[:, None] + part[None, :]) * math.pi / 2.0
-    out = np.stack([np.cos(angle), np.sin(angle)], axis=-1).reshape(-1, 2)
-    middle = (np.arange(4) + 0.5) * math.pi / 2.0
-    sides_of = np.sign(np.stack([np.cos(middle), np.sin(middle)], axis=1))
-    centre = (half - corner) * np.repeat(sides_of, len(part), axis=0)
-    lean = np.linspace(math.pi / 2.0, 0.0, 7)
-    inset = np.append(BEVEL * (1.0 - np.cos(lean)), 0.0)
-    level = np.append(BEVEL * (np.sin(lean) - 1.0), -height)
-    tilt = np.append(lean, 0.0)
-    rings, sides = len(inset), len(out)
-    vertices, normals = np.empty((rings, sides, 3)), np.empty((rings, sides, 3))
-    vertices[..., [0, 2]] = centre + (corner - inset)[:, None, None] * out
-    vertices[..., 1] = level[:, None]
-    normals[..., [0, 2]] = np.cos(tilt)[:, None, None] * out
-    normals[..., 1] = np.sin(tilt)[:, None]
-    i, j = np.arange(rings - 1)[:, None] * sides, np.arange(sides)[None, :]
-    k = (j + 1) % sides
-    above, after, below, across = i + j, i + k, i + sides + j, i + sides + k
-    wall = [np.stack([above, after, across], -1), np.stack([above, across, below], -1)]
-    lid = np.stack([np.full(sides, rings * sides), k[0], j[0]], axis=-1)
-    faces = np.concatenate([*(part.reshape(-1, 3) for part in wall), lid]).astype(np.int32)
-    top = np.array([[0.0, 0.0, 0.0]]), np.array([[0.0, 1.0, 0.0]])
-    return (
-        np.concatenate([vertices.reshape(-1, 3), top[0]]).astype(np.float32),
-        np.concatenate([normals.reshape(-1, 3), top[1]]).astype(np.float32),
-        faces,
-    )
-
-
 STAGES = {kind: Stage(kind) for kind in KINDS}
+STAGES["corner"] = Stage("corner", height=HIGH)
+STAGES["shelf"] = Stage("shelf", width=4.6, height=2.9)
+STAGES["table"] = Stage("table", width=6.0, height=2.6)
 STAGES[WITH_REFERENCES] = Stage(WITH_REFERENCES, colour=(0.32, 0.32, 0.32))
 """What a subject stands on or in, by the names of shot files."""

@@ -73,6 +73,26 @@ class Daylight:
         return across * math.sin(self.azimuth), math.sin(self.elevation), across * math.cos(self.azimuth)
 
 
+_SUN_AT_60 = 1.45
+"""Luminous irradiance of a surface that faces a sun at 60° elevation, in Mitsuba's units."""
+
+_WANTED_AT_60 = 8.0
+"""The same irradiance in our units, as bright as the other rigs."""
+
+_DUSK_EXPONENT = 0.8
+"""Power of the light's fall towards dusk that exposure makes up for."""
+
+
+def exposure_of(facing: float) -> float:
+    """Return the factor on Mitsuba's radiance of daylight.
+
+    facing  luminous irradiance of a surface that faces the sun, with half of the sky's, in Mitsuba's units
+
+    Light falls by a factor of a hundred from noon to dusk. Exposure keeps of this what the eye notices.
+    """
+    return _WANTED_AT_60 / _SUN_AT_60 * math.pow(facing / _SUN_AT_60, -_DUSK_EXPONENT)
+
+
 def sun_position(time: float, latitude: float, day: float) -> tuple[float, float]:
     """Return the sun's elevation, and its azimuth clockwise from north, in radians.
 

@@ -178,8 +178,8 @@ def _sound(path: Path) -> None:
 
 
 def _view(path: Path) -> None:
-    from flowsculpt.pipeline.shot.documents.picture_documents import tables
     from flowsculpt.render.post import view
+    from flowsculpt.render.post.config_tables import tables
 
     digest = _decodable(path, view._try_views, "flowsculpt.render.post.view", "OpenImageIO")
     tables(path)

@@ -24,14 +24,32 @@ def framed(camera: str) -> Framing:
     return Framer([view], lambda _: icosphere(4).vertices, 2.0).all()[0]
 
 
-@pytest.mark.parametrize("kind", ["spherical", "dome", "vr180"])
+@pytest.mark.parametrize("kind", ["spherical", "vr180"])
 def test_the_sculpture_is_in_the_middle_and_fills_the_angle_within_the_margins(kind: str) -> None:
     camera = framed(f"{{projection: {kind}}}").camera
     assert isinstance(camera, WideCamera) and camera.target == pytest.approx((0.0, 0.0, 0.0), abs=0.01)
     wanted = 2.0 * math.atan(0.8 * math.tan(math.radians(75.0) / 2.0))
     seen = 2.0 * math.asin(1.0 / math.dist(camera.origin, camera.target))
     assert math.degrees(seen) == pytest.approx(math.degrees(wanted), abs=1.0)
-    assert (camera.origin[1] == pytest.approx(0.0, abs=0.01)) == (kind != "dome")
+    assert camera.origin[1] == pytest.approx(0.0, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("written", "elevation"), [("", 35.0), (", dome_elevation: 20", 20.0), (", elevation: -20", 35.0)]
+)
+def test_in_a_dome_the_sculpture_is_in_front_of_the_audience_above_the_springline(
+    written: str, elevation: float
+) -> None:
+    camera = framed(f"{{projection: dome{written}}}").camera
+    x, y, _ = camera.project([[0.0, 0.0, 0.0]], 1.0)[0]
+    assert x == pytest.approx(0.0, abs=0.01) and y == pytest.approx(-(90.0 - elevation) / 90.0, abs=0.01)
+    _, above, _ = camera.project([[0.0, 0.3, 0.0]], 1.0)[0]
+    assert above > y
+
+
+def test_a_dome_may_have_the_sculpture_at_its_zenith() -> None:
+    camera = framed("{projection: dome, dome_elevation: 90}").camera
+    assert camera.target == pytest.approx((0.0, 0.0, 0.0), abs=0.01)
 
 
 def test_eyes_are_as_far_apart_as_the_unit_says_and_by_default_before_a_statue() -> None:

@@ -257,8 +257,11 @@ def test_a_day_that_cannot_be_is_refused(make: Callable[[], Daylight]) -> None:
         make()
 
 
-@pytest.mark.parametrize("rig", [LIGHTS["daylight"], LightRig(environment=Environment("abc"))])
-def test_quick_previews_know_light_from_all_around(rig: LightRig, sphere: Surface) -> None:
+@pytest.mark.parametrize("kind", ["daylight", "map"])
+def test_quick_previews_know_light_from_all_around(kind: str, sphere: Surface, tmp_path: Path) -> None:
+    rig = LIGHTS["daylight"]
+    if kind == "map":
+        rig = LightRig(environment=written(tmp_path / "grey.exr", np.full((16, 32, 3), 0.8, np.float32)))
     look = Shape(sphere.vertices, sphere.normals, sphere.faces, LOOKS["clay"])
     seen = preview(
         look,

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from flowsculpt.render.mitsuba.emitters import shadowing_softboxes
 from flowsculpt.render.mitsuba.engine import Engine
 from flowsculpt.render.mitsuba.mitsuba_scene import build_scene
 from flowsculpt.render.scene.aovs import RenderedFrame
@@ -15,7 +17,7 @@ from flowsculpt.render.scene.materials import LOOKS
 from flowsculpt.render.scene.render_camera import Camera
 from flowsculpt.render.scene.render_quality import Quality
 from flowsculpt.render.scene.scene import Scene
-from flowsculpt.render.scene.scene_lights import LIGHTS
+from flowsculpt.render.scene.scene_lights import LIGHTS, LightRig, Softbox
 from flowsculpt.render.scene.scene_stage import STAGES, StagePlacement
 from flowsculpt.render.scene.surface import Surface
 
@@ -59,7 +61,35 @@ def test_only_a_cyclorama_around_lens_and_softboxes_is_left_out(
         pytest.skip("there Mitsuba's integrators render the light")
     scene = Scene(sphere, LOOKS["clay"], LIGHTS[lights], STAGES[stage], StagePlacement(), camera)
     tracer = build_scene(scene, QUALITY).beauty.path_tracer
-    assert (tracer.occluders is not None) == is_left_out
-    if is_left_out:
-        names = {shape.id() for shape in tracer.occluders.shapes()}
-        assert names == {shape.id() for shape in tracer.scene.shapes()} - {"stage"}
+    left = tracer.scene if tracer.occluders is None else tracer.occluders
+    everything, names = ({shape.id() for shape in each.shapes()} for each in (tracer.scene, left))
+    softboxes = set(shadowing_softboxes(scene, QUALITY.size))
+    assert everything - names == softboxes | ({"stage"} if is_left_out else set())
+
+
+def test_a_softbox_that_the_lens_does_not_see_takes_no_light_from_others(
+    rendered: Callable[..., RenderedFrame], engine: Engine
+) -> None:
+    if engine.variant == "scalar_rgb":
+        pytest.skip("there Mitsuba's integrators render the light")
+    key = Softbox((-2.6, 9.0, -2.5), 0.6, 0.6, (400.0,) * 3, target=(1.0, 0.0, -2.5))
+    before_key = Softbox((-0.2, 3.0, -2.5), 1.0, 1.0, (1e-3,) * 3, target=(-0.2, 9.0, -2.5))
+    quality = replace(QUALITY, samples=64)
+
+    right, up, _ = CAMERA.project([[1.0, 0.0, -2.5]], 64 / 36)[0]
+    column, row = int(32.0 * (1.0 + right)), int(18.0 * (1.0 - up))
+
+    def shown(*boxes: Softbox) -> float:
+        picture = rendered(lights=LightRig(boxes), quality=quality)["beauty"]
+        return float(picture[row - 1 : row + 2, column - 2 : column + 3].mean())
+
+    alone = shown(key)
+    assert shown(key, before_key) == pytest.approx(alone, rel=0.02)
+    assert shown(key, replace(before_key, visible=True)) < 0.8 * alone
+
+
+@pytest.mark.parametrize("rig", ["studio", "three_point", "softbox", "daylight", "porcelain"])
+def test_the_usual_camera_sees_no_shadow_of_the_softboxes_of_a_rig(rig: str, sphere: Surface) -> None:
+    camera = Camera((0.0, 2.6, 6.6), (0.0, 0.95, 0.0), field_of_view=math.radians(26.0))
+    scene = Scene(sphere, LOOKS["clay"], LIGHTS[rig], STAGES["cyclorama"], StagePlacement(), camera)
+    assert shadowing_softboxes(scene, (64, 36)) == []

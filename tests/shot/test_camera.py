@@ -111,11 +111,12 @@ def test_a_shot_takes_back_what_it_rests_on_says(tmp_path: Path) -> None:
     assert seen == view("{position: [0, 1, 6], focal_length: 50}", 0.0)
 
 
-@pytest.mark.parametrize(("kind", "elevation"), [("spherical", 0.0), ("vr180", 0.0), ("dome", 14.0)])
-def test_a_wide_projection_has_defaults_of_its_own(kind: str, elevation: float) -> None:
+@pytest.mark.parametrize(("kind", "filled"), [("spherical", 75.0), ("vr180", 75.0), ("dome", 50.0)])
+def test_a_wide_projection_has_defaults_of_its_own(kind: str, filled: float) -> None:
     seen = view(f"{{projection: {kind}}}")
     assert seen.wide is not None and seen.wide.projection == Projection(kind)
-    assert (seen.field_of_view, seen.elevation) == (math.radians(75.0), math.radians(elevation))
+    assert (seen.field_of_view, seen.elevation) == (math.radians(filled), 0.0)
+    assert seen.wide.lift == pytest.approx(math.radians(55.0) if kind == "dome" else 0.0)
     assert view(f"{{projection: {kind}, elevation: 20, field_of_view: 40}}").elevation == math.radians(20.0)
     assert seen.wide.eye_distance == (64.0 if kind == "vr180" else 0.0)
 

@@ -242,6 +242,7 @@ def findings(shot: Shot, first: FirstFrame) -> list[Finding]:
         _budget,
         _edges,
         _camera,
+        _below_floor,
         _sharpness,
         _size,
         _parts,
@@ -318,6 +319,35 @@ def _camera(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
                 f"outside, or leave {setting} out.",
             )
             return
+
+
+def _below_floor(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
+    """Check that the camera is above the floor, from below which a stage is dark and hides the subject."""
+    camera, clock = shot.picture.camera, shot.motion.clock
+    if shot.picture.stage.kind == "none" or (shot.subject and camera.position is None):
+        return  # framing sees all of several subjects
+    setting = "elevation" if camera.position is None else "position"
+    aspect = shot.picture.qualities["draft"].aspect
+    for number in sampled_frames(shot):
+        view = camera.at(clock.time(number))
+        if view.position is None and view.elevation >= 0.0:
+            continue  # framing looks at a place above the floor
+        (framing,) = Framer([view], lambda _: first.points, aspect).all()
+        height, floor = framing.camera.origin[1], framing.placement.origin[1]
+        if height > floor:
+            continue
+        remedy = f"Raise its second number above {floor:.3g}"
+        if view.position is None:
+            away = math.dist(framing.camera.origin, framing.camera.target)
+            least = -math.degrees(math.asin(min(1.0, (framing.camera.target[1] - floor) / away)))
+            remedy = f"Write elevation: {math.ceil(least) + 1:d} or more"
+        yield Finding(
+            ("camera", setting),
+            f"on frame {number} the camera is below the floor, at the height {height:.3g}: the floor is at "
+            f"{floor:.3g}, under the lowest point of the subject on frame {shot.frames.first}. {remedy}, or "
+            "write stage: none.",
+        )
+        return
 
 
 def _sharpness(shot: Shot, first: FirstFrame) -> Iterator[Finding]:

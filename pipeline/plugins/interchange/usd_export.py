@@ -494,7 +494,7 @@ def add_floor(stage: Usd.Stage, home: str, shot: Shot) -> None:
     mesh.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
     mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
     mesh.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(mesh.GetPointsAttr().Get()))
-    if is_coloured := floor.kind == "plinth" or floor.is_graded:
+    if is_coloured := floor.plinth() is not None or floor.is_graded:
         colours = np.tile(np.array(floor.plinth_colour, np.float32), (len(vertices), 1))
         backdrop = floor.reflectances()
         colours[: len(backdrop)] = backdrop

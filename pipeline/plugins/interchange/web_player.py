@@ -241,8 +241,7 @@ def _stage(shot: Shot, blobs: _Blobs) -> dict[str, Any] | None:
     if stage.kind == "none" or not picture.look.is_lit:
         return None
     parts = [(stage.backdrop(), stage.reflectances(fades=True))]
-    if stage.kind == "plinth":
-        plinth = stage.plinth()
+    if (plinth := stage.plinth()) is not None:
         parts.append((plinth, np.tile(np.array(stage.plinth_colour, np.float32), (len(plinth[0]), 1))))
     meshes = []
     for (vertices, normals, faces), colours in parts:

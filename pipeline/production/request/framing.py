@@ -469,8 +469,17 @@ def camera_of(
         "far": max(FAR, 100.0 * away),
     }
     if view.wide is not None:
-        return WideCamera(**place, **_wide(view.wide, size))
+        return WideCamera(**{**place, **_lifted(view.wide, origin, axes, away)}, **_wide(view.wide, size))
     return Camera(**place, **_blur(view.blur, origin, axes[2], away, size, front))
+
+
+def _lifted(lens: WideLens, origin: Floats, axes: Floats, away: float) -> dict[str, Any]:
+    """Return target and up direction of a camera that looks higher than at its target."""
+    if lens.lift == 0.0 or away == 0.0:
+        return {}
+    cosine, sine = np.cos(lens.lift), np.sin(lens.lift)
+    forward, up = sine * axes[1] - cosine * axes[2], cosine * axes[1] + sine * axes[2]
+    return {"target": triple(origin + away * forward), "up": triple(up)}
 
 
 def _wide(lens: WideLens, size: float) -> dict[str, Any]:

@@ -53,11 +53,11 @@ SAFE_AREAS = {"action": 0.035, "title": 0.05}
 FIELD_OF_VIEW, ELEVATION = 26.0, 14.0
 """Defaults of a perspective, degrees."""
 
-WIDE_FIELD_OF_VIEW = 75.0
-"""Default of wide projections, degrees: a sculpture that one looks around in, without turning the head."""
+WIDE_FIELD_OF_VIEW, DOME_FIELD_OF_VIEW = 75.0, 50.0
+"""Defaults of wide projections, degrees: a sculpture that one looks around in, without turning the head."""
 
-LEVEL = ("spherical", "vr180")
-"""Projections that are level by default: in a headset, a horizon that is not makes viewers unwell."""
+DOME_ELEVATION = 35.0
+"""Default elevation of a dome's target above its springline, degrees: within the 20° to 45° at ease."""
 
 FieldOfView = Annotated[Positive, Field(lt=180)]
 FieldOfViewField = Annotated[
@@ -183,7 +183,7 @@ class CameraDocument(Document):
         description="0 looks from the front, positive from the right; the set turns along (degrees)",
     )
     elevation: NumberField | None = Field(
-        default=ELEVATION, description="above the horizon; by default 0 for spherical and vr180 (degrees)"
+        default=ELEVATION, description="above the horizon; by default 0 for wide projections (degrees)"
     )
     orbit: NumberField | None = optional("speed of the camera around the set, which stands still (degrees/s)")
     projection: Annotated[str, one_of(KINDS, "projection")] = Field(
@@ -193,11 +193,14 @@ class CameraDocument(Document):
     dome_angle: Annotated[Positive, Field(le=360)] | None = optional(
         "full angle of a dome's circle; 180 by default (degrees)"
     )
+    dome_elevation: Annotated[float, Field(ge=0, le=90)] | None = optional(
+        "of the target above the springline of a dome, in front; 90 is the zenith, 35 the default (degrees)"
+    )
     eye_distance: Positive | None = optional("between the eyes of vr180; 64 by default (mm)")
     field_of_view: FieldOfViewField | None = Field(
         default=FIELD_OF_VIEW,
         description="across the longer side of the picture; of wide projections, what the sculpture fills, "
-        "by default 75 (degrees)",
+        "by default 75, in a dome 50 (degrees)",
     )
     focal_length: PositiveField | None = optional("of the lens, in place of the field of view (mm)")
     sensor_width: Positive = Field(
@@ -259,13 +262,16 @@ class CameraDocument(Document):
         return position
 
     def build(self, clock: Clock) -> CameraPath:
-        wide = self.projection != "perspective"
-        elevation = self._given("elevation", 0.0 if self.projection in LEVEL else ELEVATION)
-        field_of_view = self._given("field_of_view", WIDE_FIELD_OF_VIEW if wide else FIELD_OF_VIEW)
+        wide, is_dome = self.projection != "perspective", self.projection == "dome"
+        elevation = self._given("elevation", 0.0 if wide else ELEVATION)
+        filled = DOME_FIELD_OF_VIEW if is_dome else WIDE_FIELD_OF_VIEW if wide else FIELD_OF_VIEW
+        field_of_view = self._given("field_of_view", filled)
         angle = 180.0 if self.dome_angle is None else self.dome_angle
+        height = DOME_ELEVATION if self.dome_elevation is None else self.dome_elevation
         return CameraPath(
             projection=Projection(self.projection, math.radians(angle)),
             eye_distance=EYE_DISTANCE if self.eye_distance is None else float(self.eye_distance),
+            lift=math.radians(90.0 - height) if is_dome else 0.0,
             azimuth=number(-30.0 if self.azimuth is None else self.azimuth, clock, DEGREE),
             elevation=number(elevation, clock, DEGREE),
             field_of_view=number(field_of_view, clock, DEGREE),

@@ -46,15 +46,17 @@ class StageDocument(Document):
         "of a coat on the floor: 0.05 mirrors, 0.4 shimmers; by default matt"
     )
     width: Annotated[float, Field(ge=0.2, le=10)] | None = optional(
-        "of the plinth, in half-sizes of the subject; by default 1.7"
+        "of plinth or table, or between uprights of the shelf, in half-sizes of the subject; by default 1.7"
     )
     height: Annotated[float, Field(ge=0.2, le=10)] | None = optional(
-        "of the plinth, in half-sizes of the subject; by default 1.6"
+        "of plinth, table or walls, or between boards of the shelf, in half-sizes; by default 1.6"
     )
-    round: bool | None = optional("a round plinth instead of a square one")
-    plinth_colour: Colour | None = optional("of the plinth; by default a light grey")
-    plinth_roughness: ZeroToOne | None = optional("of a coat on the plinth; by default matt")
-    wall_colour: Colour | None = optional("at the rim of the wall, which the floor's changes to")
+    round: bool | None = optional("a round plinth or table instead of a square one")
+    plinth_colour: Colour | None = optional("of plinth, shelf or table; by default a light grey")
+    plinth_roughness: ZeroToOne | None = optional("of a coat on it; by default matt")
+    wall_colour: Colour | None = optional(
+        "of flat walls, or at the rim of a round one, which the floor's changes to"
+    )
     halo_colour: Colour | None = optional("of a soft spot behind the subject, on floor and wall")
     halo_size: Annotated[float, Field(ge=0.5, le=20)] | None = optional(
         "from the middle of the spot to where half of its colour is left, in half-sizes; by default 3"
@@ -73,10 +75,13 @@ class StageDocument(Document):
     def _kind_has_all(self) -> Self:
         halo = ("halo_size", "halo_distance")
         wall = ("colour", "roughness", "shadow_catcher", "wall_colour", "halo_colour", *halo)
-        plinth = (*wall, "width", "height", "round", "plinth_colour", "plinth_roughness")
+        stands = ("width", "height", "plinth_colour", "plinth_roughness")
+        plinth, room = (*wall, *stands, "round"), wall[:4]
         ground = (*wall[:3], "horizon_fade")
         settings = dict.fromkeys(STAGES, wall) | {"ground": ground, "plinth": plinth, "none": ()}
-        for name in (*plinth, "horizon_fade"):
+        settings |= {"table": plinth, "stair": (*wall, *stands), "shelf": (*room, *stands)}
+        settings |= {"corner": (*room, "height"), "window": (*room, "plinth_colour")}
+        for name in dict.fromkeys((*plinth, "horizon_fade")):
             if getattr(self, name) is not None and name not in settings[self.kind]:
                 fitting = " or ".join(kind for kind in STAGES if name in settings[kind])
                 raise finding(

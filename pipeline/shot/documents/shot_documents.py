@@ -63,6 +63,7 @@ from flowsculpt.render.scene.aovs import AOVS
 from flowsculpt.render.scene.render_quality import CONVENTIONS
 from flowsculpt.render.scene.rgb_spaces import REC709, WORKING_SPACES, srgb_of_linear
 from flowsculpt.render.scene.scene_lights import LIGHTS
+from flowsculpt.render.scene.scene_sets import SETS
 from flowsculpt.render.scene.scene_stage import STAGES
 
 PRESETS: Mapping[str, Mapping[str, Any]] = {"look": ALL_LOOKS, "lights": LIGHTS, "stage": STAGES}
@@ -306,6 +307,12 @@ class ShotDocument(Document):
     )
     overrides: list[OverrideDocument] = Field(
         default_factory=list, description="look, lights and quality of some frames, in place of the shot's"
+    )
+    set: str | None = optional(
+        f"a place that decides stage, lights and camera where the shot does not: {', '.join(SETS)}"
+    )
+    sets: dict[str, SkipValidation[dict[str, Any]]] = Field(
+        default_factory=dict, description="places of your own by name: stage, lights and camera of each"
     )
     stage: StageField = Field("cyclorama", description="the ground below the subject, by name or spelt out")
     sound: SoundField | None = optional(

@@ -19,6 +19,7 @@ from typing import Any
 from flowsculpt.pipeline.errors import MissingInputError, ShotError, UsageError, quote, shorten, suggest
 from flowsculpt.pipeline.shot.motion import Clock, parse_frames, parse_rate
 from flowsculpt.pipeline.shot.yaml.named_files import DEFAULTS, quote_name, shot_files, text_of
+from flowsculpt.pipeline.shot.yaml.named_sets import set_of
 from flowsculpt.pipeline.shot.yaml.yaml_source import (
     HEX_COLOUR,
     Spot,
@@ -200,9 +201,13 @@ def inherited_source(
     """
     read_text = beside.get if beside is not None else lambda name: _text(path.with_name(name))
     source = _extended(YamlSource.read(path, text), read_text, (path.name,))
-    defaults = read_text(DEFAULTS) if path.name != DEFAULTS else None
-    if defaults is not None and isinstance(source.data, dict):
-        source = over(source, _require_mapping(YamlSource.read(path.with_name(DEFAULTS), defaults)))
+    written = read_text(DEFAULTS) if path.name != DEFAULTS else None
+    if isinstance(source.data, dict):
+        base = (written and _require_mapping(YamlSource.read(path.with_name(DEFAULTS), written))) or None
+        preset, defaults, is_own = set_of(source, base, settings)
+        layers = (preset, defaults) if is_own else (defaults, preset)
+        for layer in layers:
+            source = source if layer is None else over(source, layer)
     return with_named_settings(with_settings(source, settings))
 
 

@@ -170,6 +170,21 @@ def test_a_camera_inside_the_subject_is_told_with_its_setting(tmp_path: Path) ->
     assert found(tmp_path, ball_shot(more="camera: {position: [0, 0, 3]}")) == []
 
 
+@needs_plugins("interchange")
+def test_a_camera_below_the_floor_is_told_with_a_remedy_that_works(tmp_path: Path) -> None:
+    write_ball(tmp_path / "ball.obj")
+    finding = the_only(found(tmp_path, ball_shot(more="camera: {elevation: {keys: {1: 10, 24: -35}}}")))
+    assert finding.where == ("camera", "elevation") and "below the floor" in finding.text
+    advised = re.search(r"Write elevation: (-?\d+) or more", finding.text)
+    assert advised
+    assert found(tmp_path, ball_shot(more=f"camera: {{elevation: {advised[1]}}}")) == []
+    placed = "camera: {position: [0, -1.6, 5]}"
+    finding = the_only(found(tmp_path, ball_shot(more=placed)))
+    assert finding.where == ("camera", "position") and "at the height -1.6" in finding.text
+    assert found(tmp_path, ball_shot(more=f"{placed}\nstage: none")) == []
+    assert found(tmp_path, ball_shot(more="camera: {position: [0, -0.8, 5]}")) == []
+
+
 @settings(max_examples=40, deadline=None)
 @given(st.tuples(*[st.floats(-1.2, 1.2)] * 3))
 def test_points_within_a_ball_are_inside(point: tuple[float, float, float]) -> None:
@@ -334,7 +349,7 @@ def test_validate_warns_of_keys_outside_of_a_shot_in_one_line(project: ProjectFo
     (project.path / "shots" / "late.yaml").write_text(
         "title: A box\nframes: 30-40\nsubject: {solid: box}\nresample: {max_edge_length: 0.08}\n"
         "flows: [{twist: {amount: {keys: {1: 0, 58: 40}}}}]\n"
-        "camera: {azimuth: {keys: {1: 0, 20: 40}}, elevation: {keys: {41: 0, 50: 9}, before: continue}}\n"
+        "camera: {azimuth: {keys: {1: 0, 20: 40}}, elevation: {keys: {41: 40, 50: 49}, before: continue}}\n"
     )
     (checked,) = json.loads(project.call("--json", "validate", "late").out)
     (warning,) = checked["warnings"]
