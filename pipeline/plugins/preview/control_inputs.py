@@ -20,6 +20,15 @@ LEARN = "learn"  # in place of a control: the next one that moves, of all but th
 
 TOUCH = "touch"  # the handle, slider or field of the value itself
 
+SOURCES = (
+    (TOUCH, "handle, slider"),
+    ("pointer x", "pointer, across"),
+    ("pointer y", "pointer, upwards"),
+    ("pen pressure", "pressure of a pen"),
+    (LEARN, "learn: move a control"),
+)
+"""Controls that are always in the lists of the page, with their words there."""
+
 MOST_CONTROLS = 1000  # that are remembered for the lists of the page
 
 Moved = list[tuple[str, float]]
@@ -131,6 +140,12 @@ class Controls:
                     if binding.control == LEARN and name not in POINTER:
                         binding.control, changed = name, True
         return changed
+
+    def listed(self) -> list[tuple[str, str]]:
+        """Return the controls that a value can be bound to, each with its words in the lists of the page."""
+        bound = {binding.control for armed in self.armed.values() for binding in armed.bindings}
+        others = sorted((self.known.keys() | bound) - dict(SOURCES).keys())
+        return [*SOURCES, *((name, name) for name in others)]
 
     def moves(self, name: str, number: float) -> list[tuple[Where, int, float]]:
         """Return the numbers of armed values that a control sets: path, index, and number."""

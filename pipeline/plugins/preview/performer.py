@@ -33,6 +33,8 @@ from flowsculpt.pipeline.plugins.preview.shot_editor import ShotEditor, where_in
 from flowsculpt.pipeline.plugins.preview.take_edits import is_chosen, restoring_edits, take_edits
 from flowsculpt.pipeline.plugins.preview.text_edits import Where, path_text
 
+NO_TAKE = "-"  # in place of the name of a take, for a value that has the keys of none
+
 SPEEDS = (1.0, 0.5, 0.25)
 
 SILENCE = 3.0  # seconds without a word of any page after which a recording ends
@@ -186,7 +188,7 @@ class Performer:
             message = {
                 "event": "perform",
                 "armed": [armed.data for armed in self.controls.armed.values()],
-                "controls": sorted(self.controls.known),
+                "controls": self.controls.listed(),
                 "takes": self._choices(),
                 "recording": recording is not None,
                 "speed": recording.speed if recording else 1.0,
@@ -329,6 +331,8 @@ class Performer:
             raise UsageError("a choice has the name of a take, or none for what was before")
         with self._lock:
             self._require_still()
+            if name == NO_TAKE:
+                return
             takes = {each: take for each, take in self._all_takes().items() if take.value_at(where)}
             if not takes or (name and name not in takes):
                 raise UsageError(f"{path_text(where)} has no take {name or 'at all'}")
@@ -487,7 +491,7 @@ class Performer:
         return {name: self._takes[name] for name in names if name in self._takes}
 
     def _choices(self) -> list[dict[str, Any]]:
-        """Return, for each value with takes, their names and the one whose keys it has; empty for another."""
+        """Return, for each value with takes, what a list shows, (name, words), and the take that it has."""
         takes = self._all_takes()
         if not takes:
             return []
@@ -501,10 +505,14 @@ class Performer:
                 where = tuple(taken.where)
                 if where not in values:
                     continue
-                entry = found.setdefault(where, {"where": where, "takes": [], "chosen": ""})
-                entry["takes"].append(name)
+                first = [("", "as before the takes")]
+                entry = found.setdefault(where, {"where": where, "takes": first, "chosen": NO_TAKE})
+                entry["takes"].append((name, name.replace(f"{self.editor.path.stem}.", "take ")))
                 if is_chosen(values[where], taken):
                     entry["chosen"] = name
+        for entry in found.values():
+            if entry["chosen"] == NO_TAKE:
+                entry["takes"].insert(0, (NO_TAKE, "its own keys"))
         return list(found.values())
 
 

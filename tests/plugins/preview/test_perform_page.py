@@ -156,6 +156,26 @@ def test_arrow_keys_perform_too(follower: Follower) -> None:
     assert len(samples(follower, CENTRE)) >= 5
 
 
+def test_the_camera_is_performed_by_dragging_the_picture(follower: Follower) -> None:
+    tab = follower.tab
+    tab.evaluate("document.getElementById('picture').focus()")
+    tab.keyboard.press("a")
+    follower.wait("page.perform.state.armed.length === 2")
+    record(follower)
+    before = tab.evaluate("page.film.trial.camera.origin")
+    box = follower.box("#picture")
+    tab.mouse.move(box["x"] + 40, box["y"] + 40)
+    tab.mouse.down()
+    for i in range(20):
+        tab.mouse.move(box["x"] + 40 + 4 * i, box["y"] + 40)
+        tab.wait_for_timeout(8)
+    follower.wait(f"Math.hypot(...page.film.trial.camera.origin.map((x, i) => x - {before}[i])) > 1")
+    tab.mouse.up()
+    stop(follower)
+    assert samples(follower, "camera.azimuth")[-1][0] < -35
+    follower.wait_for_text(r"camera: \{azimuth: \{keys: \{\d+: \{value: -30, right")
+
+
 def test_a_pen_performs_by_its_place_and_pressure(follower: Follower) -> None:
     arm(follower, STRENGTH, "pen pressure", low=0, high=2)
     arm(follower, AMOUNT, "pointer x", low=-10, high=10)

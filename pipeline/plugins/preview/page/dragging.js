@@ -49,22 +49,17 @@ class Follow {
 
   /** The drag has ended with these edits: write them. */
   end(edits, gesture = "") {
-    if (this.performs || this.page.perform.isRecording) {
-      this.performs = false; // though the recording may have ended before the drag
-      return Promise.resolve(this.page.perform.play(edits));
-    }
-    const digest = this.drags ? this.digest : "";
-    Object.assign(this, { waiting: null, drags: false });
+    const digest = this.drags ? this.digest : "", isLate = this.performs && !this.page.perform.isRecording;
+    Object.assign(this, { waiting: null, drags: false, performs: false });
     if (this.page.film.trial) this.page.film.trial.isDragged = false;
-    if (edits.length) return this.page.shot.edit(edits, gesture, digest);
+    if (edits.length && !isLate) return this.page.shot.edit(edits, gesture, digest); // late: its recording has ended
     this.cancel();
     return Promise.resolve();
   }
 
   /** The drag was given up: show the file as it is. */
   cancel() {
-    Object.assign(this, { waiting: null, drags: false });
-    this.performs = false;
+    Object.assign(this, { waiting: null, drags: false, performs: false });
     if (!this.page.perform.isRecording) this.page.film.endTrial();
     this.page.draw();
   }

@@ -66,6 +66,7 @@ class LivePage {
     this.fault.file = "";
     if (!isSame) this.handles.draw();
     this.shot.refresh();
+    this.perform.refresh();
     this.drawFrame();
     this.strip.draw();
   }

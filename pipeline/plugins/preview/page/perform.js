@@ -1,8 +1,6 @@
 // Performing: values are armed, and what hands and devices do to them is recorded while the shot plays. The server records,
 // fits keys and keeps takes; the page sends what it hears, and shows what comes.
 
-const SOURCES = [["touch", "handle, slider"], ["pointer x", "pointer, across"], ["pointer y", "pointer, upwards"], ["pen pressure", "pressure of a pen"], ["learn", "learn: move a control"]];
-const SPEEDS_TO_RECORD = [[1, "1×"], [0.5, "½×"], [0.25, "¼×"]];
 const HEARTBEAT = 500; // ms after which the server hears of the page while it records
 const DRIFT = 0.15; // seconds by which sound and picture may differ
 
@@ -14,7 +12,7 @@ class Perform {
     const record = buttonOf("", "Record what moves the armed values (R)", () => this.record(), {
       id: "record", className: "record", textContent: () => (this.isRecording ? "Stop" : "Record"), ariaPressed: () => this.isRecording,
     });
-    id("perform").append(record, listOf("Speed of recording", SPEEDS_TO_RECORD, (speed) => { this.speed = +speed; }));
+    id("perform").append(record, listOf("Speed of recording", [[1, "1×"], [0.5, "½×"], [0.25, "¼×"]], (speed) => { this.speed = +speed; }));
     for (const name of ["pointerdown", "pointermove"]) id("viewer").addEventListener(name, (event) => this.#point(event), true);
     setInterval(() => { if (this.isRecording) this.#send(true); }, HEARTBEAT);
     this.draw();
@@ -33,6 +31,9 @@ class Perform {
     }
   }
 
+  /** Another text of the shot: it may have the keys of other takes. */
+  refresh() { return this.state.takes.length && this.#ask("state"); }
+
   /** Arm a value, or disarm it. */
   arm(where) {
     this.#openDevices();
@@ -43,8 +44,7 @@ class Perform {
   armFocused() {
     const focused = document.activeElement, { values } = this.page.shot;
     const name = focused.closest("[data-path]")?.dataset.path ?? focused.dataset.focus?.split(" ")[0];
-    const names = focused === id("picture") ? ["camera.azimuth", "camera.elevation"] : [name];
-    for (const each of names) if (values.has(each)) this.arm(values.get(each).where);
+    for (const each of focused === id("picture") ? ["camera.azimuth", "camera.elevation"] : [name]) if (values.has(each)) this.arm(values.get(each).where);
   }
 
   async record() {
@@ -59,15 +59,13 @@ class Perform {
   take(state) {
     const wasRecording = this.isRecording;
     this.state = state;
-    if (wasRecording && !state.recording) {
-      this.sound.stop();
-      this.page.film.endTrial();
-      this.page.shot.refresh();
-    }
     this.live.clear();
     this.draw();
-    this.page.handles.draw();
     refresh();
+    if (!wasRecording || state.recording) return this.page.handles.draw();
+    this.sound.stop();
+    this.page.film.endTrial();
+    this.page.shot.refresh();
   }
 
   /** A picture of the performance came; of several until the display is drawn, the latest is shown. */
@@ -179,9 +177,7 @@ class Perform {
   #boundRow(where, bound, part, letter) {
     const name = `${placeTitle(where)} ${letter}`;
     const bind = (change) => this.#ask("bind", { where, part, ...bound, ...change });
-    const sources = [...SOURCES, ...this.state.controls.filter((each) => !SOURCES.some(([known]) => known === each)).map((each) => [each, each])];
-    if (!sources.some(([known]) => known === bound.control)) sources.push([bound.control, bound.control]);
-    const list = listOf(`${name}: moved by`, sources, (control) => bind({ control }), { value: bound.control, data: { focus: `${name} by` } });
+    const list = listOf(`${name}: moved by`, this.state.controls, (control) => bind({ control }), { value: bound.control, data: { focus: `${name} by` } });
     const ends = ["low", "high"].map((end) => make("input", {
       type: "text", inputMode: "decimal", value: written(bound[end]), ariaLabel: `${name}: ${end} end`, title: `Its value at the ${end} end of the control`, data: { focus: `${name} ${end}` },
       onchange: (event) => { if (Number.isFinite(+event.target.value)) bind({ [end]: +event.target.value }); },
@@ -190,9 +186,8 @@ class Perform {
   }
 
   #takeRow({ where, takes, chosen }) {
-    const name = placeTitle(where), options = [...(chosen ? [] : [[" ", "its own keys"]]), ["", "as before the takes"], ...takes.map((take) => [take, take.replace(`${this.page.film.take?.shot}.`, "take ")])];
-    const choose = (take) => take !== " " && this.#ask("choose", { where, take });
-    return make("div", "bound", make("span", { className: "name", title: nameOf(where) }, name), listOf(`${name}: take`, options, choose, { value: chosen || " ", data: { focus: `${name} take` } }));
+    const name = placeTitle(where), choose = (take) => this.#ask("choose", { where, take });
+    return make("div", "bound", make("span", { className: "name", title: nameOf(where) }, name), listOf(`${name}: take`, takes, choose, { value: chosen, data: { focus: `${name} take` } }));
   }
 }
 
@@ -213,15 +208,14 @@ class ShotSound {
     if (!this.buffer) return;
     if (this.source && Math.abs(this.begun + speed * (this.context.currentTime - this.at) - second) < DRIFT) return;
     this.stop();
-    this.source = this.context.createBufferSource();
-    Object.assign(this.source, { buffer: this.buffer }).connect(this.context.destination);
-    this.source.playbackRate.value = speed;
+    this.source = new AudioBufferSourceNode(this.context, { buffer: this.buffer, playbackRate: speed });
+    this.source.connect(this.context.destination);
     Object.assign(this, { begun: second, at: this.context.currentTime });
-    if (second < this.buffer.duration) this.source.start(0, Math.max(0, second));
+    this.source.start(0, clamp(second, 0, this.buffer.duration));
   }
 
   stop() {
-    try { this.source?.stop(); } catch { /* it has not begun */ }
+    this.source?.stop();
     this.source = null;
   }
 }

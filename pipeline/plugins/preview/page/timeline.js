@@ -32,7 +32,7 @@ class Timeline {
 /** One curve: its name, the settings of the chosen key, and its plot. */
 class CurveRow {
   constructor(timeline, value) {
-    Object.assign(this, { timeline, value, page: timeline.page, name: nameOf(value.where) });
+    Object.assign(this, { timeline, value, page: timeline.page, name: nameOf(value.where), title: placeTitle(value.where) });
     this.isChosen = timeline.chosen === this.name;
     const title = `${this.name}${value.unit ? ` (${value.unit})` : ""}`;
     const choose = () => timeline.choose(this.name), data = { focus: `${this.name} open` };
@@ -42,8 +42,6 @@ class CurveRow {
     this.element = make("div", { className, data: { curve: this.name } }, this.label, make("div", {}, this.plot.svg));
     if (this.isChosen && value.curve.formula === null) this.#addSettings();
   }
-
-  get title() { return placeTitle(this.value.where); }
 
   get keys() { return this.value.curve.keys; }
   get key() { return this.keys[Math.min(this.timeline.point, this.keys.length - 1)]; }
