@@ -2,9 +2,9 @@
 
 Writes a store of TIMES times of NODES³ float32 velocities in chunks of 50³ without compression, of which
 only SHARE (1) of the chunks is there; then, each in a process of its own, plans FRAMES frames twice and
-moves 10,000 points through them; APART (4) frames are from one time to the next. Prints CPU seconds, the share
-of them in which velocities are read and checked, the most memory of each process, and the size of the store as
-it would be whole. The store lies among temporary files.
+moves 10,000 points through them; APART (4) frames are from one time to the next. Prints CPU seconds, the
+share of them in which velocities are read and checked, the most memory of each process, and the size of the
+store as it would be whole. The store lies among temporary files.
 """
 
 from __future__ import annotations
