@@ -2,8 +2,9 @@
 
 Writes a store of TIMES times of NODES³ float32 velocities in chunks of 50³ without compression, of which
 only SHARE (1) of the chunks is there; then, each in a process of its own, plans FRAMES frames twice and
-moves 10,000 points through them; APART (4) frames are from one time to the next. Prints CPU seconds, the most
-memory of each process, and the size of the store as it would be whole. The store lies among temporary files.
+moves 10,000 points through them; APART (4) frames are from one time to the next. Prints CPU seconds, the
+share of them in which velocities are read and checked, the most memory of each process, and the size of the
+store as it would be whole. The store lies among temporary files.
 """
 
 from __future__ import annotations
@@ -62,8 +63,19 @@ def write_store(folder: Path, nodes: int, times: int, share: float) -> Path:
 
 
 def measured(store: Path, frames: int, moves: bool, apart: float) -> None:
-    """Print CPU seconds and the most memory (MiB) of planning a shot, or of moving points through it."""
+    """Print CPU seconds, those of reading, and the most memory (MiB) of planning, or of moving points."""
+    from flowsculpt.pipeline.plugins.fields.windowed_samples import WindowedSamples
     from flowsculpt.pipeline.shot import read_shot
+
+    read, reading = WindowedSamples._read, [0.0]
+
+    def timed(samples: WindowedSamples, index: int) -> np.ndarray:
+        began = process_time()
+        velocity = read(samples, index)
+        reading[0] += process_time() - began
+        return velocity
+
+    WindowedSamples._read = timed  # type: ignore[method-assign]
 
     pace = FPS / apart
     text = (
@@ -80,7 +92,7 @@ def measured(store: Path, frames: int, moves: bool, apart: float) -> None:
         for frame in range(2, frames + 1):
             shot.motion.step_data(frame)
     most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    print(json.dumps([process_time() - begin, most]))
+    print(json.dumps([process_time() - begin, reading[0], most]))
 
 
 def main() -> None:
@@ -96,8 +108,10 @@ def main() -> None:
             command = [sys.executable, "-m", "benchmarks.field_windows", "--measure"]
             command += [str(store), str(int(frames)), str(int(moves)), str(apart)]
             answer = subprocess.run(command, check=True, capture_output=True, text=True).stdout
-            seconds, most = json.loads(answer.splitlines()[-1])
-            rows.append({"step": name, "CPU s": round(seconds, 1), "most MiB": round(most)})
+            seconds, reading, most = json.loads(answer.splitlines()[-1])
+            share = round(100 * reading / seconds)
+            row = {"step": name, "CPU s": round(seconds, 1), "reading %": share, "most MiB": round(most)}
+            rows.append(row)
         size = 12 * nodes**3 * times / (1 << 30)
         on_disk = sum(file.stat().st_size for file in store.rglob("*") if file.is_file()) / (1 << 30)
     show(

@@ -21,7 +21,7 @@ from flowsculpt.pipeline.shot import motion_checks, picture_checks, subject_chec
 from flowsculpt.pipeline.shot.animated_models import AnimatedFlow, AnimatedModel
 from flowsculpt.pipeline.shot.camera_path import Shutter
 from flowsculpt.pipeline.shot.documents.curves import NumberField, number
-from flowsculpt.pipeline.shot.documents.field_types import vector
+from flowsculpt.pipeline.shot.documents.field_types import Document, vector
 from flowsculpt.pipeline.shot.documents.light_documents import StageDocument
 from flowsculpt.pipeline.shot.documents.look_documents import check_bsdf, look_of
 from flowsculpt.pipeline.shot.documents.picture_documents import built_lights
@@ -200,6 +200,7 @@ def _read(source: YamlSource, allow_code: bool) -> Shot:
         shot = replace(shot, subjects=parts, picture=picture, notes=notes)
     _require_fixed_faces(shot, source)
     shot = _with_materials(shot, source, digests)
+    _check_entries(shot, source)
     return _with_files(shot, {**parse_context.digests, **digests})  # flows note files of their frames
 
 
@@ -369,6 +370,16 @@ def _given(kind: MovingKind, source: YamlSource, clock: Clock, where: Where = ("
         present, message = model.sequence.absent
         raise AbsentFilesError(f"{place}: {message}", present)
     return model
+
+
+def _check_entries(shot: Shot, source: YamlSource) -> None:
+    """Raise ShotError for what entries of plug-ins find in the shot."""
+    for name, entry in shot.entries.items():
+        try:
+            if isinstance(entry, Document):
+                entry.check_shot(shot)
+        except UsageError as error:
+            raise ShotError(f"{source.place(tuple(name.split('.')))}: {error}") from None
 
 
 def _require_fixed_faces(shot: Shot, source: YamlSource) -> None:

@@ -245,11 +245,6 @@ def _read_file(file: Path, array: str | None, kind: _Kind) -> _FieldFile:
     is_resampled = file.suffix.lower() in RESAMPLED
     if resolution is not None and not is_resampled:
         raise UsageError(f"{file}: resolution does not apply; it is for curved grids and meshes. Remove it.")
-    if is_number and is_resampled:
-        raise UsageError(
-            f"{file}: arrays of curved grids and meshes are read as velocities alone. Resample it (Resample "
-            "To Image) and save it as .vti."
-        )
     sort = "an archive of arrays, as numpy.savez writes" if is_npz else "a grid, as VTK and ParaView write"
     with reading(file, f"{sort} one"):
         if is_npz:
@@ -258,7 +253,7 @@ def _read_file(file: Path, array: str | None, kind: _Kind) -> _FieldFile:
             )
             grid = VtkGrid(axes, velocity)
         elif is_resampled:
-            grid = read_resampled(file, content, array, resolution)
+            grid = read_resampled(file, content, array, resolution, 1 if is_number else 3)
             velocity = grid.velocity[None]
         else:
             grid = read_vtk(file, content, array, components=1 if is_number else 3)

@@ -1,6 +1,6 @@
-"""Velocities at the points of VTK's meshes (`.vtu`) and bent grids (`.vts`), put on even grids.
+"""Velocities and numbers at the points of VTK's meshes (`.vtu`) and bent grids (`.vts`), put on even grids.
 
-Cells are cut into tetrahedra, and those of flat data into triangles, in which velocities are linear.
+Cells are cut into tetrahedra, and those of flat data into triangles, in which they are linear.
 """
 
 from __future__ import annotations
@@ -47,22 +47,25 @@ _CORNERS = {5: 3, 8: 4, 9: 4, 10: 4, 11: 8, 12: 8, 13: 6, 14: 5}
 
 
 class _Mesh(NamedTuple):
-    """Points (N, 3), their velocities (N, 3), and simplices (S, 4), or (S, 3) of flat data."""
+    """Points (N, 3), their velocities (N, 3) or numbers (N, 1), and simplices (S, 4); (S, 3) of flat data."""
 
     points: Floats
     velocity: Floats
     simplices: np.ndarray
 
 
-def read_resampled(file: Path, content: bytes, array: str | None, resolution: int | None) -> VtkGrid:
+def read_resampled(
+    file: Path, content: bytes, array: str | None, resolution: int | None, components: int = 3
+) -> VtkGrid:
     """Return the velocities of a file on an even grid around its points; outside of its cells they are 0.
 
     resolution  nodes along the longest side; None: about as fine as the points
+    components  1 for numbers (X, Y, Z, 1), which are NaN outside of the cells
 
     Raises UsageError where it is no such file, has no cells, or its cells are of kinds that are not read.
     """
     try:
-        mesh = _read(VtkFile.of(content), len(content), array)
+        mesh = _read(VtkFile.of(content), len(content), array, components)
     except (MeshError, UsageError) as error:
         raise UsageError(f"{file}: {str(error).rstrip('.')}. Save it again from VTK or ParaView.") from None
     width = mesh.simplices.shape[1] - 1
@@ -78,24 +81,25 @@ def read_resampled(file: Path, content: bytes, array: str | None, resolution: in
     digest = hashlib.sha256(points.tobytes() + mesh.simplices.tobytes()).hexdigest()
     shares = shares_of(points, mesh.simplices, grid, digest)
     count = math.prod(grid.shape)
-    velocity = spread(shares.of(mesh.velocity.astype(np.float32), count).reshape(*grid.shape, 3))
-    lacking = np.isnan(velocity[..., :1]).astype(np.float32)
-    velocity = np.nan_to_num(velocity)
+    numbers = spread(shares.of(mesh.velocity.astype(np.float32), count).reshape(*grid.shape, components))
+    lacking, velocity = np.isnan(numbers[..., :1]).astype(np.float32), np.nan_to_num(numbers)
     outside = 1.0 - len(shares.nodes) / count
     own = grid.interpolated(lacking, points)[:, 0] < 1e-6
     difference = grid.interpolated(velocity, points)[own] - mesh.velocity[own]
     scale = float((mesh.velocity[own] ** 2).sum())
     off = math.sqrt(float((difference**2).sum()) / scale) if scale else 0.0
     shape = " × ".join(map(str, grid.shape))
+    what = "velocities" if components == 3 else str(array)
     notes = [
-        f"{file.name}: its {len(points):,} points are read on an even grid of {shape} nodes; velocities at "
-        f"its own points differ by {100.0 * off:.2g}% (rms), which a higher resolution makes less"
+        f"{file.name}: its {len(points):,} points are read on an even grid of {shape} nodes; {what} at its "
+        f"own points differ by {100.0 * off:.2g}% (rms), which a higher resolution makes less"
     ]
-    if outside > 0.01:
+    if outside > 0.01 and components == 3:
         notes.append(
             f"{file.name}: {outside:.0%} of the box around it is outside of its cells, and has no velocity"
         )
-    axes, velocity = _in_space(grid, inside.tolist(), velocity, low, float(size.max()))
+    shown = velocity if components == 3 else numbers
+    axes, velocity = _in_space(grid, inside.tolist(), shown, low, float(size.max()))
     return VtkGrid(axes, velocity.astype(np.float64), None, tuple(notes))
 
 
@@ -108,7 +112,7 @@ def _usual(size: Floats, count: int) -> int:
 def _in_space(
     grid: EvenGrid, inside: list[int], velocity: np.ndarray, low: Floats, longest: float
 ) -> tuple[list[Floats], np.ndarray]:
-    """Return three axes and velocities (X, Y, Z, 3); along an axis that flat data lack they are the same."""
+    """Return three axes and values (X, Y, Z, W); along an axis that flat data lack they are the same."""
     given = dict(zip(inside, grid.axes, strict=True))
     axes = []
     for k in range(3):
@@ -120,18 +124,18 @@ def _in_space(
     return axes, velocity
 
 
-def _read(vtk: VtkFile, size: int, array: str | None) -> _Mesh:
+def _read(vtk: VtkFile, size: int, array: str | None, components: int) -> _Mesh:
     if vtk.kind not in ("UnstructuredGrid", "StructuredGrid"):
         raise UsageError(f"its type is {vtk.kind}; it must be UnstructuredGrid or StructuredGrid")
     pieces = vtk.head.findall(f"{vtk.kind}/Piece")
     if not pieces:
         raise UsageError("it has no pieces, and so no samples")
-    read = [_piece(vtk, piece, size, array) for piece in pieces]
+    read = [_piece(vtk, piece, size, array, components) for piece in pieces]
     starts = np.cumsum([0, *(len(points) for points, _, _ in read)])
     points = np.concatenate([part for part, _, _ in read])
     velocity = np.concatenate([part for _, part, _ in read])
     if not (np.isfinite(points).all() and np.isfinite(velocity).all()):
-        raise UsageError("its points or velocities are not all finite numbers. Fill the gaps with zeros")
+        raise UsageError("its points or its array are not all finite numbers. Fill the gaps with zeros")
     solid = [cells[0] + first for (_, _, cells), first in zip(read, starts, strict=False)]
     flat = [cells[1] + first for (_, _, cells), first in zip(read, starts, strict=False)]
     tetrahedra, triangles = np.concatenate(solid), np.concatenate(flat)
@@ -148,7 +152,7 @@ def _read(vtk: VtkFile, size: int, array: str | None) -> _Mesh:
 
 
 def _piece(
-    vtk: VtkFile, piece: Element, size: int, array: str | None
+    vtk: VtkFile, piece: Element, size: int, array: str | None, components: int
 ) -> tuple[Floats, Floats, tuple[np.ndarray, np.ndarray]]:
     """Return points, velocities at them, and tetrahedra and triangles of a piece."""
     shape = _shape(piece) if vtk.kind == "StructuredGrid" else None
@@ -156,12 +160,11 @@ def _piece(
     if 3 * count > MOST_A_BYTE.get(vtk.compressor, 1) * size:
         raise UsageError(f"it says that it has {count} points, more than {size} bytes can hold")
     points = _numbers(vtk, piece.find("Points/DataArray"), 3 * count, "points").reshape(-1, 3)
-    element, is_cells = velocity_array(piece, array)
+    element, is_cells = velocity_array(piece, array, components)
     cells = _grid_cells(shape) if shape else _mesh_cells(vtk, piece)
     cells.require_faces_or_none(count)
-    values = _numbers(vtk, element, 3 * (len(cells.types) if is_cells else count), "velocities").reshape(
-        -1, 3
-    )
+    rows, what = len(cells.types) if is_cells else count, "velocities" if components == 3 else str(array)
+    values = _numbers(vtk, element, components * rows, what).reshape(-1, components)
     velocity = cells.means(values, count) if is_cells else values
     return points, velocity, (_simplices(cells, _TETRAHEDRA, 4), _simplices(cells, _TRIANGLES, 3))
 

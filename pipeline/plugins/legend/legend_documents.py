@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import Field
 
+from flowsculpt import UsageError
 from flowsculpt.api.shots import Document
 
 Corner = Literal["lower left", "lower right", "upper left", "upper right"]
@@ -28,6 +29,13 @@ class ColoursDocument(PartDocument):
         None, max_length=60, description="what it shows; by default the data's own name"
     )
     unit: str | None = Field(None, max_length=20, description="by default the data's own")
+
+    def check_shot(self, shot: Any) -> None:
+        if not any(hasattr(part.picture.look.pattern, "range") for part in shot.parts):
+            raise UsageError(
+                "colours needs a look with a measure, and none of this shot has one. Write look: {material: "
+                "clay, measure: {speed: {}}}, or leave colours out."
+            )
 
 
 class ClockDocument(PartDocument):

@@ -79,6 +79,9 @@ class Document(BaseModel):
             schema.update(wrapped)
         return found
 
+    def check_shot(self, shot: Any) -> None:
+        """Check an entry of a plug-in against the `Shot` that has it; raise UsageError for what is wrong."""
+
     @classmethod
     def model_rebuild(cls, **given: Any) -> bool | None:
         """Build what validates; not where a generic document is only given a type.

@@ -160,3 +160,21 @@ def test_resolution_is_for_meshes_and_bent_grids(tmp_path: Path) -> None:
     np.savez(tmp_path / "a.npz", x=axis, y=axis, z=axis, velocity=np.zeros((3, 3, 3, 3)))
     with pytest.raises(UsageError, match="resolution does not apply"):
         read_samples((tmp_path / "a.npz",), resolution=10)
+
+
+def test_an_array_of_numbers_goes_the_way_of_the_velocities_and_is_missing_outside(tmp_path: Path) -> None:
+    points, slopes = bent(), np.array([1.0, -2.0, 3.0])
+    numbers = array("T", points @ slopes + 5.0)
+    file = tmp_path / "a.vts"
+    file.write_text(vts(points).replace("</PointData>", f"{numbers}</PointData>"))
+    velocities = read_samples((file,), None, 1.0, 24).samples
+    samples = read_samples((file,), "T", 1.0, 24, is_number=True).samples
+    value, known, inside = np.moveaxis(samples.velocities(0), -1, 0)
+    assert all(np.array_equal(*axes) for axes in zip(samples.axes, velocities.axes, strict=True))
+    nodes = np.stack(np.meshgrid(*samples.axes, indexing="ij"), axis=-1)
+    own = np.linalg.norm(nodes[..., :2], axis=-1) - 1.0
+    well = (own > 0.1) & (own < 0.9) & (np.abs(nodes[..., 2] - 0.2 * own - 0.5) < 0.4)
+    well &= np.abs(np.arctan2(nodes[..., 1], nodes[..., 0]) - 0.6) < 0.5
+    assert well.sum() > 500 and (known[well] == 1.0).all() and (inside == 1.0).all()
+    np.testing.assert_allclose(value[well], nodes[well] @ slopes + 5.0, atol=1e-5)
+    assert not known[(own < -0.2) | (own > 1.2)].any() and not value[known == 0.0].any()

@@ -151,6 +151,16 @@ def test_a_legend_makes_finished_pictures_again_and_nothing_else() -> None:
 
 
 @needs_plugins("streams")
+def test_a_legend_of_colours_without_a_measure_is_an_error_of_the_shot_file() -> None:
+    plain = SHOT.replace("{material: clay, measure: {values: {range: [0.4, 1.6]}}}", "clay")
+    read_shot(Path("a.yaml"), f"{plain}legend: {{clock: {{}}}}\n")
+    with pytest.raises(
+        ShotError, match=r"a\.yaml:10:10: colours needs a look with a measure.* leave colours"
+    ):
+        read_shot(Path("a.yaml"), f"{plain}legend: {{colours: {{}}}}\n")
+
+
+@needs_plugins("streams")
 def test_a_legend_of_colours_needs_a_look_with_a_measure() -> None:
     frame = frame_of("{colours: {}}")
     shot = frame.facts["shot"]
