@@ -74,7 +74,7 @@ class View(NamedTuple):
     orbit     how far the camera has gone around from the azimuth, which the stage faces
     dolly     factor on the distance that framing finds
     distance  from the target, scene units; None lets framing find it
-    target    the point that the camera looks at; None lets framing find it
+    target    the point that the camera looks at, maybe between subjects; None lets framing find it
     position  of the camera; None derives it from the other values
     """
 
@@ -89,6 +89,11 @@ class View(NamedTuple):
     target: Vector | Between | None = None
     position: Vector | None = None
     lens: Lens | WideLens | None = None
+
+    @property
+    def fixed_target(self) -> Vector | None:
+        """The target, if it is a place."""
+        return None if isinstance(self.target, Between) else self.target
 
     @property
     def wide(self) -> WideLens | None:

@@ -90,8 +90,8 @@ def _seen_whole(shot: Shot, time: float) -> Shot:
     """
     view, picture = shot.picture.camera.at(time), shot.picture.in_perspective()
     azimuth, elevation = view.azimuth, view.elevation
-    if view.position is not None and view.target is not None:
-        x, y, z = (a - b for a, b in zip(view.position, view.target, strict=True))
+    if view.position is not None and view.fixed_target is not None:
+        x, y, z = (a - b for a, b in zip(view.position, view.fixed_target, strict=True))
         azimuth, elevation = math.atan2(x, z), math.atan2(y, math.hypot(x, z))
     still = replace(
         picture.camera,

@@ -13,6 +13,7 @@ from flowsculpt.api import ShotError
 from flowsculpt.pipeline.animation import animate
 from flowsculpt.pipeline.arrays import Floats
 from flowsculpt.pipeline.errors import FlowsculptError
+from flowsculpt.pipeline.flow.flow_map import FlowMap
 from flowsculpt.pipeline.mesh import TriangleMesh
 from flowsculpt.pipeline.plugins.contact.squash import Squash
 from flowsculpt.pipeline.shot import Shot, read_shot
@@ -143,6 +144,19 @@ def test_it_runs_backwards_to_where_it_began(tmp_path):
     there = motion.flow.displace(points, 0.0, 0.25)
     assert np.abs(there - points).max() > 0.1
     assert np.abs(motion.flow.displace(there, 0.25, -0.25) - points).max() < 1e-9
+
+
+def test_a_new_vertex_arrives_at_the_bits_of_one_that_was_there_from_the_start(tmp_path):
+    """One compiled call takes it through all frames, squashes included."""
+    twist = "\n  - twist: {amount: {keys: {1: 0, 18: 40}}}"
+    motion = shot_of(tmp_path, f"{twist}{DOWN_AND_UP}\n  - contact: {{floor: -1}}").motion
+    rest = motion.mesh_at_rest().vertices
+    points, carried = rest.copy(), FlowMap()
+    for number in range(2, 12):
+        step = motion.step_into(motion.flow, number)
+        points = step.apply(points)
+        carried.add(step)
+    assert np.array_equal(carried.carry(rest[:7]), points[:7])
 
 
 def test_keys_follow_what_came_before_and_not_what_comes_after(tmp_path):
