@@ -262,7 +262,7 @@ def stage_shapes(stage: Stage, placement: StagePlacement, fades: bool = False) -
         material = Satin(stage.colour, roughness=material.roughness, coat=1.0)
     backdrop = Shape(*placement.placed(stage.backdrop()), material).for_kernels()
     if is_graded:
-        backdrop = backdrop._replace(colours=stage.reflectances(fades))
+        backdrop = backdrop._replace(colours=stage.reflectances(fades).astype(np.float64))
     if (plinth := stage.plinth()) is None:
         return (backdrop,)
     material = coated(stage.plinth_colour, stage.plinth_roughness)
