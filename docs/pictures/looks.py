@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from PIL import Image
+import OpenImageIO as oiio
+from numpy.typing import NDArray
 
 from flowsculpt.pipeline.animation import animate, material_of
 from flowsculpt.pipeline.mesh.normals import split_at_creases, spread, tessellate
@@ -27,52 +28,69 @@ from flowsculpt.render.post.colour import quantise, to_display
 from flowsculpt.render.post.denoise import denoise
 from flowsculpt.render.scene.render_quality import QUALITIES
 from flowsculpt.render.scene.scene import Scene
-from flowsculpt.render.scene.scene_lights import LIGHTS
 from flowsculpt.render.scene.surface import Surface, outlines
 
 HERE = Path(__file__).parent
-QUALITY = dataclasses.replace(QUALITIES["final"], width=480, height=405)
-COLUMNS, CAPTION, FONT = 4, 48, "DroidSans"
+QUALITY = dataclasses.replace(
+    QUALITIES["daily"], width=256, height=216, samples=16, temporal_denoise=0, noise_threshold=None
+)
+COLUMNS, CAPTION, FONT = 5, 30, "DroidSans"
+
+Picture = NDArray[np.uint8]
 SHOT = """
 title: A bar wrung
 frames: 1-12
 subject: {solid: box, size: [1.4, 2.5, 1.4]}
-resample: {max_edge_length: 0.2}
+resample: {max_edge_length: 0.13}
 flows:
   - twist: {axis: y, amount: {ease: linear, keys: {1: 0, 12: 82}}}
   - bend: {axis: y, direction: x, length: 3, amount: {ease: linear, keys: {1: 0, 12: 34}}}
 look: %s
-smooth: {tessellate: 4}
+%s
+smooth: {tessellate: 2}
 """
+SOFT = "lights: studio\nstage: {kind: cyclorama, colour: [0.2, 0.2, 0.21]}"
+PALE = "lights: porcelain\nstage: {kind: cyclorama, colour: [0.02, 0.045, 0.1]}"
+WARM = "lights: porcelain\nstage: {kind: cyclorama, colour: [0.07, 0.03, 0.022]}"
+MIRRORED = "lights: duotone\nstage: {kind: cyclorama, colour: [0.02, 0.02, 0.025]}"
+STRIPS = "lights: gallery\nstage: {kind: cyclorama, colour: [0.05, 0.05, 0.055]}"
+RED = "lights: {rig: lacquer, exposure: 0.4}\nstage: {kind: cyclorama, colour: [0.36, 0.02, 0.012]}"
+DARK = "lights: {rig: lacquer, exposure: 0.6}\nstage: {kind: cyclorama, colour: [0.03, 0.035, 0.045]}"
+BRIGHT = "lights: {rig: bright_field, exposure: -0.3}\nstage: {kind: ground, colour: [0.3, 0.28, 0.25]}"
+SMOKY = (
+    "lights: {softboxes: [{position: [-4.5, 3.5, -2.5], width: 1.2, height: 3, radiance: [60, 56, 50]}, "
+    "{position: [4.5, 2.5, -2], width: 0.8, height: 3, radiance: [14, 24, 44]}], sky: {zenith: 0.02}}\n"
+    "stage: {kind: cyclorama, colour: [0.012, 0.013, 0.016]}"
+)
+EVEN = "lights: {rig: softbox, exposure: -0.3}\nstage: {kind: cyclorama, colour: [0.1, 0.1, 0.105]}"
 SHEET = {
-    "clay": "clay",
-    "putty": "putty",
-    "glaze": "glaze",
-    "ceramic": "ceramic",
-    "chrome": "chrome",
-    "brushed": "brushed",
-    "pearl": "pearl",
-    "marble": "marble",
-    "swirl": "swirl",
-    "honey": "honey",
-    "glass": "glass",
-    "frosted": "frosted",
-    "smoke": "{material: smoke, density: 10}",
-    "taffy": "taffy",
-    "cream": "cream",
-    "symbolics_1990": "symbolics_1990",
-    "speed": "speed",
-    "strain": "{material: strain, measure: {stretch: {range: [1, 2.5]}}}",
-    "clay, measure: area": "{material: clay, measure: {area: {range: [0.5, 2]}}}",
-    "bsdf: gold": "{bsdf: {type: roughconductor, material: Au, alpha: 0.12}}",
-    "marble, subsurface": "{material: marble, subsurface: {radius: 0.1}}",
-    "cream, subsurface": "{material: cream, subsurface: {radius: [0.1, 0.07, 0.04]}}",
-    "honey, subsurface": "{material: honey, subsurface: {radius: 1}}",
-    "clay, wireframe": "{material: clay, colour: [0.7, 0.7, 0.7], wireframe: {width: 0.6}}",
+    "clay": ("clay", SOFT),
+    "putty": ("putty", SOFT),
+    "glaze": ("glaze", DARK),
+    "ceramic": ("ceramic", PALE),
+    "chrome": ("chrome", MIRRORED),
+    "brushed": ("brushed", STRIPS),
+    "bsdf: gold": ("{bsdf: {type: roughconductor, material: Au, alpha: 0.12}}", STRIPS),
+    "pearl": ("pearl", PALE),
+    "marble": ("marble", WARM),
+    "swirl": ("swirl", PALE),
+    "taffy": ("taffy", SOFT),
+    "cream": ("cream", WARM),
+    "coffee": ("coffee", RED),
+    "honey": ("honey", BRIGHT),
+    "glass": ("glass", BRIGHT),
+    "frosted": ("frosted", BRIGHT),
+    "smoke": ("{material: smoke, density: 5}", SMOKY),
+    "speed": ("speed", EVEN),
+    "strain": ("{material: strain, measure: {stretch: {range: [1, 2.5]}}}", EVEN),
+    "clay, measure: area": ("{material: clay, measure: {area: {range: [0.5, 2]}}}", EVEN),
+    "cream, subsurface": ("{material: cream, subsurface: {radius: [0.1, 0.07, 0.04]}}", WARM),
+    "glaze, wear: dust": ("{material: glaze, wear: {dust: 0.6}}", DARK),
+    "putty, wear: weave": ("{material: putty, wear: {weave: 0.8}}", SOFT),
+    "clay, wireframe": ("{material: clay, colour: [0.7, 0.7, 0.7], wireframe: {width: 0.6}}", SOFT),
+    "symbolics_1990": ("symbolics_1990", SOFT),
 }
-"""What stands under each picture, and what the shot file says."""
-
-MIRRORS = ("chrome", "brushed", "bsdf: gold")
+"""What stands under each picture, the look that the shot file writes, and the light that flatters it."""
 
 
 def main() -> None:
@@ -80,18 +98,20 @@ def main() -> None:
     parser.add_argument("looks", nargs="*", metavar="LOOK")
     parser.add_argument("-o", "--output", type=Path, default=HERE / "looks.webp")
     asked = parser.parse_args()
-    shots = {name: _shot(SHEET[name]) for name in asked.looks or SHEET}
+    shots = {name: read_shot("looks.yaml", SHOT % SHEET[name]) for name in asked.looks or SHEET}
     surface, framing = _sculpture(next(iter(shots.values())))
     pictures = {name: _picture(name, shot, surface, framing) for name, shot in shots.items()}
     if asked.looks:
         for name, picture in pictures.items():
-            picture.save(asked.output.with_name(f"{name}.png"))
+            _write(asked.output.with_name(f"{name}.png"), picture)
     else:
-        _sheet(pictures).save(asked.output, quality=84, method=6)
+        _write(asked.output, _sheet(pictures))
 
 
-def _shot(look: str) -> Shot:
-    return read_shot("looks.yaml", SHOT % look)
+def _write(path: Path, picture: Picture) -> None:
+    buffer = oiio.ImageBuf(picture)
+    buffer.specmod().attribute("Compression", "webp:84")
+    buffer.write(str(path))
 
 
 def _sculpture(shot: Shot) -> tuple[Surface, Framing]:
@@ -115,28 +135,29 @@ def _sculpture(shot: Shot) -> tuple[Surface, Framing]:
     return Surface(faces=fine.faces, edges=edges, attributes=brought, **arrays), framing
 
 
-def _picture(name: str, shot: Shot, surface: Surface, framing: Framing) -> Image.Image:
-    rig = LIGHTS["gallery" if name in MIRRORS else "studio"]
-    scene = Scene(surface, shot.picture.look, rig, shot.picture.stage, framing.placement, framing.camera)
+def _picture(name: str, shot: Shot, surface: Surface, framing: Framing) -> Picture:
+    shown = shot.picture
+    scene = Scene(surface, shown.look, shown.lights, shown.stage, framing.placement, framing.camera)
     layers = render_frame(scene, QUALITY, seed=1, engine=choose())
-    return Image.fromarray(quantise(to_display(denoise(layers), display="srgb")))
+    print(name, flush=True)
+    return quantise(to_display(denoise(layers), shown.lights.exposure, display="srgb"))
 
 
-def _sheet(pictures: dict[str, Image.Image]) -> Image.Image:
-    """All of them, their names below."""
+def _sheet(pictures: dict[str, Picture]) -> Picture:
+    """Return all of them, their names below."""
     width, height = QUALITY.width, QUALITY.height
     rows = -(-len(pictures) // COLUMNS)
     sheet = np.full((rows * (height + CAPTION), COLUMNS * width, 3), 250, dtype=np.uint8)
     for index, (name, picture) in enumerate(pictures.items()):
         row, column = divmod(index, COLUMNS)
         y, x = row * (height + CAPTION), column * width
-        sheet[y : y + height, x : x + width] = np.asarray(picture)
-        words = lettering(name, FONT, 20)
+        sheet[y : y + height, x : x + width] = picture
+        words = lettering(name, FONT, 14)
         across = x + (width - words.shape[1]) // 2
         below = y + height + (CAPTION - words.shape[0]) // 2
         part = sheet[below : below + words.shape[0], across : across + words.shape[1]]
         part -= (215 * words[..., None]).astype(np.uint8)
-    return Image.fromarray(sheet)
+    return sheet
 
 
 if __name__ == "__main__":

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -62,6 +63,8 @@ def surface_bsdf(
         case BrushedMetal():
             return two_sided(_brushed(material, max(material.roughness, _MIN_ROUGHNESS)))
         case PatternedMaterial():
+            if material.wear:
+                return _worn(material, attributes, coordinates)
             colour = _colour(material, attributes, coordinates)
             opaque = _opaque(material, colour, coordinates)
             if isinstance(material, Diffuse | Plastic) and material.subsurface is not None and is_compiled():
@@ -84,6 +87,18 @@ def surface_bsdf(
             body = two_sided(_painted(material, attributes, coordinates))
             return _with_normals(material.parts, body, attributes, coordinates)
     raise TypeError(f"{material.model} has no BSDF")
+
+
+def _worn(
+    material: PatternedMaterial, attributes: Collection[str], coordinates: ScaledCoordinates
+) -> Description:
+    """Return the BSDF of a surface with wear over its colour and roughness, and the relief of the wear."""
+    from flowsculpt.render.mitsuba import detail_textures  # needs a compiled variant
+
+    colour = detail_textures.detailed_colour(_colour(material, attributes, coordinates), material.wear)
+    body = two_sided(_opaque(material, colour, coordinates))
+    normals = detail_textures.detail_normals(material.wear)
+    return {"type": "normalmap", "normalmap": normals, "body": body}
 
 
 def _painted(painted: Painted, attributes: Collection[str], coordinates: ScaledCoordinates) -> Description:
@@ -408,6 +423,11 @@ def _opaque(material: PatternedMaterial, colour: Description, coordinates: Scale
 
 def _roughness(material: Glossy, coordinates: ScaledCoordinates, is_squared: bool = False) -> Any:
     """Return a number or a texture. is_squared: True for Mitsuba's principled BSDF, which squares it"""
+    if any(layer.roughness for layer in material.wear):
+        from flowsculpt.render.mitsuba import detail_textures  # needs a compiled variant
+
+        bare = _roughness(replace(material, wear=()), coordinates)
+        return detail_textures.detailed_roughness(bare, material.wear, is_squared)
     if material.pigment is not None and material.pigment.roughness:
         from flowsculpt.render.mitsuba.pattern_textures import pattern_texture  # needs a compiled variant
 

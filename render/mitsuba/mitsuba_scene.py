@@ -91,6 +91,13 @@ def build_scene(
             f"{what} needs a compiled variant of Mitsuba and a shot without smoke. {remedy}, remove the "
             "smoke, or see what flowsculpt doctor says about libLLVM"
         )
+    worn = any(getattr(subject.material, "wear", ()) for subject in scene.subjects)
+    if (worn or scene.stage.finish) and not is_compiled():
+        what = "the wear of a look" if worn else "the finish of a stage"
+        raise BadInputError(
+            f"{what} needs a compiled variant of Mitsuba. Leave it out, or see what flowsculpt doctor says "
+            "about libLLVM"
+        )
     for subject in scene.subjects:
         subject.surface.check()
         require_camera_outside(subject.surface, scene.camera)
@@ -180,6 +187,10 @@ def _subject_shapes(scene: Scene) -> tuple[dict[str, Any], dict[str, Any], dict[
     for subject in scene.subjects:
         name, material = subject.shape_name, subject.material
         split, coordinates = texture_coordinates(subject.surface, material)
+        if getattr(material, "wear", ()):
+            from flowsculpt.render.mitsuba.detail_textures import with_detail_places  # needs the variant
+
+            split = with_detail_places(split)
         bsdf = materials.surface_bsdf(material, split.attributes, coordinates, size)
         medium = materials.interior_medium(material, size)
         if material.has_opacity:

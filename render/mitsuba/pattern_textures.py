@@ -162,10 +162,10 @@ def _phase(pigment: Pigment, places: Any) -> Any:
         return places.x
     p = (places - mi.Point3f(pigment.centre)) / pigment.scale
     if pigment.turbulence:
-        p += pigment.turbulence * _fractal_noise(p, pigment.octaves, pigment.seed)
+        p += pigment.turbulence * fractal_noise(p, pigment.octaves, pigment.seed)
     count = len(pigment.colours)
     if pigment.pattern in ("speckles", "spots"):
-        choice, distance = _spot(p, mi.UInt32(pigment.seed))
+        choice, distance = nearest_spot(p, mi.UInt32(pigment.seed))
         if pigment.pattern == "speckles":
             return distance
         depth = 1.0 - distance / max(pigment.share, 1e-9)
@@ -203,7 +203,7 @@ def _numbers(cell: list[Any], seed: Any, count: int) -> list[Any]:
     return numbers
 
 
-def _fractal_noise(p: Any, octaves: int, seed: int) -> Any:
+def fractal_noise(p: Any, octaves: int, seed: int) -> Any:
     """Return displacements, as `noise.fractal_noise`."""
     turn, lattice, total = noise.rotation().T.tolist(), mi.Vector3f(p), mi.Vector3f(0.0)
     for octave in range(octaves):
@@ -244,7 +244,7 @@ def _cells(p: Any, seed: int, share: float, gap: float, sizes: int) -> tuple[Any
 
 
 @dr.syntax
-def _spot(p: Any, seed: Any) -> tuple[Any, Any]:
+def nearest_spot(p: Any, seed: Any) -> tuple[Any, Any]:
     """Return the number of the nearest spot, and the distance to it over its size."""
     low, i = mi.Vector3i(dr.floor(p)), mi.Int32(0)
     best, choice = mi.Float(dr.inf), mi.Float(0.0)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flowsculpt.render.base.aligned_array import aligned
+from flowsculpt.render.mitsuba.engine import is_compiled
 from flowsculpt.render.mitsuba.loading import load_bsdf
 from flowsculpt.render.mitsuba.materials import (
     diffuse,
@@ -24,9 +25,10 @@ from flowsculpt.render.scene.reference_objects import CHROME, GREY
 from flowsculpt.render.scene.rgb_spaces import converted_pixels
 from flowsculpt.render.scene.room_shapes import window_frame
 from flowsculpt.render.scene.scene import Scene
-from flowsculpt.render.scene.scene_stage import WITH_REFERENCES
+from flowsculpt.render.scene.scene_stage import WITH_REFERENCES, Stage
 from flowsculpt.render.scene.shaded_colours import shaded_colours
 from flowsculpt.render.scene.surface import Surface
+from flowsculpt.render.scene.surface_detail import FINISHES
 
 BACKGROUND = ((0.012, 0.016, 0.10), (0.05, 0.05, 0.22), (0.42, 0.20, 0.34))
 """Colours behind the subject, from the top of the picture to the bottom."""
@@ -123,7 +125,24 @@ def _backdrop(scene: Scene) -> Any:
     if stage.horizon_fade:
         there = stage.opacity_at(stage.backdrop()[0])[:, None]
         surface = replace(surface, attributes={**surface.attributes, "there": there})
-    return mesh("stage", surface, _coat(colour, stage.roughness), _UV)
+    if stage.finish and is_compiled():
+        return _finished(replace(surface, rest=stage.backdrop()[0]), colour, stage)
+    return mesh("stage", surface, _coat(colour, stage.coat), _UV)
+
+
+def _finished(surface: Surface, colour: dict[str, Any], stage: Stage) -> Any:
+    """Return floor and wall with the detail of their finish."""
+    from flowsculpt.render.mitsuba import detail_textures  # needs a compiled variant
+
+    layers = FINISHES[stage.finish][1]
+    shown = detail_textures.detailed_colour(colour, layers)
+    if stage.coat is None:
+        body: dict[str, Any] = {"type": "diffuse", "reflectance": shown}
+    else:
+        gloss = detail_textures.detailed_roughness(float(stage.coat), layers, is_rooted=True)
+        body = {"type": "principled", "base_color": shown, "roughness": gloss, "specular": 0.5}
+    made = {"type": "normalmap", "normalmap": detail_textures.detail_normals(layers), "body": two_sided(body)}
+    return mesh("stage", detail_textures.with_detail_places(surface), made, _UV)
 
 
 def _coat(colour: dict[str, Any], roughness: float | None) -> dict[str, Any]:

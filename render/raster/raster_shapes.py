@@ -256,12 +256,13 @@ class ScreenProjection(NamedTuple):
 @lru_cache(maxsize=4)
 def stage_shapes(stage: Stage, placement: StagePlacement, fades: bool = False) -> tuple[Shape, ...]:
     """Return the backdrop, and what the subject stands on, in scene units. fades: as of `StageSetup`"""
-    material = coated(stage.colour, stage.roughness)
+    material = coated(stage.colour, stage.coat)
+    is_graded = fades or stage.is_graded
+    if isinstance(material, Plastic) and (is_graded or stage.finish):  # Mitsuba's coat does not darken these
+        material = Satin(stage.colour, roughness=material.roughness, coat=1.0)
     backdrop = Shape(*placement.placed(stage.backdrop()), material).for_kernels()
-    if fades or stage.is_graded:
-        backdrop = backdrop._replace(colours=stage.reflectances(fades))
-        if isinstance(material, Plastic):  # Mitsuba's coat over vertex colours does not darken them
-            backdrop = backdrop._replace(material=Satin(stage.colour, roughness=material.roughness, coat=1.0))
+    if is_graded:
+        backdrop = backdrop._replace(colours=stage.reflectances(fades).astype(np.float64))
     if (plinth := stage.plinth()) is None:
         return (backdrop,)
     material = coated(stage.plinth_colour, stage.plinth_roughness)

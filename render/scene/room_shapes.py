@@ -55,8 +55,8 @@ def room_backdrop(kind: str, height: float) -> Mesh:
         return joined([floor, _wall(left, (x, z), height), _wall((x, z), right, height)])
     ends = (-_FAR, _WALL), (_FAR, _WALL)
     if kind == "window":
-        front = (-_FAR, _FAR), (_FAR, _FAR)
-        return joined([_sheet(_at(front[0]), _at(front[1]), _at(ends[0]), _at(ends[1])), _wall(*ends)])
+        floor = _sheet(_at((-_FAR, _FAR)), _at((_FAR, _FAR)), _at(ends[0]), _at(ends[1]))
+        return joined([floor, _wall(*ends)])
     back = -_SHELF_DEPTH
     return _sheet((-_FAR, -HIGH, back), (_FAR, -HIGH, back), (-_FAR, HIGH, back), (_FAR, HIGH, back))
 

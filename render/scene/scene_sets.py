@@ -133,7 +133,7 @@ SETS: dict[str, dict[str, Any]] = {
             "width": 1.7,
             "height": 0.2,
             "colour": [0.004, 0.008, 0.01],
-            "roughness": 0.03,
+            "finish": "water",
             "wall_colour": [0.1, 0.13, 0.13],
             "plinth_colour": [0.2, 0.2, 0.19],
         },

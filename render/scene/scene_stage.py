@@ -12,6 +12,7 @@ from flowsculpt.render.base.render_errors import BadInputError
 from flowsculpt.render.base.serialise import OMIT_DEFAULT, Colour, Triple
 from flowsculpt.render.scene.render_camera import Camera
 from flowsculpt.render.scene.room_shapes import BEVEL, HIGH, ROOMS, Mesh, joined, props, room_backdrop
+from flowsculpt.render.scene.surface_detail import FINISHES
 
 RINGS, SIDES = 33, 64
 """Triangles of a cyclorama, outwards and around. Its normals are exact: more triangles change no picture."""
@@ -118,6 +119,7 @@ class Stage:
     halo_size      distance from the middle of the spot at which half of its colour is left, stage units
     halo_distance  of its middle behind the subject's middle, stage units
     horizon_fade   height of the haze in which ground melts into the sky, radians; 0 for none
+    finish         of floor and wall, one of FINISHES; "" for an even one
     round          True for a round plinth, False for a square one
     shadow_catcher True if floor and wall are not seen, but the shadows on them
     """
@@ -139,10 +141,13 @@ class Stage:
     halo_size: float = field(default=3.0, metadata=OMIT_DEFAULT)
     halo_distance: float = field(default=6.0, metadata=OMIT_DEFAULT)
     horizon_fade: float = field(default=0.0, metadata=OMIT_DEFAULT)
+    finish: str = field(default="", metadata=OMIT_DEFAULT)
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
             raise BadInputError(f"stage is {self.kind!r}; it can be {', '.join(KINDS)}")
+        if self.finish and self.finish not in FINISHES:
+            raise BadInputError(f"stage has finish {self.finish!r}; it can be {', '.join(FINISHES)}")
         if self.shadow_catcher and self.kind == "none":
             raise BadInputError("stage none has no floor to catch shadows; use ground or cyclorama")
         if min(self.floor, self.sweep) <= 0.0 or not 0.0 < self.steepness <= math.pi / 2.0:
@@ -158,6 +163,11 @@ class Stage:
             raise BadInputError("only ground fades at its horizon, over an angle above 0° and below 45°")
         if not self.halo_size > 0.0:
             raise BadInputError(f"a halo has the size {self.halo_size}; it must be above 0")
+
+    @property
+    def coat(self) -> float | None:
+        """Roughness of the coat of floor and wall: their own, or that of their finish; None is matt."""
+        return FINISHES[self.finish][0] if self.finish and self.roughness is None else self.roughness
 
     @property
     def objects(self) -> tuple[str, ...]:

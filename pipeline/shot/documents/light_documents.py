@@ -31,6 +31,7 @@ from flowsculpt.pipeline.shot.yaml.yaml_source import in_yaml
 from flowsculpt.render.scene.scene_lights import LIGHTS, LightRig, Sky, Softbox
 from flowsculpt.render.scene.scene_stage import STAGES, Stage
 from flowsculpt.render.scene.sky import Daylight, Environment, environment_of, sun_position
+from flowsculpt.render.scene.surface_detail import FINISHES
 
 
 class StageDocument(Document):
@@ -67,6 +68,9 @@ class StageDocument(Document):
     horizon_fade: Annotated[float, Field(ge=0.2, le=20)] | None = optional(
         "of ground: height of the haze in which the horizon melts into the sky; by default none (degrees)"
     )
+    finish: Annotated[str, one_of(FINISHES, "finish")] | None = optional(
+        f"of floor and wall: {', '.join(FINISHES)}; by default an even one"
+    )
     shadow_catcher: bool | None = optional(
         "floor and wall are not seen, but the shadows on them, as alpha: for compositing"
     )
@@ -74,10 +78,10 @@ class StageDocument(Document):
     @model_validator(mode="after")
     def _kind_has_all(self) -> Self:
         halo = ("halo_size", "halo_distance")
-        wall = ("colour", "roughness", "shadow_catcher", "wall_colour", "halo_colour", *halo)
+        wall = ("colour", "roughness", "shadow_catcher", "finish", "wall_colour", "halo_colour", *halo)
         stands = ("width", "height", "plinth_colour", "plinth_roughness")
-        plinth, room = (*wall, *stands, "round"), wall[:4]
-        ground = (*wall[:3], "horizon_fade")
+        plinth, room = (*wall, *stands, "round"), wall[:5]
+        ground = (*wall[:4], "horizon_fade")
         settings = dict.fromkeys(STAGES, wall) | {"ground": ground, "plinth": plinth, "none": ()}
         settings |= {"table": plinth, "stair": (*wall, *stands), "shelf": (*room, *stands)}
         settings |= {"corner": (*room, "height"), "window": (*room, "plinth_colour")}

@@ -49,7 +49,8 @@ from flowsculpt.render.base.input_files import InputFile
 from flowsculpt.render.base.render_errors import RenderError
 from flowsculpt.render.mitsuba.bsdf_plugins import refusal
 from flowsculpt.render.scene.materials import LOOKS, Material, MitsubaMaterial, PatternedMaterial
-from flowsculpt.render.scene.materials.mitsuba_bsdf import BSDFS, PLUGINS, TEXTURES, Bsdf, MitsubaPlugin
+from flowsculpt.render.scene.materials.mitsuba_bsdf import BSDFS, PLUGINS, TEXTURES, Bsdf
+from flowsculpt.render.scene.surface_detail import WEAR, worn
 from flowsculpt.render.scene.textures import Texture, read_picture, reading_of
 
 
@@ -138,23 +139,8 @@ def _plugin(
             names = tuple(form.parameters)
             hint = suggest(str(name), names) if names else "It takes none."
             yield place, f"{name} is not a parameter of {kind}. {hint}"
-    yield from _count(kind, form, inner, where)
+    yield from ((where, fault) for fault in form.count_faults(kind, *inner))
     yield from _file(plugin, where, folder)
-
-
-def _count(kind: str, form: MitsubaPlugin, inner: list[int], where: Where) -> Iterator[Problem]:
-    least, most = form.materials
-    if not least <= inner[0] <= most:
-        wanted = str(least) if least == most else f"{least} or {most}"
-        yield (
-            where,
-            f"{kind} contains {inner[0]} materials; it must contain {wanted}. Write them under any name.",
-        )
-    if inner[1] != form.textures:
-        yield (
-            where,
-            f"{kind} contains {inner[1]} textures under other names; it must contain {form.textures}.",
-        )
 
 
 def _value(value: Any, kind: str, where: Where, folder: Path) -> Iterator[Problem]:
@@ -248,6 +234,9 @@ class LookDocument(Document):
     measure: MeasureDocument | None = optional("a number that replaces the colour, shown by a colour map")
     relief: ReliefDocument | None = optional("a picture beside the shot file whose light parts stand out")
     projection: ProjectionDocument | None = optional("of pictures from files onto the subject at rest")
+    wear: dict[Annotated[str, one_of(WEAR, "kind of wear")], ZeroToOne] | None = optional(
+        f"amounts from 0 to 1, of what use leaves on the surface: {', '.join(WEAR)}"
+    )
     wireframe: WireframeDocument | None = optional("the edges of the mesh, drawn over the look")
 
     _bsdf: Bsdf | None = PrivateAttr(None)
@@ -315,7 +304,7 @@ class LookDocument(Document):
             base: Material = MitsubaMaterial.of(self._bsdf)
         else:
             base = ALL_LOOKS[self.material]
-        named = {"material", "bsdf", "colour", "roughness", "grain", "wireframe", *_PARTS}
+        named = {"material", "bsdf", "colour", "roughness", "grain", "wireframe", "wear", *_PARTS}
         given: dict[str, Any] = self.model_dump(exclude_none=True, exclude=named)
         if self.colour or self.pigment or self.measure:
             given |= {"pigment": None, "measure": None}
@@ -323,6 +312,8 @@ class LookDocument(Document):
             given |= {"absorption": None, **self._colour_fields()}
         if self.roughness is not None:
             given["roughness_texture" if self._has("rough") else "roughness"] = self.roughness
+        if self.wear is not None:
+            given["wear"] = worn(self.wear)
         if self.grain:
             given["grain"] = axis(self.grain)
         for name in (*_PARTS, "wireframe"):

@@ -16,6 +16,7 @@ from flowsculpt.render.scene.measured_colours import Measure
 from flowsculpt.render.scene.patterns import Pigment
 from flowsculpt.render.scene.picture_file import Pixels
 from flowsculpt.render.scene.surface import Surface, Wireframe
+from flowsculpt.render.scene.surface_detail import DetailLayer
 from flowsculpt.render.scene.texture_projection import MODEL, TextureProjection
 from flowsculpt.render.scene.textures import REPEATED, WHOLE, Texture, continued, texels_at
 
@@ -30,6 +31,7 @@ _REFUSALS = {
     "measure": "has one colour; leave its measure out",
     "subsurface": "scatters no light below its surface; clay, marble, cream, glass and honey can",
     "colour_texture": "has one colour; leave its picture out",
+    "wear": "shows no wear; those of clay, plastic, metal and satin do",
 }
 """Messages about a field that a model does not have."""
 
@@ -231,6 +233,7 @@ class PatternedMaterial(Material):
 
     normal_texture  a tangent-space normal map, or None
     opacity         where the surface has holes, or None
+    wear            layers of dust, scratches and the like, see `surface_detail.worn`
     """
 
     colour_from: str | None = field(default=None, kw_only=True)
@@ -240,6 +243,7 @@ class PatternedMaterial(Material):
     projection: TextureProjection = field(default_factory=TextureProjection, kw_only=True)
     normal_texture: Texture | None = field(default=None, kw_only=True, metadata=OMIT_DEFAULT)
     opacity: Opacity | None = field(default=None, kw_only=True, metadata=OMIT_DEFAULT)
+    wear: tuple[DetailLayer, ...] = field(default=(), kw_only=True, metadata=OMIT_DEFAULT)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -254,6 +258,8 @@ class PatternedMaterial(Material):
             raise BadInputError(f"look has {' and '.join(names)}; its colour comes from one of them")
         if self.pigment and self.pigment.roughness and not hasattr(self, "roughness_texture"):
             raise BadInputError(f"look has a pigment with roughness, and {self.model} has no highlights")
+        if self.wear and getattr(self, "subsurface", None):
+            raise BadInputError("look has wear, and subsurface beside it; use one of the two")
         if self.texture_projection and self.pattern:
             raise BadInputError(
                 f"look has a {names[0]}, and pictures from files beside it; use one of the two"

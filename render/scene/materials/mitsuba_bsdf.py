@@ -29,6 +29,17 @@ class MitsubaPlugin(NamedTuple):
     materials: tuple[int, int] = (0, 0)
     textures: int = 0
 
+    def count_faults(self, kind: str, materials: int, textures: int) -> Iterator[str]:
+        """Yield what is wrong with so many nested materials and textures. kind: its name"""
+        least, most = self.materials
+        if not least <= materials <= most:
+            wanted = str(least) if least == most else f"{least} or {most}"
+            yield (
+                f"{kind} contains {materials} materials; it must contain {wanted}. Write them under any name."
+            )
+        if textures != self.textures:
+            yield f"{kind} contains {textures} textures under other names; it must contain {self.textures}."
+
 
 def _plugin(materials: tuple[int, int] = (0, 0), textures: int = 0, **kinds: str) -> MitsubaPlugin:
     return MitsubaPlugin(

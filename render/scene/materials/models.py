@@ -76,7 +76,10 @@ class Glossy(PatternedMaterial):
     @property
     def has_varied_roughness(self) -> bool:
         """True if a texture or a pigment gives the roughness."""
-        return self.roughness_texture is not None or bool(self.pigment and self.pigment.roughness)
+        has_pattern = bool(self.pigment and self.pigment.roughness)
+        return (
+            self.roughness_texture is not None or has_pattern or any(layer.roughness for layer in self.wear)
+        )
 
     def _whole_surface(self) -> PreviewSurface:
         return PreviewSurface(self.colour, math.sqrt(self.roughness))
