@@ -189,13 +189,13 @@ class Carrier:
         for numbers in (before, sorted({*self.numbers} - {*before})):
             for number in numbers:
                 shown = self.surface_of(number)
-                before = self._compared(shown, faces, places[number])
-                if before.distance > self.tolerance and number != self.start:
+                as_carried = self._compared(shown, faces, places[number])
+                if as_carried.distance > self.tolerance and number != self.start:
                     drawn = self._drawn_to_tips(shown, faces, places[number])
-                    if self._compared(shown, faces, drawn).distance < before.distance:
+                    if self._compared(shown, faces, drawn).distance < as_carried.distance:
                         places[number] = drawn
                     else:
-                        self._deviations[number] = before
+                        self._deviations[number] = as_carried
                 passed()
             far = [n for n, found in self._deviations.items() if found.distance > self.tolerance]
             if far:
