@@ -6,12 +6,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
 from itertools import groupby
+from typing import NamedTuple
 
 import numpy as np
 
 from flowsculpt import FlowsculptError, FrameError, TriangleMesh, UsageError
 from flowsculpt.api import plural
-from flowsculpt.api.frames import RenderRequest, Store, StoredFiles, key_of
+from flowsculpt.api.frames import FrameRange, RenderRequest, Store, StoredFiles, key_of
 from flowsculpt.api.meshes import Floats
 from flowsculpt.pipeline.plugins.interchange.carrying import VERSION, Carrier, farthest, in_words
 from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh
@@ -21,9 +22,30 @@ from flowsculpt.pipeline.plugins.interchange.shown_surfaces import ShownSurface,
 TOLERANCE = 0.25
 """The largest distance of the mesh and a file's surface, in median edges of that, by default."""
 
+LEAST_AGREEMENT = 0.5
+"""The cosine of the angle of a file's normal and that of the mesh from which on it is taken: in tight folds
+triangles turn from the normal by more than those of files do."""
+
 _KEPT = 4  # surfaces that are in memory in any case: those of a step
 
 _MOST_KEPT = 1_000_000  # vertices of all surfaces in memory: about 0.5 GB
+
+
+class _Refusal(NamedTuple):
+    """Why no mesh follows the surfaces of some frames.
+
+    frame       where it does not
+    fact        why, in words
+    near        frames that a mesh may follow
+    carry_from  the frame that it then begins with; None for the middle one
+    otherwise   remedies besides those frames, in words
+    """
+
+    frame: int
+    fact: str
+    near: list[int]
+    carry_from: int | None
+    otherwise: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +108,7 @@ class CarriedSequence:
         return replace(
             whole,
             normals_at=partial(values, "normals"),
+            least_agreement=LEAST_AGREEMENT,
             longest_at=lambda number: float(self._read(self._frame_key(number))["edge"]),
         )
 
@@ -101,24 +124,55 @@ class CarriedSequence:
         return key_of(self.key, "frame", number - self._numbers[0])
 
     def _carry(self, began: Began) -> None:
-        """Compute the mesh and store it, if it follows all surfaces."""
-        motion = self.request.shot.motion
+        """Compute the mesh and store it, if it follows all surfaces.
+
+        Otherwise the mesh of fewer frames is computed and stored, so that a remedy is known to help: fewer
+        frames are refined otherwise.
+        """
         surface_of = _kept(self._surface)
-        self._require_topology(surface_of, began("reading", len(self._numbers)))
-        budget = motion.thresholds_at(self._start).max_vertices
-        carrier = Carrier(surface_of, self._numbers, self._start, self.tolerance, budget)
-        carried = carrier.carried(began)
+        refusal = self._split_or_merged(surface_of, began) or self._follow(surface_of, began)
+        if refusal is not None:
+            options = self._of_fewer(refusal, surface_of, began)
+            remedy = f"Choose {options}, which is carried already, or {refusal.otherwise}"
+            raise FrameError(
+                f"{refusal.fact}. {remedy if options else refusal.otherwise.capitalize()}", refusal.frame
+            )
+
+    def _of_fewer(
+        self, refusal: _Refusal | None, surface_of: Callable[[int], ShownSurface], began: Began
+    ) -> str:
+        """Return the options for fewer frames, whose mesh is then stored; empty where there are none."""
+        while refusal is not None and len(refusal.near) > 1:
+            requested = replace(self.request, requested=FrameRange.of(refusal.near))
+            fewer = replace(self, request=requested, carry_from=refusal.carry_from)
+            options = f"-f {_range(refusal.near)}"
+            if fewer.carry_from is not None:
+                options += f" --carry-from {fewer.carry_from}"
+            try:
+                refusal = fewer._follow(surface_of, began) if fewer.missing() else None
+            except FrameError:
+                return ""
+            if refusal is None:
+                return options
+        return ""
+
+    def _follow(self, surface_of: Callable[[int], ShownSurface], began: Began) -> _Refusal | None:
+        """Carry the mesh through surfaces of one topology and store it, or return why it is refused."""
+        start, frames = self._start, _range(self._numbers)
+        budget = self.request.shot.motion.thresholds_at(start).max_vertices
+        carrier = Carrier(surface_of, self._numbers, start, self.tolerance, budget)
+        carried = carrier.carried(lambda name, count: began(f"{name} {frames}", count))
         worst = farthest(carried.deviations)
         if carried.deviations[worst].distance > self.tolerance:
             found = carried.deviations[worst]
-            near = _around(
-                self._start, {n for n, d in carried.deviations.items() if d.distance <= self.tolerance}
-            )
-            raise FrameError(
-                f"the mesh of frame {self._start}, carried here, is {in_words(found)} from the file's "
-                f"surface, and --tolerance is {self.tolerance:g}. Choose -f {_range(near)} --carry-from "
-                f"{self._start}, another frame's mesh, or a coarser --tolerance",
+            is_near = {n for n, d in carried.deviations.items() if d.distance <= self.tolerance}
+            return _Refusal(
                 worst,
+                f"the mesh of frame {start}, carried here, is {in_words(found)} from the file's surface, and "
+                f"--tolerance is {self.tolerance:g}",
+                _around(start, is_near),
+                start,
+                "try another frame's mesh by --carry-from, or a coarser --tolerance",
             )
         for number, places in carried.places.items():
             shown, key = surface_of(number), self._frame_key(number)
@@ -127,6 +181,7 @@ class CarriedSequence:
         mesh = carried.mesh
         arrays = {"vertices": mesh.vertices, "faces": mesh.faces, "creases": mesh.creases}
         self.store.put(KIND, self.key, StoredFiles.writer(self.key, arrays))
+        return None
 
     def _surface(self, number: int) -> ShownSurface:
         motion = self.request.shot.motion
@@ -138,26 +193,26 @@ class CarriedSequence:
         except FlowsculptError as error:
             raise FrameError(str(error), number) from error
 
-    def _require_topology(
-        self, surface_of: Callable[[int], ShownSurface], passed: Callable[[], None]
-    ) -> None:
-        """Raise FrameError where a frame has other parts, handles or rims than the one before."""
-        found: dict[int, Topology] = {}
+    def _split_or_merged(self, surface_of: Callable[[int], ShownSurface], began: Began) -> _Refusal | None:
+        """Return where a frame has other parts, handles or rims than the one before; None for nowhere."""
+        found, passed = dict[int, Topology](), began("reading", len(self._numbers))
         for number in self._numbers:
             found[number] = surface_of(number).topology(self.tolerance)
             passed()
         runs = [list(run) for _, run in groupby(self._numbers, key=found.__getitem__)]
         if len(runs) == 1:
-            return
+            return None
         before, after = runs[0][-1], runs[1][0]
         step = Carrier(surface_of, range(before, after + 1), before, self.tolerance, 0).step()
         x, y, z = step.place
         longest = max(runs, key=len)
-        raise FrameError(
-            f"the surface merges or splits at ({x:.4g}, {y:.4g}, {z:.4g}): it has {_words(found[after])}, "
-            f"and {_words(found[before])} in frame {before}, so no mesh for all frames follows it. Choose "
-            f"-f {_range(longest)}, or make two subjects of what is apart",
+        return _Refusal(
             after,
+            f"the surface merges or splits at ({x:.4g}, {y:.4g}, {z:.4g}): it has {_words(found[after])}, "
+            f"and {_words(found[before])} in frame {before}, so no mesh for all frames follows it",
+            longest,
+            self.carry_from if self.carry_from in longest else None,
+            "make two subjects of what is apart",
         )
 
     def _velocities(self, number: int) -> Floats:

@@ -30,7 +30,7 @@ from flowsculpt.pipeline.plugins.interchange.shown_surfaces import (
     unit,
 )
 
-VERSION = 2
+VERSION = 3
 """Raised when equal frames and settings give another mesh."""
 
 MOST_ROUNDS = 16
@@ -57,6 +57,9 @@ STRETCHED = 2.0
 
 SHORTEST = 0.3
 """The length of an edge, over the file's, up to which it is never split."""
+
+DRAWN = 0.5
+"""The distance, in median edges, over which a vertex is drawn to a tip of a file's surface."""
 
 
 class Deviation(NamedTuple):
@@ -137,7 +140,7 @@ class Carrier:
         mesh = before.with_creases()
         self._deviations = {}
         there = moved(before, after, CarriedFaces(mesh).is_bound, before.vertices_places())
-        self._compare_faces(after, mesh.with_vertices(there.points))
+        self._compare_faces(after, mesh, there)
         return self._deviations[after.number]
 
     def _through(self, faces: CarriedFaces) -> Iterator[tuple[int, Places]]:
@@ -185,14 +188,45 @@ class Carrier:
         passed = began("comparing", len(self.numbers))
         for numbers in (before, sorted({*self.numbers} - {*before})):
             for number in numbers:
-                shown, here = self.surface_of(number), places[number]
-                self._compare_edges(shown, faces.edges, here)
-                self._compare_faces(shown, faces.mesh.with_vertices(here.points))
+                shown = self.surface_of(number)
+                as_carried = self._compared(shown, faces, places[number])
+                if as_carried.distance > self.tolerance and number != self.start:
+                    drawn = self._drawn_to_tips(shown, faces, places[number])
+                    if self._compared(shown, faces, drawn).distance < as_carried.distance:
+                        places[number] = drawn
+                    else:
+                        self._deviations[number] = as_carried
                 passed()
             far = [n for n, found in self._deviations.items() if found.distance > self.tolerance]
             if far:
                 break
         return far
+
+    def _compared(self, shown: ShownSurface, faces: CarriedFaces, here: Places) -> Deviation:
+        """Return the deviation in a frame; mark the edges that are to be split for it."""
+        self._deviations.pop(shown.number, None)
+        self._compare_edges(shown, faces.edges, here)
+        self._compare_faces(shown, faces.mesh, here)
+        return self._deviations[shown.number]
+
+    def _drawn_to_tips(self, shown: ShownSurface, faces: CarriedFaces, here: Places) -> Places:
+        """Return places (V,) with corners of the faces that cut off vertices of a file put on these.
+
+        A split puts the new vertex beside a tip, never on it.
+        """
+        mesh, tips = faces.mesh.with_vertices(here.points), shown.mesh.vertices
+        tree = TriangleTree.of(mesh.vertices[mesh.faces])
+        on, face, shares = nearest_points(tree, mesh, tips, shown.normals, -AGREEING)
+        away = np.linalg.norm(on - tips, axis=1) / shown.edge
+        vertex = np.take_along_axis(mesh.faces[face], shares.argmax(axis=1)[:, None], axis=1)[:, 0]
+        is_near = np.linalg.norm(mesh.vertices[vertex] - tips, axis=1) < DRAWN * shown.edge
+        is_cut = (face >= 0) & (away > REFINED * self.tolerance) & is_near & ~faces.is_bound[vertex]
+        rows = np.flatnonzero(is_cut)
+        rows = rows[np.argsort(-away[rows], kind="stable")]
+        _, once = np.unique(vertex[rows], return_index=True)
+        rows, places = rows[once], Places(*(values.copy() for values in here))
+        places.put(vertex[rows], Places(*(values[rows] for values in shown.vertices_places())))
+        return places
 
     def _compare_edges(self, shown: ShownSurface, edges: Indices, here: Places) -> None:
         """Mark the edges that are too long in a frame, or whose middles are off its surface."""
@@ -205,11 +239,18 @@ class Carrier:
         rows = np.flatnonzero((pieces > 1.0) & (lengths > SHORTEST * of_file))
         self._mark(edges[rows], lengths[rows], np.minimum(pieces[rows], MOST_PIECES))
 
-    def _compare_faces(self, shown: ShownSurface, mesh: TriangleMesh) -> None:
-        """Mark the longest edges of faces that are off the surface of a frame, or that it is off."""
+    def _compare_faces(self, shown: ShownSurface, mesh: TriangleMesh, here: Places) -> None:
+        """Mark the longest edges of faces that are off the surface of a frame, or that it is off.
+
+        A face that lies backwards is compared with the surface that its corners are on: the mesh overlaps
+        itself there, along the surface.
+        """
+        mesh = mesh.with_vertices(here.points)
         limit, corners = REFINED * self.tolerance, mesh.vertices[mesh.faces]
+        facing, upwards = self._facing(shown, mesh), unit(here.normals[mesh.faces].sum(axis=1))
+        facing = np.where((np.einsum("ij,ij->i", facing, upwards) < 0.0)[:, None], upwards, facing)
         lengths = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
-        _, off = self._measure(shown, corners.mean(axis=1), self._facing(shown, mesh))
+        _, off = self._measure(shown, corners.mean(axis=1), facing)
         theirs = np.concatenate([shown.mesh.vertices, shown.mesh.vertices[shown.mesh.faces].mean(axis=1)])
         normals = np.concatenate([shown.normals, self._facing(shown, shown.mesh)])
         on, face, _ = nearest_points(TriangleTree.of(corners), mesh, theirs, normals, -AGREEING)

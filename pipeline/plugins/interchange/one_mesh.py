@@ -65,6 +65,8 @@ class OneMesh:
     points_at       returns the points (V, 3) of a frame, velocities_at their velocities
     normals_at      returns normals (V, 3) at the vertices of a frame that are known, zero where none is; None
                     where normals are those of the triangles
+    least_agreement the cosine of the angle of a known normal and the mean of the triangles around, from which
+                    on it is taken; None where it is taken if each of them agrees (`trusted_normals`)
     longest_at      returns the maximum edge length of a frame, scene units; infinite where there is none
     colours         linear Rec.709 reflectances (V, 3); None where the look has one colour
     texture         texture coordinates (F, 3, 2) of the corners, or None
@@ -83,6 +85,7 @@ class OneMesh:
     points_at: Callable[[int], Floats]
     velocities_at: Callable[[int], Floats]
     normals_at: Callable[[int], Floats] | None = None
+    least_agreement: float | None = None
     longest_at: Callable[[int], float] = lambda number: math.inf
     colours: Floats | None = None
     texture: Floats | None = None
@@ -115,10 +118,15 @@ class OneMesh:
         read.
         """
         points = self.points_at(number)
+        known = None if self.normals_at is None else self.normals_at(number)
         mesh = TriangleMesh(points, self.faces, creases=self.creases)
-        if self.normals_at is not None:
-            mesh = mesh.with_attributes(normal=self.normals_at(number))
+        if known is not None and self.least_agreement is None:
+            mesh = mesh.with_attributes(normal=known)
         normals = vertex_normals(mesh, self.corner_normals)
+        if known is not None and self.least_agreement is not None:
+            agrees = np.einsum("ij,ij->i", normals[: len(known)], known) > self.least_agreement
+            agrees[self.creases] = False
+            normals[: len(known)][agrees] = known[agrees]
         return OneMeshFrame(points, normals, lambda: self.velocities_at(number))
 
 

@@ -21,9 +21,10 @@ from flowsculpt.api.files import CachedAnswer
 from flowsculpt.api.materials import with_known
 from flowsculpt.api.meshes import FileSurface, Floats, find_coincident, repair_surface
 from flowsculpt.api.shots import SurfaceSequence
+from flowsculpt.pipeline.plugins.sequences.sliver_normals import sliver_normals
 from flowsculpt.pipeline.plugins.sequences.surface_samples import Files, SurfaceSamples, joint
 
-VERSION = 3
+VERSION = 4
 """Raised when equal files and settings give other surfaces."""
 
 EXACT = 1e-6
@@ -226,6 +227,8 @@ class GivenSurfaces(SurfaceSequence):
         velocities, origins = self._velocities(nearest, polygons), _origins(mesh.vertices, polygons.points)
         if polygons.normals is not None:
             mesh = mesh.with_attributes(normal=_single_normals(polygons)[origins])
+        elif (normals := sliver_normals(mesh)) is not None:
+            mesh = mesh.with_attributes(normal=normals)
         if self.array is not None:
             values = self._numbers(sample, share, nearest, polygons, self.array)[origins]
             mesh = mesh.with_attributes(values=with_known(values))

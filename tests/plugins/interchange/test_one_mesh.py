@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from flowsculpt.pipeline.arrays import Points
 from flowsculpt.pipeline.frames import FrameRate
@@ -69,3 +70,21 @@ def _sharp_edges(mesh: TriangleMesh) -> np.ndarray:
     from flowsculpt.pipeline.resample import edges_by_angle
 
     return edges_by_angle(mesh, math.radians(40.0))
+
+
+@pytest.mark.parametrize(("least", "is_taken"), [(None, False), (0.5, True), (0.9, False)])
+def test_a_normal_of_a_file_is_taken_in_a_fold_where_it_agrees_with_the_mean(
+    least: float | None, is_taken: bool
+) -> None:
+    """Both faces of a roof turn by 60 degrees from its ridge."""
+    high = np.sqrt(3.0)
+    points = np.array([[0, high, 0], [0, high, 1], [1, 0, 0], [-1, 0, 0]], float)
+    faces = np.array([[0, 1, 2], [1, 0, 3]], np.int32)
+    known = np.tile([np.sin(0.6), np.cos(0.6), 0.0], (4, 1))
+    mesh = OneMesh.of(
+        "roof", (1,), FrameRate.of(24), TriangleMesh(points, faces), "", lambda n: points, lambda n: points
+    )
+    mesh = replace(mesh, normals_at=lambda number: known, least_agreement=least)
+    normals = mesh.frame(1).normals
+    expected = known[0] if is_taken else [0.0, 1.0, 0.0]
+    np.testing.assert_allclose(normals[:2], [expected, expected], atol=1e-9)

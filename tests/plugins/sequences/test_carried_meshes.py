@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from flowsculpt.pipeline.errors import UsageError
+from flowsculpt.pipeline.errors import FrameError, UsageError
 from flowsculpt.pipeline.flow.regions import TriangleTree
 from flowsculpt.pipeline.mesh import TriangleMesh, box, icosphere, sheet
 from flowsculpt.pipeline.mesh.normals import vertex_normals
@@ -205,8 +206,81 @@ def test_a_surface_that_the_velocities_do_not_lead_to_is_refused_with_frame_and_
     code, said = commanded(tmp_path, "export", "abc", str(shot(tmp_path, "1-5")), "--carry-from", "2")
     assert code == 1
     assert "frame 5: the mesh of frame 2, carried here, is" in said
-    assert "Choose -f 1-4 --carry-from 2, another frame's mesh" in said, "with the mesh that is near there"
+    assert "Choose -f 1-4 --carry-from 2, which is carried already" in said, (
+        "with the mesh that is near there"
+    )
     assert not list((tmp_path / "renders").rglob("*.abc"))
+
+
+def options_of(error: FrameError) -> tuple[str, int]:
+    """Return the frames of the command in a message, and the frame whose mesh is carried."""
+    found = re.search(r"Choose -f (\S+) --carry-from (\d+), which is carried already", str(error))
+    assert found, str(error)
+    return found[1], int(found[2])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_command_of_a_refusal_succeeds(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seed: int
+) -> None:
+    """The surface jumps to where no velocity leads, before or after the frame that the mesh begins with."""
+    from flowsculpt.pipeline.plugins.interchange import carrying
+
+    monkeypatch.setattr(carrying, "MOST_ROUNDS", 2)
+    drawn = np.random.default_rng(seed)
+    jump, away = int(drawn.integers(2, 5)), drawn.normal(size=3) + 3.0
+    for number in range(1, 6):
+        write(tmp_path, number, turned_ball(number), lambda p, n: p + away * (round(n) >= jump))
+    start = jump + 1 if drawn.random() < 0.5 else jump - 1
+    with pytest.raises(FrameError) as refused:
+        carried(tmp_path, "1-5", carry_from=start)
+    if "Choose" not in str(refused.value):
+        assert start == 1 == jump - 1, "one frame alone is near"
+        return
+    frames, start = options_of(refused.value)
+    faces, points = carried(tmp_path, frames, carry_from=start)
+    assert set(points) < {1, 2, 3, 4, 5} and len(points) > 1
+    for number, here in points.items():
+        file = turned_ball(number)
+        assert apart(faces, here, file.with_vertices(file.vertices + away * (number >= jump))) < 0.25
+
+
+def test_a_refusal_names_frames_that_a_mesh_was_carried_through(
+    balls: tuple[Path, dict[int, TriangleMesh]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The mesh of fewer frames is another one, so it may be refused where the first was near."""
+    from flowsculpt.pipeline.plugins.interchange import carried_sequence, carrying
+
+    class Refusing(carrying.Carrier):
+        def carried(self, began: Callable[[str, int], Callable[[], None]]) -> carrying.CarriedMesh:
+            mesh = super().carried(began)
+            for number in {6: (5, 6), 5: (5,)}.get(self.numbers[-1], ()):
+                mesh.deviations[number] = carrying.Deviation(3.0, (0.0, 0.0, 0.0))
+            return mesh
+
+    (tmp_path / "cache").symlink_to(balls[0] / "cache")
+    monkeypatch.setattr(carried_sequence, "Carrier", Refusing)
+    monkeypatch.setattr(carrying, "MOST_ROUNDS", 1)
+    with pytest.raises(FrameError, match="frame 5: the mesh of frame 4") as refused:
+        carried(tmp_path, "2-6", tolerance=2.0)
+    assert options_of(refused.value) == ("2-4", 4)
+    monkeypatch.setattr(carried_sequence, "Carrier", None)
+    assert set(carried(tmp_path, "2-4", tolerance=2.0, carry_from=4)[1]) == {2, 3, 4}, "it is stored"
+
+
+def test_a_vertex_is_drawn_to_a_tip_that_faces_cut_off() -> None:
+    from flowsculpt.pipeline.plugins.interchange.carrying import Carrier
+    from flowsculpt.pipeline.plugins.interchange.shown_surfaces import CarriedFaces, ShownSurface
+
+    ball = icosphere(10)
+    points = ball.vertices.copy()
+    points[40] *= 1.0 + 0.3 / 10
+    blunt, file = (ShownSurface(2, 0.0, ball.with_vertices(p), 1.0) for p in (ball.vertices, points))
+    here, carrier = blunt.vertices_places(), Carrier(lambda number: file, range(1, 3), 1, 0.25, 10_000)
+    away = carrier._compared(file, CarriedFaces(ball), here).distance
+    drawn = carrier._drawn_to_tips(file, CarriedFaces(ball), here)
+    assert away > 0.2 and carrier._compared(file, CarriedFaces(ball), drawn).distance < 0.01
+    np.testing.assert_array_equal(np.flatnonzero((drawn.points != here.points).any(axis=1)), [40])
 
 
 def test_settings_of_a_carried_mesh_are_checked(balls: tuple[Path, dict[int, TriangleMesh]]) -> None:
