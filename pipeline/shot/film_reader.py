@@ -13,7 +13,6 @@ from pydantic import ValidationError
 from flowsculpt.pipeline.errors import FlowsculptError, MissingInputError, ShotError, UsageError, suggest
 from flowsculpt.pipeline.frames import FrameRange, FrameRate
 from flowsculpt.pipeline.shot.documents.curves import SUFFIXES
-from flowsculpt.pipeline.shot.documents.field_types import is_number
 from flowsculpt.pipeline.shot.documents.picture_documents import PictureShapeDocument
 from flowsculpt.pipeline.shot.documents.shot_documents import CardDocument, CardStyleDocument, FilmDocument
 from flowsculpt.pipeline.shot.shot import Card, Clip, Film, Shot
@@ -78,9 +77,10 @@ def _read(source: YamlSource, settings: tuple[str, ...]) -> Film:
     if entries and all(isinstance(entry, Card) for entry in entries):
         problems.append((("shots",), "shots has cards only; a film shows at least one shot. Add one."))
     problems += _mixed_pictures(placed)
-    title = Card(str(source.get("title") or ""), "", _title_seconds(source.get("title_seconds")), 0, style)
+    seconds, default = source.get("title_seconds"), FilmDocument.model_fields["title_seconds"].default
+    opening = _card({"card": source.get("title"), "seconds": default if seconds is None else seconds}, style)
     if rate:
-        dissolves = list(_dissolves(entries, title.length(rate) if title.title else 0, rate))
+        dissolves = list(_dissolves(entries, opening.length(rate) if opening else 0, rate))
         problems += dict(reversed(dissolves)).items()  # the first of each place
     missing = list(_missing_sound(source, path.parent))
     problems += [] if missing else _unreadable_sound(source, path.parent)
@@ -164,11 +164,6 @@ def _require_room(source: YamlSource, film: Film) -> Film:
 def _frame_count(value: Any) -> int:
     """Return a positive count, or 0 for values that the document reports."""
     return value if isinstance(value, int) and not isinstance(value, bool) and value > 0 else 0
-
-
-def _title_seconds(value: Any) -> float:
-    default: float = FilmDocument.model_fields["title_seconds"].default
-    return float(value) if is_number(value) and 0 <= value <= 60 else default
 
 
 def _dissolves(

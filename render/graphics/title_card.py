@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 from flowsculpt.render.base.serialise import OMIT_DEFAULT, Triple
+from flowsculpt.render.scene.rgb_spaces import srgb_of_linear
 
 MIDDLES = {"low": 0.84, "middle": 0.48, "high": 0.15}
 """Where the middle of the words is, as a share of the picture's height from its upper edge, by position."""
@@ -39,6 +41,20 @@ class CardStyle:
     def middle(self) -> float:
         """The height of the middle of the words, as in MIDDLES."""
         return MIDDLES.get(self.position, MIDDLES["low" if self.over else "middle"])
+
+    def with_values(self, **written: Any) -> CardStyle:
+        """Return the style with other values; None leaves one as it is.
+
+        Colours are linear Rec.709; a `ground` of "picture" lays the words over the pictures.
+        """
+        values = {name: value for name, value in written.items() if value is not None}
+        if "ground" in values:
+            values["over"] = values["ground"] == "picture"
+            values["ground"] = None if values["over"] else values["ground"]
+        for name in ("colour", "ground"):
+            if values.get(name) is not None:
+                values[name] = tuple(srgb_of_linear(values[name]).tolist())
+        return replace(self, **values)
 
 
 PLAIN = CardStyle()

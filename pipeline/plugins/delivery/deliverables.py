@@ -255,7 +255,7 @@ def film_source(
     finished = [(reader, n) for reader, n in numbered if reader.is_finished(n)]
     quality_name, rate = requests[0].quality_name, edit.frame_rate
     screen = requests[0].pictures.screen
-    opening = edit.opening
+    opening = next((words for words in edit.over if words.first == 0), edit.items[0])
 
     def frames(form: FrameFormat) -> Iterator[LabelledFrame]:
         def clip(index: int) -> Iterator[LabelledFrame]:

@@ -100,7 +100,7 @@ class CFSource(GridSource):
         return "" if units is None else units.date((seconds + float(self._seconds[0])) / units.seconds)
 
     @cached_property
-    def period(self) -> float:  # type: ignore[override]
+    def period(self) -> float:
         """Seconds after which the first time comes again: a day or a year where the times fill one.
 
         They do where the step from the last time to the next first one is like the others: twelve months, or

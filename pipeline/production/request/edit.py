@@ -115,11 +115,6 @@ class Edit:
         return self.clips if self.audio is None else (AudioClip((self.audio,), 0, self.length),)
 
     @property
-    def opening(self) -> EditItem:
-        """What the film begins with: words over the first picture, or the first item."""
-        return next((each for each in self.over if each.first == 0), self.items[0])
-
-    @property
     def frame_rate(self) -> FrameRate:
         return FrameRate.of(self.rate)
 

@@ -4,7 +4,6 @@ import inspect
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
@@ -61,7 +60,7 @@ from flowsculpt.render.base.input_files import InputFile
 from flowsculpt.render.graphics.title_card import PLAIN, POSITIONS, CardStyle
 from flowsculpt.render.scene.aovs import AOVS
 from flowsculpt.render.scene.render_quality import CONVENTIONS
-from flowsculpt.render.scene.rgb_spaces import REC709, WORKING_SPACES, srgb_of_linear
+from flowsculpt.render.scene.rgb_spaces import REC709, WORKING_SPACES
 from flowsculpt.render.scene.scene_lights import LIGHTS
 from flowsculpt.render.scene.scene_sets import SETS
 from flowsculpt.render.scene.scene_stage import STAGES
@@ -397,15 +396,7 @@ class CardStyleDocument(Document):
 
     def style(self, base: CardStyle = PLAIN) -> CardStyle:
         """Return a style with what is written here in place of its own."""
-        written = {name: getattr(self, name) for name in CardStyleDocument.model_fields}
-        found: dict[str, Any] = {name: value for name, value in written.items() if value is not None}
-        if "ground" in found:
-            found["over"] = found["ground"] == "picture"
-            found["ground"] = None if found["over"] else found["ground"]
-        for name in ("colour", "ground"):
-            if found.get(name) is not None:
-                found[name] = tuple(srgb_of_linear(found[name]).tolist())
-        return replace(base, **found)
+        return base.with_values(**{name: getattr(self, name) for name in CardStyleDocument.model_fields})
 
 
 class CardDocument(CardStyleDocument):
