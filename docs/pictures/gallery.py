@@ -46,6 +46,7 @@ STILLS = {
     "B190_moon": 84,
     "B200_walker": 62,
     "B210_jets": 1,
+    "B220_landing": 31,
 }
 """The frame that shows most of each shot."""
 

@@ -46,6 +46,8 @@ def flow_error(error: Exception, flow: Flow, frame: int) -> FrameError:
     """Return an error as the error of a frame, which names the flow."""
     if isinstance(error, FrameError):
         return error.of(frame)
+    if not isinstance(error, FlowsculptError) and (fault := fault_of_plugin(error)):
+        return FrameError(str(fault), frame)
     message = str(error) if isinstance(error, FlowsculptError) else f"{type(error).__name__}: {error}"
     return FrameError(f"flow {flow.name}: {message}", frame)
 

@@ -21,6 +21,7 @@ from flowsculpt.pipeline.formula import PLACE, TIME, Expression, time_values
 from flowsculpt.pipeline.mesh.meshes import PolygonMesh, TriangleMesh
 from flowsculpt.pipeline.mesh.normals import NORMAL, angles_between, dihedral_angles, split_at_creases
 from flowsculpt.pipeline.resample.kernels.edge_scans import edge_curvature, limit_gradation
+from flowsculpt.render.base.serialise import OMIT_DEFAULT
 
 SHORT = 0.4  # share of the finest edge, below which the curvature of an edge is noise
 FORMULA_NAMES = (*PLACE, *TIME)  # names that a formula may use
@@ -226,7 +227,7 @@ class Thresholds:
     hard_angle: Threshold = DEFAULT_HARD_ANGLE
     max_vertices: int = 2_000_000
     gradation: float = DEFAULT_GRADATION
-    bends: ActiveFunction | None = None
+    bends: ActiveFunction | None = field(default=None, metadata=OMIT_DEFAULT)
 
     def __post_init__(self) -> None:
         longest, shortest = _plain(self.max_edge_length), _plain(self.min_edge_length)

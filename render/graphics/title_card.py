@@ -6,7 +6,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from flowsculpt.render.base.serialise import OMIT_DEFAULT, Triple
-from flowsculpt.render.scene.rgb_spaces import srgb_of_linear
 
 MIDDLES = {"low": 0.84, "middle": 0.48, "high": 0.15}
 """Where the middle of the words is, as a share of the picture's height from its upper edge, by position."""
@@ -47,6 +46,8 @@ class CardStyle:
 
         Colours are linear Rec.709; a `ground` of "picture" lays the words over the pictures.
         """
+        from flowsculpt.render.scene.rgb_spaces import srgb_of_linear  # numpy, which planning does without
+
         values = {name: value for name, value in written.items() if value is not None}
         if "ground" in values:
             values["over"] = values["ground"] == "picture"

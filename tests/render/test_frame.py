@@ -291,8 +291,13 @@ def test_frames_of_a_shot_share_compiled_code(rendered: Rendered, sphere: Surfac
     with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
         first = code()
         assert len(first) == 2
-        for x, y, z, size, turn in np.random.default_rng(1).uniform(1.0, 2.0, (6, 5)):
-            assert code(placement=StagePlacement((x, y, z), size, turn)) == first
+        places = np.random.default_rng(1).uniform(1.0, 2.0, (6, 5))
+        codes = [code(placement=StagePlacement((x, y, z), size, turn)) for x, y, z, size, turn in places]
+        assert all(len(each) == 2 for each in codes)
+        both = {frozenset(each) for each in (first, *codes)}
+        assert len(both) <= 2, (
+            "softboxes that the lens does not see may throw shadows into the picture or not"
+        )
         assert code(look=LOOKS["glaze"], stage=STAGES["plinth"]) != first
         assert code() == first, "neither the look nor the stage before is in the code"
         finer = Quality(48, 27, samples=64, depth=3, auxiliary_samples=4)

@@ -207,7 +207,7 @@ class Performer:
         if mixed is None:
             return b""
         file = io.BytesIO()
-        with wave.open(file, "wb") as sound:
+        with wave.Wave_write(file) as sound:
             sound.setparams((2, 2, SOUND_RATE, 0, "NONE", ""))
             for block in mixed:
                 sound.writeframesraw((np.clip(block.T, -1.0, 1.0) * 32767).astype("<i2").tobytes())

@@ -72,7 +72,7 @@ def test_what_is_in_the_folder_stays_and_is_listed(tmp_path):
     assert done.code == 0 and ".gitignore: kept as it is" in done.out
     assert (tmp_path / ".gitignore").read_text() == "/secret/\n"
     assert read_shot(tmp_path / "shots/Mine.yaml") == before, "the defaults of a show change no shot"
-    assert [entry.shot.name for entry in read_film(tmp_path / "shots/film.yaml").entries] == ["Mine"]
+    assert [clip.shot.name for clip in read_film(tmp_path / "shots/film.yaml").clips] == ["Mine"]
     assert not (tmp_path / "shots/A010_first.yaml").exists()
     again = json.loads(folder.call("--json", "new", "--show").out)
     assert again["written"] == [] and "shots/film.yaml" in again["kept"]
