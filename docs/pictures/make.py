@@ -11,8 +11,8 @@ from flowsculpt.render.post.image import read_exr
 
 HERE = Path(__file__).parent
 SHOTS = ("A010_cube", "A020_lorenz", "A030_taffy")
-STEP = 2
-MILLISECONDS = 83
+STEP = 3
+MILLISECONDS = 125
 QUALITY = 92
 
 
@@ -31,7 +31,7 @@ def main() -> None:
 
 
 def _moving(shot: str) -> list[Image.Image]:
-    """Every second frame of a shot, as a page shows it."""
+    """Every third frame of a shot, as a page shows it."""
     frames = sorted(Path("renders", shot, "draft", "frames").glob("*.exr"))
     return [_picture(path) for path in frames[::STEP]]
 
