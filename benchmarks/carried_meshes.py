@@ -32,7 +32,7 @@ from flowsculpt.pipeline.mesh.normals import split_at_creases
 from flowsculpt.pipeline.shot import read_shot
 from flowsculpt.render.base.python_process import python_command
 
-SHOTS = {"A010_cube": "1-58", "A020_lorenz": "1-60", "B060_bloom": "1-48"}
+SHOTS = {"A010_cube": "1-72", "A020_lorenz": "1-72", "B060_bloom": "1-48"}
 OWN = {"fluid": "1-24", "cloth": "1-24"}
 SAMPLES = 20_000
 RATE = 24.0

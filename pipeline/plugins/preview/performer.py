@@ -434,7 +434,7 @@ class Performer:
         for curve in curves:
             curve.close(recording.performance.frame)
         if not curves:
-            self.words = f"{failed}Nothing armed was moved, so there is no take."
+            self.words = f"{failed}Nothing armed was moved; a take needs a movement."
             return
         name = ""
         try:

@@ -1,4 +1,4 @@
-"""Normals where a surface has slivers: these turn by any angle, which is no crease of the surface.
+"""Normals where a surface has slivers: these turn by any angle, without a crease of the surface.
 
 Marching cubes makes slivers wherever the surface passes near a node of its grid. Their edges look hard, in
 other places in each frame, so highlights flicker. An edge of a sliver is a crease if the faces on its two

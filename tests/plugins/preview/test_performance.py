@@ -250,7 +250,7 @@ def test_a_second_page_cannot_record_over_the_first_and_hears_so(follower: Follo
         with pytest.raises(UsageError, match="under way, perhaps by another page"):
             performer.act(asked)
     performer.act({"do": "stop"})
-    assert performer.words == "Nothing armed was moved, so there is no take."
+    assert performer.words == "Nothing armed was moved; a take needs a movement."
 
 
 @pytest.mark.parametrize(

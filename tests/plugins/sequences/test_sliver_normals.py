@@ -1,4 +1,4 @@
-"""Slivers of a surface in files without normals: they are no creases, and creases beside them stay."""
+"""Slivers in files without normals do not count as creases, and creases beside them stay."""
 
 from __future__ import annotations
 
