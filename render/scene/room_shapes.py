@@ -26,7 +26,7 @@ HIGH, _FAR = 9.0, 13.0
 """Height of walls that leave the picture, and how far they and floors go."""
 
 _CORNER, _LEFT, _RIGHT = (-1.5, -2.8), (-0.42, 0.91), (0.985, 0.17)
-"""Plan (x, z) of a corner, and the directions of its two walls, which meet at a right angle, but for 6°."""
+"""Place (x, z) of a corner in the plan, and the directions of its two walls, which meet at 105°."""
 
 _WALL = -2.5
 """Place z of the wall that a window's light crosses."""

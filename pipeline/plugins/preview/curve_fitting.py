@@ -61,8 +61,8 @@ def fit(
     times      (N,) ascending, in frames; samples at one time count as a step, of which the last one stays
     values     (N, K)
     tolerance  of each of the K values, above 0
-    whole      put keys on whole frames only; the error may then exceed the tolerance, as between two frames
-               there is no key
+    whole      put keys on whole frames only; the error may then exceed the tolerance, since no key can
+               stand between two frames
 
     The first key is at the first sample, the last at the last one, and they have their values; of whole
     frames, those around them.
