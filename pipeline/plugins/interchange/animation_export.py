@@ -274,7 +274,7 @@ class WebExport(AnimationExport):
     @property
     def facts(self) -> list[Any]:
         picture = self.request.shot.picture
-        player = PAGE.index + PAGE.style + PAGE.script
+        player = PAGE.in_one_file("", {})
         return [
             *(self.request.shot.heading, self.request.pictures.aspect, to_plain(picture.lights)),
             *(to_plain(picture.stage), picture.view.recipe, self.request.loop),

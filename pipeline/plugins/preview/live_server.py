@@ -41,7 +41,10 @@ ADDRESS = "127.0.0.1"
 PAGE = PageFolder(files("flowsculpt.pipeline.plugins.preview") / "page")
 
 FILES: dict[str, tuple[str, Callable[[], str]]] = {
-    "": ("text/html; charset=utf-8", lambda: PAGE.index),
+    "": (
+        "text/html; charset=utf-8",
+        lambda: PAGE.linked("flowsculpt live", "page.css", ("page.js",), connect="'self'"),
+    ),
     "page.css": ("text/css; charset=utf-8", lambda: PAGE.style),
     "page.js": ("text/javascript; charset=utf-8", lambda: PAGE.script),
 }

@@ -163,7 +163,7 @@ class ReviewPage:
             "three": "three.js" if script else None,
             "hint": hint,
         }
-        self._write(self.index, PAGE.index.encode())
+        self._write(self.index, PAGE.linked("Review", "page/page.css", ("data.js", "page/page.js")).encode())
         self._write(self.folder / "page" / "page.css", PAGE.style.encode())
         self._write(self.folder / "page" / "page.js", PAGE.script.encode())
         if script:
