@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from flowsculpt.pipeline.plugins.review.plot import Curves, as_plain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,6 +25,7 @@ class HeatMap(NamedTuple):
 
     levels  horizontal lines over it, each a value and a word
     line    a curve (T,) over it
+    told    further numbers (T,) of the frames by name, which the review page writes beside it
     """
 
     name: str
@@ -30,6 +35,19 @@ class HeatMap(NamedTuple):
     top: float
     levels: tuple[tuple[float, str], ...] = ()
     line: NDArray[np.float64] | None = None
+    told: Mapping[str, NDArray[np.float64]] = MappingProxyType({})
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """The lowest and highest value of the axis."""
+        return 0.0, self.top
+
+    @property
+    def shapes(self) -> dict[str, Any]:
+        """What the review page draws."""
+        lines = [] if self.line is None else [as_plain(self.line)]
+        told = as_plain(self.told)
+        return {"heat": self.shares.tolist(), "levels": self.levels, "curves": lines, "told": told}
 
     def draw(self, axes: Axes) -> None:
         """Draw the shares as greys, and the levels and the line over them."""
@@ -52,12 +70,30 @@ class HeatMap(NamedTuple):
 
 
 class StackedBars(NamedTuple):
-    """Parts by name (T,), stacked over frames (T,); negative parts hang down."""
+    """Parts by name (T,), stacked over frames (T,); negative parts hang down.
+
+    top   where the axis ends, and longer bars are cut; None for as long as they are
+    told  further numbers (T,) of the frames by name, which the review page writes beside it
+    """
 
     name: str
     unit: str
     frames: NDArray[np.float64]
     parts: dict[str, NDArray[np.float64]]
+    top: float | None = None
+    told: Mapping[str, NDArray[np.float64]] = MappingProxyType({})
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """The lowest and highest value of the axis."""
+        heights = np.nan_to_num(list(self.parts.values()))
+        below, above = np.minimum(heights, 0.0).sum(axis=0), np.maximum(heights, 0.0).sum(axis=0)
+        return float(below.min()), self.top or float(above.max()) or 1.0
+
+    @property
+    def shapes(self) -> dict[str, Any]:
+        """What the review page draws."""
+        return {"bars": as_plain(self.parts), "told": as_plain(self.told)}
 
     def draw(self, axes: Axes) -> None:
         """Draw the bars, and their names above the panel."""
@@ -70,6 +106,17 @@ class StackedBars(NamedTuple):
             above, below = above + np.maximum(heights, 0.0), below + np.minimum(heights, 0.0)
             place: Any = {"xycoords": "axes fraction", "textcoords": "offset points", "va": "bottom"}
             axes.annotate(name, (0.0, 1.04), xytext=(150 + 74 * index, 0), size=8, color=ink, **place)
+        if self.top:
+            axes.set_ylim(top=self.top)
         if below.any():
             axes.axhline(0.0, color=GREY, linewidth=0.7)
             axes.yaxis.set_major_formatter(lambda value, _: f"{abs(value):g}")
+
+
+FigurePanel = Curves | HeatMap | StackedBars
+
+
+def panel_data(panel: FigurePanel) -> dict[str, Any]:
+    """Return a panel as JSON for the charts of the review page (page/measures.js)."""
+    about = {"title": panel.name, "unit": panel.unit, "frames": panel.frames.tolist(), "range": panel.range}
+    return {**about, "curves": [], "bars": {}, "heat": [], "levels": [], **panel.shapes}

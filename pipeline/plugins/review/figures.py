@@ -16,12 +16,10 @@ from flowsculpt.api.frames import Folders, PipelineStage, RenderRequest, Runs, S
 from flowsculpt.api.meshes import Floats
 from flowsculpt.api.options import DEFAULT_QUALITY, Common, Quality, Shot, ShotOptions, shared_option
 from flowsculpt.api.shots import read_shot
-from flowsculpt.pipeline.plugins.review.figure_panels import HeatMap, StackedBars
+from flowsculpt.pipeline.plugins.review.figure_panels import FigurePanel, HeatMap, StackedBars
 from flowsculpt.pipeline.plugins.review.keyed_curves import curves_of
 from flowsculpt.pipeline.plugins.review.measures import TIMED_STAGES, Crossings, limits_of, measured
 from flowsculpt.pipeline.plugins.review.plot import Curves, plot_panels
-
-FigurePanel = Curves | HeatMap | StackedBars
 
 LONGEST_BAR = 1.6
 """The axis of seconds ends at this multiple of the 90th percentile, for first frames compile kernels."""
@@ -116,20 +114,24 @@ def _mesh_panels(
 
     none = np.zeros((0, 2))
     if _has(vertices := values("vertices")):
-        yield Curves("vertices", "", frames, vertices, none)
+        faces = values("faces")[:, 0]
+        told = {"triangles": faces} if np.nansum(faces) else {}
+        yield Curves("vertices", "", frames, vertices, none, told)
     if _has(changes := values("splits", "collapses")):
         bars = {"splits": changes[:, 0], "collapses": -changes[:, 1]}
         yield StackedBars("splits and collapses", "a frame", frames, bars)
     if (top := next((row["edge_top"] for row in rows if row.get("edge_top")), None)) is not None:
         levels = tuple((value, word) for value, word in zip(limits, ("min", "max"), strict=True) if value)
-        yield HeatMap("edge lengths", "scene units", frames, _shares(rows, "edges"), float(top), levels)
+        shares, told = _shares(rows, "edges"), {"on average": values("mean_edge")[:, 0]}
+        yield HeatMap("edge lengths", "scene units", frames, shares, float(top), levels, told=told)
     if any(row.get("quality") for row in rows):
-        title, worst = "roundness of triangles; the line: a hundredth is below", values("worst")[:, 0]
-        yield HeatMap(title, "1: equilateral", frames, _shares(rows, "quality"), 1.0, line=worst)
-    if _has(area := values("area")):
-        yield Curves("area", "scene units²", frames, area, none)
-    if _has(volume := values("volume")):
-        yield Curves("volume", "scene units³", frames, volume, none)
+        unit, worst = "1: equilateral; a hundredth is below the line", values("worst")[:, 0]
+        yield HeatMap("roundness of triangles", unit, frames, _shares(rows, "quality"), 1.0, line=worst)
+    for name, unit in (("area", "scene units²"), ("volume", "scene units³")):
+        if _has(found := values(name)):
+            first = found[np.isfinite(found)][0]
+            told = {"% of the first": 100.0 * found[:, 0] / first} if first else {}
+            yield Curves(name, unit, frames, found, none, told)
     crossings = values("crossings")
     if np.nansum(crossings) > 0:
         counted = np.isfinite(crossings[:, 0])
@@ -148,10 +150,10 @@ def _seconds_panel(
         return
     total = np.sum(list(bars.values()), axis=0)
     longest = LONGEST_BAR * float(np.quantile(total, 0.9))
-    scale = np.minimum(1.0, longest / np.maximum(total, 1e-9)) if longest else 1.0
-    unit = "s (the longest cut short)" if longest and (total > longest).any() else "s"
-    scaled = {PipelineStage.all()[stage].doing: values * scale for stage, values in bars.items()}
-    yield StackedBars("seconds a frame", unit, frames, scaled)
+    is_cut = bool(longest) and (total > longest).any()
+    unit, top = ("s (the longest cut short)", longest) if is_cut else ("s", None)
+    named = {PipelineStage.all()[stage].doing: values for stage, values in bars.items()}
+    yield StackedBars("seconds a frame", unit, frames, named, top, {"s in all": total})
 
 
 def _has(values: Floats) -> bool:

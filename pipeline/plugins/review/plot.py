@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
@@ -54,13 +55,29 @@ _BESIDE: Any = {"xycoords": ("axes fraction", "data"), "textcoords": "offset poi
 
 
 class Curves(NamedTuple):
-    """Numbers over frames (T,): values (T, K), and keys (N, 1 + K) of frames and values. NaN is a gap."""
+    """Numbers over frames (T,): values (T, K), and keys (N, 1 + K) of frames and values. NaN is a gap.
+
+    told  further numbers (T,) of the frames by name, which the review page writes beside the curves
+    """
 
     name: str
     unit: str
     frames: NDArray[np.float64]
     values: NDArray[np.float64]
     keys: NDArray[np.float64]
+    told: Mapping[str, NDArray[np.float64]] = MappingProxyType({})
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """The lowest and highest value of the axis."""
+        low, high = float(np.nanmin(self.values)), float(np.nanmax(self.values))
+        room = 0.12 * (high - low) if high > low else max(1.0, abs(high))
+        return low - room, high + room
+
+    @property
+    def shapes(self) -> dict[str, Any]:
+        """What the review page draws."""
+        return {"curves": [as_plain(column) for column in self.values.T], "told": as_plain(self.told)}
 
     def draw(self, axes: Axes) -> None:
         """Draw the curves, with dots at their keys; three of them have names."""
@@ -72,9 +89,16 @@ class Curves(NamedTuple):
             if several:
                 at, offset = (1.0, float(self.values[-1, k])), (7 + 8 * k, 0)
                 axes.annotate("xyz"[k], at, xytext=offset, color=pen, size=8.5, va="center", **_BESIDE)
-        low, high = float(np.nanmin(self.values)), float(np.nanmax(self.values))
-        room = 0.12 * (high - low) if high > low else max(1.0, abs(high))
-        axes.set_ylim(low - room, high + room)
+        axes.set_ylim(self.range)
+
+
+def as_plain(values: Any) -> Any:
+    """Return numbers, or lists or mappings of them, as JSON has them: in nine digits, None for NaN."""
+    if isinstance(values, Mapping):
+        return {name: as_plain(each) for name, each in values.items()}
+    if isinstance(values, np.ndarray):
+        return [as_plain(each) for each in values.tolist()]
+    return None if np.isnan(values) else float(f"{values:.9g}")
 
 
 class Panel(Protocol):

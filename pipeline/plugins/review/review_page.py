@@ -35,6 +35,8 @@ from flowsculpt.api.frames import (
 )
 from flowsculpt.api.options import DEFAULT_QUALITY
 from flowsculpt.pipeline.plugins.review import view_3d
+from flowsculpt.pipeline.plugins.review.figure_panels import FigurePanel, panel_data
+from flowsculpt.pipeline.plugins.review.figures import panels
 from flowsculpt.pipeline.plugins.review.measures import TIMED_STAGES, limits_of, measured
 from flowsculpt.pipeline.plugins.review.page_pictures import LayerWriter, Proxies, ProxyWriter
 from flowsculpt.pipeline.plugins.review.review_notes import NotesDocument, ReviewNote, as_data
@@ -209,8 +211,8 @@ class ReviewPage:
             "fps": float(request.shot.rate.fps),
             "dissolve": 0 if request.loop is None else request.loop[1],
             "numbers": numbers,
-            "limits": list(limits_of(request)),
-            "measures": measures,
+            "panels": [panel_data(each) for each in panels(numbers, measures, limits_of(request), {})],
+            "mean_edges": {number: row["mean_edge"] for number, row in measures.items()},
             "models": [[number, name] for number, name in models if name],
             "motion": meshes.write_motion(began) if self.models else {"without": ""},
         }
@@ -233,13 +235,13 @@ class ReviewPage:
             "sheet": writer.sheet(proxies),
             "layers": layers.write(sequence, tell),
             "facts": {"numbers": readable, **tabled([sequence.pictures[n].header for n in readable])},
-            "seconds": self._seconds(sequence, proxies),
+            "timed": [panel_data(each) for each in self._times(sequence, proxies)],
         }
 
-    def _seconds(self, sequence: PictureSequence, proxies: Proxies) -> dict[str, dict[int, float]]:
-        """Return seconds by stage and frame; none for relit frames, which take none of these stages."""
+    def _times(self, sequence: PictureSequence, proxies: Proxies) -> list[FigurePanel]:
+        """Return the panel of seconds by frame; none for relit frames, which take none of the stages."""
         if sequence.kind == "relit":
-            return {}
+            return []
         seconds = self._runs.stage_seconds(sequence.subject, sequence.shot, sequence.quality, TIMED_STAGES)
         if sequence.kind == "version":
             seconds.pop("finish", None)  # the logs hold those of the shot's present frames
@@ -248,7 +250,7 @@ class ReviewPage:
             for n, parts in sequence.seconds.items()
             if parts and n in proxies.files
         }
-        return {stage: frames for stage, frames in seconds.items() if frames}
+        return panels(sequence.numbers, {}, (None, None), {s: times for s, times in seconds.items() if times})
 
     @cached_property
     def _sources(self) -> list[str]:

@@ -70,9 +70,10 @@ def test_a_page_has_what_was_rendered_and_the_cells_of_wedges(desk: Desk) -> Non
     assert data["wedges"][0]["cells"] == [2, 3]
     shown = desk.page().parent / "pictures" / draft["files"][11]
     assert number_in(read_png(shown)) == 12
-    measures = data["shots"][NAME]["measures"]
-    assert len(measures) == LAST and measures["1"]["volume"] == pytest.approx(8.0)
-    assert sum(measures["9"]["edges"]) == pytest.approx(1.0, abs=1e-3)
+    panels = {panel["title"]: panel for panel in data["shots"][NAME]["panels"]}
+    assert panels["volume"]["curves"][0][0] == pytest.approx(8.0)
+    assert len(panels["edge lengths"]["heat"]) == LAST
+    assert sum(panels["edge lengths"]["heat"][8]) == pytest.approx(1.0, abs=1e-3)
 
 
 def test_a_second_time_nothing_is_made_and_the_same_is_written(copy: Desk) -> None:
@@ -116,7 +117,7 @@ def test_after_an_edit_pictures_are_stale_and_the_meshes_that_they_show_are_meas
     before = data_of(copy)["shots"][NAME]
     code, _ = copy.command("review", NAME)
     after = data_of(copy)
-    assert code == 0 and after["shots"][NAME]["measures"] == before["measures"]
+    assert code == 0 and after["shots"][NAME]["panels"] == before["panels"]
     assert after["shots"][NAME]["models"] == before["models"]
     daily = after["sequences"][0]
     assert all(daily["files"]) and daily["states"]["24"][0] == "stale"

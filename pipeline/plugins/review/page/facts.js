@@ -27,12 +27,11 @@ class FactsPanel {
 
 function firstRows(sequences, frame) {
   const of = (fact) => sequences.map(fact);
-  const told = (seconds) => (seconds == null ? "" : `${+seconds.toPrecision(3)} s`);
   const known = [
     ["Because", of((each) => each.state(frame)[1])], ["Note", of((each) => each.note)],
     ...FIRST_FACTS.map(([label, name]) => [label, of((each) => abbreviated(shown(name, each.fact(frame, name))))]),
   ].filter(([, values]) => values.some(Boolean));
-  return [["Frame", of(() => String(frame))], ["State", of((each) => each.state(frame)[0])], ["Rendering took", of((each) => told(each.seconds.render?.[frame]))], ...known];
+  return [["Frame", of(() => String(frame))], ["State", of((each) => each.state(frame)[0])], ["Rendering took", of((each) => each.renderingTime(frame))], ...known];
 }
 
 /** A key by its beginning; the whole of it stands in the header. */

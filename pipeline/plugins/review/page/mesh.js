@@ -116,7 +116,7 @@ class MeshView extends ShotView {
 
   /** Lines grow faint where they would cover all. */
   #inkLines() {
-    const edge = this.review.a.about.measures[this.shownNumber]?.mean_edge ?? 0, tall = this.orbit.slope * this.orbit.distance;
+    const edge = this.review.a.about.mean_edges[this.shownNumber] ?? 0, tall = this.orbit.slope * this.orbit.distance;
     const pixels = (edge / tall) * this.canvas.clientHeight * devicePixelRatio;
     for (const lines of this.shown.lined) {
       lines.visible = this.lines;

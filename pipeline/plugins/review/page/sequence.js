@@ -48,6 +48,12 @@ class Sequence {
   /** The names of all that headers say. */
   get factNames() { return [...Object.keys(this.facts.same), ...Object.keys(this.facts.differ)]; }
 
+  /** How long a frame took to render, in words; "" where nobody knows. */
+  renderingTime(number) {
+    const seconds = this.timed[0]?.bars.rendering?.[this.places.get(number)];
+    return seconds ? `${+seconds.toPrecision(3)} s` : "";
+  }
+
   /** Hours, minutes, seconds and frames since the first frame of the shot. */
   timecode(number) {
     const whole = Math.max(1, Math.round(this.about.fps)), count = Math.max(0, number - this.about.numbers[0]);
