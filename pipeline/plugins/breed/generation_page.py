@@ -57,10 +57,11 @@ def page_text(
         "change": record["change"],
         "next": next_name(record["name"]),
         "children": [
-            {"name": c.name, "changes": list(c.changes), "intent": c.intent, "pictures": _encoded(c.pictures)}
+            {"name": c.name, "changes": list(c.changes), "intent": c.intent, **_film(c.pictures)}
             for c in children
         ],
-        "parents": [{"name": name, "pictures": _encoded(pictures)} for name, pictures in parents],
+        "parents": [{"name": name, **_film(pictures)} for name, pictures in parents],
+        "aspect": children[0].pictures.shape[2] / children[0].pictures.shape[1],
     }
     title = f"{record['name']}: generation {record['generation']}"
     page = PageFolder(files("flowsculpt.pipeline.plugins.breed") / "page")
@@ -73,8 +74,10 @@ def next_name(name: str) -> str:
     return f"{stem}_{int(number) + 1}" if stem and number.isdecimal() else f"{name}_2"
 
 
-def _encoded(pictures: NDArray[np.uint8]) -> list[str]:
-    return [base64.b64encode(jpeg_bytes(picture)).decode("ascii") for picture in pictures]
+def _film(pictures: NDArray[np.uint8]) -> dict[str, Any]:
+    """Return pictures (N, H, W, 3) as a JPEG that has them one below another, and their count."""
+    joined = pictures.reshape(-1, *pictures.shape[2:])
+    return {"film": base64.b64encode(jpeg_bytes(joined)).decode("ascii"), "count": len(pictures)}
 
 
 @dataclass(frozen=True)

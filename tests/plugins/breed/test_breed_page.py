@@ -61,6 +61,25 @@ def test_favourites_and_parents_that_are_clicked_become_a_choice(browser: Browse
     assert (choice.change, choice.seed, choice.name) == (0.3, 12, "very_calm_rm_")
 
 
+def test_a_child_shows_its_last_picture_and_plays_whole_ones_under_the_pointer(
+    browser: Browser, folder: Path
+) -> None:
+    tab = browser.new_page()
+    tab.goto(f"file://{folder}/index.html")
+    film = "document.querySelector('article .film')"
+    place = f"getComputedStyle({film}).objectPosition"
+    shown = f"{film}.getAnimations().map((each) => each.effect.getTiming().duration)"
+    assert (tab.evaluate(place), tab.evaluate(shown)) == ("0px 100%", [])
+    tab.locator("article").first.hover()
+    (duration,) = tab.evaluate(shown)
+    found = set()
+    for share in np.linspace(0.0, 0.99, 40):
+        now = f"{film}.getAnimations()[0].currentTime = {share * duration}"
+        found.add(tab.evaluate(f"(() => {{ {now}; return {place}; }})()"))
+    tab.close()
+    assert found == {f"0px {100 * k / 8:g}%" for k in range(9)}
+
+
 def test_the_page_is_used_in_light_and_dark_on_a_phone_and_by_keys_alone(
     browser: Browser, folder: Path
 ) -> None:

@@ -1,29 +1,20 @@
 // The children of a generation: they play, some are favourites, and one or two become parents of the next.
 
 const facts = JSON.parse(id("facts").textContent);
-const MOST_PARENTS = 2, MILLISECONDS = 160, HOLD = 4; // the last picture stays for some beats
+const MOST_PARENTS = 2;
 
 const state = { parents: [], favourites: [], change: facts.change, seed: facts.seed + 1, name: facts.next, ...stored((storage) => JSON.parse(storage.getItem(facts.folder))) };
-const address = (picture) => `data:image/jpeg;base64,${picture}`;
-const playing = new Set();
-let playsAll = false, beat = 0;
+let playsAll = false;
 
 function playAll() {
   playsAll = !playsAll;
-  beat = 0;
   refresh();
 }
 
-setInterval(() => {
-  beat += 1;
-  for (const child of facts.children) {
-    const last = child.pictures.length - 1, moves = playsAll || playing.has(child);
-    const index = moves ? Math.min(beat % (last + 1 + HOLD), last) : last;
-    if (child.shown === index) continue;
-    child.shown = index;
-    child.image.src = address(child.pictures[index]);
-  }
-}, MILLISECONDS);
+/** Pictures one below another: style shows the last of them, or plays them. */
+function filmOf({ film, count }, about) {
+  return make("img", { className: "film", src: `data:image/jpeg;base64,${film}`, style: `--count: ${count}; --aspect: ${facts.aspect}`, ...about });
+}
 
 /** A choice with a number in it or taken from it; of more than the most the oldest goes. */
 function toggle(choice, number, most) {
@@ -32,23 +23,19 @@ function toggle(choice, number, most) {
   show();
 }
 
-facts.children.forEach((child, index) => {
+const children = facts.children.map((child, index) => {
   const number = index + 1, isFavourite = () => state.favourites.includes(number), isParent = () => state.parents.includes(number);
-  child.like = () => toggle("favourites", number, facts.children.length);
-  const choose = () => toggle("parents", number, MOST_PARENTS);
-  child.image = make("img", { alt: child.intent, onclick: child.like });
+  const like = () => toggle("favourites", number, facts.children.length), choose = () => toggle("parents", number, MOST_PARENTS);
   const words = make("p", { title: child.name }, make("b", {}, String(number)), child.changes.join(", "));
-  const buttons = make("div", {}, buttonOf("Favourite", `Keep child ${number}`, child.like, { ariaPressed: isFavourite }),
+  const buttons = make("div", {}, buttonOf("Favourite", `Keep child ${number}`, like, { ariaPressed: isFavourite }),
     buttonOf("Parent", `Breed from child ${number}`, choose, { className: "choose", ariaPressed: isParent }));
-  const className = () => [isFavourite() && "favourite", isParent() && "parent"].filter(Boolean).join(" ");
-  const card = make("article", { className }, child.image, words, buttons);
-  for (const name of ["pointerenter", "focusin"]) card.addEventListener(name, () => { beat = 0; playing.add(child); });
-  for (const name of ["pointerleave", "focusout"]) card.addEventListener(name, () => playing.delete(child));
-  id("children").append(card);
+  const className = () => [isFavourite() && "favourite", isParent() && "parent", playsAll && "playing"].filter(Boolean).join(" ");
+  id("children").append(make("article", { className }, filmOf(child, { alt: child.intent, onclick: like }), words, buttons));
+  return { like };
 });
 
 if (facts.parents.length) id("ancestors").append("Children of");
-for (const { name, pictures } of facts.parents) id("ancestors").append(make("img", { src: address(pictures.at(-1)), alt: "" }), name);
+for (const parent of facts.parents) id("ancestors").append(filmOf(parent, { alt: "" }), parent.name);
 
 /** The choice as `breed --from-page` reads it. */
 function choice() {
@@ -78,17 +65,12 @@ const READERS = {
   seed: (text) => Math.max(0, Math.trunc(Number(text)) || 0),
 };
 for (const [name, read] of Object.entries(READERS)) {
-  id(name).value = state[name];
-  id(name).oninput = () => { state[name] = read(id(name).value); show(); };
+  give(id(name), { value: () => state[name], oninput: (event) => { state[name] = read(event.target.value); show(); } });
 }
 
-async function copy() {
-  try {
-    await navigator.clipboard.writeText(id("command").textContent);
-  } catch { // a page of a file may not be allowed to
-    getSelection().selectAllChildren(id("command"));
-    document.execCommand("copy");
-  }
+function copy() {
+  getSelection().selectAllChildren(id("command"));
+  document.execCommand("copy"); // `navigator.clipboard` is not there for every page of a file
   id("copy").textContent = "Copied";
   setTimeout(() => { id("copy").textContent = "Copy"; }, 1500);
 }
@@ -97,11 +79,13 @@ const hasNoParents = () => !state.parents.length;
 give(id("chosen"), { textContent: () => prospect(state.parents) });
 give(id("amount"), { textContent: () => state.change });
 give(id("command"), { textContent: () => (hasNoParents() ? "" : `flowsculpt breed --from-page "${choice()}"`) });
-give(id("copy"), { onclick: copy, disabled: hasNoParents });
-give(id("save"), { onclick: () => download(`${facts.name}_choice.txt`, `${choice()}\n`, "text/plain"), disabled: hasNoParents });
+id("command").after(
+  buttonOf("Copy", "", copy, { id: "copy", disabled: hasNoParents }),
+  buttonOf("Save choice", "", () => download(`${facts.name}_choice.txt`, `${choice()}\n`, "text/plain"), { disabled: hasNoParents }),
+);
 give(id("play"), { onclick: playAll, ariaPressed: () => playsAll });
 new Keyboard([["Children", [
   ["Space", "Play all", { " ": playAll }],
-  ["1 … 9", "Make a child a favourite; with Tab the others too", Object.fromEntries(facts.children.slice(0, 9).map((child, i) => [i + 1, child.like]))],
+  ["1 … 9", "Make a child a favourite; with Tab the others too", Object.fromEntries(children.slice(0, 9).map(({ like }, i) => [i + 1, like]))],
 ]]]);
 show();
