@@ -23,6 +23,7 @@ from flowsculpt.api.files import ChangedFileError, InputFile, atomic_write
 from flowsculpt.api.shots import WrittenShot, YamlSource, read_shot
 from flowsculpt.pipeline.plugins.preview.settable_values import settable_values
 from flowsculpt.pipeline.plugins.preview.text_edits import ValueEdit, Where, edited, parsed, path_text
+from flowsculpt.pipeline.plugins.preview.value_titles import value_title
 
 MOST_STEPS = 200  # edits that can be undone
 
@@ -146,7 +147,7 @@ class ShotEditor:
             "first": clock.frames.first,
             "last": clock.frames.last,
             "fps": float(clock.rate.fps),
-            "values": [_plain(asdict(value)) for value in values],
+            "values": [_plain({**asdict(each), **value_title(each.where)._asdict()}) for each in values],
             "flow_frames": [{"where": where, "frames": frames} for where, frames in flow_frames.items()],
             **self._can(),
         }

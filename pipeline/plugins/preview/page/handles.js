@@ -12,10 +12,8 @@ class Handles {
   get places() {
     const found = new Map();
     for (const value of this.page.shot.state?.values ?? []) {
-      const { where } = value, name = where.at(-1);
-      if (flowsAt(where) < 0 || !(name in NAMES)) continue;
-      const key = nameOf(where.slice(0, -1));
-      found.set(key, { ...found.get(key), where: where.slice(0, -1), [NAMES[name]]: value });
+      const { where, title, is_flow: isFlow } = value, name = where.at(-1), key = nameOf(where.slice(0, -1));
+      if (isFlow && name in NAMES) found.set(key, { ...found.get(key), where: where.slice(0, -1), title, [NAMES[name]]: value });
     }
     return [...found.values()].filter((place) => place.centre || place.axis);
   }
@@ -41,9 +39,8 @@ class Handles {
 
   /** The name of a flow or region, with its number where others have the same. */
   #nameOf(place, places) {
-    const titleAt = (each) => titleOf(groupOf([...each.where, ""]))[0], title = titleAt(place);
-    if (places.filter((each) => titleAt(each) === title).length < 2) return title;
-    return `${title} ${place.where.filter((part) => typeof part === "number").join(".")}`;
+    if (places.filter(({ title }) => title === place.title).length < 2) return place.title;
+    return `${place.title} ${place.where.filter((part) => typeof part === "number").join(".")}`;
   }
 
   /** Where a pointer is in the viewer. */

@@ -12,6 +12,7 @@ class LivePage {
     this.camera = new CameraDrag(this, id("picture"));
     this.strip = new FrameStrip(id("strip"), this.film.transport, { stateOf: (frame) => this.film.stateOf(frame) });
     this.playback = new Playback(this.film.transport, ["play"]);
+    id("time").append(this.playback.buttons, make("label", "inline", "Frame", this.playback.field), this.playback.range);
     this.fault = { file: "", edit: "" };
     id("panel").hidden = window.matchMedia("(max-width: 860px)").matches; // there it covers the picture
     this.#liven();
@@ -104,7 +105,7 @@ class LivePage {
     refresh();
     if (shown) {
       if (picture.src !== shown.source) picture.src = shown.source;
-      picture.alt = `Frame ${at} of ${film.take.shot}`;
+      give(picture, { alt: `Frame ${at} of ${film.take.shot}`, style: `--aspect: ${film.take.size[0] / film.take.size[1]}` });
       picture.hidden = false;
     }
     this.note(film.trial ? film.trial.words : shown && !film.isCurrent ? "Before the edit" : "");
@@ -114,17 +115,8 @@ class LivePage {
 
   /** How the picture that is shown projects points; null while there is none. */
   get projection() {
-    const camera = this.film.shown?.camera, box = this.#pictureBox();
-    return camera && box ? new Projection(camera, box) : null;
-  }
-
-  /** Where the picture is in the viewer, in CSS pixels. */
-  #pictureBox() {
-    const { take } = this.film, picture = id("picture");
-    if (!take || picture.hidden) return null;
-    const [wide, high] = take.size, room = { width: picture.clientWidth, height: picture.clientHeight };
-    const scale = Math.min(room.width / wide, room.height / high), width = wide * scale, height = high * scale;
-    return { left: picture.offsetLeft + (room.width - width) / 2, top: picture.offsetTop + (room.height - height) / 2, width, height };
+    const camera = this.film.shown?.camera, { offsetLeft: left, offsetTop: top, offsetWidth: width, offsetHeight: height } = id("picture");
+    return camera && width ? new Projection(camera, { left, top, width, height }) : null;
   }
 
   togglePanel() {

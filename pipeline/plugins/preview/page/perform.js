@@ -160,7 +160,7 @@ class Perform {
   draw() {
     const { armed, takes, words } = this.state;
     redrawn(this.element, () => this.element.replaceChildren(
-      make("summary", {}, "Perform ", make("small", {}, armed.length ? `${armed.length} armed` : "nothing armed")),
+      make("summary", {}, make("b", {}, "Perform"), " ", make("small", {}, armed.length ? `${armed.length} armed` : "nothing armed")),
       ...(armed.length ? [] : [make("p", "note", "● beside a value arms it, and A the handle that has the focus. R records.")]),
       ...armed.flatMap((each) => this.#armedRows(each)),
       ...(armed.length ? [make("label", "inline", make("input", { type: "checkbox", checked: this.whole, onchange: (event) => { this.whole = event.target.checked; } }), "keys on whole frames")] : []),
@@ -170,12 +170,12 @@ class Perform {
   }
 
   #armedRows({ where, parts }) {
-    const title = placeTitle(where), disarm = buttonOf("●", "Disarm", () => this.arm(where), { className: "key plain armed", ariaLabel: `${title}: disarm` });
+    const title = this.page.shot.wordsOf(where), disarm = buttonOf("●", "Disarm", () => this.arm(where), { className: "key plain armed", ariaLabel: `${title}: disarm` });
     return [make("div", "bound", make("span", { className: "name", title: nameOf(where) }, title), disarm), ...parts.map((bound, part) => this.#boundRow(where, bound, part, parts.length > 1 ? "xyz"[part] : ""))];
   }
 
   #boundRow(where, bound, part, letter) {
-    const name = `${placeTitle(where)} ${letter}`;
+    const name = `${this.page.shot.wordsOf(where)} ${letter}`;
     const bind = (change) => this.#ask("bind", { where, part, ...bound, ...change });
     const list = listOf(`${name}: moved by`, this.state.controls, (control) => bind({ control }), { value: bound.control, data: { focus: `${name} by` } });
     const ends = ["low", "high"].map((end) => make("input", {
@@ -186,7 +186,7 @@ class Perform {
   }
 
   #takeRow({ where, takes, chosen }) {
-    const name = placeTitle(where), choose = (take) => this.#ask("choose", { where, take });
+    const name = this.page.shot.wordsOf(where), choose = (take) => this.#ask("choose", { where, take });
     return make("div", "bound", make("span", { className: "name", title: nameOf(where) }, name), listOf(`${name}: take`, takes, choose, { value: chosen, data: { focus: `${name} take` } }));
   }
 }

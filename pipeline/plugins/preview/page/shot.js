@@ -25,6 +25,9 @@ class Shot {
 
   get(where) { return this.values.get(nameOf(where)); }
 
+  /** What a value is called, which may be gone from the file. */
+  wordsOf(where) { return this.get(where)?.words ?? nameOf(where); }
+
   /** Read the file anew. */
   refresh() { return this.#next(() => ask("state", { frame: this.page.film.at }), false); }
 

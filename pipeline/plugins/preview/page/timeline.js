@@ -32,7 +32,7 @@ class Timeline {
 /** One curve: its name, the settings of the chosen key, and its plot. */
 class CurveRow {
   constructor(timeline, value) {
-    Object.assign(this, { timeline, value, page: timeline.page, name: nameOf(value.where), title: placeTitle(value.where) });
+    Object.assign(this, { timeline, value, page: timeline.page, name: nameOf(value.where), title: value.words });
     this.isChosen = timeline.chosen === this.name;
     const title = `${this.name}${value.unit ? ` (${value.unit})` : ""}`;
     const choose = () => timeline.choose(this.name), data = { focus: `${this.name} open` };

@@ -1,37 +1,6 @@
 // The panel: a group for each flow and each entry of the shot, a row for each value. What a row sets goes through the
 // shot's edits, at the current frame where the value has keys.
 
-const PARTS = { flows: "Flow", subject: "Subject", resample: "Resampling", camera: "Camera", shutter: "Shutter", look: "Look", lights: "Lights", stage: "Stage", smooth: "Smoothing", speed: "Speed" };
-const WRAPPERS = ["sum", "within", "blend", "placed", "mirrored", "repeated", "reversed", "sequence"];
-
-/** The place in a path of the list of flows, of the shot or of one of its subjects; -1 for other values. */
-function flowsAt(where) { return where[0] === "flows" ? 0 : where[0] === "subjects" && where[2] === "flows" ? 2 : -1; }
-
-/** The path of the group that a value is in: its flow, its subject or the entry of the shot. */
-function groupOf(where) {
-  const start = flowsAt(where);
-  if (start < 0) return where.slice(0, where[0] === "subjects" ? 2 : 1);
-  let end = start + 2;
-  for (let i = start + 1; i < where.length - 1; i++) if (typeof where[i] === "number" && typeof where[i + 1] === "string" && where[i - 1] !== "keys") end = i + 2;
-  return where.slice(0, Math.min(end, where.length - 1));
-}
-
-/** A group in words: Flow 1: vortex in sum. */
-function titleOf(group) {
-  const start = flowsAt(group);
-  if (start < 0) return group[0] === "subjects" ? [group[1].replaceAll("_", " "), "subject"] : [PARTS[group[0]], ""];
-  const around = group.slice(start + 2, -1).filter((part) => WRAPPERS.includes(part)), numbers = group.filter((part) => typeof part === "number");
-  const words = [`flow ${numbers.join(".")}`, ...(start ? [`of ${group[1]}`] : []), ...(around.length ? [`in ${around.join(", ")}`] : [])];
-  return [String(group.at(-1)).replaceAll("_", " "), words.join(", ")];
-}
-
-/** A value in words: vortex 0.1 strength. */
-function placeTitle(where) {
-  const group = groupOf(where), [words] = titleOf(group), rest = where.slice(group.length).join(" ");
-  const number = flowsAt(group) >= 0 ? ` ${group.filter((part) => typeof part === "number").join(".")}` : "";
-  return `${words}${number} ${rest}`.trim().replaceAll("_", " ");
-}
-
 class Values {
   constructor(page, panel) { Object.assign(this, { page, panel, fields: [], shape: "" }); }
 
@@ -45,22 +14,18 @@ class Values {
     const focused = document.activeElement?.closest?.(".field")?.dataset.path;
     const wasOpen = new Map([...this.panel.querySelectorAll("details")].map((part) => [part.dataset.group, part.open]));
     this.shape = shape;
-    this.fields = values.map((value) => {
-      const group = groupOf(value.where), rest = value.where.slice(group.length).map((part) => String(part).replaceAll("_", " "));
-      return fieldOf(this.page, value, rest.join(" › ") || PARTS[group[0]].toLowerCase());
-    });
-    const groups = Map.groupBy(this.fields, ({ value }) => nameOf(groupOf(value.where)));
-    this.panel.replaceChildren(this.page.perform.element, ...[...groups].map(([name, fields]) => detailsOf(name, fields, wasOpen.get(name))));
+    this.fields = values.map((value) => fieldOf(this.page, value));
+    const groups = Map.groupBy(this.fields, ({ value }) => value.group);
+    this.panel.replaceChildren(this.page.perform.element, ...[...groups].map(([group, fields]) => detailsOf(fields, wasOpen.get(group))));
     if (focused) this.panel.querySelector(`[data-path="${CSS.escape(focused)}"]`)?.querySelector("input, select, button")?.focus();
   }
 }
 
 /** A group of fields; those of the camera and of flows are open at first. */
-function detailsOf(name, fields, wasOpen) {
-  const group = groupOf(fields[0].value.where), open = wasOpen ?? (group[0] === "camera" || flowsAt(group) >= 0);
-  const [title, note] = titleOf(group), words = make("summary", {}, `${title[0].toUpperCase()}${title.slice(1)} `);
-  if (note) words.append(make("small", {}, note));
-  return make("details", { open, data: { group: name } }, words, ...fields.map(({ row }) => row));
+function detailsOf(fields, wasOpen) {
+  const { group, title, note, is_flow: isFlow } = fields[0].value, open = wasOpen ?? (isFlow || group === "camera");
+  const words = make("summary", {}, make("b", {}, title), " ", make("small", {}, note));
+  return make("details", { open, data: { group } }, words, ...fields.map(({ row }) => row));
 }
 
 /** A step of 1, 2 or 5 times a power of ten for about so many steps over a span. */
@@ -81,8 +46,9 @@ function written(number) { return String(+Number(number).toPrecision(6)); }
 
 /** The row of a value: its name, and elements that show what the value is and set it. */
 class Field {
-  constructor(page, value, name) {
-    Object.assign(this, { page, value, name, gestures: 0, words: `${name}${value.unit ? `, ${value.unit}` : ""}` });
+  constructor(page, value) {
+    const { name, unit } = value;
+    Object.assign(this, { page, value, name, gestures: 0, words: `${name}${unit ? `, ${unit}` : ""}` });
     const className = () => `field${this.value.is_given ? " given" : ""}`;
     this.row = make("div", { className, title: () => this.#title, data: { path: nameOf(value.where) } }, make("span", "about name", name));
   }
@@ -226,10 +192,10 @@ function kindOf({ form, value, curve, is_vector: isVector }) {
 }
 
 /** The field of a value. */
-function fieldOf(page, value, name) {
+function fieldOf(page, value) {
   const kind = kindOf(value);
-  if (!CONTROLS[kind]) return new NumberValue(page, value, name);
-  const field = new Field(page, value, name);
+  if (!CONTROLS[kind]) return new NumberValue(page, value);
+  const field = new Field(page, value);
   field.row.append(CONTROLS[kind](field));
   if (kind === "vector") field.addKeyButton();
   return field;
