@@ -174,7 +174,7 @@ def _sculpture(part: Moving, blobs: _Blobs) -> dict[str, Any]:
         else blobs.add(np.rint(65535.0 * np.clip(colours, 0.0, 1.0)).astype("<u2")),
         "texture": None
         if texture is None or not has_pictures
-        else blobs.add(planes((texture * (1.0, -1.0) + (0.0, 1.0)).astype("<f4"))),
+        else blobs.add((texture * (1.0, -1.0) + (0.0, 1.0)).astype("<f4")),
         "materials": [_material(each, part.look, colours is not None, blobs) for each in materials],
         "groups": [] if drawn.materials is None else _groups(drawn.materials),
         "closed": drawn.is_closed,

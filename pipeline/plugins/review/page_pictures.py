@@ -166,7 +166,7 @@ def scope_script(file: str, pixels: NDArray[np.uint8]) -> str:
     return f"reviewScope({json.dumps(file)}, {json.dumps(data)});\n"
 
 
-FORMAT = 2
+FORMAT = 3
 
 VIEW = "view"  # the table of the view of a sequence, as a layer: display values by light
 
@@ -283,7 +283,7 @@ def as_script(
     """Return a call of the page's `reviewLayer` with a layer, (H, W) or (H, W, C).
 
     Channels lie one after another as 16 bits, half floats or display steps; each value is the difference
-    from the one to its left, modulo 2^16; then all lower bytes, all upper ones; deflate; base64.
+    from the one before it, modulo 2^16; of each channel the lower bytes, then the upper; deflate; base64.
 
     low, high  shown as black and white; vectors have zero in the middle
     exposure   stops, of layers of light
@@ -297,8 +297,9 @@ def as_script(
         kind = "light" if is_light or name in REFLECTANCE else "data"
         bits = np.clip(planes, -LARGEST_HALF, LARGEST_HALF).astype("<f2").view("<u2")
         low, high = _range(planes) if kind == "data" else (0.0, 2.0**-exposure if is_light else 1.0)
-    differences = np.diff(bits, axis=2, prepend=np.uint16(0)).astype("<u2")
-    swapped = np.ascontiguousarray(differences.view(np.uint8).reshape(-1, 2).T)
+    rows = np.diff(bits.reshape(len(bits), -1), prepend=np.uint16(0))
+    differences = np.ascontiguousarray(rows, "<u2")
+    swapped = np.moveaxis(differences.view(np.uint8).reshape(*differences.shape, 2), 2, 1)
     data = {
         "kind": kind,
         "width": values.shape[1],

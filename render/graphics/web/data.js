@@ -7,6 +7,23 @@ async function inflated(text) {
   return new Uint8Array(await new Response(stream).arrayBuffer());
 }
 
+/** Series of `count` numbers from planes of their bytes, each the running sum of the differences stored. */
+function summed(bytes, count, Kind) {
+  const size = Kind.BYTES_PER_ELEMENT, series = [];
+  for (let start = 0; start < bytes.length; start += count * size) {
+    const values = new Kind(count);
+    let last = 0;
+    for (let k = 0; k < count; k++) {
+      let change = 0;
+      for (let plane = 0; plane < size; plane++) change |= bytes[start + plane * count + k] << (8 * plane);
+      last = (last + change) | 0;
+      values[k] = last;
+    }
+    series.push(values);
+  }
+  return series;
+}
+
 /** The module of a script's text: a page that lies in a folder may load none from there. */
 function moduleOf(text) {
   const url = URL.createObjectURL(new Blob([text], { type: "text/javascript" }));

@@ -62,8 +62,11 @@ function iconButton(name, title, onclick, more = {}) {
   return buttonOf(icon(name), title, onclick, { className: "icon plain", ariaLabel: title, ...more });
 }
 
-/** Buttons side by side, of which one or some are pressed. */
-function segments(label, buttons) {
+/** Buttons side by side, of which one is pressed: [value, words, title] each. `value()` is the one that is chosen. */
+function choiceOf(label, options, value, choose) {
+  const buttons = options.map(([each, words, title]) => (
+    buttonOf(words, title, () => choose(each), { ariaPressed: () => value() === each })
+  ));
   return make("div", { className: "segments", role: "group", ariaLabel: label }, ...buttons);
 }
 

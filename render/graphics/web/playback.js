@@ -1,27 +1,30 @@
 // The controls of time: buttons, fields and keys, and the frames side by side.
 
 class Playback {
-  /** Fills the page's elements `buttons` and `frame`, and `range` and `speed` where it has them; `names` are of buttons. */
+  /** Makes the elements `buttons`, those of `names`, and `field`, `range` and `speed`, from which a page takes some. */
   constructor(transport, names) {
-    this.transport = transport;
-    const acts = this.#acts, shown = names ?? Object.keys(acts), buttons = shown.map((name) => iconButton(name, ...acts[name]));
-    const play = buttons[shown.indexOf("play")];
-    id("buttons").prepend(...buttons);
-    this.field = give(id("frame"), { value: () => Math.min(Math.round(transport.frame), transport.last), onchange: () => this.#type() });
+    const acts = this.#acts(transport), shown = names ?? Object.keys(acts);
+    const buttons = shown.map((name) => iconButton(name, ...acts[name])), play = buttons[shown.indexOf("play")];
     const range = () => (transport.isLooped ? `Loop ${transport.inPoint}–${transport.outPoint}` : `${transport.first}–${transport.last}`);
-    if (id("range")) give(id("range"), { textContent: range });
-    if (id("speed")) {
-      id("speed").append(...SPEEDS.map((speed) => new Option(`${speed}×`, speed)));
-      give(id("speed"), { value: () => transport.speed, onchange: (event) => transport.setSpeed(+event.target.value) });
-    }
+    const speeds = SPEEDS.map((speed) => [speed, `${speed}×`]);
+    Object.assign(this, {
+      transport,
+      buttons: make("div", { className: "cluster", role: "group", ariaLabel: "Playback" }, ...buttons),
+      field: make("input", {
+        type: "text", id: "frame", inputMode: "numeric", size: 5, autocomplete: "off", ariaLabel: "Frame",
+        value: () => Math.min(Math.round(transport.frame), transport.last), onchange: () => this.#type(),
+      }),
+      range: make("span", { id: "range", className: "range", textContent: range }),
+      speed: listOf("Speed", speeds, (speed) => transport.setSpeed(+speed), { id: "speed", value: () => transport.speed }),
+    });
     transport.listen((what) => {
       if (what === "playing") play.replaceChildren(icon(transport.playing ? "pause" : "play"));
     });
   }
 
   /** What each button says and does, by its icon. */
-  get #acts() {
-    const { transport: t } = this, words = () => (t.playing ? "Pause (Space)" : "Play (Space)");
+  #acts(t) {
+    const words = () => (t.playing ? "Pause (Space)" : "Play (Space)");
     return {
       first: ["First frame (Home)", () => t.jump(t.first)],
       back: ["Back a frame (←)", () => t.step(-1)],

@@ -9,6 +9,8 @@ function timeOf(player) {
   const transport = new Transport({ isSmooth: true, tail }), follow = () => player.follow(hasCameras && !player.follows);
   const playback = new Playback(transport, ["play"]);
   new FrameStrip(id("strip"), transport, { stateOf: () => "there" });
+  id("strip").before(playback.buttons);
+  id("strip").after(playback.field);
   give(id("follow"), { hidden: !hasCameras, onclick: follow, ariaPressed: () => player.follows });
   new Keyboard([["Playing", playback.keys], ["Looking", [
     ...player.orbit.keys,

@@ -205,7 +205,7 @@ class Player extends ShotView {
       geometry.setAttribute("color", new THREE.BufferAttribute(colours, 3, true));
     }
     if (part.texture !== null) {
-      geometry.setAttribute("uv", new THREE.BufferAttribute(pairs(await bytesOf(part.texture), count), 2));
+      geometry.setAttribute("uv", new THREE.BufferAttribute(new Float32Array((await bytesOf(part.texture)).buffer), 2));
     }
     const materials = [];
     for (const look of part.materials) materials.push(this.#moving(this.#lit(await this.#material(look), part.closed), part.closed));

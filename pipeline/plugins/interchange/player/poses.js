@@ -10,32 +10,6 @@ async function bytesOf(index) {
   return bytes;
 }
 
-/** Series of `count` numbers from planes of their bytes, each the running sum of the differences stored. */
-function summed(bytes, count, Kind) {
-  const size = Kind.BYTES_PER_ELEMENT, series = [];
-  for (let start = 0; start < bytes.length; start += count * size) {
-    const values = new Kind(count);
-    let last = 0;
-    for (let k = 0; k < count; k++) {
-      let change = 0;
-      for (let plane = 0; plane < size; plane++) change |= bytes[start + plane * count + k] << (8 * plane);
-      last = (last + change) | 0;
-      values[k] = last;
-    }
-    series.push(values);
-  }
-  return series;
-}
-
-/** Pairs of floats, whose bytes are stored plane by plane. */
-function pairs(bytes, count) {
-  const rows = new Uint8Array(8 * count);
-  for (let plane = 0; plane < 8; plane++) {
-    for (let k = 0; k < count; k++) rows[8 * k + plane] = bytes[plane * count + k];
-  }
-  return new Float32Array(rows.buffer);
-}
-
 /** Poses of `parts` numbers a vertex, in rows of four: each is the one before it plus its differences. */
 function poses(bytes, count, parts) {
   const series = summed(bytes, count, Int16Array), all = [];

@@ -14,31 +14,38 @@ function buildControls(review) {
   const [a, b] = ["a", "b"].map((side) => make("label", "inline", make("b", {}, side.toUpperCase()), sequenceList(review, side)));
   b.hidden = isAlone;
   id("choose").append(a, swap, b);
-  const modes = Object.entries(MODE_NAMES).filter(([mode]) => mode !== "grid" || review.grid.isUseful);
-  id("modes").append(segments("How A and B are shown", modes.map(([mode, about]) => (
-    buttonOf(...about, () => review.setMode(mode), { ariaPressed: () => review.mode === mode })
-  ))));
-  id("modes").hidden = isAlone;
-  id("sizes").append(segments("Size of the picture", [
-    buttonOf("Fit", "As large as fits (F)", () => review.setSize(null), { ariaPressed: () => stage.zoom === null }),
-    buttonOf("1:1", "A pixel for a pixel (Z)", () => review.setSize(1), { ariaPressed: () => stage.zoom === 1 }),
-  ]));
-  id("gain").append(...GAINS.map((gain) => new Option(`×${gain}`, gain)));
-  give(id("gain"), { value: () => stage.gain, onchange: (event) => review.change(stage, { gain: +event.target.value }) });
-  give(id("gain-label"), { hidden: () => review.mode !== "difference" });
-  give(id("wipe"), { value: () => Math.round(100 * stage.wipe), oninput: (event) => review.change(stage, { wipe: event.target.value / 100 }) });
-  give(id("wipe-label"), { hidden: () => review.mode !== "wipe" });
-  give(id("viewing-button"), { onclick: () => review.viewing.toggle(), ariaPressed: () => review.viewing.isOn });
-  give(id("panel-button"), { onclick: () => review.togglePanel(), ariaPressed: () => !id("panel").hidden });
+  buildModes(review, isAlone);
+  const sizes = [[null, "Fit", "As large as fits (F)"], [1, "1:1", "A pixel for a pixel (Z)"]];
+  id("sizes").append(
+    choiceOf("Size of the picture", sizes, () => stage.zoom, (zoom) => review.setSize(zoom)),
+    buttonOf("View", "Layers, exposure, channels, probe (Shift E)", () => review.viewing.toggle(), { ariaPressed: () => review.viewing.isOn }),
+    buttonOf("Panel", "Show or hide the panel (H)", () => review.togglePanel(), { ariaPressed: () => !id("panel").hidden }),
+  );
   give(id("splitter"), { hidden: () => id("panel").hidden });
   const names = () => review.shownSequences.map((each) => each.name(review.isAlone)).join(" and ");
   const label = () => `Frame ${review.transport.frame}, ${names()}`;
   give(id("stage"), { hidden: () => review.mode === "grid", ariaLabel: label });
+  give(id("edge"), { hidden: () => !stage.edge || review.mode === "grid", className: () => `edge ${stage.mode}`, style: () => `left: ${stage.edge / devicePixelRatio}px` });
   give(id("grid"), { hidden: () => review.mode !== "grid" });
   for (const [name, about] of Object.entries(TABS)) addTab(review, name, ...about);
   give(id("tag-a"), { textContent: () => tagsOf(review)[0] });
   give(id("tag-b"), { textContent: () => tagsOf(review)[1] });
-  buildTimeFacts(review);
+  buildTime(review);
+}
+
+/** How A and B are shown, with the gain of their difference or the edge between them. */
+function buildModes(review, isAlone) {
+  const { stage } = review, isOther = (mode) => () => review.mode !== mode;
+  const modes = Object.entries(MODE_NAMES).filter(([mode]) => mode !== "grid" || review.grid.isUseful);
+  const gains = GAINS.map((gain) => [gain, `×${gain}`]);
+  id("modes").hidden = isAlone;
+  id("modes").append(
+    choiceOf("How A and B are shown", modes.map(([mode, about]) => [mode, ...about]), () => review.mode, (mode) => review.setMode(mode)),
+    make("label", { className: "inline", hidden: isOther("difference") }, "Gain",
+      listOf("Gain of the difference", gains, (gain) => review.change(stage, { gain: +gain }), { id: "gain", value: () => stage.gain })),
+    make("label", { className: "inline", hidden: isOther("wipe") }, "Wipe", sliderOf("Wipe position, per cent", 0, 100, 1,
+      (share) => review.change(stage, { wipe: share / 100 }), { id: "wipe", value: () => Math.round(100 * stage.wipe) })),
+  );
 }
 
 /** The list of sequences in groups: by shot where there are several, and by what they are. */
@@ -75,21 +82,23 @@ function tagsOf({ mode, isAlone, ...shown }) {
   return mode === "wipe" || mode === "side" ? [a, b] : [mode === "b" ? b : a, ""];
 }
 
-/** What is told beside the frame's number: its time, its state, and how fast it plays. */
-function buildTimeFacts(review) {
-  const { transport } = review, state = () => review.shownSequence.state(transport.frame);
+/** The buttons and fields of time, and what is told beside them: timecode, state, and how fast it plays. */
+function buildTime(review) {
+  const { transport, playback } = review, state = () => review.shownSequence.state(transport.frame);
   const asked = () => +(transport.fps * transport.speed).toFixed(2), isMeasured = () => transport.playing && transport.measured > 0;
-  give(id("timecode"), { textContent: () => review.a.timecode(transport.frame) });
-  give(id("state"), {
-    textContent: () => (state()[0] === "done" ? "" : state()[0]), title: () => state()[1], className: () => `state ${state()[0]}`,
-  });
-  give(id("rate"), {
-    textContent: () => (isMeasured() ? `${transport.measured.toFixed(1)} / ` : "") + `${asked()} fps`,
-    className: () => `rate${isMeasured() && transport.measured < 0.93 * asked() ? " slow" : ""}`,
-  });
-  give(id("about"), { textContent: () => review.a.note || review.a.about.title });
   const isWhole = () => review.a.there.length === review.a.numbers.length;
-  give(id("skip"), { onclick: () => review.toggleSkipped(), hidden: isWhole, ariaPressed: () => review.skips });
+  const told = (id, title, textContent, className = id) => make("output", { id, className, title, textContent });
+  const skip = { id: "skip", hidden: isWhole, ariaPressed: () => review.skips };
+  id("time").append(
+    playback.buttons, make("label", "inline", "Frame", playback.field),
+    told("timecode", "Hours : minutes : seconds : frames", () => review.a.timecode(transport.frame)),
+    told("state", () => state()[1], () => (state()[0] === "done" ? "" : state()[0]), () => `state ${state()[0]}`),
+    make("span", "grow"), make("span", { className: "about", textContent: () => review.a.note || review.a.about.title }),
+    playback.range, buttonOf("Skip missing", "Leave out frames that are not there (V)", () => review.toggleSkipped(), skip),
+    make("label", "inline", "Speed", playback.speed),
+    told("rate", "Frames a second, asked for and measured", () => (isMeasured() ? `${transport.measured.toFixed(1)} / ` : "") + `${asked()} fps`,
+      () => `rate${isMeasured() && transport.measured < 0.93 * asked() ? " slow" : ""}`),
+  );
 }
 
 function keysOf(r) {

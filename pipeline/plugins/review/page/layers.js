@@ -5,18 +5,11 @@
 class Layer {
   constructor(about, bytes) {
     Object.assign(this, about);
-    const { width, height, channels } = this, count = width * height, values = count * channels;
+    const count = this.width * this.height, series = summed(bytes, count, Uint16Array);
     this.bits = new Uint16Array(4 * count);
-    for (let channel = 0; channel < channels; channel++) {
-      for (let y = 0, from = channel * count; y < height; y++) {
-        for (let x = 0, left = 0; x < width; x++, from++) {
-          left = (left + bytes[from] + 256 * bytes[values + from]) & 65535;
-          this.bits[4 * (y * width + x) + channel] = left;
-        }
-      }
-    }
-    if (channels === 1) {  // grey
-      for (let i = 0; i < this.bits.length; i += 4) this.bits[i + 1] = this.bits[i + 2] = this.bits[i];
+    for (let channel = 0; channel < 4; channel++) {
+      const values = this.channels === 1 ? series[0] : series[channel]; // grey is red, green and blue
+      for (let i = 0; values && i < count; i++) this.bits[4 * i + channel] = values[i];
     }
   }
 

@@ -32,7 +32,7 @@ class Review {
     this.#restore(new URLSearchParams(location.hash.slice(1)));
     this.isBuilt = true;
     this.redraw();
-    this.transport.listen((what) => (what === "frame" ? this.#frameChanged() : this.redraw()));
+    this.transport.listen((what) => this.redraw(what === "frame"));
     stagePointer(this.stage, this.drawing, () => this.redraw());
     acceptNotes(this, id("notes-file"));
     new Keyboard(keysOf(this));
@@ -180,15 +180,6 @@ class Review {
     setTimeout(() => { this.stripDue = false; this.strip.draw(); }, 100);
   }
 
-  #frameChanged() {
-    this.#preload();
-    refresh();
-    this.#drawPicture();
-    this.drawPanel();
-    this.viewing.draw();
-    if (!this.transport.playing) this.#rememberSoon();
-  }
-
   #drawPicture() {
     this.ink.draw();
     if (this.mode === "grid") this.grid.draw();
@@ -199,17 +190,19 @@ class Review {
   /** Draw the panel that is shown; the others are drawn when they are. */
   drawPanel() { this.panels[this.tab].draw(); }
 
-  /** Draw everything as it is now. */
-  redraw() {
+  /** Draw everything as it is now; where only the frame is another, the strip draws itself. */
+  redraw(isOtherFrame = false) {
     if (!this.isBuilt) return;
     this.#preload();
     refresh();
-    this.stage.resize();
+    if (!isOtherFrame) {
+      this.stage.resize();
+      this.strip.draw();
+    }
     this.#drawPicture();
-    this.strip.draw();
     this.drawPanel();
     this.viewing.draw();
-    this.#rememberSoon();
+    if (!this.transport.playing) this.#rememberSoon();
   }
 }
 

@@ -145,13 +145,14 @@ class NoteBook {
 /** Tell whether a note was begun, and nothing written or drawn yet. */
 const saysNothing = (note) => !note.text && !note.drawings.length && !note.history.length && !note.deleted;
 
-/** A random UUID; `crypto.randomUUID` is only there on secure pages, and a folder is none everywhere. */
+/**
+ * A random UUID: the address of a blob ends with one. `crypto.randomUUID` is only there on secure pages, and a folder is
+ * none everywhere.
+ */
 function newId() {
-  const bytes = crypto.getRandomValues(new Uint8Array(16));
-  bytes[6] = (bytes[6] & 15) | 64;
-  bytes[8] = (bytes[8] & 63) | 128;
-  const digits = [...bytes].map((byte) => byte.toString(16).padStart(2, "0")).join("");
-  return digits.replace(/^(.{8})(.{4})(.{4})(.{4})(.{12})$/, "$1-$2-$3-$4-$5");
+  const url = URL.createObjectURL(new Blob());
+  URL.revokeObjectURL(url);
+  return url.slice(-36);
 }
 
 /** The data of JSON; undefined where a text is none. */

@@ -106,9 +106,8 @@ class NotesPanel {
       type: "text", maxLength: 200, placeholder: "Your name", autocomplete: "name", ariaLabel: "Your name, which your notes carry",
       value: () => notes.author, onchange: () => { notes.author = name.value; },
     });
-    const scopes = [["Shown", false, "Notes of the sequence that is shown"], ["All", true, "All notes of this page"]].map(([words, showsAll, title]) => (
-      buttonOf(words, `${title} (Shift Q)`, () => this.list({ showsAll }), { ariaPressed: () => this.showsAll === showsAll })
-    ));
+    const scopes = [[false, "Shown", "Notes of the sequence that is shown (Shift Q)"], [true, "All", "All notes of this page (Shift Q)"]];
+    const scope = choiceOf("Which notes", scopes, () => this.showsAll, (showsAll) => this.list({ showsAll }));
     const begin = buttonOf("Note on this frame", "Write a note on this frame (A); on the loop: Shift N", () => review.writeNote());
     const draw = buttonOf("Draw", "Draw over the picture (B)", () => review.drawing.toggle(), { ariaPressed: () => review.drawing.isOn });
     const count = (status) => this.found.filter((note) => note.status === status).length;
@@ -127,7 +126,7 @@ class NotesPanel {
     const load = buttonOf("Load…", "Merge a file of notes; or drop it on the page (Shift L)", () => id("notes-file").click());
     this.cards = make("ul", "notes-list");
     this.element.append(
-      make("div", "notes-bar", name, segments("Which notes", scopes)), make("div", "notes-begin", begin, draw), counts, this.cards,
+      make("div", "notes-bar", name, scope), make("div", "notes-begin", begin, draw), counts, this.cards,
       make("div", "notes-files", kept, ...downloads, make("span", "grow"), load),
     );
   }
@@ -149,15 +148,12 @@ class NotesPanel {
 
   /** Show a card for each note; those whose note is as it was stay, for a list may be long. */
   #showCards(notes, states) {
-    const focused = document.activeElement?.closest?.("[data-note]")?.dataset.note, shown = [...this.cards.children];
-    const there = new Map(shown.map((card) => [card.state, card]));
+    const focused = document.activeElement.closest("[data-note]")?.dataset.note;
+    const there = new Map([...this.cards.children].map((card) => [card.state, card]));
     const cards = notes.map((note, i) => there.get(states[i]) ?? Object.assign(this.#card(note), { state: states[i] }));
-    if (cards.length === shown.length && cards.every((card, i) => card === shown[i] || !card.isConnected)) {
-      cards.forEach((card, i) => { if (card !== shown[i]) shown[i].replaceWith(card); });
-    } else {
-      this.cards.replaceChildren(...cards);
-    }
-    if (!notes.length) this.cards.append(make("li", "notes-none", this.showsAll ? "No notes on this page yet." : "No notes on this sequence yet."));
+    const none = make("li", "notes-none", this.showsAll ? "No notes on this page yet." : "No notes on this sequence yet.");
+    this.cards.replaceChildren(...(notes.length ? cards : [none]));
+    refresh(this.cards);
     const cardOf = (id) => cards.find((card) => card.dataset.note === id);
     if (focused && document.activeElement === document.body) cardOf(focused)?.querySelector("button").focus();
     cardOf(this.review.chosenNote)?.scrollIntoView({ block: "nearest" });
@@ -191,12 +187,10 @@ class NotesPanel {
   #sequenceOf({ shot, sequence }) { return this.review.sequences.find((each) => each.shot === shot && each.label === sequence); }
 
   #actions(note) {
-    const statuses = segments("Status", Object.entries(STATUS_NAMES).map(([status, [words, key]]) => (
-      buttonOf(words, `${words} (${key})`, () => this.setStatus(status), { ariaPressed: note.status === status })
-    )));
-    const edit = buttonOf("Edit", "Edit this note (R)", () => this.edit());
-    const remove = buttonOf("Delete", "Delete this note (Delete)", () => this.remove());
-    return make("div", "note-actions", statuses, make("span", "grow"), edit, remove);
+    const statuses = Object.entries(STATUS_NAMES).map(([status, [words, key]]) => [status, words, `${words} (${key})`]);
+    return make("div", "note-actions",
+      choiceOf("Status", statuses, () => note.status, (status) => this.setStatus(status)), make("span", "grow"),
+      buttonOf("Edit", "Edit this note (R)", () => this.edit()), buttonOf("Delete", "Delete this note (Delete)", () => this.remove()));
   }
 }
 
@@ -234,18 +228,16 @@ class NoteForm {
       tell(`“${frames.value}” are no frames of the shot, which has ${this.#framesOfShot(note).join("–")}: write 12, or 12-20.`, true);
       return frames.focus();
     };
-    for (const field of [words, frames]) {
-      field.addEventListener("input", () => Object.assign(this, { words: words.value, frames: frames.value }));
-      field.addEventListener("keydown", (event) => {
-        if (event.key === "Enter" && (event.ctrlKey || event.metaKey || field === frames)) save();
-        else if (event.key === "Escape") this.#end();
-        else return;
-        event.preventDefault();
-      });
-    }
-    const label = make("label", "inline", "Frames ", frames);
-    return make("div", "note-form", words, make("div", "note-actions", label, make("span", "grow"),
-      buttonOf("Cancel", "Leave the note as it was (Esc)", () => this.#end()), buttonOf("Save", "Save (Ctrl Enter)", save)));
+    const oninput = () => Object.assign(this, { words: words.value, frames: frames.value });
+    const onkeydown = (event) => {
+      if (event.key === "Enter" && (event.ctrlKey || event.metaKey || event.target === frames)) save();
+      else if (event.key === "Escape") this.#end();
+      else return;
+      event.preventDefault();
+    };
+    return make("div", { className: "note-form", oninput, onkeydown }, words,
+      make("div", "note-actions", make("label", "inline", "Frames ", frames), make("span", "grow"),
+        buttonOf("Cancel", "Leave the note as it was (Esc)", () => this.#end()), buttonOf("Save", "Save (Ctrl Enter)", save)));
   }
 
   /** The frames that were typed as [first, last], or null where they are not in the shot. */

@@ -65,7 +65,7 @@ class Stage {
     const { mode, canvas: { width: to }, a, b } = this, [one, other = one] = this.places();
     if (this.review.mode === "grid") return [];
     if (mode !== "side" && mode !== "wipe") return [{ sequence: mode === "b" ? b : a, place: one, from: 0, to }];
-    const edge = mode === "side" ? to / 2 : this.wipeAt(one);
+    const { edge } = this;
     return [{ sequence: a, place: one, from: 0, to: edge }, { sequence: b, place: other, from: edge, to }];
   }
 
@@ -87,26 +87,13 @@ class Stage {
     context.imageSmoothingQuality = "high";
     if (mode === "difference") return this.#difference(this.places()[0]);
     this.drawParts(context, (...part) => this.#picture(...part));
-    if (mode === "wipe") this.#drawEdge(this.places()[0]);
-    if (mode !== "side") return;
-    context.fillStyle = "#000";
-    context.fillRect(canvas.width / 2 - 1, 0, 2, canvas.height);
   }
 
-  /** Where the edge between A and B is, in pixels of the canvas. */
-  wipeAt(place = this.places()[0]) { return Math.round(place.x + this.wipe * place.width); }
-
-  #drawEdge(place) {
-    const x = this.wipeAt(place), { context, canvas } = this;
-    const top = Math.max(0, place.y), bottom = Math.min(canvas.height, place.y + place.height);
-    context.fillStyle = "rgba(0, 0, 0, 0.55)";
-    context.fillRect(x - 1, top, 3, bottom - top);
-    context.fillStyle = "#f2f2f2";
-    context.fillRect(x, top, 1, bottom - top);
-    const dots = devicePixelRatio, y = (top + bottom) / 2;
-    context.beginPath();
-    context.arc(x + 0.5, y, 5 * dots, 0, 2 * Math.PI);
-    context.fill();
+  /** Where the edge between A and B is, in pixels of the canvas; null where one picture is shown. */
+  get edge() {
+    if (this.mode === "side") return this.canvas.width / 2;
+    const [{ x, width }] = this.places();
+    return this.mode === "wipe" ? Math.round(x + this.wipe * width) : null;
   }
 
   /** |A - B| as displayed, made brighter by doubling; of pictures of two sizes, at that of A. */
@@ -201,7 +188,7 @@ const WIPE_REACH = 12; // CSS pixels around the edge where it is taken hold of
 function stagePointer(stage, drawing, changed) {
   const { canvas } = stage;
   const at = (event) => ({ x: event.offsetX * devicePixelRatio, y: event.offsetY * devicePixelRatio }); // in pixels of the display
-  const isAtWipe = (event) => stage.mode === "wipe" && Math.abs(event.offsetX - stage.wipeAt() / devicePixelRatio) < WIPE_REACH;
+  const isAtWipe = (event) => stage.mode === "wipe" && Math.abs(event.offsetX - stage.edge / devicePixelRatio) < WIPE_REACH;
   let drawsWipe;
   const pan = (dx, dy) => {
     if (stage.zoom === null) stage.zoomTo(stage.fitting);

@@ -99,10 +99,9 @@ class Viewing {
   #build() {
     const { review } = this, settings = () => this.grader.settings;
     this.list = listOf("Layer", [], (name) => this.setLayer(name), { value: () => this.layer });
-    const channels = Object.entries(CHANNEL_NAMES).map(([channel, [words, key]]) => {
-      const title = `${channel === "rgb" ? "All channels" : `Only ${channel}`} (${key})`;
-      return buttonOf(words, title, () => this.set({ channel }), { ariaPressed: () => settings().channel === channel });
-    });
+    const channels = Object.entries(CHANNEL_NAMES).map(([channel, [words, key]]) => (
+      [channel, words, `${channel === "rgb" ? "All channels" : `Only ${channel}`} (${key})`]
+    ));
     const slider = (words, title, name, low, high, step, written) => {
       const field = sliderOf(words, low, high, step, (value) => this.set({ [name]: value }), { title, value: () => settings()[name] });
       return make("label", "inline", words, field, make("output", { textContent: () => written(settings()[name]) }));
@@ -110,7 +109,7 @@ class Viewing {
     const stops = (value) => `${value < 0 ? "−" : "+"}${Math.abs(value).toFixed(2)}`;
     const isMissing = () => !review.shownSequence.layers[review.transport.frame]?.[this.layer];
     give(this.element, { hidden: () => !this.isOn }).append(
-      this.list, segments("Channel", channels),
+      this.list, choiceOf("Channel", channels, () => settings().channel, (channel) => this.set({ channel })),
       slider("Exposure", "Stops (Page Up, Page Down)", "exposure", -6, 6, 0.25, stops),
       slider("Gamma", "Gamma (Shift Page Up, Page Down)", "gamma", 0.2, 3, 0.1, (value) => value.toFixed(1)),
       buttonOf("Clipping", "Red where white, blue where black, magenta where no number (Shift K)", () => this.toggleClipping(), { ariaPressed: () => settings().clipping }),
