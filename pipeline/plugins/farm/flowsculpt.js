@@ -24,16 +24,13 @@ function compileJob(job) {
     const settings = job.settings;
     const made = []; // the tasks of each step
     for (const step of JSON.parse(settings.steps)) {
-        const own = [];
-        for (const chunk of chunksOf(step.frames, settings.chunk_size || step.chunk)) {
-            const task = taskOf(step, chunk, settings);
-            for (const place of step.after) {
-                made[place].forEach((earlier) => task.addDependency(earlier));
-            }
+        const chunks = chunksOf(step.frames, settings.chunk_size || step.chunk);
+        const tasks = chunks.map((chunk) => taskOf(step, chunk, settings));
+        for (const task of tasks) {
+            step.after.forEach((place) => made[place].forEach((earlier) => task.addDependency(earlier)));
             job.addTask(task);
-            own.push(task);
         }
-        made.push(own);
+        made.push(tasks);
     }
 }
 
