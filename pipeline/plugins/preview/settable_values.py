@@ -108,7 +108,8 @@ class SampledCurve:
 
     frames   (N,) of the samples; where `speed` re-times the flow, frames of the flow's own time
     values   (N, K), three columns for a place
-    keys     as the file has them, each with `time`, `frame`, `value`, `ease`, `left` and `right`
+    keys     as the file has them, with `time`, `frame`, `value`, `ease`, `left` and `right`; `is_detailed`
+             is True for a mapping, which has an easing or handles
     formula  the text or texts, None for keys
     """
 
@@ -264,6 +265,7 @@ class _Walk:
                         "frame": round(self.clock.frames.first + seconds * float(self.clock.rate.fps), 6),
                         "value": value_there if isinstance(value_there, list) else [value_there],
                         "ease": None if own is None else key.ease,
+                        "is_detailed": own is not None,
                         "left": self._handle(None if own is None else key.left),
                         "right": self._handle(None if own is None else key.right),
                     }

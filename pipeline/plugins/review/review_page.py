@@ -268,7 +268,7 @@ class ReviewPage:
                 "shot": material.request.name,
                 "name": cells.name,
                 "columns": cells.columns,
-                "captions": [[list(line) for line in caption] for caption in cells.captions],
+                "captions": [", ".join(map(" ".join, caption)) for caption in cells.captions],
                 "cells": [indices[id(sequence)] for sequence in cells.sequences],
             }
             for material in self.shots

@@ -12,10 +12,10 @@ class Keyboard {
     Object.assign(this, { groups, isReady });
     const rows = groups.flatMap(([, each]) => each);
     this.acts = new Map([["?", () => this.help()], ...rows.flatMap(([, , acts = {}]) => Object.entries(acts))]);
-    this.dialog = document.body.appendChild(make("dialog", { id: "help", ariaLabel: "Keys" }));
+    groups.at(-1)[1].push(["?", "These keys"]);
+    this.dialog = document.body.appendChild(this.#dialog());
     const button = buttonOf("?", "Keys (?)", () => this.help(), { id: "help-button", className: "icon", ariaLabel: "Keys" });
     document.querySelector(".bar").append(button);
-    groups.at(-1)[1].push(["?", "These keys"]);
     document.addEventListener("keydown", (event) => this.#press(event));
     document.addEventListener("click", (event) => {
       if (event.detail > 0) event.target.closest("button, select")?.blur(); // so that the next Space plays
@@ -36,17 +36,19 @@ class Keyboard {
     return shiftKey && this.acts.has(key) ? key : key.toLowerCase();
   }
 
-  help() {
+  #dialog() {
     const sections = this.groups.map(([title, rows]) => {
       const lines = rows.filter(([keys]) => keys).flatMap(([keys, words]) => [
         make("dt", {}, ...keys.split(" ").flatMap((key) => [make("kbd", {}, key), " "])), make("dd", {}, words),
       ]);
       return make("section", {}, make("h3", {}, title), make("dl", {}, ...lines));
     });
-    const close = buttonOf("Close", "Close (Esc)", () => this.dialog.close());
-    this.dialog.replaceChildren(make("h2", {}, "Keys"), make("div", "columns", ...sections), close);
+    const close = buttonOf("Close", "Close (Esc)", () => this.dialog.close(), { autofocus: true });
+    return make("dialog", { id: "help", ariaLabel: "Keys" }, make("h2", {}, "Keys"), make("div", "columns", ...sections), close);
+  }
+
+  help() {
     this.dialog.showModal();
-    close.focus({ preventScroll: true });
     this.dialog.scrollTop = 0; // where it is opened, the button that it begins with is at its end
   }
 }

@@ -4,36 +4,36 @@
 const vectorFrom = ({ x, y, z }) => [x, y, z];
 const transformed = (matrix, [x, y, z], w = 1) => vectorFrom(matrix.transformPoint({ x, y, z, w }));
 
-/** A frame of reference as a matrix that scales by `scale` and else keeps lengths. Directions are unit vectors. */
+/** A frame of reference as a matrix that scales alike in all directions. Directions are unit vectors. */
 class Placement {
-  constructor(matrix, scale) { Object.assign(this, { matrix, scale }); }
+  constructor(matrix) { this.matrix = matrix; }
 
+  get scale() { return length(transformed(this.matrix, [1, 0, 0], 0)); }
   point(place) { return transformed(this.matrix, place); }
   pointInside(place) { return transformed(this.matrix.inverse(), place); }
   direction(axis) { return unitOf(transformed(this.matrix, axis, 0)); }
   directionInside(axis) { return unitOf(transformed(this.matrix.inverse(), axis, 0)); }
 }
 
-/** The matrix and the scale of one `placed` or `mirrored`, by its path, at a frame of the film. */
-function placementBy(shot, where, frame) {
+/** The matrix of one `placed` or `mirrored`, by its path, at a frame of the film. */
+function matrixOf(shot, where, frame) {
   const at = (name, otherwise) => {
     const value = shot.get([...where, name]);
     return value ? shot.at(value, shot.frameOf(where, frame)) : otherwise;
   };
   const matrix = new DOMMatrix(), scale = at("scale", 1);
   if (where.at(-1) === "placed") { // turned about x, then y, then z, degrees
-    return { matrix: matrix.translate(...at("translate", [0, 0, 0])).rotate(...at("rotate", [0, 0, 0])).scale(scale, scale, scale), scale };
+    return matrix.translate(...at("translate", [0, 0, 0])).rotate(...at("rotate", [0, 0, 0])).scale(scale, scale, scale);
   }
   const normal = unitOf(at("normal", [1, 0, 0])), centre = at("centre", [0, 0, 0]);
   const columns = normal.flatMap((x, i) => [...normal.map((y, k) => (i === k) - 2 * x * y), 0]);
-  return { matrix: matrix.translate(...centre).multiply(new DOMMatrix([...columns, 0, 0, 0, 1])).translate(...centre.map((x) => -x)), scale: 1 };
+  return matrix.translate(...centre).multiply(new DOMMatrix([...columns, 0, 0, 0, 1])).translate(...centre.map((x) => -x));
 }
 
 /** The placement of a flow or region by its path: that of all `placed` and `mirrored` it is within. */
 function placementOf(shot, where, frame) {
   const around = where.flatMap((part, i) => (["placed", "mirrored"].includes(part) && where[i + 1] === "flows" ? [where.slice(0, i + 1)] : []));
-  const parts = around.map((each) => placementBy(shot, each, frame));
-  return new Placement(parts.reduce((outer, { matrix }) => outer.multiply(matrix), new DOMMatrix()), parts.reduce((all, { scale }) => all * scale, 1));
+  return new Placement(around.reduce((outer, each) => outer.multiply(matrixOf(shot, each, frame)), new DOMMatrix()));
 }
 
 class Projection {

@@ -103,18 +103,12 @@ class Shot {
     if (value.curve.formula !== null) return [];
     const key = value.curve.keys.find((each) => Math.abs(each.frame - frame) < 1e-6);
     const where = [...value.where, "keys", key ? key.time : frame];
-    if (key && isDetailed(value, key)) where.push("value");
+    if (key?.is_detailed) where.push("value");
     return [{ kind: "set", where, value: given }];
   }
 }
 
 const formulaNote = (value) => `${nameOf(value.where)} is a formula, which the pointer does not change.`;
-
-/** Whether the file writes a key as a mapping with an easing or handles of its own. */
-function isDetailed(value, key) {
-  const written = value.value.keys?.[key.time];
-  return written !== null && typeof written === "object" && !Array.isArray(written);
-}
 
 /** A number in as many digits as a drag of this length deserves. */
 function rounded(number, step) {

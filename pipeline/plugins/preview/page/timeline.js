@@ -55,7 +55,7 @@ class CurveRow {
   /** The edits that set part of a key: `ease`, `left` or `right`. */
   keyEdits(key, part, given) {
     const where = [...this.value.where, "keys", key.time];
-    if (isDetailed(this.value, key)) return [{ kind: "set", where: [...where, part], value: given }];
+    if (key.is_detailed) return [{ kind: "set", where: [...where, part], value: given }];
     return [{ kind: "set", where, value: { value: this.inFile(key.value), [part]: given } }];
   }
 
@@ -171,7 +171,7 @@ class CurvePlot {
     const point = this.svg.appendChild(handleOf(`Key at frame ${key.frame}${letter}`, `${this.row.name} ${index} ${part}`, key.value[part], text));
     const dot = point.appendChild(svg("circle", { class: `key c${part}${index === this.row.timeline.point ? " chosen" : ""}`, cx: this.x(key.frame), cy: this.y(key.value[part]), r: 5 }));
     point.addEventListener("focus", () => {
-      if (this.row.timeline.point === index || this.dragged) return;
+      if (this.row.timeline.point === index || gestures.active) return; // what is dragged stays until it is released
       this.row.timeline.point = index;
       this.row.timeline.take(this.page.shot.state.values);
     });
@@ -181,11 +181,8 @@ class CurvePlot {
       this.row.remove(key);
     });
     editable(this.page, point, this.value.where, {
-      start: () => {
-        this.dragged = true;
-        this.row.timeline.point = index;
-      },
-      click: () => { this.dragged = false; this.row.timeline.take(this.page.shot.state.values); },
+      start: () => { this.row.timeline.point = index; },
+      click: () => this.row.timeline.take(this.page.shot.state.values),
       edits: (event) => this.#keyEdits(key, this.#moved(event, key, part)),
       draw: (event) => {
         const to = this.#moved(event, key, part);
@@ -214,7 +211,7 @@ class CurvePlot {
       moved = { ...key, time };
     }
     if (to.value.some((number, i) => number !== key.value[i])) {
-      const path = [...where, "keys", moved.time, ...(isDetailed(this.value, key) ? ["value"] : [])];
+      const path = [...where, "keys", moved.time, ...(key.is_detailed ? ["value"] : [])];
       edits.push({ kind: "set", where: path, value: this.row.inFile(to.value) });
     }
     return edits;
@@ -253,7 +250,6 @@ class CurvePlot {
         return [frames, this.#numberAt(event) - number];
       };
       editable(this.page, grip, this.value.where, {
-        start: () => { this.dragged = true; },
         edits: (event) => edits(...moved(event)),
         draw: (event) => {
           const [frames, value] = moved(event);

@@ -22,14 +22,15 @@ function buildControls(review) {
     buttonOf("Panel", "Show or hide the panel (H)", () => review.togglePanel(), { ariaPressed: () => !id("panel").hidden }),
   );
   give(id("splitter"), { hidden: () => id("panel").hidden });
-  const names = () => review.shownSequences.map((each) => each.name(review.isAlone)).join(" and ");
-  const label = () => `Frame ${review.transport.frame}, ${names()}`;
+  const names = () => review.shownSequences.map((each) => each.name(review.isAlone));
+  const label = () => `Frame ${review.transport.frame}, ${names().join(" and ")}`;
   give(id("stage"), { hidden: () => review.mode === "grid", ariaLabel: label });
   give(id("edge"), { hidden: () => !stage.edge || review.mode === "grid", className: () => `edge ${stage.mode}`, style: () => `left: ${stage.edge / devicePixelRatio}px` });
   give(id("grid"), { hidden: () => review.mode !== "grid" });
   for (const [name, about] of Object.entries(TABS)) addTab(review, name, ...about);
-  give(id("tag-a"), { textContent: () => tagsOf(review)[0] });
-  give(id("tag-b"), { textContent: () => tagsOf(review)[1] });
+  const tags = () => (review.mode === "grid" ? [] : review.mode === "difference" ? [names().join(" − ")] : names());
+  give(id("tag-a"), { textContent: () => tags()[0] ?? "" });
+  give(id("tag-b"), { textContent: () => tags()[1] ?? "" });
   buildTime(review);
 }
 
@@ -72,14 +73,6 @@ function addTab(review, name, words, key) {
   });
   id("tabs").append(tab);
   id("panel").append(panel);
-}
-
-/** The names over the picture, left and right. */
-function tagsOf({ mode, isAlone, ...shown }) {
-  const [a, b] = [shown.a, shown.b].map((each) => each.name(isAlone));
-  if (mode === "grid") return ["", ""];
-  if (mode === "difference") return [`${a} − ${b}`, ""];
-  return mode === "wipe" || mode === "side" ? [a, b] : [mode === "b" ? b : a, ""];
 }
 
 /** The buttons and fields of time, and what is told beside them: timecode, state, and how fast it plays. */

@@ -18,7 +18,7 @@ class FactsPanel {
   draw() {
     const { a, b, transport: { frame }, stage } = this.review, sequences = stage.needsB && a !== b ? [a, b] : [a];
     const told = (name) => sequences.some((each) => each.fact(frame, name) !== undefined);
-    const names = [...new Set(sequences.flatMap((each) => each.factNames))].filter(told).sort();
+    const names = Object.keys(Object.assign({}, ...sequences.flatMap(({ facts }) => [facts.same, facts.differ]))).filter(told).sort();
     const rows = names.map((name) => [name, sequences.map((each) => shown("", each.fact(frame, name)))]);
     this.first.replaceChildren(tableOf("Frame", sequences, firstRows(sequences, frame)));
     this.header.replaceChildren(tableOf("Header", sequences, rows));

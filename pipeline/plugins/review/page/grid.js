@@ -4,10 +4,9 @@ class Grid {
   constructor(element, review, wedges) {
     Object.assign(this, { element, review });
     const { sequences, isAlone } = review, own = sequences.filter((each) => each.kind !== "wedge");
-    this.groups = wedges.map(({ shot, name, columns, cells, captions }) => {
-      const words = captions.map((lines) => lines.map((line) => line.join(" ")).join(", "));
-      return { title: isAlone ? name : `${shot} · ${name}`, cells: cells.map((index, i) => [sequences[index], words[i]]), columns };
-    });
+    this.groups = wedges.map(({ shot, name, columns, cells, captions }) => (
+      { title: isAlone ? name : `${shot} · ${name}`, cells: cells.map((index, i) => [sequences[index], captions[i]]), columns }
+    ));
     const cells = own.map((each) => [each, each.name(isAlone)]);
     if (own.length > 1) this.groups.push({ title: "Renders and versions", cells, columns: Math.ceil(Math.sqrt(own.length)) });
   }

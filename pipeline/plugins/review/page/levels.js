@@ -68,7 +68,7 @@ class LevelsPanel {
     this.lines = svg("svg", { viewBox: "0 0 256 100", preserveAspectRatio: "none", role: "img" });
     const figureOf = (title, hint, shape, holder = shape) => {
       shape.ariaLabel = `${title}: ${hint}`;
-      return make("figure", "chart levels", make("figcaption", {}, make("span", {}, title), make("span", "about", hint)), holder);
+      return chartOf(title, make("span", "about", hint), holder);
     };
     this.figures = make("div", {}, figureOf("Waveform", "luma by column", this.luma), figureOf("RGB parade", "red, green, blue by column", this.parade),
       figureOf("Histogram", "pixels by level", this.lines, make("div", "histogram", this.lines)), this.numbers);

@@ -26,7 +26,7 @@ const short = (value) => value.toLocaleString("en", { notation: "compact", maxim
 /** A number of a frame in words: all digits of what is counted, four of what is measured. */
 function measured(value) {
   if (value === null || value === undefined) return "–";
-  return Number.isInteger(value) ? count(Math.abs(value)) : String(Math.abs(+value.toPrecision(4)));
+  return Number.isInteger(value) ? count(value) : String(+value.toPrecision(4));
 }
 
 class Chart {
@@ -49,13 +49,12 @@ class Chart {
     const about = { className: "plot", role: "img", ariaLabel: `${title} by frame${unit && `, ${unit}`}` };
     this.plot = make("div", about, ...(isHeat ? [heatOf(heat)] : []), ...lines, drawing, this.head);
     const ends = make("div", "ends", ...(isHeat ? [] : [high, low]).map((value) => make("span", {}, short(value))));
-    const caption = make("figcaption", { title: unit }, make("span", {}, title), this.output);
     const legend = make("p", "legend", ...Object.keys(bars).map((name, i) => (
       make("span", {}, make("i", { style: `background: ${BAR_INKS[i]}` }), `${name} `, this.parts[i])
     )));
     const tall = isHeat ? 80 : this.parts.length ? 60 : 44;
-    this.figure = make("figure", { className: "chart", style: `--tall: ${tall}` }, caption,
-      make("div", "chart-box", this.plot, make("div", "beside", this.aside, ends)), legend);
+    this.figure = chartOf(title, this.output, make("div", "chart-box", this.plot, make("div", "beside", this.aside, ends)), legend);
+    give(this.figure, { title: unit, style: `--tall: ${tall}` });
     this.#listen(seek);
   }
 
@@ -78,7 +77,7 @@ class Chart {
       ...Object.entries(told).map(([name, values]) => `${measured(values[place])} ${name}`),
     ];
     this.output.textContent = (hovered === undefined ? "" : `${hovered}: `) + words.join(", ");
-    Object.values(bars).forEach((values, i) => { this.parts[i].textContent = measured(values[place]); });
+    Object.values(bars).forEach((values, i) => { this.parts[i].textContent = measured(values[place]).replace("-", ""); });
     this.#drawAside(heat[place] ?? []);
   }
 
@@ -88,6 +87,11 @@ class Chart {
     setAttributes(this.aside, { viewBox: `0 0 1 ${shares.length || 1}` });
     this.aside.replaceChildren(svg("path", { d: shares.map((share, i) => `M0 ${shares.length - i - 1}h${share / most}v0.8H0z`).join("") }));
   }
+}
+
+/** A figure with its title and, beside this, words about it. */
+function chartOf(title, words, ...shapes) {
+  return make("figure", "chart", make("figcaption", {}, make("span", {}, title), words), ...shapes);
 }
 
 /** A curve through the frames' values; gaps where there are none. */

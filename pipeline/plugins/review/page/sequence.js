@@ -45,9 +45,6 @@ class Sequence {
     return place === undefined ? undefined : same[name] ?? differ[name]?.[place] ?? undefined;
   }
 
-  /** The names of all that headers say. */
-  get factNames() { return [...Object.keys(this.facts.same), ...Object.keys(this.facts.differ)]; }
-
   /** How long a frame took to render, in words; "" where nobody knows. */
   renderingTime(number) {
     const seconds = this.timed[0]?.bars.rendering?.[this.places.get(number)];
