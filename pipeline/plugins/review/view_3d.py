@@ -22,7 +22,7 @@ from flowsculpt.api import ShotExtras
 from flowsculpt.api.frames import FrameRange, RenderRequest, Store, StoredFiles, key_of
 from flowsculpt.pipeline.plugins.review.measures import simulated
 
-FORMAT = 2
+FORMAT = 3
 
 _OF_VERTICES = ("vertices", "normals")
 
@@ -134,21 +134,19 @@ def joined(subjects: Sequence[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
 def as_script(name: str, arrays: dict[str, np.ndarray]) -> str:
     """Return a call of the page's `reviewModel` with the arrays of `joined` in base64, little-endian.
 
-    positions, centres  uint16 (V, 3), over the box from `low` to `high`, scene units
+    low, high           corners of the box of all, scene units
+    positions, centres  uint16 (V, 3), from `low` in units of `step`
     normals             int8 (V, 3), of the surface
     faces               uint16 or uint32 (F, 3), as `wide` says
     radii               float32 (P,), of the cloud, scene units
     """
     low, high = _bounds(arrays)
-    extent = np.where(high > low, high - low, 1.0)
+    step = float((high - low).max() or 1.0) / 65535.0
 
     def packed(points: np.ndarray) -> str:
-        return _encoded(np.rint((np.asarray(points, np.float64) - low) / extent * 65535.0), "<u2")
+        return _encoded(np.rint((np.asarray(points, np.float64) - low) / step), "<u2")
 
-    data: dict[str, Any] = {
-        "low": [round(float(x), 6) for x in low],
-        "high": [round(float(x), 6) for x in low + extent],
-    }
+    data: dict[str, Any] = {"low": low.tolist(), "high": high.tolist(), "step": step}
     if "faces" in arrays:
         wide = len(arrays["vertices"]) > 2**16
         data |= {

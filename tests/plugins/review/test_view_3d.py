@@ -41,10 +41,9 @@ def test_surfaces_and_clouds_of_a_frame_come_together() -> None:
     text = view_3d.as_script("m.js", view_3d.joined(subjects))
     data = json.loads(text.removeprefix('reviewModel("m.js", ').removesuffix(");\n"))
     assert (data["triangles"], data["points"]) == (2 * len(icosphere(10).faces), 2)
-    low, high = np.array(data["low"]), np.array(data["high"])
-    assert np.allclose((low, high), [(-1, -1, -1), (4.25, 6, 1)], atol=0.01)
-    centres = np.frombuffer(base64.b64decode(data["centres"]), "<u2").reshape(-1, 3) / 65535.0
-    assert np.allclose(low + centres * (high - low), [(3, 0, 0), (4, 0, 0)], atol=1e-4)
+    assert np.allclose((data["low"], data["high"]), [(-1, -1, -1), (4.25, 6, 1)], atol=0.01)
+    centres = np.frombuffer(base64.b64decode(data["centres"]), "<u2").reshape(-1, 3)
+    assert np.allclose(data["low"] + centres * data["step"], [(3, 0, 0), (4, 0, 0)], atol=1e-4)
     assert np.frombuffer(base64.b64decode(data["radii"]), "<f4").tolist() == [0.5, 0.25]
 
 

@@ -154,32 +154,27 @@ function clayMaterials(THREE) {
   return [clay, new THREE.MeshBasicMaterial({ color: 0x111111, wireframe: true, transparent: true, opacity: 0.5 })];
 }
 
-/** A simulated frame: its surfaces, and its clouds as balls. */
+/** A simulated frame: its surfaces, and its clouds as balls. Positions are in steps from the lowest corner. */
 class StillMeshes {
   constructor(THREE, data, number) {
-    Object.assign(this, { THREE, data, number, group: new THREE.Group(), lined: [] });
+    Object.assign(this, { data, number, group: new THREE.Group(), lined: [] });
+    this.group.position.set(...data.low);
+    this.group.scale.setScalar(data.step);
+    const values = (text, Kind, size, normalized) => new THREE.BufferAttribute(decoded(text, Kind), size, normalized);
+    const placed = (text) => new THREE.BufferGeometry().setAttribute("position", values(text, Uint16Array, 3));
     if (data.faces) {
-      const geometry = this.#placed(data.positions), [clay, wire] = clayMaterials(THREE);
-      geometry.setAttribute("normal", new THREE.BufferAttribute(decoded(data.normals, Int8Array), 3, true));
-      geometry.setIndex(new THREE.BufferAttribute(decoded(data.faces, data.wide ? Uint32Array : Uint16Array), 1));
+      const geometry = placed(data.positions).setAttribute("normal", values(data.normals, Int8Array, 3, true));
+      const [clay, wire] = clayMaterials(THREE);
+      geometry.setIndex(values(data.faces, data.wide ? Uint32Array : Uint16Array, 1));
       this.lined = [new THREE.Mesh(geometry, wire)];
       this.group.add(new THREE.Mesh(geometry, clay), ...this.lined);
     }
     if (data.points) {
-      const geometry = this.#placed(data.centres);
-      geometry.setAttribute("radius", new THREE.BufferAttribute(decoded(data.radii, Float32Array), 1));
+      const geometry = placed(data.centres).setAttribute("radius", values(data.radii, Float32Array, 1));
       this.group.add(new THREE.Points(geometry, ballMaterial(THREE)));
     }
     const kinds = [[data.triangles, "triangles"], [data.points, "points"]].filter(([size]) => size);
     this.what = kinds.map(([size, kind]) => `${count(size)} ${kind}`).join(" and ");
-  }
-
-  /** A geometry with positions of 16 bits over the box of the data. */
-  #placed(text) {
-    const { THREE, data } = this, packed = decoded(text, Uint16Array), positions = new Float32Array(packed.length);
-    const steps = data.low.map((low, axis) => (data.high[axis] - low) / 65535);
-    for (let i = 0; i < packed.length; i++) positions[i] = data.low[i % 3] + packed[i] * steps[i % 3];
-    return new THREE.BufferGeometry().setAttribute("position", new THREE.BufferAttribute(positions, 3));
   }
 
   show() { return this.number; }
