@@ -1,7 +1,6 @@
 // The page of a sculpture: it plays, is scrubbed, and is turned.
 
 const HOLD = 0.8; // seconds that the last frame stays before a clip that does not close begins again
-const AWAKE = 2500; // ms that the bar stays
 
 /** Time, with its controls and keys; it is what the player shows. */
 function timeOf(player) {
@@ -26,11 +25,9 @@ function timeOf(player) {
   return transport;
 }
 
-/** Show the bar; it fades after a while in which nobody does anything. */
+/** Show the bar: style lets it fade after a while, which begins again. */
 function wake() {
-  id("bar").classList.remove("idle");
-  clearTimeout(wake.timer);
-  wake.timer = setTimeout(() => id("bar").classList.add("idle"), AWAKE);
+  for (const fading of id("bar").getAnimations()) fading.currentTime = 0;
 }
 
 async function begin() {
@@ -40,7 +37,6 @@ async function begin() {
     await player.build();
     window.flowsculpt = { player, transport: timeOf(player) };
     for (const name of ["pointermove", "pointerdown", "keydown"]) addEventListener(name, wake);
-    wake();
     const draw = () => {
       player.draw();
       requestAnimationFrame(draw);

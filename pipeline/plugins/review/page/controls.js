@@ -25,7 +25,7 @@ function buildControls(review) {
   const names = () => review.shownSequences.map((each) => each.name(review.isAlone));
   const label = () => `Frame ${review.transport.frame}, ${names().join(" and ")}`;
   give(id("stage"), { hidden: () => review.mode === "grid", ariaLabel: label });
-  give(id("edge"), { hidden: () => !stage.edge || review.mode === "grid", className: () => `edge ${stage.mode}`, style: () => `left: ${stage.edge / devicePixelRatio}px` });
+  give(id("edge"), { hidden: () => !stage.edge, className: () => `edge ${stage.mode}`, style: () => `left: ${stage.edge / devicePixelRatio}px` });
   give(id("grid"), { hidden: () => review.mode !== "grid" });
   for (const [name, about] of Object.entries(TABS)) addTab(review, name, ...about);
   const tags = () => (review.mode === "grid" ? [] : review.mode === "difference" ? [names().join(" − ")] : names());

@@ -98,10 +98,7 @@ class Review {
   }
 
   setMode(mode) {
-    if (mode === "grid" && !this.grid.isUseful) return;
-    this.mode = mode;
-    if (mode !== "grid") this.stage.mode = mode;
-    this.redraw();
+    if (mode !== "grid" || this.grid.isUseful) this.change(this, { mode });
   }
 
   /** D: the difference or, where it is shown, a larger one. */

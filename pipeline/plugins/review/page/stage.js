@@ -7,19 +7,20 @@ const GREYS = { ground: "#232323", line: "#3a3a3a", quiet: "#a3a3a3", ink: "#ede
 class Stage {
   constructor(canvas, review) {
     Object.assign(this, { canvas, review, context: canvas.getContext("2d"), scratch: make("canvas") });
-    Object.assign(this, { mode: "a", gain: 4, wipe: 0.5 });
+    Object.assign(this, { gain: 4, wipe: 0.5 });
     this.zoom = null;  // pixels of the display to a pixel of the picture; null: as large as fits
     this.pan = { x: 0, y: 0 };  // of the picture's middle from the stage's, in pixels of the display
   }
 
   get a() { return this.review.a; }
   get b() { return this.review.b; }
+  get mode() { return this.review.mode; }
   get frame() { return this.review.transport.frame; }
 
   /** The frame that is mixed with it, and its weight; or null. */
   get beginning() { return this.review.transport.beginningWith(this.frame); }
 
-  get needsB() { return this.mode !== "a"; }
+  get needsB() { return !["a", "grid"].includes(this.mode); }
 
   resize() {
     const box = this.canvas.parentElement.getBoundingClientRect(), dots = devicePixelRatio;
@@ -63,7 +64,7 @@ class Stage {
   /** Which sequence's picture lies where, and between which columns it is seen; none under the grid. */
   get parts() {
     const { mode, canvas: { width: to }, a, b } = this, [one, other = one] = this.places();
-    if (this.review.mode === "grid") return [];
+    if (mode === "grid") return [];
     if (mode !== "side" && mode !== "wipe") return [{ sequence: mode === "b" ? b : a, place: one, from: 0, to }];
     const { edge } = this;
     return [{ sequence: a, place: one, from: 0, to: edge }, { sequence: b, place: other, from: edge, to }];
