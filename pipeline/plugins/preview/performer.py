@@ -39,9 +39,9 @@ SPEEDS = (1.0, 0.5, 0.25)
 
 SILENCE = 3.0  # seconds without a word of any page after which a recording ends
 
-SHORTEST = 1 / 60  # seconds from a picture to the next, at least
+SHORTEST = 1 / 45  # seconds from a picture to the next, at least: browsers on two cores show no more
 
-IN_TIME = 1 / 45  # seconds within which a picture is drawn, or it is drawn smaller
+IN_TIME = 1 / 60  # seconds within which a picture is drawn, or it is drawn rough, then smaller
 
 MOST_WAIT = 0.1  # seconds that a picture waits for a page that shows none, such as one in the background
 
@@ -54,11 +54,12 @@ MOST_BEHIND = 2.0  # frames by which the simulation may be behind before time wa
 
 RESTS = 3600.0 * 24  # seconds for which nothing else is computed, unless the recording ends before
 
-SIZES = ((480, 270), (360, 202), (240, 135), (160, 90))
-"""Pixels of a 16:9 picture, from the usual ones to those of a shot that hardly keeps up."""
+SIZES = (((480, 270), False), ((480, 270), True), ((360, 202), True), ((240, 136), True))
+"""Pixels of a 16:9 picture, and whether its outlines may show steps: from the usual ones to those of a shot
+that hardly keeps up."""
 
 SLOW, QUICK = 4, 48
-"""Pictures in a row that are late before a smaller size, and in time before a larger one."""
+"""Pictures in a row that are late before a quicker way, and in time before a better one."""
 
 MOST_INPUTS = 4000  # that one request may bring
 
@@ -116,7 +117,7 @@ class Recording:
 
 
 class DisplaySize:
-    """The size of pictures, smaller while they come late."""
+    """How pictures are drawn: rough and smaller while they come late."""
 
     def __init__(self) -> None:
         self.index, self._late, self._in_time = 0, 0, 0
@@ -132,7 +133,11 @@ class DisplaySize:
 
     @property
     def pixels(self) -> tuple[int, int]:
-        return SIZES[self.index]
+        return SIZES[self.index][0]
+
+    @property
+    def is_rough(self) -> bool:
+        return SIZES[self.index][1]
 
 
 @dataclass(eq=False)
@@ -404,9 +409,10 @@ class Performer:
             recording.take_over(self.clock())
         request = performance.drawn.sketch.request
         pixels = size_for(request.pictures.aspect, size.pixels)
-        picture, framing = performance.picture(position, pixels)
+        picture, framing = performance.picture(position, pixels, size.is_rough)
         recording.drawn += 1
-        words = "Recording" if not size.index else f"Recording; drawn at {pixels[0]} × {pixels[1]} to keep up"
+        high, wide = picture.shape[:2]
+        words = f"Recording; drawn roughly at {wide} × {high} to keep up" if size.is_rough else "Recording"
         self.session.feed.flash(
             {
                 "event": "live",
