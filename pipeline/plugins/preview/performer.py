@@ -20,14 +20,20 @@ from typing import Any
 
 import numpy as np
 
-from flowsculpt import FlowsculptError, UsageError
+from flowsculpt import FlowsculptError, MachineError, UsageError
 from flowsculpt.api import quote
 from flowsculpt.api.pictures import AudioClip, jpeg_bytes
 from flowsculpt.pipeline.plugins.preview.animatic import size_for
 from flowsculpt.pipeline.plugins.preview.control_inputs import DECODERS, TOUCH, Armed, Controls, Moved
 from flowsculpt.pipeline.plugins.preview.live_session import LiveSession, camera_data
 from flowsculpt.pipeline.plugins.preview.performance import Performance, is_finite, live_curve
-from flowsculpt.pipeline.plugins.preview.performed_takes import Take, TakeFolder, performed
+from flowsculpt.pipeline.plugins.preview.performed_takes import (
+    Recorded,
+    RecordedValue,
+    Take,
+    TakeFolder,
+    TakeJournal,
+)
 from flowsculpt.pipeline.plugins.preview.settable_values import SettableShot, settable_values
 from flowsculpt.pipeline.plugins.preview.shot_editor import ShotEditor, where_in
 from flowsculpt.pipeline.plugins.preview.take_edits import is_chosen, restoring_edits, take_edits
@@ -51,6 +57,8 @@ ARRIVAL = 1 / 60
 """Seconds after its time at which a frame is simulated: samples up to then have arrived by that time."""
 
 MOST_BEHIND = 2.0  # frames by which the simulation may be behind before time waits for it
+
+EACH_KEPT = 1.0  # seconds after which what is recorded is kept
 
 RESTS = 3600.0 * 24  # seconds for which nothing else is computed, unless the recording ends before
 
@@ -77,6 +85,7 @@ class Recording:
     """
 
     performance: Performance
+    journal: TakeJournal
     first: int
     speed: float
     whole: bool
@@ -218,6 +227,15 @@ class Performer:
                 sound.writeframesraw((np.clip(block.T, -1.0, 1.0) * 32767).astype("<i2").tobytes())
         return file.getvalue()
 
+    def rescue(self) -> None:
+        """Save takes of processes that were killed while they recorded, and say so."""
+        try:
+            names = TakeFolder(self.editor.path).rescue()
+            if names:
+                self._note(f"flowsculpt was killed during a recording, which is kept as {', '.join(names)}.")
+        except FlowsculptError as error:
+            self._note(f"A recording that was cut off could not be kept: {error}")
+
     def end(self) -> None:
         """End a recording, as when the server ends; its take is written."""
         if (recording := self.recording) is not None:
@@ -279,7 +297,8 @@ class Performer:
                 self.session.resume()
                 raise
             now = self.clock()
-            self.recording = Recording(performance, frame, float(speed), bool(asked.get("whole")), now, now)
+            journal, whole = TakeJournal(self.editor.path), bool(asked.get("whole"))
+            self.recording = Recording(performance, journal, frame, float(speed), whole, now, now)
             self.words = ""
             threading.Thread(target=self._perform, args=(self.recording,), daemon=True).start()
 
@@ -338,7 +357,11 @@ class Performer:
             self._require_still()
             if name == NO_TAKE:
                 return
-            takes = {each: take for each, take in self._all_takes().items() if take.value_at(where)}
+            takes = {
+                each: take
+                for each, take in TakeFolder(self.editor.path).all(self._takes).items()
+                if take.value_at(where)
+            }
             if not takes or (name and name not in takes):
                 raise UsageError(f"{path_text(where)} has no take {name or 'at all'}")
             taken = takes[name or next(iter(takes))].value_at(where)
@@ -383,7 +406,7 @@ class Performer:
 
     def _simulate(self, recording: Recording) -> None:
         """Simulate each frame once its time has come; where that takes too long, time waits."""
-        performance = recording.performance
+        performance, kept = recording.performance, self.clock()
         try:
             while not recording.ended.is_set():
                 position = recording.position(self.clock() - ARRIVAL)
@@ -393,6 +416,9 @@ class Performer:
                 with self._lock:
                     recording.take_over(self.clock())
                 performance.advance(performance.frame + 1.0)
+                if self.clock() - kept > EACH_KEPT:
+                    self._keep(recording)
+                    kept = self.clock()
                 behind = recording.position(self.clock() - ARRIVAL) - performance.frame
                 if behind > MOST_BEHIND and performance.frame < performance.last:
                     recording.begun += (behind - MOST_BEHIND) / recording.rate
@@ -432,6 +458,31 @@ class Performer:
             self.words = words
             self.share()
 
+    def _recorded(self, recording: Recording, kept: Mapping[Where, int] | None = None) -> Recorded:
+        """Return what was recorded, but for samples that are kept, so many of each path."""
+        performance, values = recording.performance, []
+        request = performance.drawn.sketch.request
+        for where, curve in performance.curves.items():
+            new = slice((kept or {}).get(where, 0), len(curve.times))  # each row is there before its time
+            values.append(
+                RecordedValue(
+                    where=list(where),
+                    source=self.controls.armed[where].source,
+                    times=curve.times[new],
+                    samples=[list(row) for row in curve.rows[new]],
+                    before=performance.before.get(where),
+                )
+            )
+        fps, speed, whole = float(request.shot.rate.fps), recording.speed, recording.whole
+        return Recorded(shot=request.name, fps=fps, speed=speed, whole=whole, values=values)
+
+    def _keep(self, recording: Recording) -> None:
+        """Keep what was recorded, as this process may be killed."""
+        try:
+            recording.journal.keep(self._recorded(recording, recording.journal.kept))
+        except MachineError as error:
+            self._note(f"{error}. Until the recording ends, its take is in memory alone.")
+
     def _finish(self, recording: Recording) -> None:
         """Write the take, and its keys into the shot file; say what became of it."""
         failed = f"{recording.failed} The recording ended there. " if recording.failed else ""
@@ -439,29 +490,20 @@ class Performer:
         curves = [curve for curve in recording.performance.curves.values() if curve.count]
         for curve in curves:
             curve.close(recording.performance.frame)
-        if not curves:
-            self.words = f"{failed}Nothing armed was moved; a take needs a movement."
-            return
         name = ""
         try:
-            values = []
-            before = recording.performance.before
-            for curve in curves:
-                source = self.controls.armed[curve.where].source
-                rows = [list(row) for row in curve.rows]
-                kept = before.get(curve.where)
-                values.append(performed(curve.where, source, curve.times, rows, kept, recording.whole))
-            request = recording.performance.drawn.sketch.request
-            folder = TakeFolder(self.editor.path)
-            take = Take(
-                shot=request.name, fps=float(request.shot.rate.fps), speed=recording.speed, values=values
-            )
+            take, folder = self._recorded(recording).take(), TakeFolder(self.editor.path)
+            if take is None:
+                recording.journal.end()
+                self.words = f"{failed}Nothing armed was moved; a take needs a movement."
+                return
             name = folder.save(take)
             self._takes[name] = take
+            recording.journal.end()
             with self._lock:
                 shot = self._shot()
-                self._write([edit for value in values for edit in take_edits(shot, value)])
-            keys = sum(len(value.keys) for value in values)
+                self._write([edit for value in take.values for edit in take_edits(shot, value)])
+            keys = sum(len(value.keys) for value in take.values)
             samples = sum(curve.count for curve in curves)
             self.words = f"{failed}Take {name}: {samples} samples, {keys} keys."
         except FlowsculptError as error:
@@ -484,21 +526,9 @@ class Performer:
 
     # Takes
 
-    def _all_takes(self) -> dict[str, Take]:
-        """Return the takes of the shot; each file is read once."""
-        folder = TakeFolder(self.editor.path)
-        names = folder.names()
-        for name in names:
-            if name not in self._takes:
-                try:
-                    self._takes[name] = folder.read(name)
-                except FlowsculptError:
-                    continue
-        return {name: self._takes[name] for name in names if name in self._takes}
-
     def _choices(self) -> list[dict[str, Any]]:
         """Return, for each value with takes, what a list shows, (name, words), and the take that it has."""
-        takes = self._all_takes()
+        takes = TakeFolder(self.editor.path).all(self._takes)
         if not takes:
             return []
         try:

@@ -246,6 +246,25 @@ def test_a_recording_ends_whole_when_no_page_is_heard(
     assert sorted(path.name for path in (follower.shot.parent / "takes").iterdir()) == ["T010_tiny.1.json"]
 
 
+def test_samples_are_on_the_disk_while_the_recording_is_under_way(
+    follower: Follower, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("flowsculpt.pipeline.plugins.preview.performer.EACH_KEPT", 0.0)
+    performer = Performer(ShotEditor(follower.shot), follower.session)
+    performer.act({"do": "arm", "where": list(STRENGTH)})
+    performer.act({"do": "record", "frame": 2, "speed": 0.25})
+    performer.act({"do": "play", **value_input(STRENGTH, 0.7)})
+    takes = follower.shot.parent / "takes"
+    while not (kept := list(takes.glob("T010_tiny.recording.*/000001.json"))):
+        assert performer.recording is not None
+        time.sleep(0.02)
+    assert '"samples":[[0.3],[0.7]]' in kept[0].read_text()
+    performer.rescue()
+    assert not performer.words, "its process is alive"
+    performer.act({"do": "stop"})
+    assert [path.name for path in takes.iterdir()] == ["T010_tiny.1.json"]
+
+
 def test_a_take_of_a_shot_that_was_deleted_meanwhile_is_kept(follower: Follower) -> None:
     performer = Performer(ShotEditor(follower.shot), follower.session)
     performer.act({"do": "arm", "where": list(STRENGTH)})
