@@ -6,7 +6,6 @@ when no page is heard for a while; in each case its take is written whole, and t
 
 from __future__ import annotations
 
-import base64
 import io
 import sys
 import threading
@@ -22,10 +21,10 @@ import numpy as np
 
 from flowsculpt import FlowsculptError, MachineError, UsageError
 from flowsculpt.api import quote
-from flowsculpt.api.pictures import AudioClip, jpeg_bytes
+from flowsculpt.api.pictures import AudioClip
 from flowsculpt.pipeline.plugins.preview.animatic import size_for
 from flowsculpt.pipeline.plugins.preview.control_inputs import DECODERS, TOUCH, Armed, Controls, Moved
-from flowsculpt.pipeline.plugins.preview.live_session import LiveSession, camera_data
+from flowsculpt.pipeline.plugins.preview.live_session import LiveSession, picture_data
 from flowsculpt.pipeline.plugins.preview.performance import Performance, is_finite, live_curve
 from flowsculpt.pipeline.plugins.preview.performed_takes import (
     Recorded,
@@ -53,8 +52,9 @@ MOST_WAIT = 0.1  # seconds that a picture waits for a page that shows none, such
 
 SWITCH = 1e-3  # seconds after which a thread lets another one run, while a recording is under way
 
-ARRIVAL = 1 / 60
-"""Seconds after its time at which a frame is simulated: samples up to then have arrived by that time."""
+ARRIVAL = 0.4
+"""Frames after its time at which a frame is simulated, a 60th of a second at full speed: samples up to then
+have arrived by that time, and later ones are only seen from the next frame on."""
 
 MOST_BEHIND = 2.0  # frames by which the simulation may be behind before time waits for it
 
@@ -139,14 +139,6 @@ class DisplaySize:
             self.index, self._late = self.index + 1, 0
         elif self._in_time >= QUICK and seconds < 0.5 * allowed and self.index:
             self.index, self._in_time = self.index - 1, 0
-
-    @property
-    def pixels(self) -> tuple[int, int]:
-        return SIZES[self.index][0]
-
-    @property
-    def is_rough(self) -> bool:
-        return SIZES[self.index][1]
 
 
 @dataclass(eq=False)
@@ -409,7 +401,7 @@ class Performer:
         performance, kept = recording.performance, self.clock()
         try:
             while not recording.ended.is_set():
-                position = recording.position(self.clock() - ARRIVAL)
+                position = recording.position(self.clock() - ARRIVAL / recording.rate)
                 if performance.frame + 1 > position:
                     recording.ended.wait((performance.frame + 1 - position) / recording.rate)
                     continue
@@ -419,7 +411,7 @@ class Performer:
                 if self.clock() - kept > EACH_KEPT:
                     self._keep(recording)
                     kept = self.clock()
-                behind = recording.position(self.clock() - ARRIVAL) - performance.frame
+                behind = recording.position(self.clock() - ARRIVAL / recording.rate) - performance.frame
                 if behind > MOST_BEHIND and performance.frame < performance.last:
                     recording.begun += (behind - MOST_BEHIND) / recording.rate
                     self._note("Too slow for this speed: time waits for the simulation.")
@@ -434,18 +426,18 @@ class Performer:
             heard = recording.count
             recording.take_over(self.clock())
         request = performance.drawn.sketch.request
-        pixels = size_for(request.pictures.aspect, size.pixels)
-        picture, framing = performance.picture(position, pixels, size.is_rough)
+        pixels, is_rough = SIZES[size.index]
+        pixels = size_for(request.pictures.aspect, pixels)
+        picture, framing = performance.picture(position, pixels, is_rough)
         recording.drawn += 1
         high, wide = picture.shape[:2]
-        words = f"Recording; drawn roughly at {wide} × {high} to keep up" if size.is_rough else "Recording"
+        words = f"Recording; drawn roughly at {wide} × {high} to keep up" if is_rough else "Recording"
         self.session.feed.flash(
             {
                 "event": "live",
                 "frame": int(position),
                 "position": position,
-                "picture": base64.b64encode(jpeg_bytes(picture)).decode(),
-                "camera": camera_data(framing.camera, request.pictures.aspect),
+                **picture_data(picture, framing.camera, request.pictures.aspect),
                 "inputs": heard,
                 "number": recording.drawn,
                 "values": performance.values(),

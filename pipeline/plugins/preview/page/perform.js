@@ -111,20 +111,14 @@ class Perform {
 
   /** Send what was heard, by a connection that stays open: a request for each movement would keep the page busy. */
   #send(always = false) {
-    if (!always && !this.waiting.length) return;
-    this.socket ??= this.#connection();
+    this.socket ??= Object.assign(new WebSocket(new URL("inputs", location.href.replace("http", "ws"))), {
+      onopen: () => this.#send(), onmessage: ({ data }) => this.page.refused(data), onclose: () => { this.socket = null; },
+    });
     if (this.socket.readyState !== WebSocket.OPEN) return; // what waits is sent once it is open
-    const inputs = this.waiting.splice(0, 1000), now = performance.now();
-    this.socket.send(JSON.stringify({ do: "play", shown: this.number, inputs: inputs.map(([time, ...input]) => [now - time, ...input]) }));
-    this.#send();
-  }
-
-  #connection() {
-    const socket = new WebSocket(new URL("inputs", location.href.replace("http", "ws")));
-    socket.onopen = () => this.#send();
-    socket.onmessage = ({ data }) => this.page.refused(data);
-    socket.onclose = () => { this.socket = null; };
-    return socket;
+    for (let first = always; first || this.waiting.length; first = false) {
+      const now = performance.now(), inputs = this.waiting.splice(0, 1000).map(([time, ...input]) => [now - time, ...input]);
+      this.socket.send(JSON.stringify({ do: "play", shown: this.number, inputs }));
+    }
   }
 
   /** Let what is dragged follow the pointer at once: browsers tell of its moves once a frame of the display. */
