@@ -9,7 +9,7 @@ from __future__ import annotations
 import base64
 import hashlib
 from collections.abc import Iterator
-from typing import BinaryIO
+from io import BufferedIOBase
 
 SALT = "258EAFA5-E914-47DA-95CA-C5AB0DC85B11"  # by which a server shows that it knows the protocol
 
@@ -24,7 +24,7 @@ def answer_to(key: str) -> str:
     return base64.b64encode(hashlib.sha1(f"{key}{SALT}".encode()).digest()).decode()
 
 
-def messages(file: BinaryIO, most: int) -> Iterator[bytes]:
+def messages(file: BufferedIOBase, most: int) -> Iterator[bytes]:
     """Yield the messages of a page, of at most so many bytes, until it ends or breaks the rules."""
     message = b""
     while len(head := file.read(2)) == 2:
