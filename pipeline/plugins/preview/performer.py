@@ -48,7 +48,7 @@ SHORTEST = 1 / 45  # seconds from a picture to the next, at least: browsers on t
 
 IN_TIME = 1 / 60  # seconds within which a picture is drawn, or it is drawn rough, then smaller
 
-MOST_WAIT = 0.1  # seconds that a picture waits for a page that shows none, such as one in the background
+MOST_WAIT = 0.1  # seconds that a picture waits for a page that takes none
 
 SWITCH = 1e-3  # seconds after which a thread lets another one run, while a recording is under way
 
@@ -80,7 +80,7 @@ class Recording:
     heard    seconds of the clock at which a page was last heard
     samples  (time, path, index or None for all numbers, numbers) that were not taken over yet
     count    samples that were heard
-    drawn    pictures that were drawn, and `shown` the last of them that a page has shown
+    drawn    pictures that were drawn, and `shown` the last of them that a page has taken
     failed   why it ended early; empty where it did not
     """
 
@@ -101,7 +101,7 @@ class Recording:
     taken: threading.Event = field(default_factory=threading.Event)
 
     def wait_for_page(self) -> None:
-        """Wait until a page has shown all pictures but the latest, or for MOST_WAIT."""
+        """Wait until a page has taken all pictures but the latest, or for MOST_WAIT."""
         self.taken.clear()
         if self.drawn - self.shown > 1:
             self.taken.wait(MOST_WAIT)

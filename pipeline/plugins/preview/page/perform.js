@@ -15,7 +15,7 @@ class Perform {
     });
     id("perform").append(record, listOf("Speed of recording", [[1, "1×"], [0.5, "½×"], [0.25, "¼×"]], (speed) => { this.speed = +speed; }));
     for (const name of ["pointerdown", MOVES]) id("viewer").addEventListener(name, (event) => this.#point(event), true);
-    this.early = (event) => this.#passOn(event);
+    for (const name of [MOVES, "pointermove"]) addEventListener(name, (event) => this.#passOn(event), true);
     setInterval(() => { if (this.isRecording) this.#send(true); }, HEARTBEAT);
     this.draw();
   }
@@ -61,7 +61,6 @@ class Perform {
   take(state) {
     const wasRecording = this.isRecording;
     this.state = state;
-    for (const name of new Set([MOVES, "pointermove"])) (state.recording ? addEventListener : removeEventListener)(name, this.early, true);
     this.live.clear();
     this.draw();
     refresh();
@@ -123,7 +122,7 @@ class Perform {
 
   /** Let what is dragged follow the pointer at once: browsers tell of its moves once a frame of the display. */
   #passOn(event) {
-    if (!event.isTrusted || MOVES === "pointermove") return;
+    if (!this.isRecording || !event.isTrusted || MOVES === "pointermove") return;
     if (event.type === "pointermove") return event.stopImmediatePropagation(); // it was passed on before
     this.movedAt = event.timeStamp;
     event.target.dispatchEvent(new PointerEvent("pointermove", event));
