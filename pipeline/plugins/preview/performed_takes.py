@@ -282,11 +282,9 @@ class TakeFolder:
         """
         names = []
         for folder in sorted(self.path.glob(f"{glob.escape(self.shot.stem)}{RECORDING}*")):
-            if _is_under_way(folder):
-                continue
-            if (take := _rescued(folder)) is not None:
+            if not _is_under_way(folder) and (take := _rescued(folder)) is not None:
                 names.append(self.save(take))
-            remove_tree(folder)
+                remove_tree(folder)
         return names
 
 
@@ -328,7 +326,9 @@ def _is_under_way(folder: Path) -> bool:
 def _rescued(folder: Path) -> Take | None:
     """Return the take that the seconds in a folder make, up to a damaged one; None where there is none."""
     seconds: list[Recorded] = []
-    with suppress(FlowsculptError, ValidationError):
+    with suppress(FlowsculptError, ValueError):
         for path in sorted(folder.glob("*.json")):
             seconds.append(Recorded.model_validate_json(InputFile(path, MOST_BYTES).content()))
-    return Recorded.joined(seconds).take() if seconds else None
+    with suppress(ValueError):  # they are not of one recording
+        return Recorded.joined(seconds).take() if seconds else None
+    return None

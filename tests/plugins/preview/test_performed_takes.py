@@ -257,4 +257,11 @@ def test_of_a_damaged_recording_all_before_the_damage_is_saved(tmp_path: Path) -
     text = Recorded(shot="A", fps=24, speed=1, whole=False, values=[value]).model_dump_json()
     (folder / "000001.json").write_text(text)
     (folder / "000002.json").write_text(text[:40])
+    strange = folder.with_name("A.recording.stranger")
+    strange.mkdir()
+    for number, time in enumerate((5.0, 1.0)):  # times that go back
+        other = value.model_copy(update={"times": [time, time + 1]})
+        second = Recorded(shot="A", fps=24, speed=1, whole=False, values=[other])
+        (strange / f"{number}.json").write_text(second.model_dump_json())
     assert TakeFolder(tmp_path / "A.yaml").rescue() == ["A.1"]
+    assert strange.is_dir() and not folder.exists(), "what makes no take is not thrown away"
