@@ -69,6 +69,8 @@ that hardly keeps up."""
 SLOW, QUICK = 4, 48
 """Pictures in a row that are late before a quicker way, and in time before a better one."""
 
+ROOM = 0.7  # share of the time for a picture within which one was drawn before the next is drawn better
+
 MOST_INPUTS = 4000  # that one request may bring
 
 
@@ -137,7 +139,7 @@ class DisplaySize:
         self._late, self._in_time = (self._late + 1, 0) if is_late else (0, self._in_time + 1)
         if self._late >= SLOW and self.index < len(SIZES) - 1:
             self.index, self._late = self.index + 1, 0
-        elif self._in_time >= QUICK and seconds < 0.5 * allowed and self.index:
+        elif self._in_time >= QUICK and seconds < ROOM * allowed and self.index:
             self.index, self._in_time = self.index - 1, 0
 
 
