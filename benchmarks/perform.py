@@ -34,12 +34,9 @@ EVENTS, PAUSE = 200, 12  # events of a drag, and milliseconds between them
 WATCH = """(() => {
   window.moved = [];
   window.shown = [];
-  let at = 0; // time stamp of the latest event of the pointer
-  const note = (event) => { if (event.isTrusted) at = event.timeStamp; };
-  for (const name of ['pointermove', 'pointerrawupdate']) addEventListener(name, note, true);
   const { perform } = page, play = perform.play.bind(perform), heard = perform.heard.bind(perform);
   perform.play = (edits) => {
-    if (perform.isRecording && edits.length) moved.push(at);
+    if (perform.isRecording && edits.length) moved.push(perform.movedAt ?? window.event.timeStamp);
     play(edits);
   };
   perform.heard = (message) => {
