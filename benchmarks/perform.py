@@ -2,8 +2,8 @@
 
 A ball of 25 thousand vertices in two vortices, at full and half speed. In Chromium, the centre of a vortex is
 dragged by its handle in the picture, by real input. Each event has the browser's time stamp. It counts as
-shown once a picture that was simulated with it is decoded, in an animation frame, and a task behind it has
-its turn. The picture says how many samples it was simulated with.
+shown once a picture that was simulated with it is decoded, the next animation frame has begun, and a task
+behind that has its turn. The picture says how many samples it was simulated with.
 
 `ms` are the median and the 95th percentile over all events, `CPU ms a picture` those of simulation, drawing
 and requests together, which other work on the machine hardly lengthens; those of the browser are not counted.
@@ -34,16 +34,16 @@ EVENTS, PAUSE = 200, 12  # events of a drag, and milliseconds between them
 WATCH = """(() => {
   window.moved = [];
   window.shown = [];
-  const { perform, film } = page, play = perform.play.bind(perform), show = perform.show.bind(perform);
+  const { perform } = page, play = perform.play.bind(perform), heard = perform.heard.bind(perform);
   perform.play = (edits) => {
-    if (perform.isRecording && edits.length) moved.push(window.event.timeStamp);
+    if (perform.isRecording && edits.length) moved.push(perform.movedAt ?? window.event.timeStamp);
     play(edits);
   };
-  perform.show = (message) => {
-    show(message);
-    document.getElementById('picture').decode().catch(() => {}).then(() => {
+  perform.heard = (message) => {
+    heard(message);
+    document.getElementById('picture').decode().catch(() => {}).then(() => requestAnimationFrame(() => {
       setTimeout(() => shown.push([message.inputs, performance.now(), message.frame]), 0);
-    });
+    }));
   };
 })()"""
 

@@ -47,6 +47,7 @@ STILLS = {
     "B200_walker": 62,
     "B210_jets": 1,
     "B220_landing": 31,
+    "B230_duet": 49,
 }
 """The frame that shows most of each shot."""
 

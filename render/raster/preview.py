@@ -196,10 +196,11 @@ class Canvas:
             at_hits=np.empty((15, pixels), np.float32),
         )
 
-    def picture(self) -> Picture:
-        """Return the picture (H, W, 3)."""
-        rows, columns = self.drawn.nearness.shape
-        picture = np.empty((rows // SUPERSAMPLING, columns // SUPERSAMPLING, 3), np.float32)
+    def picture(self, is_rough: bool = False) -> Picture:
+        """Return the picture (H, W, 3); if rough, of subsamples (SUPERSAMPLING H, SUPERSAMPLING W, 3)."""
+        step = 1 if is_rough else SUPERSAMPLING
+        rows, columns = (side // step for side in self.drawn.nearness.shape)
+        picture = np.empty((rows, columns, 3), np.float32)
         average(self.drawn.colour, picture)
         return picture
 
@@ -344,12 +345,14 @@ def preview(
     display: str,
     edges: Edges | None = None,
     others: Sequence[Shape] = (),
+    is_rough: bool = False,
 ) -> Preview:
     """Render a surface on its stage.
 
-    size    width and height in pixels
-    others  further subjects. Those that light passes through look as if they were of one material, the first
-            one's
+    size      width and height in pixels
+    others    further subjects. Those that light passes through look as if they were of one material, the
+              first one's
+    is_rough  make each subsample a pixel, unless light passes through a subject; then there are no edges
     """
     setup = replace(setup, lights=with_suns(setup.lights))
     shapes = [shape.for_kernels() for shape in (subject, *others)]
@@ -378,7 +381,7 @@ def preview(
     if clear:
         picture = _through(canvas, _faces_of(_join(clear), faces, canvas), shadow, display)
     else:
-        picture = canvas.picture()
+        picture = canvas.picture(is_rough)
     if edges is not None:
         ink = np.array([*edges.colour, edges.opacity, edges.width])
         draw_edges(faces.screen, faces.shape.faces, canvas.drawn.face_ids, ink, picture)

@@ -340,15 +340,16 @@ def pack(red: float, green: float, blue: float) -> int:
 
 @fast
 def average(colour: Array, picture: Array) -> None:
-    """Write the mean of the subsamples of each pixel into picture (H, W, 3)."""
-    share = np.float32(1.0 / (WHITE * SUPERSAMPLING * SUPERSAMPLING))
+    """Write the mean of the subsamples of each pixel into picture (H, W, 3), or the subsamples themselves."""
+    step = colour.shape[0] // picture.shape[0]
+    share = np.float32(1.0 / (WHITE * step * step))
     red_shift, green_shift, ten_bits = np.uint32(20), np.uint32(10), np.uint32(1023)
     for i in range(picture.shape[0]):
         for j in range(picture.shape[1]):
             red = green = blue = np.uint32(0)
-            for di in range(SUPERSAMPLING):
-                for dj in range(SUPERSAMPLING):
-                    packed = colour[SUPERSAMPLING * i + di, SUPERSAMPLING * j + dj]
+            for di in range(step):
+                for dj in range(step):
+                    packed = colour[step * i + di, step * j + dj]
                     red += packed >> red_shift
                     green += packed >> green_shift & ten_bits
                     blue += packed & ten_bits

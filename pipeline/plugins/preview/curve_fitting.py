@@ -16,13 +16,9 @@ import numpy as np
 
 from flowsculpt.api.meshes import Floats, Indices
 
-SHARE = (
-    0.8  # part of the tolerance that a segment fitted alone may use: together with others it fits less well
-)
+SHARE = 0.8  # of the tolerance that a segment fitted alone may use: together with others it fits less well
 
-LEAST_HALVED = (
-    4  # places from a key to the next from which on a neighbour of a segment is halved for its sake
-)
+LEAST_HALVED = 4  # places between two keys from which on a neighbour of a segment is halved for its sake
 
 PINNED = 1e4  # weight of the first and the last sample over the others: keys there have their values
 

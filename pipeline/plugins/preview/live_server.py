@@ -25,6 +25,7 @@ from typing import Any
 from flowsculpt import FlowsculptError, MachineError, UsageError
 from flowsculpt.api.files import PageFolder
 from flowsculpt.pipeline.plugins.preview.live_session import LiveFeed, LiveSession
+from flowsculpt.pipeline.plugins.preview.page_socket import answer_to, frame_of, messages
 from flowsculpt.pipeline.plugins.preview.performer import Performer
 from flowsculpt.pipeline.plugins.preview.shot_editor import (
     MOST_REQUEST_BYTES,
@@ -168,6 +169,8 @@ class _Handler(BaseHTTPRequestHandler):
             self._send(text().encode(), kind)
         elif name == "events":
             self._stream()
+        elif name == "inputs" and "perform" in self._actions and "Sec-WebSocket-Key" in self.headers:
+            self._hear(self._actions["perform"])
         elif name == "sound.wav":
             self._send(self._feed.sound(), "audio/wav")
         elif (match := _PICTURE.fullmatch(name)) and (
@@ -268,6 +271,25 @@ class _Handler(BaseHTTPRequestHandler):
         self.send_header("Content-Length", str(len(content)))
         self.end_headers()
         self.wfile.write(content)
+
+    def _hear(self, act: Action) -> None:
+        """Do what the page asks over a connection that stays open, and answer with refusals alone."""
+        if self.headers.get("Origin") not in self._origins():
+            self.send_error(403, "only the page itself may make changes")
+            return
+        self.protocol_version = "HTTP/1.1"  # others know no such connection
+        self.send_response(101)
+        self.send_header("Upgrade", "websocket")
+        self.send_header("Connection", "Upgrade")
+        self.send_header("Sec-WebSocket-Accept", answer_to(self.headers["Sec-WebSocket-Key"]))
+        self.end_headers()
+        self.request.settimeout(None)
+        with suppress(OSError):
+            for message in messages(self.rfile, MOST_REQUEST_BYTES):
+                try:
+                    act(json_object(message))
+                except FlowsculptError as error:
+                    self.wfile.write(frame_of(str(error)))
 
     def _stream(self) -> None:
         """Send events until the page is closed."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import math
 import queue
 import threading
@@ -11,6 +12,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from threading import Event
 from typing import Any
+
+from numpy.typing import NDArray
 
 from flowsculpt import FlowsculptError, MachineError
 from flowsculpt.api.frames import Framing, ShotSource
@@ -289,6 +292,12 @@ def camera_data(camera: Camera, aspect: float) -> dict[str, Any] | None:
         return None
     places = {"origin": list(camera.origin), "target": list(camera.target), "axes": camera.axes().tolist()}
     return {**places, "half": math.tan(camera.field_of_view / 2.0), "aspect": aspect}
+
+
+def picture_data(picture: NDArray[Any], camera: Camera, aspect: float) -> Message:
+    """Return a passing picture as plain data: a JPEG in base64, and its camera."""
+    jpeg = base64.b64encode(jpeg_bytes(picture)).decode()
+    return {"picture": jpeg, "camera": camera_data(camera, aspect)}
 
 
 def files_of(source: ShotSource) -> set[Path]:

@@ -214,12 +214,14 @@ class Performance:
             count += 1
         return count
 
-    def picture(self, position: float, size: tuple[int, int]) -> tuple[NDArray[Any], Framing]:
+    def picture(
+        self, position: float, size: tuple[int, int], rough: bool = False
+    ) -> tuple[NDArray[Any], Framing]:
         """Draw the shot at a position between the latest frame and the next, and return its framing too."""
         surfaces = [part.arrays(position) for part in self._parts]
         framing = self._framing(position, surfaces)
         request = self.drawn.sketch.request
-        sketch = replace(self.drawn.sketch, flow=False, burn_in=None, quick=True)
+        sketch = replace(self.drawn.sketch, flow=False, burn_in=None, quick=True, rough=rough)
         number = min(max(self.frame, request.shot.frames.first), self.last)
         return sketch.picture(number, surfaces, framing, size, "srgb"), framing
 

@@ -1,27 +1,37 @@
 """Takes: values of a shot over time as they were performed, each in a file of its own beside the shots.
 
 A take is whole or not there, and is never written again. Its keys are put into the shot file when it is
-chosen; the shot renders without it.
+chosen; the shot renders without it. While a take is recorded, its samples are kept in a folder beside, in a
+file for each second; a later process finds those of a process that was killed.
 """
 
 from __future__ import annotations
 
+import glob
 import json
+import os
 import re
+import time
+from collections import Counter
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
+import psutil
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from flowsculpt import FlowsculptError, UsageError
-from flowsculpt.api.files import ChangedFileError, InputFile, atomic_write, make_folder
+from flowsculpt.api.files import ChangedFileError, InputFile, atomic_write, make_folder, remove_tree
 from flowsculpt.pipeline.plugins.preview.curve_fitting import FittedCurve, fit
+from flowsculpt.pipeline.plugins.preview.text_edits import Where
 
 MOST_BYTES = 64 << 20  # of a take: an hour of ten values at 120 samples a second
 
 MOST_TAKES = 999  # of one shot
+
+RECORDING = ".recording."  # between the shot and the process in the name of a folder with a take under way
 
 TOLERANCE = 0.01  # the distance of a sample from the fitted curve, over the range of the samples
 
@@ -34,26 +44,37 @@ class _Document(BaseModel):
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False, frozen=True)
 
 
-class PerformedValue(_Document):
-    """The samples of one value of a shot, and the keys that were fitted to them."""
+class RecordedValue(_Document):
+    """The samples of one value of a shot."""
 
     where: list[PathStep] = Field(min_length=1, description="the path of the value in the shot file")
     source: str = Field(description="what moved it, such as pointer, midi cc 1 or osc /fader/1")
     times: list[float] = Field(
-        min_length=2, description="of the samples, ascending: frames, as the keys of the value count them"
+        description="of the samples, ascending: frames, as the keys of the value count them"
     )
     samples: list[list[float]] = Field(description="the value at each time: one number, or three of a vector")
-    keys: list[FileKey] = Field(min_length=1, description="that were fitted to the samples")
-    error: float = Field(ge=0, description="largest distance of a sample from the keys, over the range")
     before: Any = Field(None, description="what the file had; null where it left the value out")
 
     @model_validator(mode="after")
-    def _check(self) -> PerformedValue:
-        widths = {len(row) for row in (*self.samples, *(key.row for key in self.keys))}
-        if len(self.samples) != len(self.times) or len(widths) != 1 or not widths <= {1, 3}:
+    def _check(self) -> RecordedValue:
+        widths = {len(row) for row in self.samples}
+        if len(self.samples) != len(self.times) or len(widths) > 1 or not widths <= {1, 3}:
             raise ValueError("there must be a sample for each time, and each of one number or of three")
         if any(b < a for a, b in zip(self.times, self.times[1:], strict=False)):
             raise ValueError("times must ascend")
+        return self
+
+
+class PerformedValue(RecordedValue):
+    """The samples of one value of a shot, and the keys that were fitted to them."""
+
+    keys: list[FileKey] = Field(min_length=1, description="that were fitted to the samples")
+    error: float = Field(ge=0, description="largest distance of a sample from the keys, over the range")
+
+    @model_validator(mode="after")
+    def _check_keys(self) -> PerformedValue:
+        if len(self.times) < 2 or {len(key.row) for key in self.keys} != {len(self.samples[0])}:
+            raise ValueError("there must be two samples, and keys as long as a sample")
         return self
 
     @property
@@ -93,6 +114,36 @@ class Take(_Document):
     def value_at(self, where: Sequence[PathStep]) -> PerformedValue | None:
         """Return the samples of a value; None where the take has none."""
         return next((each for each in self.values if each.where == list(where)), None)
+
+
+class Recorded(_Document):
+    """A take that is not ended yet, or what a second of it has added."""
+
+    shot: str
+    fps: float = Field(gt=0)
+    speed: float = Field(gt=0)
+    whole: bool = Field(description="whether keys are put on whole frames only")
+    values: list[RecordedValue]
+
+    @classmethod
+    def joined(cls, seconds: Sequence[Recorded]) -> Recorded:
+        """Return all that these seconds, at least one, have added."""
+        values = []
+        for each in zip(*(second.values for second in seconds), strict=True):
+            times, samples = (
+                [x for value in each for x in getattr(value, name)] for name in ("times", "samples")
+            )
+            values.append(each[-1].model_copy(update={"times": times, "samples": samples}))
+        return seconds[-1].model_copy(update={"values": values})
+
+    def take(self) -> Take | None:
+        """Return the take, with keys that fit; None where nothing was moved."""
+        values = [
+            performed(value.where, value.source, value.times, value.samples, value.before, self.whole)
+            for value in self.values
+            if value.times
+        ]
+        return Take(shot=self.shot, fps=self.fps, speed=self.speed, values=values) if values else None
 
 
 PerformedValue.model_rebuild()
@@ -215,12 +266,69 @@ class TakeFolder:
                 found.append((shot != self.shot.stem, shot, int(number), path.stem))
         return [name for *_, name in sorted(found)]
 
-    def all(self) -> dict[str, Take]:
-        """Return the takes by name; damaged ones are left out."""
-        found: dict[str, Take] = {}
-        for name in self.names():
-            try:
-                found[name] = self.read(name)
-            except FlowsculptError:
-                continue
-        return found
+    def all(self, known: dict[str, Take]) -> dict[str, Take]:
+        """Return the takes by name, but for damaged ones. `known` are not read, and get those that are."""
+        names = self.names()
+        for name in names:
+            if name not in known:
+                with suppress(FlowsculptError):
+                    known[name] = self.read(name)
+        return {name: known[name] for name in names if name in known}
+
+    def rescue(self) -> list[str]:
+        """Save what was recorded by processes that were killed, and return the names of these takes.
+
+        Raises MachineError, UsageError.
+        """
+        names = []
+        for folder in sorted(self.path.glob(f"{glob.escape(self.shot.stem)}{RECORDING}*")):
+            if not _is_under_way(folder) and (take := _rescued(folder)) is not None:
+                names.append(self.save(take))
+                remove_tree(folder)
+        return names
+
+
+class TakeJournal:
+    """Keeps what is recorded until it is a take, in a folder that is named after the process.
+
+    kept  samples that were kept, by the paths of values
+    """
+
+    def __init__(self, shot: Path) -> None:
+        name = f"{shot.stem}{RECORDING}{os.getpid()}.{time.time_ns()}"
+        self._folder, self._seconds = shot.parent / "takes" / name, 0
+        self.kept = Counter[Where]()
+
+    def keep(self, second: Recorded) -> None:
+        """Keep what a second has added. Raises MachineError."""
+        if not any(value.times for value in second.values):
+            return
+        self._seconds += 1
+        make_folder(self._folder)
+        with atomic_write(self._folder / f"{self._seconds:06}.json", flush=False) as draft:
+            draft.write_text(second.model_dump_json(), encoding="utf-8")
+        self.kept.update({tuple(value.where): len(value.times) for value in second.values})
+
+    def end(self) -> None:
+        """Forget all: it is in a take."""
+        remove_tree(self._folder)
+
+
+def _is_under_way(folder: Path) -> bool:
+    """Tell whether the process that records into a folder is still there."""
+    try:
+        process = psutil.Process(int(folder.name.rpartition(RECORDING)[2].partition(".")[0]))
+        return process.create_time() <= folder.stat().st_mtime
+    except (ValueError, OverflowError, OSError, psutil.Error):
+        return False
+
+
+def _rescued(folder: Path) -> Take | None:
+    """Return the take that the seconds in a folder make, up to a damaged one; None where there is none."""
+    seconds: list[Recorded] = []
+    with suppress(FlowsculptError, ValueError):
+        for path in sorted(folder.glob("*.json")):
+            seconds.append(Recorded.model_validate_json(InputFile(path, MOST_BYTES).content()))
+    with suppress(ValueError):  # they are not of one recording
+        return Recorded.joined(seconds).take() if seconds else None
+    return None

@@ -6,7 +6,6 @@ when no page is heard for a while; in each case its take is written whole, and t
 
 from __future__ import annotations
 
-import base64
 import io
 import sys
 import threading
@@ -20,14 +19,20 @@ from typing import Any
 
 import numpy as np
 
-from flowsculpt import FlowsculptError, UsageError
+from flowsculpt import FlowsculptError, MachineError, UsageError
 from flowsculpt.api import quote
-from flowsculpt.api.pictures import AudioClip, jpeg_bytes
+from flowsculpt.api.pictures import AudioClip
 from flowsculpt.pipeline.plugins.preview.animatic import size_for
 from flowsculpt.pipeline.plugins.preview.control_inputs import DECODERS, TOUCH, Armed, Controls, Moved
-from flowsculpt.pipeline.plugins.preview.live_session import LiveSession, camera_data
+from flowsculpt.pipeline.plugins.preview.live_session import LiveSession, picture_data
 from flowsculpt.pipeline.plugins.preview.performance import Performance, is_finite, live_curve
-from flowsculpt.pipeline.plugins.preview.performed_takes import Take, TakeFolder, performed
+from flowsculpt.pipeline.plugins.preview.performed_takes import (
+    Recorded,
+    RecordedValue,
+    Take,
+    TakeFolder,
+    TakeJournal,
+)
 from flowsculpt.pipeline.plugins.preview.settable_values import SettableShot, settable_values
 from flowsculpt.pipeline.plugins.preview.shot_editor import ShotEditor, where_in
 from flowsculpt.pipeline.plugins.preview.take_edits import is_chosen, restoring_edits, take_edits
@@ -39,26 +44,32 @@ SPEEDS = (1.0, 0.5, 0.25)
 
 SILENCE = 3.0  # seconds without a word of any page after which a recording ends
 
-SHORTEST = 1 / 60  # seconds from a picture to the next, at least
+SHORTEST = 1 / 45  # seconds from a picture to the next, at least: browsers on two cores show no more
 
-IN_TIME = 1 / 45  # seconds within which a picture is drawn, or it is drawn smaller
+IN_TIME = 1 / 60  # seconds within which a picture is drawn, or it is drawn rough, then smaller
 
-MOST_WAIT = 0.1  # seconds that a picture waits for a page that shows none, such as one in the background
+MOST_WAIT = 0.1  # seconds that a picture waits for a page that takes none
 
 SWITCH = 1e-3  # seconds after which a thread lets another one run, while a recording is under way
 
-ARRIVAL = 1 / 60
-"""Seconds after its time at which a frame is simulated: samples up to then have arrived by that time."""
+ARRIVAL = 0.4
+"""Frames after its time at which a frame is simulated, a 60th of a second at full speed: samples up to then
+have arrived by that time, and later ones are only seen from the next frame on."""
 
 MOST_BEHIND = 2.0  # frames by which the simulation may be behind before time waits for it
 
+EACH_KEPT = 1.0  # seconds after which what is recorded is kept
+
 RESTS = 3600.0 * 24  # seconds for which nothing else is computed, unless the recording ends before
 
-SIZES = ((480, 270), (360, 202), (240, 135), (160, 90))
-"""Pixels of a 16:9 picture, from the usual ones to those of a shot that hardly keeps up."""
+SIZES = (((480, 270), False), ((480, 270), True), ((360, 202), True), ((240, 136), True))
+"""Pixels of a 16:9 picture, and whether its outlines may show steps: from the usual ones to those of a shot
+that hardly keeps up."""
 
 SLOW, QUICK = 4, 48
-"""Pictures in a row that are late before a smaller size, and in time before a larger one."""
+"""Pictures in a row that are late before a quicker way, and in time before a better one."""
+
+ROOM = 0.7  # share of the time for a picture within which one was drawn before the next is drawn better
 
 MOST_INPUTS = 4000  # that one request may bring
 
@@ -71,11 +82,12 @@ class Recording:
     heard    seconds of the clock at which a page was last heard
     samples  (time, path, index or None for all numbers, numbers) that were not taken over yet
     count    samples that were heard
-    drawn    pictures that were drawn, and `shown` the last of them that a page has shown
+    drawn    pictures that were drawn, and `shown` the last of them that a page has taken
     failed   why it ended early; empty where it did not
     """
 
     performance: Performance
+    journal: TakeJournal
     first: int
     speed: float
     whole: bool
@@ -91,7 +103,7 @@ class Recording:
     taken: threading.Event = field(default_factory=threading.Event)
 
     def wait_for_page(self) -> None:
-        """Wait until a page has shown all pictures but the latest, or for MOST_WAIT."""
+        """Wait until a page has taken all pictures but the latest, or for MOST_WAIT."""
         self.taken.clear()
         if self.drawn - self.shown > 1:
             self.taken.wait(MOST_WAIT)
@@ -116,7 +128,7 @@ class Recording:
 
 
 class DisplaySize:
-    """The size of pictures, smaller while they come late."""
+    """How pictures are drawn: rough and smaller while they come late."""
 
     def __init__(self) -> None:
         self.index, self._late, self._in_time = 0, 0, 0
@@ -127,12 +139,8 @@ class DisplaySize:
         self._late, self._in_time = (self._late + 1, 0) if is_late else (0, self._in_time + 1)
         if self._late >= SLOW and self.index < len(SIZES) - 1:
             self.index, self._late = self.index + 1, 0
-        elif self._in_time >= QUICK and seconds < 0.5 * allowed and self.index:
+        elif self._in_time >= QUICK and seconds < ROOM * allowed and self.index:
             self.index, self._in_time = self.index - 1, 0
-
-    @property
-    def pixels(self) -> tuple[int, int]:
-        return SIZES[self.index]
 
 
 @dataclass(eq=False)
@@ -213,6 +221,15 @@ class Performer:
                 sound.writeframesraw((np.clip(block.T, -1.0, 1.0) * 32767).astype("<i2").tobytes())
         return file.getvalue()
 
+    def rescue(self) -> None:
+        """Save takes of processes that were killed while they recorded, and say so."""
+        try:
+            names = TakeFolder(self.editor.path).rescue()
+            if names:
+                self._note(f"flowsculpt was killed during a recording, which is kept as {', '.join(names)}.")
+        except FlowsculptError as error:
+            self._note(f"A recording that was cut off could not be kept: {error}")
+
     def end(self) -> None:
         """End a recording, as when the server ends; its take is written."""
         if (recording := self.recording) is not None:
@@ -274,7 +291,8 @@ class Performer:
                 self.session.resume()
                 raise
             now = self.clock()
-            self.recording = Recording(performance, frame, float(speed), bool(asked.get("whole")), now, now)
+            journal, whole = TakeJournal(self.editor.path), bool(asked.get("whole"))
+            self.recording = Recording(performance, journal, frame, float(speed), whole, now, now)
             self.words = ""
             threading.Thread(target=self._perform, args=(self.recording,), daemon=True).start()
 
@@ -333,7 +351,11 @@ class Performer:
             self._require_still()
             if name == NO_TAKE:
                 return
-            takes = {each: take for each, take in self._all_takes().items() if take.value_at(where)}
+            takes = {
+                each: take
+                for each, take in TakeFolder(self.editor.path).all(self._takes).items()
+                if take.value_at(where)
+            }
             if not takes or (name and name not in takes):
                 raise UsageError(f"{path_text(where)} has no take {name or 'at all'}")
             taken = takes[name or next(iter(takes))].value_at(where)
@@ -378,17 +400,20 @@ class Performer:
 
     def _simulate(self, recording: Recording) -> None:
         """Simulate each frame once its time has come; where that takes too long, time waits."""
-        performance = recording.performance
+        performance, kept = recording.performance, self.clock()
         try:
             while not recording.ended.is_set():
-                position = recording.position(self.clock() - ARRIVAL)
+                position = recording.position(self.clock() - ARRIVAL / recording.rate)
                 if performance.frame + 1 > position:
                     recording.ended.wait((performance.frame + 1 - position) / recording.rate)
                     continue
                 with self._lock:
                     recording.take_over(self.clock())
                 performance.advance(performance.frame + 1.0)
-                behind = recording.position(self.clock() - ARRIVAL) - performance.frame
+                if self.clock() - kept > EACH_KEPT:
+                    self._keep(recording)
+                    kept = self.clock()
+                behind = recording.position(self.clock() - ARRIVAL / recording.rate) - performance.frame
                 if behind > MOST_BEHIND and performance.frame < performance.last:
                     recording.begun += (behind - MOST_BEHIND) / recording.rate
                     self._note("Too slow for this speed: time waits for the simulation.")
@@ -403,17 +428,18 @@ class Performer:
             heard = recording.count
             recording.take_over(self.clock())
         request = performance.drawn.sketch.request
-        pixels = size_for(request.pictures.aspect, size.pixels)
-        picture, framing = performance.picture(position, pixels)
+        pixels, is_rough = SIZES[size.index]
+        pixels = size_for(request.pictures.aspect, pixels)
+        picture, framing = performance.picture(position, pixels, is_rough)
         recording.drawn += 1
-        words = "Recording" if not size.index else f"Recording; drawn at {pixels[0]} × {pixels[1]} to keep up"
+        high, wide = picture.shape[:2]
+        words = f"Recording; drawn roughly at {wide} × {high} to keep up" if is_rough else "Recording"
         self.session.feed.flash(
             {
                 "event": "live",
                 "frame": int(position),
                 "position": position,
-                "picture": base64.b64encode(jpeg_bytes(picture)).decode(),
-                "camera": camera_data(framing.camera, request.pictures.aspect),
+                **picture_data(picture, framing.camera, request.pictures.aspect),
                 "inputs": heard,
                 "number": recording.drawn,
                 "values": performance.values(),
@@ -426,6 +452,31 @@ class Performer:
             self.words = words
             self.share()
 
+    def _recorded(self, recording: Recording, kept: Mapping[Where, int] | None = None) -> Recorded:
+        """Return what was recorded, but for samples that are kept, so many of each path."""
+        performance, values = recording.performance, []
+        request = performance.drawn.sketch.request
+        for where, curve in performance.curves.items():
+            new = slice((kept or {}).get(where, 0), len(curve.times))  # each row is there before its time
+            values.append(
+                RecordedValue(
+                    where=list(where),
+                    source=self.controls.armed[where].source,
+                    times=curve.times[new],
+                    samples=[list(row) for row in curve.rows[new]],
+                    before=performance.before.get(where),
+                )
+            )
+        fps, speed, whole = float(request.shot.rate.fps), recording.speed, recording.whole
+        return Recorded(shot=request.name, fps=fps, speed=speed, whole=whole, values=values)
+
+    def _keep(self, recording: Recording) -> None:
+        """Keep what was recorded, as this process may be killed."""
+        try:
+            recording.journal.keep(self._recorded(recording, recording.journal.kept))
+        except MachineError as error:
+            self._note(f"{error}. Until the recording ends, its take is in memory alone.")
+
     def _finish(self, recording: Recording) -> None:
         """Write the take, and its keys into the shot file; say what became of it."""
         failed = f"{recording.failed} The recording ended there. " if recording.failed else ""
@@ -433,29 +484,20 @@ class Performer:
         curves = [curve for curve in recording.performance.curves.values() if curve.count]
         for curve in curves:
             curve.close(recording.performance.frame)
-        if not curves:
-            self.words = f"{failed}Nothing armed was moved; a take needs a movement."
-            return
         name = ""
         try:
-            values = []
-            before = recording.performance.before
-            for curve in curves:
-                source = self.controls.armed[curve.where].source
-                rows = [list(row) for row in curve.rows]
-                kept = before.get(curve.where)
-                values.append(performed(curve.where, source, curve.times, rows, kept, recording.whole))
-            request = recording.performance.drawn.sketch.request
-            folder = TakeFolder(self.editor.path)
-            take = Take(
-                shot=request.name, fps=float(request.shot.rate.fps), speed=recording.speed, values=values
-            )
+            take, folder = self._recorded(recording).take(), TakeFolder(self.editor.path)
+            if take is None:
+                recording.journal.end()
+                self.words = f"{failed}Nothing armed was moved; a take needs a movement."
+                return
             name = folder.save(take)
             self._takes[name] = take
+            recording.journal.end()
             with self._lock:
                 shot = self._shot()
-                self._write([edit for value in values for edit in take_edits(shot, value)])
-            keys = sum(len(value.keys) for value in values)
+                self._write([edit for value in take.values for edit in take_edits(shot, value)])
+            keys = sum(len(value.keys) for value in take.values)
             samples = sum(curve.count for curve in curves)
             self.words = f"{failed}Take {name}: {samples} samples, {keys} keys."
         except FlowsculptError as error:
@@ -478,21 +520,9 @@ class Performer:
 
     # Takes
 
-    def _all_takes(self) -> dict[str, Take]:
-        """Return the takes of the shot; each file is read once."""
-        folder = TakeFolder(self.editor.path)
-        names = folder.names()
-        for name in names:
-            if name not in self._takes:
-                try:
-                    self._takes[name] = folder.read(name)
-                except FlowsculptError:
-                    continue
-        return {name: self._takes[name] for name in names if name in self._takes}
-
     def _choices(self) -> list[dict[str, Any]]:
         """Return, for each value with takes, what a list shows, (name, words), and the take that it has."""
-        takes = self._all_takes()
+        takes = TakeFolder(self.editor.path).all(self._takes)
         if not takes:
             return []
         try:

@@ -237,6 +237,7 @@ def _serve(
     session = LiveSession(read, feed, stream, write_movie, {editor.path})
     performer = Performer(editor, session)
     feed.sound, (port, osc) = performer.sound, ports
+    performer.rescue()
     with ExitStack() as stack:
         address = stack.enter_context(serving(feed, port, actions_of(editor, session, performer)))
         stack.callback(performer.end)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import re
 import shutil
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -22,7 +21,14 @@ from flowsculpt.api import ShotError
 from flowsculpt.api.files import ChangedFileError, InputFile, atomic_write
 from flowsculpt.api.shots import WrittenShot, YamlSource, read_shot
 from flowsculpt.pipeline.plugins.preview.settable_values import settable_values
-from flowsculpt.pipeline.plugins.preview.text_edits import ValueEdit, Where, edited, parsed, path_text
+from flowsculpt.pipeline.plugins.preview.text_edits import (
+    ValueEdit,
+    Where,
+    edited,
+    parsed,
+    path_text,
+    with_times,
+)
 from flowsculpt.pipeline.plugins.preview.value_titles import value_title
 
 MOST_STEPS = 200  # edits that can be undone
@@ -34,8 +40,6 @@ MOST_REQUEST_BYTES = 1 << 20
 """Size of the largest request: several times that of the largest shot file, since JSON takes more space."""
 
 PATH_FORM = "the path of an edit is a list of names and numbers"
-
-_NUMBER = re.compile(r"-?\d{1,12}(\.\d{1,12})?")
 
 
 class StaleError(UsageError):
@@ -267,7 +271,7 @@ def _edit_in(item: Any) -> ValueEdit:
         raise UsageError("the kind of an edit is set, remove or rename")
     if kind == "rename" and not _is_step(value):
         raise UsageError(PATH_FORM)
-    return ValueEdit(kind, where_in(where), value if kind == "rename" else _with_times(value))
+    return ValueEdit(kind, where_in(where), value if kind == "rename" else with_times(value))
 
 
 def where_in(steps: Any) -> Where:
@@ -275,19 +279,6 @@ def where_in(steps: Any) -> Where:
     if not isinstance(steps, list) or not 0 < len(steps) <= DEEPEST_PATH or not all(map(_is_step, steps)):
         raise UsageError(PATH_FORM)
     return tuple(steps)
-
-
-def _with_times(value: Any) -> Any:
-    """Return data whose names of numbers are numbers, as times of keys are: JSON has names of text only."""
-    if isinstance(value, dict):
-        return {_number_or_text(name): _with_times(item) for name, item in value.items()}
-    return [_with_times(item) for item in value] if isinstance(value, list) else value
-
-
-def _number_or_text(name: str) -> Any:
-    if not _NUMBER.fullmatch(name):
-        return name
-    return float(name) if "." in name else int(name)
 
 
 def _is_step(step: Any) -> bool:

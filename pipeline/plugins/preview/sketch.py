@@ -47,6 +47,7 @@ class Sketch:
     edges   draw the edges of faces
     closed  True if no surface has a boundary, so that inner sides are never seen
     quick   draw points as coarse balls
+    rough   let outlines show steps, which takes about half the time
     """
 
     request: RenderRequest
@@ -55,6 +56,7 @@ class Sketch:
     burn_in: BurnIn | None = None
     closed: bool = False
     quick: bool = False
+    rough: bool = False
 
     def picture(
         self,
@@ -88,6 +90,7 @@ class Sketch:
             has_edges=self.edges,
             lines=lines,
             line_width=LINE,
+            is_rough=self.rough,
         )
         return pixels if self.burn_in is None else self.burn_in.over(pixels, self._facts(number))
 

@@ -12,7 +12,7 @@ from flowsculpt.api.meshes import Floats
 from flowsculpt.pipeline.plugins.preview.curve_fitting import FittedCurve, FittedKey, fit
 from flowsculpt.pipeline.plugins.preview.performed_takes import FileKey, PerformedValue, file_keys
 from flowsculpt.pipeline.plugins.preview.settable_values import SettableShot, SettableValue
-from flowsculpt.pipeline.plugins.preview.text_edits import KeySpan, ValueEdit, Where, path_text
+from flowsculpt.pipeline.plugins.preview.text_edits import KeySpan, ValueEdit, Where, path_text, with_times
 
 EXACT = 1e-4  # distance of what is fitted to a curve of the file, over the range of that curve
 
@@ -53,7 +53,7 @@ def restoring_edits(shot: SettableShot, taken: PerformedValue) -> list[ValueEdit
     where = tuple(taken.where)
     if taken.before is None:
         return [ValueEdit("remove", where)] if any(each.where == where for each in shot.values) else []
-    before = _with_numbers(taken.before)
+    before = with_times(taken.before)
     value = next((each for each in shot.values if each.where == where), None)
     if isinstance(before, dict) and "keys" in before and value and value.curve and value.curve.keys:
         return [ValueEdit("keys", (*where, "keys"), _all_keys(before["keys"]))]
@@ -76,21 +76,6 @@ def is_chosen(value: SettableValue, taken: PerformedValue) -> bool:
 
 def _is_same(held: Any, key: FileKey) -> bool:
     return isinstance(held, dict) and held.get("value") == key.value
-
-
-def _with_numbers(data: Any) -> Any:
-    """Return data out of JSON with times of keys as numbers again."""
-    if isinstance(data, dict):
-        return {_number(name): _with_numbers(item) for name, item in data.items()}
-    return data
-
-
-def _number(name: str) -> Any:
-    try:
-        number = float(name)
-    except ValueError:
-        return name
-    return int(number) if number.is_integer() else number
 
 
 def _named(keys: list[Key]) -> dict[Any, Any]:

@@ -136,6 +136,22 @@ def path_text(where: Where) -> str:
     return ".".join(map(str, where))
 
 
+_NUMBER = re.compile(r"-?\d{1,12}(\.\d{1,12})?")
+
+
+def with_times(value: Any) -> Any:
+    """Return data whose names of numbers are numbers, as times of keys are: JSON has names of text only."""
+    if isinstance(value, dict):
+        return {_number_or_text(name): with_times(item) for name, item in value.items()}
+    return [with_times(item) for item in value] if isinstance(value, list) else value
+
+
+def _number_or_text(name: str) -> Any:
+    if not _NUMBER.fullmatch(name):
+        return name
+    return float(name) if "." in name else int(name)
+
+
 TimeOf = Callable[[Any], float | None]
 """Returns the time of a key in seconds; None for what is not a time."""
 

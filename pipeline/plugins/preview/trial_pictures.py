@@ -9,7 +9,6 @@ smoothing change is hardly seen, so for an edit of these the frame is drawn as i
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from enum import IntEnum
@@ -24,10 +23,10 @@ from flowsculpt import TriangleMesh, UsageError, vertex_normals
 from flowsculpt.api.frames import Framer, Framing, MeshAngle, MeshFrame, RenderRequest, Shading, animate
 from flowsculpt.api.materials import Surface
 from flowsculpt.api.meshes import Floats
-from flowsculpt.api.pictures import Camera, jpeg_bytes
+from flowsculpt.api.pictures import Camera
 from flowsculpt.api.shots import Motion, Solid
 from flowsculpt.pipeline.plugins.preview.animatic import size_for
-from flowsculpt.pipeline.plugins.preview.live_session import Drawn, LiveSession, camera_data
+from flowsculpt.pipeline.plugins.preview.live_session import Drawn, LiveSession, picture_data
 from flowsculpt.pipeline.plugins.preview.shot_editor import ShotEditor
 from flowsculpt.pipeline.plugins.preview.text_edits import ValueEdit, Where
 
@@ -261,11 +260,8 @@ class TrialPictures:
                 framing = self._framing(drawn, request, number)
         sketch = replace(drawn.sketch, request=request, flow=False, burn_in=None, quick=True)
         picture = sketch.picture(number, surfaces, framing, size_for(request.pictures.aspect, SIZE), "srgb")
-        return {
-            "picture": base64.b64encode(jpeg_bytes(picture)).decode(),
-            "camera": camera_data(framing.camera, request.pictures.aspect),
-            "words": WORDS[max(changes)],
-        }
+        shown = picture_data(picture, framing.camera, request.pictures.aspect)
+        return {**shown, "words": WORDS[max(changes)]}
 
     def prepare(self, where: Where, number: int) -> None:
         """Prepare the first picture of a drag: the page asks when the pointer goes down on a value."""

@@ -12,14 +12,16 @@ import struct
 import time
 import urllib.error
 import urllib.request
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import pytest
 
-from flowsculpt.pipeline.errors import MachineError
+from flowsculpt.pipeline.errors import MachineError, UsageError
 from flowsculpt.pipeline.plugins.preview import live_server
 from flowsculpt.pipeline.plugins.preview.live_server import serving
 from flowsculpt.pipeline.plugins.preview.live_session import LiveFeed
+from flowsculpt.pipeline.plugins.preview.page_socket import answer_to
 
 PATIENCE = 60.0
 
@@ -206,6 +208,59 @@ def test_pictures_of_the_last_take_stay_until_the_next_but_one() -> None:
         feed.begin("A", 1, 2, 24.0, (8, 4))
         feed.show(request, 1, bytes([request]))
     assert [feed.picture(request, 1) for request in (1, 2, 3)] == [None, b"\x02", b"\x03"]
+
+
+def test_what_a_page_sends_over_its_open_connection_is_done_and_refusals_are_answered() -> None:
+    heard: list[int] = []
+
+    def act(asked: Mapping[str, Any]) -> dict[str, Any]:
+        if asked["text"] == "no":
+            raise UsageError("no is no text")
+        heard.append(len(asked["text"]))
+        return {}
+
+    with serving(LiveFeed(), 0, {"perform": act}) as address:
+        origin = address.rsplit("/", 2)[0]
+        with opened(address, origin) as page:
+            assert b" 101 " in page.recv(1000)
+            for length in (1, 200, 70_000):
+                page.sendall(masked(json.dumps({"text": "a" * length}).encode()))
+            first, rest = b'{"text":', b'"parts"}'
+            page.sendall(masked(first, head=0x01) + masked(b"", head=0x89) + masked(rest, head=0x80))
+            page.sendall(masked(b'{"text": "no"}'))
+            assert page.recv(1000) == b"\x81\x0dno is no text"
+            assert heard == [1, 200, 70_000, 5]
+            page.sendall(b"\x81\x02{}")  # only a browser masks what it sends
+            assert page.recv(1000) == b""
+        with opened(address, "http://evil.example") as other:
+            assert b" 403 " in other.recv(1000)
+    with serving(LiveFeed()) as address, opened(address, address.rsplit("/", 2)[0]) as page:
+        assert b" 404 " in page.recv(1000), "a page that cannot perform has no such connection"
+
+
+@contextlib.contextmanager
+def opened(address: str, origin: str) -> Iterator[socket.socket]:
+    """Ask for a connection over which a page sends messages."""
+    with connected(address) as client:
+        head = f"GET /{address.split('/', 3)[3]}inputs HTTP/1.1\r\nHost: 127.0.0.1:{port_of(address)}\r\n"
+        head += (
+            f"Origin: {origin}\r\nUpgrade: websocket\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n"
+        )
+        client.sendall(head.encode())
+        yield client
+
+
+def masked(content: bytes, head: int = 0x81) -> bytes:
+    """Return a frame as a browser sends it. head: the first byte, by default that of a whole text"""
+    size = len(content)
+    length = bytes([0x80 | size]) if size <= 125 else bytes([0x80 | 127]) + size.to_bytes(8)
+    length = bytes([0x80 | 126]) + size.to_bytes(2) if 125 < size < 1 << 16 else length
+    mask = b"\x12\x34\x56\x78"
+    return bytes([head]) + length + mask + bytes(byte ^ mask[i % 4] for i, byte in enumerate(content))
+
+
+def test_the_answer_to_a_key_is_that_of_the_standard() -> None:
+    assert answer_to("dGhlIHNhbXBsZSBub25jZQ==") == "s3pPLMBiTxaQ9kYGzzhZRbK+xOo=", "RFC 6455, 1.3"
 
 
 def fetched(address: str) -> bytes:

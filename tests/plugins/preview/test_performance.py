@@ -23,7 +23,7 @@ from flowsculpt.pipeline.mesh import TriangleMesh
 from flowsculpt.pipeline.plugins.preview.live_session import READY
 from flowsculpt.pipeline.plugins.preview.performance import LiveCurve, Performance
 from flowsculpt.pipeline.plugins.preview.performed_takes import TakeFolder, performed
-from flowsculpt.pipeline.plugins.preview.performer import Performer
+from flowsculpt.pipeline.plugins.preview.performer import SIZES, DisplaySize, Performer
 from flowsculpt.pipeline.plugins.preview.settable_values import settable_values
 from flowsculpt.pipeline.plugins.preview.shot_editor import ShotEditor, digest_of
 from flowsculpt.pipeline.plugins.preview.take_edits import take_edits
@@ -136,6 +136,27 @@ def test_a_minute_of_three_values_is_kept_fitted_and_simulated_again_as_it_was_s
         assert apart.max() <= 0.1 * EDGE, f"frame {number}"
 
 
+def test_a_rough_picture_is_as_large_and_shows_the_same(follower: Follower) -> None:
+    drawn = follower.session.drawn(2)
+    assert drawn is not None
+    performance = Performance(follower.session, drawn, 2, [STRENGTH])
+    fine, rough = (performance.picture(2.0, (160, 90), is_rough)[0].astype(int) for is_rough in (False, True))
+    assert rough.shape == fine.shape == (90, 160, 3)
+    apart = np.abs(rough - fine).max(axis=2)
+    assert np.median(apart) <= 2 and (apart > 40).mean() < 0.02, "only outlines differ"
+    assert (apart > 0).any(), "subsamples are not averaged"
+
+
+def test_pictures_that_come_late_are_rough_before_they_are_smaller_and_are_fine_again_later() -> None:
+    display = DisplaySize()
+    seen = []
+    for seconds in [1.0] * 40 + [0.0] * 400:
+        display.note(seconds, 0.1)
+        if SIZES[display.index] not in seen[-1:]:
+            seen.append(SIZES[display.index])
+    assert seen == [*SIZES, *SIZES[-2::-1]] and SIZES[1] == (SIZES[0][0], True)
+
+
 def with_request(drawn: Any, request: Any) -> Any:
     """Return a picture of the same frame of a longer shot."""
     return replace(drawn, sketch=replace(drawn.sketch, request=request))
@@ -197,7 +218,7 @@ def test_a_second_take_of_another_value_leaves_the_first_one_and_each_value_choo
     assert by_where[AMOUNT]["takes"][1:] == [("T010_tiny.2", "take 2")]
     performer.act({"do": "choose", "where": list(STRENGTH), "take": "T010_tiny.1"})
     read = settable_values(follower.shot, follower.shot.read_text())
-    assert read.curves[STRENGTH].at(10 / 24)[0] == pytest.approx(1.0)
+    assert read.curves[STRENGTH].at(10 / 24)[0] == pytest.approx(1.0, abs=0.01)
     assert read.curves[AMOUNT].at(10 / 24)[0] == pytest.approx(9.0, abs=0.1)
 
 
@@ -223,6 +244,25 @@ def test_a_recording_ends_whole_when_no_page_is_heard(
     recorded(performer, value_input(STRENGTH, 0.7), speed=0.25)
     assert performer.recording is None and performer.words.startswith("Take T010_tiny.1: 1 samples")
     assert sorted(path.name for path in (follower.shot.parent / "takes").iterdir()) == ["T010_tiny.1.json"]
+
+
+def test_samples_are_on_the_disk_while_the_recording_is_under_way(
+    follower: Follower, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("flowsculpt.pipeline.plugins.preview.performer.EACH_KEPT", 0.0)
+    performer = Performer(ShotEditor(follower.shot), follower.session)
+    performer.act({"do": "arm", "where": list(STRENGTH)})
+    performer.act({"do": "record", "frame": 2, "speed": 0.25})
+    performer.act({"do": "play", **value_input(STRENGTH, 0.7)})
+    takes = follower.shot.parent / "takes"
+    while not (kept := list(takes.glob("T010_tiny.recording.*/000001.json"))):
+        assert performer.recording is not None
+        time.sleep(0.02)
+    assert '"samples":[[0.3],[0.7]]' in kept[0].read_text()
+    performer.rescue()
+    assert not performer.words, "its process is alive"
+    performer.act({"do": "stop"})
+    assert [path.name for path in takes.iterdir()] == ["T010_tiny.1.json"]
 
 
 def test_a_take_of_a_shot_that_was_deleted_meanwhile_is_kept(follower: Follower) -> None:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import json
 import re
+import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +15,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flowsculpt.pipeline.errors import FlowsculptError, ShotError, UsageError
-from flowsculpt.pipeline.plugins.preview.performed_takes import PerformedValue, Take, TakeFolder, performed
+from flowsculpt.pipeline.plugins.preview.performed_takes import (
+    PerformedValue,
+    Recorded,
+    RecordedValue,
+    Take,
+    TakeFolder,
+    TakeJournal,
+    performed,
+)
 from flowsculpt.pipeline.plugins.preview.settable_values import settable_values
 from flowsculpt.pipeline.plugins.preview.shot_editor import ShotEditor, digest_of
 from flowsculpt.pipeline.plugins.preview.take_edits import is_chosen, restoring_edits, take_edits
@@ -192,7 +203,7 @@ def test_a_damaged_take_is_one_message_and_hides_no_other(shot: Path, content: s
     (folder.path / "A010_cube.2.json").write_text(content)
     with pytest.raises(FlowsculptError, match=r"A010_cube\.2\.json: .*"):
         folder.read("A010_cube.2")
-    assert list(folder.all()) == [name]
+    assert list(folder.all({})) == [name]
     with pytest.raises(UsageError, match="is not the name of a take"):
         folder.read("../A010_cube")
 
@@ -207,3 +218,50 @@ def test_times_and_samples_of_a_take_must_agree(shot: Path) -> None:
         path.write_text(json.dumps({**data, "values": values}))
         with pytest.raises(UsageError, match=r"values\.0"):
             folder.read(name)
+
+
+def test_what_a_killed_process_has_recorded_is_saved_as_a_take_at_the_next_start(tmp_path: Path) -> None:
+    shot = tmp_path / "A.yaml"
+    script = f"""
+import os, signal
+from pathlib import Path
+from flowsculpt.pipeline.plugins.preview.performed_takes import Recorded, RecordedValue, TakeJournal
+journal = TakeJournal(Path({str(shot)!r}))
+for second in range(3):
+    times = [24.0 * second + i for i in range(24)]
+    moved = RecordedValue(where=["a"], source="touch", times=times, samples=[[t] for t in times], before=2)
+    still = RecordedValue(where=["b"], source="touch", times=[], samples=[])
+    journal.keep(Recorded(shot="A", fps=24, speed=0.5, whole=True, values=[moved, still]))
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+    killed = subprocess.run([sys.executable, "-c", script], check=False)
+    assert killed.returncode == -signal.SIGKILL
+    folder = TakeFolder(shot)
+    under_way = TakeJournal(shot)
+    mine = RecordedValue(where=["a"], source="touch", times=[1.0], samples=[[1.0]])
+    under_way.keep(Recorded(shot="A", fps=24, speed=1, whole=True, values=[mine]))
+    assert folder.rescue() == ["A.1"] and folder.rescue() == []
+    take = folder.read("A.1")
+    value = take.value_at(["a"])
+    assert value is not None and take.speed == 0.5 and take.value_at(["b"]) is None
+    assert value.times == list(range(72)) and value.before == 2 and len(value.keys) == 2
+    assert len(list((tmp_path / "takes").iterdir())) == 2, "what this process records stays"
+    under_way.end()
+    assert [path.name for path in (tmp_path / "takes").iterdir()] == ["A.1.json"]
+
+
+def test_of_a_damaged_recording_all_before_the_damage_is_saved(tmp_path: Path) -> None:
+    folder = tmp_path / "takes/A.recording.nobody"
+    folder.mkdir(parents=True)
+    value = RecordedValue(where=["a"], source="touch", times=[1.0, 2.0], samples=[[0.0], [3.0]])
+    text = Recorded(shot="A", fps=24, speed=1, whole=False, values=[value]).model_dump_json()
+    (folder / "000001.json").write_text(text)
+    (folder / "000002.json").write_text(text[:40])
+    strange = folder.with_name("A.recording.stranger")
+    strange.mkdir()
+    for number, time in enumerate((5.0, 1.0)):  # times that go back
+        other = value.model_copy(update={"times": [time, time + 1]})
+        second = Recorded(shot="A", fps=24, speed=1, whole=False, values=[other])
+        (strange / f"{number}.json").write_text(second.model_dump_json())
+    assert TakeFolder(tmp_path / "A.yaml").rescue() == ["A.1"]
+    assert strange.is_dir() and not folder.exists(), "what makes no take is not thrown away"

@@ -90,7 +90,8 @@ class CameraDrag {
   constructor(page, picture) {
     Object.assign(this, { page, wheeled: null });
     editable(page, picture, ["camera"], {
-      edits: (event, begun) => this.turned(event.clientX - begun.clientX, event.clientY - begun.clientY),
+      start: () => { this.from = this.view; }, // while it is performed, the camera of the shot moves on
+      edits: (event, begun) => this.turned(event.clientX - begun.clientX, event.clientY - begun.clientY, this.from),
       keyed: (right, down, many) => this.turned(10 * many * right, 10 * many * down),
       gesture: () => "camera",
       many: 3,
@@ -104,18 +105,24 @@ class CameraDrag {
     return this.page.shot.get(where) ?? { where, form: "number", value: otherwise, curve: null };
   }
 
-  /** The edits that orbit the camera by a drag of so many pixels. */
-  turned(dx, dy) {
+  /** Where the camera is now: its position, azimuth and elevation. */
+  get view() {
+    const { shot, film } = this.page, position = shot.get(["camera", "position"]);
+    return [position, this.#value("azimuth", -30), this.#value("elevation", 14)].map((value) => value && shot.at(value, film.at));
+  }
+
+  /** The edits that orbit the camera by a drag of so many pixels, from where it was. */
+  turned(dx, dy, [place, turn, height] = this.view) {
     const { shot, film, projection } = this.page, position = shot.get(["camera", "position"]);
     if (!shot.state || !projection) return [];
     if (position) {
-      const view = { position: shot.at(position, film.at), target: projection.camera.target, up: [0, 1, 0] };
+      const view = { position: place, target: projection.camera.target, up: [0, 1, 0] };
       return shot.change(position, turnedView(view, dx, dy).position.map((part) => rounded(part, 0.01)), film.at);
     }
     const azimuth = this.#value("azimuth", -30), elevation = this.#value("elevation", 14);
     const formula = [azimuth, elevation].find((value) => value.curve && value.curve.formula !== null);
     if (formula) this.page.note(formulaNote(formula));
-    const around = shot.at(azimuth, film.at) - TURN * DEGREES * dx, up = clamp(shot.at(elevation, film.at) + TURN * DEGREES * dy, -89, 89);
+    const around = turn - TURN * DEGREES * dx, up = clamp(height + TURN * DEGREES * dy, -89, 89);
     return [
       ...(dx ? shot.change(azimuth, rounded(around, 1), film.at) : []),
       ...(dy ? shot.change(elevation, rounded(up, 1), film.at) : []),

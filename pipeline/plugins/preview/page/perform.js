@@ -3,17 +3,19 @@
 
 const HEARTBEAT = 500; // ms after which the server hears of the page while it records
 const DRIFT = 0.15; // seconds by which sound and picture may differ
+const MOVES = "onpointerrawupdate" in window ? "pointerrawupdate" : "pointermove"; // at once, or once a frame of the display
 
 class Perform {
   constructor(page) {
     Object.assign(this, { page, state: { armed: [], takes: [], controls: [], recording: false, words: "" }, speed: 1, whole: true });
-    Object.assign(this, { number: 0, live: new Map(), waiting: [], isSending: false, pads: new Map(), sound: new ShotSound() });
+    Object.assign(this, { number: 0, live: new Map(), waiting: [], pads: new Map(), sound: new ShotSound() });
     this.element = make("details", { open: true, data: { group: "perform" } });
     const record = buttonOf("", "Record what moves the armed values (R)", () => this.record(), {
       id: "record", className: "record", textContent: () => (this.isRecording ? "Stop" : "Record"), ariaPressed: () => this.isRecording,
     });
     id("perform").append(record, listOf("Speed of recording", [[1, "1×"], [0.5, "½×"], [0.25, "¼×"]], (speed) => { this.speed = +speed; }));
-    for (const name of ["pointerdown", "pointermove"]) id("viewer").addEventListener(name, (event) => this.#point(event), true);
+    for (const name of ["pointerdown", MOVES]) id("viewer").addEventListener(name, (event) => this.#point(event), true);
+    for (const name of [MOVES, "pointermove"]) addEventListener(name, (event) => this.#passOn(event), true);
     setInterval(() => { if (this.isRecording) this.#send(true); }, HEARTBEAT);
     this.draw();
   }
@@ -24,7 +26,7 @@ class Perform {
   async #ask(what, more = {}) {
     try {
       await ask("perform", { do: what, ...more });
-      if (what !== "play") this.page.refused("");
+      this.page.refused("");
     } catch (error) {
       if (!(error instanceof RefusedError)) throw error;
       this.page.refused(error.message);
@@ -68,22 +70,24 @@ class Perform {
     this.page.shot.refresh();
   }
 
-  /** A picture of the performance came; of several until the display is drawn, the latest is shown. */
+  /** A picture of the performance came. All else is drawn once a frame of the display, for the latest of several. */
   heard(message) {
+    if (!this.isRecording) return;
     if (!this.latest) requestAnimationFrame(() => this.show(this.latest));
     this.latest = message;
+    this.number = message.number;
+    this.#send(true); // the server waits for the page, so that pictures do not queue up
+    message.source = `data:image/jpeg;base64,${message.picture}`;
+    id("picture").src = message.source; // at once: it is decoded before the next frame of the display
   }
 
-  show({ frame, position, picture, camera, words, values, number }) {
+  show({ frame, position, source, camera, words, values }) {
     const { film } = this.page;
     this.latest = null;
     if (!this.isRecording) return;
-    this.number = number;
-    this.#send(true); // the server waits for the page, so that pictures do not queue up
     for (const [where, row] of values) this.live.set(nameOf(where), row.length > 1 ? row : row[0]);
-    film.trial = { source: `data:image/jpeg;base64,${picture}`, camera, words, isDragged: true, frame };
-    if (film.at === frame) id("picture").src = film.trial.source; // all else is drawn once a frame
-    else film.transport.go(frame);
+    film.trial = { source, camera, words, isDragged: true, frame };
+    if (film.at !== frame) film.transport.go(frame);
     this.sound.play((position - film.take.first) / film.take.fps, this.state.fps / film.take.fps);
   }
 
@@ -94,7 +98,7 @@ class Perform {
       const end = where.indexOf("keys"), path = end < 0 ? where : where.slice(0, end);
       if (this.isArmed(path)) {
         this.live.set(nameOf(path), value);
-        this.#hear(performance.now(), "value", path, value);
+        this.#hear(this.movedAt ?? performance.now(), "value", path, value);
       } else this.page.note(`${nameOf(path)} is not armed, so it is not recorded.`);
     }
   }
@@ -104,17 +108,25 @@ class Perform {
     this.#send();
   }
 
-  /** Send what was heard; one request is under way at a time, and takes all that has come meanwhile. */
-  async #send(always = false) {
-    this.isDue ||= always;
-    if (this.isSending) return;
-    this.isSending = true;
-    while (this.isDue || this.waiting.length) {
-      this.isDue = false;
-      const inputs = this.waiting.splice(0, 1000), now = performance.now();
-      await this.#ask("play", { shown: this.number, inputs: inputs.map(([time, ...input]) => [now - time, ...input]) });
+  /** Send what was heard, by a connection that stays open: a request for each movement would keep the page busy. */
+  #send(always = false) {
+    this.socket ??= Object.assign(new WebSocket(new URL("inputs", location.href.replace("http", "ws"))), {
+      onopen: () => this.#send(), onmessage: ({ data }) => this.page.refused(data), onclose: () => { this.socket = null; },
+    });
+    if (this.socket.readyState !== WebSocket.OPEN) return; // what waits is sent once it is open
+    for (let first = always; first || this.waiting.length; first = false) {
+      const now = performance.now(), inputs = this.waiting.splice(0, 1000).map(([time, ...input]) => [now - time, ...input]);
+      this.socket.send(JSON.stringify({ do: "play", shown: this.number, inputs }));
     }
-    this.isSending = false;
+  }
+
+  /** Let what is dragged follow the pointer at once: browsers tell of its moves once a frame of the display. */
+  #passOn(event) {
+    if (!this.isRecording || !event.isTrusted || MOVES === "pointermove") return;
+    if (event.type === "pointermove") return event.stopImmediatePropagation(); // it was passed on before
+    this.movedAt = event.timeStamp;
+    event.target.dispatchEvent(new PointerEvent("pointermove", event));
+    this.movedAt = null;
   }
 
   #isBound(start) { return this.state.armed.some(({ parts }) => parts.some(({ control }) => control.startsWith(start) || control === "learn")); }
