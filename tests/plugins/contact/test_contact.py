@@ -133,7 +133,7 @@ def test_a_frame_is_the_squash_of_the_subject_without_a_floor(tmp_path):
     kept = shot_of(tmp_path, f"{flows}\n  - contact: {{floor: -1.2}}", "off")
     for frame, vertices in zip(animate(kept), free, strict=True):
         time = kept.motion.clock.time(frame.number)
-        squash = kept.motion.flow.members[0].squash(time)
+        squash = kept.motion.flow.members[0].meetings_at(time)[0].map
         assert np.abs(squash.apply(vertices) - frame.mesh.vertices).max() < 1e-9
         assert vertices[:, 1].min() >= lowest_of(squash) - 0.02 or vertices[:, 1].min() >= -1.2
 
