@@ -71,10 +71,12 @@ class Meeting(NamedTuple):
     """How a subject meets a floor or another subject at a time.
 
     with_what  in words
+    floor      its height, units; of another subject 0, or how deep in it the subject begins, below 0
     gap        height of the subject's lowest point above it if nothing gave way, units; below 0 where pressed
     """
 
     with_what: str
+    floor: float
     gap: float
     map: Squash | Press
 
@@ -141,24 +143,29 @@ class InContact(Sequence):
             lowest, spreads = float(points[:, 1].min()), self.contact.keep_volume
             axis = float(middle[0]), float(middle[2])
             squash = Squash.of(floor, softness, self.earlier.margin, lowest, axis, spreads)
-            yield Meeting("the floor", lowest - floor, squash)
+            yield Meeting("the floor", floor, lowest - floor, squash)
 
     def _meet_other(self, obstacle: Obstacle, points: Floats, time: float, softness: float) -> Meeting:
         """Return how the subject, with points (N, 3), meets another one. Raises FrameError as `_meet`."""
         axes, margin = obstacle.axes(self.earlier.points(0.0)), self.earlier.margin
         heights = obstacle.heights(time, axes, 1.0 / softness)
         seen = points @ axes.T
-        gap = float((seen[:, 1] - heights.at(seen)).min())
+        above = seen[:, 1] - heights.at(seen)
+        gap = float(above.min())
         if time == 0.0 and gap < -SUNK * self.earlier.height:
             raise FrameError(
                 f"the subject begins {-gap:.4g} units within {obstacle.name}, as seen along "
                 f"{[round(float(x), 3) for x in axes[1]]}. Place it farther away, or write side: the "
                 "direction in which it gives way."
             )
-        sunk = min(0.0, self.meetings_at(0.0)[self.obstacles.index(obstacle)].gap) if time else min(0.0, gap)
-        a, _, b = _middle(seen)
-        squash = Squash.of(sunk, softness, margin, gap, (float(a), float(b)), self.contact.keep_volume)
-        return Meeting(obstacle.name, gap - sunk if time else max(0.0, gap), Press(axes, heights, squash))
+        number = self.obstacles.index(obstacle)
+        sunk = min(0.0, gap) if time == 0.0 else self.meetings_at(0.0)[number].floor
+        # near the deepest point, which then stays where it is seen from the side
+        weights = np.maximum(0.0, gap + 0.5 * softness - above) ** 2
+        a, b = (float(weights @ seen[:, k] / weights.sum()) for k in (0, 2))
+        squash = Squash.of(sunk, softness, margin, gap, (a, b), self.contact.keep_volume)
+        press = Press(axes, heights, squash, float(seen[:, 1].min()), softness)
+        return Meeting(obstacle.name, sunk, gap - sunk, press)
 
     def floor(self, time: float) -> float:
         """Return the height of the floor, units."""
@@ -173,8 +180,8 @@ class InContact(Sequence):
             gaps, name = [meeting.gap for meeting in meetings], meetings[0].with_what
             least, most = (1000.0 * gap / self.earlier.height for gap in (min(gaps), max(gaps)))
             yield (
-                f"contact: the lowest point rises up to {max(most, 0.0):.0f} thousandths of the subject's "
-                f"height above {name}, and is pressed by up to {max(-least, 0.0):.0f}",
+                f"contact: the lowest point rises up to {max(0.0, most):.0f} thousandths of the subject's "
+                f"height above {name}, and is pressed by up to {max(0.0, -least):.0f}",
                 False,
             )
             if least > FLOATING:

@@ -21,6 +21,10 @@ NODES    their values, row by row: weights of cubic B-splines
 """
 
 
+LEAN = {"_nrt": False, "error_model": "numpy", "forceinline": True}
+"""Options for small kernels that allocate nothing: counting references would take longer than they do."""
+
+
 @kernel("void(f8[:, ::1], i4[:, ::1], f8, f8, f8, f8[:, ::1])")
 def raise_to_faces(
     points: Floats, faces: Indices, first_a: float, first_b: float, cell: float, heights: Floats
@@ -90,43 +94,43 @@ def round_off(heights: Floats, fall: float) -> None:
                     heights[i, k] = value
 
 
-@kernel("f8(f8[::1], f8, f8)")
-def height_at(m: Floats, a: float, b: float) -> float:
-    """Return the height at a place; outside of the nodes it goes on smoothly, falling by a parabola."""
-    columns, rows = int(m[COLUMNS]), int(m[ROWS])
-    cell = m[CELL]
-    x, y = (a - m[FIRST]) / cell, (b - m[FIRST + 1]) / cell
-    inner_x, inner_y = min(max(x, 1.0), columns - 2.0), min(max(y, 1.0), rows - 2.0)
-    i, j = min(int(inner_x), columns - 3), min(int(inner_y), rows - 3)
+@kernel("f8(f8[::1], i8, f8, f8)", **LEAN)
+def height_at(m: Floats, begin: int, a: float, b: float) -> float:
+    """Return the height at a place, of numbers from `begin` on; outside of the nodes a parabola goes on."""
+    columns = int(m[begin + COLUMNS])
+    x, y = (a - m[begin + FIRST]) / m[begin + CELL], (b - m[begin + FIRST + 1]) / m[begin + CELL]
+    inner_x, inner_y = min(max(x, 1.0), columns - 2.0), min(max(y, 1.0), m[begin + ROWS] - 2.0)
+    i, j = min(int(inner_x), columns - 3), min(int(inner_y), int(m[begin + ROWS]) - 3)
     s, t = inner_x - i, inner_y - j
-    s0, s3 = (1.0 - s) ** 3, s * s * s
-    s1, s2 = 4.0 - 3.0 * s * s * (2.0 - s), 4.0 - 3.0 * (1.0 - s) * (1.0 - s) * (1.0 + s)
-    t0, t3 = (1.0 - t) ** 3, t * t * t
-    t1, t2 = 4.0 - 3.0 * t * t * (2.0 - t), 4.0 - 3.0 * (1.0 - t) * (1.0 - t) * (1.0 + t)
-    first = NODES + (j - 1) * columns + i - 1
-    total = 0.0
-    for row in range(4):
-        o = first + row * columns
-        share = t0 if row == 0 else t1 if row == 1 else t2 if row == 2 else t3
-        total += share * (s0 * m[o] + s1 * m[o + 1] + s2 * m[o + 2] + s3 * m[o + 3])
-    total /= 36.0
-    if x == inner_x and y == inner_y:
-        return total
-    along_x = along_y = 0.0
-    g0, g1, g2, g3 = -((1.0 - s) ** 2), s * (3.0 * s - 4.0), 1.0 + s * (2.0 - 3.0 * s), s * s
-    h0, h1, h2, h3 = -((1.0 - t) ** 2), t * (3.0 * t - 4.0), 1.0 + t * (2.0 - 3.0 * t), t * t
-    for row in range(4):
-        o = first + row * columns
-        share = t0 if row == 0 else t1 if row == 1 else t2 if row == 2 else t3
-        slope = h0 if row == 0 else h1 if row == 1 else h2 if row == 2 else h3
-        along_x += share * (g0 * m[o] + g1 * m[o + 1] + g2 * m[o + 2] + g3 * m[o + 3]) / 12.0
-        along_y += slope * (s0 * m[o] + s1 * m[o + 1] + s2 * m[o + 2] + s3 * m[o + 3]) / 12.0
+    u, v = 1.0 - s, 1.0 - t
+    s0, s1, s2, s3 = u * u * u, 4.0 - 3.0 * s * s * (1.0 + u), 4.0 - 3.0 * u * u * (1.0 + s), s * s * s
+    t0, t1, t2, t3 = v * v * v, 4.0 - 3.0 * t * t * (1.0 + v), 4.0 - 3.0 * v * v * (1.0 + t), t * t * t
+    o = begin + NODES + (j - 1) * columns + i - 1
+    p, q, r = o + columns, o + 2 * columns, o + 3 * columns
+    row0 = s0 * m[o] + s1 * m[o + 1] + s2 * m[o + 2] + s3 * m[o + 3]
+    row1 = s0 * m[p] + s1 * m[p + 1] + s2 * m[p + 2] + s3 * m[p + 3]
+    row2 = s0 * m[q] + s1 * m[q + 1] + s2 * m[q + 2] + s3 * m[q + 3]
+    row3 = s0 * m[r] + s1 * m[r + 1] + s2 * m[r + 2] + s3 * m[r + 3]
+    height = (t0 * row0 + t1 * row1 + t2 * row2 + t3 * row3) / 36.0
     dx, dy = x - inner_x, y - inner_y
-    return total + along_x * dx + along_y * dy - m[FALL] * cell * cell * (dx * dx + dy * dy)
+    if dx == 0.0 and dy == 0.0:
+        return height
+    height -= m[begin + FALL] * m[begin + CELL] * m[begin + CELL] * (dx * dx + dy * dy)
+    if dx != 0.0:  # slopes along a, of rows
+        s0, s1, s2, s3 = -u * u, s * (3.0 * s - 4.0), 1.0 + s * (2.0 - 3.0 * s), s * s
+        row = t0 * (s0 * m[o] + s1 * m[o + 1] + s2 * m[o + 2] + s3 * m[o + 3])
+        row += t1 * (s0 * m[p] + s1 * m[p + 1] + s2 * m[p + 2] + s3 * m[p + 3])
+        row += t2 * (s0 * m[q] + s1 * m[q + 1] + s2 * m[q + 2] + s3 * m[q + 3])
+        row += t3 * (s0 * m[r] + s1 * m[r + 1] + s2 * m[r + 2] + s3 * m[r + 3])
+        height += dx * row / 12.0
+    if dy != 0.0:
+        t0, t1, t2, t3 = -v * v, t * (3.0 * t - 4.0), 1.0 + t * (2.0 - 3.0 * t), t * t
+        height += dy * (t0 * row0 + t1 * row1 + t2 * row2 + t3 * row3) / 12.0
+    return height
 
 
 @kernel("void(f8[::1], f8[:, ::1], f8[::1])")
 def heights_at(m: Floats, points: Floats, heights: Floats) -> None:
     """Write the heights (N,) under points (N, 3): a, up and b."""
     for i in range(len(points)):
-        heights[i] = height_at(m, points[i, 0], points[i, 2])
+        heights[i] = height_at(m, 0, points[i, 0], points[i, 2])

@@ -95,11 +95,15 @@ class Press:
     axes     (3, 3) rows a, up and b, orthonormal
     heights  of the other subject
     squash   its floor is at 0
+    lowest   the height of the lowest point; `softness` below it, the heights level out, which bounds slopes
+    softness  of the subject, units
     """
 
     axes: Floats
     heights: Heights
     squash: Squash
+    lowest: float
+    softness: float
 
     def apply(self, points: Floats) -> Floats:
         """Return points (N, 3) after the map: a new array."""
@@ -118,8 +122,10 @@ class Press:
 
     @cached_property
     def _numbers(self) -> Floats:
-        """The numbers that the compiled function reads: see SQUASH in its module."""
-        return np.concatenate([self.squash.numbers(undoes=False), self.axes.ravel(), self.heights.numbers])
+        """The numbers that the compiled function reads: see LEVEL in its module."""
+        level = [self.lowest - self.softness, self.softness]
+        squash = self.squash.numbers(undoes=False)
+        return np.concatenate([squash, self.axes.ravel(), level, self.heights.numbers])
 
 
 def _moved(points: Floats, kernel: Any, numbers: tuple[float, ...]) -> Floats:

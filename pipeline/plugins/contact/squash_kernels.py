@@ -10,10 +10,14 @@ from numba.extending import intrinsic
 
 from flowsculpt.api.flows import block_kernel, kernel
 from flowsculpt.api.meshes import Floats
-from flowsculpt.pipeline.plugins.contact.height_kernels import height_at
+from flowsculpt.pipeline.plugins.contact.height_kernels import LEAN, height_at
 
-SQUASH, SIDE, HEIGHTS = 0, 9, 18
-"""Places in the numbers of a press: those of its squash, its axes u, up and v, and those of the heights."""
+LEVEL, HEIGHTS = 18, 20
+"""Places in the numbers of a press: after the 9 of its squash, and the 9 of its axes a, up and b,
+
+LEVEL    the height below which the relief levels out, and the length over which it does
+HEIGHTS  those of the heights
+"""
 
 _DOUBLES = types.CPointer(types.float64)
 
@@ -28,7 +32,7 @@ def numbers_at(typingctx: Any, address: Any) -> Any:
     return _DOUBLES(types.int64), generate
 
 
-@kernel("UniTuple(f8, 2)(f8[::1], f8, b1)")
+@kernel("UniTuple(f8, 2)(f8[::1], f8, b1)", **LEAN)
 def squashed(p: Floats, y: float, undoes: bool) -> tuple[float, float]:
     """Return the height that the squash leads y to, and the factor on distances from the axis.
 
@@ -81,28 +85,35 @@ def squash(
             w[i] += (factor - 1.0) * (z[i] - p[6])
 
 
+@kernel("f8(f8[::1], f8, f8)", **LEAN)
+def relief(m: Floats, a: float, b: float) -> float:
+    """Return the height of the other subject at a place, which far below its top becomes a plain."""
+    height = height_at(m, HEIGHTS, a, b)
+    below = m[LEVEL] - height
+    return m[LEVEL] - below / math.sqrt(1.0 + (below / m[LEVEL + 1]) ** 2) if below > 0.0 else height
+
+
 @block_kernel
 def press(
     p: Floats, count: int, x: Floats, y: Floats, z: Floats, t: float, u: Floats, v: Floats, w: Floats
 ) -> None:
     """Numbers: address of those of the press 0, how many they are 1, undoes 2."""
     m = carray(numbers_at(int(p[0])), (int(p[1]),))
-    numbers, axes, heights = m[SQUASH:SIDE], m[SIDE:HEIGHTS], m[HEIGHTS:]
-    undoes, bend = p[2] > 0.0, numbers[4]
-    upper_end = numbers[0] if bend > 0.0 else numbers[0] - numbers[3]
-    highest = heights[0] + upper_end
+    undoes = p[2] > 0.0
+    upper_end = m[0] if m[4] > 0.0 else m[0] - m[3]
+    highest = m[HEIGHTS] + upper_end
+    ax, ay, az, ux, uy, uz, bx, by, bz = m[9], m[10], m[11], m[12], m[13], m[14], m[15], m[16], m[17]
     for i in range(count):
-        up = axes[3] * x[i] + axes[4] * y[i] + axes[5] * z[i]
+        up = ux * x[i] + uy * y[i] + uz * z[i]
         if not up < highest:
             continue
-        a = axes[0] * x[i] + axes[1] * y[i] + axes[2] * z[i]
-        b = axes[6] * x[i] + axes[7] * y[i] + axes[8] * z[i]
-        ground = height_at(heights, a, b)
+        a, b = ax * x[i] + ay * y[i] + az * z[i], bx * x[i] + by * y[i] + bz * z[i]
+        ground = relief(m, a, b)
         if not up - ground < upper_end:
             continue
-        height, factor = squashed(numbers, up - ground, undoes)
-        da, db = (factor - 1.0) * (a - numbers[5]), (factor - 1.0) * (b - numbers[6])
-        rise = height + height_at(heights, a + da, b + db) - up
-        u[i] += axes[0] * da + axes[3] * rise + axes[6] * db
-        v[i] += axes[1] * da + axes[4] * rise + axes[7] * db
-        w[i] += axes[2] * da + axes[5] * rise + axes[8] * db
+        height, factor = squashed(m, up - ground, undoes)
+        da, db = (factor - 1.0) * (a - m[5]), (factor - 1.0) * (b - m[6])
+        rise = height + (relief(m, a + da, b + db) if factor != 1.0 else ground) - up
+        u[i] += ax * da + ux * rise + bx * db
+        v[i] += ay * da + uy * rise + by * db
+        w[i] += az * da + uz * rise + bz * db

@@ -52,10 +52,13 @@ def axes_of(side: tuple[float, ...]) -> Floats:
     return np.array([a, up, np.cross(a, up)])
 
 
-def press_of(shape: str, side: tuple[float, ...], softness: float, depth: float, spreads: bool) -> Press:
+def press_of(
+    shape: str, side: tuple[float, ...], softness: float, depth: float, spreads: bool, lowest: float = -0.3
+) -> Press:
     axes, mesh = axes_of(side), SHAPES[shape]
     heights = Heights.of(mesh.vertices @ axes.T, mesh.faces, 1.0 / softness)
-    return Press(axes, heights, Squash.of(0.0, softness, MARGIN, -depth, (0.1, -0.1), spreads))
+    squash = Squash.of(0.0, softness, MARGIN, -depth, (0.1, -0.1), spreads)
+    return Press(axes, heights, squash, lowest, softness)
 
 
 presses = st.builds(
@@ -65,6 +68,7 @@ presses = st.builds(
     softness=st.floats(0.2, 1.5),
     depth=st.floats(0.0, 0.9),
     spreads=st.booleans(),
+    lowest=st.floats(-2.0, 0.5),
 )
 
 
@@ -72,14 +76,21 @@ def points_above(press: Press, seed: int, count: int = 200) -> Floats:
     """Return points of which none lies deeper in the other subject than the squash is for."""
     seen = np.random.default_rng(seed).uniform(-1.5, 1.5, (count, 3))
     lowest = press.squash.top - press.squash.span
-    seen[:, 1] = press.heights.at(seen) + lowest + 1.2 * (seen[:, 1] + 1.5)
+    seen[:, 1] = relief(press, seen) + lowest + 1.2 * (seen[:, 1] + 1.5)
     points: Floats = seen @ press.axes
     return points
 
 
+def relief(press: Press, seen: Floats) -> Floats:
+    """Return the heights of the other subject, which become a plain below the lowest point."""
+    heights, level = press.heights.at(seen), press.lowest - press.softness
+    plain = level - (level - heights) / np.hypot(1.0, (level - heights) / press.softness)
+    return np.where(heights < level, plain, heights)
+
+
 def gaps(press: Press, points: Floats) -> Floats:
     seen = points @ press.axes.T
-    return seen[:, 1] - press.heights.at(seen)
+    return seen[:, 1] - relief(press, seen)
 
 
 @settings(max_examples=60, deadline=None)
