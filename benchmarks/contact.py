@@ -30,7 +30,7 @@ OTHER = "{contact: {others: [other], softness: 1}}"
 
 BALL = "solid: icosphere, radius: 1"
 
-BLOCK = "solid: box, size: [1.5, 1, 1.5], place: [0, -1.5, 0]"
+BLOCK = "solid: box, size: [4, 1, 4], place: [0, -1.5, 0]"
 
 TWIST = "{twist: {amount: {keys: {1: 0, 48: 120}}}}"
 
@@ -49,7 +49,7 @@ SHOTS = {
 }
 """The subject that is pressed, and the other one."""
 
-RUNS = 3
+RUNS = 7
 
 
 class Measured(NamedTuple):

@@ -68,7 +68,7 @@ class Contact(Flow):
 
 
 class Meeting(NamedTuple):
-    """How a subject meets a floor or another subject at a time.
+    """A subject and a floor, or another subject, at one time.
 
     with_what  in words
     floor      its height, units; of another subject 0, or how deep in it the subject begins, below 0
@@ -113,8 +113,9 @@ class InContact(Sequence):
         others = [other for other in self.contact.others if other != name]
         for other in others:
             if other not in subjects:
-                known = ", ".join(each for each in subjects if each != name) or "none; write subjects"
-                raise UsageError(f"contact: there is no subject {other} among the others of {name}: {known}.")
+                known = [each for each in subjects if each != name]
+                remedy = f"Write {' or '.join(known)}" if known else "Put it beside this one, under subjects"
+                raise UsageError(f"contact: the shot has no other subject {other}. {remedy}.")
             _require_no_circle(name, other, subjects)
         obstacles = tuple(Obstacle(other, subjects, self.contact.side) for other in others)
         return replace(self, obstacles=obstacles, meetings={})

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -21,8 +22,11 @@ NODES    their values, row by row: weights of cubic B-splines
 """
 
 
-LEAN = {"_nrt": False, "error_model": "numpy", "forceinline": True}
+LEAN: dict[str, Any] = {"_nrt": False, "error_model": "numpy", "forceinline": True}
 """Options for small kernels that allocate nothing: counting references would take longer than they do."""
+
+LEAN_CALLS: dict[str, Any] = {**LEAN, "forceinline": False}
+"""The same for larger ones."""
 
 
 @kernel("void(f8[:, ::1], i4[:, ::1], f8, f8, f8, f8[:, ::1])")
