@@ -19,6 +19,9 @@ from flowsculpt.pipeline.plugins.contact.squash import Press, Squash
 FLOATING = 5.0
 """Thousandths of a subject's height above the floor from which on it is seen to float."""
 
+SINKING = 2.0
+"""Thousandths of a subject's height in another subject from which on it is seen to sink in."""
+
 SUNK = 0.02
 """Of a subject's height: how deep in another it may begin, as edges are round in contact and not in fact."""
 
@@ -79,6 +82,13 @@ class Meeting(NamedTuple):
     floor: float
     gap: float
     map: Squash | Press
+
+    def gap_of(self, points: Floats) -> float:
+        """Return the height of the lowest of points (N, 3) above it, units."""
+        if isinstance(self.map, Squash):
+            return float(points[:, 1].min()) - self.floor
+        seen = points @ self.map.axes.T
+        return float((seen[:, 1] - self.map.heights.at(seen)).min()) - self.floor
 
 
 @dataclass(frozen=True)
@@ -177,6 +187,7 @@ class InContact(Sequence):
         """Yield how far it rises above what it meets and is pressed; warn where it never touches that."""
         yield from super().findings()
         every = [self.meetings_at(time) for time in self.contact.times]
+        ends = [self._pressed_points(time) for time in self.contact.times]
         for meetings in zip(*every, strict=True):
             gaps, name = [meeting.gap for meeting in meetings], meetings[0].with_what
             least, most = (1000.0 * gap / self.earlier.height for gap in (min(gaps), max(gaps)))
@@ -185,8 +196,22 @@ class InContact(Sequence):
                 f"height above {name}, and is pressed by up to {max(0.0, -least):.0f}",
                 False,
             )
+            deepest = -min(meeting.gap_of(points) for meeting, points in zip(meetings, ends, strict=True))
+            if (sunk := 1000.0 * deepest / self.earlier.height) > SINKING:
+                yield (
+                    f"the subject sinks up to {sunk:.0f} thousandths of its height into {name}: what it "
+                    "meets after that pushes it back. Write keep_volume: false, or less softness.",
+                    True,
+                )
             if least > FLOATING:
                 yield self._floating(name, least, min(gaps)), True
+
+    def _pressed_points(self, time: float) -> Floats:
+        """Return the points of the subject at a time once it has given way."""
+        points = self.earlier.points(time)
+        for meeting in self.meetings_at(time):
+            points = meeting.map.apply(points)
+        return points
 
     def _floating(self, name: str, least: float, gap: float) -> str:
         fact = f"the subject floats: it is {least:.0f} thousandths of its height or more above {name}"

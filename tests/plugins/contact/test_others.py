@@ -221,3 +221,39 @@ def test_a_subject_that_begins_within_another_is_refused(tmp_path):
 def test_contact_without_a_floor_and_others_is_refused(tmp_path):
     with pytest.raises(ShotError, match="contact needs a floor or others"):
         shot_of(tmp_path, "{floor: false}")
+
+
+def test_in_the_flows_of_the_shot_all_subjects_but_the_named_one_give_way(tmp_path):
+    text = TOGETHER.replace("      - contact: CONTACT\n", "").replace("BLOCK", "")
+    text += "flows:\n  - contact: {others: [block], softness: 0.7}\n"
+    text = text.replace("resample: {max_edge_length: 0.15}", "resample: off")
+    # the subject's own flows act after those of the shot, so the ball falls by the shot's too
+    fall = "translation: {rate: {ease: linear, keys: {1: [0, -1.4, 0], 13: [0, -1.4, 0]}}}"
+    text = text.replace(f"    flows:\n      - {fall}\n", "").replace("flows:\n", f"flows:\n  - {fall}\n")
+    (tmp_path / "A010_shared.yaml").write_text(text, encoding="utf-8")
+    shot = read_shot(tmp_path / "A010_shared.yaml")
+    block, ball = (
+        [frame.mesh.vertices for frame in animate(shot.of_subject(name))] for name in ("block", "ball")
+    )
+    assert np.allclose(block[-1], block[0] - [0.0, 0.7, 0.0], atol=1e-9)
+    assert np.allclose(ball[-1], ball[0] - [0.0, 0.7, 0.0], atol=1e-9)  # it never comes nearer
+
+
+@pytest.mark.parametrize("keeps", [True, False])
+def test_two_others_press_from_two_sides_and_validate_says_what_sinks_in(tmp_path, keeps):
+    """What spreads before the second one may sink into the first."""
+    wall = "  wall: {solid: box, size: [0.4, 4, 4], place: [1, 0, 0]}\n"
+    contact = f"{{others: [block, wall], keep_volume: {str(keeps).lower()}}}"
+    text = TOGETHER.replace("BLOCK", "").replace("CONTACT", contact).replace("  ball:", f"{wall}  ball:")
+    text = text.replace("[0.2, 0.7, 0.1]", "[0, 0.7, 0]").replace("1: [0, -1.4, 0]", "1: [0.4, -1.4, 0]")
+    (tmp_path / "A010_sides.yaml").write_text(text, encoding="utf-8")
+    ball = read_shot(tmp_path / "A010_sides.yaml").of_subject("ball")
+    *_, last = (frame.mesh.vertices for frame in animate(ball))
+    assert last[:, 0].max() < 0.8 + 0.001 * HEIGHT
+    within = (np.abs(last[:, 0]) < 0.79) & (np.abs(last[:, 2]) < 0.79)
+    sinks = [said for said, is_warning in ball.motion.flow.findings() if is_warning]
+    if keeps:
+        assert last[within, 1].min() < -0.005 * HEIGHT
+        assert len(sinks) == 1 and "thousandths of its height into block" in sinks[0]
+    else:
+        assert sinks == [] and -0.001 * HEIGHT < last[within, 1].min() < 0.01
