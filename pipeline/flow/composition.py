@@ -11,7 +11,7 @@ import math
 from abc import abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -74,8 +74,8 @@ class Sequence(_Ordered):
         for flow in self.flows if dt >= 0 else reversed(self.flows):
             yield from flow.steps(time, dt)
 
-    def with_max_step(self, max_step: float) -> Sequence:
-        return Sequence(tuple(flow.with_max_step(max_step) for flow in self.flows))
+    def with_max_step(self, max_step: float) -> Self:
+        return replace(self, flows=tuple(flow.with_max_step(max_step) for flow in self.flows))
 
     @property
     def name(self) -> str:

@@ -80,20 +80,31 @@ class Flow(ABC):
         """
         return self
 
+    def beside(self, name: str, subjects: Mapping[str, Any]) -> Flow:
+        """Return the flow as it acts on the subject of that name beside the others of the shot.
+
+        subjects  the motions of all by their names; None for those still to be read. Without others empty
+        """
+        return self
+
+    def _parts(self) -> Iterator[Flow]:
+        """Yield the flows in it."""
+        for name in getattr(self, "__dataclass_fields__", ()):
+            value = getattr(self, name)
+            parts = value if isinstance(value, tuple) else (value,)
+            yield from (part for part in parts if isinstance(part, Flow))
+
     def findings(self) -> Iterator[tuple[str, bool]]:
         """Yield what to know of the flow before frames are made, and whether that is a warning.
 
         By default that of the flows in it. Raises FlowsculptError where the frames would fail.
         """
-        for name in getattr(self, "__dataclass_fields__", ()):
-            value = getattr(self, name)
-            for part in value if isinstance(value, tuple) else (value,):
-                if isinstance(part, Flow):
-                    yield from part.findings()
+        for part in self._parts():
+            yield from part.findings()
 
     def facts(self, time: float) -> Mapping[str, Any]:
-        """Return what the headers of frames at `time` say of the flow, JSON-able; by default nothing."""
-        return {}
+        """Return what the headers of frames at `time` say of it, JSON-able; by default of the flows in it."""
+        return {name: fact for part in self._parts() for name, fact in part.facts(time).items()}
 
     @property
     def faces_follow_normals(self) -> bool:
@@ -108,8 +119,10 @@ class Flow(ABC):
         """Frames after which the present surface becomes the one at rest, where the shot names none.
 
         None leaves it to `Resampling`. A flow that stretches a surface tenfold stretches errors at rest too.
+        By default the fewest of the flows in it.
         """
-        return None
+        frames = (part.rest_interval for part in self._parts())
+        return min((each for each in frames if each is not None), default=None)
 
     @property
     def name(self) -> str:
@@ -166,19 +179,12 @@ class PluginMap(Flow):
         plain = [flow.plugin_flow for flow in before]
         return dataclasses.replace(self, flow=self.flow.of_subject(subject, place, plain))
 
-    def findings(self) -> Iterator[tuple[str, bool]]:
-        return self.flow.findings()
-
-    def facts(self, time: float) -> Mapping[str, Any]:
-        return self.flow.facts(time)
+    def beside(self, name: str, subjects: Mapping[str, Any]) -> Flow:
+        return dataclasses.replace(self, flow=self.flow.beside(name, subjects))
 
     @property
     def faces_follow_normals(self) -> bool:
         return self.flow.faces_follow_normals
-
-    @property
-    def rest_interval(self) -> int | None:
-        return self.flow.rest_interval
 
     @property
     def name(self) -> str:

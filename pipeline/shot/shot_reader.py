@@ -259,20 +259,16 @@ def _checked(checks: Checks, clock: Clock | None) -> list[Problem]:
 def _with_subjects(shot: Shot, document: ShotDocument, clock: Clock, source: YamlSource) -> Shot:
     """Return the shot with the shots of its subjects. The first one's look decides the stage's colour."""
     shared = [f"flows.{index}" for index in range(len(document.flows))]
-    subjects = tuple(
-        replace(
-            shot,
-            subject=name,
-            motion=replace(
-                _motion(document, entry, clock, source, ("subjects", name)),
-                flow_places=(*shared, *(f"subjects.{name}.flows.{i}" for i in range(len(entry.flows)))),
-            ),
-            picture=_picture(document, clock, entry),
-        )
-        for name, entry in (document.subjects or {}).items()
-    )
+    motions: dict[str, Motion | None] = dict.fromkeys(document.subjects or {})
+    subjects = []
+    for name, entry in (document.subjects or {}).items():
+        motion = _motion(document, entry, clock, source, ("subjects", name), motions)
+        places = (*shared, *(f"subjects.{name}.flows.{i}" for i in range(len(entry.flows))))
+        motions[name] = motion = replace(motion, flow_places=places)
+        subjects.append(replace(shot, subject=name, motion=motion, picture=_picture(document, clock, entry)))
     first = subjects[0].picture
-    return replace(shot, picture=replace(shot.picture, look=first.look, stage=first.stage), subjects=subjects)
+    picture = replace(shot.picture, look=first.look, stage=first.stage)
+    return replace(shot, picture=picture, subjects=tuple(subjects))
 
 
 def _require_room(shot: Shot, source: YamlSource) -> None:
@@ -418,8 +414,9 @@ def _motion(
     clock: Clock,
     source: YamlSource,
     where: Where = ("subject",),
+    motions: Mapping[str, Motion | None] | None = None,
 ) -> Motion:
-    """Return the motion of a subject; without one, of what moves all subjects."""
+    """Return the motion of a subject beside `motions`; without one, of what moves all subjects."""
     resample, flows, folder = document.resample, document.flows, source.path.parent
     place, copies = ORIGIN, None
     if isinstance(subject, SubjectSettings):
@@ -429,17 +426,13 @@ def _motion(
         place = vector(subject.place)
         copies = None if subject.copies is None else subject.copies.build(clock)
     integrate = partial(Streamlines, substeps=document.substeps, tolerance=_tolerance(document))
+    built: Subject
     if subject is None:
-        resample = "off"
-    retimed = replace(clock, speed=number(document.speed, clock))
-    if subject is None:
-        built: Subject = SeveralSubjects(tuple(document.subjects or ()))
+        resample, built = "off", SeveralSubjects(tuple(document.subjects or ()))
+    elif isinstance(subject, MovingKind):
+        built = _given(subject, source, replace(clock, speed=number(document.speed, clock)), where)
     else:
-        built = (
-            _given(subject, source, retimed, where)
-            if isinstance(subject, MovingKind)
-            else subject.build(folder)
-        )
+        built = subject.build(folder)
     resampling = shape = None
     if isinstance(resample, ResampleDocument):
         resampling = resample.build(clock)
@@ -452,7 +445,8 @@ def _motion(
         acting.append(AnimatedFlow(built))
     for entry in flows:
         flow = entry.build(clock, integrate)
-        flow = flow if subject is None else flow.of_subject(built, place, acting)
+        if subject is not None:
+            flow = flow.of_subject(built, place, acting).beside(str(where[-1]), motions or {})
         acting = [flow] if flow.acts_around_earlier else [*acting, flow]
     if isinstance(resample, ResampleDocument) and resample.rest_interval is None and resampling is not None:
         intervals = [flow.rest_interval for flow in acting if flow.rest_interval is not None]

@@ -1,9 +1,9 @@
-"""The flow `contact`: a subject gives way to a floor."""
+"""The flow `contact`: a subject gives way to a floor and to other subjects."""
 
 from flowsculpt.api import Plugin
 
 PLUGIN = Plugin(
     name="contact",
-    version="2",
+    version="3",
     flows={"contact": "flowsculpt.pipeline.plugins.contact.contact_document:ContactDocument"},
 )

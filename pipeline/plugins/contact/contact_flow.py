@@ -1,38 +1,52 @@
-"""The flow `contact`, which keeps a subject on or above a floor."""
+"""The flow `contact`, which keeps a subject above a floor, and away from other subjects."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from flowsculpt import Flow, FrameError, UsageError
+from flowsculpt import Flow, FrameError, Sequence, UsageError
 from flowsculpt.api.flows import Number, ParameterDoc, PositiveNumber, number_at
 from flowsculpt.api.meshes import Floats
 from flowsculpt.pipeline.plugins.contact import PLUGIN
 from flowsculpt.pipeline.plugins.contact.earlier_motion import EarlierMotion
-from flowsculpt.pipeline.plugins.contact.squash import Squash
+from flowsculpt.pipeline.plugins.contact.obstacles import Obstacle
+from flowsculpt.pipeline.plugins.contact.squash import Press, Squash
 
 FLOATING = 5.0
 """Thousandths of a subject's height above the floor from which on it is seen to float."""
 
+SINKING = 2.0
+"""Thousandths of a subject's height in another subject from which on it is seen to sink in."""
+
+SUNK = 0.02
+"""Of a subject's height: how deep in another it may begin, as edges are round in contact and not in fact."""
+
+Vector = tuple[float, float, float]
+
 
 @dataclass(frozen=True)
 class Contact(Flow):
-    """Keeps the subject above a floor: what the flows before it push below is squashed, and spreads.
+    """Keeps the subject above a floor and out of others: what is pushed in is squashed, and spreads.
 
-    The flows before it act on the subject as it would be without a floor: each step undoes the squash, moves
+    The flows before it act on the subject as it would be alone: each step undoes the squash, moves
     the points, and squashes them again. So nothing accumulates, and a subject that rises is as it was.
 
-    floor  its height; None is that of the subject's lowest point at the start
-    times  those of all frames, seconds, for `findings`
+    floor   its height; None is that of the subject's lowest point at the start
+    others  names of the subjects that it gives way to
+    side    direction from those to it; None is that of the widest gap at the start
+    times   those of all frames, seconds, for `findings`
     """
 
     floor: Number | None = None
     softness: Annotated[PositiveNumber, ParameterDoc("height of the zone that gives way", "units")] = 1.0
     keep_volume: Annotated[bool, ParameterDoc("false keeps the width instead")] = True
+    side: Vector | None = None
+    has_floor: bool = True
+    others: tuple[str, ...] = ()
     times: tuple[float, ...] = field(default=(), compare=False, repr=False)
 
     def displace(self, points: Floats, time: float, dt: float) -> Floats:
@@ -41,115 +55,172 @@ class Contact(Flow):
 
     def cache_data(self, time: float, dt: float) -> Any:
         ends = [self.numbers(t) for t in (time, time + dt)]
-        return {"plugin": [PLUGIN.name, PLUGIN.version], "keep_volume": self.keep_volume, "ends": ends}
+        data = {"plugin": [PLUGIN.name, PLUGIN.version], "keep_volume": self.keep_volume, "ends": ends}
+        return {**data, "has_floor": self.has_floor, "side": self.side} if self.others else data
 
     def numbers(self, time: float) -> list[float | None]:
         """Return the height of the floor, None for the lowest point at the start, and the softness."""
         floor = None if self.floor is None else float(number_at(self.floor, time))
         return [floor, float(number_at(self.softness, time))]
 
-    def of_subject(self, subject: Any, place: tuple[float, float, float], before: Sequence[Flow]) -> Flow:
+    def of_subject(self, subject: Any, place: Vector, before: Any) -> Flow:
         """Return the flow with the flows before it. Raises UsageError for a subject that a file moves."""
         if getattr(subject, "keeps_faces", False):
             raise UsageError("contact does not act on a model that its file moves. Remove it.")
-        return OnFloor(tuple(before), self, EarlierMotion(subject, place, _Together(tuple(before))))
+        return InContact(tuple(before), self, EarlierMotion(subject, place, Sequence(tuple(before))))
+
+
+class Meeting(NamedTuple):
+    """A subject and a floor, or another subject, at one time.
+
+    with_what  in words
+    floor      its height, units; of another subject 0, or how deep in it the subject begins, below 0
+    gap        height of the subject's lowest point above it if nothing gave way, units; below 0 where pressed
+    """
+
+    with_what: str
+    floor: float
+    gap: float
+    map: Squash | Press
+
+    def gap_of(self, points: Floats) -> float:
+        """Return the height of the lowest of points (N, 3) above it, units."""
+        if isinstance(self.map, Squash):
+            return float(points[:, 1].min()) - self.floor
+        seen = points @ self.map.axes.T
+        return float((seen[:, 1] - self.map.heights.at(seen)).min()) - self.floor
 
 
 @dataclass(frozen=True)
-class _Together(Flow):
-    """Flows one after another."""
+class InContact(Sequence):
+    """Flows that move a subject, which gives way to a floor and to other subjects.
 
-    flows: tuple[Flow, ...]
-
-    def displace(self, points: Floats, time: float, dt: float) -> Floats:
-        for flow in self.flows if dt >= 0 else reversed(self.flows):
-            points = flow.displace(points, time, dt)
-        return points
-
-    def cache_data(self, time: float, dt: float) -> Any:
-        return [flow.cache_data(time, dt) for flow in self.flows]
-
-
-@dataclass(frozen=True)
-class OnFloor(Flow):
-    """Flows that move a subject above a floor.
-
-    flows    those before `contact`
-    contact  the settings
-    earlier  where the flows alone move the subject, of which the squash at each time follows
-    squashes  those already known, by their times
+    flows      those before `contact`
+    contact    the settings
+    earlier    where the flows alone move the subject, of which the maps at each time follow
+    obstacles  the other subjects
+    meetings   those already known, by their times
     """
 
     acts_around_earlier = True
 
-    flows: tuple[Flow, ...]
     contact: Contact
     earlier: EarlierMotion = field(compare=False)
-    squashes: dict[float, Squash] = field(default_factory=dict, compare=False)
-
-    def displace(self, points: Floats, time: float, dt: float) -> Floats:
-        for flow, start, length in self.steps(time, dt):
-            points = flow.displace(points, start, length)
-        return points
-
-    def cache_data(self, time: float, dt: float) -> Any:
-        inner = [flow.cache_data(start, length) for flow, start, length in self.steps(time, dt)]
-        return [inner, self.earlier.cache_data(time, dt)]
+    obstacles: tuple[Obstacle, ...] = field(default=(), compare=False)
+    meetings: dict[float, tuple[Meeting, ...]] = field(default_factory=dict, compare=False, repr=False)
 
     def steps(self, time: float, dt: float) -> Iterator[Any]:
-        """Yield the undoing of the squash at the start, the steps of the flows, and the squash at the end."""
-        yield from Squashing(self, undoes=True).steps(time, dt)
-        for flow in self.flows if dt >= 0 else reversed(self.flows):
-            yield from flow.steps(time, dt)
-        yield from Squashing(self, undoes=False).steps(time, dt)
+        """Yield the undoing of the maps at the start, the steps of the flows, and the maps at the end."""
+        count = len(self.obstacles) + self.contact.has_floor
+        for number in reversed(range(count)):
+            yield from Squashing(self, number, undoes=True).steps(time, dt)
+        yield from super().steps(time, dt)
+        for number in range(count):
+            yield from Squashing(self, number, undoes=False).steps(time, dt)
 
-    def with_max_step(self, max_step: float) -> OnFloor:
-        return replace(self, flows=tuple(flow.with_max_step(max_step) for flow in self.flows))
+    def beside(self, name: str, subjects: Mapping[str, Any]) -> InContact:
+        """Return the flow with the others. Raises UsageError for one that is not there, or a circle."""
+        others = [other for other in self.contact.others if other != name]
+        for other in others:
+            if other not in subjects:
+                known = [each for each in subjects if each != name]
+                remedy = f"Write {' or '.join(known)}" if known else "Put it beside this one, under subjects"
+                raise UsageError(f"contact: the shot has no other subject {other}. {remedy}.")
+            _require_no_circle(name, other, subjects)
+        obstacles = tuple(Obstacle(other, subjects, self.contact.side) for other in others)
+        return replace(self, obstacles=obstacles, meetings={})
 
-    def squash(self, time: float) -> Squash:
-        """Return the map at a time. Raises FrameError for a subject that begins below the floor."""
-        if time not in self.squashes:
-            self.squashes[time] = self._squash(time)
-        return self.squashes[time]
+    def meetings_at(self, time: float) -> tuple[Meeting, ...]:
+        """Return how it meets the others, in order, and the floor at a time.
 
-    def _squash(self, time: float) -> Squash:
-        floor, softness = self.floor(time), float(number_at(self.contact.softness, time))
+        Raises FrameError for a subject that begins within another, or below the floor.
+        """
+        if time not in self.meetings:
+            self.meetings[time] = tuple(self._meet(time))
+        return self.meetings[time]
+
+    def _meet(self, time: float) -> Iterator[Meeting]:
+        softness = float(number_at(self.contact.softness, time))
         if not softness > 0:
             raise FrameError(f"softness is {softness:g}; it must be above 0. Correct its keys.")
-        self._require_above()
-        lowest, axis = self.earlier.extent(time)
-        spreads = self.contact.keep_volume
-        return Squash.of(floor, softness, self.earlier.margin, lowest, axis, spreads)
+        points = self.earlier.points(time)
+        for obstacle in self.obstacles:
+            meeting = self._meet_other(obstacle, points, time, softness)
+            points = meeting.map.apply(points)
+            yield meeting
+        if self.contact.has_floor:
+            self._require_above()
+            floor, middle = self.floor(time), _middle(points)
+            lowest, spreads = float(points[:, 1].min()), self.contact.keep_volume
+            axis = float(middle[0]), float(middle[2])
+            squash = Squash.of(floor, softness, self.earlier.margin, lowest, axis, spreads)
+            yield Meeting("the floor", floor, lowest - floor, squash)
+
+    def _meet_other(self, obstacle: Obstacle, points: Floats, time: float, softness: float) -> Meeting:
+        """Return how the subject, with points (N, 3), meets another one. Raises FrameError as `_meet`."""
+        axes, margin = obstacle.axes(self.earlier.points(0.0)), self.earlier.margin
+        heights = obstacle.heights(time, axes, 1.0 / softness)
+        seen = points @ axes.T
+        above = seen[:, 1] - heights.at(seen)
+        gap = float(above.min())
+        if time == 0.0 and gap < -SUNK * self.earlier.height:
+            raise FrameError(
+                f"the subject begins {-gap:.4g} units within {obstacle.name}, as seen along "
+                f"{[round(float(x), 3) for x in axes[1]]}. Place it farther away, or write side: the "
+                "direction in which it gives way."
+            )
+        number = self.obstacles.index(obstacle)
+        sunk = min(0.0, gap) if time == 0.0 else self.meetings_at(0.0)[number].floor
+        # near the deepest point, which then stays where it is seen from the side
+        weights = np.maximum(0.0, gap + 0.5 * softness - above) ** 2
+        a, b = (float(weights @ seen[:, k] / weights.sum()) for k in (0, 2))
+        squash = Squash.of(sunk, softness, margin, gap, (a, b), self.contact.keep_volume)
+        press = Press(axes, heights, squash, float(seen[:, 1].min()), softness)
+        return Meeting(obstacle.name, sunk, gap - sunk, press)
 
     def floor(self, time: float) -> float:
         """Return the height of the floor, units."""
         floor = self.contact.numbers(time)[0]
-        return self.earlier.extent(0.0).lowest if floor is None else floor
+        return float(self.earlier.points(0.0)[:, 1].min()) if floor is None else floor
 
     def findings(self) -> Iterator[tuple[str, bool]]:
-        """Yield how far the subject rises above the floor and is pressed; warn where it never touches it."""
+        """Yield how far it rises above what it meets and is pressed; warn where it never touches that."""
         yield from super().findings()
-        self._require_above()
-        gaps = [self.earlier.extent(time).lowest - self.floor(time) for time in self.contact.times]
-        if not gaps:
-            return
-        height = self.earlier.height
-        least, most = (1000.0 * gap / height for gap in (min(gaps), max(gaps)))
-        yield (
-            f"contact: the lowest point rises up to {max(most, 0.0):.0f} thousandths of the subject's height "
-            f"above the floor, and is pressed by up to {max(-least, 0.0):.0f}",
-            False,
-        )
-        if least > FLOATING:
-            floor = self.floor(0.0) + min(gaps)
+        every = [self.meetings_at(time) for time in self.contact.times]
+        ends = [self._pressed_points(time) for time in self.contact.times]
+        for meetings in zip(*every, strict=True):
+            gaps, name = [meeting.gap for meeting in meetings], meetings[0].with_what
+            least, most = (1000.0 * gap / self.earlier.height for gap in (min(gaps), max(gaps)))
             yield (
-                f"the subject floats: it is {least:.0f} thousandths of its height or more above the floor of "
-                f"contact in all frames. Write floor: {floor:.4g}, or floor: true.",
-                True,
+                f"contact: the lowest point rises up to {max(0.0, most):.0f} thousandths of the subject's "
+                f"height above {name}, and is pressed by up to {max(0.0, -least):.0f}",
+                False,
             )
+            deepest = -min(meeting.gap_of(points) for meeting, points in zip(meetings, ends, strict=True))
+            if (sunk := 1000.0 * deepest / self.earlier.height) > SINKING:
+                yield (
+                    f"the subject sinks up to {sunk:.0f} thousandths of its height into {name}: what it "
+                    "meets after that pushes it back. Write keep_volume: false, or less softness.",
+                    True,
+                )
+            if least > FLOATING:
+                yield self._floating(name, least, min(gaps)), True
+
+    def _pressed_points(self, time: float) -> Floats:
+        """Return the points of the subject at a time once it has given way."""
+        points = self.earlier.points(time)
+        for meeting in self.meetings_at(time):
+            points = meeting.map.apply(points)
+        return points
+
+    def _floating(self, name: str, least: float, gap: float) -> str:
+        fact = f"the subject floats: it is {least:.0f} thousandths of its height or more above {name}"
+        if name != "the floor":
+            return f"{fact} in all frames. Move it nearer, or take {name} out of others."
+        return f"{fact} of contact in all frames. Write floor: {self.floor(0.0) + gap:.4g}, or floor: true."
 
     def _require_above(self) -> None:
-        floor, lowest = self.floor(0.0), self.earlier.extent(0.0).lowest
+        floor, lowest = self.floor(0.0), float(self.earlier.points(0.0)[:, 1].min())
         if lowest < floor - 1e-9 * self.earlier.margin:
             raise FrameError(
                 f"the subject begins with its lowest point at {lowest:.4g}, below the floor at {floor:.4g}. "
@@ -157,49 +228,75 @@ class OnFloor(Flow):
             )
 
     def facts(self, time: float) -> Mapping[str, Any]:
-        facts = {name: fact for flow in self.flows for name, fact in flow.facts(time).items()}
-        return {**facts, "floor": self.floor(time)}
-
-    @property
-    def rest_interval(self) -> int | None:
-        return min(
-            (flow.rest_interval for flow in self.flows if flow.rest_interval is not None), default=None
-        )
+        return {**super().facts(time), **({"floor": self.floor(time)} if self.contact.has_floor else {})}
 
     @property
     def name(self) -> str:
         return "contact"
 
 
+def _middle(points: Floats) -> Floats:
+    """Return the middle (3,) of the box around points (N, 3)."""
+    middle: Floats = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    return middle
+
+
+def _require_no_circle(name: str, other: str, subjects: Mapping[str, Any]) -> None:
+    """Raise UsageError if another subject gives way to the one of that name, maybe by way of more."""
+    left, seen = [[other]], set()
+    while left:
+        way = left.pop()
+        if way[-1] == name:
+            circle = " to ".join([name, *way])
+            raise UsageError(f"contact: {circle}: they give way in a circle. Take one out of others.")
+        if way[-1] not in seen and (motion := subjects[way[-1]]) is not None:
+            seen.add(way[-1])
+            left += [[*way, further] for further in _others_of(motion.flow)]
+
+
+def _others_of(flow: Flow) -> Iterator[str]:
+    """Yield the names of the subjects that one with this flow gives way to."""
+    if isinstance(flow, InContact):
+        yield from (obstacle.name for obstacle in flow.obstacles)
+    if isinstance(flow, Sequence):
+        for part in flow.flows:
+            yield from _others_of(part)
+
+
 @dataclass(frozen=True)
 class Squashing(Flow):
-    """The squash at the end of a step, or the undoing of that at its start."""
+    """A map at the end of a step, or the undoing of that at its start.
 
-    whole: OnFloor
+    number  of the meeting
+    """
+
+    whole: InContact
+    number: int
     undoes: bool
     name: ClassVar[str] = "contact"
 
     def displace(self, points: Floats, time: float, dt: float) -> Floats:
-        squash = self._squash(time, dt)
+        meeting = self._meeting(time, dt)
         if not self.undoes:
-            return squash.apply(points)
-        moved = squash.undo(points)
-        heights = moved[:, 1]
-        if heights.size and np.isnan(heights.min()):
-            height = float(points[np.isnan(heights)][0, 1])
+            return meeting.map.apply(points)
+        moved = meeting.map.undo(points)
+        lost = np.isnan(moved[:, 1])
+        if lost.any():
+            place = ", ".join(f"{x:.4g}" for x in points[lost][0])
             raise FrameError(
-                f"a flow after contact moved a point to the height {height:.4g}, below the floor at "
-                f"{squash.base + squash.margin:.4g}. Make contact the last entry of flows."
+                f"a flow after contact moved a point to ({place}), into {meeting.with_what}. "
+                "Make contact the last entry of flows."
             )
         return moved
 
     def kernel_row(self, time: float, dt: float) -> Any:
-        from flowsculpt.pipeline.plugins.contact.squash_kernels import squash
+        return self._meeting(time, dt).map.kernel_row(self.undoes)
 
-        return squash, self._squash(time, dt).numbers(self.undoes)
-
-    def _squash(self, time: float, dt: float) -> Squash:
-        return self.whole.squash(time if self.undoes else time + dt)
+    def _meeting(self, time: float, dt: float) -> Meeting:
+        return self.whole.meetings_at(time if self.undoes else time + dt)[self.number]
 
     def cache_data(self, time: float, dt: float) -> Any:
-        return {"undoes": self.undoes, **self.whole.contact.cache_data(time, dt)}
+        data = {"undoes": self.undoes, **self.whole.contact.cache_data(time, dt)}
+        if self.undoes or self.number == len(self.whole.obstacles):
+            return data
+        return {**data, "other": self.whole.obstacles[self.number].surface.cache_data(time, dt)}

@@ -1,13 +1,16 @@
-"""The map of space above a floor that squashes a subject which reaches below it, and its inverse."""
+"""The maps of space that squash a subject above a floor, or above another subject, and their inverses."""
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from flowsculpt.api.meshes import Floats
+from flowsculpt.pipeline.plugins.contact.heights import Heights
 
 
 class Squash(NamedTuple):
@@ -71,10 +74,62 @@ class Squash(NamedTuple):
         return self._moved(points, undoes=True)
 
     def _moved(self, points: Floats, undoes: bool) -> Floats:
+        return _moved(points, *self.kernel_row(undoes))
+
+    def kernel_row(self, undoes: bool) -> Any:
+        """Return the compiled function of the map or of its inverse, and its numbers."""
         # imported here, as shots are read without numba
         from flowsculpt.pipeline.plugins.contact.squash_kernels import squash
 
-        rows = np.ascontiguousarray(points.T, np.float64)
-        moves = np.zeros_like(rows)
-        squash(np.array(self.numbers(undoes)), rows, 0.0, moves)
-        return np.ascontiguousarray((rows + moves).T)
+        return squash, self.numbers(undoes)
+
+
+@dataclass(frozen=True)
+class Press:
+    """A map that squashes above another subject, as `Squash` does above a floor at height 0.
+
+    Points are seen along three axes: a, up, away from the other subject, and b. With h(a, b) the height of
+    the other subject, the map takes (a, up − h(a, b), b) through the squash and adds the height again at the
+    place reached. Both shears keep volumes, so the determinant of the Jacobian is that of the squash.
+
+    axes     (3, 3) rows a, up and b, orthonormal
+    heights  of the other subject
+    squash   its floor is at 0
+    lowest   the height of the lowest point; `softness` below it, the heights level out, which bounds slopes
+    softness  of the subject, units
+    """
+
+    axes: Floats
+    heights: Heights
+    squash: Squash
+    lowest: float
+    softness: float
+
+    def apply(self, points: Floats) -> Floats:
+        """Return points (N, 3) after the map: a new array."""
+        return _moved(points, *self.kernel_row(undoes=False))
+
+    def undo(self, points: Floats) -> Floats:
+        """Return the points (N, 3) that `apply` moves to `points`; NaN within the other subject."""
+        return _moved(points, *self.kernel_row(undoes=True))
+
+    def kernel_row(self, undoes: bool) -> Any:
+        """Return the compiled function of the map or of its inverse, and its numbers."""
+        from flowsculpt.pipeline.plugins.contact.squash_kernels import press
+
+        numbers = self._numbers
+        return press, (float(numbers.ctypes.data), float(len(numbers)), float(undoes))
+
+    @cached_property
+    def _numbers(self) -> Floats:
+        """The numbers that the compiled function reads: see LEVEL in its module."""
+        level = [self.lowest - self.softness, self.softness]
+        squash = self.squash.numbers(undoes=False)
+        return np.concatenate([squash, self.axes.ravel(), level, self.heights.numbers])
+
+
+def _moved(points: Floats, kernel: Any, numbers: tuple[float, ...]) -> Floats:
+    rows = np.ascontiguousarray(points.T, np.float64)
+    moves = np.zeros_like(rows)
+    kernel(np.array(numbers), rows, 0.0, moves)
+    return np.ascontiguousarray((rows + moves).T)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
-from flowsculpt import Flow, FrameError, UsageError
+from flowsculpt import Flow, FrameError, Sequence, UsageError
 from flowsculpt.api.flows import Number, ParameterDoc, VectorParameter, number_at, vector_at
 from flowsculpt.api.meshes import Floats
 from flowsculpt.pipeline.plugins.moves import PLUGIN
@@ -58,7 +58,7 @@ class Move(Flow):
     def cache_data(self, time: float, dt: float) -> Any:
         raise UsageError("move carries one subject")
 
-    def of_subject(self, subject: Any, place: Vector, before: Sequence[Flow]) -> Flow:
+    def of_subject(self, subject: Any, place: Vector, before: Any) -> Flow:
         """Return the flow with the flows before it. Raises UsageError for a subject that a file moves."""
         if getattr(subject, "keeps_faces", False):
             raise UsageError("move does not carry a model that its file moves. Use place, or remove it.")
@@ -72,7 +72,7 @@ class Move(Flow):
 
 
 @dataclass(frozen=True)
-class Carried(Flow):
+class Carried(Sequence):
     """Flows that move a subject in its own place, which a motion carries.
 
     flows    those before `move`
@@ -83,30 +83,17 @@ class Carried(Flow):
 
     acts_around_earlier = True
 
-    flows: tuple[Flow, ...]
     move: Move
     subject: Any = field(compare=False)
     place: Vector
     motions: dict[float, Floats] = field(default_factory=dict, compare=False)
     reaches: list[float] = field(default_factory=list, compare=False)
 
-    def displace(self, points: Floats, time: float, dt: float) -> Floats:
-        for flow, start, length in self.steps(time, dt):
-            points = flow.displace(points, start, length)
-        return points
-
-    def cache_data(self, time: float, dt: float) -> Any:
-        return [flow.cache_data(start, length) for flow, start, length in self.steps(time, dt)]
-
     def steps(self, time: float, dt: float) -> Iterator[Any]:
         """Yield the undoing of the motion at the start, the steps of the flows, and the motion at the end."""
         yield from Carrying(self, undoes=True).steps(time, dt)
-        for flow in self.flows if dt >= 0 else reversed(self.flows):
-            yield from flow.steps(time, dt)
+        yield from super().steps(time, dt)
         yield from Carrying(self, undoes=False).steps(time, dt)
-
-    def with_max_step(self, max_step: float) -> Carried:
-        return replace(self, flows=tuple(flow.with_max_step(max_step) for flow in self.flows))
 
     @property
     def leads(self) -> Vector:
@@ -154,15 +141,6 @@ class Carried(Flow):
             head = [len(samples), first, 1.0 / RATE, *move.centre, *axis, *self.leads, slowness, round_off]
             self.motions[time] = np.concatenate([head, samples.ravel()])
         return self.motions[time]
-
-    def facts(self, time: float) -> Mapping[str, Any]:
-        return {name: fact for flow in self.flows for name, fact in flow.facts(time).items()}
-
-    @property
-    def rest_interval(self) -> int | None:
-        return min(
-            (flow.rest_interval for flow in self.flows if flow.rest_interval is not None), default=None
-        )
 
     @property
     def name(self) -> str:

@@ -1,0 +1,53 @@
+"""The surface of a subject seen from one side, as heights over a plane: smooth, and defined everywhere."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flowsculpt.api.meshes import Floats, Indices
+
+NODES = 96
+"""Nodes along the longer side of a subject."""
+
+PAD = 4
+"""Nodes around it, so that splines fall there already."""
+
+
+@dataclass(frozen=True)
+class Heights:
+    """Heights of a subject over a plane, for `height_at`.
+
+    Nodes take the heights of the faces above them. Around them heights fall by parabolas, so edges are round,
+    and holes are filled by the parabolas that meet there. Cubic B-splines lie between the nodes.
+    """
+
+    numbers: Floats
+
+    @classmethod
+    def of(cls, points: Floats, faces: Indices, fall: float) -> Heights:
+        """Return the heights of faces (F, 3) of points (V, 3), a, up, b; `fall` is that of `round_off`."""
+        from flowsculpt.pipeline.plugins.contact.height_kernels import raise_to_faces, round_off
+
+        low, high = points[:, ::2].min(axis=0), points[:, ::2].max(axis=0)
+        cell = float((high - low).max()) / (NODES - 1) or 1.0
+        columns, rows = (int(np.ceil(round(float(n), 6))) + 1 + 2 * PAD for n in (high - low) / cell)
+        first_a, first_b = (float(x) - PAD * cell for x in low)
+        nodes = np.full((rows, columns), -np.inf)
+        raise_to_faces(
+            np.ascontiguousarray(points), np.ascontiguousarray(faces, np.int32), first_a, first_b, cell, nodes
+        )
+        if not np.isfinite(nodes).any():  # too thin for the nodes
+            nodes[rows // 2, columns // 2] = points[:, 1].max()
+        round_off(nodes, fall * cell * cell)
+        head = [float(nodes.max()), fall, columns, rows, first_a, first_b, cell]
+        return cls(np.concatenate([head, nodes.ravel()]))
+
+    def at(self, points: Floats) -> Floats:
+        """Return the heights (N,) under points (N, 3), a, up and b."""
+        from flowsculpt.pipeline.plugins.contact.height_kernels import heights_at
+
+        found = np.empty(len(points))
+        heights_at(self.numbers, np.ascontiguousarray(points), found)
+        return found

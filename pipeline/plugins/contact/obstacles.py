@@ -1,0 +1,106 @@
+"""Other subjects that a subject gives way to: where they are at a time, and how high as seen from a side."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flowsculpt import FrameError
+from flowsculpt.api.meshes import Floats
+from flowsculpt.pipeline.plugins.contact.earlier_motion import STEP, MovedPoints
+from flowsculpt.pipeline.plugins.contact.heights import Heights
+
+if TYPE_CHECKING:
+    from flowsculpt.api.shots import Motion
+
+FINENESS = 32
+"""Edges of a solid along its longest side; models are as their files have them."""
+
+SIDES = np.concatenate([np.eye(3)[[1, 0, 2]], -np.eye(3)[[1, 0, 2]]])
+
+
+class OtherSurface(MovedPoints):
+    """The surface of another subject, its copies included, moved from rest by all its flows."""
+
+    def __init__(self, motion: Motion) -> None:
+        super().__init__(motion.flow)
+        self.motion = motion
+
+    @cached_property
+    def _mesh(self) -> Any:
+        size = float(np.ptp(self.motion.subject.body.build().vertices, axis=0).max())
+        return self.motion.mesh_at_rest(size / FINENESS)
+
+    @property
+    def faces(self) -> Any:
+        return self._mesh.faces
+
+    def rest_points(self) -> Floats:
+        return np.ascontiguousarray(self._mesh.vertices)
+
+    def cache_data(self, time: float, dt: float) -> list[Any]:
+        """Return what decides the surface at the end of a step, from its start on, JSON-able."""
+        start = self.motion.start_data()
+        kept = {name: start[name] for name in ("subject", "place", "copies") if name in start}
+        first, last = sorted((time, time + dt))
+        cells = range(math.floor(first / STEP), math.ceil(last / STEP))
+        return [kept, *(self.flow.cache_data(i * STEP, min(STEP, last - i * STEP)) for i in cells)]
+
+
+@dataclass
+class Obstacle:
+    """Another subject of the shot, as a subject on one side of it meets it.
+
+    name      in the shot file
+    subjects  the motions of the shot's subjects, complete once the shot is read
+    side      direction from it to the subject; None for that in which their boxes lie farthest apart at the
+              start
+    """
+
+    name: str
+    subjects: Mapping[str, Motion | None] = field(repr=False)
+    side: tuple[float, float, float] | None = None
+    known: dict[tuple[float, float], Heights] = field(default_factory=dict, repr=False)
+
+    @cached_property
+    def surface(self) -> OtherSurface:
+        """Its surface. Raises FrameError for subjects that have none to press against."""
+        motion = self.subjects[self.name]
+        assert motion is not None, "the shot is read"
+        reason = None
+        if not motion.subject.is_surface:
+            reason = "it has no surface"
+        elif motion.is_rigid:
+            reason = "it has rigid copies"
+        elif motion.animated is not None and not motion.animated.model.keeps_faces:
+            reason = "its faces change from frame to frame"
+        if reason is not None:
+            raise FrameError(f"contact cannot press against {self.name}: {reason}. Take it out of others.")
+        return OtherSurface(motion)
+
+    def axes(self, rest: Floats) -> Floats:
+        """Return the rows a, up and b, orthonormal, for a subject with points (N, 3) at the start."""
+        if self.side is None:
+            other = self.surface.points(0.0)
+            apart = [(rest @ side).min() - (other @ side).max() for side in SIDES]
+            up = SIDES[int(np.argmax(apart))]
+        else:
+            up = np.array(self.side) / np.linalg.norm(self.side)
+        across = np.eye(3)[int(np.argmin(np.abs(up)))]
+        a = np.cross(up, np.cross(across, up))
+        a /= np.linalg.norm(a)
+        return np.array([a, up, np.cross(a, up)])
+
+    def heights(self, time: float, axes: Floats, fall: float) -> Heights:
+        """Return its heights at a time; of one that no flow moves, the same at all times."""
+        at = time if self.surface.flow.members else 0.0
+        key = (at, fall)
+        if key not in self.known:
+            points = self.surface.points(at) @ axes.T
+            self.known[key] = Heights.of(points, self.surface.faces, fall)
+        return self.known[key]
