@@ -30,7 +30,7 @@ from flowsculpt.pipeline.plugins.sequences.face_comparison import (
 from flowsculpt.pipeline.plugins.sequences.sliver_normals import sliver_normals
 from flowsculpt.pipeline.plugins.sequences.surface_samples import Files, SurfaceSamples, joint
 
-VERSION = 4
+VERSION = 5
 """Raised when equal files and settings give other surfaces."""
 
 EXACT = 1e-6
