@@ -205,20 +205,28 @@ def cloth(number: int) -> tuple[TriangleMesh, Floats]:
 
 def fluid(number: int) -> tuple[TriangleMesh, Floats]:
     """Return metaballs, of which a drop falls into the others in frame 16, and velocities across them."""
-
-    def level(points: Points, frame: float) -> Floats:
-        t = frame / RATE
-        centres = [(-0.35 - 0.2 * t, 0.0, 0.1 * np.sin(4 * t)), (0.35 + 0.2 * t, 0.05, 0.0)]
-        balls = [(centre, 0.45) for centre in centres] + [((0.1, 1.5 - 0.75 * t - 0.4 * t * t, 0.0), 0.3)]
-        squares = [((points - centre) ** 2).sum(axis=-1) / size**2 for centre, size in balls]
-        return np.asarray(sum(np.exp(-each) for each in squares) - 0.5)
-
-    mesh = tetrahedra(lambda p: level(p, number), 0.05, np.random.default_rng(number).uniform(0, 0.05, 3))
-    step = 1e-4
-    slope = [level(mesh.vertices + d, number) - level(mesh.vertices - d, number) for d in step * np.eye(3)]
-    gradient = np.stack(slope, axis=1) / (2 * step)
-    rate = (level(mesh.vertices, number + step) - level(mesh.vertices, number - step)) / (2 * step) * RATE
+    offset = np.random.default_rng(number).uniform(0, 0.05, 3)
+    mesh = tetrahedra(lambda points: metaballs(points, number), 0.05, offset)
+    step, gradient = 1e-4, slope(mesh.vertices, number)
+    after, before = (metaballs(mesh.vertices, number + by) for by in (step, -step))
+    rate = (after - before) / (2 * step) * RATE
     return mesh, -rate[:, None] * gradient / (gradient**2).sum(axis=1, keepdims=True)
+
+
+def metaballs(points: Points, frame: float) -> Floats:
+    """Return how far points (N, 3) are inside of the metaballs, above 0, or outside."""
+    t = frame / RATE
+    centres = [(-0.35 - 0.2 * t, 0.0, 0.1 * np.sin(4 * t)), (0.35 + 0.2 * t, 0.05, 0.0)]
+    balls = [(centre, 0.45) for centre in centres] + [((0.1, 1.5 - 0.75 * t - 0.4 * t * t, 0.0), 0.3)]
+    squares = [((points - centre) ** 2).sum(axis=-1) / size**2 for centre, size in balls]
+    return np.asarray(sum(np.exp(-each) for each in squares) - 0.5)
+
+
+def slope(points: Points, frame: float) -> Floats:
+    """Return the gradient (N, 3) of the metaballs, which points inwards."""
+    step = 1e-4
+    sides = [metaballs(points + d, frame) - metaballs(points - d, frame) for d in step * np.eye(3)]
+    return np.stack(sides, axis=1) / (2 * step)
 
 
 def tetrahedra(level: Callable[[Points], Floats], size: float, offset: Floats) -> TriangleMesh:

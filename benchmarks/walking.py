@@ -59,7 +59,7 @@ def main() -> None:
         file.write_text(SHOT.format(frames=frames, path=path, edge=edge, more=more, look=look))
         shot = read_shot(file)
         far, longest, apart, counts = [], 0.0, [], []
-        length = float(moving.times[-1] - moving.times[0]) + 1.0 / RATE
+        length = float(moving.times[-1] - moving.times[0])
         for frame in animate(shot):
             seconds = (frame.number - 1) / RATE % length
             corners = moving.at(moving.times[0] + seconds).points[faces]

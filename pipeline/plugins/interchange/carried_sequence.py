@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
@@ -14,7 +15,7 @@ from flowsculpt import FlowsculptError, FrameError, TriangleMesh, UsageError
 from flowsculpt.api import plural
 from flowsculpt.api.frames import FrameRange, RenderRequest, Store, StoredFiles, key_of
 from flowsculpt.api.meshes import Floats
-from flowsculpt.pipeline.plugins.interchange.carrying import VERSION, Carrier, farthest, in_words
+from flowsculpt.pipeline.plugins.interchange.carrying import VERSION, Carrier, in_words
 from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh
 from flowsculpt.pipeline.plugins.interchange.refining import KIND, UNIFY, Began
 from flowsculpt.pipeline.plugins.interchange.shown_surfaces import ShownSurface, Topology
@@ -141,11 +142,17 @@ class CarriedSequence:
     def _of_fewer(
         self, refusal: _Refusal | None, surface_of: Callable[[int], ShownSurface], began: Began
     ) -> str:
-        """Return the options for fewer frames, whose mesh is then stored; empty where there are none."""
-        while refusal is not None and len(refusal.near) > 1:
-            requested = replace(self.request, requested=FrameRange.of(refusal.near))
+        """Return the options for fewer frames, whose mesh is then stored; empty where there are none.
+
+        Each attempt after the first has at most two thirds of the frames of the one before: all together cost
+        no more than three of them.
+        """
+        most = math.inf
+        while refusal is not None and len(near := _some(refusal, most)) > 1:
+            most = math.ceil(len(near) * 2 / 3)
+            requested = replace(self.request, requested=FrameRange.of(near))
             fewer = replace(self, request=requested, carry_from=refusal.carry_from)
-            options = f"-f {_range(refusal.near)}"
+            options = f"-f {_range(near)}"
             if fewer.carry_from is not None:
                 options += f" --carry-from {fewer.carry_from}"
             try:
@@ -162,14 +169,13 @@ class CarriedSequence:
         budget = self.request.shot.motion.thresholds_at(start).max_vertices
         carrier = Carrier(surface_of, self._numbers, start, self.tolerance, budget)
         carried = carrier.carried(lambda name, count: began(f"{name} {frames}", count))
-        worst = farthest(carried.deviations)
-        if carried.deviations[worst].distance > self.tolerance:
-            found = carried.deviations[worst]
-            is_near = {n for n, d in carried.deviations.items() if d.distance <= self.tolerance}
+        is_near = {n for n, d in carried.deviations.items() if d.distance <= self.tolerance}
+        if far := {*carried.deviations} - is_near:
+            first = min(far, key=lambda number: abs(number - start))
             return _Refusal(
-                worst,
-                f"the mesh of frame {start}, carried here, is {in_words(found)} from the file's surface, and "
-                f"--tolerance is {self.tolerance:g}",
+                first,
+                f"the mesh of frame {start}, carried here, is "
+                f"{in_words(carried.deviations[first], self.tolerance)}",
                 _around(start, is_near),
                 start,
                 "try another frame's mesh by --carry-from, or a coarser --tolerance",
@@ -249,6 +255,15 @@ def _around(start: int, numbers: set[int]) -> list[int]:
     while last + 1 in numbers:
         last += 1
     return list(range(first, last + 1))
+
+
+def _some(refusal: _Refusal, most: float) -> list[int]:
+    """Return up to so many of the frames that a mesh may follow, around the one that it begins with."""
+    near, start = refusal.near, refusal.carry_from
+    if len(near) <= most or start is None:
+        return near
+    first = min(max(start - int(most) // 2, near[0]), near[-1] + 1 - int(most))
+    return list(range(first, first + int(most)))
 
 
 def _range(numbers: range | list[int]) -> str:

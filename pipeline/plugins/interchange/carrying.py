@@ -1,9 +1,10 @@
 """One mesh of a sequence whose faces change: the surface of one frame, carried through all others.
 
 From frame to frame its vertices follow the velocities of the files, by the trapezoidal rule, and are drawn
-to the nearest place of the file's surface whose normal agrees, so not across thin walls. Creases stay on
-creases, and poor triangles are smoothed along the surface. Where the mesh stretches or leaves the files'
-surfaces, edges are split at the frame that it begins with, and it is carried again.
+to the nearest place of the file's surface whose normal agrees, so not across thin walls; files with the same
+faces carry them instead. Creases stay on creases, and poor triangles are smoothed along the surface. Where
+the mesh stretches or leaves the files' surfaces, edges are split at the frame that it begins with, and it is
+carried again.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from flowsculpt.pipeline.plugins.interchange.shown_surfaces import (
     unit,
 )
 
-VERSION = 3
+VERSION = 4
 """Raised when equal frames and settings give another mesh."""
 
 MOST_ROUNDS = 16
@@ -42,6 +43,9 @@ between their parents in every frame, which keeps all others."""
 
 ENOUGH_ROUNDS, FEW = 4, 0.01
 """Rounds from which on a share of the edges may remain too long, where the mesh is within the tolerance."""
+
+GAIN, PATIENCE = 0.95, 3
+"""A mesh whose largest distance is not less than GAIN of that PATIENCE rounds ago is not refined further."""
 
 FOLDED = 0.0
 """The shape of triangles that lie backwards, up to which the corners of faces with new vertices are moved."""
@@ -101,7 +105,9 @@ class Carrier:
     _deviations: dict[int, Deviation] = field(default_factory=dict)
 
     def carried(self, began: Began) -> CarriedMesh:
-        """Return the mesh, refined until it is within the tolerance or edges are too short to be split.
+        """Return the mesh, refined until it is within the tolerance.
+
+        Else it is refined as long as that helps: the edges to be split become fewer, and distances less.
 
         began  called with the name of each part of the work and its number of frames; returns what is called
                after each
@@ -112,6 +118,7 @@ class Carrier:
         surface, faces = RefinableSurface(first.with_creases()), CarriedFaces(first.with_creases())
         places, far = dict[int, Places](), list[int]()
         births: list[Indices] = []
+        marked, distances = 0, list[float]()
         for count in range(MOST_ROUNDS + 1):
             known = len(places[self.start].points) if births else 0
             new = faces.edges[faces.edges.max(axis=1) >= known]
@@ -122,9 +129,12 @@ class Carrier:
                 self._compare_edges(self.surface_of(number), new, here)
                 passed()
             few = FEW * len(faces.edges) if count >= ENOUGH_ROUNDS else 0
-            if len(self._marks) <= few or count == MOST_ROUNDS:
+            before, marked = marked, len(self._marks)
+            is_last = count == MOST_ROUNDS or (count >= ENOUGH_ROUNDS and marked > max(before, few))
+            if marked <= few or is_last:
                 far = self._far_frames(faces, places, far, began)
-                if not far or not self._marks or count == MOST_ROUNDS:
+                distances.append(max(found.distance for found in self._deviations.values()))
+                if not far or not self._marks or is_last or _is_stuck(distances):
                     break
             is_many = len(self._marks) > MANY * len(faces.edges)
             births = self._split(surface, first)
@@ -220,7 +230,8 @@ class Carrier:
         away = np.linalg.norm(on - tips, axis=1) / shown.edge
         vertex = np.take_along_axis(mesh.faces[face], shares.argmax(axis=1)[:, None], axis=1)[:, 0]
         is_near = np.linalg.norm(mesh.vertices[vertex] - tips, axis=1) < DRAWN * shown.edge
-        is_cut = (face >= 0) & (away > REFINED * self.tolerance) & is_near & ~faces.is_bound[vertex]
+        may_move = ~faces.is_bound[vertex] | CarriedFaces(shown.with_creases()).is_bound
+        is_cut = (face >= 0) & (away > REFINED * self.tolerance) & is_near & may_move
         rows = np.flatnonzero(is_cut)
         rows = rows[np.argsort(-away[rows], kind="stable")]
         _, once = np.unique(vertex[rows], return_index=True)
@@ -323,11 +334,20 @@ class Carrier:
         return births
 
 
+def _is_stuck(distances: list[float]) -> bool:
+    """Tell whether the largest distances of a mesh, round by round, have ceased to shrink."""
+    return len(distances) > PATIENCE and distances[-1] >= GAIN * distances[-1 - PATIENCE]
+
+
 def moved(before: ShownSurface, after: ShownSurface, is_bound: np.ndarray, places: Places) -> Places:
     """Return the places on the surface of a frame of vertices that are at places on that of another.
 
     is_bound  flags (N,) of vertices that stay on creases and rims
+
+    Where both have the same faces, these carry the places; velocities of files may miss a sudden start.
     """
+    if np.array_equal(before.mesh.faces, after.mesh.faces):
+        return after.on_faces(places)
     seconds, here = after.seconds - before.seconds, before.velocities(places)
     first = after.followed(places.points + seconds * here, places.normals)
     goals = places.points + 0.5 * seconds * (here + after.velocities(first))
@@ -344,13 +364,10 @@ def bound(shown: ShownSurface, is_bound: np.ndarray, places: Places) -> None:
         places.put(rows, shown.followed(on, places.normals[rows])._replace(points=on))
 
 
-def farthest(deviations: dict[int, Deviation]) -> int:
-    """Return the frame with the largest deviation."""
-    return max(deviations, key=lambda number: deviations[number].distance)
-
-
-def in_words(deviation: Deviation) -> str:
-    """Return a distance and a place for messages."""
-    x, y, z = deviation.place
-    far = "far" if math.isinf(deviation.distance) else f"{deviation.distance:.2g} edges"
-    return f"{far} at ({x:.4g}, {y:.4g}, {z:.4g})"
+def in_words(deviation: Deviation, tolerance: float) -> str:
+    """Return how a mesh deviates from a file's surface, and where, for messages."""
+    place = ", ".join(f"{x:.4g}" for x in deviation.place)
+    if math.isinf(deviation.distance):
+        return f"turned away at ({place}) from the file's faces, which may be wound the other way round"
+    away = f"{deviation.distance:.2g} edges at ({place}) from the file's surface"
+    return f"{away}, and --tolerance is {tolerance:g}"

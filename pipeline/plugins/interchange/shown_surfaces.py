@@ -200,6 +200,11 @@ class ShownSurface:
             rows = places.face < 0
         return places
 
+    def on_faces(self, places: Places) -> Places:
+        """Return the places at the same shares of the same faces as those of a surface with these faces."""
+        points = places.values(self.mesh.faces, self.mesh.vertices)
+        return places._replace(points=points, normals=unit(places.values(self.mesh.faces, self.normals)))
+
     def on_bounds(self, points: Floats) -> Floats:
         """Return the nearest points (N, 3) on creases and rims; points that are far from any stay."""
         tree, ends = self._bounds

@@ -9,6 +9,7 @@ Normals of the file are those of its vertices, except where it has several at on
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -21,10 +22,15 @@ from flowsculpt.api.files import CachedAnswer
 from flowsculpt.api.materials import with_known
 from flowsculpt.api.meshes import FileSurface, Floats, find_coincident, repair_surface
 from flowsculpt.api.shots import SurfaceSequence
+from flowsculpt.pipeline.plugins.sequences.face_comparison import (
+    difference_in_words,
+    faces_inwards,
+    have_same_faces,
+)
 from flowsculpt.pipeline.plugins.sequences.sliver_normals import sliver_normals
 from flowsculpt.pipeline.plugins.sequences.surface_samples import Files, SurfaceSamples, joint
 
-VERSION = 4
+VERSION = 5
 """Raised when equal files and settings give other surfaces."""
 
 EXACT = 1e-6
@@ -110,7 +116,7 @@ def looped(times: SampleTimes, samples: SurfaceSamples) -> SampleTimes:
 
 def _same_surface(one: FileSurface, other: FileSurface) -> bool:
     """Tell whether two surfaces have the same faces, and the same points within rounding."""
-    if not _same_faces(one, other):
+    if not have_same_faces(one, other):
         return False
     size = float(np.linalg.norm(np.ptp(one.points, axis=0)))
     return float(np.abs(one.points - other.points).max()) <= WELDED * size
@@ -164,16 +170,33 @@ class GivenSurfaces(SurfaceSequence):
         if self.samples.is_fixed is not None:
             return self.samples.is_fixed
         first = self._start.surface
+        return all(have_same_faces(first, self.samples.surface(other)) for other in self._others)
+
+    @cached_property
+    def _others(self) -> list[int]:
+        """The second and the last sample shown, where they are compared with the first; else none."""
+        if self.array is not None or self.asked is not None or self.samples.is_fixed is not None:
+            return []
         shown = list(dict.fromkeys(self._place(seconds)[0] for seconds in self.seconds))
-        others = {*shown[1:2], *shown[-1:]} - {self._first}
-        return all(_same_faces(first, self.samples.surface(other)) for other in sorted(others))
+        return sorted({*shown[1:2], *shown[-1:]} - {self._first})
 
     @property
     def notes(self) -> tuple[str, ...]:
+        return *self._notes_of_facing(), *self._notes_of_velocities()
+
+    def _notes_of_facing(self) -> Iterator[str]:
+        """Yield lines about closed surfaces that face inwards; the first, if repaired, has its own line."""
+        remedy = ". Write repair: on, which reverses them, or export it with its faces outwards"
+        done = "; they are reversed" if self.repair else remedy
+        for sample in [*([] if self.repair else [self._first]), *([] if self.keeps_faces else self._others)]:
+            if faces_inwards(self.samples.surface(sample)):
+                yield f"{self.samples.name(sample)}: the faces of its closed surface are turned inwards{done}"
+
+    def _notes_of_velocities(self) -> tuple[str, ...]:
         if self.keeps_faces or self._start.surface.velocities is not None:
             return ()
         other = self.times.following(self._first)
-        if other != self._first and _same_faces(self._start.surface, self.samples.surface(other)):
+        if other != self._first and have_same_faces(self._start.surface, self.samples.surface(other)):
             return (
                 f"{self.path.name} has no velocities; blur follows vertices where files have the same faces",
             )
@@ -184,7 +207,7 @@ class GivenSurfaces(SurfaceSequence):
 
     def posed(self, points: Floats) -> Floats:
         surface, still = self._start.surface, self.samples.still(self._first)
-        if still is surface or not _same_faces(still, surface):
+        if still is surface or not have_same_faces(still, surface):
             return points
         if np.array_equal(points, still.points):
             return surface.points
@@ -267,7 +290,7 @@ class GivenSurfaces(SurfaceSequence):
         if not 0.0 < share < 1.0 or self.between == "hold" or other == nearest:
             return here
         there = self.samples.surface(other)
-        if not _same_faces(polygons, there):
+        if not have_same_faces(polygons, there):
             return here
         part = share if nearest == sample else 1.0 - share
         return (1.0 - part) * here + part * numbers_of(there, array, self.samples.name(other))
@@ -337,8 +360,8 @@ class GivenSurfaces(SurfaceSequence):
     def _checked(self, surface: FileSurface, name: str) -> Floats:
         """Return where a surface, called `name` in messages, has the vertices (V, 3) of the first one."""
         start, first = self._start, self.samples.name(self._first)
-        if not _same_faces(start.surface, surface):
-            raise MeshError(f"{name}: {_difference(start.surface, surface, first)}")
+        if not have_same_faces(start.surface, surface):
+            raise MeshError(f"{name}: {difference_in_words(start.surface, surface, first)}")
         points = surface.points[start.origins]
         bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
         if len(bad):
@@ -370,7 +393,7 @@ class GivenSurfaces(SurfaceSequence):
             if other == sample or self.times.is_gap(first):
                 continue
             there = self.samples.surface(other)
-            if _same_faces(surface, there):
+            if have_same_faces(surface, there):
                 ends.append((there.points, by * self.times.length(first)))
         if not ends:
             return None
@@ -413,7 +436,7 @@ def _start(samples: SurfaceSamples, first: int, repair: bool) -> _Start:
     double = np.flatnonzero(used & (one != np.arange(len(one))))
     origins = _origins(imported.mesh.vertices, still.points)
     if still is not surface:  # of an animation that the shot does not show from its beginning
-        is_same = _same_faces(still, surface)
+        is_same = have_same_faces(still, surface)
         moved = imported.mesh.with_vertices(surface.points[origins]) if is_same else None
         mesh = moved or _repaired(samples, first, repair)
         imported = replace(imported, mesh=mesh, notes=surface.notes)  # those of the still one may not hold
@@ -456,43 +479,6 @@ def numbers_of(surface: FileSurface, array: str, name: str) -> Floats:
         return surface.numbers(array)
     except MeshError as error:
         raise MeshError(f"{name}: {error}") from None
-
-
-def _same_faces(one: FileSurface, other: FileSurface) -> bool:
-    return (
-        len(one.points) == len(other.points)
-        and np.array_equal(one.offsets, other.offsets)
-        and np.array_equal(one.corners, other.corners)
-    )
-
-
-def _difference(start: FileSurface, surface: FileSurface, first: str) -> str:
-    """Return what differs between the faces of two samples, and what to do."""
-    counts = [(len(each.points), len(each.offsets) - 1) for each in (start, surface)]
-    if counts[0] != counts[1]:
-        (v, f), (w, g) = counts
-        fact = f"it has {w:,} vertices and {g:,} faces, and {first} has {v:,} and {f:,}"
-    elif np.array_equal(np.sort(start.corners), np.sort(surface.corners)) and _is_flipped(start, surface):
-        fact = f"its faces are wound the other way round than those of {first}"
-    else:
-        fact = f"its faces are not those of {first}"
-    return f"{fact}. Export it as the others, or write faces: changing, where each frame shows its own."
-
-
-def _is_flipped(start: FileSurface, surface: FileSurface) -> bool:
-    if not np.array_equal(start.offsets, surface.offsets):
-        return False
-    a, b = (_directed(each) for each in (start, surface))
-    return np.array_equal(
-        np.sort(a[:, 0] * len(start.points) + a[:, 1]), np.sort(b[:, 1] * len(start.points) + b[:, 0])
-    )
-
-
-def _directed(surface: FileSurface) -> np.ndarray:
-    """Return the directed sides (C, 2) of all faces."""
-    following = np.arange(1, len(surface.corners) + 1)
-    following[surface.offsets[1:] - 1] = surface.offsets[:-1]
-    return np.column_stack([surface.corners, surface.corners[following]])
 
 
 def _cubic(before: Floats, here: Floats, there: Floats, after: Floats, share: float) -> Floats:

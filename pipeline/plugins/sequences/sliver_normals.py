@@ -1,8 +1,8 @@
 """Normals where a surface has slivers: these turn by any angle, without a crease of the surface.
 
-Marching cubes makes slivers wherever the surface passes near a node of its grid. Their edges look hard, in
-other places in each frame, so highlights flicker. An edge of a sliver is a crease if the faces on its two
-long sides turn from each other.
+Marching cubes makes slivers, and faces much smaller than those around them, wherever the surface passes near
+a node of its grid. Their edges look hard, in other places in each frame, so highlights flicker. An edge of a
+sliver is a crease if the faces on its two long sides turn from each other.
 """
 
 from __future__ import annotations
@@ -16,6 +16,9 @@ from flowsculpt.api.meshes import Floats, Indices, edge_keys
 
 THIN = 0.08
 """The height of a triangle over its longest side below which it is a sliver."""
+
+SMALL = 1 / 32
+"""The area of a triangle over that of the largest one that touches it below which it counts as a sliver."""
 
 TURN = math.radians(40)
 """The angle of two faces from which on the edge between them is a crease: the usual hard angle."""
@@ -37,7 +40,10 @@ def sliver_normals(mesh: PolygonMesh) -> Floats | None:
     sides = np.roll(corners, -1, axis=1) - corners
     crosses, lengths = np.cross(sides[:, 0], sides[:, 1]), np.linalg.norm(sides, axis=2)
     areas, longest = np.linalg.norm(crosses, axis=1), lengths.max(axis=1)
-    is_thin = areas < THIN * longest**2
+    largest = np.zeros(len(mesh.vertices))
+    for corner in faces.T:
+        np.maximum.at(largest, corner, areas)
+    is_thin = (areas < THIN * longest**2) | (areas < SMALL * largest[faces].max(axis=1))
     if not is_thin.any():
         return None
     is_near = np.zeros(len(mesh.vertices), bool)

@@ -107,6 +107,39 @@ def test_morph_targets_add_up_before_the_skin_and_joints_carry_them(tmp_path: Pa
     assert points(scene, tmp_path, 0.5) == pytest.approx(expected)
 
 
+@pytest.mark.parametrize("has_base", [True, False])
+def test_sparse_morph_targets_move_the_vertices_that_they_list(tmp_path: Path, has_base: bool) -> None:
+    """Their numbers and moves lie in a buffer of their own, whose change is noticed."""
+    scene = GltfScene()
+    moves, listed = np.tile([[0.0, 1.0, 0.0]], (8, 1)) * has_base, np.array([2, 5], np.uint16)
+    target = scene.accessor(moves)
+    mesh = scene.triangles(BOX, targets=[{"POSITION": target}])
+    scene.node(mesh=mesh)
+    animate(scene, 0, "weights", [0, 2], [0, 1])
+    content = listed.tobytes() + np.array([[3, 0, 0], [0, 0, 6]], np.float32).tobytes()
+    (tmp_path / "sparse.bin").write_bytes(content)
+    scene.json["buffers"] = [{}, {"byteLength": len(content), "uri": "sparse.bin"}]
+    views = [{"buffer": 1, "byteLength": 4}, {"buffer": 1, "byteOffset": 4, "byteLength": 24}]
+    numbers, values = len(scene.json["bufferViews"]), len(scene.json["bufferViews"]) + 1
+    scene.json["bufferViews"] += views
+    accessor = scene.json["accessors"][target]
+    accessor["sparse"] = {
+        "count": 2,
+        "indices": {"bufferView": numbers, "componentType": 5123},
+        "values": {"bufferView": values},
+    }
+    if not has_base:
+        del accessor["bufferView"]
+    moves[listed] = [[3, 0, 0], [0, 0, 6]]
+    moving = ModelFile(scene.gltf(tmp_path / "a.gltf", "buffer.bin")).motion()
+    assert len(moving.files.files) == 3
+    assert moving.at(1.0).points == pytest.approx(BOX.vertices + 0.5 * moves)
+    os.utime(tmp_path / "sparse.bin", ns=(1, 1))
+    with pytest.raises(MissingInputError, match=r"a\.gltf: it changed, or a file that it names"):
+        moving.at(2.0)
+    moving.close()
+
+
 def test_animations_of_different_nodes_play_together_and_others_are_chosen_by_name(tmp_path: Path) -> None:
     scene = box_scene(BOX)
     scene.node(mesh=0)

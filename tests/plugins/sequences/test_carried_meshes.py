@@ -125,6 +125,42 @@ def test_material_stays_where_velocities_carry_it(balls: tuple[Path, dict[int, T
     assert np.quantile(off, 0.95) < 0.02
 
 
+def test_two_files_of_the_same_faces_carry_the_mesh_where_velocities_miss_a_sudden_start(
+    tmp_path: Path,
+) -> None:
+    def jump(points: np.ndarray, frame: float) -> np.ndarray:
+        return points + np.array([0.4, 0.0, 0.0]) * (round(frame) >= 2)
+
+    for number, ball in ((1, turned_ball(1)), (2, turned_ball(1)), (3, turned_ball(3))):
+        write(tmp_path, number, ball, jump)
+    _, points = carried(tmp_path, "1-3", carry_from=1)
+    np.testing.assert_allclose(
+        points[2] - points[1], np.tile([0.4, 0.0, 0.0], (len(points[1]), 1)), atol=1e-6
+    )
+
+
+@pytest.mark.parametrize("grows", [False, True])
+def test_a_mesh_that_gets_no_nearer_or_only_larger_is_soon_given_up(grows: bool) -> None:
+    from flowsculpt.pipeline.plugins.interchange.carrying import ENOUGH_ROUNDS, PATIENCE, Carrier, Deviation
+    from flowsculpt.pipeline.plugins.interchange.shown_surfaces import CarriedFaces, Places, ShownSurface
+
+    class NeverNear(Carrier):
+        def _far_frames(self, faces: CarriedFaces, *others: object) -> list[int]:
+            self._deviations = {2: Deviation(1.0, (0.0, 0.0, 0.0))}
+            self._mark(faces.edges[:1], np.ones(1), np.full(1, 2.0))
+            return [2]
+
+        def _compare_edges(self, shown: ShownSurface, edges: np.ndarray, here: Places) -> None:
+            many = edges[: len(here.points) // 8] if grows else edges[:0]
+            self._mark(many, np.ones(len(many)), np.full(len(many), 2.0))
+
+    rounds = list[str]()
+    ball = ShownSurface(1, 0.0, icosphere(8), 1.0)
+    carrier = NeverNear(lambda number: ball, range(1, 3), 1, 0.25, 100_000)
+    carrier.carried(lambda name, count: rounds.append(name) or (lambda: None))  # type: ignore[func-returns-value]
+    assert len(rounds) <= max(ENOUGH_ROUNDS, PATIENCE) + 2
+
+
 def test_its_normals_are_those_of_the_files(balls: tuple[Path, dict[int, TriangleMesh]]) -> None:
     from flowsculpt.pipeline.plugins.interchange.unifying import Unification
     from tests.plugins.interchange.unified_shots import of_text
@@ -212,6 +248,16 @@ def test_a_surface_that_the_velocities_do_not_lead_to_is_refused_with_frame_and_
     assert not list((tmp_path / "renders").rglob("*.abc"))
 
 
+def test_a_cloth_that_is_wound_the_other_way_round_from_a_frame_on_is_refused_there(tmp_path: Path) -> None:
+    for number in range(1, 6):
+        cloth = sheet((2.0, 2.0), 0.2 + 0.02 * (number % 3))
+        faces = cloth.faces if number > 3 else cloth.faces[:, ::-1]
+        write(tmp_path, number, TriangleMesh(cloth.vertices, faces), lambda p, n: p + 0.01 * n)
+    with pytest.raises(FrameError, match=r"frame 3: .* faces, which may be wound the other way") as refused:
+        carried(tmp_path, "1-5", carry_from=5)
+    assert options_of(refused.value) == ("4-5", 5)
+
+
 def options_of(error: FrameError) -> tuple[str, int]:
     """Return the frames of the command in a message, and the frame whose mesh is carried."""
     found = re.search(r"Choose -f (\S+) --carry-from (\d+), which is carried already", str(error))
@@ -281,6 +327,22 @@ def test_a_vertex_is_drawn_to_a_tip_that_faces_cut_off() -> None:
     drawn = carrier._drawn_to_tips(file, CarriedFaces(ball), here)
     assert away > 0.2 and carrier._compared(file, CarriedFaces(ball), drawn).distance < 0.01
     np.testing.assert_array_equal(np.flatnonzero((drawn.points != here.points).any(axis=1)), [40])
+
+
+def test_a_vertex_on_an_edge_of_a_box_is_drawn_to_the_corner_that_faces_cut_off() -> None:
+    from flowsculpt.pipeline.plugins.interchange.carrying import Carrier
+    from flowsculpt.pipeline.plugins.interchange.shown_surfaces import CarriedFaces, ShownSurface
+
+    solid = box((2.0, 2.0, 2.0), 0.25)
+    file = ShownSurface(2, 0.0, solid, 0.7)
+    here = file.vertices_places()
+    corner = int(np.argmax(solid.vertices.sum(axis=1)))
+    here = here._replace(points=solid.vertices.copy())
+    here.points[corner] -= [0.1, 0.0, 0.0]
+    faces, carrier = CarriedFaces(file.with_creases()), Carrier(lambda number: file, range(1, 3), 1, 0.25, 0)
+    assert carrier._compared(file, faces, here).distance > 0.2
+    drawn = carrier._drawn_to_tips(file, faces, here)
+    np.testing.assert_allclose(drawn.points, solid.vertices, atol=1e-12)
 
 
 def test_settings_of_a_carried_mesh_are_checked(balls: tuple[Path, dict[int, TriangleMesh]]) -> None:

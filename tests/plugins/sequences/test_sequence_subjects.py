@@ -365,6 +365,28 @@ def test_a_closed_surface_that_is_wound_the_other_way_round_in_a_file_is_turned_
         assert np.linalg.det(corners).sum() > 0.0
 
 
+@pytest.mark.parametrize(
+    ("repair", "noted", "words"),
+    [
+        ("on", {3}, "; they are reversed"),
+        ("off", {1, 3}, ". Write repair: on, which reverses them"),
+    ],
+)
+def test_notes_name_the_files_whose_closed_surfaces_face_inwards(
+    tmp_path: Path, repair: str, noted: set[int], words: str
+) -> None:
+    """The first, the second and the last file are read; a repaired first one has its own line."""
+    for number in (1, 2, 3):
+        ball = icosphere(1 + number)
+        faces = ball.faces if number == 2 else ball.faces[:, ::-1]
+        write_ply(TriangleMesh(ball.vertices, faces), tmp_path / f"cache/s_{number}.ply")
+    notes = read(tmp_path, f"cache/s_#.ply, repair: {repair}", frames="1-3").motion.subject.notes
+    inwards = [note for note in notes if "the faces of its closed surface are turned inwards" in note]
+    assert {int(note[len("s_")]) for note in inwards} == noted
+    assert all(words in note for note in inwards)
+    assert any("320 faces" in note or "80 faces" in note for note in notes) == (repair == "on")
+
+
 def test_settings_that_need_fixed_faces_are_refused_where_faces_change(folder: Path) -> None:
     for more, setting in (
         ("resample: {max_edge_length: 0.2}\n", "resample"),

@@ -45,6 +45,19 @@ def test_a_sliver_that_stands_up_leaves_a_flat_surface_smooth() -> None:
     assert (shaded.normals[shaded.faces[large]][..., 1] > 0.999).all()
 
 
+def test_a_small_face_that_stands_up_leaves_a_flat_surface_smooth() -> None:
+    """A triangle that is no sliver, in the middle of a large one, with its corners at other heights."""
+    from flowsculpt.pipeline.plugins.sequences.sliver_normals import sliver_normals
+
+    points = [[-1, 0, -1], [1, 0, -1], [0, 0, 1], [-0.04, 0, 0], [0.04, 0, 0], [0, 0.06, 0.06]]
+    faces = [[3, 5, 4], [0, 3, 1], [1, 3, 4], [1, 4, 2], [2, 4, 5], [2, 5, 0], [0, 5, 3]]
+    mesh = TriangleMesh(np.array(points, float), np.array(faces, np.int32))
+    assert len(split_at_creases(mesh).vertices) > len(points), "by the angle its edges are creases"
+    normals = sliver_normals(PolygonMesh.from_triangles(mesh))
+    assert normals is not None
+    assert (normals[3:, 1] > 0.97).all()
+
+
 @pytest.mark.parametrize("turn", [60.0, 90.0])
 def test_a_crease_along_slivers_stays_one(turn: float) -> None:
     from flowsculpt.pipeline.plugins.sequences.sliver_normals import sliver_normals
