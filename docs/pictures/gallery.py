@@ -42,7 +42,7 @@ STILLS = {
     "B150_pair": 170,
     "B160_loops": 50,
     "B170_endless": 44,
-    "B180_pool": 57,
+    "B180_pool": 84,
     "B190_moon": 84,
     "B200_walker": 62,
     "B210_jets": 1,

@@ -86,19 +86,19 @@ def test_the_wheel_brings_the_gallery(environment, tmp_path):
     gallery, shots = ROOT / "shots", tmp_path / "my/shots"
     names = [file.relative_to(gallery) for file in gallery.rglob("[!.]*.*") if file.parent.name[0] != "."]
     assert len(names) > 20 and filecmp.cmpfiles(gallery, shots, names, shallow=False) == (names, [], [])
-    film = "title: Short\nsound: {file: film_music.opus}\nshots: [{shot: B190_moon, frames: 1-2}]\n"
+    film = "title: Short\nsound: {file: film_music.opus}\nshots: [{shot: B200_walker, frames: 1-2}]\n"
     (shots / "short.yaml").write_text(film)
     planned = environment.run("--dry-run", "film", "short", cwd=tmp_path / "my")
     assert "encoding the film" in planned, "it has read a shot, its model and music"
 
 
-@needs_plugins("authoring", *needed_by(ROOT / "shots/B190_moon.yaml"))
+@needs_plugins("authoring", *needed_by(ROOT / "shots/B200_walker.yaml"))
 def test_a_show_around_the_environment_gets_copies_of_models_in_it(environment):
-    environment.run("new", "A040", "--from", "B190_moon", cwd=environment.folder)
+    environment.run("new", "A040", "--from", "B200_walker", cwd=environment.folder)
     shots = environment.folder / "shots"
-    assert (shots / "models/B190_person.ply").is_file()
+    assert (shots / "models/B200_walker.glb").is_file()
     text = (shots / "A040.yaml").read_text()
-    assert "model: models/B190_person.ply" in text and "title: Moon" not in text
+    assert "sequence: models/B200_walker.glb" in text and "title: Walker" not in text
     shutil.rmtree(shots)
 
 

@@ -28,7 +28,7 @@ def flow_facts() -> dict[str, dict[str, Any]]:
 
 
 def preset_names() -> dict[str, list[str]]:
-    """Return the names of looks, light rigs and stages, and of the solids with their measures."""
+    """Return the names of looks, light rigs, stages and sets, and of the solids with their measures."""
     solids = {f"solid {name}": list(kind.measures) for name, kind in Solid.KINDS.items()}
     return {**{kind: list(known) for kind, known in PRESETS.items()}, **solids, "solids": list(Solid.KINDS)}
 

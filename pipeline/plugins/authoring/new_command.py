@@ -37,7 +37,6 @@ from flowsculpt.pipeline.plugins.authoring.shot_templates import (
 MODELS = "models"
 """Folder in shots/ for copies of models."""
 
-
 _SHOT_SCHEMA = SCHEMA.format((SCHEMAS / "shot.json").as_posix())
 
 

@@ -324,8 +324,8 @@ def _camera(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
 def _below_floor(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
     """Check that the camera is above the floor, from below which a stage is dark and hides the subject."""
     camera, clock = shot.picture.camera, shot.motion.clock
-    if shot.picture.stage.kind == "none" or (shot.subject and camera.position is None):
-        return  # framing sees all of several subjects
+    if shot.picture.stage.kind == "none" or shot.subject:
+        return  # the floor is under the lowest of several subjects, and this is one of them
     setting = "elevation" if camera.position is None else "position"
     aspect = shot.picture.qualities["draft"].aspect
     for number in sampled_frames(shot):

@@ -45,7 +45,7 @@ def flows() -> dict[str, dict[str, Any]]:
 
 @cache
 def preset_names() -> dict[str, list[str]]:
-    """Return the names of presets by their kind, `look`, `lights` and `stage`; measures by `solid NAME`."""
+    """Return the names of presets by kind, as `look` and `set`; measures by `solid NAME`."""
 
     def found() -> dict[str, list[str]]:
         from flowsculpt.pipeline.plugins.authoring import document_schemas

@@ -52,10 +52,9 @@ flows:
 
 # Looks: {looks}.
 look: {look}  # or {{material: {coloured}, colour: [0.6, 0.5, 0.4]}}
+set: {set}; a place with lights and a camera
 # Degrees. The set turns along with azimuth; orbit: 20 moves the camera around a set that stands still.
-camera: {{azimuth: {{keys: {{1: {left:g}, {last}: {right:g}}}}}, elevation: 14}}
-lights: {lights}
-stage: {stage}
+camera: {{azimuth: {{keys: {{1: {left:g}, {last}: {right:g}}}}}, move: {{push: }}}}
 """
 
 _FUNCTION = '''\
@@ -100,7 +99,7 @@ class FlowPreset:
     """A subject that suits a flow, and values of its parameters; all texts are as in a shot file.
 
     values   by parameter; others take their defaults
-    lights   the light rig
+    set      the place
     finest   edge length where the surface bends sharply, or None for one length everywhere
     within   a region that limits a flow which would move everything alike
     azimuth  of the camera, degrees, at the first and the last frame
@@ -111,7 +110,7 @@ class FlowPreset:
     max_edge_length: float = 0.08
     finest: float | None = None
     look: str = "clay"
-    lights: str = "studio"
+    set: str = "window"
     within: str = ""
     azimuth: tuple[float, float] = (-30.0, 0.0)
 
@@ -358,8 +357,7 @@ def shot_of_flow(flow: str, name: str, model: ModelTemplate | None = None) -> st
         looks=", ".join(preset_names()["look"]),
         left=preset.azimuth[0],
         right=preset.azimuth[1],
-        lights=choice(preset_names()["lights"], preset.lights),
-        stage=choice(preset_names()["stage"]),
+        set=choice(preset_names()["set"], preset.set),
     )
     return re.sub(
         r"^(.*\S)  # (.*)$", lambda line: f"{line[1]:<{COLUMN}}  # {line[2]}", text, flags=re.MULTILINE
@@ -412,14 +410,15 @@ def _comment(parameter: dict[str, Any]) -> str:
 
 FIRST_SHOT = "A010_first"
 
-SHARED = ("rate", "lights", "stage")
-"""Names that the defaults of a show give, so that its shots need not."""
+SHARED = ("rate",)
+"""Names that the defaults of a new show give, so that its shots need not."""
 
 DEFAULTS = """\
 # What all shots in this folder share. A shot that names something itself keeps its own.
 rate: 24  # frames per second
-lights: {lights}
-stage: {stage}
+# set: {set}; a place for all shots that name none
+# lights: {lights}
+# stage: {stage}
 # look: clay
 # picture: {{aspect: "9:16"}}  # upright; or {{size: [3840, 2160]}}, the pixels of final
 # quality: {{draft: {{samples: 8}}, final: {{samples: 128}}}}  # samples a pixel, in place of 4 and 64
@@ -459,7 +458,7 @@ def show_files(name: str, shots: Sequence[str]) -> Mapping[str, str]:
     """
     return {
         "shots/defaults.yaml": SCHEMA.format(".schema/defaults.json")
-        + DEFAULTS.format(lights=choice(preset_names()["lights"]), stage=choice(preset_names()["stage"])),
+        + DEFAULTS.format(**{kind: choice(preset_names()[kind]) for kind in ("lights", "stage", "set")}),
         "shots/film.yaml": SCHEMA.format(".schema/film.json")
         + FILM.format(title=title_of(name[:1].upper() + name[1:]), shots=", ".join(shots)),
         "shots/models/README.txt": MODELS,
@@ -471,6 +470,7 @@ def show_files(name: str, shots: Sequence[str]) -> Mapping[str, str]:
 
 def without_shared(text: str, shared: Iterable[str]) -> str:
     """Return the text of a new shot without the values, each in one line, that defaults give."""
-    for name in set(SHARED) & set(shared):
+    given = {*shared, "set"} if {"lights", "stage"} & set(shared) else set(shared)  # a set replaces both
+    for name in {"rate", "set", "lights", "stage"} & given:
         text = re.sub(rf"^{name}: .*\n", "", text, count=1, flags=re.MULTILINE)
     return text

@@ -82,7 +82,7 @@ def _kinds(param: Any) -> list[str]:
 
 
 def _values() -> list[str]:
-    return [f"{kind}={name}" for kind in ("look", "lights", "stage") for name in PRESETS[kind]]
+    return [f"{kind}={name}" for kind in ("look", "lights", "stage", "set") for name in PRESETS[kind]]
 
 
 _NAMED = {

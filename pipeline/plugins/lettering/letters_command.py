@@ -33,7 +33,8 @@ subjects:
 resample: {{max_edge_length: 0.03}}
 
 look: glaze
-camera: {{azimuth: {{keys: {{1: -24, {last}: -8}}}}, elevation: 8}}
+set: shelf  # a place with lights and a camera; others are window, spot and corner
+camera: {{azimuth: {{keys: {{1: -24, {last}: -8}}}}, dolly: 1.1, move: {{push: }}}}
 """
 TURNING = """\
   {name}:

@@ -65,8 +65,8 @@ from flowsculpt.render.scene.scene_lights import LIGHTS
 from flowsculpt.render.scene.scene_sets import SETS
 from flowsculpt.render.scene.scene_stage import STAGES
 
-PRESETS: Mapping[str, Mapping[str, Any]] = {"look": ALL_LOOKS, "lights": LIGHTS, "stage": STAGES}
-"""What shot files can name by a word, by the entry: looks, light rigs and stages."""
+PRESETS: Mapping[str, Mapping[str, Any]] = {"look": ALL_LOOKS, "lights": LIGHTS, "stage": STAGES, "set": SETS}
+"""What shot files can name by a word, by the entry: looks, light rigs, stages and sets."""
 
 StageField = Annotated[
     Annotated[str, one_of(STAGES, "stage")] | StageDocument,

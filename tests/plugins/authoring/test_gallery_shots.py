@@ -16,7 +16,7 @@ from tests.conftest import ProjectFolder
 from tests.full_disk import disk_of
 from tests.needed_plugins import needed_by, needed_by_gallery, needs_plugins
 
-MOON = GALLERY / "B190_moon.yaml"
+WALKER = GALLERY / "B200_walker.yaml"
 BLOOM = GALLERY / "B060_bloom.yaml"
 
 
@@ -76,14 +76,14 @@ def test_a_shot_of_the_gallery_has_its_keys_also_under_another_name(tmp_path, ke
     assert keys(moved, names) == keys_of_gallery, "it reads nothing from elsewhere, either"
 
 
-@needs_plugins(*needed_by(MOON))
+@needs_plugins(*needed_by(WALKER))
 def test_models_and_sounds_of_the_gallery_come_along_once(tmp_path):
     folder = ProjectFolder(tmp_path)
     first, again, sound = (
         json.loads(folder.call("--json", "new", name, "--from", shot).out)["files"]
-        for name, shot in (("A1", "B190_moon"), ("A2", "B190_moon"), ("A3", "B130_pulse"))
+        for name, shot in (("A1", "B200_walker"), ("A2", "B200_walker"), ("A3", "B130_pulse"))
     )
-    assert first == ["shots/A1.yaml", "shots/models/B190_person.ply"] and again == ["shots/A2.yaml"]
+    assert first == ["shots/A1.yaml", "shots/models/B200_walker.glb"] and again == ["shots/A2.yaml"]
     assert sound == ["shots/A3.yaml", "shots/pulse.opus"]
 
 
@@ -106,14 +106,14 @@ def test_a_copy_that_the_defaults_of_the_show_change_is_told(tmp_path):
     ("words", "taken", "says"),
     [
         pytest.param(
-            ("A020", "--from", "B190_moon"),
-            "models/B190_person.ply",
+            ("A020", "--from", "B200_walker"),
+            "models/B200_walker.glb",
             "with other contents; rename it",
-            marks=needs_plugins(*needed_by(MOON)),
+            marks=needs_plugins(*needed_by(WALKER)),
         ),
         (
             ("--show", "--gallery"),
-            "models/B190_person.ply",
+            "models/B200_walker.glb",
             "with other contents; the gallery needs a folder",
         ),
         (("--show", "--gallery"), "film.yaml", "with other contents; the gallery needs a folder of its own"),
@@ -128,13 +128,13 @@ def test_a_file_of_the_show_is_never_replaced_by_one_of_the_gallery(tmp_path, wo
     assert [file.read_text() for file in tmp_path.rglob("*") if file.is_file()] == ["mine"]
 
 
-@needs_plugins(*needed_by(MOON))
+@needs_plugins(*needed_by(WALKER))
 def test_a_full_disk_leaves_no_half_file_and_no_shot_without_its_model(tmp_path):
-    folder, words = ProjectFolder(tmp_path), ("new", "A020", "--from", "B190_moon")
+    folder, words = ProjectFolder(tmp_path), ("new", "A020", "--from", "B200_walker")
     folder.call("new", "A010")  # writes the schemas
     with disk_of(100_000):
         done = folder.call(*words)
-    assert done.code == 4 and "shots/models/B190_person.ply: cannot be written: " in done.err
+    assert done.code == 4 and "shots/models/B200_walker.glb: cannot be written: " in done.err
     assert not [*(tmp_path / "shots/models").iterdir()] and not (tmp_path / "shots/A020.yaml").exists()
     assert folder.call(*words).code == 0
     assert read_shot(tmp_path / "shots/A020.yaml").title == "A020"

@@ -61,6 +61,17 @@ def test_shots_of_a_show_leave_to_its_defaults_what_these_give(show):
         assert read_shot(show.path / f"shots/{name}.yaml").rate.fps == 24
 
 
+@pytest.mark.parametrize(
+    ("given", "has_set"), [("rate: 25", True), ("stage: plinth", False), ("set: spot", False)]
+)
+def test_a_new_shot_is_in_a_place_unless_the_show_has_chosen_its_own(show, given, has_set):
+    (show.path / "shots/defaults.yaml").write_text(f"{given}\n")
+    assert show.call("new", "A020_ring", "--from", "vortex_ring").code == 0
+    path = show.path / "shots/A020_ring.yaml"
+    assert ("\nset: window" in path.read_text()) == has_set
+    assert read_shot(path).picture.stage.kind == ("window" if has_set else "plinth")
+
+
 @pytest.mark.slow
 def test_what_is_in_the_folder_stays_and_is_listed(tmp_path):
     folder = ProjectFolder(tmp_path)

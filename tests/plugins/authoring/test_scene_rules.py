@@ -185,6 +185,15 @@ def test_a_camera_below_the_floor_is_told_with_a_remedy_that_works(tmp_path: Pat
     assert found(tmp_path, ball_shot(more="camera: {position: [0, -0.8, 5]}")) == []
 
 
+def test_a_camera_lower_than_one_subject_stands_on_the_floor_of_another(tmp_path: Path) -> None:
+    box = "{solid: box, size: [1, 1, 1], place: [0, %d, 0]}"
+    text = f"title: A\nframes: 1-4\nsubjects:\n  high: {box % 3}\n  low: {box % 0}\nflows: []\nlook: clay\n"
+    shot = read_shot(
+        tmp_path / "a.yaml", text + "camera: {position: [0, 0.4, 9]}\nresample: {max_edge_length: 0.08}\n"
+    )
+    assert [findings(part, FirstFrames().of(part.motion)) for part in shot.subjects] == [[], []]
+
+
 @settings(max_examples=40, deadline=None)
 @given(st.tuples(*[st.floats(-1.2, 1.2)] * 3))
 def test_points_within_a_ball_are_inside(point: tuple[float, float, float]) -> None:
