@@ -337,6 +337,7 @@ class Reflectance(NamedTuple):
     coat      reflectance of a clear coat seen from straight above
     grazing   its reflectance at a grazing angle
     exponent  of highlights (Blinn 1977)
+    covered   share of what the coat reflects that the body lacks
     """
 
     body: float
@@ -344,6 +345,7 @@ class Reflectance(NamedTuple):
     coat: float
     grazing: float
     exponent: float
+    covered: float = 1.0
 
 
 def reflectance_of(material: Material, sharpness: tuple[float, float] = SHARPNESS) -> Reflectance:
@@ -357,7 +359,8 @@ def reflectance_of(material: Material, sharpness: tuple[float, float] = SHARPNES
             return Reflectance(0.0, 1.0, 0.0, 0.0, exponent)
         case Satin():
             coat = COAT * (1.0 - material.metallic)
-            return Reflectance(1.0 - material.metallic, material.metallic, coat, 0.5 * grazing, exponent)
+            body, full = 1.0 - material.metallic, grazing * grazing
+            return Reflectance(body, material.metallic, coat, full, exponent, covered=0.5)
     if material.is_clear:
         return Reflectance(0.0, 0.0, COAT, 1.0, exponent)
     return Reflectance(1.0, 0.0, COAT, max(grazing, COAT), exponent)
