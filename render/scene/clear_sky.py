@@ -108,12 +108,17 @@ def sky_radiance(daylight: Daylight, directions: Floats) -> Floats:
     return _exposure(daylight) * daylight.sky * _bare_radiance(daylight, directions)
 
 
-def sky_pixels(daylight: Daylight, rows: int = 128) -> NDArray[np.float32]:
-    """Return the sky without its sun as a map (rows, 2 rows, 3), whose middle is at +z."""
+def map_directions(rows: int) -> Floats:
+    """Return the directions (rows, 2 rows, 3) of the pixels of a map whose middle is at +z, as Mitsuba's."""
     tilt = (np.arange(rows)[:, None] + 0.5) / rows * math.pi
     turn = (np.arange(2 * rows) + 0.5) / rows * math.pi
     along = np.sin(tilt) * np.sin(turn), np.cos(tilt) + 0.0 * turn, -np.sin(tilt) * np.cos(turn)
-    light = sky_radiance(daylight, np.stack(along, axis=-1).reshape(-1, 3))
+    return np.stack(along, axis=-1)
+
+
+def sky_pixels(daylight: Daylight, rows: int = 128) -> NDArray[np.float32]:
+    """Return the sky without its sun as a map (rows, 2 rows, 3), whose middle is at +z."""
+    light = sky_radiance(daylight, map_directions(rows).reshape(-1, 3))
     return light.reshape(rows, 2 * rows, 3).astype(np.float32)
 
 

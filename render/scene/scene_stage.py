@@ -120,7 +120,7 @@ class Stage:
     halo_distance  of its middle behind the subject's middle, stage units
     horizon_fade   height of the haze in which ground melts into the sky, radians; 0 for none
     finish         of floor and wall, one of FINISHES; "" for an even one
-    plinth_finish  the same of the plinth, of boards and of a table
+    plinth_finish  finish of the plinth, of boards and of a table
     round          True for a round plinth, False for a square one
     shadow_catcher True if floor and wall are not seen, but the shadows on them
     """
@@ -174,7 +174,7 @@ class Stage:
 
     @property
     def plinth_coat(self) -> float | None:
-        """The same of the plinth."""
+        """Roughness of the coat of the plinth."""
         own = self.plinth_roughness
         return FINISHES[self.plinth_finish][0] if self.plinth_finish and own is None else own
 

@@ -70,7 +70,7 @@ class StageDocument(Document):
         f"of floor and wall: {', '.join(FINISHES)}; by default an even one"
     )
     plinth_finish: Annotated[str, one_of(FINISHES, "finish")] | None = optional(
-        "the same of plinth, steps, boards or table"
+        "finish of plinth, steps, boards or table"
     )
     shadow_catcher: bool | None = optional(
         "floor and wall are not seen, but the shadows on them, as alpha: for compositing"
