@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from flowsculpt.render.base.serialise import Triple
 from flowsculpt.render.mitsuba.engine import is_compiled
 from flowsculpt.render.mitsuba.loading import load_part
+from flowsculpt.render.scene.clear_sky import map_directions
 from flowsculpt.render.scene.render_camera import unit
 from flowsculpt.render.scene.rgb_spaces import LUMA, REC709, converted_pixels
 from flowsculpt.render.scene.scene import Scene
@@ -256,25 +257,17 @@ def daylight_map(daylight: Daylight) -> NDArray[np.float32]:
     strength, (sun, _) = daylight_exposure(daylight), daylight_irradiances(daylight)
     coarse = _MAP_ROWS // _COARSE
     without_sun = {**_sunsky(daylight), "sun_scale": 0.0, "sky_scale": daylight.sky}
-    directions = _directions(coarse)[: coarse // 2].reshape(-1, 3)
+    directions = map_directions(coarse)[: coarse // 2].reshape(-1, 3)
     upper = _radiance(without_sun, directions).reshape(coarse // 2, 2 * coarse, 3)
     light = np.zeros((_MAP_ROWS, 2 * _MAP_ROWS, 3))
     light[: _MAP_ROWS // 2] = _refine(upper, _COARSE)
-    cosine = _directions(_MAP_ROWS) @ np.array(daylight.direction)
+    cosine = map_directions(_MAP_ROWS) @ np.array(daylight.direction)
     pixel = math.pi / _MAP_ROWS
     cover = np.clip((daylight.width / 2.0 - np.arccos(np.clip(cosine, -1.0, 1.0))) / pixel + 0.5, 0.0, 1.0)
     cover[_MAP_ROWS // 2 :] = 0.0
     solid_angle = pixel**2 * np.sin((np.arange(_MAP_ROWS) + 0.5) * pixel)[:, None]
     light += cover[..., None] * (daylight.sun * sun / (cover * solid_angle).sum())
     return converted_pixels((strength * light).astype(np.float32), daylight.working_space)
-
-
-def _directions(rows: int) -> NDArray[np.float64]:
-    """Return the directions (rows, 2 rows, 3) of the pixels of Mitsuba's environment maps."""
-    tilt = (np.arange(rows)[:, None] + 0.5) / rows * math.pi
-    turn = (np.arange(2 * rows) + 0.5) / rows * math.pi
-    along = np.sin(tilt) * np.sin(turn), np.cos(tilt) + 0.0 * turn, -np.sin(tilt) * np.cos(turn)
-    return np.stack(along, axis=-1)
 
 
 def _refine(picture: NDArray[np.float64], factor: int) -> NDArray[np.float64]:

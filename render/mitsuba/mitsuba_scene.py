@@ -92,7 +92,7 @@ def build_scene(
             "smoke, or see what flowsculpt doctor says about libLLVM"
         )
     worn = any(getattr(subject.material, "wear", ()) for subject in scene.subjects)
-    if (worn or scene.stage.finish) and not is_compiled():
+    if (worn or scene.stage.finish or scene.stage.plinth_finish) and not is_compiled():
         what = "the wear of a look" if worn else "the finish of a stage"
         raise BadInputError(
             f"{what} needs a compiled variant of Mitsuba. Leave it out, or see what flowsculpt doctor says "

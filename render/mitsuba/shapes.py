@@ -25,7 +25,7 @@ from flowsculpt.render.scene.reference_objects import CHROME, GREY
 from flowsculpt.render.scene.rgb_spaces import converted_pixels
 from flowsculpt.render.scene.room_shapes import window_frame
 from flowsculpt.render.scene.scene import Scene
-from flowsculpt.render.scene.scene_stage import WITH_REFERENCES, Stage
+from flowsculpt.render.scene.scene_stage import WITH_REFERENCES
 from flowsculpt.render.scene.shaded_colours import shaded_colours
 from flowsculpt.render.scene.surface import Surface
 from flowsculpt.render.scene.surface_detail import FINISHES
@@ -92,12 +92,9 @@ def stage_shapes(scene: Scene, size: tuple[int, int]) -> dict[str, Any]:
         return {}
     made = {"stage": _backdrop(scene)}
     if (plinth := stage.plinth()) is not None:
-        made["plinth"] = mesh(
-            "plinth",
-            Surface(*placement.placed(plinth)),
-            _coat({"type": "rgb", "value": list(stage.plinth_colour)}, stage.plinth_roughness),
-            _UV,
-        )
+        surface = Surface(*placement.placed(plinth), rest=plinth[0])
+        colour = {"type": "rgb", "value": list(stage.plinth_colour)}
+        made["plinth"] = _part("plinth", surface, colour, stage.plinth_coat, stage.plinth_finish)
     if stage.kind == "window":
         frame = Surface(*placement.placed(window_frame()))
         made["window"] = mesh("window", frame, two_sided(diffuse(stage.plinth_colour)), _UV)
@@ -117,7 +114,7 @@ def stage_shapes(scene: Scene, size: tuple[int, int]) -> dict[str, Any]:
 def _backdrop(scene: Scene) -> Any:
     """Return floor and wall."""
     stage = scene.stage
-    surface = Surface(*scene.placement.placed(stage.backdrop()))
+    surface = Surface(*scene.placement.placed(stage.backdrop()), rest=stage.backdrop()[0])
     colour: dict[str, Any] = {"type": "rgb", "value": list(stage.colour)}
     if scene.stage_fades or stage.is_graded:
         surface = replace(surface, attributes={"colour": stage.reflectances(scene.stage_fades)})
@@ -125,24 +122,28 @@ def _backdrop(scene: Scene) -> Any:
     if stage.horizon_fade:
         there = stage.opacity_at(stage.backdrop()[0])[:, None]
         surface = replace(surface, attributes={**surface.attributes, "there": there})
-    if stage.finish and is_compiled():
-        return _finished(replace(surface, rest=stage.backdrop()[0]), colour, stage)
-    return mesh("stage", surface, _coat(colour, stage.coat), _UV)
+    return _part("stage", surface, colour, stage.coat, stage.finish)
 
 
-def _finished(surface: Surface, colour: dict[str, Any], stage: Stage) -> Any:
-    """Return floor and wall with the detail of their finish."""
+def _part(name: str, surface: Surface, colour: dict[str, Any], coat: float | None, finish: str) -> Any:
+    """Return a part of a stage, with the detail of its finish, if it has one.
+
+    surface  at rest in stage units
+    coat     roughness of its coat, or None
+    """
+    if not (finish and is_compiled()):
+        return mesh(name, surface, _coat(colour, coat), _UV)
     from flowsculpt.render.mitsuba import detail_textures  # needs a compiled variant
 
-    layers = FINISHES[stage.finish][1]
+    layers = FINISHES[finish][1]
     shown = detail_textures.detailed_colour(colour, layers)
-    if stage.coat is None:
+    if coat is None:
         body: dict[str, Any] = {"type": "diffuse", "reflectance": shown}
     else:
-        gloss = detail_textures.detailed_roughness(float(stage.coat), layers, is_rooted=True)
+        gloss = detail_textures.detailed_roughness(float(coat), layers, is_rooted=True)
         body = {"type": "principled", "base_color": shown, "roughness": gloss, "specular": 0.5}
     made = {"type": "normalmap", "normalmap": detail_textures.detail_normals(layers), "body": two_sided(body)}
-    return mesh("stage", detail_textures.with_detail_places(surface), made, _UV)
+    return mesh(name, detail_textures.with_detail_places(surface), made, _UV)
 
 
 def _coat(colour: dict[str, Any], roughness: float | None) -> dict[str, Any]:

@@ -30,7 +30,7 @@ from flowsculpt.render.raster.raster_shapes import (
 from flowsculpt.render.raster.shadows import CELL, REACH, ContactShadow, open_at, placed_softbox
 from flowsculpt.render.scene.materials import Diffuse
 from flowsculpt.render.scene.render_camera import unit
-from flowsculpt.render.scene.room_shapes import ROOMS
+from flowsculpt.render.scene.room_shapes import ROOMS, shelf_opening
 from flowsculpt.render.scene.scene_lights import LightRig, Softbox
 from flowsculpt.render.scene.scene_stage import Stage, StagePlacement
 
@@ -166,6 +166,9 @@ def table_value(table: Array, row: int, column: int, down: float, right: float, 
     return float(near + down * (far - near))
 
 
+_BOARDS_LIT = 0.5
+"""Light of a shelf's boards, from below and above, over that of a board in the light of the key."""
+
 _FAINT = 1e-5  # part of a highlight's brightness below which it is left out
 
 
@@ -229,7 +232,22 @@ class Lighting:
             self.lights,
             out,
         )
+        if is_stage and self.setup.stage.kind == "shelf":
+            self._hide_by_boards(shape.vertices[which], out)
         return out
+
+    def _hide_by_boards(self, points: NDArray[np.float32], light: NDArray[np.float32]) -> None:
+        """Change light (N, 6) of a shelf's wall: boards hide the room from it, and send it their own."""
+        setup, stage, placement = self.setup, self.setup.stage, self.setup.placement
+        places = (points - placement.origin) @ placement.matrix()[:3, :3] / placement.size**2
+        seen = shelf_opening(places, stage.width, stage.height)
+        on_wall = np.isfinite(seen)
+        key, others = light[on_wall, :3] - light[on_wall, 3:], light[on_wall, 3:]
+        boards = floor_light(setup.lights, replace(stage, kind="none", colour=stage.plinth_colour))[0]
+        share = seen[on_wall, None]
+        thrown = _BOARDS_LIT * (1.0 - share) * boards * np.array(stage.wall_colour or stage.colour)
+        light[on_wall, 3:] = share * others + thrown
+        light[on_wall, :3] = key + light[on_wall, 3:]
 
     def mirrored(self, roughness: float) -> Table:
         """Return what a mirror of this roughness shows of the surroundings, as in `Surroundings`."""
@@ -308,7 +326,7 @@ def shade_vertices(
     which        (N,), the vertices to shade
     side         0 if both sides may be visible: normals then turn to the eye. For a closed surface 1, or -1
                  if its normals point inwards; a vertex just behind its outline stays outside
-    reflectance  (5,), as in `Reflectance`
+    reflectance  (6,), as in `Reflectance`
     lights       (L, 10): for a softbox its position, the direction it faces, radiance times area, and half
                  its width; for a sun the direction to it, 0, 0, 0, irradiance, and 0
     """
@@ -330,6 +348,7 @@ def shade_vertices(
             scale = -scale
         nx, ny, nz, facing = nx * scale, ny * scale, nz * scale, min(max(facing * scale, 0.0), 1.0)
         fresnel = coat + grazing * (1.0 - facing) ** 5
+        left_to_body = body_weight * (1.0 - reflectance[5] * fresnel)
         open_below = 1.0
         if reached.shape[0] > 0 and ny < 0.99:  # the floor under a subject is dark, and lights it less
             x, z = (points[v, 0] - frame[0]) * scale_to_stage, (points[v, 2] - frame[2]) * scale_to_stage
@@ -344,7 +363,7 @@ def shade_vertices(
         m, n, matt_down, matt_right = table_place(x, ny, z)
         index = v if len(colours) > 1 else 0
         for k in range(3):
-            body = (1.0 - fresnel) * body_weight * colours[index, k]
+            body = left_to_body * colours[index, k]
             mirror = mirror_weight * colours[index, k] + fresnel
             ambient = body * table_value(matt, m, n, matt_down, matt_right, k)
             if mirror > 0.0:
@@ -371,7 +390,7 @@ def shade_vertices(
             highlight = (exponent + 8.0) / (8.0 * math.pi) * half**exponent if half > least else 0.0
             coated = coat + grazing * (1.0 - min((ex * x + ey * y + ez * z) * scale, 1.0)) ** 5
             for k in range(3):
-                body = (1.0 - fresnel) * body_weight * colours[index, k]
+                body = left_to_body * colours[index, k]
                 mirror = mirror_weight * colours[index, k] + coated
                 sent = strength * lights[i, 6 + k] * (body / math.pi + mirror * highlight)
                 out[row, k] += sent

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from flowsculpt.render.raster.raster_shapes import Floats
 from flowsculpt.render.scene import clear_sky
 from flowsculpt.render.scene.rgb_spaces import LUMA
-from flowsculpt.render.scene.scene_lights import LightRig, Sky, Sun
+from flowsculpt.render.scene.scene_lights import LightRig, Sky, Sun, sun_of
 from flowsculpt.render.scene.sky import Daylight, Environment
 
 _COLUMNS = 256
@@ -28,8 +28,7 @@ _SUN_OVER_MEAN = 30.0
 def with_suns(rig: LightRig) -> LightRig:
     """Return the rig with the sun of its daylight, or of its environment map, as a sun of its own."""
     if rig.daylight:
-        x, y, z = rig.daylight.direction
-        return replace(rig, suns=(*rig.suns, Sun((-x, -y, -z), clear_sky.sun_irradiance(rig.daylight))))
+        return replace(rig, suns=(*rig.suns, sun_of(rig.daylight)))
     if rig.environment and (sun := _map(rig.environment)[1]):
         return replace(rig, suns=(*rig.suns, sun))
     return rig

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -256,22 +256,26 @@ class ScreenProjection(NamedTuple):
 @lru_cache(maxsize=4)
 def stage_shapes(stage: Stage, placement: StagePlacement, fades: bool = False) -> tuple[Shape, ...]:
     """Return the backdrop, and what the subject stands on, in scene units. fades: as of `StageSetup`"""
-    material = coated(stage.colour, stage.coat)
     is_graded = fades or stage.is_graded
-    if isinstance(material, Plastic) and (is_graded or stage.finish):  # Mitsuba's coat does not darken these
-        material = Satin(stage.colour, roughness=material.roughness, coat=1.0)
+    material = coated(stage.colour, stage.coat, is_dark=not (is_graded or stage.finish))
     backdrop = Shape(*placement.placed(stage.backdrop()), material).for_kernels()
     if is_graded:
         backdrop = backdrop._replace(colours=stage.reflectances(fades).astype(np.float64))
     if (plinth := stage.plinth()) is None:
         return (backdrop,)
-    material = coated(stage.plinth_colour, stage.plinth_roughness)
+    material = coated(stage.plinth_colour, stage.plinth_coat, is_dark=not stage.plinth_finish)
     return backdrop, Shape(*placement.placed(plinth), material).for_kernels()
 
 
-def coated(colour: Colour, roughness: float | None) -> Material:
-    """Return a matt material, under a clear coat where there is a roughness of one."""
-    return Diffuse(colour) if roughness is None else Plastic(colour, roughness=max(roughness, 0.02))
+def coated(colour: Colour, roughness: float | None, is_dark: bool) -> Material:
+    """Return a matt material, under a clear coat where there is a roughness of one.
+
+    is_dark  True for a coat that darkens what is below; Mitsuba's does not where colours vary
+    """
+    if roughness is None:
+        return Diffuse(colour)
+    made = Plastic if is_dark else partial(Satin, coat=1.0)
+    return made(colour, roughness=max(roughness, 0.02))
 
 
 @lru_cache(maxsize=4)
@@ -337,6 +341,7 @@ class Reflectance(NamedTuple):
     coat      reflectance of a clear coat seen from straight above
     grazing   its reflectance at a grazing angle
     exponent  of highlights (Blinn 1977)
+    covered   share of what the coat reflects that the body lacks
     """
 
     body: float
@@ -344,6 +349,7 @@ class Reflectance(NamedTuple):
     coat: float
     grazing: float
     exponent: float
+    covered: float = 1.0
 
 
 def reflectance_of(material: Material, sharpness: tuple[float, float] = SHARPNESS) -> Reflectance:
@@ -357,7 +363,8 @@ def reflectance_of(material: Material, sharpness: tuple[float, float] = SHARPNES
             return Reflectance(0.0, 1.0, 0.0, 0.0, exponent)
         case Satin():
             coat = COAT * (1.0 - material.metallic)
-            return Reflectance(1.0 - material.metallic, material.metallic, coat, 0.5 * grazing, exponent)
+            body, full = 1.0 - material.metallic, grazing * grazing
+            return Reflectance(body, material.metallic, coat, full, exponent, covered=0.5)
     if material.is_clear:
         return Reflectance(0.0, 0.0, COAT, 1.0, exponent)
     return Reflectance(1.0, 0.0, COAT, max(grazing, COAT), exponent)

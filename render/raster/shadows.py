@@ -150,7 +150,7 @@ BLOCK = 8  # pixels along a block of the shadow map that is tested at once
 
 _RADIUS = 5
 _COARSE = (-4, 0, 4)
-"""Offsets of the pixels that are asked first; where they differ, every second pixel within _RADIUS is."""
+"""Offsets of the pixels that are asked first; where they differ, half of those within _RADIUS are."""
 
 
 @exact
@@ -240,14 +240,14 @@ def light_coordinates(
 def light_visibility(
     coordinates: Array, nearness: Array, blocks: Array, opacity: float, fraction: Array
 ) -> None:
-    """Write the visible fraction of the key light, 0 to 1, at coordinates (3, N) into fraction (N,).
+    """Write the visible fraction of the key light, 0 to 1, at N of coordinates (3, M) into fraction (N,).
 
     nearness  (S, S), one over the depth that the light reaches; empty if there is no key light
     blocks    (S / BLOCK, S / BLOCK), as `block_maxima` computes them
     opacity   the fraction of the light that a shadow lacks
     """
     side = nearness.shape[0]
-    for n in range(coordinates.shape[1]):
+    for n in range(fraction.shape[0]):
         fraction[n] = 1.0
         if side == 0 or coordinates[2, n] <= 0.0:
             continue
@@ -266,11 +266,14 @@ def light_visibility(
         if passed == 0 or passed == 9:  # only the thinnest shadows differ between
             fraction[n] = 1.0 - opacity * (1.0 - passed / 9.0)
             continue
-        # Of pixels at even places each counts less the further it is: the border then has no steps.
-        top, left = 2 * int(0.5 * down - 1.75), 2 * int(0.5 * across - 1.75)
+        # Every second pixel, as on a chessboard: on slanted borders, whole rows or columns would give steps.
+        # Each counts less the further it is.
+        left = int(across - 4.5)
         whole = light = 0.0
-        for i in range(top, top + 10, 2):
-            for j in range(left, left + 10, 2):
+        for j in range(left, left + 10):
+            odd = j & 1
+            top = 2 * int(0.5 * (down - odd) - 1.75) + odd
+            for i in range(top, top + 10, 2):
                 y, x = (i + 0.5 - down) / _RADIUS, (j + 0.5 - across) / _RADIUS
                 weight = (1.0 - y * y) * (1.0 - x * x)
                 whole += weight

@@ -101,7 +101,8 @@ def draw_large_triangle(
     reaches_contact = overlaps and _overlaps(values[a, 11], values[b, 11], values[c, 11])
     _interpolate(planes, large.hits, count, 12 if reaches_contact else 10, large.at_hits)
     visible = large.at_hits[12, :count]
-    light_visibility(large.at_hits[6:9, :count], large.nearness, large.blocks, large.opacity, visible)
+    # Whole rows: `ShadowMap.visibility` passes arrays of the same layout, so that one kernel does for both.
+    light_visibility(large.at_hits[6:9], large.nearness, large.blocks, large.opacity, visible)
     if reaches_contact:
         dim_floor(large.at_hits[10:12, :count], large.contact, large.at_hits[13, :count])
     else:

@@ -1,7 +1,7 @@
-"""The light of a clear sky by direction, without Mitsuba's engine: for quick previews.
+"""The light of a clear sky by direction, without Mitsuba's engine: for quick previews and for exports.
 
 The model is that of Mitsuba's emitter `sunsky` (Hošek and Wilkie, *An analytic model for full spectral sky
-dome radiance*, 2012), from the tables in Mitsuba's package, so that a preview has the sky of the render.
+dome radiance*, 2012), from the tables in Mitsuba's package, so that both have the sky of the render.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def _tables() -> dict[str, Floats]:
     """Read the tables, by name. Raises BadInputError where Mitsuba is not installed."""
     found = importlib.machinery.PathFinder.find_spec("mitsuba")
     if found is None or not found.submodule_search_locations:
-        raise BadInputError("a preview of daylight needs the package mitsuba; install flowsculpt[film]")
+        raise BadInputError("pictures of daylight need the package mitsuba; install flowsculpt[film]")
     content = Path(found.submodule_search_locations[0], _TABLES).read_bytes()
     (count,), place, tables = struct.unpack_from("<I", content, 14), 18, {}
     for _ in range(count):
@@ -106,6 +106,36 @@ def _exposure(daylight: Daylight) -> float:
 def sky_radiance(daylight: Daylight, directions: Floats) -> Floats:
     """Return the radiance (N, 3) of the sky without its sun from unit directions (N, 3), scene axes."""
     return _exposure(daylight) * daylight.sky * _bare_radiance(daylight, directions)
+
+
+def map_directions(rows: int) -> Floats:
+    """Return the directions (rows, 2 rows, 3) of the pixels of a map whose middle is at +z, as Mitsuba's."""
+    tilt = (np.arange(rows)[:, None] + 0.5) / rows * math.pi
+    turn = (np.arange(2 * rows) + 0.5) / rows * math.pi
+    along = np.sin(tilt) * np.sin(turn), np.cos(tilt) + 0.0 * turn, -np.sin(tilt) * np.cos(turn)
+    return np.stack(along, axis=-1)
+
+
+def sky_pixels(daylight: Daylight, rows: int = 128) -> NDArray[np.float32]:
+    """Return the sky without its sun as a map (rows, 2 rows, 3), whose middle is at +z."""
+    light = sky_radiance(daylight, map_directions(rows).reshape(-1, 3))
+    return light.reshape(rows, 2 * rows, 3).astype(np.float32)
+
+
+def gradient(daylight: Daylight) -> tuple[Triple, Triple]:
+    """Return zenith and horizon of the gradient (`Sky.pixels`) that comes nearest to the sky.
+
+    Level ground receives the same light from both.
+    """
+    rows = sky_pixels(daylight)[:64].mean(axis=1, dtype=np.float64)
+    height = np.cos((np.arange(64) + 0.5) / 128 * math.pi)
+    share = np.stack([height**0.6, 1.0 - height**0.6], axis=1)
+    weights = height * np.sqrt(1.0 - height**2)  # cosine times solid angle
+    roots = np.sqrt(weights)[:, None]
+    ends = np.maximum(np.linalg.lstsq(roots * share, roots * rows)[0], 0.0)
+    ends *= weights @ rows / np.maximum(weights @ (share @ ends), 1e-12)
+    zenith, horizon = ends.tolist()
+    return tuple(zenith), tuple(horizon)
 
 
 def sun_irradiance(daylight: Daylight) -> Triple:

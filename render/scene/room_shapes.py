@@ -83,6 +83,24 @@ def props(kind: str, width: float, height: float, is_round: bool) -> Mesh | None
     )
 
 
+def shelf_opening(points: NDArray[np.float64], width: float, height: float) -> NDArray[np.float64]:
+    """Return the share of light from the front that boards and uprights let through to a shelf's wall (N,).
+
+    It is the form factor of the opening of a compartment, by those of four rectangles that meet before the
+    point; NaN for points (N, 3) that are not of the wall.
+    """
+    x = np.abs(points[:, 0] - width * np.round(points[:, 0] / width))
+    y = points[:, 1] % height
+    half = 0.5 * (width - _BOARD_THICKNESS)
+    seen = np.zeros(len(points))
+    for across in (half - x, half + x):
+        for up in (y, height - _BOARD_THICKNESS - y):
+            a, b = (np.maximum(side, 0.0) / (2.0 * _SHELF_DEPTH) for side in (across, up))
+            far_a, far_b = np.hypot(1.0, a), np.hypot(1.0, b)
+            seen += (a / far_a * np.arctan(b / far_a) + b / far_b * np.arctan(a / far_b)) / (2.0 * math.pi)
+    return np.where(np.abs(points[:, 2] + _SHELF_DEPTH) < 1e-3, seen, np.nan)
+
+
 def window_frame() -> Mesh:
     """Return the wall with a window that is outside of the picture: light falls through its panes."""
     light, target = np.array(WINDOW_LIGHT), np.array(WINDOW_TARGET)

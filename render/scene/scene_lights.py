@@ -18,9 +18,12 @@ from numpy.typing import NDArray
 
 from flowsculpt.render.base.render_errors import BadInputError
 from flowsculpt.render.base.serialise import OMIT_DEFAULT, Colour, Triple
+from flowsculpt.render.scene import clear_sky
 from flowsculpt.render.scene.render_camera import unit
 from flowsculpt.render.scene.rgb_spaces import LUMA
 from flowsculpt.render.scene.sky import SUN_WIDTH, Daylight, Environment
+
+Pixels = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
@@ -182,22 +185,33 @@ class LightRig:
             and replace(self.environment, intensity=self.environment.intensity * _one(sky)),
         )
 
-    def without_maps(self) -> LightRig:
-        """Return a rig of softboxes, suns and a gradient sky alone, which is what quick previews render."""
+    def sky_pixels(self) -> Pixels | None:
+        """Return the radiance (H, W, 3) around the scene, without suns; None where it is even.
+
+        The middle is at +z; that of an environment map is at -z, before its turn and its intensity.
+        """
+        if self.environment:
+            return self.environment.pixels()
         if self.daylight:
-            x, y, z = self.daylight.direction
-            high = math.sqrt(y)
-            sun = Sun((-x, -y, -z), _times((7.0, 5.6 * high + 0.6, 4.4 * high), self.daylight.sun))
-            sky = Sky(
-                _times((0.16, 0.28, 0.56), self.daylight.sky),
-                _times((0.5, 0.56, 0.62), self.daylight.sky),
-                _times((0.1, 0.1, 0.1), self.daylight.sky),
-            )
-            return replace(self, suns=(*self.suns, sun), sky=sky, daylight=None)
+            return clear_sky.sky_pixels(self.daylight)
+        return None if self.sky.is_uniform else self.sky.pixels()
+
+    def without_maps(self) -> LightRig:
+        """Return a rig of softboxes, suns and a gradient sky alone, for programs that show no more."""
+        if self.daylight:
+            zenith, horizon = clear_sky.gradient(self.daylight)
+            suns = (*self.suns, sun_of(self.daylight))
+            return replace(self, suns=suns, sky=Sky(zenith, horizon), daylight=None)
         if self.environment:
             grey = _times((0.8, 0.8, 0.8), self.environment.intensity)
             return replace(self, sky=Sky(grey, grey, grey), environment=None)
         return self
+
+
+def sun_of(daylight: Daylight) -> Sun:
+    """Return the sun of daylight as a light of its own."""
+    x, y, z = daylight.direction
+    return Sun((-x, -y, -z), clear_sky.sun_irradiance(daylight))
 
 
 def _turn(position: Triple, angle: float) -> Triple:
@@ -305,8 +319,6 @@ LIGHTS = {
     ),
 }
 
-
-Pixels = NDArray[np.float32]
 
 PREFIX = "light_"
 """Beginning of the names of their layers: `light_key`."""

@@ -10,26 +10,23 @@ from typing import Any
 
 from flowsculpt.render.scene.room_shapes import WINDOW_LIGHT, WINDOW_TARGET
 
+
+def _box(
+    name: str, position: list[float], width: float, height: float, radiance: list[float], **more: Any
+) -> dict[str, Any]:
+    """Return a softbox in the words of shot files."""
+    box = {"name": name, "position": position, "width": width, "height": height, "radiance": radiance}
+    return {**box, **more}
+
+
 SETS: dict[str, dict[str, Any]] = {
     # Two walls: the shadow climbs the one, the other stays light.
     "corner": {
         "stage": {"kind": "corner", "colour": [0.26, 0.23, 0.21], "wall_colour": [0.47, 0.43, 0.38]},
         "lights": {
             "softboxes": [
-                {
-                    "name": "key",
-                    "position": [5.6, 4.0, 2.6],
-                    "width": 0.7,
-                    "height": 0.7,
-                    "radiance": [900, 765, 600],
-                },
-                {
-                    "name": "fill",
-                    "position": [-1.0, 6.5, 5.0],
-                    "width": 3,
-                    "height": 2,
-                    "radiance": [2.4, 3, 4],
-                },
+                _box("key", [5.6, 4.0, 2.6], 0.7, 0.7, [900, 765, 600]),
+                _box("fill", [-1.0, 6.5, 5.0], 3, 2, [2.4, 3, 4]),
             ],
             "sky": {"zenith": [0.1, 0.12, 0.16]},
         },
@@ -75,20 +72,8 @@ SETS: dict[str, dict[str, Any]] = {
         },
         "lights": {
             "softboxes": [
-                {
-                    "name": "key",
-                    "position": [-5.2, 5.6, 2.2],
-                    "width": 1.2,
-                    "height": 1.2,
-                    "radiance": [430, 390, 335],
-                },
-                {
-                    "name": "edge",
-                    "position": [5.0, 3.2, -3.4],
-                    "width": 0.8,
-                    "height": 4,
-                    "radiance": [40, 62, 100],
-                },
+                _box("key", [-5.2, 5.6, 2.2], 1.2, 1.2, [430, 390, 335]),
+                _box("edge", [5.0, 3.2, -3.4], 0.8, 4, [40, 62, 100]),
             ],
             "sky": {"zenith": [0.07, 0.08, 0.1]},
         },
@@ -106,20 +91,8 @@ SETS: dict[str, dict[str, Any]] = {
         },
         "lights": {
             "softboxes": [
-                {
-                    "name": "key",
-                    "position": [-3.6, 4.8, 6.0],
-                    "width": 1.0,
-                    "height": 1.0,
-                    "radiance": [560, 500, 420],
-                },
-                {
-                    "name": "side",
-                    "position": [5.5, 1.6, 4.2],
-                    "width": 1.0,
-                    "height": 4,
-                    "radiance": [16, 18, 22],
-                },
+                _box("key", [-3.6, 4.8, 6.0], 1.0, 1.0, [560, 500, 420]),
+                _box("side", [5.5, 1.6, 4.2], 1.0, 4, [16, 18, 22]),
             ],
             "sky": {"zenith": [0.14, 0.14, 0.14]},
         },
@@ -139,28 +112,9 @@ SETS: dict[str, dict[str, Any]] = {
         },
         "lights": {
             "softboxes": [
-                {
-                    "name": "key",
-                    "position": [-5.0, 3.6, 0.6],
-                    "width": 1.2,
-                    "height": 1.6,
-                    "radiance": [430, 390, 330],
-                },
-                {
-                    "name": "edge",
-                    "position": [4.4, 2.6, -3.4],
-                    "width": 0.7,
-                    "height": 4,
-                    "radiance": [90, 140, 165],
-                },
-                {
-                    "name": "back",
-                    "position": [0, 6.5, -4],
-                    "target": [0, 2, -13],
-                    "width": 3,
-                    "height": 1.5,
-                    "radiance": [260, 310, 310],
-                },
+                _box("key", [-5.0, 3.6, 0.6], 1.2, 1.6, [430, 390, 330]),
+                _box("edge", [4.4, 2.6, -3.4], 0.7, 4, [90, 140, 165]),
+                _box("back", [0, 6.5, -4], 3, 1.5, [260, 310, 310], target=[0, 2, -13]),
             ],
             "sky": {"zenith": [0.06, 0.08, 0.09]},
         },
@@ -188,20 +142,8 @@ SETS: dict[str, dict[str, Any]] = {
         },
         "lights": {
             "softboxes": [
-                {
-                    "name": "key",
-                    "position": [-4.6, 4.4, -3.0],
-                    "width": 1.6,
-                    "height": 1.2,
-                    "radiance": [300, 275, 240],
-                },
-                {
-                    "name": "side",
-                    "position": [5.0, 3.4, 1.5],
-                    "width": 0.6,
-                    "height": 3,
-                    "radiance": [36, 46, 62],
-                },
+                _box("key", [-4.6, 4.4, -3.0], 1.6, 1.2, [300, 275, 240]),
+                _box("side", [5.0, 3.4, 1.5], 0.6, 3, [36, 46, 62]),
             ],
             "sky": {"zenith": [0.1, 0.1, 0.11]},
         },
@@ -219,20 +161,8 @@ SETS: dict[str, dict[str, Any]] = {
         },
         "lights": {
             "softboxes": [
-                {
-                    "name": "key",
-                    "position": [-0.8, 7.4, 0.9],
-                    "width": 0.9,
-                    "height": 0.9,
-                    "radiance": [900, 810, 680],
-                },
-                {
-                    "name": "edge",
-                    "position": [4.6, 2.0, -3.6],
-                    "width": 0.5,
-                    "height": 3.6,
-                    "radiance": [60, 78, 110],
-                },
+                _box("key", [-0.8, 7.4, 0.9], 0.9, 0.9, [900, 810, 680]),
+                _box("edge", [4.6, 2.0, -3.6], 0.5, 3.6, [60, 78, 110]),
             ],
             "sky": {"zenith": [0.05, 0.055, 0.065]},
         },

@@ -120,6 +120,7 @@ class Stage:
     halo_distance  of its middle behind the subject's middle, stage units
     horizon_fade   height of the haze in which ground melts into the sky, radians; 0 for none
     finish         of floor and wall, one of FINISHES; "" for an even one
+    plinth_finish  finish of the plinth, of boards and of a table
     round          True for a round plinth, False for a square one
     shadow_catcher True if floor and wall are not seen, but the shadows on them
     """
@@ -142,12 +143,14 @@ class Stage:
     halo_distance: float = field(default=6.0, metadata=OMIT_DEFAULT)
     horizon_fade: float = field(default=0.0, metadata=OMIT_DEFAULT)
     finish: str = field(default="", metadata=OMIT_DEFAULT)
+    plinth_finish: str = field(default="", metadata=OMIT_DEFAULT)
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
             raise BadInputError(f"stage is {self.kind!r}; it can be {', '.join(KINDS)}")
-        if self.finish and self.finish not in FINISHES:
-            raise BadInputError(f"stage has finish {self.finish!r}; it can be {', '.join(FINISHES)}")
+        for finish in (self.finish, self.plinth_finish):
+            if finish and finish not in FINISHES:
+                raise BadInputError(f"stage has finish {finish!r}; it can be {', '.join(FINISHES)}")
         if self.shadow_catcher and self.kind == "none":
             raise BadInputError("stage none has no floor to catch shadows; use ground or cyclorama")
         if min(self.floor, self.sweep) <= 0.0 or not 0.0 < self.steepness <= math.pi / 2.0:
@@ -168,6 +171,12 @@ class Stage:
     def coat(self) -> float | None:
         """Roughness of the coat of floor and wall: their own, or that of their finish; None is matt."""
         return FINISHES[self.finish][0] if self.finish and self.roughness is None else self.roughness
+
+    @property
+    def plinth_coat(self) -> float | None:
+        """Roughness of the coat of the plinth."""
+        own = self.plinth_roughness
+        return FINISHES[self.plinth_finish][0] if self.plinth_finish and own is None else own
 
     @property
     def objects(self) -> tuple[str, ...]:

@@ -19,6 +19,7 @@ from flowsculpt.render.base.aligned_array import aligned
 from flowsculpt.render.base.render_errors import BadInputError
 from flowsculpt.render.frame.batch_schedule import seed_of
 from flowsculpt.render.frame.render_frame import ShutterInterval, render_frame
+from flowsculpt.render.mitsuba.emitters import shadowing_softboxes
 from flowsculpt.render.mitsuba.engine import DEFAULT_ORDER, Engine
 from flowsculpt.render.post.denoise import denoise
 from flowsculpt.render.scene.aovs import RenderedFrame
@@ -29,6 +30,7 @@ from flowsculpt.render.scene.scene import MotionSample, Scene
 from flowsculpt.render.scene.scene_lights import LIGHTS, LightRig, Sky, Sun
 from flowsculpt.render.scene.scene_stage import STAGES, StagePlacement
 from flowsculpt.render.scene.surface import Surface
+from tests.render.conftest import TINY
 
 Rendered = Callable[..., RenderedFrame]
 
@@ -292,11 +294,15 @@ def test_frames_of_a_shot_share_compiled_code(rendered: Rendered, sphere: Surfac
         first = code()
         assert len(first) == 2
         places = np.random.default_rng(1).uniform(1.0, 2.0, (6, 5))
-        codes = [code(placement=StagePlacement((x, y, z), size, turn)) for x, y, z, size, turn in places]
-        assert all(len(each) == 2 for each in codes)
-        both = {frozenset(each) for each in (first, *codes)}
-        assert len(both) <= 2, (
-            "softboxes that the lens does not see may throw shadows into the picture or not"
+        codes: dict[bool, set[frozenset[str]]] = {False: set(), True: set()}
+        for x, y, z, size, turn in (*places, (0.0, 0.0, 0.0, 1.0, 0.0)):
+            placement, camera = StagePlacement((x, y, z), size, turn), Camera(*CAMERA_VIEW)
+            scene = Scene(sphere, LOOKS["clay"], LIGHTS["studio"], STAGES["cyclorama"], placement, camera)
+            code_of_frame = code(placement=placement, camera=camera)
+            assert len(code_of_frame) == 2
+            codes[bool(shadowing_softboxes(scene, TINY.size))].add(frozenset(code_of_frame))
+        assert [len(each) for each in codes.values()] == [1, 1], (
+            "one each for frames with and without shadows of softboxes that the lens does not see"
         )
         assert code(look=LOOKS["glaze"], stage=STAGES["plinth"]) != first
         assert code() == first, "neither the look nor the stage before is in the code"

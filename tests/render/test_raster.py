@@ -8,7 +8,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from flowsculpt.render.raster import Preview, Shape, StageSetup, preview, with_lines
+from flowsculpt.render.raster import Preview, Shape, StageSetup, prepare, preview, with_lines
 from flowsculpt.render.raster.raster_shapes import LARGE, SMALL, ScreenProjection, VisibleFaces
 from flowsculpt.render.raster.shadows import block_maxima, light_visibility
 from flowsculpt.render.raster.triangles import LargeTriangles, Subsamples, draw_triangles
@@ -273,6 +273,28 @@ def test_a_triangle_anywhere_covers_the_pixels_that_see_it_and_no_others(points)
     np.testing.assert_allclose(near[inside], total[inside], rtol=1e-3)
     if (name == 7).any():
         assert sorted(len(seen.corners_of(kind)) for kind in (SMALL, LARGE)) == [0, 3]
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.07, 0.2, 0.45])
+@pytest.mark.parametrize("axis", [0, 1])
+def test_the_border_of_a_shadow_is_straight(axis: int, slope: float) -> None:
+    rows, columns = np.mgrid[:128, :128] + 0.5
+    nearness = (2.0 * (rows < 64.0 + slope * (columns - 64.0))).astype(np.float32)
+    along = np.linspace(-0.5, 0.5, 200)
+    places = np.ones((3, 200), np.float32)
+    places[0], places[1] = along, -slope * along
+    if axis:
+        nearness = np.ascontiguousarray(nearness.T)
+        places[:2] = -places[1::-1]
+    blocks, fraction = np.empty((16, 16), np.float32), np.empty(200, np.float32)
+    block_maxima(nearness, blocks)
+    light_visibility(places, nearness, blocks, 1.0, fraction)
+    assert np.ptp(fraction) < 0.1, "every second row and column alone would give 0.22"
+
+
+def test_shadows_of_vertices_and_of_pixels_share_one_kernel() -> None:
+    prepare()
+    assert len(light_visibility.signatures) == 1
 
 
 @pytest.mark.parametrize("axis", [0, 1])

@@ -71,8 +71,20 @@ def test_wear_changes_the_subject_alone_and_moves_with_its_material(
     assert np.abs(here["beauty"] - moved["beauty"])[inside].mean() > 1e-4
 
 
+def test_a_finish_of_the_plinth_is_on_the_plinth_alone(rendered: Callable[..., RenderedFrame]) -> None:
+    stage = replace(STAGES["plinth"], plinth_colour=(0.5, 0.3, 0.1))
+    bare, stone = (
+        rendered(stage=replace(stage, plinth_finish=finish), quality=QUALITY)["albedo"]
+        for finish in ("", "concrete")
+    )
+    on_plinth = np.abs(bare - stage.plinth_colour).max(axis=2) < 0.01
+    assert np.abs(stone - bare)[on_plinth].mean() > 5e-3
+    floor = np.abs(bare - stage.colour).max(axis=2) < 0.01
+    assert np.array_equal(stone[floor], bare[floor])
+
+
 def test_looks_and_stages_without_it_have_the_keys_that_they_had() -> None:
-    assert "wear" not in to_plain(LOOKS["glaze"]) and "finish" not in to_plain(Stage())
+    assert "wear" not in to_plain(LOOKS["glaze"]) and not {"finish", "plinth_finish"} & set(to_plain(Stage()))
 
 
 def test_shots_write_wear_and_finishes() -> None:
@@ -96,6 +108,7 @@ def test_shots_write_wear_and_finishes() -> None:
         ("look: {material: clay, wear: {dusty: 1}}", "dust"),
         ("stage: {kind: cyclorama, finish: wood}", "finish"),
         ("stage: {kind: none, finish: felt}", "finish"),
+        ("stage: {kind: ground, plinth_finish: felt}", "plinth_finish"),
     ],
 )
 def test_wear_and_finishes_that_cannot_be_are_refused(text: str, message: str) -> None:

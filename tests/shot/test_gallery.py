@@ -69,6 +69,12 @@ def test_the_showreel_holds_every_shot_and_lasts_two_minutes_at_most() -> None:
     assert TWO_MINUTES / 2 <= reel.seconds <= 1.1 * TWO_MINUTES
 
 
+@needs_plugins(*needed_by_gallery())
+def test_the_teaser_lasts_15_seconds_and_the_poster_one_frame() -> None:
+    assert read_film(PROJECT / "shots" / "teaser.yaml").seconds == 15.0
+    assert read_film(PROJECT / "shots" / "poster.yaml").seconds == 1 / 24
+
+
 @pytest.mark.parametrize("path", gallery_rows(EDITS))
 def test_every_edit_is_good(path: Path) -> None:
     assert {"film", "showreel"} <= {edit.stem for edit in EDITS}

@@ -43,7 +43,8 @@ from flowsculpt.pipeline.plugins.delivery.deliverables import (
     shot_source,
 )
 from flowsculpt.pipeline.plugins.delivery.encodes import DELIVERABLES, encode_named
-from flowsculpt.pipeline.plugins.delivery.gain_map import is_gain_map, require_gain_maps
+from flowsculpt.pipeline.plugins.delivery.gain_map import GAIN_MAP, is_gain_map, require_gain_maps
+from flowsculpt.pipeline.plugins.delivery.png_still import PNG, require_one_frame
 from flowsculpt.pipeline.plugins.delivery.relighting import RelitFrames, relit_version
 
 USUAL_SIDES = dict.fromkeys(("phone", "hdr10", "hdr10-av1", "hlg"), 1080)
@@ -97,9 +98,9 @@ def deliver(
 
     review: H.264 of intra frames, to step through · phone: H.264 of 8 bits, for phones and social networks ·
     h264, h265: 10 bits · hdr10, hdr10-av1: high dynamic range, for screens and the web · hlg: the same for
-    broadcasters · avif: the same for pages · gain-map: a JPEG whose highlights HDR screens show ·
-    prores4444: with the subject's alpha · av1: for the web · ffv1: lossless, for the archive · webp: for
-    pages · gif: where nothing else plays.
+    broadcasters · avif: the same for pages · prores4444: with the subject's alpha · av1: for the web ·
+    ffv1: lossless, for the archive · webp: for pages · gif: where nothing else plays · png: one frame with
+    its cards, for posters · gain-map: one frame as JPEG whose highlights HDR screens show.
     """
     if slate is not None:
         require_one_of(slate, SLATES, f"--slate {slate}: a slate goes at the head or apart.")
@@ -121,8 +122,7 @@ def deliver(
     wanted.relit_frames()  # refuses names that are none before anything is rendered
     if any(encode.display in HDR_DISPLAYS for encode in order.encodes):
         wanted.require_hdr()
-    if any(is_gain_map(encode) for encode in order.encodes):
-        wanted.require_stills(slate)
+    wanted.require_stills(order.encodes, slate)
     for warning in wanted.small_pictures(order.encodes):
         print_warning(warning)
     if common.dry_run:
@@ -180,12 +180,16 @@ class _Wanted:
         for request in self._all_requests():
             request.shot.picture.view.in_hdr()
 
-    def require_stills(self, slate: str | None) -> None:
-        """Raises UsageError with a slate, and as `require_gain_maps`."""
-        for name in self.names:
-            require_gain_maps(sum(len(request.requested) for request in self._requests(name)))
-        if slate is not None:
-            raise UsageError("gain-map holds one frame, and a slate is more; leave out --slate")
+    def require_stills(self, encodes: Sequence[Encode], slate: str | None) -> None:
+        """Raises UsageError for stills with a slate, and as `require_gain_maps`."""
+        for encode in (encode for encode in encodes if encode.suffix in (GAIN_MAP.suffix, PNG.suffix)):
+            for name in self.names:
+                frames = sum(len(request.requested) for request in self._requests(name))
+                require_one_frame(encode.name, frames)
+                if is_gain_map(encode):
+                    require_gain_maps(frames)
+            if slate is not None:
+                raise UsageError(f"{encode.name} holds one frame, and a slate is more; leave out --slate")
 
     def small_pictures(self, encodes: Sequence[Encode]) -> Iterator[str]:
         """Yield a line for each shot or edit with pictures smaller than screens of its deliverables show."""

@@ -48,6 +48,7 @@ from flowsculpt.pipeline.plugins.delivery.encodes import KINDS
 from flowsculpt.pipeline.plugins.delivery.gain_map import is_gain_map, write_gain_map
 from flowsculpt.pipeline.plugins.delivery.gif import GIF, write_gif
 from flowsculpt.pipeline.plugins.delivery.hdr_frames import Frame, content_light, hdr_graphics
+from flowsculpt.pipeline.plugins.delivery.png_still import PNG, write_png
 from flowsculpt.pipeline.plugins.delivery.relighting import relit_version
 from flowsculpt.pipeline.plugins.delivery.slate import Slate, failure_card
 
@@ -453,6 +454,9 @@ class Delivery:
             return
         if is_gain_map(encode):
             write_gain_map(path, frames())
+            return
+        if encode.suffix == PNG.suffix:
+            write_png(path, frames())
             return
         light = content_light(frames()) if _measures_light(encode) else None
         first = source.start - (self._slate_frames if part == "slate" else self._leader)

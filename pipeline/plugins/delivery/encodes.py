@@ -1,4 +1,4 @@
-"""The encodes of deliverables by name: movies, a JPEG with a gain map, a GIF, and those of plug-ins."""
+"""The encodes of deliverables by name: movies, stills, a GIF, and those of plug-ins."""
 
 from __future__ import annotations
 
@@ -11,10 +11,12 @@ from flowsculpt.api import Plugin, plugins, quote, suggest
 from flowsculpt.api.pictures import ENCODES, Encode
 from flowsculpt.pipeline.plugins.delivery.gain_map import GAIN_MAP
 from flowsculpt.pipeline.plugins.delivery.gif import GIF
+from flowsculpt.pipeline.plugins.delivery.png_still import PNG
 
 KINDS = {
     ".mp4": "movie",
     ".jpg": "jpeg",
+    ".png": "png16",
     **{end: end[1:] for end in (".mov", ".mkv", ".webp", ".avif", ".gif")},
 }
 """Kinds of files in the store by the suffix of an encode."""
@@ -32,6 +34,7 @@ def _encode_of_plugin(plugin: Plugin, name: str, encode: Any) -> Encode:
 DELIVERABLES: Mapping[str, Encode] = {
     **ENCODES,
     GAIN_MAP.name: GAIN_MAP,
+    PNG.name: PNG,
     GIF.name: GIF,
     **plugins().parts("encodes", _encode_of_plugin),
 }
@@ -50,6 +53,7 @@ MEANT = {
     "mobile": "phone",
     "mov": "prores4444",
     "mp4": "h264",
+    "poster": "png",
     "pq": "hdr10",
     "preview": "review",
     "prores": "prores4444",

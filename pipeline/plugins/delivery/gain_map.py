@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flowsculpt import MachineError, UsageError
+from flowsculpt import MachineError
 from flowsculpt.api.files import atomic_write, python_command
 from flowsculpt.api.pictures import ENCODES, HDR_DISPLAYS, Encode
 from flowsculpt.pipeline.plugins.delivery.hdr_frames import GRAPHICS_WHITE, Frame
+from flowsculpt.pipeline.plugins.delivery.png_still import require_one_frame
 
 _AVIF, _PQ = ENCODES["avif"], HDR_DISPLAYS["pq"]
 
@@ -46,10 +47,7 @@ def is_gain_map(encode: Encode) -> bool:
 
 def require_gain_maps(frames: int) -> None:
     """Raises UsageError for more than one frame, MachineError where imagecodecs is not installed."""
-    if frames != 1:
-        raise UsageError(
-            f"gain-map holds one frame, not {frames}; choose one with -f 40, or deliver hdr10 or avif"
-        )
+    require_one_frame(GAIN_MAP.name, frames)
     if not _is_installed():
         raise MachineError(
             "gain-map needs the package imagecodecs (79 MB), which is not installed; install the extra "

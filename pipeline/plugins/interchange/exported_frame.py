@@ -29,7 +29,7 @@ from flowsculpt.api.materials import Material, PaintedFaces, Surface
 from flowsculpt.api.meshes import Floats, Indices
 from flowsculpt.api.shots import Model, Shot, Solid
 
-EXPORT = PipelineStage("export", version=4, doing="exporting", makes="geometry", per_quality=False)
+EXPORT = PipelineStage("export", version=5, doing="exporting", makes="geometry", per_quality=False)
 
 
 @dataclass(eq=False)

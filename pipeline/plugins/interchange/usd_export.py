@@ -51,7 +51,6 @@ from flowsculpt.pipeline.plugins.interchange.usd_prims import (
     add_camera,
     add_lights,
     sample,
-    sky_map,
     write_picture,
 )
 
@@ -582,7 +581,7 @@ class UsdExport:
             sculpture.write_others()
         request, shown, sky = self.request, self.shown(), f"{self.request.name}.sky.exr"
         lights = request.shot.picture.lights
-        pixels = sky_map(lights) if request.shot.picture.look.is_lit else None
+        pixels = lights.sky_pixels() if request.shot.picture.look.is_lit else None
         if pixels is not None:
             key = key_of(EXPORT.recipe, to_plain(lights))
             self.files.update(sky, key, lambda draft: write_picture(draft, pixels))

@@ -95,18 +95,6 @@ def _focus(camera: Camera) -> float:
     return camera.focus_distance if camera.has_depth_of_field else math.dist(camera.origin, camera.target)
 
 
-def sky_map(lights: LightRig) -> np.ndarray | None:
-    """Return the radiance (H, W, 3) around the scene, linear Rec.709, or None where it needs no map.
-
-    A sun and sky of daylight becomes a gradient. Raises BadInputError where an environment map cannot be
-    read.
-    """
-    if lights.environment is not None:
-        return lights.environment.pixels()
-    sky = lights.without_maps().sky
-    return None if sky.is_uniform else sky.pixels()
-
-
 def write_picture(path: Path, pixels: np.ndarray) -> None:
     """Write linear pixels (H, W, 3) to an EXR of floats. Raises MachineError where the disk refuses."""
     write_exr(path, RenderedFrame({"beauty": pixels}), {}, {"beauty": "float"})
@@ -120,7 +108,7 @@ def add_lights(
     home      path of the prim below which lights keep their place in the scene
     turned    path of the prim that carries the set, in stage units
     sizes     scene units in a stage unit, by frame number
-    map_name  the file of `sky_map`, relative to the stage
+    map_name  the file of `LightRig.sky_pixels`, relative to the stage
     """
     names: set[str] = set()
     for index, box in enumerate(lights.softboxes, 1):
@@ -163,12 +151,12 @@ def _add_sun(stage: Usd.Stage, path: str, direction: Axis, irradiance: Colour, w
 
 def _add_dome(stage: Usd.Stage, path: str, lights: LightRig, map_name: str) -> None:
     """Add what surrounds the scene, unless it is black."""
-    sky = lights.without_maps().sky
-    if lights.environment is None and sky.is_black:
+    is_mapped = lights.environment is not None or lights.daylight is not None
+    if not is_mapped and lights.sky.is_black:
         return
     light = UsdLux.DomeLight.Define(stage, path)
-    if lights.environment is None and sky.is_uniform:
-        _set_colour(light, sky.zenith)
+    if not is_mapped and lights.sky.is_uniform:
+        _set_colour(light, lights.sky.zenith)
         return
     light.CreateTextureFileAttr(Sdf.AssetPath(f"./{map_name}"))
     light.CreateTextureFormatAttr(UsdLux.Tokens.latlong)

@@ -42,6 +42,7 @@ _TABLE = 33  # colours along each side of the view's table
 FOLD = 1023
 """Steps of normals from the middle of the folded octahedron to its corners."""
 
+_FROM_HORIZON = 0.23  # share of a gradient sky's horizon in the light on level ground
 _SHADOWS = 6  # the most lights that cast shadows: each is drawn into a texture of its own
 
 
@@ -287,10 +288,11 @@ def _emitters(lights: LightRig, index: int, across: int) -> list[_Emitter]:
 def irradiance(lights: LightRig, points: np.ndarray, normals: np.ndarray) -> Floats:
     """Return the light (N, 3) that falls on points (N, 3) of the stage with normals (N, 3), unshadowed.
 
-    Softboxes are points in their middles, skies are as bright as their horizon.
+    Softboxes are points in their middles; of skies the light is exact where a normal is vertical.
     """
-    rig = lights.without_maps()
-    falling = math.pi * np.tile(np.array(rig.sky.horizon, np.float64), (len(points), 1))
+    rig, up = lights.without_maps(), 0.5 + 0.5 * normals[:, 1:2]
+    far = up * np.array(rig.sky.zenith) + (1.0 - up) * np.array(rig.sky.nadir)
+    falling = math.pi * (_FROM_HORIZON * np.array(rig.sky.horizon) + (1.0 - _FROM_HORIZON) * far)
     for index in range(len(rig.softboxes)):
         for each in _emitters(rig, index, 2):
             away = each.position - points

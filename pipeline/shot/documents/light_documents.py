@@ -55,9 +55,7 @@ class StageDocument(Document):
     round: bool | None = optional("a round plinth or table instead of a square one")
     plinth_colour: Colour | None = optional("of plinth, shelf or table; by default a light grey")
     plinth_roughness: ZeroToOne | None = optional("of a coat on it; by default matt")
-    wall_colour: Colour | None = optional(
-        "of flat walls, or at the rim of a round one, which the floor's changes to"
-    )
+    wall_colour: Colour | None = optional("of flat walls, or what the floor's changes to at a round rim")
     halo_colour: Colour | None = optional("of a soft spot behind the subject, on floor and wall")
     halo_size: Annotated[float, Field(ge=0.5, le=20)] | None = optional(
         "from the middle of the spot to where half of its colour is left, in half-sizes; by default 3"
@@ -71,6 +69,9 @@ class StageDocument(Document):
     finish: Annotated[str, one_of(FINISHES, "finish")] | None = optional(
         f"of floor and wall: {', '.join(FINISHES)}; by default an even one"
     )
+    plinth_finish: Annotated[str, one_of(FINISHES, "finish")] | None = optional(
+        "finish of plinth, steps, boards or table"
+    )
     shadow_catcher: bool | None = optional(
         "floor and wall are not seen, but the shadows on them, as alpha: for compositing"
     )
@@ -79,7 +80,7 @@ class StageDocument(Document):
     def _kind_has_all(self) -> Self:
         halo = ("halo_size", "halo_distance")
         wall = ("colour", "roughness", "shadow_catcher", "finish", "wall_colour", "halo_colour", *halo)
-        stands = ("width", "height", "plinth_colour", "plinth_roughness")
+        stands = ("width", "height", "plinth_colour", "plinth_roughness", "plinth_finish")
         plinth, room = (*wall, *stands, "round"), wall[:5]
         ground = (*wall[:4], "horizon_fade")
         settings = dict.fromkeys(STAGES, wall) | {"ground": ground, "plinth": plinth, "none": ()}
@@ -92,9 +93,7 @@ class StageDocument(Document):
                     f"stage has {name}, which {self.kind} does not use. Remove it, or take {fitting}."
                 )
         if self.horizon_fade and self.shadow_catcher:
-            raise finding(
-                "stage has horizon_fade, and a shadow catcher, which is not seen. Remove one of them."
-            )
+            raise finding("stage has horizon_fade, and a shadow catcher, which is not seen. Remove one.")
         for name in halo:
             if getattr(self, name) is not None and self.halo_colour is None:
                 raise finding(f"stage has {name} without halo_colour. Write both, or remove it.")

@@ -70,3 +70,20 @@ def test_a_finished_frame_is_delivered_with_a_gain_map_and_a_range_is_refused(fi
     assert "gain-map holds one frame, not 2" in refused.err
     slated = finished.call("deliver", NAME, "-q", QUALITY, "-f", "3", "--as", "gain-map", "--slate", "apart")
     assert slated.code == 2 and "leave out --slate" in slated.err
+
+
+def test_a_poster_is_one_frame_as_png_and_a_range_is_refused(finished, monkeypatch):
+    monkeypatch.chdir(finished.path)
+    edit = f"title: A\nshots: [{{shot: {NAME}, frames: 3-3}}]\ntitle_seconds: 0.04\ncredits_seconds: 0\n"
+    edit += "cards: {ground: picture, colour: '#000000'}\n"
+    pictures = []
+    for name, text in (("poster", edit), ("bare", edit.replace("0.04", "0"))):
+        (finished.path / "shots" / f"{name}.yaml").write_text(text, encoding="utf-8")
+        done = finished.call("deliver", name, "-q", QUALITY, "--as", "png")
+        assert done.code == 0, done.err
+        with Image.open(finished.path / "renders" / "film" / QUALITY / "deliver" / f"{name}.png") as picture:
+            pictures.append(np.asarray(picture.convert("RGB")).astype(int))
+    title, bare = pictures
+    assert bare.std() > 5 and 0.001 < np.mean(np.abs(title - bare).max(axis=2) > 20) < 0.3
+    refused = finished.call("deliver", NAME, "-q", QUALITY, "-f", "2-3", "--as", "png")
+    assert refused.code == 2 and "png holds one frame, not 2; choose one with -f 40" in refused.err

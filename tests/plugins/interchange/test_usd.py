@@ -18,10 +18,14 @@ from flowsculpt.pipeline.animation import MeshFrame, animate, mesh_at_subframe
 from flowsculpt.pipeline.errors import FrameError
 from flowsculpt.pipeline.mesh.normals import split_at_creases
 from flowsculpt.pipeline.plugins.interchange.usd_export import UsdExport, add_floor, clip_times
+from flowsculpt.pipeline.plugins.interchange.usd_prims import add_lights
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.store.readers import read_npz
 from flowsculpt.pipeline.shot import read_shot
 from flowsculpt.render.post.image import read_exr, write_png
+from flowsculpt.render.scene import clear_sky
+from flowsculpt.render.scene.scene_lights import LightRig
+from flowsculpt.render.scene.sky import Daylight
 from tests.conftest import commanded
 from tests.full_disk import disk_of
 from tests.needed_plugins import needs_plugins
@@ -337,6 +341,22 @@ def test_frames_that_cannot_be_simulated_are_told_and_the_others_written(root, t
     stage = opened(export.path)
     points = sculpture(stage).GetPointsAttr()
     assert len(points.Get(3.0)) == len(points.Get(2.0))  # frame 2 is held until 4
+
+
+def test_daylight_is_the_sun_and_the_sky_of_renders():
+    daylight, stage = Daylight(), Usd.Stage.CreateInMemory()
+    add_lights(stage, "/a", "/a/set", LightRig(daylight=daylight), {1: 1.0}, "a.sky.exr")
+    sun = UsdLux.DistantLight(stage.GetPrimAtPath("/a/sun"))
+    light = sun.GetIntensityAttr().Get() * np.array(sun.GetColorAttr().Get())
+    assert np.allclose(light, clear_sky.sun_irradiance(daylight), rtol=1e-5)
+    assert UsdLux.DomeLight(stage.GetPrimAtPath("/a/sky")).GetTextureFileAttr().Get().path == "./a.sky.exr"
+    pixels = LightRig(daylight=daylight).sky_pixels()
+    row, column = np.unravel_index(pixels.sum(axis=2).argmax(), pixels.shape[:2])
+    tilt, turn = (row + 0.5) / 128 * math.pi, (column + 0.5) / 128 * math.pi
+    brightest = (math.sin(tilt) * math.sin(turn), math.cos(tilt), -math.sin(tilt) * math.cos(turn))
+    azimuth = math.atan2(brightest[0], brightest[2])
+    assert abs(azimuth - daylight.azimuth) < math.radians(3.0), "at the horizon below the sun"
+    assert np.allclose(pixels[row, column], clear_sky.sky_radiance(daylight, np.array([brightest]))[0])
 
 
 def test_textures_come_with_coordinates_of_corners_and_colours_of_vertices(tmp_path, monkeypatch):

@@ -30,11 +30,13 @@ from flowsculpt.pipeline.shot import read_shot
 from flowsculpt.render.base.input_files import InputFile
 from flowsculpt.render.graphics.three_js import installed_file
 from flowsculpt.render.post.image import read_png, write_png
+from flowsculpt.render.scene import clear_sky
 from flowsculpt.render.scene.materials import Diffuse, Painted
 from flowsculpt.render.scene.painted_faces import PaintedFaces
 from flowsculpt.render.scene.render_camera import Camera
 from flowsculpt.render.scene.scene_lights import LightRig, Sky, Softbox
 from flowsculpt.render.scene.scene_stage import StagePlacement
+from flowsculpt.render.scene.sky import Daylight
 from flowsculpt.render.scene.texture_projection import TextureProjection
 from flowsculpt.render.scene.textures import Texture
 from tests.chromium import LIMIT, wait_for
@@ -68,6 +70,17 @@ def test_light_on_the_floor_is_that_of_the_softboxes_and_the_sky() -> None:
     light = irradiance(LightRig((box,), sky=Sky((1, 1, 1), (1, 1, 1), (1, 1, 1))), np.zeros((2, 3)), up)
     assert np.allclose(light[0], np.array([1.0, 0.5, 0.0]) + math.pi, rtol=0.01)
     assert np.allclose(light[1], math.pi)
+
+
+@pytest.mark.parametrize("elevation", [8.0, 32.0, 70.0])
+def test_light_on_the_floor_is_that_of_the_sun_and_sky_of_renders(elevation: float) -> None:
+    daylight = Daylight(math.radians(elevation))
+    light = irradiance(LightRig(daylight=daylight), np.zeros((1, 3)), np.array([[0.0, 1.0, 0.0]]))[0]
+    sky = clear_sky.sky_pixels(daylight)[:64].mean(axis=1)
+    tilt = (np.arange(64) + 0.5) / 128 * math.pi
+    expected = 2.0 * math.pi * (math.pi / 128) * (np.cos(tilt) * np.sin(tilt)) @ sky
+    expected += math.sin(daylight.elevation) * np.array(clear_sky.sun_irradiance(daylight))
+    np.testing.assert_allclose(light, expected, rtol=0.01)
 
 
 @pytest.fixture(scope="module")
