@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import warnings
 from collections.abc import Iterator
@@ -220,8 +219,3 @@ def _chunk_grid(folder: Path) -> tuple[list[int], list[int], list[str], str]:
     except (OSError, ValueError, KeyError, TypeError) as error:
         reason = f"its .zarray or zarr.json cannot be read ({shorten(str(error))})"
         raise MissingInputError(f"{folder}: {reason}. Copy the store again.") from None
-
-
-def contents_digest(files: SourceFiles) -> str:
-    """Return the digest of the contents of files together."""
-    return hashlib.sha256("\n".join(digest for _, digest in files).encode()).hexdigest()

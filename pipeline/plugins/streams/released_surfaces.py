@@ -31,12 +31,13 @@ MATERIAL = "material"
 """Vertex attribute of frames, (V, 3): the coordinates, which patterns go by."""
 
 _FIRST = 0.7  # edges of the first row, over the longest that may be
-HEIGHT = 0.0025
+HEIGHT = 0.00125
 """How far the middle of an edge may be from the surface, over the longest edge: else it is split."""
 
 NORMAL = "normal"
 """Vertex attribute: unit normals (V, 3), 0 where there is none. They face the same side of the surface."""
 
+_TRIES = 4  # passes in a step, at most
 _ALONG = 1e-8  # step of a derivative, over the length of the seeds
 _FLAT = 1e-3  # sine of the angle between two directions on the surface, below which it has no normal
 
@@ -142,6 +143,7 @@ class ReleasedSurface(ABC):
         speed = np.linalg.norm(flow.field.velocity(self._first, begin), axis=1).mean()
         self.coordinates = SeedCoordinates(seeds, float(speed) or 1.0)
         self._grown: Resampler | None = None
+        self._row_time = begin
 
     @property
     def mesh(self) -> TriangleMesh:
@@ -186,20 +188,30 @@ class ReleasedSurface(ABC):
         while travel.now != until:
             moving = self._first if self._grown is None else self._moving(travel)
             travel.advance(moving, until, self._leading(travel), self._longest)
+            self._row_time = self._time_of_row(travel, travel.now)
             if self._grown is None:
                 self._grown = Resampler(self._strip(travel), self.thresholds, self._placement)
             else:
                 self._move(travel)
-            self._resampler.resample()
+            self._resample()
             if self.tear < math.inf:
                 self._remove_stretched()
+
+    def _resample(self) -> None:
+        """Resample; again where slivers were split so often that vertices were left on their edges."""
+        for _ in range(_TRIES):
+            if self._resampler.resample().passes <= SeedPlacement.most_rounds:
+                return
+            mesh = self._resampler.mesh
+            is_exact = mesh.attributes[ASTRAY] == 0
+            self._resampler.vertices[is_exact] = self.carry(mesh.attributes[REST][is_exact])
 
     def _bends(self, mesh: TriangleMesh) -> Floats:
         return self._normals(mesh) / (8.0 * HEIGHT * self._longest)
 
     @property
     def _placement(self) -> SeedPlacement:
-        return SeedPlacement(self.carry, strip=self.coordinates, times=self.times)
+        return SeedPlacement(self.carry, strip=self.coordinates, times=self.times, moves=self._moves)
 
     def _strip(self, travel: Travel) -> TriangleMesh:
         """Return the first two rows."""
@@ -217,7 +229,15 @@ class ReleasedSurface(ABC):
         """Return the numbers of the vertices of one time."""
         coordinates = self._resampler.vectors(REST)
         assert coordinates is not None, "exact placement keeps them"
-        return np.flatnonzero(np.abs(self.coordinates.times(coordinates) - time) <= 1e-9 * (1.0 + abs(time)))
+        return np.flatnonzero(self._are_at(coordinates, time))
+
+    def _are_at(self, coordinates: Floats, time: float) -> np.ndarray:
+        """Tell which coordinates (N, 3) have a time."""
+        return np.abs(self.coordinates.times(coordinates) - time) <= 1e-9 * (1.0 + abs(time))
+
+    def _moves(self, coordinates: Floats) -> np.ndarray:
+        """Tell which coordinates (N, 3) are in the row that the last step moved."""
+        return self._are_at(coordinates, self._row_time)
 
     def _set_time(self, row: np.ndarray, time: float) -> None:
         coordinates = self._resampler.vectors(REST)
@@ -248,6 +268,10 @@ class ReleasedSurface(ABC):
     @abstractmethod
     def _first_times(self, travel: Travel) -> tuple[float, float]:
         """Return the times of the two rows after the first step, so that faces are seen from outside."""
+
+    @abstractmethod
+    def _time_of_row(self, travel: Travel, end: float) -> float:
+        """Return the time of the row that moves on, once a step ends at `end`."""
 
     def _leading(self, travel: Travel) -> Floats:
         """Return the points (N, 3) between which and their row the next step draws out edges."""
@@ -283,6 +307,9 @@ class StreakSurface(ReleasedSurface):
 
     def _first_times(self, travel: Travel) -> tuple[float, float]:
         return travel.begin, travel.now
+
+    def _time_of_row(self, travel: Travel, end: float) -> float:
+        return end
 
     def _moving(self, travel: Travel) -> Floats:
         return self._resampler.vertices
@@ -322,7 +349,7 @@ class StreakSurface(ReleasedSurface):
         mesh = self._resampler.mesh
         part = cut_below(mesh, self.coordinates.times(mesh.attributes[REST]), limit)
         rest = self.coordinates.nearest(part.attributes[REST])
-        row = np.flatnonzero(np.abs(self.coordinates.times(rest) - limit) <= 1e-9 * (1.0 + abs(limit)))
+        row = np.flatnonzero(self._are_at(rest, limit))
         rest, points = self.coordinates.with_time(rest, row, limit), part.vertices.copy()
         points[row] = self.carry(rest[row])
         self._go_on(part.with_vertices(points).with_attributes(**{REST: rest}))
@@ -358,8 +385,11 @@ class PathSurface(ReleasedSurface):
         first, last = sorted([travel.now - travel.begin, 0.0])
         return last, first
 
+    def _time_of_row(self, travel: Travel, end: float) -> float:
+        return end - travel.begin
+
     def _front(self, travel: Travel, end: float) -> np.ndarray:
-        return self._row(end - travel.begin)
+        return self._row(self._time_of_row(travel, end))
 
     def _moving(self, travel: Travel) -> Floats:
         return self._resampler.vertices[self._front(travel, travel.now)]
@@ -370,7 +400,7 @@ class PathSurface(ReleasedSurface):
     def _move(self, travel: Travel) -> None:
         front = self._front(travel, travel.before)
         self._resampler.vertices[front] = travel.moved(self._resampler.vertices[front])
-        self._set_time(front, travel.now - travel.begin)
+        self._set_time(front, self._row_time)
 
     def times(self) -> tuple[float, float]:
         return self._back.now - self._back.begin, self.travel.now - self.travel.begin

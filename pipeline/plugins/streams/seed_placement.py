@@ -22,6 +22,7 @@ REST, ASTRAY = "rest", "astray"
 
 _NEAR = 0.2  # of an edge: how far from its middle a new vertex may be without a search for a better place
 _FARTHEST = 0.35  # of an edge, from its middle: both halves are then at most 0.85 times as long
+_BEHIND = 0.7  # of an edge that a moving row draws out: what a split leaves behind, where it stays as it is
 _UNEVEN = 0.3  # difference of both halves over their sum, on the rim
 _HALVINGS = 50  # of an edge of the rim: about the precision of coordinates
 _MOST_STEPS = 20  # towards the middle of an edge, from each start
@@ -50,17 +51,23 @@ class SeedPlacement(Exact):
 
     strip  the coordinates
     times  returns the first and the last time that vertices may have
+    moves  tells of coordinates (N, 3) which are in the row that moves on
+
+    A row that moves on draws out the edges beside it until they are split. Halves would stay half as long as
+    edges may be: so the new vertex is nearer to the row, and what is behind it longer.
 
     On the rim the new vertex is on the line between both ends, since a row of one time moves on as a whole:
-    it is halved towards the longer half of the edge, until both are about as long. Elsewhere it is the middle
-    in coordinates, or where that is far from the middle of the edge, what Gauss and Newton's steps towards
-    that find, with Broyden's derivatives. A vertex for which they find nothing stays on the middle.
+    it is halved towards the longer part of the edge, until the parts are about as long as they should be.
+    Elsewhere it is that point in coordinates, or where it is far from the point of the edge, what Gauss and
+    Newton's steps towards that find, with Broyden's derivatives. A vertex for which they find nothing stays
+    on the edge.
     """
 
     strip: Strip
     times: Callable[[], tuple[float, float]]
+    moves: Callable[[Floats], np.ndarray]
     can_relax: ClassVar[bool] = False
-    most_rounds: ClassVar[int] = 100
+    most_rounds: ClassVar[int] = 40
 
     def prepare(self, mesh: TriangleMesh, hard_angle: float | Floats) -> TriangleMesh:
         return mesh.with_attributes(**{ASTRAY: np.zeros(len(mesh.vertices), np.uint8)})
@@ -78,8 +85,10 @@ class SeedPlacement(Exact):
         on_rim = mesh.arrays.twin[births[:, _HALFEDGE]] < 0
         ends = births[:, :_HALFEDGE]
         edges = _Edges(coordinates[ends], mesh.arrays.points[ends], on_rim)
+        moves = self.moves(coordinates[ends].reshape(-1, 3)).reshape(-1, 2)
+        edges.aim(moves, mesh.arrays.points[_corners(mesh, births[:, _HALFEDGE])])
         found, places = edges.middles(self)
-        kept = on_rim | (np.linalg.norm(places - edges.goals, axis=1) <= _FARTHEST * edges.lengths)
+        kept = on_rim | (np.linalg.norm(places - edges.goals, axis=1) <= edges.farthest * edges.lengths)
         mesh.arrays.points[born[kept]] = places[kept]
         coordinates[born] = found
         mesh.arrays.attributes[born, astray] = ~kept
@@ -90,32 +99,83 @@ class SeedPlacement(Exact):
         return self._carry(coordinates)
 
 
+def _corners(mesh: Any, halfedges: np.ndarray) -> np.ndarray:
+    """Return the corners (N, 2) opposite half-edges (N,) and their twins; on the rim one of them twice."""
+    twins = mesh.arrays.twin[halfedges]
+    both = np.column_stack([halfedges, np.where(twins < 0, halfedges, twins)])
+    return np.asarray(mesh.arrays.vert[both - both % 3 + (both + 2) % 3])
+
+
 class _Edges:
     """Edges that are split.
 
     coordinates  (N, 2, 3) of their ends
     places       (N, 2, 3) of these
     on_rim       (N,) True for edges of one face, along which coordinates are on a line
+
+    `shares` (N,) of an edge are before its new vertex.
     """
 
     def __init__(self, coordinates: Floats, places: Floats, on_rim: np.ndarray) -> None:
         self.coordinates, self.places, self.on_rim = coordinates, places, on_rim
-        self.goals = places.mean(axis=1)
+        self.shares = np.full(len(places), 0.5)
+        self._set_goals()
         self.lengths = np.linalg.norm(places[:, 1] - places[:, 0], axis=1)
         apart = np.abs(coordinates[:, 1] - coordinates[:, 0])
         times = np.maximum(apart[:, 2], _LEAST * self.lengths)
         self.scale = np.column_stack([np.maximum(np.linalg.norm(apart[:, :2], axis=1), 1e-12), times])
 
+    def aim(self, moves: np.ndarray, corners: Floats) -> None:
+        """Aim at points nearer to the row that moves on, where all edges that this makes are shorter.
+
+        moves    (N, 2) True for ends in that row
+        corners  (N, 2, 3) the places of the other corners of the faces beside the edges
+        """
+        one = moves[:, 0] != moves[:, 1]
+        self.shares[one] = np.where(moves[one, 1], _BEHIND, 1.0 - _BEHIND)
+        self._set_goals()
+        new = np.linalg.norm(corners - self.goals[:, None], axis=2).max(axis=1)
+        self.shares[new >= self.lengths] = 0.5
+        self._set_goals()
+
+    def _set_goals(self) -> None:
+        """Set where new vertices should be, and from how far away (N,) a search begins and they are left."""
+        self.goals = self.places[:, 0] + self.shares[:, None] * (self.places[:, 1] - self.places[:, 0])
+        self.farthest = _FARTHEST - np.abs(self.shares - 0.5)
+        self.near = np.minimum(_NEAR, self.farthest)
+
     def middles(self, placement: SeedPlacement) -> tuple[Floats, Floats]:
         """Return coordinates (N, 3) and places (N, 3) of new vertices."""
-        found, inner = placement.strip.nearest(self.coordinates.mean(axis=1)), ~self.on_rim
+        found = np.empty_like(self.goals)
+        places, rows = found.copy(), np.arange(len(found))
+        self._start(placement, rows, found, places)
+        self._divide_rim(placement, found, places)
+        left = self._search(placement, rows[~self.on_rim], found, places)
+        uneven = left[self.shares[left] != 0.5]
+        if len(uneven):  # the middle may be in reach
+            self.shares[uneven] = 0.5
+            self._set_goals()
+            self._start(placement, uneven, found, places)
+            self._search(placement, uneven, found, places)
+        return found, places
+
+    def _start(self, placement: SeedPlacement, rows: np.ndarray, found: Floats, places: Floats) -> None:
+        """Set new vertices of some edges to their shares in coordinates."""
+        found[rows] = placement.strip.nearest(self._between(self.shares[rows], rows))
+        inner = rows[~self.on_rim[rows]]
         found[inner] = placement.strip.within(
             found[inner], *placement.times(), _INSIDE * self.scale[inner, 1]
         )
-        places, middles = placement.carried(found), found.copy()
-        self._halve_rim(placement, found, places)
-        far = np.linalg.norm(places - self.goals, axis=1) > _NEAR * self.lengths
-        rows = np.flatnonzero(far & inner)
+        places[rows] = placement.carried(found[rows])
+
+    def _search(
+        self, placement: SeedPlacement, rows: np.ndarray, found: Floats, places: Floats
+    ) -> np.ndarray:
+        """Bring new vertices of some edges near to their goals; return the rows of those that stay far."""
+        rows = rows[
+            np.linalg.norm(places[rows] - self.goals[rows], axis=1) > self.near[rows] * self.lengths[rows]
+        ]
+        first = found.copy()
         for start in (None, 0, 1):
             if not len(rows):
                 break
@@ -126,25 +186,32 @@ class _Edges:
             )
             nearer = search.away < np.linalg.norm(places[rows] - self.goals[rows], axis=1)
             found[rows[nearer]], places[rows[nearer]] = search.at[nearer], search.places[nearer]
-            rows = rows[search.away > _FARTHEST * self.lengths[rows]]
-        found[rows] = middles[rows]  # never those of an end: they may be in a row that moves on
-        return found, places
+            rows = rows[search.away > self.farthest[rows] * self.lengths[rows]]
+        found[rows] = first[rows]  # never those of an end: they may be in a row that moves on
+        return rows
 
-    def _halve_rim(self, placement: SeedPlacement, found: Floats, places: Floats) -> None:
-        """Move new vertices along the rim until both halves of their edge are about as long."""
-        rows = np.flatnonzero(self.on_rim)
+    def _between(self, shares: Floats, rows: np.ndarray) -> Floats:
+        """Return coordinates (N, 3) at shares (N,) of some edges."""
+        first, last = self.coordinates[rows, 0], self.coordinates[rows, 1]
+        return np.asarray(first + shares[:, None] * (last - first))
+
+    def _divide_rim(self, placement: SeedPlacement, found: Floats, places: Floats) -> None:
+        """Move new vertices along the rim until they have about their shares of their edges before them."""
+        rows, at = np.flatnonzero(self.on_rim), self.shares.copy()
         low, high = np.zeros(len(found)), np.ones(len(found))
         for _ in range(_HALVINGS):
             before, after = (np.linalg.norm(places[rows] - self.places[rows, end], axis=1) for end in (0, 1))
+            before, after = before * (1.0 - self.shares[rows]), after * self.shares[rows]
             uneven = np.abs(before - after) > _UNEVEN * (before + after)
             if not uneven.any():
                 return
             rows, is_far = rows[uneven], (before > after)[uneven]
-            middle = 0.5 * (low[rows] + high[rows])
-            high[rows], low[rows] = np.where(is_far, middle, high[rows]), np.where(is_far, low[rows], middle)
-            share = 0.5 * (low[rows] + high[rows])[:, None]
-            first, last = self.coordinates[rows, 0], self.coordinates[rows, 1]
-            found[rows] = placement.strip.nearest(first + share * (last - first))
+            high[rows], low[rows] = (
+                np.where(is_far, at[rows], high[rows]),
+                np.where(is_far, low[rows], at[rows]),
+            )
+            at[rows] = 0.5 * (low[rows] + high[rows])
+            found[rows] = placement.strip.nearest(self._between(at[rows], rows))
             places[rows] = placement.carried(found[rows])
 
 
@@ -153,7 +220,7 @@ class _Search:
 
     def __init__(self, edges: _Edges, rows: np.ndarray, placement: SeedPlacement) -> None:
         self._placement, self._goals = placement, edges.goals[rows]
-        self._near = _NEAR * edges.lengths[rows]
+        self._near = edges.near[rows] * edges.lengths[rows]
         self._scale = edges.scale[rows]
 
     def run(self, start: Floats, places: Floats) -> None:

@@ -146,6 +146,17 @@ def test_surfaces_are_sound_and_no_edge_is_longer_than_it_may_be(
 
 
 @pytest.mark.parametrize("kind", [PathSurface, StreakSurface])
+def test_a_row_that_moves_on_leaves_edges_behind_that_are_more_than_half_as_long_as_they_may_be(
+    kind: type[ReleasedSurface],
+) -> None:
+    mesh = grown(kind, LINE, Translation(rate=(0.0, 1.0, 0.0))).mesh
+    ends = np.concatenate([mesh.vertices[mesh.faces[:, pair]] for pair in ([0, 1], [1, 2], [2, 0])])
+    steps = np.abs(ends[:, 1] - ends[:, 0])
+    along = steps[steps[:, 1] > 3.0 * steps[:, 0], 1]
+    assert np.median(along) > 0.6 * LONGEST
+
+
+@pytest.mark.parametrize("kind", [PathSurface, StreakSurface])
 @pytest.mark.parametrize("case", CASES)
 def test_edges_are_near_the_surface_where_it_is_curved(kind: type[ReleasedSurface], case: str) -> None:
     surface = shown(kind, case)
@@ -157,7 +168,7 @@ def test_edges_are_near_the_surface_where_it_is_curved(kind: type[ReleasedSurfac
     one, other = inner.vertices[ends].transpose(1, 0, 2)
     turns = normals[ends[:, 1]] - normals[ends[:, 0]]
     heights = np.abs(((other - one) * turns).sum(axis=1)) / 8.0
-    assert np.quantile(heights, 0.98) < HEIGHT * LONGEST
+    assert np.quantile(heights, 0.95) < HEIGHT * LONGEST
 
 
 def test_the_newest_row_of_a_streak_surface_is_on_its_seeds_and_the_oldest_of_a_path_surface_moves() -> None:
