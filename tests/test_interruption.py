@@ -25,6 +25,35 @@ interruptible(lambda: (print("begins", flush=True), ctypes.CDLL(None).sleep(3600
 """
 
 
+FREEING = """
+import signal, time
+from flowsculpt.render.base.python_process import interrupt_once
+signal.signal(signal.SIGTERM, interrupt_once)
+
+def frames():
+    try:
+        yield 1
+    finally:
+        print("begins", flush=True)
+        time.sleep(30)
+
+next(frames())
+time.sleep(10)
+print("goes on")
+"""
+
+
+def test_a_signal_ends_a_process_that_is_just_freeing_what_it_has_left() -> None:
+    process = subprocess.Popen(
+        [sys.executable, "-c", FREEING], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+    assert process.stdout is not None and process.stdout.readline() == b"begins\n"
+    process.send_signal(signal.SIGTERM)
+    said, errors = process.communicate(timeout=300)
+    assert process.returncode == -signal.SIGINT and said == b""
+    assert errors.endswith(b"KeyboardInterrupt\n") and b"ignored" not in errors
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_a_compiled_call_of_an_hour(number: signal.Signals) -> None:

@@ -39,7 +39,26 @@ def interrupt_once(number: int, frame: FrameType | None) -> None:
     """Interrupt this process once: a signal often comes several times, and must not disturb the clean-up."""
     for other in ENDING:
         signal.signal(other, signal.SIG_IGN)
+    sys.unraisablehook = _interrupt_again
     raise KeyboardInterrupt
+
+
+def _interrupt_again(dropped: sys.UnraisableHookArgs) -> None:
+    """Interrupt this process again where Python has dropped the interrupt, unless it ends anyway.
+
+    Python only prints what is raised while an object is freed, such as a generator that then waits for its
+    threads. So the interrupt comes again a moment later, when the object is gone.
+    """
+    if not isinstance(dropped.exc_value, KeyboardInterrupt):
+        sys.__unraisablehook__(dropped)
+    elif threading.main_thread().is_alive() and dropped.object is not threading:
+        signal.signal(signal.SIGINT, interrupt_once)
+        again = threading.Timer(_AGAIN, os.kill, (os.getpid(), signal.SIGINT))
+        again.daemon = True
+        again.start()
+
+
+_AGAIN = 0.05  # seconds after which an interrupt that was dropped comes again
 
 
 SAFE_PATH = "PYTHONSAFEPATH"

@@ -19,9 +19,10 @@ from numpy.typing import NDArray
 
 from flowsculpt import TriangleMesh, UsageError
 from flowsculpt.api.flows import Keyframes
-from flowsculpt.api.frames import Framer, Framing, MeshFrame, RenderRequest, Shading, animate
+from flowsculpt.api.frames import Framer, Framing, MeshFrame, RenderRequest, animate
 from flowsculpt.api.shots import Clock, Motion, WrittenShot, to_yaml
 from flowsculpt.pipeline.plugins.preview.live_session import Drawn, LiveSession
+from flowsculpt.pipeline.plugins.preview.quick_shading import NORMAL, quick_shading
 from flowsculpt.pipeline.plugins.preview.settable_values import SettableShot, SettableValue, settable_values
 from flowsculpt.pipeline.plugins.preview.surface_stream import MeshSource, pieces_of
 from flowsculpt.pipeline.plugins.preview.text_edits import Where, path_text
@@ -31,8 +32,6 @@ MARKED = -1.0e6
 """Frame of the key that marks the first performed value; the next ones are marked a hundred frames before."""
 
 LATE = 0.01  # frames after the last simulated time at which a sample counts that comes too late
-
-NORMAL = "normal"  # the attribute of vertices that the flow carries
 
 FRAMED = 600  # points, about, by which a performed camera is framed
 
@@ -274,8 +273,8 @@ class _LivePart:
         self._shade()
 
     def _shade(self) -> None:
-        number, pieces = self.mesh.number, pieces_of(self.request, self.mesh)
-        self.shown = number, Shading.of(self.mesh, self.motion.thresholds_at(number), pieces).arrays()
+        pieces = pieces_of(self.request, self.mesh)
+        self.shown = self.mesh.number, quick_shading(self.mesh, self.motion, pieces)
 
     def arrays(self, position: float) -> dict[str, np.ndarray]:
         """Return the arrays of the latest frame, carried on to a position after it."""
