@@ -1,19 +1,22 @@
 """`python -m benchmarks.field_windows [NODES TIMES FRAMES [SHARE [APART]]]`: a field streamed from Zarr.
 
 Writes a store of TIMES times of NODES³ float32 velocities in chunks of 50³ without compression, of which
-only SHARE (1) of the chunks is there; then, each in a process of its own, plans FRAMES frames twice and
-moves 10,000 points through them; APART (4) frames are from one time to the next. Prints CPU seconds, the
-share of them in which velocities are read and checked, the most memory of each process, and the size of the
-store as it would be whole. The store lies among temporary files.
+only SHARE (1) of the chunks is there; then, each in a process of its own, plans FRAMES frames twice, moves
+10,000 and 200,000 points through them, and reads the chunks of the times once with zarr alone; APART (4)
+frames are from one time to the next. Prints CPU seconds, the share of them in which velocities are read and
+checked, the most memory of each process, and the size of the store as it would be whole. The store lies
+among temporary files.
 """
 
 from __future__ import annotations
 
 import json
+import math
 import resource
 import subprocess
 import sys
 import tempfile
+from itertools import product
 from pathlib import Path
 from time import process_time
 
@@ -22,7 +25,6 @@ import numpy as np
 from benchmarks.report import Row, keep, show
 
 CHUNK = 50
-POINTS = 10_000
 FPS = 24.0
 
 
@@ -62,8 +64,21 @@ def write_store(folder: Path, nodes: int, times: int, share: float) -> Path:
     return store
 
 
-def measured(store: Path, frames: int, moves: bool, apart: float) -> None:
-    """Print CPU seconds, those of reading, and the most memory (MiB) of planning, or of moving points."""
+def read_alone(store: Path, times: int) -> None:
+    """Print CPU seconds of reading the chunks of the first times with zarr alone, and the most memory."""
+    import zarr
+
+    begin, root = process_time(), zarr.open_group(store, mode="r")
+    for t, name in product(range(times), "uvw"):
+        array = root[name]
+        for first in range(0, array.shape[1], CHUNK):
+            array[t, first : first + CHUNK]
+    most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    print(json.dumps([process_time() - begin, process_time() - begin, most]))
+
+
+def measured(store: Path, frames: int, count: int, apart: float) -> None:
+    """Print CPU seconds, those of reading, and the most memory (MiB) of moving points; of planning with 0."""
     from flowsculpt.pipeline.plugins.fields.windowed_samples import WindowedSamples
     from flowsculpt.pipeline.shot import read_shot
 
@@ -84,8 +99,8 @@ def measured(store: Path, frames: int, moves: bool, apart: float) -> None:
     )
     begin = process_time()
     shot = read_shot(store.parent / "windows.yaml", text)
-    if moves:
-        points = np.random.default_rng(2).uniform(-0.9, 0.9, (POINTS, 3))
+    if count:
+        points = np.random.default_rng(2).uniform(-0.9, 0.9, (count, 3))
         for frame in range(2, frames + 1):
             points = shot.motion.flow.displace(points, *shot.motion.clock.step(frame))
     else:
@@ -104,9 +119,10 @@ def main() -> None:
         begin = process_time()
         store = write_store(Path(folder), int(nodes), int(times), share)
         written = process_time() - begin
-        for name, moves in (("plan", False), ("plan again", False), ("move 10,000 points", True)):
+        steps = {"plan": 0, "plan again": 0, "move 10,000 points": 10_000, "move 200,000 points": 200_000}
+        for name, count in {**steps, "zarr alone": -1}.items():
             command = [sys.executable, "-m", "benchmarks.field_windows", "--measure"]
-            command += [str(store), str(int(frames)), str(int(moves)), str(apart)]
+            command += [str(store), str(int(frames)), str(count), str(apart)]
             answer = subprocess.run(command, check=True, capture_output=True, text=True).stdout
             seconds, reading, most = json.loads(answer.splitlines()[-1])
             share = round(100 * reading / seconds)
@@ -123,7 +139,10 @@ def main() -> None:
 
 if __name__ == "__main__":
     if "--measure" in sys.argv:
-        place, count, moving, between = sys.argv[sys.argv.index("--measure") + 1 :]
-        measured(Path(place), int(count), moving == "1", float(between))
+        place, frame_count, point_count, between = sys.argv[sys.argv.index("--measure") + 1 :]
+        if int(point_count) < 0:  # as many times as the frames pass, and the first
+            read_alone(Path(place), 1 + math.ceil((int(frame_count) - 1) / float(between) - 1e-9))
+        else:
+            measured(Path(place), int(frame_count), int(point_count), float(between))
     else:
         main()

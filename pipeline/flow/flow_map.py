@@ -31,11 +31,11 @@ def checked_displacement(
     try:
         for part in _planned_parts(FrameStep(flow, time, dt, frame)):
             if isinstance(part, PlannedSteps) and len(part.steps) > 1:
-                moved = part.plan.follow(points, part.name)
+                moved = part.plan.follow(points, ", ".join(step.flow.name for step in part.steps))
                 if np.isfinite(moved).all():
                     points = moved
                     continue
-            for step in part.steps:
+            for step in part.steps if isinstance(part, PlannedSteps) else (part,):
                 points = _displace(FlowStep(step.flow, step.time, step.dt), points, frame, first)
     except FrameError as error:
         raise error.of(frame) from None
@@ -156,11 +156,6 @@ class FrameStep:
     dt: float
     frame: int
 
-    @property
-    def steps(self) -> tuple[FrameStep]:
-        """This step alone, as of PlannedSteps."""
-        return (self,)
-
     def apply(self, points: Points, first: int = 0) -> Points:
         """Return moved points (N, 3), checked; `first` is the number of the first. Raises FrameError."""
         return checked_displacement(self.flow, points, self.time, self.dt, self.frame, first)
@@ -184,9 +179,8 @@ class PlannedSteps:
     def apply(self, points: Points) -> Points:
         """Return points (N, 3) moved by all steps. Raises FrameError."""
         moved = self.plan.follow(points, CARRYING)
-        finite = np.isfinite(moved)
-        if not finite.all():
-            lost = ~finite.all(axis=1)
+        lost = ~np.isfinite(moved).all(axis=1)
+        if lost.any():
             alone = points[lost]
             for step in self.steps:
                 try:
@@ -195,19 +189,6 @@ class PlannedSteps:
                     raise error.of(step.frame) from None
             moved[lost] = alone
         return moved
-
-    @property
-    def name(self) -> str:
-        """The flows, for reports of progress."""
-        return ", ".join(step.flow.name for step in self.steps)
-
-    def fits(self, more: PlannedSteps) -> bool:
-        """Tell whether one call can follow both."""
-        size = len(self.plan.tables) + len(more.plan.tables)
-        return size <= LARGEST_STEP_PLAN and self.plan.halved == more.plan.halved
-
-    def joined(self, more: PlannedSteps) -> PlannedSteps:
-        return PlannedSteps(StepPlan.joined([self.plan, more.plan]), self.steps + more.steps)
 
 
 class FlowMap:
@@ -222,10 +203,6 @@ class FlowMap:
     def __init__(self) -> None:
         self._steps: list[FrameStep] = []
         self._parts: list[PlannedSteps | FrameStep] = []
-
-    def __len__(self) -> int:
-        """The number of frames."""
-        return len(self._steps)
 
     def add(self, step: FrameStep) -> None:
         """Add the next frame. Raises FrameError where a velocity field needs too many sub-steps."""
@@ -269,17 +246,20 @@ def _planned_parts(step: FrameStep) -> list[PlannedSteps | FrameStep]:
 
 def _add(parts: list[PlannedSteps | FrameStep], part: PlannedSteps | FrameStep) -> None:
     """Add a part, to the last one where one call can follow both."""
-    last = parts[-1] if parts else None
-    if isinstance(part, PlannedSteps) and isinstance(last, PlannedSteps) and last.fits(part):
-        parts[-1] = last.joined(part)
-    else:
-        parts.append(part)
+    if parts and isinstance(part, PlannedSteps) and isinstance(last := parts[-1], PlannedSteps):
+        size = len(last.plan.tables) + len(part.plan.tables)
+        if size <= LARGEST_STEP_PLAN and last.plan.halved == part.plan.halved:
+            part = PlannedSteps(StepPlan.joined([last.plan, part.plan]), last.steps + part.steps)
+            parts.pop()
+    parts.append(part)
 
 
 def _plan(step: FrameStep) -> PlannedSteps | FrameStep:
     """Return a step that a compiled call can do as planned, and any other unchanged."""
     flow, time, dt, frame = step.flow, step.time, step.dt, step.frame
     try:
+        if isinstance(flow, Streamlines) and flow.holds_much(time):
+            return step
         if isinstance(flow, Streamlines | Deformation):
             return PlannedSteps(flow.step_plan(time, dt), (step,))
         plan = StepPlan.of_kernel_row(flow, time, dt)

@@ -8,14 +8,14 @@ from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import groupby, pairwise
 from time import perf_counter
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
 
 from flowsculpt.pipeline.arrays import AnyArray, Floats, Indices, Points
 from flowsculpt.pipeline.errors import FrameError
-from flowsculpt.pipeline.flow.flow import Flow
+from flowsculpt.pipeline.flow.flow import Flow, FlowStep
 from flowsculpt.pipeline.flow.kernels import streamline_kernels as kernels
 from flowsculpt.pipeline.flow.kernels.instructions import BLOCK, COLUMNS, MAP, PARALLEL_FROM
 from flowsculpt.pipeline.flow.parameters import kernel_points, vector_at
@@ -220,24 +220,29 @@ class Streamlines(Flow):
     tolerance: float | None = None
     max_step: float | None = None
 
-    order: ClassVar[int] = 4
+    def steps(self, time: float, dt: float) -> Iterator[FlowStep]:
+        """Yield the step in parts, which end where the velocities bend in time."""
+        begin, left = time, dt
+        for kink in sorted(self.field.kinks(time, dt), reverse=dt < 0):
+            yield FlowStep(self, begin, kink - begin)
+            begin, left = kink, time + dt - kink
+        yield FlowStep(self, begin, left)
 
     def displace(self, points: Points, time: float, dt: float) -> Points:
         """Advect points. Raises FrameError where a point would need more than MAX_SUBSTEPS."""
+        for _, begin, length in self.steps(time, dt):
+            points = self._displace(points, begin, length)
+        return points
+
+    def _displace(self, points: Points, time: float, dt: float) -> Points:
         moved = self.step_plan(time, dt).follow(points, self.name)
-        if self.is_halved(time, dt):
-            finite = np.isfinite(moved)
-            if not finite.all():
-                lost = ~finite.all(axis=1)
-                moved[lost] = self._displace_finely(points[lost], time, dt)
+        lost = ~np.isfinite(moved).all(axis=1)
+        if lost.any() and (self.tolerance is not None or self.longest_step(time, dt) < math.inf):
+            moved[lost] = self._displace_finely(points[lost], time, dt)
         return moved
 
     def with_max_step(self, max_step: float) -> Streamlines:
         return replace(self, max_step=max_step)
-
-    def is_halved(self, time: float, dt: float) -> bool:
-        """Tell whether points may halve their sub-steps."""
-        return self.tolerance is not None or self.longest_step(time, dt) < math.inf
 
     def longest_step(self, time: float, dt: float) -> float:
         """Return the longest displacement of a point in a sub-step, scene units; infinite where none is."""
@@ -268,12 +273,18 @@ class Streamlines(Flow):
         steps[:, 2] = halving.tables * len(opcodes) * COLUMNS * np.arange(count)
         limits = [math.inf if self.tolerance is None else self.tolerance, self.longest_step(time, dt)]
         spans = np.tile([dt / count, *limits], (count, 1))
-        owners = {id(row.owner): row.owner for program in programs for row in program}
-        owned = tuple(owner for owner in owners.values() if owner is not None)
-        return StepPlan(opcodes, tables.ravel(), steps, spans, owned, finest or self.tolerance is not None)
+        owners = {
+            id(row.owner): row.owner for program in programs for row in program if row.owner is not None
+        }
+        is_halved = finest or self.tolerance is not None
+        return StepPlan(opcodes, tables.ravel(), steps, spans, tuple(owners.values()), is_halved)
 
     def cache_data(self, time: float, dt: float) -> Any:
         """Return data for too many sub-steps too, with no step: only their frame fails, when it is made."""
+        parts = [self._part_data(*part[1:]) for part in self.steps(time, dt)]
+        return parts if len(parts) > 1 else parts[0]
+
+    def _part_data(self, time: float, dt: float) -> Any:
         wanted = self.gradient_substeps(time, dt)
         feasible = wanted <= MAX_SUBSTEPS
         count = int(wanted) if feasible else 1
@@ -293,6 +304,10 @@ class Streamlines(Flow):
     @property
     def name(self) -> str:
         return self.field.name
+
+    def holds_much(self, time: float) -> bool:
+        """Tell whether the plan of a step holds so much memory that it may not outlive the step."""
+        return any(leaf.holds_much for leaf, _ in self.field.leaves(np.zeros(3), time))
 
     def gradient_substeps(self, time: float, dt: float) -> float:
         """Return the sub-steps of a step before any is halved: as given, or by the gradient bound.

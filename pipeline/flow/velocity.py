@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, is_dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar, NamedTuple, TypeVar
@@ -110,6 +110,14 @@ class VelocityField(ABC):
     def leaves(self, point: Points, time: float) -> Iterator[tuple[VelocityField, Points]]:
         """Yield the fields it is composed of, each with a point (3,) in that field's coordinates."""
         yield self, point
+
+    def kinks(self, time: float, dt: float) -> Iterable[float]:
+        """Return the times within a step at which velocities bend in time: sub-steps end there."""
+        parts = (leaf for leaf, _ in self.leaves(np.zeros(3), time) if leaf is not self)
+        return {kink for part in parts for kink in part.kinks(time, dt)}
+
+    holds_much: bool = False
+    """True if its programs hold so much memory that none may outlive a step; of no composed field."""
 
     can_diagnose: ClassVar[bool] = False
     """True if `diagnose` may say something."""

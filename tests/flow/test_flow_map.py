@@ -85,7 +85,6 @@ def test_a_carried_point_has_the_bits_of_a_vertex_moved_frame_by_frame(
 def test_it_grows_by_a_frame_at_a_time(flow: Flow, points: Points) -> None:
     flow_map, moved = FlowMap(), points
     for frame in range(4):
-        assert len(flow_map) == frame
         assert flow_map.carry(points).tobytes() == moved.tobytes()
         flow_map.add(FrameStep(flow, frame * DT, DT, frame + 2))
         moved = checked_displacement(flow, moved, frame * DT, DT, frame + 2)
@@ -165,10 +164,12 @@ def test_a_user_flow_that_fails_is_told(points: Points) -> None:
         flow_map_of(Function(fail), 3).carry(points)
 
 
-def test_a_field_too_steep_to_follow_is_refused_when_its_frame_is_added() -> None:
+def test_a_field_too_steep_to_follow_is_refused_when_its_frame_is_added(
+    points: Points,
+) -> None:
     flow = Streamlines(Vortex(radius=1e-4, strength=keyed((0.0, 0.1), (0.0, 100.0), "linear")))
     flow_map = FlowMap()
     flow_map.add(FrameStep(flow, -DT, DT, 1))
     with pytest.raises(FrameError, match=r"^frame 2: flow vortex at 0 s needs .* sub-steps"):
         flow_map.add(FrameStep(flow, 0.0, DT, 2))
-    assert len(flow_map) == 1
+    assert np.isfinite(flow_map.carry(points)).all()  # the frame before stands

@@ -14,6 +14,7 @@ from flowsculpt.pipeline.frames import FrameRange, FrameSelection, FrameWords
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.planning.batches import MAX_BATCH, batches
 from flowsculpt.pipeline.production.planning.frame_states import FrameStates, select_frames
+from flowsculpt.pipeline.production.request.lookup import Show
 from flowsculpt.pipeline.production.store.event_log import EventLog
 from flowsculpt.pipeline.production.store.history import History
 from flowsculpt.pipeline.production.store.paths import EVENTS
@@ -101,3 +102,10 @@ def test_what_failed_is_tried_again_by_that_word(project: Any, monkeypatch: pyte
     assert [Path(target).suffix for target in targets] == [".exr"]
     with pytest.raises(TypeError, match="reads text"):
         whole_project.find_request(NAME, "draft", "1-2")  # type: ignore[arg-type]  # as a script may
+
+
+def test_whoever_has_no_shots_learns_where_they_were_looked_for(tmp_path: Path) -> None:
+    with pytest.raises(
+        UsageError, match=rf"^{tmp_path}/shots: no shots are here; .*--root is.*flowsculpt new"
+    ):
+        Show(tmp_path / "shots").require_shots()

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from abc import ABC, abstractmethod
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Annotated, Any, ClassVar, Literal
@@ -51,6 +53,7 @@ class Samples(ABC):
     is_paced  True if velocities are lengths per second of the samples: with more of these in a second of the
               shot, all moves faster
     metre     the length of a metre in the grid, where that is known
+    is_large  True if memory has room for the times of a step alone
     """
 
     axes: tuple[Floats, Floats, Floats]
@@ -61,6 +64,7 @@ class Samples(ABC):
     is_single: bool = False
     is_paced: bool = False
     metre: float | None = None
+    is_large: bool = False
 
     def date(self, seconds: float) -> str:
         """Return the date and time at seconds of the samples; empty where they have none."""
@@ -102,7 +106,7 @@ class Samples(ABC):
         velocity = self.velocities(index)
         return np.array([_largest_secant(velocity, axis, k) for k, axis in enumerate(self.axes)])
 
-    @property
+    @cached_property
     def spacing(self) -> float:
         """The shortest distance of two nodes."""
         return min(float(np.diff(axis).min()) for axis in self.axes)
@@ -194,15 +198,30 @@ class Sampled(ExternalField):
     def moment(self, time: float) -> tuple[int, int, float]:
         """Return the indices of the samples before and after a time, and the share of the latter."""
         times, now = self.samples.times, self.seconds(time)
-        if now <= times[0] or len(times) == 1:
-            return 0, 0, 0.0
-        if now > times[-1]:  # before the first comes again
-            left = times[0] + self.samples.period - times[-1]
-            return len(times) - 1, 0, float((now - times[-1]) / left)
-        if now == times[-1]:
-            return len(times) - 1, len(times) - 1, 0.0
-        i = int(np.searchsorted(times, now, side="right")) - 1
+        i = int(np.searchsorted(times, now + self._near, side="right")) - 1
+        if now <= times[i] + self._near:
+            return i, i, 0.0
+        if i + 1 == len(times):  # before the first comes again
+            return i, 0, float((now - times[i]) / (times[0] + self.samples.period - times[i]))
         return i, i + 1, float((now - times[i]) / (times[i + 1] - times[i]))
+
+    @cached_property
+    def _near(self) -> float:
+        """Seconds within which a time is that of a sample: a millionth of the shortest between two."""
+        return 1e-6 * float(np.diff(self.samples.times).min(initial=1.0))
+
+    def kinks(self, time: float, dt: float) -> Iterator[float]:
+        """Yield the times of samples within a step; so the sub-steps between them need two samples alone."""
+        times = self.samples.times
+        if len(times) == 1:
+            return
+        period = self.samples.period if self.loop else 1.0
+        least, most = sorted(self.start + self.time_scale * each for each in (time, time + dt))
+        first, last = (math.floor((each - times[0]) / period) if self.loop else 0 for each in (least, most))
+        for turn in range(first, last + 1):
+            at = times + turn * period
+            at = at[(at > least + self._near) & (at < most - self._near)]
+            yield from ((at - self.start) / self.time_scale).tolist()
 
     def numbers(self, time: float) -> tuple[Any, ...]:
         before, after, share = self.moment(time)
@@ -224,30 +243,26 @@ class Sampled(ExternalField):
         return (row._replace(owner=(self, row.numbers)),)  # whose addresses own what was read
 
     def cache_data(self, time: float) -> Any:
-        before, after, share = moment = self.moment(time)
+        moment = self.moment(time)
         how = [self.between, self.outside, self.samples.array]
-        digests = [
-            self.samples.digest(index) for index in dict.fromkeys((before, after) if share else (before,))
-        ]
+        digests = [self.samples.digest(index) for index in dict.fromkeys(moment[:2])]
         deciding = digests[0] if len(set(digests)) == 1 else digests
         return {"sampled": deciding, "how": how, "numbers": [*moment, *self._place(time)]}
 
     def gradient_bound(self, time: float) -> float:
         """Bound the gradient by the largest differences of neighbours along each axis."""
         before, after, share = self.moment(time)
-        slopes = (1.0 - share) * self._slopes(before)
-        if share:
-            slopes = slopes + share * self._slopes(after)
+        slopes = (1.0 - share) * self._slopes(before) + share * self._slopes(after)
         overshoot = CUBIC_OVERSHOOT if self.between == "cubic" else 1.0
         return float(overshoot * np.linalg.norm(slopes)) * abs(self._factor(time))
 
     def length_scale(self, time: float) -> float:
         """Return the shortest distance of two samples."""
-        return number_at(self.scale, time) * self._narrowest
+        return number_at(self.scale, time) * self.samples.spacing
 
-    @cached_property
-    def _narrowest(self) -> float:
-        return self.samples.spacing
+    @property
+    def holds_much(self) -> bool:  # type: ignore[override]
+        return self.samples.is_large
 
     def _slopes(self, index: int) -> Floats:
         known = self.samples.known_slopes

@@ -283,34 +283,19 @@ def singles_at(typingctx: Any, address: Any) -> Any:
     return _SINGLES(types.int64), generate
 
 
-@kernel("void(i8, b1, i8, i8, i8, f8, f8[:, ::1], i8[:, ::1], f8[::1])")
-def add_taps(
-    address: int,
-    is_single: bool,
-    ny: int,
-    nz: int,
-    size: int,
-    share: float,
-    weights: Floats,
-    indices: AnyArray,
-    out: Floats,
-) -> None:
-    """Add share × the weighted sum of size³ samples around a point."""
-    samples, singles = doubles_at(address), singles_at(address)
+@kernel(f"void({_FLOATS}, i8, f8, f8[:, ::1], i8[:, ::1], f8[::1])")
+def add_taps(m: Floats, address: int, share: float, weights: Floats, indices: AnyArray, out: Floats) -> None:
+    """Add share × the weighted sum of the samples at an address that are around a point."""
+    samples, singles, is_single = doubles_at(address), singles_at(address), m[5] > 0.0
+    ny, nz, size = int(m[1]), int(m[2]), 4 if m[3] > 0.0 else 2
     for i in range(size):
         for j in range(size):
             across = share * weights[0, i] * weights[1, j]
             row = (indices[0, i] * ny + indices[1, j]) * nz
             for k in range(size):
                 weight, at = across * weights[2, k], 3 * (row + indices[2, k])
-                if is_single:
-                    out[0] += weight * singles[at]
-                    out[1] += weight * singles[at + 1]
-                    out[2] += weight * singles[at + 2]
-                else:
-                    out[0] += weight * samples[at]
-                    out[1] += weight * samples[at + 1]
-                    out[2] += weight * samples[at + 2]
+                for c in range(3):
+                    out[c] += weight * (singles[at + c] if is_single else samples[at + c])
 
 
 @kernel(f"b1({_FLOATS}, f8, f8, f8, f8[:, ::1], i8[:, ::1])")
@@ -354,9 +339,8 @@ def sampled(
     m, before, after = doubles_at(int(numbers[0])), int(numbers[1]), int(numbers[2])
     share, cx, cy, cz = numbers[3], numbers[4], numbers[5], numbers[6]
     shrink, factor = 1.0 / numbers[7], numbers[8]
-    ny, nz, size = int(m[1]), int(m[2]), 4 if m[3] > 0.0 else 2
-    is_single, is_round, is_along, is_turned = m[5] > 0.0, 0.0 < m[6] < 3.0, m[6] == 2.0, m[6] == 3.0
-    d = 7 + int(m[0]) + ny + nz
+    is_round, is_along, is_turned = 0.0 < m[6] < 3.0, m[6] == 2.0, m[6] == 3.0
+    d = 7 + int(m[0]) + int(m[1]) + int(m[2])
     weights, indices, velocity = np.zeros((3, 4)), np.zeros((3, 4), np.int64), np.zeros(3)
     for i in range(count):
         px, py, pz = (x[i] - cx) * shrink, (y[i] - cy) * shrink, (z[i] - cz) * shrink
@@ -367,9 +351,9 @@ def sampled(
             qz = m[d + 2] * px + m[d + 5] * py + m[d + 8] * pz
         if find_taps(m, qx, qy, qz, weights, indices):
             velocity[:] = 0.0
-            add_taps(before, is_single, ny, nz, size, 1.0 - share, weights, indices, velocity)
+            add_taps(m, before, 1.0 - share, weights, indices, velocity)
             if share > 0.0:
-                add_taps(after, is_single, ny, nz, size, share, weights, indices, velocity)
+                add_taps(m, after, share, weights, indices, velocity)
             if is_along and qz > 0.0:
                 upwards = (velocity[0] * px + velocity[1] * py + velocity[2] * pz) / (qz * qz)
                 velocity[0] -= upwards * px

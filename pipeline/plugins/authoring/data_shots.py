@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -219,7 +220,10 @@ def _placed(data: Path) -> tuple[dict[str, object], Shot]:
 
 def _read(data: Path, settings: dict[str, object]) -> tuple[dict[str, object], Shot]:
     sampled = to_yaml({"file": str(data.absolute()), **settings})
-    return settings, read_shot(Path("data.yaml"), PROBE.format(sampled=sampled))
+    try:
+        return settings, read_shot(Path("data.yaml"), PROBE.format(sampled=sampled))
+    except ShotError as error:  # without the place in a file that nobody has
+        raise ShotError(*(re.sub(r"^data\.yaml:\d+:\d+: ", "", each) for each in error.messages)) from None
 
 
 def _field(shot: Shot) -> Sampled:

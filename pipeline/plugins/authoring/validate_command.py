@@ -9,7 +9,6 @@ import typer
 from rich.console import Group
 from rich.table import Table
 
-from flowsculpt import UsageError
 from flowsculpt.api import Progress
 from flowsculpt.api.commands import (
     empty_table,
@@ -51,7 +50,7 @@ def validate(
         print_warning(warning)
     names = shots or [*Show().shots(), *edits]
     if not names:
-        raise UsageError("no shots here: shots/ is empty. `flowsculpt new A010_first` writes one")
+        Show().require_shots()
     found, verdicts = Verdicts(common, given, fresh), list[Verdict]()
     with progress_bars(common.progress) as bar:
         advance = bar("checking", len(names))

@@ -104,6 +104,10 @@ class PlacedShape:
 class PathVelocity(Sampled):
     """The velocities of a path, over the times 0 to 1."""
 
+    def kinks(self, time: float, dt: float) -> Iterator[float]:
+        """Yield none: all times are in memory, and the tolerance halves sub-steps where velocities bend."""
+        return iter(())
+
     @property
     def name(self) -> str:
         return "become"

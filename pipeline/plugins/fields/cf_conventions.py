@@ -91,6 +91,8 @@ def axis_of(name: str, attributes: Mapping[str, Any]) -> str | None:
         return TIME
     if text(attributes, "positive").lower() in ("up", "down") or units.lower() in PRESSURES:
         return UP
+    if "formula_terms" in attributes:  # levels, whose heights a formula gives (§4.3.3)
+        return UP
     return _NAMED_AXES.get(name.lower())
 
 

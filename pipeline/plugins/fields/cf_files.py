@@ -305,21 +305,35 @@ def decoded(
 
 def missing_among(raw: np.ndarray, attributes: Mapping[str, Any]) -> np.ndarray | None:
     """Return where packed numbers are missing, bool; None where all are there."""
-    with np.errstate(all="ignore"):
-        missing = ~(np.abs(raw) < FILLED) if raw.dtype.kind == "f" else np.zeros(raw.shape, bool)
-        for name in ("_FillValue", "missing_value"):
-            for value in np.asarray(attributes.get(name, ())).reshape(-1):
-                if isinstance(value, str | bytes | np.str_ | np.bytes_):
-                    raise ConventionError(f"attribute {name} is {value!r}; it must be a number")
-                if value != 0:  # the default of Zarr, where it is a velocity as any other
-                    missing |= raw == value
-        low, high = attributes.get("valid_min"), attributes.get("valid_max")
-        if "valid_range" in attributes:
-            low, high = np.asarray(attributes["valid_range"]).reshape(-1)[:2]
+    fills = []
+    for name in ("_FillValue", "missing_value"):
+        for value in np.asarray(attributes.get(name, ())).reshape(-1):
+            if isinstance(value, str | bytes | np.str_ | np.bytes_):
+                raise ConventionError(f"attribute {name} is {value!r}; it must be a number")
+            if value != 0:  # the default of Zarr, where it is a velocity as any other
+                fills.append(value)
+    low, high = attributes.get("valid_min"), attributes.get("valid_max")
+    if "valid_range" in attributes:
+        low, high = np.asarray(attributes["valid_range"]).reshape(-1)[:2]
+
+    def missing_in(values: np.ndarray) -> np.ndarray:
+        missing = ~(np.abs(values) < FILLED) if values.dtype.kind == "f" else np.zeros(values.shape, bool)
+        for value in fills:
+            missing |= values == value
         if low is not None:
-            missing |= raw < low
+            missing |= values < low
         if high is not None:
-            missing |= raw > high
+            missing |= values > high
+        return missing
+
+    if not raw.size:
+        return None
+    with np.errstate(all="ignore"):
+        ends = np.array([raw.min(), raw.max()])  # NaN where one is there
+        is_outside = all(not ends[0] <= value <= ends[1] for value in fills)
+        if is_outside and not missing_in(ends).any():
+            return None
+        missing = missing_in(raw)
     return missing if missing.any() else None
 
 

@@ -255,7 +255,7 @@ class _HeaderReader:
         found = {name: self._axes(name) for name in names.values()}
         first_name, first = next(iter(found.items()))
         for name, axes in found.items():
-            for axis in {*first, *axes}:
+            for axis in sorted({*first, *axes}):
                 one, other = first.get(axis), axes.get(axis)
                 if one is None or other is None:
                     raise ConventionError(
@@ -470,11 +470,11 @@ class _HeaderReader:
     def _heights(self, axis: Axis) -> Floats:
         units, standard = text(axis.attributes, "units").lower(), text(axis.attributes, "standard_name")
         if units in PRESSURES and standard != "depth":
-            self.notes.append(
-                f"{axis.coordinate} is a pressure; heights are those of the standard atmosphere"
-            )
+            about = "is a pressure; heights are those of the standard atmosphere"
+            self.notes.append(f"{axis.coordinate} {about}")
             return np.array(standard_height((axis.values * PRESSURES[units]).tolist()))
-        if "sigma" in standard or units in ("level", "layer", "sigma_level"):
+        is_formula = "formula_terms" in axis.attributes or "sigma" in standard or "_s_coordinate" in standard
+        if is_formula or units in ("level", "layer", "sigma_level"):
             raise ConventionError(
                 f"coordinate {axis.coordinate} counts levels, and their heights vary; interpolate to "
                 f"heights, or choose one: at: {{{axis.dimension}: 0}}"

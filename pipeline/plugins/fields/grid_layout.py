@@ -21,6 +21,9 @@ EARTH = 6371e3
 
 FLAT, SPHERE, SPHERE_SURFACE, TURNED = range(4)  # as of `Samples`
 
+COLUMNS = 32
+"""Nodes along each horizontal axis that are written at once: files have another order than memory."""
+
 FAR = 1000.0
 """Half the length of an axis that the data lack, in the longest length of the others."""
 
@@ -290,7 +293,7 @@ class GridLayout:
     def _fill_plane(self, out: np.ndarray, components: Mapping[str, np.ndarray], is_angular: bool) -> None:
         """Write velocities to (E, N, U, 3)."""
         upright = self.is_upright
-        wider = np.ones(1, np.float32)
+        wider: np.ndarray = np.ones((out.shape[1], 1), np.float32)
         if self.coordinates.is_geographic and self.coordinates.north is not None:
             cosine, middle = np.cos(np.radians(self.coordinates.north)), np.cos(self._middle_latitude)
             wider = (
@@ -306,8 +309,11 @@ class GridLayout:
             NORTH: -metres if upright else metres,
             UP: np.float32(self.unit * self.placing.exaggerate),
         }
-        for axis, values in components.items():
-            np.multiply(values, factors[axis], out=out[..., places[axis]])
+        for at in np.ndindex(*(-(-length // COLUMNS) for length in out.shape[:2])):
+            east, north = (slice(COLUMNS * k, COLUMNS * (k + 1)) for k in at)
+            for axis, values in components.items():
+                factor = factors[axis][north] if axis == EAST else factors[axis]
+                np.multiply(values[east, north], factor, out=out[east, north, :, places[axis]])
 
     def _fill_sphere(
         self, out: np.ndarray, layers: slice, components: Mapping[str, np.ndarray], is_angular: bool

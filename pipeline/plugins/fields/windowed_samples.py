@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from abc import ABC, abstractmethod
 from collections import OrderedDict
 from dataclasses import dataclass
@@ -109,6 +110,15 @@ class WindowedSamples(Samples):
         return self.source.times
 
     @property
+    def is_large(self) -> bool:  # type: ignore[override]
+        return len(self.times) > self._room
+
+    @property
+    def _room(self) -> int:
+        """The times whose velocities are kept in memory."""
+        return max(KEPT, KEPT_BYTES // (12 * math.prod(map(len, self.axes))))
+
+    @property
     def geometry(self) -> int:  # type: ignore[override]
         return self.source.geometry
 
@@ -120,7 +130,7 @@ class WindowedSamples(Samples):
     def is_paced(self) -> bool:  # type: ignore[override]
         return self.source.is_paced
 
-    @property
+    @cached_property
     def spacing(self) -> float:
         return self.source.spacing
 
@@ -164,8 +174,7 @@ class WindowedSamples(Samples):
             if index in self._kept:
                 self._kept.move_to_end(index)
                 return self._kept[index]
-            size = 12 * int(np.prod([len(axis) for axis in self.axes]))
-            while len(self._kept) >= max(KEPT, KEPT_BYTES // size):  # before others take as much memory
+            while len(self._kept) >= self._room:  # before others take as much memory
                 self._kept.popitem(last=False)
             self._kept[index] = self._read(index)
             return self._kept[index]
@@ -191,7 +200,7 @@ class WindowedSamples(Samples):
         """Raise FrameError where a velocity is not a finite number of a reasonable size."""
         for first in range(0, len(velocity), ROWS):
             part = velocity[first : first + ROWS]
-            if not (np.abs(part) <= MAX_SPEED).all():
+            if not (part.max() <= MAX_SPEED and part.min() >= -MAX_SPEED):  # so neither if it has a NaN
                 bad = np.unravel_index(int(np.argmin(np.abs(part) <= MAX_SPEED)), part.shape)
                 raise FrameError(
                     f"{path}: time {index + 1} of {len(self.times)}: a velocity is {part[bad]:g}; samples "

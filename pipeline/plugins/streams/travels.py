@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -47,6 +47,9 @@ class Frozen(VelocityField):
 
     def leaves(self, point: Floats, time: float) -> Iterator[tuple[VelocityField, Floats]]:
         return self.field.leaves(point, self.moment)
+
+    def kinks(self, time: float, dt: float) -> Iterable[float]:
+        return ()
 
     @property
     def name(self) -> str:

@@ -183,12 +183,6 @@ def _pixels(text: str, width: int, height: int) -> Crop:
 OTHER_MODELS = ("3ds", "ac", "bgeo", "blend", "lwo", "ma", "max", "mb", "vrml", "wrl", "x3d")
 """Endings of model files of formats that are not read, for the message to one who names such a file."""
 
-NO_SHOTS = (
-    "no shots here: shots/ is empty. `flowsculpt new A010_first` writes one, "
-    "`flowsculpt new --show` a show with its first shot and its edit."
-)
-"""The message of commands where nothing was begun yet."""
-
 
 def _require_name(path: Path, kind: str) -> None:
     """Raise UsageError for a name that no shot or edit can have."""
@@ -245,7 +239,7 @@ class Show:
             raise MissingInputError(f"{quote_name(name)}: no such shot file; {hint}")
         if name in (known := self.misnamed()):
             raise MissingInputError(f"{quote_name(path)}: no such shot; {known[name]}")
-        self._require_shots()
+        self.require_shots()
         raise MissingInputError(
             f"{quote_name(path)}: no such shot; {_near(name, self.shots(), 'flowsculpt new makes one')}"
         )
@@ -260,7 +254,7 @@ class Show:
         _require_name(path, "edit")
         hint = _near(path.stem, self.edits(), "flowsculpt new --show writes shots/film.yaml")
         if not InputFile(path).is_there():
-            self._require_shots()
+            self.require_shots()
             raise MissingInputError(f"{quote_name(path)}: no such edit; {hint}")
         if path.stem in self.shots() and path.absolute() == (self.folder / path.name).absolute():
             raise UsageError(
@@ -308,10 +302,14 @@ class Show:
             if path.suffix != ".yaml" and path.suffix.lower() in (".yaml", ".yml")
         }
 
-    def _require_shots(self) -> None:
+    def require_shots(self) -> None:
         """Raise UsageError where no shot was begun yet."""
         if not self.shots() and not self.edits():
-            raise UsageError(NO_SHOTS)
+            raise UsageError(
+                f"{self.folder.resolve()}: no shots are here; they are read from the folder that you are in, "
+                "whatever --root is. Go to the folder above shots/, or begin: `flowsculpt new A010_first` "
+                "writes one, `flowsculpt new --show` a show with its first shot and its edit."
+            )
 
     def _path(self, name: str) -> Path:
         """Return the path of a shot or an edit."""

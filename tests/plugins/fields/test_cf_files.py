@@ -555,6 +555,18 @@ WRONG: dict[str, tuple[Callable[[Any], Any], str]] = {
         ),
         "counts levels",
     ),
+    "levels of an ocean model that say that they are an axis": (
+        lambda d: d.expand_dims(s=np.arange(-2.0, 1.0)).assign_coords(
+            s=("s", np.arange(-2.0, 1.0), {"standard_name": "ocean_s_coordinate_g2", "axis": "Z"})
+        ),
+        "coordinate s counts levels",
+    ),
+    "levels whose heights a formula gives": (
+        lambda d: d.expand_dims(s=np.arange(-2.0, 1.0)).assign_coords(
+            s=("s", np.arange(-2.0, 1.0), {"formula_terms": "s: s eta: zeta depth: h"})
+        ),
+        "coordinate s counts levels",
+    ),
     "a scale that is a text": (
         lambda d: d.assign(uo=d.uo.assign_attrs(scale_factor="one")),
         "attribute scale_factor of uo is 'one'",

@@ -5,16 +5,20 @@ from __future__ import annotations
 import json
 import pickle
 import shutil
+import weakref
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from flowsculpt.pipeline.errors import MissingInputError
 from flowsculpt.pipeline.flow import Streamlines
+from flowsculpt.pipeline.flow.flow_map import FlowMap, FrameStep, checked_displacement
 from flowsculpt.pipeline.plugins.fields import windowed_samples
-from flowsculpt.pipeline.plugins.fields.cf_files import cf_samples
+from flowsculpt.pipeline.plugins.fields.cf_files import cf_samples, missing_among
 from flowsculpt.pipeline.plugins.fields.cf_headers import Selection
 from flowsculpt.pipeline.plugins.fields.grid_layout import Placing
 from flowsculpt.pipeline.shot import Shot, read_shot
@@ -117,8 +121,39 @@ def test_memory_stays_while_a_plan_names_it(store: Path, monkeypatch: pytest.Mon
         np.full(10**6, np.nan)
     apart = points
     for k in range(64):
-        apart = Streamlines(field, substeps=1).displace(apart, 1.9 * k / 64, 1.9 / 64)
+        apart = Streamlines(field, substeps=1).step_plan(1.9 * k / 64, 1.9 / 64).follow(apart)
     np.testing.assert_allclose(whole.follow(points), apart, rtol=1e-9)
+
+
+@pytest.mark.parametrize(("begin", "seconds"), [(0.1, 1.3), (1.4, -1.3)])
+def test_a_step_across_many_times_holds_two_of_them(
+    store: Path, monkeypatch: pytest.MonkeyPatch, begin: float, seconds: float
+) -> None:
+    monkeypatch.setattr(windowed_samples, "KEPT_BYTES", 0)
+    original, read, most = windowed_samples.WindowedSamples._read, list[Any](), [0]
+
+    def counted(samples: windowed_samples.WindowedSamples, index: int) -> np.ndarray:
+        velocity = original(samples, index)
+        read.append(weakref.ref(velocity))
+        most[0] = max(most[0], sum(each() is not None for each in read))
+        return velocity
+
+    monkeypatch.setattr(windowed_samples.WindowedSamples, "_read", counted)
+    shot = shot_of(store)
+    flow, start = Streamlines(field_of(shot), substeps=4), np.array([[0.5, 0.0, 0.3]])
+    moved = checked_displacement(flow, start, begin, seconds, 2)
+    assert len(read) == 7 and most[0] == 2
+    known = FlowMap()
+    known.add(FrameStep(flow, begin, seconds, 2))
+    np.testing.assert_array_equal(known.carry(start), moved)
+    assert most[0] == 2
+
+
+def test_a_step_ends_at_the_times_of_samples_whose_velocities_then_bend(store: Path) -> None:
+    flow, point = Streamlines(field_of(shot_of(store)), substeps=1), np.array([[0.5, 0.0, 0.3]])
+    halves = flow.displace(flow.displace(point, 0.2, 0.05), 0.25, 0.05)  # there is a time at 0.25 s
+    np.testing.assert_allclose(flow.displace(point, 0.2, 0.1), halves, rtol=1e-12)
+    assert len(list(flow.steps(0.25, 0.25))) == 1 and len(list(flow.steps(0.2, 0.35))) == 3
 
 
 def test_a_chunk_decides_the_frames_around_its_time_alone(store: Path) -> None:
@@ -169,3 +204,25 @@ def test_samples_travel_to_other_processes_without_what_was_read(store: Path) ->
     content = pickle.dumps(field)
     assert len(content) < 20_000
     np.testing.assert_array_equal(pickle.loads(content).velocity(points, 0.4), known)
+
+
+@given(
+    values=st.lists(st.sampled_from([0.0, 1.5, -3.0, 7.0, 1e37, -1e37, np.nan, np.inf]), max_size=6),
+    fills=st.lists(st.sampled_from([0.0, -3.0, 7.0, 99.0, np.nan]), max_size=2),
+    ends=st.sampled_from([(), (-2.0, 5.0), (None, 5.0), (-5.0, 99.0)]),
+)
+def test_each_number_is_missing_by_the_same_rules_whatever_is_beside_it(
+    values: list[float], fills: list[float], ends: tuple[float | None, ...]
+) -> None:
+    attributes: dict[str, Any] = {"missing_value": np.array(fills)} if fills else {}
+    attributes |= {
+        f"valid_{name}": end for name, end in zip(("min", "max"), ends, strict=False) if end is not None
+    }
+    raw = np.array(values)
+    low, high = attributes.get("valid_min", -np.inf), attributes.get("valid_max", np.inf)
+    expected = [
+        not abs(value) < 9e36 or value in [fill for fill in fills if fill] or not low <= value <= high
+        for value in values
+    ]
+    found = missing_among(raw, attributes)
+    assert (np.zeros(len(raw), bool) if found is None else found).tolist() == expected

@@ -112,6 +112,13 @@ def test_data_without_motion_or_beside_other_sources_are_refused(
     write_gyre(tmp_path / "still.npz", speed=0.0)
     code, said = begun(tmp_path, "still.npz")
     assert code == 2 and "still.npz: nothing moves at its first time" in said
+    xarray = pytest.importorskip("xarray")
+    write_winds(tmp_path / "levels.nc")
+    with xarray.open_dataset(tmp_path / "levels.nc", engine="h5netcdf", decode_cf=False) as data:
+        level = {"lev": ("lev", np.arange(3.0), {"formula_terms": "s: s eta: zeta depth: h"})}
+        data.expand_dims(lev=3).assign_coords(level).to_netcdf(tmp_path / "model.nc", engine="h5netcdf")
+    code, said = begun(tmp_path, "model.nc")
+    assert code == 2 and said.startswith(f"{tmp_path / 'model.nc'}: coordinate lev counts levels")
     code, said = begun(tmp_path, "still.npz", "--sequence", "a_*.ply")
     assert code == 2 and "--data shows files as they are; leave the other options out" in said
     assert not (tmp_path / "shots/A010_sea.yaml").exists()
