@@ -85,7 +85,6 @@ def test_a_carried_point_has_the_bits_of_a_vertex_moved_frame_by_frame(
 def test_it_grows_by_a_frame_at_a_time(flow: Flow, points: Points) -> None:
     flow_map, moved = FlowMap(), points
     for frame in range(4):
-        assert len(flow_map) == frame
         assert flow_map.carry(points).tobytes() == moved.tobytes()
         flow_map.add(FrameStep(flow, frame * DT, DT, frame + 2))
         moved = checked_displacement(flow, moved, frame * DT, DT, frame + 2)
@@ -169,6 +168,7 @@ def test_a_field_too_steep_to_follow_is_refused_when_its_frame_is_added() -> Non
     flow = Streamlines(Vortex(radius=1e-4, strength=keyed((0.0, 0.1), (0.0, 100.0), "linear")))
     flow_map = FlowMap()
     flow_map.add(FrameStep(flow, -DT, DT, 1))
+    before = flow_map.carry(np.ones((1, 3)))
     with pytest.raises(FrameError, match=r"^frame 2: flow vortex at 0 s needs .* sub-steps"):
         flow_map.add(FrameStep(flow, 0.0, DT, 2))
-    assert len(flow_map) == 1
+    assert np.array_equal(flow_map.carry(np.ones((1, 3))), before)

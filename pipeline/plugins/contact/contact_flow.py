@@ -113,10 +113,10 @@ class InContact(Sequence):
         """Yield the undoing of the maps at the start, the steps of the flows, and the maps at the end."""
         count = len(self.obstacles) + self.contact.has_floor
         for number in reversed(range(count)):
-            yield from Squashing(self, number, undoes=True).steps(time, dt)
+            yield from Squashing(self, number, is_inverse=True).steps(time, dt)
         yield from super().steps(time, dt)
         for number in range(count):
-            yield from Squashing(self, number, undoes=False).steps(time, dt)
+            yield from Squashing(self, number, is_inverse=False).steps(time, dt)
 
     def beside(self, name: str, subjects: Mapping[str, Any]) -> InContact:
         """Return the flow with the others. Raises UsageError for one that is not there, or a circle."""
@@ -135,6 +135,7 @@ class InContact(Sequence):
 
         Raises FrameError for a subject that begins within another, or below the floor.
         """
+        time = round(time, 12)  # the end of a step and the start of the next differ by rounding
         if time not in self.meetings:
             self.meetings[time] = tuple(self._meet(time))
         return self.meetings[time]
@@ -272,12 +273,12 @@ class Squashing(Flow):
 
     whole: InContact
     number: int
-    undoes: bool
+    is_inverse: bool
     name: ClassVar[str] = "contact"
 
     def displace(self, points: Floats, time: float, dt: float) -> Floats:
         meeting = self._meeting(time, dt)
-        if not self.undoes:
+        if not self.is_inverse:
             return meeting.map.apply(points)
         moved = meeting.map.undo(points)
         lost = np.isnan(moved[:, 1])
@@ -290,13 +291,21 @@ class Squashing(Flow):
         return moved
 
     def kernel_row(self, time: float, dt: float) -> Any:
-        return self._meeting(time, dt).map.kernel_row(self.undoes)
+        return self._meeting(time, dt).map.kernel_row(self.is_inverse)
+
+    def undoes(self, time: float, before: Any) -> bool:
+        return (
+            self.is_inverse
+            and isinstance(before.flow, Squashing)
+            and not before.flow.is_inverse
+            and self._meeting(time, 0.0) is before.flow._meeting(before.time, before.dt)
+        )
 
     def _meeting(self, time: float, dt: float) -> Meeting:
-        return self.whole.meetings_at(time if self.undoes else time + dt)[self.number]
+        return self.whole.meetings_at(time if self.is_inverse else time + dt)[self.number]
 
     def cache_data(self, time: float, dt: float) -> Any:
-        data = {"undoes": self.undoes, **self.whole.contact.cache_data(time, dt)}
-        if self.undoes or self.number == len(self.whole.obstacles):
+        data = {"undoes": self.is_inverse, **self.whole.contact.cache_data(time, dt)}
+        if self.is_inverse or self.number == len(self.whole.obstacles):
             return data
         return {**data, "other": self.whole.obstacles[self.number].surface.cache_data(time, dt)}

@@ -91,9 +91,9 @@ class Carried(Sequence):
 
     def steps(self, time: float, dt: float) -> Iterator[Any]:
         """Yield the undoing of the motion at the start, the steps of the flows, and the motion at the end."""
-        yield from Carrying(self, undoes=True).steps(time, dt)
+        yield from Carrying(self, is_inverse=True).steps(time, dt)
         yield from super().steps(time, dt)
-        yield from Carrying(self, undoes=False).steps(time, dt)
+        yield from Carrying(self, is_inverse=False).steps(time, dt)
 
     @property
     def leads(self) -> Vector:
@@ -152,7 +152,7 @@ class Carrying(Flow):
     """The motion at the end of a step, or the undoing of that at its start."""
 
     whole: Carried
-    undoes: bool
+    is_inverse: bool
     name: ClassVar[str] = "move"
 
     def displace(self, points: Floats, time: float, dt: float) -> Floats:
@@ -166,18 +166,32 @@ class Carrying(Flow):
         # imported here, as shots are read without numba
         from flowsculpt.pipeline.plugins.moves.move_kernels import move
 
-        at = time if self.undoes else time + dt
+        at = self._end(time, dt)
         motion = self.whole.motion(at)
-        return move, (float(motion.ctypes.data), float(len(motion)), at, float(self.undoes))
+        return move, (float(motion.ctypes.data), float(len(motion)), at, float(self.is_inverse))
+
+    def undoes(self, time: float, before: Any) -> bool:
+        flow = before.flow
+        return (
+            self.is_inverse
+            and isinstance(flow, Carrying)
+            and not flow.is_inverse
+            and self.whole.motions is flow.whole.motions
+            and self._end(time, 0.0) == flow._end(before.time, before.dt)
+        )
+
+    def _end(self, time: float, dt: float) -> float:
+        """Return the time of the motion; the end of a step and the start of the next differ by rounding."""
+        return round(time if self.is_inverse else time + dt, 12)
 
     def cache_data(self, time: float, dt: float) -> Any:
-        whole, at = self.whole, time if self.undoes else time + dt
+        whole, at = self.whole, self._end(time, dt)
         move, (first, samples) = whole.move, whole.samples(at)
         late = [whole.leads, move.reach, move.lag] if move.lag else []
         digest = hashlib.sha256(samples.tobytes()).hexdigest()[:24]
         turn = [list(move.axis), list(move.centre)]
         return {
             "plugin": [PLUGIN.name, PLUGIN.version],
-            "undoes": self.undoes,
+            "undoes": self.is_inverse,
             "motion": [first, digest, *turn, *late],
         }

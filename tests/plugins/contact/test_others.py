@@ -208,8 +208,17 @@ def test_others_that_give_way_in_a_circle_are_refused(tmp_path):
 
 
 def test_a_subject_that_is_not_there_is_refused_with_those_that_are(tmp_path):
-    with pytest.raises(FlowsculptError, match=r"the shot has no other subject plinth\. Write block\."):
+    fact = r"contact: the shot has no other subject plinth\. Write block\."
+    with pytest.raises(ShotError, match=rf"A010_together\.yaml:12:9: {fact}"):
         shot_of(tmp_path, "{others: [plinth]}")
+
+
+def test_an_entry_among_the_flows_of_the_shot_is_refused_with_its_place(tmp_path):
+    text = TOGETHER.replace("BLOCK", "").replace("CONTACT", "{floor: 0}")
+    path = tmp_path / "A010_shared.yaml"
+    path.write_text(f"{text}flows:\n  - contact: {{others: [plinth]}}\n", encoding="utf-8")
+    with pytest.raises(ShotError, match=r"A010_shared\.yaml:15:5: contact: the shot has no other subject"):
+        read_shot(path)
 
 
 def test_a_subject_that_begins_within_another_is_refused(tmp_path):
