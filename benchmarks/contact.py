@@ -18,6 +18,7 @@ import numpy as np
 
 from flowsculpt.pipeline.animation import animate
 from flowsculpt.pipeline.flow.flow import FlowStep
+from flowsculpt.pipeline.flow.flow_map import FlowMap, FrameStep
 from flowsculpt.pipeline.mesh import TriangleMesh
 from flowsculpt.pipeline.plugins.contact.contact_flow import InContact, Meeting, Squashing
 from flowsculpt.pipeline.shot import read_shot
@@ -91,16 +92,20 @@ def volume(mesh: TriangleMesh) -> float:
 def repeated() -> Iterator[None]:
     """Undo each squash and do it again: the meshes stay, and what that adds is what contact takes.
 
-    New vertices go through the last squash alone: the earlier ones are undone by the steps after them.
+    New vertices do not: they go through the last squash alone, as later steps undo the earlier ones.
     """
-    steps = InContact.steps
+    steps, add = InContact.steps, FlowMap.add
 
     def again(whole: InContact, time: float, dt: float) -> Iterator[FlowStep]:
         yield from steps(whole, time, dt)
         yield from Squashing(whole, 0, is_inverse=True).steps(time + dt, 0.0)
         yield from Squashing(whole, 0, is_inverse=False).steps(time, dt)
 
-    with patch.object(InContact, "steps", again):
+    def add_once(history: FlowMap, step: FrameStep) -> None:
+        with patch.object(InContact, "steps", steps):
+            add(history, step)
+
+    with patch.object(InContact, "steps", again), patch.object(FlowMap, "add", add_once):
         yield
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, ClassVar, NamedTuple
 
@@ -187,9 +187,12 @@ class InContact(Sequence):
     def findings(self) -> Iterator[tuple[str, bool]]:
         """Yield how far it rises above what it meets and is pressed; warn where it never touches that."""
         yield from super().findings()
-        every = [self.meetings_at(time) for time in self.contact.times]
         ends = [self._pressed_points(time) for time in self.contact.times]
-        for meetings in zip(*every, strict=True):
+        for entry in self.flows:
+            if isinstance(entry, InContact):
+                for meetings in entry._meetings_of(self.contact.times):
+                    yield from self._sinking(meetings, ends)
+        for meetings in self._meetings_of(self.contact.times):
             gaps, name = [meeting.gap for meeting in meetings], meetings[0].with_what
             least, most = (1000.0 * gap / self.earlier.height for gap in (min(gaps), max(gaps)))
             yield (
@@ -197,15 +200,26 @@ class InContact(Sequence):
                 f"height above {name}, and is pressed by up to {max(0.0, -least):.0f}",
                 False,
             )
-            deepest = -min(meeting.gap_of(points) for meeting, points in zip(meetings, ends, strict=True))
-            if (sunk := 1000.0 * deepest / self.earlier.height) > SINKING:
-                yield (
-                    f"the subject sinks up to {sunk:.0f} thousandths of its height into {name}: what it "
-                    "meets after that pushes it back. Write keep_volume: false, or less softness.",
-                    True,
-                )
+            yield from self._sinking(meetings, ends)
             if least > FLOATING:
                 yield self._floating(name, least, min(gaps)), True
+
+    def _meetings_of(self, times: Iterable[float]) -> Iterator[tuple[Meeting, ...]]:
+        """Yield the meetings at these times with each of what it meets, those of an entry in order."""
+        yield from zip(*(self.meetings_at(time) for time in times), strict=True)
+
+    def _sinking(self, meetings: Iterable[Meeting], ends: Iterable[Floats]) -> Iterator[tuple[str, bool]]:
+        """Warn where points (N, 3) of the same times lie within what the subject meets."""
+        deepest, name = max(
+            (-meeting.gap_of(points), meeting.with_what)
+            for meeting, points in zip(meetings, ends, strict=True)
+        )
+        if (sunk := 1000.0 * deepest / self.earlier.height) > SINKING:
+            yield (
+                f"the subject sinks up to {sunk:.0f} thousandths of its height into {name}: what it "
+                "meets after that pushes it back. Write keep_volume: false, or less softness.",
+                True,
+            )
 
     def _pressed_points(self, time: float) -> Floats:
         """Return the points of the subject at a time once it has given way."""
