@@ -49,6 +49,10 @@ class Flow(ABC):
         """
         return None
 
+    def undoes(self, time: float, before: Any) -> bool:
+        """Tell whether its step from `time` on takes back the step `before`; carrying then skips both."""
+        return False
+
     runs_code: ClassVar[bool] = False
     """True if it runs code of the user's, which can do anything: only with permission."""
 

@@ -29,13 +29,13 @@ def checked_displacement(
     `frame` is `frame`. `first` is the number of the first vertex.
     """
     try:
-        for part in _planned_parts(FrameStep(flow, time, dt, frame)):
+        for part in _joined([_plan(step) for step in _steps_of(FrameStep(flow, time, dt, frame))]):
             if isinstance(part, PlannedSteps) and len(part.steps) > 1:
                 moved = part.plan.follow(points, ", ".join(step.flow.name for step in part.steps))
                 if np.isfinite(moved).all():
                     points = moved
                     continue
-            for step in part.steps if isinstance(part, PlannedSteps) else (part,):
+            for step in part.steps:
                 points = _displace(FlowStep(step.flow, step.time, step.dt), points, frame, first)
     except FrameError as error:
         raise error.of(frame) from None
@@ -78,11 +78,9 @@ def _displace(step: FlowStep, points: Points, frame: int, first: int) -> Points:
         moved = None if plan is None else plan.follow(points, flow.name)
         if moved is None or not np.isfinite(moved).all():  # the flow says why
             moved = np.array(flow.displace(points.copy(), time, dt), dtype=np.float64)
-    except FlowsculptError as error:
-        raise flow_error(error, flow, frame) from error
     except Exception as error:
-        if fault := fault_of_plugin(error):
-            raise FrameError(str(fault), frame) from error
+        if isinstance(error, FlowsculptError) or fault_of_plugin(error):
+            raise flow_error(error, flow, frame) from error
         raise FrameError(
             f"{name} raised {type(error).__name__}: {error}; a flow takes points (N, 3), time and dt "
             f"and returns points (N, 3). Call it alone with {len(points)} points at time {time:g} s.",
@@ -156,6 +154,11 @@ class FrameStep:
     dt: float
     frame: int
 
+    @property
+    def steps(self) -> tuple[FrameStep]:
+        """This step alone, as of PlannedSteps."""
+        return (self,)
+
     def apply(self, points: Points, first: int = 0) -> Points:
         """Return moved points (N, 3), checked; `first` is the number of the first. Raises FrameError."""
         return checked_displacement(self.flow, points, self.time, self.dt, self.frame, first)
@@ -195,21 +198,25 @@ class FlowMap:
     """The steps of a shot since its rest frame, which move rest points through all of them at once.
 
     A rest point arrives at exactly the bits of a vertex that started there and moved frame by frame: the same
-    sub-steps are taken in the same order. One compiled call follows streamlines and deformations for as many
-    frames as LARGEST_STEP_PLAN allows, and their tables are computed once; other flows act frame by frame.
-    The flow must move each point independently of the others, as a mapping of points into points does (P1).
+    sub-steps are taken in the same order. A step that the next frame undoes is left out, as is the undoing.
+    One compiled call follows streamlines and deformations for as many frames as LARGEST_STEP_PLAN allows, and
+    their tables are computed once; other flows act frame by frame. The flow must move each point
+    independently of the others, as a mapping of points into points does (P1).
     """
 
     def __init__(self) -> None:
         self._steps: list[FrameStep] = []
-        self._parts: list[PlannedSteps | FrameStep] = []
+        self._parts: list[PlannedSteps | FrameStep] = []  # of all frames before the last
+        self._last: list[PlannedSteps | FrameStep] = []
 
     def add(self, step: FrameStep) -> None:
         """Add the next frame. Raises FrameError where a velocity field needs too many sub-steps."""
-        parts = _planned_parts(step)
+        steps = _steps_of(step)
+        while steps and self._last and steps[0].flow.undoes(steps[0].time, self._last[-1].steps[-1]):
+            del steps[0], self._last[-1]
+        planned = [_plan(each) for each in steps]
         self._steps.append(step)
-        for part in parts:
-            _add(self._parts, part)
+        self._parts, self._last = _joined([*self._parts, *self._last]), planned
 
     def carry(self, rest_points: Points) -> Points:
         """Return points (N, 3) of the rest frame at the last frame: a new array, all finite.
@@ -219,7 +226,7 @@ class FlowMap:
         points = np.array(rest_points, dtype=np.float64)
         try:
             with np.errstate(all="ignore"):  # results that are not finite are reported below, by frame
-                for part in self._parts:
+                for part in _joined([*self._parts, *self._last]):
                     points = part.apply(points)
             if not np.isfinite(points).all():
                 for step in self._steps:  # so that the failing frame raises
@@ -229,29 +236,25 @@ class FlowMap:
         return points
 
 
-def _planned_parts(step: FrameStep) -> list[PlannedSteps | FrameStep]:
-    """Return the steps of the flows of a frame, planned together where one compiled call can do them.
-
-    Raises FrameError where a velocity field needs too many sub-steps.
-    """
+def _steps_of(step: FrameStep) -> list[FrameStep]:
+    """Return the steps of the flows of a frame. Raises FrameError, of the frame."""
     try:
-        steps = [FrameStep(*part, step.frame) for part in step.flow.steps(step.time, step.dt)]
+        return [FrameStep(*part, step.frame) for part in step.flow.steps(step.time, step.dt)]
     except FrameError as error:
         raise error.of(step.frame) from None
-    parts: list[PlannedSteps | FrameStep] = []
-    for planned in map(_plan, steps):
-        _add(parts, planned)
-    return parts
 
 
-def _add(parts: list[PlannedSteps | FrameStep], part: PlannedSteps | FrameStep) -> None:
-    """Add a part, to the last one where one call can follow both."""
-    if parts and isinstance(part, PlannedSteps) and isinstance(last := parts[-1], PlannedSteps):
-        size = len(last.plan.tables) + len(part.plan.tables)
-        if size <= LARGEST_STEP_PLAN and last.plan.halved == part.plan.halved:
-            part = PlannedSteps(StepPlan.joined([last.plan, part.plan]), last.steps + part.steps)
-            parts.pop()
-    parts.append(part)
+def _joined(parts: list[PlannedSteps | FrameStep]) -> list[PlannedSteps | FrameStep]:
+    """Return the parts, those as one that one compiled call can follow."""
+    joined: list[PlannedSteps | FrameStep] = []
+    for part in parts:
+        if joined and isinstance(part, PlannedSteps) and isinstance(last := joined[-1], PlannedSteps):
+            size = len(last.plan.tables) + len(part.plan.tables)
+            if size <= LARGEST_STEP_PLAN and last.plan.halved == part.plan.halved:
+                part = PlannedSteps(StepPlan.joined([last.plan, part.plan]), last.steps + part.steps)
+                joined.pop()
+        joined.append(part)
+    return joined
 
 
 def _plan(step: FrameStep) -> PlannedSteps | FrameStep:

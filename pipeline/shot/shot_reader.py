@@ -443,10 +443,14 @@ def _motion(
     acting: list[Flow] = []
     if isinstance(built, AnimatedModel) and built.keeps_faces:
         acting.append(AnimatedFlow(built))
-    for entry in flows:
-        flow = entry.build(clock, integrate)
-        if subject is not None:
-            flow = flow.of_subject(built, place, acting).beside(str(where[-1]), motions or {})
+    for index, entry in enumerate(flows, -len(document.flows)):
+        flow, shared = entry.build(clock, integrate), ("flows", index + len(document.flows))
+        try:
+            if subject is not None:
+                flow = flow.of_subject(built, place, acting).beside(str(where[-1]), motions or {})
+        except UsageError as error:
+            spot = source.place(shared if index < 0 else (*where, "flows", index))
+            raise ShotError(f"{spot}: {error}") from None
         acting = [flow] if flow.acts_around_earlier else [*acting, flow]
     if isinstance(resample, ResampleDocument) and resample.rest_interval is None and resampling is not None:
         intervals = [flow.rest_interval for flow in acting if flow.rest_interval is not None]

@@ -164,12 +164,11 @@ def test_a_user_flow_that_fails_is_told(points: Points) -> None:
         flow_map_of(Function(fail), 3).carry(points)
 
 
-def test_a_field_too_steep_to_follow_is_refused_when_its_frame_is_added(
-    points: Points,
-) -> None:
+def test_a_field_too_steep_to_follow_is_refused_when_its_frame_is_added() -> None:
     flow = Streamlines(Vortex(radius=1e-4, strength=keyed((0.0, 0.1), (0.0, 100.0), "linear")))
     flow_map = FlowMap()
     flow_map.add(FrameStep(flow, -DT, DT, 1))
+    before = flow_map.carry(np.ones((1, 3)))
     with pytest.raises(FrameError, match=r"^frame 2: flow vortex at 0 s needs .* sub-steps"):
         flow_map.add(FrameStep(flow, 0.0, DT, 2))
-    assert np.isfinite(flow_map.carry(points)).all()  # the frame before stands
+    assert np.array_equal(flow_map.carry(np.ones((1, 3))), before)

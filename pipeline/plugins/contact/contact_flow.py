@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, ClassVar, NamedTuple
 
@@ -113,10 +113,10 @@ class InContact(Sequence):
         """Yield the undoing of the maps at the start, the steps of the flows, and the maps at the end."""
         count = len(self.obstacles) + self.contact.has_floor
         for number in reversed(range(count)):
-            yield from Squashing(self, number, undoes=True).steps(time, dt)
+            yield from Squashing(self, number, is_inverse=True).steps(time, dt)
         yield from super().steps(time, dt)
         for number in range(count):
-            yield from Squashing(self, number, undoes=False).steps(time, dt)
+            yield from Squashing(self, number, is_inverse=False).steps(time, dt)
 
     def beside(self, name: str, subjects: Mapping[str, Any]) -> InContact:
         """Return the flow with the others. Raises UsageError for one that is not there, or a circle."""
@@ -135,6 +135,7 @@ class InContact(Sequence):
 
         Raises FrameError for a subject that begins within another, or below the floor.
         """
+        time = round(time, 12)  # the end of a step and the start of the next differ by rounding
         if time not in self.meetings:
             self.meetings[time] = tuple(self._meet(time))
         return self.meetings[time]
@@ -186,9 +187,12 @@ class InContact(Sequence):
     def findings(self) -> Iterator[tuple[str, bool]]:
         """Yield how far it rises above what it meets and is pressed; warn where it never touches that."""
         yield from super().findings()
-        every = [self.meetings_at(time) for time in self.contact.times]
         ends = [self._pressed_points(time) for time in self.contact.times]
-        for meetings in zip(*every, strict=True):
+        for entry in self.flows:
+            if isinstance(entry, InContact):
+                for meetings in entry._meetings_of(self.contact.times):
+                    yield from self._sinking(meetings, ends)
+        for meetings in self._meetings_of(self.contact.times):
             gaps, name = [meeting.gap for meeting in meetings], meetings[0].with_what
             least, most = (1000.0 * gap / self.earlier.height for gap in (min(gaps), max(gaps)))
             yield (
@@ -196,15 +200,26 @@ class InContact(Sequence):
                 f"height above {name}, and is pressed by up to {max(0.0, -least):.0f}",
                 False,
             )
-            deepest = -min(meeting.gap_of(points) for meeting, points in zip(meetings, ends, strict=True))
-            if (sunk := 1000.0 * deepest / self.earlier.height) > SINKING:
-                yield (
-                    f"the subject sinks up to {sunk:.0f} thousandths of its height into {name}: what it "
-                    "meets after that pushes it back. Write keep_volume: false, or less softness.",
-                    True,
-                )
+            yield from self._sinking(meetings, ends)
             if least > FLOATING:
                 yield self._floating(name, least, min(gaps)), True
+
+    def _meetings_of(self, times: Iterable[float]) -> Iterator[tuple[Meeting, ...]]:
+        """Yield the meetings at these times with each of what it meets, those of an entry in order."""
+        yield from zip(*(self.meetings_at(time) for time in times), strict=True)
+
+    def _sinking(self, meetings: Iterable[Meeting], ends: Iterable[Floats]) -> Iterator[tuple[str, bool]]:
+        """Warn where points (N, 3) of the same times lie within what the subject meets."""
+        deepest, name = max(
+            (-meeting.gap_of(points), meeting.with_what)
+            for meeting, points in zip(meetings, ends, strict=True)
+        )
+        if (sunk := 1000.0 * deepest / self.earlier.height) > SINKING:
+            yield (
+                f"the subject sinks up to {sunk:.0f} thousandths of its height into {name}: what it "
+                "meets after that pushes it back. Write keep_volume: false, or less softness.",
+                True,
+            )
 
     def _pressed_points(self, time: float) -> Floats:
         """Return the points of the subject at a time once it has given way."""
@@ -272,12 +287,12 @@ class Squashing(Flow):
 
     whole: InContact
     number: int
-    undoes: bool
+    is_inverse: bool
     name: ClassVar[str] = "contact"
 
     def displace(self, points: Floats, time: float, dt: float) -> Floats:
         meeting = self._meeting(time, dt)
-        if not self.undoes:
+        if not self.is_inverse:
             return meeting.map.apply(points)
         moved = meeting.map.undo(points)
         lost = np.isnan(moved[:, 1])
@@ -290,13 +305,21 @@ class Squashing(Flow):
         return moved
 
     def kernel_row(self, time: float, dt: float) -> Any:
-        return self._meeting(time, dt).map.kernel_row(self.undoes)
+        return self._meeting(time, dt).map.kernel_row(self.is_inverse)
+
+    def undoes(self, time: float, before: Any) -> bool:
+        return (
+            self.is_inverse
+            and isinstance(before.flow, Squashing)
+            and not before.flow.is_inverse
+            and self._meeting(time, 0.0) is before.flow._meeting(before.time, before.dt)
+        )
 
     def _meeting(self, time: float, dt: float) -> Meeting:
-        return self.whole.meetings_at(time if self.undoes else time + dt)[self.number]
+        return self.whole.meetings_at(time if self.is_inverse else time + dt)[self.number]
 
     def cache_data(self, time: float, dt: float) -> Any:
-        data = {"undoes": self.undoes, **self.whole.contact.cache_data(time, dt)}
-        if self.undoes or self.number == len(self.whole.obstacles):
+        data = {"undoes": self.is_inverse, **self.whole.contact.cache_data(time, dt)}
+        if self.is_inverse or self.number == len(self.whole.obstacles):
             return data
         return {**data, "other": self.whole.obstacles[self.number].surface.cache_data(time, dt)}

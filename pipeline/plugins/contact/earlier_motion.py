@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 STEP = 1.0 / 24.0
 """Seconds from one stored state of the points to the next."""
 
+ROUNDING = 1e-9
+"""Seconds by which sums of steps may differ from a multiple of STEP."""
+
 SAMPLES = 512  # points on faces, and as many vertices at most
 
 MARGIN = 0.0005
@@ -42,10 +45,10 @@ class MovedPoints:
 
     def points(self, time: float) -> Floats:
         """Return the points (N, 3) at a time in seconds."""
-        whole = math.trunc(time / STEP)
-        points = self._state(whole)
-        rest = time - whole * STEP
-        return self.flow.displace(points, whole * STEP, rest) if rest else points
+        nearest, whole = round(time / STEP), math.trunc(time / STEP)
+        if abs(time - nearest * STEP) < ROUNDING:
+            return self._state(nearest)
+        return self.flow.displace(self._state(whole), whole * STEP, time - whole * STEP)
 
     def _state(self, index: int) -> Floats:
         """Return the points at index × STEP, by steps from the nearest state towards time 0."""

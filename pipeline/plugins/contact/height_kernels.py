@@ -19,6 +19,7 @@ COLUMNS, ROWS  numbers of nodes along a and b
 FIRST    a and b of the first node
 CELL     distance from one node to the next
 NODES    their values, row by row: weights of cubic B-splines
+Then follows for each node whether those of the cell that begins there are all as high: 1, else 0.
 """
 
 
@@ -98,6 +99,20 @@ def round_off(heights: Floats, fall: float) -> None:
                     heights[i, k] = value
 
 
+@kernel("void(f8[:, ::1], f8[:, ::1])")
+def flag_even(heights: Floats, even: Floats) -> None:
+    """Write 1 at nodes with which 4 × 4 of one height begin: there splines are constant."""
+    rows, columns = heights.shape
+    for row in range(rows - 3):
+        for column in range(columns - 3):
+            is_even = True
+            for k in range(16):
+                if heights[row + k // 4, column + k % 4] != heights[row, column]:
+                    is_even = False
+                    break
+            even[row, column] = 1.0 if is_even else 0.0
+
+
 @kernel("f8(f8[::1], i8, f8, f8)", **LEAN)
 def height_at(m: Floats, begin: int, a: float, b: float) -> float:
     """Return the height at a place, of numbers from `begin` on; outside of the nodes a parabola goes on."""
@@ -105,30 +120,33 @@ def height_at(m: Floats, begin: int, a: float, b: float) -> float:
     x, y = (a - m[begin + FIRST]) / m[begin + CELL], (b - m[begin + FIRST + 1]) / m[begin + CELL]
     inner_x, inner_y = min(max(x, 1.0), columns - 2.0), min(max(y, 1.0), m[begin + ROWS] - 2.0)
     i, j = min(int(inner_x), columns - 3), min(int(inner_y), int(m[begin + ROWS]) - 3)
+    o = begin + NODES + (j - 1) * columns + i - 1
+    dx, dy = x - inner_x, y - inner_y
+    if m[o + columns * int(m[begin + ROWS])] > 0.0 and dx == 0.0 and dy == 0.0:
+        return m[o]
     s, t = inner_x - i, inner_y - j
     u, v = 1.0 - s, 1.0 - t
     s0, s1, s2, s3 = u * u * u, 4.0 - 3.0 * s * s * (1.0 + u), 4.0 - 3.0 * u * u * (1.0 + s), s * s * s
     t0, t1, t2, t3 = v * v * v, 4.0 - 3.0 * t * t * (1.0 + v), 4.0 - 3.0 * v * v * (1.0 + t), t * t * t
-    o = begin + NODES + (j - 1) * columns + i - 1
     p, q, r = o + columns, o + 2 * columns, o + 3 * columns
-    row0 = s0 * m[o] + s1 * m[o + 1] + s2 * m[o + 2] + s3 * m[o + 3]
-    row1 = s0 * m[p] + s1 * m[p + 1] + s2 * m[p + 2] + s3 * m[p + 3]
-    row2 = s0 * m[q] + s1 * m[q + 1] + s2 * m[q + 2] + s3 * m[q + 3]
-    row3 = s0 * m[r] + s1 * m[r + 1] + s2 * m[r + 2] + s3 * m[r + 3]
-    height = (t0 * row0 + t1 * row1 + t2 * row2 + t3 * row3) / 36.0
-    dx, dy = x - inner_x, y - inner_y
+    # column by column: four sums side by side compile to vector instructions
+    c0 = t0 * m[o] + t1 * m[p] + t2 * m[q] + t3 * m[r]
+    c1 = t0 * m[o + 1] + t1 * m[p + 1] + t2 * m[q + 1] + t3 * m[r + 1]
+    c2 = t0 * m[o + 2] + t1 * m[p + 2] + t2 * m[q + 2] + t3 * m[r + 2]
+    c3 = t0 * m[o + 3] + t1 * m[p + 3] + t2 * m[q + 3] + t3 * m[r + 3]
+    height = (s0 * c0 + s1 * c1 + s2 * c2 + s3 * c3) / 36.0
     if dx == 0.0 and dy == 0.0:
         return height
     height -= m[begin + FALL] * m[begin + CELL] * m[begin + CELL] * (dx * dx + dy * dy)
-    if dx != 0.0:  # slopes along a, of rows
-        s0, s1, s2, s3 = -u * u, s * (3.0 * s - 4.0), 1.0 + s * (2.0 - 3.0 * s), s * s
-        row = t0 * (s0 * m[o] + s1 * m[o + 1] + s2 * m[o + 2] + s3 * m[o + 3])
-        row += t1 * (s0 * m[p] + s1 * m[p + 1] + s2 * m[p + 2] + s3 * m[p + 3])
-        row += t2 * (s0 * m[q] + s1 * m[q + 1] + s2 * m[q + 2] + s3 * m[q + 3])
-        row += t3 * (s0 * m[r] + s1 * m[r + 1] + s2 * m[r + 2] + s3 * m[r + 3])
-        height += dx * row / 12.0
+    if dx != 0.0:  # slope along a
+        slope = -u * u * c0 + s * (3.0 * s - 4.0) * c1 + (1.0 + s * (2.0 - 3.0 * s)) * c2 + s * s * c3
+        height += dx * slope / 12.0
     if dy != 0.0:
         t0, t1, t2, t3 = -v * v, t * (3.0 * t - 4.0), 1.0 + t * (2.0 - 3.0 * t), t * t
+        row0 = s0 * m[o] + s1 * m[o + 1] + s2 * m[o + 2] + s3 * m[o + 3]
+        row1 = s0 * m[p] + s1 * m[p + 1] + s2 * m[p + 2] + s3 * m[p + 3]
+        row2 = s0 * m[q] + s1 * m[q + 1] + s2 * m[q + 2] + s3 * m[q + 3]
+        row3 = s0 * m[r] + s1 * m[r + 1] + s2 * m[r + 2] + s3 * m[r + 3]
         height += dy * (t0 * row0 + t1 * row1 + t2 * row2 + t3 * row3) / 12.0
     return height
 

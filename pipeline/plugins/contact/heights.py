@@ -15,6 +15,10 @@ PAD = 4
 """Nodes around it, so that splines fall there already."""
 
 
+EVEN = 1e-12
+"""Heights are multiples of it, in sizes of the subject, so that a flat side is exactly flat."""
+
+
 @dataclass(frozen=True)
 class Heights:
     """Heights of a subject over a plane, for `height_at`.
@@ -28,9 +32,16 @@ class Heights:
     @classmethod
     def of(cls, points: Floats, faces: Indices, fall: float) -> Heights:
         """Return the heights of faces (F, 3) of points (V, 3), a, up, b; `fall` is that of `round_off`."""
-        from flowsculpt.pipeline.plugins.contact.height_kernels import raise_to_faces, round_off
+        from flowsculpt.pipeline.plugins.contact.height_kernels import (
+            flag_even,
+            raise_to_faces,
+            round_off,
+        )
 
-        low, high = points[:, ::2].min(axis=0), points[:, ::2].max(axis=0)
+        seen = np.ascontiguousarray(points.T)  # so that numpy finds limits several times as fast
+        low, high = seen.min(axis=1), seen.max(axis=1)
+        grain = EVEN * (float((high - low).max()) or 1.0)
+        low, high = low[::2], high[::2]
         cell = float((high - low).max()) / (NODES - 1) or 1.0
         columns, rows = (int(np.ceil(round(float(n), 6))) + 1 + 2 * PAD for n in (high - low) / cell)
         first_a, first_b = (float(x) - PAD * cell for x in low)
@@ -41,8 +52,10 @@ class Heights:
         if not np.isfinite(nodes).any():  # too thin for the nodes
             nodes[rows // 2, columns // 2] = points[:, 1].max()
         round_off(nodes, fall * cell * cell)
+        nodes, even = np.round(nodes / grain) * grain, np.zeros_like(nodes)
+        flag_even(nodes, even)
         head = [float(nodes.max()), fall, columns, rows, first_a, first_b, cell]
-        return cls(np.concatenate([head, nodes.ravel()]))
+        return cls(np.concatenate([head, nodes.ravel(), even.ravel()]))
 
     def at(self, points: Floats) -> Floats:
         """Return the heights (N,) under points (N, 3), a, up and b."""

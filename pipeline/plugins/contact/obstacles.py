@@ -88,9 +88,9 @@ class Obstacle:
         if self.side is None:
             other = self.surface.points(0.0)
             apart = [(rest @ side).min() - (other @ side).max() for side in SIDES]
-            up = SIDES[int(np.argmax(apart))]
-        else:
-            up = np.array(self.side) / np.linalg.norm(self.side)
+            x, y, z = (float(x) for x in SIDES[int(np.argmax(apart))])
+            self.side = x, y, z
+        up = np.array(self.side) / np.linalg.norm(self.side)
         across = np.eye(3)[int(np.argmin(np.abs(up)))]
         a = np.cross(up, np.cross(across, up))
         a /= np.linalg.norm(a)

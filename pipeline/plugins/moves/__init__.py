@@ -4,6 +4,6 @@ from flowsculpt.api import Plugin
 
 PLUGIN = Plugin(
     name="moves",
-    version="1",
+    version="2",
     flows={"move": "flowsculpt.pipeline.plugins.moves.move_document:MoveDocument"},
 )

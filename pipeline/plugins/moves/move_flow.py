@@ -32,7 +32,8 @@ class Move(Flow):
     """Carries the subject along a way and turns it, its far parts later: they drag, and swing out.
 
     The flows before it act on the subject in its own place: each step undoes the motion, moves the points,
-    and carries them again. A point is late by lag × its distance from `leads` over `reach`, in that place.
+    and carries them again. A point is late by lag × its distance from `leads` over `reach`, in that place;
+    with `along`, by that in its direction alone, and not where it is behind.
     """
 
     by: Annotated[VectorParameter, ParameterDoc("the way from the first frame on, keyed", "units")] = (
@@ -50,6 +51,7 @@ class Move(Flow):
     lag: Annotated[float, ParameterDoc("by which the farthest parts are late", "s", bounds=(0.0, 5.0))] = 0.0
     leads: Vector | None = None
     reach: float | None = None
+    along: Vector | None = None
 
     def displace(self, points: Floats, time: float, dt: float) -> Floats:
         """Refuse to move points of which no subject is known."""
@@ -78,7 +80,7 @@ class Carried(Sequence):
     flows    those before `move`
     move     the settings
     motions  the numbers of motions for the kernel, by the times at which they end
-    reaches  the distance of what is late by the lag, once it is known
+    sizes    the distance of what is late by the lag, and of the farthest point from the centre, once known
     """
 
     acts_around_earlier = True
@@ -87,13 +89,13 @@ class Carried(Sequence):
     subject: Any = field(compare=False)
     place: Vector
     motions: dict[float, Floats] = field(default_factory=dict, compare=False)
-    reaches: list[float] = field(default_factory=list, compare=False)
+    sizes: list[float] = field(default_factory=list, compare=False)
 
     def steps(self, time: float, dt: float) -> Iterator[Any]:
         """Yield the undoing of the motion at the start, the steps of the flows, and the motion at the end."""
-        yield from Carrying(self, undoes=True).steps(time, dt)
+        yield from Carrying(self, is_inverse=True).steps(time, dt)
         yield from super().steps(time, dt)
-        yield from Carrying(self, undoes=False).steps(time, dt)
+        yield from Carrying(self, is_inverse=False).steps(time, dt)
 
     @property
     def leads(self) -> Vector:
@@ -101,14 +103,38 @@ class Carried(Sequence):
         return self.move.centre if self.move.leads is None else self.move.leads
 
     @property
+    def along(self) -> Floats:
+        """The unit vector (3,) along which parts are later; zeros where the distance from `leads` counts."""
+        along = np.array(self.move.along or (0.0, 0.0, 0.0))
+        return along / (float(np.linalg.norm(along)) or 1.0)
+
+    @property
     def reach(self) -> float:
         """The distance from there of what is late by the lag: that of the farthest point at rest."""
-        if self.move.reach is not None:
-            return self.move.reach
-        if not self.reaches:
-            away = self.subject.body.build().vertices + np.array(self.place) - self.leads
-            self.reaches.append(float(np.linalg.norm(away, axis=1).max()) or 1.0)
-        return self.reaches[0]
+        return self._sizes()[0] if self.move.reach is None else self.move.reach
+
+    def _speed(self, samples: Floats) -> float:
+        """Return how fast parts come nearer to the place that is not late, at most, units/s."""
+        move, axis = self.move, np.array(self.move.axis) / np.linalg.norm(self.move.axis)
+        changes = np.diff(samples, axis=0) * RATE
+        if move.along is None:  # of a turn, only what leads towards or away from that place counts
+            shifts, away = np.linalg.norm(changes[:, :3], axis=1), math.dist(self.leads, move.centre)
+        else:  # shifts across that direction, as it is turned by then, change no delay
+            angles, across = samples[:-1, 3:], np.cross(axis, self.along)
+            turned = np.cos(angles) * self.along + np.sin(angles) * across
+            turned += (1.0 - np.cos(angles)) * (axis @ self.along) * axis
+            shifts, away = np.abs((changes[:, :3] * turned).sum(axis=1)), float(np.linalg.norm(across))
+            away *= self._sizes()[1]
+        return float((shifts + away * np.abs(changes[:, 3])).max(initial=0.0))
+
+    def _sizes(self) -> list[float]:
+        if not self.sizes:
+            points = self.subject.body.build().vertices + np.array(self.place)
+            away = points - self.leads
+            ahead = np.linalg.norm(away, axis=1) if self.move.along is None else away @ self.along
+            turned = np.linalg.norm(points - self.move.centre, axis=1)
+            self.sizes.extend([max(0.0, float(ahead.max())) or 1.0, float(turned.max())])
+        return self.sizes
 
     def samples(self, time: float) -> tuple[float, Floats]:
         """Return the time of the first sample of a motion that ends at `time`, and the samples (N, 4).
@@ -125,10 +151,7 @@ class Carried(Sequence):
         if time not in self.motions:
             first, samples = self.samples(time)
             move, slowness = self.move, self.move.lag / self.reach if self.move.lag else 0.0
-            changes = np.abs(np.diff(samples, axis=0)) * RATE
-            # of a turn, only what leads towards or away from the place that is not late counts
-            away = math.dist(self.leads, move.centre)
-            speed = float((np.hypot.reduce(changes[:, :3], axis=1) + away * changes[:, 3]).max(initial=0.0))
+            speed = self._speed(samples) if slowness else 0.0
             if speed * slowness > FASTEST:
                 most = FASTEST / speed * self.reach
                 raise FrameError(
@@ -139,7 +162,7 @@ class Carried(Sequence):
             axis = np.array(move.axis) / np.linalg.norm(move.axis)
             round_off = ROUND * self.reach
             head = [len(samples), first, 1.0 / RATE, *move.centre, *axis, *self.leads, slowness, round_off]
-            self.motions[time] = np.concatenate([head, samples.ravel()])
+            self.motions[time] = np.concatenate([head, self.along, samples.ravel()])
         return self.motions[time]
 
     @property
@@ -152,7 +175,7 @@ class Carrying(Flow):
     """The motion at the end of a step, or the undoing of that at its start."""
 
     whole: Carried
-    undoes: bool
+    is_inverse: bool
     name: ClassVar[str] = "move"
 
     def displace(self, points: Floats, time: float, dt: float) -> Floats:
@@ -166,18 +189,32 @@ class Carrying(Flow):
         # imported here, as shots are read without numba
         from flowsculpt.pipeline.plugins.moves.move_kernels import move
 
-        at = time if self.undoes else time + dt
+        at = self._end(time, dt)
         motion = self.whole.motion(at)
-        return move, (float(motion.ctypes.data), float(len(motion)), at, float(self.undoes))
+        return move, (float(motion.ctypes.data), float(len(motion)), at, float(self.is_inverse))
+
+    def undoes(self, time: float, before: Any) -> bool:
+        flow = before.flow
+        return (
+            self.is_inverse
+            and isinstance(flow, Carrying)
+            and not flow.is_inverse
+            and self.whole.motions is flow.whole.motions
+            and self._end(time, 0.0) == flow._end(before.time, before.dt)
+        )
+
+    def _end(self, time: float, dt: float) -> float:
+        """Return the time of the motion; the end of a step and the start of the next differ by rounding."""
+        return round(time if self.is_inverse else time + dt, 12)
 
     def cache_data(self, time: float, dt: float) -> Any:
-        whole, at = self.whole, time if self.undoes else time + dt
+        whole, at = self.whole, self._end(time, dt)
         move, (first, samples) = whole.move, whole.samples(at)
-        late = [whole.leads, move.reach, move.lag] if move.lag else []
+        late = [whole.leads, move.reach, move.lag, move.along] if move.lag else []
         digest = hashlib.sha256(samples.tobytes()).hexdigest()[:24]
         turn = [list(move.axis), list(move.centre)]
         return {
             "plugin": [PLUGIN.name, PLUGIN.version],
-            "undoes": self.undoes,
+            "undoes": self.is_inverse,
             "motion": [first, digest, *turn, *late],
         }

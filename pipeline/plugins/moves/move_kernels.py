@@ -12,7 +12,7 @@ from numba.extending import intrinsic
 from flowsculpt.api.flows import block_kernel, kernel
 from flowsculpt.api.meshes import Floats
 
-COUNT, FIRST, STEP, CENTRE, AXIS, LEADS, SLOWNESS, ROUND, SAMPLES = 0, 1, 2, 3, 6, 9, 12, 13, 14
+COUNT, FIRST, STEP, CENTRE, AXIS, LEADS, SLOWNESS, ROUND, ALONG, SAMPLES = 0, 1, 2, 3, 6, 9, 12, 13, 14, 17
 """Places in the numbers of a motion.
 
 COUNT     how many samples; with one, it holds at all times
@@ -22,7 +22,8 @@ CENTRE    of the turn
 AXIS      unit vector
 LEADS     the place that is not late
 SLOWNESS  seconds that a point is late by its distance from there
-ROUND     units within which the delay is round rather than a cone
+ROUND     units within which the delay is round rather than a cone, or an edge
+ALONG     unit vector along which the distance counts, ahead alone; zeros for that in all directions
 SAMPLES   offset x, y, z and angle, radians, of each sample
 """
 
@@ -80,6 +81,10 @@ def placed(m: Floats, pose: Floats, x: float, y: float, z: float, undoes: bool) 
 def delay(m: Floats, x: float, y: float, z: float) -> float:
     """Return by how many seconds a point at its own place is late."""
     rx, ry, rz = x - m[LEADS], y - m[LEADS + 1], z - m[LEADS + 2]
+    ax, ay, az = m[ALONG], m[ALONG + 1], m[ALONG + 2]
+    if ax != 0.0 or ay != 0.0 or az != 0.0:
+        ahead = ax * rx + ay * ry + az * rz
+        return 0.5 * m[SLOWNESS] * (ahead + math.sqrt(ahead * ahead + m[ROUND] * m[ROUND]))
     r = math.sqrt(rx * rx + ry * ry + rz * rz + m[ROUND] * m[ROUND]) - m[ROUND]
     return m[SLOWNESS] * r
 

@@ -208,8 +208,17 @@ def test_others_that_give_way_in_a_circle_are_refused(tmp_path):
 
 
 def test_a_subject_that_is_not_there_is_refused_with_those_that_are(tmp_path):
-    with pytest.raises(FlowsculptError, match=r"the shot has no other subject plinth\. Write block\."):
+    fact = r"contact: the shot has no other subject plinth\. Write block\."
+    with pytest.raises(ShotError, match=rf"A010_together\.yaml:12:9: {fact}"):
         shot_of(tmp_path, "{others: [plinth]}")
+
+
+def test_an_entry_among_the_flows_of_the_shot_is_refused_with_its_place(tmp_path):
+    text = TOGETHER.replace("BLOCK", "").replace("CONTACT", "{floor: 0}")
+    path = tmp_path / "A010_shared.yaml"
+    path.write_text(f"{text}flows:\n  - contact: {{others: [plinth]}}\n", encoding="utf-8")
+    with pytest.raises(ShotError, match=r"A010_shared\.yaml:15:5: contact: the shot has no other subject"):
+        read_shot(path)
 
 
 def test_a_subject_that_begins_within_another_is_refused(tmp_path):
@@ -257,3 +266,14 @@ def test_two_others_press_from_two_sides_and_validate_says_what_sinks_in(tmp_pat
         assert len(sinks) == 1 and "thousandths of its height into block" in sinks[0]
     else:
         assert sinks == [] and -0.001 * HEIGHT < last[within, 1].min() < 0.01
+
+
+def test_validate_warns_where_a_later_entry_pushes_the_subject_into_what_an_earlier_one_met(tmp_path):
+    wall = "  wall: {solid: box, size: [0.4, 4, 4], place: [1, 0, 0]}\n"
+    entries = "{others: [block]}\n      - contact: {others: [wall]}"
+    text = TOGETHER.replace("BLOCK", "").replace("CONTACT", entries).replace("  ball:", f"{wall}  ball:")
+    text = text.replace("[0.2, 0.7, 0.1]", "[0, 0.7, 0]").replace("1: [0, -1.4, 0]", "1: [0.4, -1.4, 0]")
+    (tmp_path / "A010_entries.yaml").write_text(text, encoding="utf-8")
+    ball = read_shot(tmp_path / "A010_entries.yaml").of_subject("ball")
+    (sinks,) = [said for said, is_warning in ball.motion.flow.findings() if is_warning]
+    assert "thousandths of its height into block" in sinks

@@ -14,6 +14,8 @@ from flowsculpt.pipeline.shot import Shot, read_shot
 
 SWING = "{keys: {1: [0, 0, 0], 13: [1, 0.5, 0], 25: [0, 0, 0]}}, turn: {keys: {1: 0, 25: 70}}, axis: z"
 
+ALONG = ["", ", along: [0, 1, 0]", ", along: [1, 0, 0.5], leads: [0.2, 0, 0]"]
+
 
 def shot_of(
     flows: str, resample: str = "{max_edge_length: 0.2}", subject: str = "{solid: icosphere}"
@@ -39,9 +41,9 @@ def test_a_turn_is_about_an_axis_that_goes_along():
 
 
 @settings(max_examples=30, deadline=None)
-@given(st.floats(0.0, 0.25), st.integers(0, 24), st.integers(0, 1000))
-def test_a_step_there_and_back_returns_points_to_a_billionth(lag: float, frame: int, seed: int):
-    flow = shot_of(f"  - move: {{by: {SWING}, lag: {lag}}}").motion.flow
+@given(st.floats(0.0, 0.2), st.sampled_from(ALONG), st.integers(0, 24), st.integers(0, 1000))
+def test_a_step_there_and_back_returns_points_to_a_billionth(lag: float, along: str, frame: int, seed: int):
+    flow = shot_of(f"  - move: {{by: {SWING}, lag: {lag}{along}}}").motion.flow
     points = np.random.default_rng(seed).uniform(-1.2, 1.2, (300, 3))
     time = frame / 24.0
     moved = flow.displace(points, 0.0, time)
@@ -62,6 +64,33 @@ def test_far_parts_are_where_near_ones_were_by_the_lag():
         late = 0.25 / 2 * (np.hypot(2 * share, round_off) - round_off)
         late_one, before = flow.displace(point, 0.0, 0.5), prompt.displace(point, 0.0, 0.5 - late)
         assert np.abs(late_one - before).max() < 1e-6
+
+
+def test_along_a_direction_parts_are_late_by_how_far_ahead_they_are_and_those_behind_are_not():
+    block = "{solid: box, size: [2, 2, 2]}"
+    keys = "by: {keys: {1: [0, 0, 0], 13: [0, 0, 1], 25: [0, 0, 3]}}"
+    prompt = shot_of(f"  - move: {{{keys}}}", subject=block).motion.flow
+    flow = shot_of(f"  - move: {{{keys}, lag: 0.25, along: [0, 2, 0]}}", subject=block).motion.flow
+    for height, late in ((1.0, 0.25), (0.5, 0.125), (-1.0, 0.0)):
+        points = np.array([[-1.0, height, 0.0], [1.0, height, 0.7]])
+        expected = prompt.displace(points, 0.0, 0.5 - late)
+        assert np.abs(flow.displace(points, 0.0, 0.5) - expected).max() < 0.002
+
+
+def test_shifts_across_the_direction_need_no_longer_keys():
+    keys = "by: {keys: {1: [0, 0, 0], 5: [6, 0, 0]}}, lag: 1.5"
+    assert (
+        shot_of(f"  - move: {{{keys}, along: [0, 1, 0]}}")
+        .motion.flow.displace(np.ones((1, 3)), 0.0, 0.2)
+        .size
+    )
+    with pytest.raises(FlowsculptError, match="parts pass through each other"):
+        shot_of(f"  - move: {{{keys}, along: [1, 0, 0]}}").motion.flow.displace(np.ones((1, 3)), 0.0, 0.2)
+
+
+def test_along_no_direction_is_refused():
+    with pytest.raises(ShotError, match=r"along has no direction\. Write along: \[0, 1, 0\]"):
+        shot_of("  - move: {by: [0, 0, 0], along: [0, 0, 0]}")
 
 
 def test_other_flows_act_on_the_subject_in_its_own_place():
