@@ -32,7 +32,7 @@ from flowsculpt.render.scene.materials import Diffuse
 from flowsculpt.render.scene.render_camera import unit
 from flowsculpt.render.scene.room_shapes import ROOMS, shelf_opening
 from flowsculpt.render.scene.scene_lights import LightRig, Softbox
-from flowsculpt.render.scene.scene_stage import Stage, StagePlacement
+from flowsculpt.render.scene.scene_stage import CYCLORAMAS, Stage, StagePlacement
 
 SIDE = 33  # directions along each side of a table: about 8° apart
 EYE_HEIGHT = 0.8  # height over the floor from which the surroundings are seen, stage units
@@ -234,7 +234,22 @@ class Lighting:
         )
         if is_stage and self.setup.stage.kind == "shelf":
             self._hide_by_boards(shape.vertices[which], out)
+        if self.setup.stage.kind in CYCLORAMAS and len(self.lights) and self.lights[0, 9] == 0.0:
+            self._hide_by_rim(shape.vertices[which], out)
         return out
+
+    def _hide_by_rim(self, points: NDArray[np.float32], light: NDArray[np.float32]) -> None:
+        """Take the key light, a sun, from light (N, 6) of points that are in the shadow of a cyclorama."""
+        placement, (radius, height) = self.setup.placement, self.setup.stage.rim
+        axes = placement.matrix()[:3, :3] / placement.size
+        places = (points - placement.origin) @ axes / placement.size
+        x, up, z = self.lights[0, :3] @ axes
+        across = max(math.hypot(x, z), 1e-6)
+        along = (places[:, 0] * x + places[:, 2] * z) / across
+        inside = np.maximum(radius**2 - places[:, 0] ** 2 - places[:, 2] ** 2, 0.0)
+        to_rim = np.sqrt(along**2 + inside) - along
+        is_hidden = places[:, 1] + to_rim * up / across < height
+        light[is_hidden, :3] = light[is_hidden, 3:]
 
     def _hide_by_boards(self, points: NDArray[np.float32], light: NDArray[np.float32]) -> None:
         """Change light (N, 6) of a shelf's wall: boards hide the room from it, and send it their own."""

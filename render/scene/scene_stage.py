@@ -234,6 +234,17 @@ class Stage:
         return self.height if self.kind in ("plinth", "stair", "table") else 0.0
 
     @property
+    def wall_elevation(self) -> float:
+        """Angle above the horizon, radians, up to which its wall hides the sky all around; 0 for none."""
+        return math.atan2(*reversed(self.rim)) if self.kind in CYCLORAMAS else 0.0
+
+    @property
+    def rim(self) -> tuple[float, float]:
+        """Radius of the outer rim of a cyclorama, and its height above the subject's base, stage units."""
+        radius, height = self.profile()[0][-1].tolist()
+        return radius, height - self.floor_depth
+
+    @property
     def is_graded(self) -> bool:
         """True if floor and wall differ in colour."""
         return self.wall_colour is not None or self.halo_colour is not None
