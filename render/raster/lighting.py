@@ -30,7 +30,7 @@ from flowsculpt.render.raster.raster_shapes import (
 from flowsculpt.render.raster.shadows import CELL, REACH, ContactShadow, open_at, placed_softbox
 from flowsculpt.render.scene.materials import Diffuse
 from flowsculpt.render.scene.render_camera import unit
-from flowsculpt.render.scene.room_shapes import ROOMS, shelf_opening
+from flowsculpt.render.scene.room_shapes import ROOMS, WINDOWS, shelf_opening
 from flowsculpt.render.scene.scene_lights import LightRig, Softbox
 from flowsculpt.render.scene.scene_stage import CYCLORAMAS, Stage, StagePlacement
 
@@ -236,7 +236,25 @@ class Lighting:
             self._hide_by_boards(shape.vertices[which], out)
         if self.setup.stage.kind in CYCLORAMAS and len(self.lights) and self.lights[0, 9] == 0.0:
             self._hide_by_rim(shape.vertices[which], out)
+        if (in_beam := self.in_beam(shape.vertices[which])) is not None:
+            out[~in_beam, :3] = out[~in_beam, 3:]
         return out
+
+    def in_beam(self, points: NDArray[np.floating]) -> NDArray[np.bool_] | None:
+        """Return which points (N, 3) are around the beam of a key light with a hood; None without one."""
+        window, boxes = WINDOWS.get(self.setup.stage.kind), self.setup.lights.softboxes
+        if (
+            window is None
+            or not window.has_hood
+            or not boxes
+            or math.dist(boxes[0].position, window.light) > 0.5
+        ):
+            return None
+        matrix = self.setup.placement.matrix()
+        axis = matrix[:3, :3] @ np.subtract(window.target, window.light)
+        away = points - (matrix[:3, :3] @ np.array(window.light) + matrix[:3, 3])
+        along = away @ axis / np.linalg.norm(axis)
+        return np.asarray(np.linalg.norm(away, axis=1) < math.hypot(1.0, window.opening) * along)
 
     def _hide_by_rim(self, points: NDArray[np.float32], light: NDArray[np.float32]) -> None:
         """Take the key light, a sun, from light (N, 6) of points that are in the shadow of a cyclorama."""
@@ -290,7 +308,7 @@ def _surroundings_of(rig: LightRig, stage: Stage | None, roughness: float) -> Su
         colours = stage.reflectance_at(points, normals).astype(float) if stage.is_graded else None
         floor = Shape(points, normals, np.empty((0, 3), np.int32), Diffuse(stage.colour), colours)
         lit = lighting.shade(floor, np.arange(len(points)), 1, is_stage=True, sees_sky_alone=True)
-        share = _THROUGH_WINDOW if stage.kind == "window" else 1.0
+        share = _THROUGH_WINDOW if stage.kind in WINDOWS else 1.0
         return share * lit[:, :3] + (1.0 - share) * lit[:, 3:]
 
     return surroundings_of(stage_radiance(stage, sky, light), roughness)
