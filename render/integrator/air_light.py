@@ -37,7 +37,8 @@ class Air:
         share = self._depth * density(closest, along) * length * seen
         si = dr.zeros(mi.SurfaceInteraction3f)
         si.p = ray.o + ray.d * ((along + nearest) * self._radius)
-        si.t = dr.select(length > 0.0, mi.Float(1.0), mi.Float(dr.inf))
+        valid: Any = dr.select(length > 0.0, 1.0, dr.inf)  # an infinite distance is no point
+        si.t = valid
         return AirPoint(si, share, clear)
 
 

@@ -389,7 +389,7 @@ def preview(
     for own, first in patterned:
         canvas.draw_pigment(own, shadow, first)
     canvas.draw_sky()
-    air = fog and SeenAir.of(fog, lighting, canvas.projection, shadow)
+    air = SeenAir.of(fog, lighting, canvas.projection, shadow) if fog else None
     if clear:
         picture = _through(canvas, _faces_of(_join(clear), faces, canvas), shadow, display, air)
     elif air:
