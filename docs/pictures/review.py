@@ -47,7 +47,7 @@ def main() -> None:
     with running() as browser, tempfile.TemporaryDirectory() as folder:
         tab = browser.new_page(viewport={"width": 1440, "height": 860})
         tab.goto(f"{page.as_uri()}#{urlencode(SHOWN)}")
-        wait_for(tab, "window.review && review.cache.get(review.a.url(review.transport.frame))", 30)
+        wait_for(tab, "window.review && review.cache.get(review.a.url(review.transport.frame))")
         tab.wait_for_timeout(1500)  # until all of the strip is decoded
         save(tab, Path(folder), "review")
         write_notes(tab)

@@ -41,7 +41,7 @@ def main() -> None:
             viewport={"width": SIZE[0], "height": SIZE[1]}, device_scale_factor=2, reduced_motion="reduce"
         )
         tab.goto(f"{page.absolute().as_uri()}#bare")
-        wait_for(tab, "window.flowsculpt", 60)
+        wait_for(tab, "window.flowsculpt")
         for row, number in enumerate(FRAMES):
             frame = root / "renders" / SHOT / "draft" / "frames" / f"{SHOT}.{number:04d}.exr"
             traced = quantise(to_display(read_exr(frame)[0]["beauty"], display="srgb"))

@@ -75,6 +75,7 @@ class PathTracer:
     caustics       light that paths leave to photons: a `caustic_picture.CausticPicture`, or None
     occluders      a scene of all that can hide emitters; None is `surfaces`
     cut_outs       a `cut_outs.CutOuts` of the scene, or None where no surface has holes
+    air            an `air_light.Air` that scatters light, or None
     """
 
     scene: Any
@@ -90,6 +91,7 @@ class PathTracer:
     caustics: Any = None
     occluders: Any = None
     cut_outs: Any = None
+    air: Any = None
 
     @property
     def surfaces(self) -> Any:
@@ -175,7 +177,11 @@ def _sum_samples(tracer: PathTracer, sampler: OwenSampler, corner: Any, size: An
     while dr.hint(sample < sampler.count, label="samples", exclude=[tracer, sampler, corner, size]):
         sampler.sample = sample
         si, throughput = camera_vertex(tracer, sampler, corner, size)
+        if dr.hint(tracer.air is not None, mode="scalar"):
+            scattered, throughput = _air_light(tracer, sampler, si, throughput, corner, size)
         parts, caught = _beside_catcher(tracer, sampler, si, throughput)
+        if dr.hint(tracer.air is not None, mode="scalar"):
+            parts = _plus(parts, scattered)
         coverage = _plus(coverage, [*_seen(tracer, si), *caught])
         light = sum(parts[1:], parts[0])
         groups = _plus(groups, parts)
@@ -185,6 +191,20 @@ def _sum_samples(tracer: PathTracer, sampler: OwenSampler, corner: Any, size: An
         square += y * y
         sample += 1
     return [*radiance, luminance, square, *(channel for group in groups for channel in group), *coverage]
+
+
+def _air_light(
+    tracer: PathTracer, sampler: OwenSampler, si: Any, throughput: Any, corner: Any, size: Any
+) -> tuple[list[Any], Any]:
+    """Return the light, by group, that air before the first surfaces of paths scatters towards the lens, and
+    the throughput behind it."""
+    ray, _ = lens_ray(tracer, sampler, corner, size)
+    chance = sampler.vertex_1d(mi.UInt32(0), EMITTER_CHOICE, 3)
+    point = tracer.air.scatters(ray, dr.select(si.is_valid(), si.t, dr.inf), chance)
+    first = mi.UInt32(0)
+    at = PathVertex(first, first, point.si, point, throughput * point.share, mi.Bool(False))
+    light = _all_direct_light(tracer, sampler, at, tracer.groups.zeros(), point.si.is_valid())
+    return _finite(light), throughput * point.clear
 
 
 def _finite(parts: list[Any]) -> list[Any]:
@@ -250,14 +270,20 @@ class PathVertex(NamedTuple):
     by_photons: Any
 
 
+def lens_ray(tracer: Any, sampler: OwenSampler, corner: Any, size: Any) -> tuple[Any, Any]:
+    """Return the ray that leaves the lens for a path, and its weight."""
+    sensor = tracer.scene.sensors()[0]
+    lens = sampler.sample_2d(LENS) if sensor.needs_aperture_sample() else mi.Point2f(0.5)
+    ray, weight = sensor.sample_ray(0.0, 0.0, (corner + sampler.sample_2d(PIXEL)) / size, lens)
+    return ray, weight
+
+
 def camera_vertex(tracer: Any, sampler: OwenSampler, corner: Any, size: Any) -> tuple[Any, Any]:
     """Return the first surface interaction of a path, and its throughput.
 
     tracer  has a scene, `cut_outs` and `unseen` lights
     """
-    sensor = tracer.scene.sensors()[0]
-    lens = sampler.sample_2d(LENS) if sensor.needs_aperture_sample() else mi.Point2f(0.5)
-    ray, weight = sensor.sample_ray(0.0, 0.0, (corner + sampler.sample_2d(PIXEL)) / size, lens)
+    ray, weight = lens_ray(tracer, sampler, corner, size)
     unseen = tracer.unseen
     if tracer.cut_outs is not None or unseen.softboxes:
         surfaces = tracer.cut_outs or CutOuts(tracer.scene, ())

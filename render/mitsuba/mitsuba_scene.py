@@ -83,6 +83,11 @@ def build_scene(
     scene = scene.at(scene.motion_sample.with_surfaces(quality.width))
     has_opacity = any(subject.material.has_opacity for subject in scene.subjects)
     fades = scene.is_lit and scene.stage.horizon_fade > 0.0
+    if scene.is_lit and scene.stage.fog and not has_path_tracer(scene, quality):
+        raise BadInputError(
+            "the air of the stage fog needs a compiled variant of Mitsuba and a shot without smoke. Take "
+            "another stage, remove the smoke, or see what flowsculpt doctor says about libLLVM"
+        )
     if (has_opacity or fades) and not has_path_tracer(scene, quality):
         what, remedy = ("the opacity of a model", "Write paint: off")
         if fades:

@@ -23,7 +23,7 @@ from flowsculpt.render.mitsuba.texture_coordinates import SUBJECT, SURROUNDINGS
 from flowsculpt.render.scene import reference_objects
 from flowsculpt.render.scene.reference_objects import CHROME, GREY
 from flowsculpt.render.scene.rgb_spaces import converted_pixels
-from flowsculpt.render.scene.room_shapes import window_frame
+from flowsculpt.render.scene.room_shapes import WINDOWS, window_frame
 from flowsculpt.render.scene.scene import Scene
 from flowsculpt.render.scene.scene_stage import WITH_REFERENCES
 from flowsculpt.render.scene.shaded_colours import shaded_colours
@@ -95,8 +95,8 @@ def stage_shapes(scene: Scene, size: tuple[int, int]) -> dict[str, Any]:
         surface = Surface(*placement.placed(plinth), rest=plinth[0])
         colour = {"type": "rgb", "value": list(stage.plinth_colour)}
         made["plinth"] = _part("plinth", surface, colour, stage.plinth_coat, stage.plinth_finish)
-    if stage.kind == "window":
-        frame = Surface(*placement.placed(window_frame()))
+    if stage.kind in WINDOWS:
+        frame = Surface(*placement.placed(window_frame(WINDOWS[stage.kind])))
         made["window"] = mesh("window", frame, two_sided(diffuse(stage.plinth_colour)), _UV)
     if stage.kind == WITH_REFERENCES:
         grey, chrome, chart = reference_objects.positions(camera, placement, size[0] / size[1])

@@ -15,6 +15,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from flowsculpt.render.integrator.air_light import Air
 from flowsculpt.render.integrator.caustic_guide import guide_of
 from flowsculpt.render.integrator.caustic_picture import can_draw, caustic_picture
 from flowsculpt.render.integrator.cut_outs import CutOuts, UnseenLights
@@ -70,7 +71,8 @@ def path_tracer(
     hiding = occluders(lit, tracer.light_sampler, scene, samples, size)
     if cut_outs is not None and hiding is not None:
         hiding = replace(cut_outs, scene=hiding)
-    return replace(tracer, subsurface=walk, occluders=hiding)
+    air = scene.stage.fog and Air(scene.stage.fog, scene.placement)
+    return replace(tracer, subsurface=walk, occluders=hiding, air=air)
 
 
 def _path_tracer(

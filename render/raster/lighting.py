@@ -30,9 +30,9 @@ from flowsculpt.render.raster.raster_shapes import (
 from flowsculpt.render.raster.shadows import CELL, REACH, ContactShadow, open_at, placed_softbox
 from flowsculpt.render.scene.materials import Diffuse
 from flowsculpt.render.scene.render_camera import unit
-from flowsculpt.render.scene.room_shapes import ROOMS, shelf_opening
+from flowsculpt.render.scene.room_shapes import ROOMS, WINDOWS, shelf_opening
 from flowsculpt.render.scene.scene_lights import LightRig, Softbox
-from flowsculpt.render.scene.scene_stage import Stage, StagePlacement
+from flowsculpt.render.scene.scene_stage import CYCLORAMAS, Stage, StagePlacement
 
 SIDE = 33  # directions along each side of a table: about 8° apart
 EYE_HEIGHT = 0.8  # height over the floor from which the surroundings are seen, stage units
@@ -234,7 +234,40 @@ class Lighting:
         )
         if is_stage and self.setup.stage.kind == "shelf":
             self._hide_by_boards(shape.vertices[which], out)
+        if self.setup.stage.kind in CYCLORAMAS and len(self.lights) and self.lights[0, 9] == 0.0:
+            self._hide_by_rim(shape.vertices[which], out)
+        if (in_beam := self.in_beam(shape.vertices[which])) is not None:
+            out[~in_beam, :3] = out[~in_beam, 3:]
         return out
+
+    def in_beam(self, points: NDArray[np.floating]) -> NDArray[np.bool_] | None:
+        """Return which points (N, 3) are around the beam of a key light with a hood; None without one."""
+        window, boxes = WINDOWS.get(self.setup.stage.kind), self.setup.lights.softboxes
+        if (
+            window is None
+            or not window.has_hood
+            or not boxes
+            or math.dist(boxes[0].position, window.light) > 0.5
+        ):
+            return None
+        matrix = self.setup.placement.matrix()
+        axis = matrix[:3, :3] @ np.subtract(window.target, window.light)
+        away = points - (matrix[:3, :3] @ np.array(window.light) + matrix[:3, 3])
+        along = away @ axis / np.linalg.norm(axis)
+        return np.asarray(np.linalg.norm(away, axis=1) < math.hypot(1.0, window.opening) * along)
+
+    def _hide_by_rim(self, points: NDArray[np.float32], light: NDArray[np.float32]) -> None:
+        """Take the key light, a sun, from light (N, 6) of points that are in the shadow of a cyclorama."""
+        placement, (radius, height) = self.setup.placement, self.setup.stage.rim
+        axes = placement.matrix()[:3, :3] / placement.size
+        places = (points - placement.origin) @ axes / placement.size
+        x, up, z = self.lights[0, :3] @ axes
+        across = max(math.hypot(x, z), 1e-6)
+        along = (places[:, 0] * x + places[:, 2] * z) / across
+        inside = np.maximum(radius**2 - places[:, 0] ** 2 - places[:, 2] ** 2, 0.0)
+        to_rim = np.sqrt(along**2 + inside) - along
+        is_hidden = places[:, 1] + to_rim * up / across < height
+        light[is_hidden, :3] = light[is_hidden, 3:]
 
     def _hide_by_boards(self, points: NDArray[np.float32], light: NDArray[np.float32]) -> None:
         """Change light (N, 6) of a shelf's wall: boards hide the room from it, and send it their own."""
@@ -275,7 +308,7 @@ def _surroundings_of(rig: LightRig, stage: Stage | None, roughness: float) -> Su
         colours = stage.reflectance_at(points, normals).astype(float) if stage.is_graded else None
         floor = Shape(points, normals, np.empty((0, 3), np.int32), Diffuse(stage.colour), colours)
         lit = lighting.shade(floor, np.arange(len(points)), 1, is_stage=True, sees_sky_alone=True)
-        share = _THROUGH_WINDOW if stage.kind == "window" else 1.0
+        share = _THROUGH_WINDOW if stage.kind in WINDOWS else 1.0
         return share * lit[:, :3] + (1.0 - share) * lit[:, 3:]
 
     return surroundings_of(stage_radiance(stage, sky, light), roughness)

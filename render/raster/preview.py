@@ -19,6 +19,7 @@ from flowsculpt.render.base.serialise import Triple
 from flowsculpt.render.post.colour import to_display
 from flowsculpt.render.post.view import ColourView
 from flowsculpt.render.raster.lighting import Lighting, apply_shadow, floor_light
+from flowsculpt.render.raster.preview_air import SeenAir
 from flowsculpt.render.raster.preview_sky import seen_radiance, with_suns
 from flowsculpt.render.raster.raster_shapes import (
     LARGE,
@@ -204,6 +205,15 @@ class Canvas:
         average(self.drawn.colour, picture)
         return picture
 
+    def nearness(self, is_rough: bool = False) -> NDArray[np.float32]:
+        """Return one over the depth (H, W) next to the middle of pixels; if rough, of subsamples."""
+        middle = SUPERSAMPLING // 2
+        return (
+            self.drawn.nearness
+            if is_rough
+            else self.drawn.nearness[middle::SUPERSAMPLING, middle::SUPERSAMPLING]
+        )
+
 
 @lru_cache(maxsize=16)
 def _ambient(rig: LightRig, stage: Stage, view: ColourView, display: str) -> float:
@@ -363,7 +373,8 @@ def preview(
     contact = ContactShadow.of(whole.vertices, setup.placement, has_floor, opacity)
     lighting = Lighting.of(setup, contact, np.array(camera.origin))
     has_ids = edges is not None or any(shape.pigment for shape in opaque)
-    canvas = Canvas.of(camera, lighting, size, "" if clear else display, has_ids)
+    fog = setup.stage.fog
+    canvas = Canvas.of(camera, lighting, size, "" if clear or fog else display, has_ids)
     faces = canvas.visible(whole)
     shadow = ShadowMap.of(faces.shape, setup, faces.outwards)
     drawn, patterned = 0, []
@@ -378,15 +389,20 @@ def preview(
     for own, first in patterned:
         canvas.draw_pigment(own, shadow, first)
     canvas.draw_sky()
+    air = SeenAir.of(fog, lighting, canvas.projection, shadow) if fog else None
     if clear:
-        picture = _through(canvas, _faces_of(_join(clear), faces, canvas), shadow, display)
+        picture = _through(canvas, _faces_of(_join(clear), faces, canvas), shadow, display, air)
+    elif air:
+        picture = canvas.picture(is_rough)
+        light = np.empty_like(picture)
+        unpack_light(picture, light)
+        picture = displayed(air.over(light, canvas.nearness(is_rough)), setup, display)
     else:
         picture = canvas.picture(is_rough)
     if edges is not None:
         ink = np.array([*edges.colour, edges.opacity, edges.width])
         draw_edges(faces.screen, faces.shape.faces, canvas.drawn.face_ids, ink, picture)
-    middle = SUPERSAMPLING // 2
-    return Preview(picture, canvas.drawn.nearness[middle::SUPERSAMPLING, middle::SUPERSAMPLING])
+    return Preview(picture, canvas.nearness())
 
 
 def _faces_of(shape: Shape, whole: VisibleFaces, canvas: Canvas) -> VisibleFaces:
@@ -445,7 +461,9 @@ def prepare() -> None:
     with_lines(shown, np.zeros((1, 2, 3)), np.zeros((1, 2, 3)), np.ones((1, 2)), camera, 1.0)
 
 
-def _through(canvas: Canvas, faces: VisibleFaces, shadow: ShadowMap, display: str) -> NDArray[np.float32]:
+def _through(
+    canvas: Canvas, faces: VisibleFaces, shadow: ShadowMap, display: str, air: SeenAir | None
+) -> NDArray[np.float32]:
     """Draw a clear subject over its stage, and return the picture (H, W, 3)."""
     packed, behind = canvas.picture(), canvas.drawn.nearness.copy()
     background = np.empty_like(packed)
@@ -458,6 +476,11 @@ def _through(canvas: Canvas, faces: VisibleFaces, shadow: ShadowMap, display: st
     light = seen_through(points, faces.shape, canvas.lighting, axes, thickness, layers, background)
     whole = points.coverage == 1.0
     background[tuple(points.pixels[whole].T)] = light[whole]
+    if air:
+        edges = background.copy()
+        edges[tuple(points.pixels[~whole].T)] = light[~whole]
+        light[~whole] = air.over(edges, canvas.nearness())[tuple(points.pixels[~whole].T)]
+        background = air.over(background, canvas.nearness())
     picture = displayed(background, canvas.lighting.setup, display)
     edge = displayed(light[~whole], canvas.lighting.setup, display)
     lay_over(points.pixels[~whole], points.coverage[~whole], edge, picture)

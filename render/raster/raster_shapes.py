@@ -28,7 +28,7 @@ from flowsculpt.render.scene.materials import (
 )
 from flowsculpt.render.scene.patterns import Pigment
 from flowsculpt.render.scene.render_camera import Camera
-from flowsculpt.render.scene.room_shapes import window_frame
+from flowsculpt.render.scene.room_shapes import WINDOWS, window_frame
 from flowsculpt.render.scene.scene_lights import LightRig
 from flowsculpt.render.scene.scene_stage import Stage, StagePlacement
 from flowsculpt.render.scene.surface import Surface
@@ -281,7 +281,7 @@ def coated(colour: Colour, roughness: float | None, is_dark: bool) -> Material:
 @lru_cache(maxsize=4)
 def shading_props(stage: Stage, placement: StagePlacement) -> Shape | None:
     """Return what throws shadows besides the subject, scene units: a plinth, a window; None for none."""
-    mesh = window_frame() if stage.kind == "window" else stage.plinth()
+    mesh = window_frame(WINDOWS[stage.kind]) if stage.kind in WINDOWS else stage.plinth()
     if mesh is None:
         return None
     return Shape(*placement.placed(mesh), Diffuse(stage.plinth_colour)).for_kernels()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,8 @@ from flowsculpt.render.base.serialise import Triple
 
 Mesh = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int32]]
 """Vertices (V, 3), normals (V, 3) and faces (F, 3)."""
+
+Floats = NDArray[np.float64]
 
 ROOMS = ("corner", "window", "shelf")
 """Kinds of stages whose backdrop is flat."""
@@ -31,12 +34,38 @@ _CORNER, _LEFT, _RIGHT = (-1.5, -2.8), (-0.42, 0.91), (0.985, 0.17)
 _WALL = -2.5
 """Place z of the wall that a window's light crosses."""
 
-WINDOW_LIGHT, WINDOW_TARGET = (-9.0, 6.4, 7.0), (0.5, 1.15, -1.2)
-"""Place of the light that shines through the window, and where its middle falls."""
 
-_PANES, _PANE, _BAR, _BOARD = (2, 3), (0.72, 0.62), 0.09, 4.5
-"""Panes across and up, their width and height, the bars between, and half the size of the wall around them,
-half way between light and target, where all is half as large as what it throws."""
+class Window(NamedTuple):
+    """A window that is outside of the picture, in a wall across the way of a light.
+
+    light, target  place of the light, and where its middle falls
+    panes, pane    panes across and up, and their width and height
+    bar, board     width of the bars between, and half the size of the wall around
+    share          of the way from target to light at which it is
+    has_hood       True for walls from its edges back to the light, so that no light passes by
+    """
+
+    light: Triple
+    target: Triple
+    panes: tuple[int, int]
+    pane: tuple[float, float]
+    bar: float
+    board: float
+    share: float = 0.5
+    has_hood: bool = False
+
+    @property
+    def opening(self) -> float:
+        """Tangent of half the angle of a cone around all light through the panes, twice as wide as needed."""
+        half = math.hypot(*(0.5 * count * size for count, size in zip(self.panes, self.pane, strict=True)))
+        return 2.0 * half / ((1.0 - self.share) * math.dist(self.light, self.target))
+
+
+WINDOWS = {
+    "window": Window((-9.0, 6.4, 7.0), (0.5, 1.15, -1.2), (2, 3), (0.72, 0.62), 0.09, 4.5),
+    "fog": Window((-5.6, 10.5, -8.2), (0.0, 0.9, 0.0), (1, 1), (0.4, 0.46), 0.15, 0.9, 0.75, True),
+}
+"""The windows of stages, by kind."""
 
 _STEPS = ((0.0, 0.0, 0.0), (-1.95, -0.62, 0.35), (1.9, 0.66, -0.75), (2.75, -1.05, 0.75), (-2.3, 0.95, -2.1))
 """Plinths of a stair: x, the height of the top in widths of 1.7, and z; the subject's own first."""
@@ -101,16 +130,15 @@ def shelf_opening(points: NDArray[np.float64], width: float, height: float) -> N
     return np.where(np.abs(points[:, 2] + _SHELF_DEPTH) < 1e-3, seen, np.nan)
 
 
-def window_frame() -> Mesh:
-    """Return the wall with a window that is outside of the picture: light falls through its panes."""
-    light, target = np.array(WINDOW_LIGHT), np.array(WINDOW_TARGET)
-    middle, facing = 0.5 * (light + target), (light - target) / np.linalg.norm(light - target)
+def window_frame(window: Window) -> Mesh:
+    """Return the wall with a window: light falls through its panes."""
+    light, target = np.array(window.light), np.array(window.target)
+    middle = target + window.share * (light - target)
+    facing = (light - target) / np.linalg.norm(light - target)
     right = np.cross((0.0, 1.0, 0.0), facing)
     right /= np.linalg.norm(right)
     up = np.cross(facing, right)
-    (across, high), (width, height) = _PANES, _PANE
-    xs = _edges(across, width)
-    ys = _edges(high, height)
+    xs, ys = (_edges(count, size, window) for count, size in zip(window.panes, window.pane, strict=True))
     parts = []
     for i in range(len(xs) - 1):
         for j in range(len(ys) - 1):
@@ -118,14 +146,24 @@ def window_frame() -> Mesh:
                 places = [(xs[i + a], ys[j + b]) for b in (0, 1) for a in (0, 1)]
                 low_left, low_right, high_left, high_right = (middle + x * right + y * up for x, y in places)
                 parts.append(_quad(low_left, low_right, high_left, high_right))
+    if window.has_hood:
+        parts += _hood(middle, 0.98 * (light - middle), window.board * right, window.board * up)
     return joined(parts)
 
 
-def _edges(count: int, size: float) -> list[float]:
+def _hood(middle: Floats, back: Floats, right: Floats, up: Floats) -> list[Mesh]:
+    """Return four walls from the edges of a board backwards. Those behind the light itself would be seen as
+    crossing its plane, and throw no shadow in previews."""
+    corners = [middle + x * right + y * up for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    pairs = zip(corners, [*corners[1:], corners[0]], strict=True)
+    return [_quad(start, end, start + back, end + back) for start, end in pairs]
+
+
+def _edges(count: int, size: float, window: Window) -> list[float]:
     """Return the edges of panes and bars along one side of the window, and the ends of the wall around it."""
-    whole = count * size + (count - 1) * _BAR
-    inner = [-0.5 * whole + k * (size + _BAR) + side for k in range(count) for side in (0.0, size)]
-    return [-_BOARD, *inner, _BOARD]
+    whole = count * size + (count - 1) * window.bar
+    inner = [-0.5 * whole + k * (size + window.bar) + side for k in range(count) for side in (0.0, size)]
+    return [-window.board, *inner, window.board]
 
 
 def joined(parts: Sequence[Mesh]) -> Mesh:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from flowsculpt.render.scene.room_shapes import WINDOW_LIGHT, WINDOW_TARGET
+from flowsculpt.render.scene.room_shapes import WINDOWS
 
 
 def _box(
@@ -50,8 +50,8 @@ SETS: dict[str, dict[str, Any]] = {
             "softboxes": [
                 {
                     "name": "key",
-                    "position": list(WINDOW_LIGHT),
-                    "target": list(WINDOW_TARGET),
+                    "position": list(WINDOWS["window"].light),
+                    "target": list(WINDOWS["window"].target),
                     "width": 0.16,
                     "height": 0.16,
                     "radiance": [86000, 66000, 44000],
@@ -167,6 +167,26 @@ SETS: dict[str, dict[str, Any]] = {
             "sky": {"zenith": [0.05, 0.055, 0.065]},
         },
         "camera": {"azimuth": -15, "elevation": 7, "field_of_view": 28, "dolly": 1.15},
+    },
+    # A beam of light from behind, in air that shows it, and the shadow of the sculpture within.
+    "fog": {
+        "stage": {"kind": "fog", "colour": [0.05, 0.054, 0.06], "wall_colour": [0.012, 0.013, 0.016]},
+        "lights": {
+            "softboxes": [
+                {
+                    "name": "key",
+                    "position": list(WINDOWS["fog"].light),
+                    "target": list(WINDOWS["fog"].target),
+                    "width": 0.09,
+                    "height": 0.09,
+                    "radiance": [860000, 780000, 660000],
+                },
+                _box("edge", [4.6, 2.6, -2.6], 0.6, 3.2, [10, 15, 25]),
+            ],
+            "sky": {"zenith": [0.05, 0.06, 0.075]},
+            "exposure": 0.7,
+        },
+        "camera": {"azimuth": -16, "elevation": 5, "field_of_view": 30, "dolly": 1.25},
     },
 }
 """Sets by their names."""

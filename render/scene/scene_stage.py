@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from flowsculpt.render.base.render_errors import BadInputError
 from flowsculpt.render.base.serialise import OMIT_DEFAULT, Colour, Triple
+from flowsculpt.render.scene.fog import Fog
 from flowsculpt.render.scene.render_camera import Camera
 from flowsculpt.render.scene.room_shapes import BEVEL, HIGH, ROOMS, Mesh, joined, props, room_backdrop
 from flowsculpt.render.scene.surface_detail import FINISHES
@@ -20,9 +21,9 @@ RINGS, SIDES = 33, 64
 WITH_REFERENCES = "turntable"
 """The kind of a stage with reference balls and a colour chart."""
 
-KINDS = ("cyclorama", "ground", "plinth", *ROOMS, "stair", "table", WITH_REFERENCES, "none")
+KINDS = ("cyclorama", "ground", "plinth", *ROOMS, "stair", "table", "fog", WITH_REFERENCES, "none")
 
-CYCLORAMAS = ("cyclorama", "plinth", "stair", "table", WITH_REFERENCES)
+CYCLORAMAS = ("cyclorama", "plinth", "stair", "table", "fog", WITH_REFERENCES)
 """Kinds whose backdrop is a cyclorama."""
 
 PLINTH = (0.56, 0.555, 0.545)
@@ -103,8 +104,9 @@ class Stage:
     kind           one of KINDS: "cyclorama", "ground" (level to the horizon), "plinth" (the subject stands
                    on one, in a cyclorama), "corner" (two walls), "window" (a wall that the light of a window
                    crosses), "shelf" (boards before a wall), "stair" (plinths of several heights) and "table"
-                   in a cyclorama, WITH_REFERENCES (a cyclorama with reference balls and a colour
-                   chart in the lower corners of the picture), or "none" for a subject before the sky
+                   in a cyclorama, "fog" (a beam of light in a cyclorama with hazy air), WITH_REFERENCES (a
+                   cyclorama with reference balls and a colour chart in the lower corners of the picture), or
+                   "none" for a subject before the sky
     colour         linear Rec.709 reflectance of floor and wall
     roughness      of a clear coat on them: 0.05 mirrors, 0.4 shimmers; None is matt
     floor          radius of the flat floor, stage units
@@ -151,8 +153,9 @@ class Stage:
         for finish in (self.finish, self.plinth_finish):
             if finish and finish not in FINISHES:
                 raise BadInputError(f"stage has finish {finish!r}; it can be {', '.join(FINISHES)}")
-        if self.shadow_catcher and self.kind == "none":
-            raise BadInputError("stage none has no floor to catch shadows; use ground or cyclorama")
+        if self.shadow_catcher and self.kind in ("none", "fog"):
+            what = "no floor" if self.kind == "none" else "light in its air, and no bare floor"
+            raise BadInputError(f"stage {self.kind} has {what} to catch shadows; use ground or cyclorama")
         if min(self.floor, self.sweep) <= 0.0 or not 0.0 < self.steepness <= math.pi / 2.0:
             raise BadInputError("a cyclorama's floor and sweep must be above 0, its steepness in 0° … 90°")
         if not (self.width >= 8.0 * BEVEL and self.height >= 8.0 * BEVEL):
@@ -232,6 +235,22 @@ class Stage:
     def floor_depth(self) -> float:
         """How far below the subject the floor of a cyclorama is, stage units."""
         return self.height if self.kind in ("plinth", "stair", "table") else 0.0
+
+    @property
+    def fog(self) -> Fog | None:
+        """The air, where it scatters light."""
+        return Fog() if self.kind == "fog" else None
+
+    @property
+    def wall_elevation(self) -> float:
+        """Angle above the horizon, radians, up to which its wall hides the sky all around; 0 for none."""
+        return math.atan2(*reversed(self.rim)) if self.kind in CYCLORAMAS else 0.0
+
+    @property
+    def rim(self) -> tuple[float, float]:
+        """Radius of the outer rim of a cyclorama, and its height above the subject's base, stage units."""
+        radius, height = self.profile()[0][-1].tolist()
+        return radius, height - self.floor_depth
 
     @property
     def is_graded(self) -> bool:

@@ -123,6 +123,13 @@ def test_sky_and_ground_of_daylight_are_those_of_the_render(
     assert_sky_and_ground_are_alike(rig, STAGES["ground"], placement, pebble, rendered)
 
 
+def test_a_sun_behind_the_wall_of_a_cyclorama_lights_no_floor(
+    pebble: Surface, rendered: Callable[..., RenderedFrame]
+) -> None:
+    low = LightRig(daylight=Daylight(elevation=math.radians(17.0), azimuth=math.radians(-62.0)))
+    assert_sky_and_ground_are_alike(low, STAGES["cyclorama"], StagePlacement(), pebble, rendered)
+
+
 @pytest.mark.parametrize("stage", ["cyclorama", "ground", "none"])
 @pytest.mark.parametrize("is_visible", [True, False])
 def test_a_gradient_sky_is_seen_where_the_render_shows_it(

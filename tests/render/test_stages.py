@@ -22,7 +22,7 @@ from flowsculpt.render.scene.materials import LOOKS
 from flowsculpt.render.scene.reference_objects import CHROME, GREY, ball, chart, chart_colours, positions
 from flowsculpt.render.scene.render_camera import Camera
 from flowsculpt.render.scene.render_quality import Quality
-from flowsculpt.render.scene.room_shapes import window_frame
+from flowsculpt.render.scene.room_shapes import WINDOWS, window_frame
 from flowsculpt.render.scene.scene_lights import LightRig, Sky, Softbox
 from flowsculpt.render.scene.scene_stage import STAGES, Stage, StagePlacement
 
@@ -48,14 +48,14 @@ def test_every_stage_renders_and_is_no_part_of_the_matte(
 @pytest.mark.parametrize(
     "stage",
     [
-        *(Stage(kind) for kind in ("ground", "plinth", "corner", "window", "shelf", "stair", "table")),
+        *(Stage(kind) for kind in ("ground", "plinth", "corner", "window", "fog", "shelf", "stair", "table")),
         Stage("plinth", round=True),
         Stage("plinth", width=0.3),
     ],
     ids=lambda stage: stage.kind,
 )
 def test_normals_agree_with_the_faces(stage: Stage) -> None:
-    frame = window_frame() if stage.kind == "window" else None
+    frame = window_frame(WINDOWS[stage.kind]) if stage.kind in WINDOWS else None
     for vertices, normals, faces in filter(None, (stage.backdrop(), stage.plinth(), frame)):
         assert np.linalg.norm(normals, axis=1) == pytest.approx(1.0, abs=1e-5)
         corners = vertices[faces].astype(np.float64)

@@ -243,6 +243,7 @@ def findings(shot: Shot, first: FirstFrame) -> list[Finding]:
         _edges,
         _camera,
         _below_floor,
+        _hidden_sun,
         _sharpness,
         _size,
         _parts,
@@ -322,17 +323,26 @@ def _camera(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
 
 
 def _below_floor(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
-    """Check that the camera is above the floor, from below which a stage is dark and hides the subject."""
+    """Check the camera against the floor. That of several subjects is under the lowest of all."""
+    if not shot.subject:
+        yield from below_floor(shot, first.points)
+
+
+def below_floor(shot: Shot, points: Floats) -> Iterator[Finding]:
+    """Check that the camera is above the floor, from below which a stage is dark and hides the subject.
+
+    points  (N, 3), of all subjects on the first frame
+    """
     camera, clock = shot.picture.camera, shot.motion.clock
-    if shot.picture.stage.kind == "none" or shot.subject:
-        return  # the floor is under the lowest of several subjects, and this is one of them
+    if shot.picture.stage.kind == "none":
+        return
     setting = "elevation" if camera.position is None else "position"
     aspect = shot.picture.qualities["draft"].aspect
     for number in sampled_frames(shot):
         view = camera.at(clock.time(number))
         if view.position is None and view.elevation >= 0.0:
             continue  # framing looks at a place above the floor
-        (framing,) = Framer([view], lambda _: first.points, aspect).all()
+        (framing,) = Framer([view], lambda _: points, aspect).all()
         height, floor = framing.camera.origin[1], framing.placement.origin[1]
         if height > floor:
             continue
@@ -344,10 +354,22 @@ def _below_floor(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
         yield Finding(
             ("camera", setting),
             f"on frame {number} the camera is below the floor, at the height {height:.3g}: the floor is at "
-            f"{floor:.3g}, under the lowest point of the subject on frame {shot.frames.first}. {remedy}, or "
-            "write stage: none.",
+            f"{floor:.3g}, under the lowest point of {'all subjects' if shot.subjects else 'the subject'} on "
+            f"frame {shot.frames.first}. {remedy}, or write stage: none.",
         )
         return
+
+
+def _hidden_sun(shot: Shot, _: FirstFrame) -> Iterator[Finding]:
+    """Check that the wall of a cyclorama does not hide the sun."""
+    sun, wall = shot.picture.lights.daylight, shot.picture.stage.wall_elevation
+    if sun and 0.0 < sun.elevation < wall:
+        yield Finding(
+            ("lights",),
+            f"the sun stands {math.degrees(sun.elevation):.2g}° high, and the wall of the stage "
+            f"{shot.picture.stage.kind} hides the sky up to {math.degrees(wall):.2g}°: no sunlight "
+            "reaches the subject. Write stage: ground, or raise the sun.",
+        )
 
 
 def _sharpness(shot: Shot, first: FirstFrame) -> Iterator[Finding]:

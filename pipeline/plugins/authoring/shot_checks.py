@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
+
 from flowsculpt import FlowsculptError, FrameError
 from flowsculpt.api import ShotError
 from flowsculpt.api.shots import Clock, Motion, Shot, WrittenShot, YamlSource, read_shot
-from flowsculpt.pipeline.plugins.authoring.first_frame import FirstFrames
-from flowsculpt.pipeline.plugins.authoring.scene_rules import Finding, findings, loop_report
+from flowsculpt.pipeline.plugins.authoring.first_frame import FirstFrame, FirstFrames
+from flowsculpt.pipeline.plugins.authoring.scene_rules import Finding, below_floor, findings, loop_report
 from flowsculpt.pipeline.plugins.authoring.verdict import Verdict
 
 
@@ -26,8 +28,11 @@ def check_shot(
     if outside:
         verdict.warnings.append(" ".join([outside, *_of_outer_keys(written.source, shot.motion.clock)]))
     verdict.notes += [f"{name}: {line}" for line in shot.notes if line != outside]
-    for part in shot.parts:
-        _check_scene(verdict, part, first_frames, written)
+    firsts = [_check_scene(verdict, part, first_frames, written) for part in shot.parts]
+    if shot.subjects and all(firsts):
+        points = np.concatenate([first.points for first in firsts if first])
+        for finding in below_floor(shot, points):
+            verdict.warnings.append(f"{written.place_of('', finding.where)}: {finding.text}")
     verdict.notes = list(dict.fromkeys(verdict.notes))
     return shot
 
@@ -54,8 +59,12 @@ def _of_outer_keys(source: YamlSource, clock: Clock) -> Iterator[str]:
         )
 
 
-def _check_scene(verdict: Verdict, shot: Shot, first_frames: FirstFrames, written: WrittenShot) -> None:
-    """Check the scene of a shot of one subject, which a file may write with others."""
+def _check_scene(
+    verdict: Verdict, shot: Shot, first_frames: FirstFrames, written: WrittenShot
+) -> FirstFrame | None:
+    """Check the scene of a shot of one subject, which a file may write with others; return its first frame,
+    None where it fails."""
+    first = None
     try:
         first = first_frames.of(shot.motion)
         verdict.firsts[shot.subject] = first.as_data()
@@ -75,6 +84,7 @@ def _check_scene(verdict: Verdict, shot: Shot, first_frames: FirstFrames, writte
             verdict.add_error(ShotError(line))
         elif line not in verdict.warnings:
             verdict.warnings.append(line)
+    return first
 
 
 def _of_flows(verdict: Verdict, motion: Motion) -> Iterator[Finding]:

@@ -194,6 +194,30 @@ def test_a_camera_lower_than_one_subject_stands_on_the_floor_of_another(tmp_path
     assert [findings(part, FirstFrames().of(part.motion)) for part in shot.subjects] == [[], []]
 
 
+def test_validate_tells_of_a_camera_below_the_floor_of_all_subjects(project: ProjectFolder) -> None:
+    box = "{solid: box, size: [1, 1, 1], place: [0, %d, 0]}"
+    text = f"title: A\nframes: 1-4\nsubjects:\n  high: {box % 3}\n  low: {box % 0}\nflows: []\nlook: clay\n"
+    camera = "resample: {max_edge_length: 0.08}\ncamera: {position: [0, %s, 9]}\n"
+
+    def warnings(height: float) -> list[str]:
+        project.shot.write_text(text + camera % height)
+        (checked,) = json.loads(project.call("--json", "validate", project.shot.stem).out)
+        return list(checked["warnings"])
+
+    assert warnings(0.4) == []
+    told = the_only(warnings(-0.7))
+    assert "below the floor, at the height -0.7" in told and "under the lowest point of all subjects" in told
+
+
+@needs_plugins("interchange")
+def test_a_sun_behind_the_wall_of_the_stage_is_told_and_the_remedy_serves(tmp_path: Path) -> None:
+    write_ball(tmp_path / "ball.obj")
+    finding = the_only(found(tmp_path, ball_shot(more="lights: monument")))
+    assert finding.where == ("lights",) and "the sun stands 17° high" in finding.text
+    assert found(tmp_path, ball_shot(more="lights: monument\nstage: ground")) == []
+    assert found(tmp_path, ball_shot(more="lights: {sun: {elevation: 20}}")) == []
+
+
 @settings(max_examples=40, deadline=None)
 @given(st.tuples(*[st.floats(-1.2, 1.2)] * 3))
 def test_points_within_a_ball_are_inside(point: tuple[float, float, float]) -> None:
