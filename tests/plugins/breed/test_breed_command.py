@@ -83,7 +83,10 @@ def test_the_same_seed_gives_the_same_bytes_in_one_process_and_in_two(root: Path
     bred(root, NAME, "-j", "1", "-o", "one/same")
     bred(root, NAME, "-j", "2", "-o", "two/same")
     one, two = files(root / "one" / "same"), files(root / "two" / "same")
-    pages = [each.pop("index.html").replace(folder, b"") for each, folder in ((one, b"one/"), (two, b"two/"))]
+    pages = [
+        each.pop("index.html").replace(folder, b"")
+        for each, folder in ((one, b"one/same"), (two, b"two/same"))
+    ]
     assert one == two and pages[0] == pages[1]
 
 
