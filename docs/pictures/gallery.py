@@ -22,9 +22,9 @@ from flowsculpt.pipeline.production.picture_sequences import white_level
 
 HERE = Path(__file__).parent / "gallery"
 STILLS = {
-    "A010_cube": 44,
+    "A010_cube": 36,
     "A020_lorenz": 92,
-    "A030_taffy": 92,
+    "A030_taffy": 96,
     "B010_honey": 121,
     "B020_inks": 92,
     "B030_marble": 141,
