@@ -85,10 +85,7 @@ class Flow(ABC):
         return self
 
     def beside(self, name: str, subjects: Mapping[str, Any]) -> Flow:
-        """Return the flow as it acts on the subject of that name beside the others of the shot.
-
-        subjects  the motions of all by their names; None for those still to be read. Without others empty
-        """
+        """Return the flow as it acts on a subject beside `subjects`: motions by name; None: not read yet."""
         return self
 
     def _parts(self) -> Iterator[Flow]:
@@ -122,8 +119,7 @@ class Flow(ABC):
     def rest_interval(self) -> int | None:
         """Frames after which the present surface becomes the one at rest, where the shot names none.
 
-        None leaves it to `Resampling`. A flow that stretches a surface tenfold stretches errors at rest too.
-        By default the fewest of the flows in it.
+        None leaves it to `Resampling`; by default the fewest of the flows in it, as errors at rest stretch too.
         """
         frames = (part.rest_interval for part in self._parts())
         return min((each for each in frames if each is not None), default=None)

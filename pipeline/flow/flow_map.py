@@ -214,9 +214,8 @@ class FlowMap:
         steps = _steps_of(step)
         while steps and self._last and steps[0].flow.undoes(steps[0].time, self._last[-1].steps[-1]):
             del steps[0], self._last[-1]
-        planned = [_plan(each) for each in steps]
+        self._parts, self._last = _joined([*self._parts, *self._last]), [_plan(each) for each in steps]
         self._steps.append(step)
-        self._parts, self._last = _joined([*self._parts, *self._last]), planned
 
     def carry(self, rest_points: Points) -> Points:
         """Return points (N, 3) of the rest frame at the last frame: a new array, all finite.

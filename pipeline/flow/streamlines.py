@@ -273,9 +273,7 @@ class Streamlines(Flow):
         steps[:, 2] = halving.tables * len(opcodes) * COLUMNS * np.arange(count)
         limits = [math.inf if self.tolerance is None else self.tolerance, self.longest_step(time, dt)]
         spans = np.tile([dt / count, *limits], (count, 1))
-        owners = {
-            id(row.owner): row.owner for program in programs for row in program if row.owner is not None
-        }
+        owners = {id(owner): owner for rows in programs for row in rows if (owner := row.owner) is not None}
         is_halved = finest or self.tolerance is not None
         return StepPlan(opcodes, tables.ravel(), steps, spans, tuple(owners.values()), is_halved)
 

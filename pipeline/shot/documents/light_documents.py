@@ -69,9 +69,7 @@ class StageDocument(Document):
     finish: Annotated[str, one_of(FINISHES, "finish")] | None = optional(
         f"of floor and wall: {', '.join(FINISHES)}; by default an even one"
     )
-    plinth_finish: Annotated[str, one_of(FINISHES, "finish")] | None = optional(
-        "finish of plinth, steps, boards or table"
-    )
+    plinth_finish: Annotated[str, one_of(FINISHES, "finish")] | None = optional("of what subjects stand on")
     shadow_catcher: bool | None = optional(
         "floor and wall are not seen, but the shadows on them, as alpha: for compositing"
     )
