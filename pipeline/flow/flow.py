@@ -119,7 +119,7 @@ class Flow(ABC):
     def rest_interval(self) -> int | None:
         """Frames after which the present surface becomes the one at rest, where the shot names none.
 
-        None leaves it to `Resampling`; by default the fewest of the flows in it, as errors at rest stretch too.
+        None leaves it to `Resampling`; by default the fewest of the flows in it, for errors at rest stretch.
         """
         frames = (part.rest_interval for part in self._parts())
         return min((each for each in frames if each is not None), default=None)
