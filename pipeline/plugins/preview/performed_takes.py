@@ -267,7 +267,7 @@ class TakeFolder:
         return [name for *_, name in sorted(found)]
 
     def all(self, known: dict[str, Take]) -> dict[str, Take]:
-        """Return the takes by name, but for damaged ones. `known` are not read, and get those that are."""
+        """Return the takes by name, except damaged ones. `known` are not read, and get those that are."""
         names = self.names()
         for name in names:
             if name not in known:

@@ -453,7 +453,7 @@ class Performer:
             self.share()
 
     def _recorded(self, recording: Recording, kept: Mapping[Where, int] | None = None) -> Recorded:
-        """Return what was recorded, but for samples that are kept, so many of each path."""
+        """Return what was recorded, except samples that are kept, so many of each path."""
         performance, values = recording.performance, []
         request = performance.drawn.sketch.request
         for where, curve in performance.curves.items():
