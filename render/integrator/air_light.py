@@ -37,7 +37,7 @@ class Air:
         share = self._depth * density(closest, along) * length * seen
         si = dr.zeros(mi.SurfaceInteraction3f)
         si.p = ray.o + ray.d * ((along + nearest) * self._radius)
-        valid: Any = dr.select(length > 0.0, 1.0, dr.inf)  # an infinite distance is no point
+        valid: Any = dr.select(length > 0.0, 1.0, dr.inf)  # infinitely far: no point was chosen
         si.t = valid
         return AirPoint(si, share, clear)
 

@@ -362,7 +362,7 @@ def preview(
     size      width and height in pixels
     others    further subjects. Those that light passes through look as if they were of one material, the
               first one's
-    is_rough  make each subsample a pixel, unless light passes through a subject; then there are no edges
+    is_rough  return a pixel for each sample, unless light passes through a subject; pass no `edges` then
     """
     setup = replace(setup, lights=with_suns(setup.lights))
     shapes = [shape.for_kernels() for shape in (subject, *others)]

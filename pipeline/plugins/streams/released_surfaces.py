@@ -232,11 +232,11 @@ class ReleasedSurface(ABC):
         return np.flatnonzero(self._are_at(coordinates, time))
 
     def _are_at(self, coordinates: Floats, time: float) -> np.ndarray:
-        """Tell which coordinates (N, 3) have a time."""
+        """Return flags (N,) of the coordinates (N, 3) that have this time."""
         return np.abs(self.coordinates.times(coordinates) - time) <= 1e-9 * (1.0 + abs(time))
 
     def _moves(self, coordinates: Floats) -> np.ndarray:
-        """Tell which coordinates (N, 3) are in the row that the last step moved."""
+        """Return flags (N,) of the coordinates (N, 3) in the row that the last step moved."""
         return self._are_at(coordinates, self._row_time)
 
     def _set_time(self, row: np.ndarray, time: float) -> None:

@@ -51,7 +51,7 @@ class SeedPlacement(Exact):
 
     strip  the coordinates
     times  returns the first and the last time that vertices may have
-    moves  tells of coordinates (N, 3) which are in the row that moves on
+    moves  returns flags (N,) of the coordinates (N, 3) in the row that moves on
 
     A row that moves on draws out the edges beside it until they are split. Halves would stay half as long as
     edges may be: so the new vertex is nearer to the row, and what is behind it longer.

@@ -215,7 +215,7 @@ def test_what_a_page_sends_over_its_open_connection_is_done_and_refusals_are_ans
 
     def act(asked: Mapping[str, Any]) -> dict[str, Any]:
         if asked["text"] == "no":
-            raise UsageError("no is no text")
+            raise UsageError("'no' is wrong")
         heard.append(len(asked["text"]))
         return {}
 
@@ -228,7 +228,7 @@ def test_what_a_page_sends_over_its_open_connection_is_done_and_refusals_are_ans
             first, rest = b'{"text":', b'"parts"}'
             page.sendall(masked(first, head=0x01) + masked(b"", head=0x89) + masked(rest, head=0x80))
             page.sendall(masked(b'{"text": "no"}'))
-            assert page.recv(1000) == b"\x81\x0dno is no text"
+            assert page.recv(1000) == b"\x81\x0d'no' is wrong"
             assert heard == [1, 200, 70_000, 5]
             page.sendall(b"\x81\x02{}")  # only a browser masks what it sends
             assert page.recv(1000) == b""

@@ -46,7 +46,7 @@ def test_a_sliver_that_stands_up_leaves_a_flat_surface_smooth() -> None:
 
 
 def test_a_small_face_that_stands_up_leaves_a_flat_surface_smooth() -> None:
-    """A triangle that is no sliver, in the middle of a large one, with its corners at other heights."""
+    """A small triangle, not a sliver, stands in the middle of a large one."""
     from flowsculpt.pipeline.plugins.sequences.sliver_normals import sliver_normals
 
     points = [[-1, 0, -1], [1, 0, -1], [0, 0, 1], [-0.04, 0, 0], [0.04, 0, 0], [0, 0.06, 0.06]]
