@@ -22,7 +22,7 @@ from pathlib import Path
 from benchmarks.first_film import CHECKOUT, run
 from benchmarks.measured_shots import copy_shots
 from benchmarks.report import Row, Target, keep, show
-from flowsculpt.pipeline.plugins.interchange.unifying import one_mesh
+from flowsculpt.pipeline.plugins.interchange.unifying import Unification
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.request.shot_source import SourceCache
 from flowsculpt.pipeline.production.store.store import Store
@@ -75,7 +75,7 @@ def measure(name: str, root: Path, forms: dict[str, tuple[str, ...]]) -> Iterato
     source = SourceCache().source(shot, (), False)
     refining = _export(root, shot, root / "first", ("gltf",))
     request = RenderRequest(source, "draft", "none", tuple(source.manifest.frames))
-    vertices = sum(len(one_mesh(part, Store(root)).rest) for part in request.parts)
+    vertices = sum(len(Unification(part, Store(root)).one_mesh().rest) for part in request.parts)
     _export(root, shot, root / "first", ("web",))
     for form, words in forms.items():
         target = root / form.replace(" ", "")

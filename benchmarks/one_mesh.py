@@ -28,7 +28,7 @@ from flowsculpt.pipeline.mesh import TriangleMesh
 from flowsculpt.pipeline.mesh.normals import split_at_creases
 from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh
 from flowsculpt.pipeline.plugins.interchange.refining import Refined, Refiner
-from flowsculpt.pipeline.plugins.interchange.unifying import one_mesh
+from flowsculpt.pipeline.plugins.interchange.unifying import Unification
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.request.shot_source import SourceCache
 from flowsculpt.pipeline.production.store.store import Store
@@ -68,7 +68,7 @@ def measure(request: RenderRequest) -> Row:
         store, began = Store(Path(folder)), time.process_time()
         refined = Refiner(request, store).refined()
         seconds = time.process_time() - began
-        mesh = one_mesh(request, store)
+        mesh = Unification(request, store).one_mesh()
         largest, away, back, degrees = 0, [], [], []
         for frame in _frames(request):
             largest = max(largest, len(frame.mesh.vertices))

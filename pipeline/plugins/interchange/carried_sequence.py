@@ -17,7 +17,7 @@ from flowsculpt.api.frames import FrameRange, RenderRequest, Store, StoredFiles,
 from flowsculpt.api.meshes import Floats
 from flowsculpt.pipeline.plugins.interchange.carrying import VERSION, Carrier, in_words
 from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh
-from flowsculpt.pipeline.plugins.interchange.refining import KIND, UNIFY, Began
+from flowsculpt.pipeline.plugins.interchange.refining import KIND, UNIFY, Began, stored_arrays
 from flowsculpt.pipeline.plugins.interchange.shown_surfaces import ShownSurface, Topology
 
 TOLERANCE = 0.25
@@ -90,27 +90,23 @@ class CarriedSequence:
     def one_mesh(self, name: str, key: str, began: Began) -> OneMesh:
         """Return the mesh; what is not stored is computed.
 
-        began  called with the name of each part of the work and its number of frames; returns what is called
-               after each
-
         Raises FrameError, with the frame, the place and the remedy, where parts of the surface merge or
         split, or where the mesh is farther from a surface than the tolerance.
         """
         if self.missing() or not self.store.holds(KIND, self.key):
             self._carry(began)
-        arrays, motion = self._read(self.key), self.request.shot.motion
+        arrays, motion = stored_arrays(self.store, self.key), self.request.shot.motion
         mesh = TriangleMesh(arrays["vertices"], arrays["faces"], creases=arrays["creases"])
-        values: Callable[[str, int], Floats] = lambda kind, n: self._read(self._frame_key(n))[kind]  # noqa: E731
         whole = OneMesh.of(
             *(name, self.request.requested, motion.rate, mesh, key),
-            points_at=partial(values, "points"),
+            points_at=partial(self._stored, "points"),
             velocities_at=self._velocities,
         )
         return replace(
             whole,
-            normals_at=partial(values, "normals"),
+            normals_at=partial(self._stored, "normals"),
             least_agreement=LEAST_AGREEMENT,
-            longest_at=lambda number: float(self._read(self._frame_key(number))["edge"]),
+            longest_at=lambda number: float(self._stored("edge", number)),
         )
 
     @property
@@ -123,6 +119,9 @@ class CarriedSequence:
 
     def _frame_key(self, number: int) -> str:
         return key_of(self.key, "frame", number - self._numbers[0])
+
+    def _stored(self, kind: str, number: int) -> Floats:
+        return stored_arrays(self.store, self._frame_key(number))[kind]
 
     def _carry(self, began: Began) -> None:
         """Compute the mesh and store it, if it follows all surfaces.
@@ -224,12 +223,8 @@ class CarriedSequence:
     def _velocities(self, number: int) -> Floats:
         """Return the velocities (V, 3) of a frame, from its neighbours."""
         one, two = (n if n in self._numbers else number for n in (number - 1, number + 1))
-        here, there = (self._read(self._frame_key(n))["points"] for n in (one, two))
+        here, there = (self._stored("points", n) for n in (one, two))
         return (there - here) * (float(self.request.shot.motion.rate.fps) / max(two - one, 1))
-
-    def _read(self, key: str) -> dict[str, np.ndarray]:
-        place = self.store.path(KIND, key).relative_to(self.store.root)
-        return self.store.read(KIND, key, place, StoredFiles(KIND).reader(key))
 
 
 def _kept(surface_of: Callable[[int], ShownSurface]) -> Callable[[int], ShownSurface]:

@@ -109,9 +109,6 @@ class Carrier:
 
         Else it is refined as long as that helps: the edges to be split become fewer, and distances less.
 
-        began  called with the name of each part of the work and its number of frames; returns what is called
-               after each
-
         Raises FrameError where it needs too many vertices.
         """
         first = self.surface_of(self.start)

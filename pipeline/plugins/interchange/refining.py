@@ -154,8 +154,6 @@ class Refiner:
     def refined(self, began: Began = lambda name, total: lambda: None) -> Refined:
         """Return the refined surface; what is not stored is computed.
 
-        began  called with the name of each sweep and its number of frames; returns what is called after each
-
         Raises FrameError where the flow fails or tears the surface, where it does not move each point
         independently, or where the vertices exceed the budget.
         """
@@ -164,7 +162,8 @@ class Refiner:
         keys = self._first_keys
         while True:
             sweep, before = _Sweep(keys, {}), len(births)
-            self._swept(sweep, sweeps, births, born, began(_name(sweeps), len(self.frames)))
+            name = f"{UNIFY.doing} {len(sweeps) + 1}" if sweeps else UNIFY.doing
+            self._swept(sweep, sweeps, births, born, began(name, len(self.frames)))
             sweeps.append(sweep)
             if not any(map(len, births[before:])):
                 break
@@ -202,7 +201,7 @@ class Refiner:
         for number in self.frames:
             held, key = before[-1].counts[number] if before else 0, sweep.keys[number]
             if surface is None and self._store.holds(KIND, key):
-                entry = self._read(key)
+                entry = stored_arrays(self._store, key)
             else:
                 if surface is None:
                     surface, history = RefinableSurface(self._start), self._history(number - 1)
@@ -260,7 +259,7 @@ class Refiner:
 
     def _known(self, first: _Sweep, number: int, births: Sequence[Indices]) -> Floats:
         """Return the maximum edge lengths (V,) that the first sweep has found for a frame."""
-        return self._mix(self._read(first.keys[number])["longest"], births)
+        return self._mix(stored_arrays(self._store, first.keys[number])["longest"], births)
 
     def _mix(self, values: Floats, births: Sequence[Indices]) -> Floats:
         """Return values (U,) of the first vertices, and those of all births since, mixed from parents."""
@@ -302,13 +301,16 @@ class Refiner:
         """Return the positions (V, 3) at rest of the vertices born so far."""
         return np.concatenate([self._start.vertices, *(rows[:, :3] for rows in born)])
 
-    def _read(self, key: str) -> dict[str, np.ndarray]:
-        place = self._store.path(KIND, key).relative_to(self._store.root)
-        return self._store.read(KIND, key, place, StoredFiles(KIND).reader(key))
-
     def _points(self, sweeps: Sequence[_Sweep], number: int) -> Floats:
         """Return the points that sweeps have stored of a frame."""
-        return np.concatenate([np.empty((0, 3)), *(self._read(s.keys[number])["points"] for s in sweeps)])
+        stored = (stored_arrays(self._store, sweep.keys[number])["points"] for sweep in sweeps)
+        return np.concatenate([np.empty((0, 3)), *stored])
+
+
+def stored_arrays(store: Store, key: str) -> dict[str, np.ndarray]:
+    """Return the arrays of a file of KIND. Raises FrameError where it is damaged."""
+    place = store.path(KIND, key).relative_to(store.root)
+    return store.read(KIND, key, place, StoredFiles(KIND).reader(key))
 
 
 def _shown(mesh: TriangleMesh, motion: Motion) -> TriangleMesh:
@@ -324,11 +326,6 @@ def carries_normals(motion: Motion) -> bool:
     """Tell whether normals of frames are carried through the flow."""
     resampling = motion.resampling
     return resampling is not None and (resampling.placement, resampling.normals) == ("exact", "carried")
-
-
-def _name(before: Sequence[_Sweep]) -> str:
-    """Return the name of the sweep after others."""
-    return f"{UNIFY.doing} {len(before) + 1}" if before else UNIFY.doing
 
 
 def require_surface(request: RenderRequest) -> None:

@@ -43,6 +43,7 @@ from flowsculpt.pipeline.plugins.interchange.refining import (
     Refined,
     Refiner,
     carries_normals,
+    stored_arrays,
 )
 
 
@@ -116,9 +117,6 @@ class Unification:
 
     def one_mesh(self, began: Began = lambda name, total: lambda: None) -> OneMesh:
         """Return the mesh; what is not stored is computed.
-
-        began  called with the name of each part of the work and its number of frames; returns what is called
-               after each
 
         Raises FrameError where the surface cannot be refined or carried (see `Refiner.refined` and
         `CarriedSequence.one_mesh`), and UsageError where fewer vertices are asked for than the subject has at
@@ -225,7 +223,7 @@ class Unification:
             held, normals = first, refined.normals_at_rest(motion)
             normals[whole.creases.ravel()] = 0.0
         else:
-            normals = self._read(keys[held])["normals"].astype(np.float64)
+            normals = stored_arrays(self.store, keys[held])["normals"].astype(np.float64)
         for n in range(held + 1, number + 1):
             step = motion.step_into(motion.flow, n)
             before, after = refined.points_at(n - 1), refined.points_at(n)
@@ -233,10 +231,6 @@ class Unification:
             self.store.put(KIND, keys[n], StoredFiles.writer(keys[n], {"normals": carried}))
             normals = carried.astype(np.float64)
         return normals
-
-    def _read(self, key: str) -> dict[str, np.ndarray]:
-        place = self.store.path(KIND, key).relative_to(self.store.root)
-        return self.store.read(KIND, key, place, StoredFiles(KIND).reader(key))
 
     def _colour(self, mesh: OneMesh) -> OneMesh:
         """Return the mesh with colours, those of the first frame, and texture coordinates."""
@@ -283,7 +277,7 @@ class Unification:
         """Return the errors of births in the frames requested, from the store or computed."""
         key = key_of(self._refiner.key, "errors", self.request.requested)
         if self.store.holds(KIND, key):
-            named = self._read(key)
+            named = stored_arrays(self.store, key)
             return _Errors(named["errors"], named["frames"])
         passed = began("measuring", len(self.request.requested))
         a, b = refined.births.T
@@ -305,14 +299,3 @@ def _velocities(motion: Motion, number: int, points: Floats, surface: TriangleMe
     """Return the velocities (V, 3) of points at a frame, scene units per second."""
     frame = MeshFrame(number, TriangleMesh(points, surface.faces))
     return Shading.vertex_motion(motion, frame).velocity()
-
-
-def one_mesh(
-    request: RenderRequest,
-    store: Store,
-    vertices: int | None = None,
-    until: float | None = None,
-    began: Began = lambda name, total: lambda: None,
-) -> OneMesh:
-    """Return the one mesh of a subject for the frames requested; see `Unification`."""
-    return Unification(request, store, vertices, until).one_mesh(began)

@@ -16,7 +16,7 @@ from pxr import Usd, UsdGeom
 from flowsculpt.pipeline.frames import FrameRange
 from flowsculpt.pipeline.mesh.mesh_formats import ScenePart
 from flowsculpt.pipeline.mesh.read import ModelFile
-from flowsculpt.pipeline.plugins.interchange.unifying import one_mesh
+from flowsculpt.pipeline.plugins.interchange.unifying import Unification
 from flowsculpt.pipeline.production.execution.project import Project
 from flowsculpt.pipeline.production.store.readers import read_npz
 from flowsculpt.pipeline.production.store.store import Store
@@ -81,10 +81,10 @@ def test_blender_reads_every_frame_of_an_alembic_file(root, tmp_path, monkeypatc
     file, frames = root / "renders" / NAME / "models" / f"{NAME}.abc", list(range(5, 41))
     read = read_by_blender(file, frames, tmp_path / "read.npz")
     assert read["range"].tolist() == [5, 40]
-    mesh = one_mesh(
+    mesh = Unification(
         Project(root, 1).request(root / "shots" / f"{NAME}.yaml", "draft", FrameRange.parse("5-40")),
         Store(root),
-    )
+    ).one_mesh()
     upright = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]], np.float32)  # Blender has z up
     for number in frames:
         points = np.float32(mesh.frame(number).points) @ upright.T
@@ -144,7 +144,7 @@ def test_blender_shows_rigid_copies_as_instances_where_they_are_at_each_frame(
     shown = [number - earlier for number in range(1, 5)]  # the first key of a glTF is at frame 0
     read = read_by_blender(file, shown, tmp_path / "read.npz")
     request = Project(tmp_path, 1).request(tmp_path / "shots" / f"{NAME}.yaml", "draft")
-    mesh = one_mesh(request.parts[0], Store(tmp_path))
+    mesh = Unification(request.parts[0], Store(tmp_path)).one_mesh()
     upright = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]], np.float32)  # Blender has z up
     sizes = set()
     for number in range(1, 5):

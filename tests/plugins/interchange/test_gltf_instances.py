@@ -13,7 +13,7 @@ from flowsculpt.pipeline.mesh.placed_copies import nearest_rotations
 from flowsculpt.pipeline.mesh.read import read_mesh
 from flowsculpt.pipeline.plugins.interchange.gltf_instances import quaternions
 from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh
-from flowsculpt.pipeline.plugins.interchange.unifying import one_mesh
+from flowsculpt.pipeline.plugins.interchange.unifying import Unification
 from flowsculpt.pipeline.production.execution.project import Project
 from tests.conftest import commanded
 from tests.plugins.interchange.test_usd import NAME
@@ -33,7 +33,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, OneMesh]:
     project = Project(root, 1)
     request = project.request(root / "shots" / f"{NAME}.yaml", "draft")
     path = root / "renders" / NAME / "models" / f"{NAME}.instances.glb"
-    return path, one_mesh(request.parts[0], project.store)
+    return path, Unification(request.parts[0], project.store).one_mesh()
 
 
 def test_other_readers_and_ours_find_the_copies_of_the_first_frame(made: tuple[Path, OneMesh]) -> None:

@@ -21,7 +21,7 @@ from flowsculpt.pipeline.mesh.validation import validate
 from flowsculpt.pipeline.plugins.interchange.exported_frame import exported_frame
 from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh
 from flowsculpt.pipeline.plugins.interchange.refining import KIND, Refined, Refiner
-from flowsculpt.pipeline.plugins.interchange.unifying import Unification, one_mesh
+from flowsculpt.pipeline.plugins.interchange.unifying import Unification
 from flowsculpt.pipeline.production.request.render_request import RenderRequest
 from flowsculpt.pipeline.production.store.store import Store
 from tests.needed_plugins import needs_plugins, shot_rows
@@ -149,7 +149,9 @@ def test_moved_frames_have_the_points_and_normals_of_a_fresh_store(tmp_path: Pat
     """Both are kept by key: those of frame 3 in one shot are those of frame 5 in the other."""
     long = "vortex: {axis: y, centre: [0.5, 0, 0], radius: 1, strength: 2}"
     for folder, frames in (("used", "1-8"), ("used", "3-10"), ("fresh", "3-10")):
-        mesh = one_mesh(request_of(tmp_path, BALL, long, frames=frames), Store(tmp_path / folder))
+        mesh = Unification(
+            request_of(tmp_path, BALL, long, frames=frames), Store(tmp_path / folder)
+        ).one_mesh()
         found = [(mesh.frame(n).points.tobytes(), mesh.frame(n).normals.tobytes()) for n in mesh.frames]
         if folder == "used":
             moved = found
@@ -169,10 +171,10 @@ def test_fewer_frames_take_the_first_vertices_of_more(tmp_path: Path) -> None:
 def test_a_reduced_mesh_is_a_sound_surface_with_the_vertices_asked_for(share: int, subject: str) -> None:
     with tempfile.TemporaryDirectory() as folder:
         request, store = request_of(Path(folder), subject, TWIST % (6, 250)), Store(Path(folder))
-        whole = one_mesh(request, store)
+        whole = Unification(request, store).one_mesh()
         least = len(Refiner(request, store).refined().start.vertices)
         wanted = least + share * (len(whole.rest) - least) // 100
-        reduced = one_mesh(request, store, vertices=wanted)
+        reduced = Unification(request, store, vertices=wanted).one_mesh()
         assert len(reduced.rest) == wanted
         assert validate(at_rest(reduced)).require().euler == 2
         assert is_subset(reduced.rest, whole.rest)
@@ -195,7 +197,7 @@ def test_vertices_below_an_error_are_left_out_and_the_largest_error_is_reported(
     request, store = request_of(tmp_path, BALL, FLOWS["twist"]), Store(tmp_path)
     sizes, errors = [], []
     for until in (0.15, 0.25, 0.4):
-        mesh = one_mesh(request, store, until=until)
+        mesh = Unification(request, store, until=until).one_mesh()
         assert mesh.reduction is not None
         assert mesh.reduction.error < until
         sizes.append(len(mesh.rest))
@@ -204,7 +206,7 @@ def test_vertices_below_an_error_are_left_out_and_the_largest_error_is_reported(
         assert mesh.reduction.frame in mesh.frames
     assert sizes == sorted(sizes, reverse=True)
     assert errors == sorted(errors)
-    assert one_mesh(request, store, until=0.0).reduction is None
+    assert Unification(request, store, until=0.0).one_mesh().reduction is None
 
 
 def test_each_subject_has_its_own_mesh_and_copies_keep_apart(tmp_path: Path) -> None:
@@ -218,7 +220,7 @@ resample: {max_edge_length: 0.3}
 flows: [twist: {axis: y, amount: {ease: linear, keys: {1: 0, 3: 150}}}]
 """
     request, store = of_text(tmp_path, text), Store(tmp_path)
-    post, beads = (one_mesh(part, store) for part in request.parts)
+    post, beads = (Unification(part, store).one_mesh() for part in request.parts)
     assert (post.name, beads.name) == ("post", "beads")
     assert validate(at_rest(post)).require().euler == 2
     assert validate(at_rest(beads)).require().euler == 6
@@ -239,7 +241,7 @@ flows: [vortex_ring: {radius: 1, strength: 5}]
 """
     request, store = of_text(tmp_path, text), Store(tmp_path)
     part = next(iter(request.parts))
-    mesh = one_mesh(part, store)
+    mesh = Unification(part, store).one_mesh()
     for frame in animate(part.shot.motion):
         shown, exported = mesh.frame(frame.number), exported_frame(part.shot, frame)
         assert np.array_equal(shown.points, frame.mesh.vertices)
@@ -253,25 +255,25 @@ flows: [vortex_ring: {radius: 1, strength: 5}]
     edges = mesh.creases.shape[0]
     assert edges == len(frame.mesh.creases) > 0
     with pytest.raises(UsageError, match="vertices at rest"):
-        one_mesh(part, store, vertices=10)
+        Unification(part, store, vertices=10).one_mesh()
 
 
 def test_normals_are_carried_by_the_flow_from_the_surface_at_rest(tmp_path: Path) -> None:
     stretch = "stretch: {axis: y, amount: {ease: linear, keys: {1: 1, 6: 2}}}"
     request, store = request_of(tmp_path, BALL, stretch, "{max_edge_length: 0.3}"), Store(tmp_path)
-    mesh = one_mesh(request, store)
+    mesh = Unification(request, store).one_mesh()
     scale = (mesh.frame(6).points * mesh.rest).sum(axis=0) / (mesh.rest**2).sum(axis=0)
     across = mesh.rest / scale
     exact = across / np.linalg.norm(across, axis=1, keepdims=True)
     assert scale[1] == pytest.approx(2.0)
     assert np.degrees(np.arccos(np.einsum("ij,ij->i", mesh.frame(6).normals, exact).clip(-1, 1))).max() < 0.02
-    again = one_mesh(request, store)
+    again = Unification(request, store).one_mesh()
     assert np.array_equal(again.frame(4).normals, mesh.frame(4).normals), "stored and computed are the same"
 
 
 def test_a_subject_that_is_not_resampled_is_its_own_mesh(tmp_path: Path) -> None:
     request = request_of(tmp_path, BOX, TWIST % (6, 90), "off")
-    mesh = one_mesh(request, Store(tmp_path))
+    mesh = Unification(request, Store(tmp_path)).one_mesh()
     assert np.array_equal(mesh.rest, request.shot.motion.mesh_at_rest().vertices)
     assert crease_length(at_rest(mesh)) == pytest.approx(24.0)
     assert len(mesh.frame(6).normals) == len(split_at_creases(at_rest(mesh)).vertices)
@@ -340,7 +342,7 @@ def test_fewer_vertices_than_at_rest_are_refused(tmp_path: Path) -> None:
     with pytest.raises(
         UsageError, match=r"T010_refined has \d+ vertices at rest, so one mesh of it cannot have 10"
     ):
-        one_mesh(request, Store(tmp_path), vertices=10)
+        Unification(request, Store(tmp_path), vertices=10).one_mesh()
 
 
 def test_a_damaged_file_is_made_again_by_the_next_run(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from pxr import Usd, UsdGeom
 from flowsculpt.pipeline.mesh.mesh_formats import ScenePart
 from flowsculpt.pipeline.mesh.read import ModelFile
 from flowsculpt.pipeline.plugins.interchange.copy_instances import Instances, rigid_velocities
-from flowsculpt.pipeline.plugins.interchange.unifying import Unification, one_mesh
+from flowsculpt.pipeline.plugins.interchange.unifying import Unification
 from flowsculpt.pipeline.production.execution.project import Project
 from tests.conftest import commanded
 from tests.plugins.interchange.test_usd import NAME, findings
@@ -106,7 +106,7 @@ def test_each_copy_has_the_colour_of_its_vertices(root: Path, stage: Path) -> No
 
 def test_our_own_reader_finds_the_copies(root: Path, stage: Path) -> None:
     read = ModelFile(stage, ScenePart(PRIM, 3.0)).surface().mesh
-    mesh = one_mesh(part(root).request, Project(root, 1).store)
+    mesh = Unification(part(root).request, Project(root, 1).store).one_mesh()
     assert len(read.vertices) == len(mesh.rest)
     nearest = np.linalg.norm(read.vertices[:, None] - mesh.points_at(3)[None], axis=2).min(axis=1)
     assert nearest.max() < 2e-4

@@ -12,7 +12,7 @@ from pxr import Usd, UsdGeom, UsdShade
 from flowsculpt.pipeline.mesh.mesh_formats import ScenePart
 from flowsculpt.pipeline.mesh.read import ModelFile
 from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh
-from flowsculpt.pipeline.plugins.interchange.unifying import one_mesh
+from flowsculpt.pipeline.plugins.interchange.unifying import Unification
 from flowsculpt.pipeline.plugins.interchange.usd_materials import add_material
 from flowsculpt.pipeline.plugins.interchange.usd_one_mesh import write_one_mesh
 from flowsculpt.pipeline.production.execution.project import Project
@@ -62,7 +62,7 @@ def stage(root: Path) -> Path:
 @pytest.fixture
 def mesh(root: Path) -> OneMesh:
     project = Project(root, 1)
-    return one_mesh(project.request(root / "shots" / f"{NAME}.yaml", "draft"), project.store)
+    return Unification(project.request(root / "shots" / f"{NAME}.yaml", "draft"), project.store).one_mesh()
 
 
 def test_the_validators_of_usd_find_nothing(stage: Path) -> None:
