@@ -21,6 +21,7 @@ from flowsculpt.pipeline.plugins.interchange.scene_readers import (
     VELOCITIES,
     PlacedMeshes,
     Polygons,
+    cages_note,
     joined,
     require_vertices,
     reversed_faces,
@@ -123,10 +124,7 @@ class AlembicSource:
         if hidden:
             notes.append(f"{plural(hidden, 'hidden mesh', 'hidden meshes')} left out")
         if cages:
-            notes.append(
-                f"{plural(cages, 'mesh', 'meshes')} would be smoothed by subdivision, which is not done "
-                "here; to make it smooth, subdivide it in the program that made the file"
-            )
+            notes.append(cages_note(cages))
         return joined(meshes.parts, notes)
 
 

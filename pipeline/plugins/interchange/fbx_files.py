@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flowsculpt import MeshError
-from flowsculpt.api import plural, quote
+from flowsculpt.api import quote
 from flowsculpt.api.files import InputFile, Parser, text_content
 from flowsculpt.api.meshes import FileSurface, Floats, SurfaceReader
 from flowsculpt.pipeline.plugins.interchange.scene_readers import (
@@ -27,6 +27,7 @@ from flowsculpt.pipeline.plugins.interchange.scene_readers import (
     answered,
     asked,
     bound_note,
+    cages_note,
     joined,
     known_unit,
     one_file,
@@ -163,10 +164,7 @@ def visible_surface(content: bytes) -> FileSurface:
     if bound:
         notes.append(bound_note(bound))
     if cages:
-        notes.append(
-            f"{plural(cages, 'mesh', 'meshes')} would be smoothed by subdivision, which is not done here; "
-            "to make it smooth, subdivide it in the program that made the file"
-        )
+        notes.append(cages_note(cages))
     return joined(meshes.parts, notes)._replace(unit=known_unit(scene.settings.unit_meters))
 
 

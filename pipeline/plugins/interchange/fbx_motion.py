@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flowsculpt import MeshError
-from flowsculpt.api import quote, shorten, suggest
+from flowsculpt.api import quote
 from flowsculpt.api.files import InputFile, Parser
 from flowsculpt.api.meshes import FileSurface, Floats, MovingSurface, ScenePart
 from flowsculpt.pipeline.plugins.interchange.fbx_files import (
@@ -32,7 +32,9 @@ from flowsculpt.pipeline.plugins.interchange.moving_files import (
     MotionFacts,
     MovingFile,
     answer_about,
+    chosen_animation,
     require_times,
+    several_animations,
 )
 from flowsculpt.pipeline.plugins.interchange.scene_readers import PlacedMeshes, Polygons, joined, known_unit
 
@@ -59,16 +61,10 @@ class FbxSource:
             layers = self._counted(stack.layers)
             if any(len(layer.anim_props) for layer in layers):
                 stacks[stack.name] = stack, layers
-        if animation and animation not in stacks:
-            remedy = suggest(animation, stacks) if stacks else "Nothing in it moves."
-            raise MeshError(f"it has no animation {shorten(repr(animation))}. {remedy}")
+        chosen = chosen_animation(animation, stacks)
         if len(stacks) > 1 and not animation:
-            names, first = shorten(", ".join(stacks)), shorten(next(iter(stacks)))
-            raise MeshError(f"it has several animations: {names}. Write animation: {first}, or another.")
-        chosen: tuple[Any, list[Any]] = (None, [])
-        if stacks:
-            chosen = stacks[animation or next(iter(stacks))]
-        self._stack, self._layers = chosen
+            raise several_animations(stacks)
+        self._stack, self._layers = stacks.get(chosen, (None, []))
 
     def _counted(self, elements: Any) -> list[Any]:
         """Return the elements of a list of ufbx, and keep them."""

@@ -30,7 +30,7 @@ from flowsculpt.pipeline.plugins.interchange.fbx_files import (
     shown_meshes,
     uncollected,
 )
-from flowsculpt.pipeline.plugins.interchange.model_paint import ModelPaint, PaintParts, packed
+from flowsculpt.pipeline.plugins.interchange.model_paint import ModelPaint, PaintParts
 from flowsculpt.pipeline.plugins.interchange.painted_materials import (
     GREY,
     FileMaterial,
@@ -46,6 +46,7 @@ from flowsculpt.pipeline.plugins.interchange.scene_readers import (
     answered,
     asked,
     content_of,
+    packed_arrays,
 )
 
 if TYPE_CHECKING:
@@ -164,7 +165,7 @@ def answer(path: str, question: str) -> bytes:
 
 @uncollected()
 def _packed_paint(content: bytes) -> bytes:
-    return packed(_PaintedScene.of(loaded_scene(content)).arrays())
+    return packed_arrays(_PaintedScene.of(loaded_scene(content)).arrays())
 
 
 @uncollected()

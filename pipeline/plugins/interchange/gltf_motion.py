@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flowsculpt import MeshError
-from flowsculpt.api import shorten, suggest
+from flowsculpt.api import shorten
 from flowsculpt.api.files import InputFile, Parser
 from flowsculpt.api.meshes import FileSurface, Floats, MovingSurface, ScenePart, SourceFiles
 from flowsculpt.pipeline.plugins.interchange.gltf_document import MOST_BYTES, GltfDocument, JsonObject
@@ -21,7 +21,9 @@ from flowsculpt.pipeline.plugins.interchange.moving_files import (
     MotionFacts,
     MovingFile,
     answer_about,
+    chosen_animation,
     require_times,
+    several_animations,
 )
 from flowsculpt.pipeline.plugins.interchange.scene_readers import require_package
 
@@ -62,15 +64,10 @@ class AnimatedScene(DefaultScene):
             if own:
                 found[name] = own
         if self.animation:
-            if self.animation not in found:
-                remedy = suggest(self.animation, found) if found else "Nothing in it moves."
-                raise MeshError(f"it has no animation {shorten(repr(self.animation))}. {remedy}")
-            return found[self.animation]
+            return found[chosen_animation(self.animation, found)]
         channels = [channel for own in found.values() for channel in own]
         if len({(channel.node, channel.path) for channel in channels}) < len(channels) and len(found) > 1:
-            names = shorten(", ".join(found))
-            first = shorten(next(iter(found)))
-            raise MeshError(f"it has several animations: {names}. Write animation: {first}, or another.")
+            raise several_animations(found)
         return channels
 
     def _channels_of(self, animation: JsonObject) -> Iterator[_Channel]:

@@ -30,7 +30,7 @@ from flowsculpt.pipeline.plugins.interchange.gltf_files import (
     placed,
 )
 from flowsculpt.pipeline.plugins.interchange.gltf_scene import DefaultScene, PlacedPrimitive
-from flowsculpt.pipeline.plugins.interchange.model_paint import ModelPaint, PaintParts, packed
+from flowsculpt.pipeline.plugins.interchange.model_paint import ModelPaint, PaintParts
 from flowsculpt.pipeline.plugins.interchange.painted_materials import (
     GREY,
     FileMaterial,
@@ -40,6 +40,7 @@ from flowsculpt.pipeline.plugins.interchange.painted_materials import (
     picture,
     picture_within,
 )
+from flowsculpt.pipeline.plugins.interchange.scene_readers import packed_arrays
 
 _TRANSFORM = "KHR_texture_transform"
 _GLOSSINESS = "KHR_materials_pbrSpecularGlossiness"
@@ -348,7 +349,7 @@ def _answer(path: str) -> bytes:
     scene = PaintedScene.read(Path(path))
     files = (Path(path), *files_of_buffers(scene))
     Parser.allow_memory(Parser.MEMORY + 40 * sum(InputFile(file, MOST_BYTES).size() for file in files))
-    return packed(PaintArrays(scene).paint())
+    return packed_arrays(PaintArrays(scene).paint())
 
 
 if __name__ == "__main__":

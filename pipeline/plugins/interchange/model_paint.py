@@ -86,7 +86,7 @@ class ModelPaint:
 
     @classmethod
     def unpacked(cls, content: bytes) -> ModelPaint:
-        """Return the paint whose arguments of `of` were turned into bytes by `packed`."""
+        """Return the paint whose arguments of `of` were turned into bytes by `packed_arrays`."""
         with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
             return cls.of(**arrays)
 
@@ -191,13 +191,6 @@ class PaintParts:
         for sides, materials, own in meshes:
             colours.append(of_materials[np.repeat(materials, sides)] if own is None else own)
         return {**found, "colours": np.concatenate(colours)}
-
-
-def packed(arrays: dict[str, np.ndarray]) -> bytes:
-    """Return arrays as bytes, for the answer of a process."""
-    file = io.BytesIO()
-    np.savez(file, allow_pickle=False, **arrays)
-    return file.getvalue()
 
 
 def _sides(corners: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache
@@ -19,11 +19,13 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from flowsculpt import MeshError, MissingInputError
+from flowsculpt.api import shorten, suggest
 from flowsculpt.api.files import CachedAnswer, Parser
 from flowsculpt.api.meshes import FileSurface, Floats, SourceFiles
 from flowsculpt.pipeline.plugins.interchange.scene_readers import (
     answered,
     content_of,
+    packed_arrays,
     packed_surface,
     unpacked_surface,
 )
@@ -92,9 +94,7 @@ def _sample(surface: FileSurface, points_alone: bool) -> bytes:
         raise MeshError(f"vertex {vertex} is {surface.points[vertex].tolist()}, which is not finite")
     if not points_alone:
         return packed_surface(surface)
-    file = io.BytesIO()
-    np.savez(file, **given)
-    return file.getvalue()
+    return packed_arrays(given)
 
 
 @dataclass
@@ -111,7 +111,11 @@ class MovingFile:
     options: Sequence[str]
     files: SourceFiles
     samples: int = 0
-    _motion: MotionFacts = field(default=None)  # type: ignore[assignment]  # `opened` sets it
+    times: Floats = field(init=False)
+    rate: float | None = field(init=False)
+    is_fixed: bool = field(init=False)
+    is_continuous: bool = field(init=False)
+    is_in_frames: bool = False
     _session: Any = None
     _first: FileSurface | None = None
     _state: object = None
@@ -138,28 +142,8 @@ class MovingFile:
             known.store({"facts": facts})
             motion = _motion_of(facts)
             moving.close()
-        moving._motion = motion
+        moving.times, moving.rate, moving.is_fixed, moving.is_continuous = motion
         return moving
-
-    @property
-    def times(self) -> Floats:
-        return self._motion.times
-
-    @property
-    def rate(self) -> float | None:
-        return self._motion.rate
-
-    @property
-    def is_fixed(self) -> bool:
-        return self._motion.is_fixed
-
-    @property
-    def is_continuous(self) -> bool:
-        return self._motion.is_continuous
-
-    @property
-    def is_in_frames(self) -> bool:
-        return False
 
     def at(self, seconds: float) -> FileSurface:
         seconds = float(np.clip(seconds, self.times[0], self.times[-1]))
@@ -229,6 +213,23 @@ _NEVER = 1e12  # seconds
 def _motion_of(facts: list[Any]) -> MotionFacts:
     times, rate, is_fixed, is_continuous = facts
     return MotionFacts(np.array(times, np.float64), rate, is_fixed, is_continuous)
+
+
+def chosen_animation(name: str, found: Collection[str]) -> str:
+    """Return the animation of a file that is asked for: with an empty name the first that it has.
+
+    Raises MeshError where there is none of that name.
+    """
+    if name and name not in found:
+        remedy = suggest(name, found) if found else "Nothing in it moves."
+        raise MeshError(f"it has no animation {shorten(repr(name))}. {remedy}")
+    return name or next(iter(found), "")
+
+
+def several_animations(found: Collection[str]) -> MeshError:
+    """Return the error of a file with several animations of which none is named."""
+    names, first = shorten(", ".join(found)), shorten(next(iter(found)))
+    return MeshError(f"it has several animations: {names}. Write animation: {first}, or another.")
 
 
 def require_times(times: Floats, remedy: str) -> Floats:

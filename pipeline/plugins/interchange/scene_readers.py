@@ -7,10 +7,10 @@ import json
 import math
 import shlex
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -173,6 +173,14 @@ def joined(parts: Sequence[Polygons], notes: Sequence[str] = ()) -> FileSurface:
     )
 
 
+def cages_note(count: int) -> str:
+    """Return the line about meshes that other programs show subdivided."""
+    return (
+        f"{plural(count, 'mesh', 'meshes')} would be smoothed by subdivision, which is not done here; to "
+        "make it smooth, subdivide it in the program that made the file"
+    )
+
+
 def bound_note(count: int) -> str:
     """Return the line about meshes that other programs show as their skeletons and blend shapes move them."""
     return (
@@ -237,9 +245,14 @@ def packed_surface(surface: FileSurface) -> bytes:
     """Return a surface as bytes: a line of JSON, and its arrays as npz."""
     fields = {name: value for name, value in surface._asdict().items() if value is not None or name in _FACTS}
     facts = {name: fields.pop(name) for name in _FACTS}
+    return json.dumps(facts).encode() + b"\n" + packed_arrays(fields)
+
+
+def packed_arrays(arrays: Mapping[str, Any]) -> bytes:
+    """Return arrays as bytes, an npz, for the answer of a process."""
     file = io.BytesIO()
-    np.savez(file, **fields)
-    return json.dumps(facts).encode() + b"\n" + file.getvalue()
+    np.savez(file, allow_pickle=False, **arrays)
+    return file.getvalue()
 
 
 def unpacked_surface(content: bytes) -> FileSurface:

@@ -18,9 +18,9 @@ from flowsculpt import MeshError
 from flowsculpt.api import shorten
 from flowsculpt.api.materials import Texture
 from flowsculpt.api.meshes import Floats
-from flowsculpt.pipeline.plugins.interchange.model_paint import PaintParts, packed
+from flowsculpt.pipeline.plugins.interchange.model_paint import PaintParts
 from flowsculpt.pipeline.plugins.interchange.painted_materials import GREY
-from flowsculpt.pipeline.plugins.interchange.scene_readers import Polygons
+from flowsculpt.pipeline.plugins.interchange.scene_readers import Polygons, packed_arrays
 from flowsculpt.pipeline.plugins.interchange.usd_reader import (
     StageMeshes,
     content_of_picture,
@@ -219,7 +219,7 @@ def answer_about_paint(stage: Usd.Stage, question: str, prim: str | None, time_c
     painted.add(start_of(stage, prim))
     if question == "materials":
         return json.dumps([surface.facts for surface in painted.surfaces.values()]).encode()
-    return packed(painted.arrays())
+    return packed_arrays(painted.arrays())
 
 
 def _bound(prim: Usd.Prim) -> UsdShade.Material:
