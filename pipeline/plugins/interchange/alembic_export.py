@@ -15,12 +15,6 @@ from flowsculpt import MachineError
 from flowsculpt.api.files import python_command
 from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh, even_step
 from flowsculpt.pipeline.plugins.interchange.refining import Began
-from flowsculpt.pipeline.plugins.interchange.scene_readers import require_package
-
-
-def require_alembic() -> None:
-    """Raise MachineError where the package that writes Alembic is not installed."""
-    require_package("Alembic files", "alembic3d", "alembic3d (13 MB)", "alembic")
 
 
 def write_alembic(path: Path, title: str, meshes: Sequence[OneMesh], began: Began) -> None:

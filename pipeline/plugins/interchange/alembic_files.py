@@ -19,18 +19,19 @@ from flowsculpt.pipeline.plugins.interchange.scene_readers import require_packag
 _MODULE = "flowsculpt.pipeline.plugins.interchange.alembic_files"
 
 
-def _require_alembic() -> None:
+def require_alembic() -> None:
+    """Raise MachineError where the package that reads and writes Alembic is not installed."""
     require_package("Alembic files", "alembic3d", "alembic3d (13 MB)", "alembic")
 
 
 def _read(path: Path) -> FileSurface:
     """Read the meshes of an archive at its first sample. Raises MachineError without alembic3d."""
-    _require_alembic()
+    require_alembic()
     return first_sample(path, _MODULE)
 
 
 def _files(path: Path) -> SourceFiles:
-    _require_alembic()
+    require_alembic()
     with InputFile(path).open() as (file, _):
         if file.read(4) == b"\x89HDF":
             raise MeshError("it is an archive of HDF5, as Alembic was until 2013. Export it as Ogawa.")

@@ -85,21 +85,16 @@ class _Animation(GltfContent):
             node |= {"translation": keys.centre.tolist(), "scale": [keys.step] * 3}
         self.append("nodes", node)
         if count:
-            self._animate(len(self.lists["nodes"]) - 1, keys)
+            self._weigh(len(self.lists["nodes"]) - 1, keys)
 
-    def _animate(self, node: int, keys: KeyPoses) -> None:
+    def _weigh(self, node: int, keys: KeyPoses) -> None:
         """Add a channel that blends from each pose to the next one; at the first all weights are 0."""
         numbers, mesh = np.array(keys.numbers), keys.drawn.mesh
         times = self.times(mesh, numbers)
         weights = np.eye(len(numbers), dtype="<f4")[:, 1:]
-        sampler = {
-            "input": self.accessor(self.raw(times), times, "SCALAR", FLOAT, bounded=True),
-            "output": self.accessor(self.raw(weights), weights.reshape(-1), "SCALAR", FLOAT),
-            "interpolation": "LINEAR",
-        }
-        self.channel_samplers.append(sampler)
-        target = {"node": node, "path": "weights"}
-        self.channels.append({"sampler": len(self.channel_samplers) - 1, "target": target})
+        when = self.accessor(self.raw(times), times, "SCALAR", FLOAT, bounded=True)
+        output = self.accessor(self.raw(weights), weights.reshape(-1), "SCALAR", FLOAT)
+        self.animate(node, "weights", when, output)
 
     def _pose(self, place: np.ndarray, normal: np.ndarray, keys: KeyPoses, base: bool) -> dict[str, int]:
         """Add positions and normals of a pose, or of the difference between two."""

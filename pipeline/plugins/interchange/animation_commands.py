@@ -11,7 +11,7 @@ from flowsculpt.api import plural
 from flowsculpt.api.commands import execute, print_result, progress_bars, report_plan, size_words
 from flowsculpt.api.frames import Locks
 from flowsculpt.api.options import DEFAULT_QUALITY, Common, Shot
-from flowsculpt.pipeline.plugins.interchange.alembic_export import require_alembic
+from flowsculpt.pipeline.plugins.interchange.alembic_files import require_alembic
 from flowsculpt.pipeline.plugins.interchange.animation_export import (
     AlembicExport,
     AnimationExport,

@@ -53,11 +53,12 @@ class AnimationExport(ABC):
     parts: tuple[Unification, ...]
 
     form: ClassVar[str]
+    ends: ClassVar[tuple[str, ...]]
 
     @property
-    @abstractmethod
     def names(self) -> tuple[str, ...]:
         """The names of the files; other programs open the first one."""
+        return tuple(f"{self.name}.{end}" for end in self.ends)
 
     @property
     def facts(self) -> list[Any]:
@@ -169,10 +170,7 @@ class GltfExport(AnimationExport):
     plain: bool = False
 
     form = "gltf"
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        return (f"{self.name}.glb",)
+    ends = ("glb",)
 
     @property
     def facts(self) -> list[Any]:
@@ -199,14 +197,11 @@ class AlembicExport(AnimationExport):
     """An Alembic file of all subjects."""
 
     form = "abc"
+    ends = ("abc",)
 
     def __post_init__(self) -> None:
         """Raise UsageError for frames that are not evenly spaced."""
         even_step(self.request.requested)
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        return (f"{self.name}.abc",)
 
     def write_files(self, meshes: list[OneMesh], began: Began) -> str:
         title = self.request.shot.title or self.name
@@ -219,14 +214,11 @@ class VertexTextureExport(AnimationExport):
     """Vertex animation textures of one subject, with its mesh and what shaders need to know."""
 
     form = "vat"
+    ends = ("glb", "positions.exr", "normals.png", "json")
 
     def __post_init__(self) -> None:
         """Raise UsageError for frames that are not evenly spaced."""
         even_step(self.request.requested)
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        return tuple(f"{self.name}.{end}" for end in ("glb", "positions.exr", "normals.png", "json"))
 
     @property
     def facts(self) -> list[Any]:
@@ -255,10 +247,7 @@ class WebExport(AnimationExport):
     """A page that plays all subjects, with light, floor and cameras of the shot."""
 
     form = "web"
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        return (f"{self.name}.html",)
+    ends = ("html",)
 
     @cached_property
     def _framings(self) -> Mapping[int, Framing]:

@@ -122,6 +122,12 @@ class GltfContent:
         self.timing = {"rate": rate, "first": mesh.frames[0], "last": mesh.frames[-1]}
         return ((numbers - mesh.frames[0]) / rate).astype("<f4")
 
+    def animate(self, node: int, path: str, when: int, output: int) -> None:
+        """Add a channel of the clip; `when` and `output` are accessors."""
+        self.channel_samplers.append({"input": when, "output": output, "interpolation": "LINEAR"})
+        target = {"node": node, "path": path}
+        self.channels.append({"sampler": len(self.channel_samplers) - 1, "target": target})
+
     def document(self, name: str) -> dict[str, Any]:
         """Return the JSON of the file, with everything that was added."""
         buffers: list[dict[str, Any]] = [{"byteLength": len(self.binary)}]

@@ -41,14 +41,8 @@ class _CopyNodes(GltfContent):
             }
             at = self.append("nodes", node)
             for path, kind, values in (("translation", "VEC3", places), ("rotation", "VEC4", turns)):
-                self._animate(at, path, kind, values[:, k], when)
-
-    def _animate(self, node: int, path: str, kind: str, values: Floats, when: int) -> None:
-        rows = values.astype("<f4")
-        output = self.accessor(self.raw(rows), rows, kind, FLOAT)
-        self.channel_samplers.append({"input": when, "output": output, "interpolation": "LINEAR"})
-        target = {"node": node, "path": path}
-        self.channels.append({"sampler": len(self.channel_samplers) - 1, "target": target})
+                rows = values[:, k].astype("<f4")
+                self.animate(at, path, when, self.accessor(self.raw(rows), rows, kind, FLOAT))
 
     def _meshes(self, copies: Instances, look: Material) -> list[int]:
         """Add the shape once for each colour of copies; return the number (N,) of the mesh of each copy."""
@@ -121,10 +115,7 @@ class GltfInstancesExport(AnimationExport):
     plain: bool = False
 
     form = "gltf_instances"
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        return (f"{self.name}.instances.glb",)
+    ends = ("instances.glb",)
 
     @property
     def facts(self) -> list[Any]:
