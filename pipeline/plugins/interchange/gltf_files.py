@@ -356,11 +356,16 @@ def read_gltf(path: Path) -> FileSurface:
     Raises ValueError where it cannot be read, MissingInputError for a missing buffer.
     """
     scene = DefaultScene.of(GltfDocument.read(path))
-    if any(scene.draco_of(part) is not None for part in scene.distinct):
-        require_package("glTF files with Draco data", "DracoPy", "DracoPy", "models")
+    require_draco(scene)
     files_of_buffers(scene)
     surface = unpacked_surface(Parser("flowsculpt.pipeline.plugins.interchange.gltf_files").answer(path))
     return surface._replace(notes=tuple(_notes(scene)))
+
+
+def require_draco(scene: DefaultScene) -> None:
+    """Raise MachineError where the package that reads Draco data is needed and not installed."""
+    if any(scene.draco_of(part) is not None for part in scene.distinct):
+        require_package("glTF files with Draco data", "DracoPy", "DracoPy", "models")
 
 
 def _files(path: Path) -> SourceFiles:

@@ -15,7 +15,7 @@ from flowsculpt.api import shorten
 from flowsculpt.api.files import InputFile, Parser
 from flowsculpt.api.meshes import FileSurface, Floats, MovingSurface, ScenePart, SourceFiles
 from flowsculpt.pipeline.plugins.interchange.gltf_document import MOST_BYTES, GltfDocument, JsonObject
-from flowsculpt.pipeline.plugins.interchange.gltf_files import SceneArrays, files_of_buffers
+from flowsculpt.pipeline.plugins.interchange.gltf_files import SceneArrays, files_of_buffers, require_draco
 from flowsculpt.pipeline.plugins.interchange.gltf_scene import DefaultScene, PlacedPrimitive
 from flowsculpt.pipeline.plugins.interchange.moving_files import (
     MotionFacts,
@@ -25,7 +25,6 @@ from flowsculpt.pipeline.plugins.interchange.moving_files import (
     require_times,
     several_animations,
 )
-from flowsculpt.pipeline.plugins.interchange.scene_readers import require_package
 
 _MODULE = "flowsculpt.pipeline.plugins.interchange.gltf_motion"
 
@@ -237,8 +236,7 @@ def open_gltf(path: Path, part: ScenePart | None) -> MovingSurface:
     """Open the animation of a file: see `FileFormat.motion`."""
     name = part.animation or "" if part else ""
     scene = _scene(path, name)
-    if any(scene.draco_of(part) is not None for part in scene.distinct):
-        require_package("glTF files with Draco data", "DracoPy", "DracoPy", "models")
+    require_draco(scene)
     files = [(file, InputFile(file).digest()) for file in (path, *files_of_buffers(scene))]
     return MovingFile.opened(path, _MODULE, SourceFiles.of(files), "numpy", name)
 

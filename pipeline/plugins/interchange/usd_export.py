@@ -19,7 +19,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdShade, Vt
@@ -53,10 +53,6 @@ from flowsculpt.pipeline.plugins.interchange.usd_prims import (
     sample,
     write_picture,
 )
-
-if TYPE_CHECKING:
-    from flowsculpt.api.frames import Framing
-
 
 SCULPTURE = "sculpture"  # name of the prim that clips move
 
@@ -520,15 +516,17 @@ class UsdExport:
     store: Store
     folder: Path
 
+    form: ClassVar[str] = ""
+
     @cached_property
     def files(self) -> KeyedFiles:
         """The files of the folder."""
-        return KeyedFiles(self.folder, f"{self.request.name}.keys.json", self.store)
+        return KeyedFiles(self.folder, f"{self.request.name}{self.form}.keys.json", self.store)
 
     @property
     def path(self) -> Path:
         """The path of the stage that other programs open."""
-        return self.folder / f"{self.request.name}.usda"
+        return self.folder / f"{self.request.name}{self.form}.usda"
 
     @cached_property
     def _sculptures(self) -> tuple[SculptureFiles, ...]:

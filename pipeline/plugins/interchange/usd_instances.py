@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -20,9 +19,14 @@ from pxr import Gf, Sdf, UsdGeom, Vt
 from flowsculpt.api.frames import key_of
 from flowsculpt.api.meshes import Floats
 from flowsculpt.pipeline.plugins.interchange.copy_instances import Instances, PlacedCopies
-from flowsculpt.pipeline.plugins.interchange.exported_frame import EXPORT, KeyedFiles
+from flowsculpt.pipeline.plugins.interchange.exported_frame import EXPORT
 from flowsculpt.pipeline.plugins.interchange.usd_export import write_layer
-from flowsculpt.pipeline.plugins.interchange.usd_one_mesh import OneMeshFile, OneMeshStage, add_mesh
+from flowsculpt.pipeline.plugins.interchange.usd_one_mesh import (
+    OneMeshFile,
+    OneMeshStage,
+    add_mesh,
+    timed_layer,
+)
 
 SHAPE = "shape"
 """The name of the prim that all copies are instances of."""
@@ -31,9 +35,7 @@ SHAPE = "shape"
 def write_instances(path: Path, prim: str, copies: Instances, passed: Callable[[], None]) -> None:
     """Write the layer of a point instancer with its shape. Raises MachineError where the disk refuses."""
     mesh = copies.mesh
-    layer = Sdf.Layer.CreateAnonymous(".usdc")
-    layer.timeCodesPerSecond = layer.framesPerSecond = float(mesh.rate.fps)
-    layer.startTimeCode, layer.endTimeCode = float(mesh.frames[0]), float(mesh.frames[-1])
+    layer = timed_layer(mesh)
     spec = Sdf.CreatePrimInLayer(layer, prim)
     spec.specifier, spec.typeName = Sdf.SpecifierDef, "PointInstancer"
     place = f"{prim}/{SHAPE}"
@@ -97,11 +99,7 @@ class InstancesFile(OneMeshFile):
     """The copies of one subject of a stage: the layer with their time samples."""
 
     schema = UsdGeom.PointInstancer
-
-    @property
-    def name(self) -> str:
-        """The file's name."""
-        return f"{self.request.motion_folders.part_name}.instances.usdc"
+    form = ".instances"
 
     @property
     def key(self) -> str:
@@ -113,19 +111,8 @@ class InstancesFile(OneMeshFile):
 class InstancesStage(OneMeshStage):
     """A shot of rigid copies as a USD stage of instances. Files that are current are kept."""
 
-    @cached_property
-    def files(self) -> KeyedFiles:
-        """The files of the folder."""
-        return KeyedFiles(self.folder, f"{self.request.name}.instances.keys.json", self.store)
-
-    @property
-    def path(self) -> Path:
-        """The path of the stage that other programs open."""
-        return self.folder / f"{self.request.name}.instances.usda"
-
-    @cached_property
-    def _sculptures(self) -> tuple[InstancesFile, ...]:
-        return tuple(InstancesFile(part.request, self.store, self.files, part) for part in self.parts)
+    form = InstancesFile.form
+    sculpture = InstancesFile
 
     def _write_mesh(self, file: OneMeshFile, passed: Callable[[], None]) -> None:
         copies = Instances.of(file.unification, self.began)

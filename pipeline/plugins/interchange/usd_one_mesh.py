@@ -12,12 +12,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 from pxr import Sdf
 
 from flowsculpt.api.frames import key_of
-from flowsculpt.pipeline.plugins.interchange.exported_frame import EXPORT, ExportedFrame, KeyedFiles
+from flowsculpt.pipeline.plugins.interchange.exported_frame import EXPORT, ExportedFrame
 from flowsculpt.pipeline.plugins.interchange.one_mesh import OneMesh
 from flowsculpt.pipeline.plugins.interchange.refining import Began
 from flowsculpt.pipeline.plugins.interchange.unifying import Unification
@@ -39,11 +40,17 @@ def write_one_mesh(path: Path, prim: str, mesh: OneMesh, passed: Callable[[], No
 
     Raises FrameError where a frame cannot be read, MachineError where the disk refuses.
     """
+    layer = timed_layer(mesh)
+    add_mesh(layer, prim, mesh, passed)
+    write_layer(path, layer)
+
+
+def timed_layer(mesh: OneMesh) -> Sdf.Layer:
+    """Return a layer without prims that has the rate and the frames of a mesh."""
     layer = Sdf.Layer.CreateAnonymous(".usdc")
     layer.timeCodesPerSecond = layer.framesPerSecond = float(mesh.rate.fps)
     layer.startTimeCode, layer.endTimeCode = float(mesh.frames[0]), float(mesh.frames[-1])
-    add_mesh(layer, prim, mesh, passed)
-    write_layer(path, layer)
+    return layer
 
 
 def add_mesh(layer: Sdf.Layer, prim: str, mesh: OneMesh, passed: Callable[[], None] = lambda: None) -> None:
@@ -88,10 +95,12 @@ class OneMeshFile(SculptureFiles):
 
     unification: Unification
 
+    form: ClassVar[str] = ".one_mesh"
+
     @property
     def name(self) -> str:
         """The file's name."""
-        return f"{self.request.motion_folders.part_name}.one_mesh.usdc"
+        return f"{self.request.motion_folders.part_name}{self.form}.usdc"
 
     @property
     def attributes(self) -> tuple[SampledAttribute, ...]:
@@ -128,19 +137,12 @@ class OneMeshStage(UsdExport):
     parts: tuple[Unification, ...]
     began: Began = lambda name, total: lambda: None
 
-    @cached_property
-    def files(self) -> KeyedFiles:
-        """The files of the folder."""
-        return KeyedFiles(self.folder, f"{self.request.name}.one_mesh.keys.json", self.store)
-
-    @property
-    def path(self) -> Path:
-        """The path of the stage that other programs open."""
-        return self.folder / f"{self.request.name}.one_mesh.usda"
+    form = OneMeshFile.form
+    sculpture: ClassVar[type[OneMeshFile]] = OneMeshFile
 
     @cached_property
     def _sculptures(self) -> tuple[OneMeshFile, ...]:
-        return tuple(OneMeshFile(part.request, self.store, self.files, part) for part in self.parts)
+        return tuple(self.sculpture(part.request, self.store, self.files, part) for part in self.parts)
 
     def stale(self) -> list[int]:
         """Return the frames to write: all of those of files that are not current, once for each."""
