@@ -7,6 +7,7 @@ along the camera's axes: right, up and forward.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -234,6 +235,12 @@ class Camera:
 def unit(vector: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return a vector (3,) over its length."""
     return np.asarray(vector / np.linalg.norm(vector), dtype=np.float64)
+
+
+def triple(vector: Iterable[float]) -> Triple:
+    """Return three numbers as floats."""
+    x, y, z = (float(part) for part in vector)
+    return x, y, z
 
 
 SPHERICAL = Projection("spherical")

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from flowsculpt.render.base.render_errors import BadInputError
 from flowsculpt.render.base.serialise import OMIT_DEFAULT, Colour, Triple
 from flowsculpt.render.scene import clear_sky
-from flowsculpt.render.scene.render_camera import unit
+from flowsculpt.render.scene.render_camera import triple, unit
 from flowsculpt.render.scene.rgb_spaces import LUMA
 from flowsculpt.render.scene.sky import SUN_WIDTH, Daylight, Environment
 
@@ -398,20 +398,15 @@ def sampled_emitters(lights: LightRig, to_scene: NDArray[np.float64]) -> list[Sa
         strength = float(LUMA @ box.radiance) * box.width * box.height * scale**2
         position = turn @ box.position + to_scene[:3, 3]
         facing = unit(turn @ np.subtract(box.target, box.position))
-        sampled.append(SampledEmitter(f"softbox{index}", strength, _triple(position), _triple(facing)))
+        sampled.append(SampledEmitter(f"softbox{index}", strength, triple(position), triple(facing)))
     for index, sun in enumerate(lights.suns):
         facing = unit(turn @ sun.direction)
-        sampled.append(SampledEmitter(f"sun{index}", float(LUMA @ sun.irradiance), None, _triple(facing)))
+        sampled.append(SampledEmitter(f"sun{index}", float(LUMA @ sun.irradiance), None, triple(facing)))
     if lights.daylight:
         sampled.append(SampledEmitter("sky", daylight=lights.daylight))
     elif lights.environment:
         sampled.append(SampledEmitter("sky"))
     return sampled
-
-
-def _triple(vector: NDArray[np.float64]) -> Triple:
-    x, y, z = (float(part) for part in vector)
-    return x, y, z
 
 
 @dataclass(frozen=True)

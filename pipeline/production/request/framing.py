@@ -19,7 +19,7 @@ import numpy as np
 
 from flowsculpt.pipeline.arrays import AnyArray, Floats
 from flowsculpt.pipeline.shot.camera_path import Between
-from flowsculpt.render.scene.render_camera import Camera, WideCamera
+from flowsculpt.render.scene.render_camera import Camera, WideCamera, triple
 from flowsculpt.render.scene.scene_stage import Stage, StagePlacement
 
 if TYPE_CHECKING:
@@ -504,8 +504,3 @@ def _blur(
     else:
         sharp = float((origin - lens.focus) @ back)
     return {"lens_radius": float(lens.focal_length / lens.aperture / 2.0 / unit), "focus_distance": sharp}
-
-
-def triple(values: Iterable[float]) -> tuple[float, float, float]:
-    x, y, z = (float(v) for v in values)
-    return x, y, z

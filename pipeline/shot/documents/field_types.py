@@ -23,12 +23,12 @@ from pydantic import (
 from pydantic_core import CoreSchema
 from pydantic_core.core_schema import ValidatorFunctionWrapHandler, no_info_wrap_validator_function
 
-from flowsculpt.pipeline.errors import FlowsculptError, quote, suggest
+from flowsculpt.pipeline.errors import quote, suggest
 from flowsculpt.pipeline.flow.parameters import Vector, X, Y, Z
 from flowsculpt.pipeline.flow.streamlines import MAX_SUBSTEPS
 from flowsculpt.pipeline.formula import Expression
 from flowsculpt.pipeline.plugin import plugins
-from flowsculpt.pipeline.shot.yaml.document_validation import finding
+from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext, finding
 from flowsculpt.pipeline.shot.yaml.messages import number_in
 from flowsculpt.pipeline.shot.yaml.synonyms import value_meant
 from flowsculpt.pipeline.shot.yaml.yaml_source import in_yaml
@@ -44,10 +44,7 @@ SMALLEST, LARGEST = 1e-9, 1e12
 
 def _reported(value: Any, validate: ValidatorFunctionWrapHandler) -> Any:
     """Validate a value; turn an error of ours into a finding."""
-    try:
-        return validate(value)
-    except FlowsculptError as error:
-        raise finding(str(error)) from None
+    return ParseContext.attempt(lambda: validate(value))
 
 
 class Document(BaseModel):
