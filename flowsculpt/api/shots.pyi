@@ -11,6 +11,7 @@ from flowsculpt.pipeline.shot.documents.field_types import Document as Document
 from flowsculpt.pipeline.shot.documents.field_types import OneOfSeveral as OneOfSeveral
 from flowsculpt.pipeline.shot.documents.field_types import Positive as Positive
 from flowsculpt.pipeline.shot.documents.field_types import Triple as Triple
+from flowsculpt.pipeline.shot.documents.field_types import is_number as is_number
 from flowsculpt.pipeline.shot.documents.field_types import linear_of_hex as linear_of_hex
 from flowsculpt.pipeline.shot.documents.field_types import one_of as one_of
 from flowsculpt.pipeline.shot.documents.flow_documents import FLOW_DOCUMENTS as FLOW_DOCUMENTS
@@ -27,6 +28,9 @@ from flowsculpt.pipeline.shot.subjects import Model as Model
 from flowsculpt.pipeline.shot.subjects import Solid as Solid
 from flowsculpt.pipeline.shot.subjects import Subject as Subject
 from flowsculpt.pipeline.shot.yaml.document_validation import ParseContext as ParseContext
+from flowsculpt.pipeline.shot.yaml.messages import choices as choices
+from flowsculpt.pipeline.shot.yaml.messages import field_names as field_names
+from flowsculpt.pipeline.shot.yaml.messages import members as members
 from flowsculpt.pipeline.shot.yaml.named_files import NAME_PATTERN as NAME_PATTERN
 from flowsculpt.pipeline.shot.yaml.yaml_source import YamlSource as YamlSource
 from flowsculpt.pipeline.shot.yaml.yaml_source import to_yaml as to_yaml

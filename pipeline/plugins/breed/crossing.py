@@ -11,15 +11,9 @@ import copy
 from pathlib import Path
 from typing import Any
 
+from flowsculpt.api.shots import is_number
 from flowsculpt.pipeline.plugins.breed.flow_mutations import Draft
-from flowsculpt.pipeline.plugins.breed.gene_values import (
-    Chance,
-    at_times,
-    is_number,
-    mapped,
-    rounded,
-    times_of,
-)
+from flowsculpt.pipeline.plugins.breed.gene_values import Chance, at_times, mapped, rounded, times_of
 from flowsculpt.pipeline.plugins.breed.shot_genome import Genome, leaves_of
 
 MOST_ENTRIES = 4

@@ -13,14 +13,13 @@ from functools import cache
 from importlib import resources
 from typing import Any
 
-from flowsculpt.api.shots import FLOW_DOCUMENTS
+from flowsculpt.api.shots import FLOW_DOCUMENTS, is_number
 from flowsculpt.pipeline.plugins.breed.gene_values import (
     AXES,
     EXPONENTS,
     STRENGTHS,
     Chance,
     at_times,
-    is_number,
     mapped,
     rounded,
     scaled,

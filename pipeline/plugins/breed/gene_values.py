@@ -12,6 +12,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
+from flowsculpt.api.shots import is_number
+
 STRENGTHS = ("strength", "rate", "speed", "amount", "flux", "inflow", "time_scale", "gain")
 """Parameters that say how strongly a flow acts."""
 
@@ -23,11 +25,6 @@ def rounded(value: float, digits: int = 3) -> float | int:
     """Return a number with so many digits that count, whole where it is."""
     short = float(f"{value:.{digits}g}")
     return int(short) if short.is_integer() and abs(short) < 1e9 else short
-
-
-def is_number(value: Any) -> bool:
-    """Tell whether a value of a shot file is a number."""
-    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def mapped(value: Any, change: Callable[[float, int], float]) -> Any:

@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from flowsculpt.api.shots import PRESETS, linear_of_hex
+from flowsculpt.api.shots import PRESETS, is_number, linear_of_hex
 from flowsculpt.pipeline.plugins.breed.colour_harmony import Lch, colour_words, lch, linear, stage_for
 from flowsculpt.pipeline.plugins.breed.flow_mutations import Draft, Idea
-from flowsculpt.pipeline.plugins.breed.gene_values import Chance, is_number, mapped, rounded, scaled
+from flowsculpt.pipeline.plugins.breed.gene_values import Chance, mapped, rounded, scaled
 
 LOOK_WEIGHTS = {
     "clay": 3.0,

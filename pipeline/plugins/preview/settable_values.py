@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import types
 import typing
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -15,7 +14,17 @@ import numpy as np
 from pydantic import BaseModel
 
 from flowsculpt.api.meshes import Floats
-from flowsculpt.api.shots import PRESETS, Changing, Clock, WrittenShot, YamlSource
+from flowsculpt.api.shots import (
+    PRESETS,
+    Changing,
+    Clock,
+    WrittenShot,
+    YamlSource,
+    choices,
+    field_names,
+    is_number,
+    members,
+)
 from flowsculpt.pipeline.plugins.preview.text_edits import Where
 
 
@@ -155,7 +164,7 @@ def settable_values(path: Path, text: str, settings: tuple[str, ...] = ()) -> Se
     times = flow_frames(document.flows, document.subjects or {}, clock)
     ends = [clock.frames.first, clock.frames.last, *(frame for frames in times.values() for frame in frames)]
     walk = _Walk(written.source, clock, math.floor(min(ends)), math.ceil(max(ends)))
-    kinds, fields = field_types(type(document)), type(document).model_fields
+    kinds, fields = field_names([type(document)]), type(document).model_fields
     values = [
         found
         for name in SECTIONS
@@ -198,7 +207,7 @@ class _Walk:
             yield found
 
     def _document(self, document: BaseModel, where: Where) -> Iterator[SettableValue]:
-        fields = field_types(type(document))
+        fields = field_names([type(document)])
         units = {p.name: p.doc for p in getattr(document, "own", ())}
         for name, field in type(document).model_fields.items():
             word = field.alias or name
@@ -299,35 +308,6 @@ def _form(value: Any, kind: Any) -> str | None:
     return None
 
 
-def field_types(document: type[BaseModel]) -> dict[str, Any]:
-    """Return the annotations of the fields of a document, with their rules, by their names in files."""
-    return {
-        field.alias or name: Annotated[(field.annotation, *field.metadata)]
-        if field.metadata
-        else field.annotation
-        for name, field in document.model_fields.items()
-    }
-
-
-def members(kind: Any) -> list[Any]:
-    """Return the members of a union in their order, or the type itself; without rules."""
-    if typing.get_origin(kind) is Annotated:
-        return members(kind.__origin__)
-    if typing.get_origin(kind) in (typing.Union, types.UnionType):
-        return [each for member in typing.get_args(kind) for each in members(member)]
-    return [kind]
-
-
-def choices(kind: Any) -> tuple[str, ...]:
-    """Return the names that a value can be, if it is a name out of a registry."""
-    if typing.get_origin(kind) is Annotated:
-        own = next((part.names for part in kind.__metadata__ if hasattr(part, "names")), ())
-        return tuple(own) or choices(kind.__origin__)
-    if typing.get_origin(kind) in (typing.Union, types.UnionType):
-        return next((names for member in typing.get_args(kind) if (names := choices(member))), ())
-    return ()
-
-
 def _is_curve(value: Any) -> bool:
     """Tell whether a value is keys or a formula; what follows a sound has no curve to edit."""
     return isinstance(value, Changing) and "audio" not in type(value).model_fields
@@ -336,11 +316,6 @@ def _is_curve(value: Any) -> bool:
 def _has_keys(kind: Any) -> bool:
     """Tell whether a type is that of keys."""
     return isinstance(kind, type) and issubclass(kind, BaseModel) and "keys" in kind.model_fields
-
-
-def is_number(value: Any) -> bool:
-    """Tell whether a value is a number; True and False are none."""
-    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _seconds(duration: Any, clock: Clock) -> float:
