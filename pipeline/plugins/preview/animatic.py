@@ -273,12 +273,8 @@ def outline(points: np.ndarray) -> Indices:
     return np.unique(np.concatenate([spread, outermost]))
 
 
-FOLDER = "preview"  # stands for the quality in the path of a film's animatic
-
-
-def film_path(edit: Edit) -> Path:
-    """Return the path of a film's animatic, relative to the root."""
-    return edit.path(FOLDER)
+FOLDER = "preview"
+"""What stands for the quality in the path of a film's animatic."""
 
 
 def write_film_animatic(

@@ -69,7 +69,7 @@ def fit(
     knots = _segments(at, scaled, places)
     while True:
         solved = _solve(places[knots], at, scaled)
-        apart = np.abs(_evaluate(places[knots], solved, at) - scaled).max(axis=1)
+        apart = np.abs(evaluate(places[knots], solved, at) - scaled).max(axis=1)
         added = _splits(places, knots, at, apart)
         if not len(added):
             break
@@ -83,14 +83,8 @@ def fit(
         FittedKey(float(time), row[0] * unit, row[1] * unit)
         for time, row in zip(places[knots], solved, strict=True)
     ]
-    error = np.abs(_evaluate(places[knots], solved, at) - scaled).max(axis=0) * unit
+    error = np.abs(evaluate(places[knots], solved, at) - scaled).max(axis=0) * unit
     return FittedCurve(keys, error)
-
-
-def evaluate(keys: Sequence[FittedKey], times: Floats) -> Floats:
-    """Return the values (T, K) of a curve between its first and its last key."""
-    solved = np.array([[key.value, key.slope] for key in keys])
-    return _evaluate(np.array([key.time for key in keys]), solved, np.asarray(times, np.float64))
 
 
 def _distinct(times: Floats, values: Floats) -> tuple[Floats, Floats]:
@@ -151,7 +145,7 @@ def _hermite(share: Floats, length: Floats) -> Floats:
     )
 
 
-def _evaluate(knots: Floats, solved: Floats, at: Floats) -> Floats:
+def evaluate(knots: Floats, solved: Floats, at: Floats) -> Floats:
     """Return the values (T, K) of a spline with values and slopes (M, 2, K) at its knots (M,)."""
     segment = np.clip(np.searchsorted(knots, at, side="right") - 1, 0, max(0, len(knots) - 2))
     if len(knots) == 1:

@@ -87,7 +87,7 @@ class FirstPictures:
 
     def animatics(self) -> Iterator[str]:
         """Draw the animatic of the film, or of each shot when it can be drawn; yield where they are."""
-        from flowsculpt.pipeline.plugins.preview.animatic import Animatic, film_path, write_film_animatic
+        from flowsculpt.pipeline.plugins.preview.animatic import FOLDER, Animatic, write_film_animatic
         from flowsculpt.pipeline.plugins.preview.sketch import Sketch
         from flowsculpt.pipeline.plugins.preview.surface_stream import SurfaceStream
 
@@ -98,7 +98,7 @@ class FirstPictures:
                 for request in requests
             ]
             if self._plan.film is not None:
-                path = film_path(self._plan.film)
+                path = self._plan.film.path(FOLDER)
                 frames = write_film_animatic(
                     self._plan.film,
                     animatics,

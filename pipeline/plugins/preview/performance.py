@@ -175,7 +175,7 @@ class Performance:
         request = drawn.sketch.request
         source = request.source
         shot = settable_values(source.path, source.text, source.settings)
-        by_path = {value.where: value for value in shot.values}
+        by_path = shot.by_path
         self.before = {each.where: each.value if each.is_given else None for each in shot.values}
         self.curves: dict[Where, LiveCurve] = {}
         for where in wheres:

@@ -187,7 +187,7 @@ def performed(
 def file_keys(curve: FittedCurve, ranges: np.ndarray) -> list[FileKey]:
     """Return fitted keys as a shot file has them, in as many digits as the range of the values deserves."""
     keys, made = curve.keys, []
-    times = [_time(key.time) for key in keys]
+    times = [_plain(round(key.time, 3)) for key in keys]
     for i, key in enumerate(keys):
         handles: dict[str, list[Any] | None] = {}
         for side, name in ((-1, "left"), (1, "right")):
@@ -208,10 +208,6 @@ def _short(number: float, reach: float) -> float:
     """Return a number to about a ten-thousandth of a range."""
     digits = max(0, min(12, 4 - int(np.floor(np.log10(reach)))))
     return _plain(round(number, digits))
-
-
-def _time(frame: float) -> float:
-    return _plain(round(frame, 3))
 
 
 def _plain(number: float) -> float:

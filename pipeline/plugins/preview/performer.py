@@ -166,7 +166,7 @@ class Performer:
             "arm": self._arm,
             "bind": self._bind,
             "record": self._record,
-            "stop": self._stop,
+            "stop": lambda asked: self.end(),
             "play": self._play,
             "choose": self._choose,
         }
@@ -246,7 +246,7 @@ class Performer:
                 del self.controls.armed[where]
                 return
             shot = self._shot()
-            value = next((each for each in shot.values if each.where == where), None)
+            value = shot.by_path.get(where)
             if value is None:
                 raise UsageError(f"{path_text(where)} is not in this shot")
             if value.file:
@@ -295,9 +295,6 @@ class Performer:
             self.recording = Recording(performance, journal, frame, float(speed), whole, now, now)
             self.words = ""
             threading.Thread(target=self._perform, args=(self.recording,), daemon=True).start()
-
-    def _stop(self, asked: Mapping[str, Any]) -> None:
-        self.end()
 
     def _play(self, asked: Mapping[str, Any]) -> None:
         """Take what a page has heard: [age in milliseconds, kind, …], oldest first.
@@ -526,7 +523,7 @@ class Performer:
         if not takes:
             return []
         try:
-            values = {value.where: value for value in self._shot().values}
+            values = self._shot().by_path
         except (FlowsculptError, ValueError):
             return []
         found: dict[Where, dict[str, Any]] = {}

@@ -18,10 +18,10 @@ from flowsculpt.api.frames import Edit, FrameRange, RenderRequest, Show, Store
 from flowsculpt.api.options import DEFAULT_QUALITY, Common, ShotOptions, shared_option
 from flowsculpt.api.pictures import BurnIn
 from flowsculpt.pipeline.plugins.preview.animatic import (
+    FOLDER,
     Animatic,
     FrameCallback,
     FramedSurfaces,
-    film_path,
     write_film_animatic,
 )
 from flowsculpt.pipeline.plugins.preview.live_server import actions_of, serving
@@ -161,7 +161,7 @@ def _draw_once(common: Common, sketch: Sketch, store: Store, at: int | None, pat
 
 def _draw_film(common: Common, edit: Edit, sketches: Sequence[Sketch], output: Path | None) -> None:
     """Draw the movie of an edit; `sketches` are those of its clips."""
-    path, store = output or common.root / film_path(edit), Store(common.root)
+    path, store = output or common.root / edit.path(FOLDER), Store(common.root)
     for sketch in sketches:
         sketch.request.shot.require_permission()
     if not common.dry_run:

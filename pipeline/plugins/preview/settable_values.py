@@ -144,6 +144,11 @@ class SettableShot(NamedTuple):
     flow_frames: dict[Where, list[float]]
     curves: dict[Where, Any]
 
+    @property
+    def by_path(self) -> dict[Where, SettableValue]:
+        """The values by their paths."""
+        return {value.where: value for value in self.values}
+
     def own_frames(self, where: Where) -> list[float]:
         """Return the time by which a value goes at each frame of the shot, in frames."""
         around = [path for path in self.flow_frames if path == where[: len(path)]]

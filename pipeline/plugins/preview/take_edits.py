@@ -10,7 +10,7 @@ import numpy as np
 from flowsculpt import UsageError
 from flowsculpt.api.meshes import Floats
 from flowsculpt.pipeline.plugins.preview.curve_fitting import FittedCurve, FittedKey, fit
-from flowsculpt.pipeline.plugins.preview.performed_takes import FileKey, PerformedValue, file_keys
+from flowsculpt.pipeline.plugins.preview.performed_takes import PerformedValue, file_keys
 from flowsculpt.pipeline.plugins.preview.settable_values import SettableShot, SettableValue
 from flowsculpt.pipeline.plugins.preview.text_edits import KeySpan, ValueEdit, Where, path_text, with_times
 
@@ -34,7 +34,7 @@ def take_edits(shot: SettableShot, taken: PerformedValue) -> list[ValueEdit]:
     Raises UsageError where the shot has no such value, or one of another kind.
     """
     where = tuple(taken.where)
-    value = next((each for each in shot.values if each.where == where), None)
+    value = shot.by_path.get(where)
     if value is None:
         raise UsageError(f"{path_text(where)} is not in this shot; the take keeps its samples")
     if not (value.can_change or value.curve):
@@ -51,10 +51,10 @@ def take_edits(shot: SettableShot, taken: PerformedValue) -> list[ValueEdit]:
 def restoring_edits(shot: SettableShot, taken: PerformedValue) -> list[ValueEdit]:
     """Return the edits that give a value back what it had before a take."""
     where = tuple(taken.where)
+    value = shot.by_path.get(where)
     if taken.before is None:
-        return [ValueEdit("remove", where)] if any(each.where == where for each in shot.values) else []
+        return [] if value is None else [ValueEdit("remove", where)]
     before = with_times(taken.before)
-    value = next((each for each in shot.values if each.where == where), None)
     if isinstance(before, dict) and "keys" in before and value and value.curve and value.curve.keys:
         return [ValueEdit("keys", (*where, "keys"), _all_keys(before["keys"]))]
     return [ValueEdit("set", where, before)]
@@ -71,11 +71,8 @@ def is_chosen(value: SettableValue, taken: PerformedValue) -> bool:
         return False
     held = value.value.get("keys") or {}
     there = {round(float(time), 3): key for time, key in held.items() if isinstance(time, int | float)}
-    return all(_is_same(there.get(key.time), key) for key in taken.keys)
-
-
-def _is_same(held: Any, key: FileKey) -> bool:
-    return isinstance(held, dict) and held.get("value") == key.value
+    found = [(there.get(key.time), key.value) for key in taken.keys]
+    return all(isinstance(own, dict) and own.get("value") == value for own, value in found)
 
 
 def _named(keys: list[Key]) -> dict[Any, Any]:
