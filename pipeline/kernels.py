@@ -28,7 +28,7 @@ from numba.core import sigutils
 from numba.core.ccallback import CFunc
 from numpy.typing import NDArray
 
-from flowsculpt.render.base.atomic_write import atomic_write
+from flowsculpt.render.base.atomic_write import write_text
 from flowsculpt.render.base.kernel_cache import (
     BLOCK_KERNELS,
     DECLARED,
@@ -169,8 +169,7 @@ def generated_kernel(name: str, source: str) -> BlockKernel:
     """
     file = formula_folder() / f"{name}_{hashlib.sha256(source.encode()).hexdigest()[:24]}.py"
     if not file.exists():
-        with atomic_write(file, flush=False) as draft:  # several processes may compile one at once
-            draft.write_text(source, encoding="utf-8")
+        write_text(file, source, flush=False)  # whole: several processes may compile one at once
     module = ModuleType(file.stem)
     vars(module).update(math=math, np=np)
     sys.modules[file.stem] = module  # where numba looks up cached functions

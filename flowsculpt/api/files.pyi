@@ -5,6 +5,7 @@ from flowsculpt.render.base.atomic_write import atomic_folder as atomic_folder
 from flowsculpt.render.base.atomic_write import atomic_write as atomic_write
 from flowsculpt.render.base.atomic_write import disk_errors as disk_errors
 from flowsculpt.render.base.atomic_write import make_folder as make_folder
+from flowsculpt.render.base.atomic_write import write_text as write_text
 from flowsculpt.render.base.drafts import sweep_hidden_drafts as sweep_hidden_drafts
 from flowsculpt.render.base.file_contents import Archive as Archive
 from flowsculpt.render.base.file_contents import number_fault as number_fault

@@ -28,7 +28,7 @@ from flowsculpt.pipeline.production.planning.plan import Plan
 from flowsculpt.pipeline.production.request.lookup import Show
 from flowsculpt.pipeline.production.request.render_request import FORMS
 from flowsculpt.pipeline.production.store.store import Store
-from flowsculpt.render.base.atomic_write import atomic_write
+from flowsculpt.render.base.atomic_write import write_text
 from flowsculpt.render.base.plural import plural
 from flowsculpt.render.scene.render_quality import DEFAULT_QUALITY
 
@@ -106,8 +106,7 @@ def _written_edit(common: Common, timeline: Path) -> str:
     if common.dry_run and not target.exists():
         raise UsageError(f"--dry-run: {target} is not written yet; call film --edit once without it")
     if not common.dry_run:
-        with atomic_write(target) as draft:
-            draft.write_text(text, encoding="utf-8")
+        write_text(target, text)
     return str(target)
 
 

@@ -131,6 +131,12 @@ def atomic_write(
         raise renamed from error
 
 
+def write_text(path: Path, text: str, *, flush: bool = True) -> None:
+    """Write a file of text, whole or not at all: see `atomic_write`."""
+    with atomic_write(path, flush=flush) as draft:
+        draft.write_text(text, encoding="utf-8")
+
+
 @contextmanager
 def disk_errors(path: Path) -> Iterator[None]:
     """Turn an OSError in the block into a MachineError of one line about `path`."""

@@ -14,7 +14,7 @@ from rich.text import Text
 
 from flowsculpt import FlowsculptError, MachineError
 from flowsculpt.api.commands import empty_table, print_result, require_one_of
-from flowsculpt.api.files import atomic_write
+from flowsculpt.api.files import write_text
 from flowsculpt.api.frames import Show
 from flowsculpt.api.options import Common, shared_option
 from flowsculpt.pipeline.plugins.authoring import shot_schemas
@@ -76,12 +76,6 @@ def write_schemas(folder: Path) -> None:
         file, text = folder / SCHEMAS / f"{kind}.json", _as_text(_schema_of(kind, folder))
         if not file.is_file() or file.read_text(encoding="utf-8") != text:
             write_text(file, text)
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a file of text at once, or leave it as it was."""
-    with atomic_write(path) as draft:
-        draft.write_text(text, encoding="utf-8")
 
 
 def _schema_of(kind: str, folder: Path) -> dict[str, Any]:

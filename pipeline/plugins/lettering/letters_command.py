@@ -11,7 +11,7 @@ import typer
 
 from flowsculpt import UsageError
 from flowsculpt.api.commands import print_result
-from flowsculpt.api.files import atomic_write, disk_errors
+from flowsculpt.api.files import atomic_write, disk_errors, write_text
 from flowsculpt.api.frames import Show
 from flowsculpt.api.options import Common
 from flowsculpt.api.shots import FLOW_DOCUMENTS
@@ -127,8 +127,7 @@ def letters(
             for number, model in enumerate(models.values(), 1):
                 _write_model(written.model_copy(update={"letter": number}), model)
             path.parent.mkdir(parents=True, exist_ok=True)
-            with atomic_write(path) as draft:
-                draft.write_text(words, encoding="utf-8")
+            write_text(path, words)
     files = [path, *models.values()]
     done = f"{', '.join(map(str, files))}: {common.done('written')}. Look at it: flowsculpt preview {name}"
     facts = {"path": str(path), "files": [str(file) for file in files], "subjects": subjects}

@@ -45,7 +45,7 @@ from flowsculpt.pipeline.production.store.paths import DONE, EVENTS, LOGS, PLANS
 from flowsculpt.pipeline.production.store.remote_store import remote_stores, store_url
 from flowsculpt.pipeline.production.store.shared_kernels import send_kernels
 from flowsculpt.pipeline.production.store.store import Key, Store
-from flowsculpt.render.base.atomic_write import atomic_write
+from flowsculpt.render.base.atomic_write import write_text
 from flowsculpt.render.base.root_files import remove_file, remove_tree, set_time
 from flowsculpt.render.base.serialise import NOT_PLAIN, from_plain, to_plain
 from flowsculpt.render.base.state_files import UNUSABLE, read_state, usable
@@ -64,8 +64,7 @@ def movie_record(movie: str) -> str:
 
 def write_manifest(path: Path, kind: str, keys: Sequence[Key]) -> None:
     """Write a done-file: the kind and the keys of what its job has made."""
-    with atomic_write(path) as draft:
-        draft.write_text(json.dumps({"kind": kind, "keys": list(keys)}), encoding="utf-8")
+    write_text(path, json.dumps({"kind": kind, "keys": list(keys)}))
 
 
 def check_done_files(plan: Plan, store: Store) -> None:
@@ -300,8 +299,7 @@ class Plan:
         plan = self
         if url is not None:
             plan = replace(self, kernels=send_kernels(remote_stores().opened(url)))
-        with atomic_write(path) as draft:
-            draft.write_text(json.dumps(to_plain(plan)), encoding="utf-8")
+        write_text(path, json.dumps(to_plain(plan)))
 
     @classmethod
     def thaw(cls, path: Path) -> Plan:

@@ -26,7 +26,7 @@ from typing import Any
 
 from flowsculpt.pipeline.errors import MachineError, MissingInputError, UsageError, suggest
 from flowsculpt.pipeline.production.store.paths import STATE
-from flowsculpt.render.base.atomic_write import atomic_write
+from flowsculpt.render.base.atomic_write import write_text
 from flowsculpt.render.base.python_process import command_line
 from flowsculpt.render.base.state_files import mapping, read_state
 from flowsculpt.render.mitsuba.engine import DEFAULT_ORDER, GPU_VARIANTS, VARIANTS, choose, works
@@ -301,8 +301,7 @@ def avoid(root: Path, shot: str, variant: str, reason: str) -> bool:
     """Remember that a variant failed on a shot; return True if another is left to try."""
     path = _memory(root, shot)
     known = {**_avoided(root, shot), variant: reason}
-    with atomic_write(path) as draft:
-        draft.write_text(json.dumps({"mitsuba": version("mitsuba"), "avoid": known}), encoding="utf-8")
+    write_text(path, json.dumps({"mitsuba": version("mitsuba"), "avoid": known}))
     return any(v not in known for v in DEFAULT_ORDER)
 
 

@@ -28,7 +28,7 @@ from flowsculpt.pipeline.production.store.event_log import RUNS, Event, EventRea
 from flowsculpt.pipeline.production.store.locks import Locks
 from flowsculpt.pipeline.production.store.paths import LOGS, STATE
 from flowsculpt.pipeline.production.store.remote_store import LOG
-from flowsculpt.render.base.atomic_write import atomic_write
+from flowsculpt.render.base.atomic_write import write_text
 from flowsculpt.render.base.processes import command_of, is_at_work
 from flowsculpt.render.base.root_files import remove_file, remove_tree
 from flowsculpt.render.base.state_files import UNUSABLE, mapping, plain_data, read_state, usable
@@ -175,10 +175,8 @@ class History:
         """Write the summaries to which runs were added."""
         for (shot, quality), stages in self._stages.items():
             data = {name: stage.as_data() for name, stage in stages.items()}
-            with atomic_write(_summary(self._root, (shot, quality)), flush=False) as draft:
-                draft.write_text(
-                    json.dumps({"shot": shot, "quality": quality, "stages": data}), encoding="utf-8"
-                )
+            text = json.dumps({"shot": shot, "quality": quality, "stages": data})
+            write_text(_summary(self._root, (shot, quality)), text, flush=False)
 
     def _at(self, place: Place) -> dict[str, StageHistory]:
         if place not in self._stages:
@@ -322,8 +320,7 @@ def summarise(root: Path) -> None:
         kept = {log.stem for log in _rotate(root, [log for log in logs if log.stem in added])}
         added = {name: size for name, size in added.items() if name in kept}
         if added != before:
-            with atomic_write(root / HISTORY / "logs.json", flush=False) as draft:
-                draft.write_text(json.dumps(added), encoding="utf-8")
+            write_text(root / HISTORY / "logs.json", json.dumps(added), flush=False)
 
 
 def _rotate(root: Path, logs: Sequence[Path]) -> Iterator[Path]:

@@ -22,7 +22,7 @@ from flowsculpt.pipeline.production.store.event_log import Event, EventLog, Even
 from flowsculpt.pipeline.production.store.paths import EVENTS
 from flowsculpt.pipeline.production.store.remote_store import LOG
 from flowsculpt.pipeline.production.store.store import Key, Store
-from flowsculpt.render.base.atomic_write import atomic_write
+from flowsculpt.render.base.atomic_write import write_text
 from flowsculpt.render.base.processes import start_of
 from flowsculpt.render.base.root_files import guard, set_time
 from flowsculpt.render.base.work_clock import Timing, WorkClock, cpu_seconds
@@ -339,8 +339,7 @@ def write_done_file(context: Context) -> None:
         return
     kind = STAGES[context.job.stage].makes
     if kind == "movie":
-        with atomic_write(context.root / movie_record(context.job.output)) as draft:
-            draft.write_text(context.job.key, encoding="utf-8")
+        write_text(context.root / movie_record(context.job.output), context.job.key)
     else:
         keys = [key for key in _made_keys(context) if context.store.holds(kind, key)]
         write_manifest(context.root / context.job.output, kind, keys)
