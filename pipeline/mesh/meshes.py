@@ -118,6 +118,12 @@ class TriangleMesh:
         normals_of_faces(self.vertices, self.faces, normals)
         return normals
 
+    @property
+    def areas(self) -> Floats:
+        """(F,) area of each face."""
+        a, b, c = (self.vertices[corners] for corners in self.faces.T)
+        return np.asarray(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1))
+
     def scattered(self, count: int, seed: int) -> tuple[Points, AnyArray]:
         """Return points (count, 3) on the faces, evenly by area, and the face (count,) of each.
 

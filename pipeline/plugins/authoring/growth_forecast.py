@@ -149,8 +149,7 @@ class GrowthForecast:
 
 def estimated_vertices(mesh: TriangleMesh, max_edge_length: float) -> int:
     """Return about how many vertices a surface has when it is resampled: by the area of its triangles."""
-    a, b, c = (mesh.vertices[corner] for corner in mesh.faces.T)
-    area = 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+    area = float(mesh.areas.sum())
     return math.ceil(0.5 * area / (math.sqrt(3.0) / 4.0 * (EDGE * max_edge_length) ** 2))
 
 

@@ -92,9 +92,7 @@ class CloudInSolid(Cloud):
         """Return positions and radii. Raises UsageError for the volume of a sheet, which encloses none."""
         mesh, surface = self.solid.build(), self.solid.project
         if self.fill == "surface":
-            corners = mesh.vertices[mesh.faces]
-            sides = corners[:, 1:] - corners[:, :1]
-            area = 0.5 * float(np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1).sum())
+            area = float(mesh.areas.sum())
             fine = self.solid.build(_EDGE * (area / self.count) ** 0.5)
             places = surface(fine.scattered(self.count, self.seed)[0])
         elif self.solid.solid == "sheet":

@@ -163,10 +163,7 @@ def _quick_ball(count: int) -> TriangleMesh:
     """
     fits = (ball for ball in (icosphere(2), icosphere(1)) if len(ball.vertices) * count <= QUICK_VERTICES)
     ball = next(fits, OCTAHEDRON)
-    corners = ball.vertices[ball.faces]
-    sides = corners[:, 1:] - corners[:, :1]
-    area = 0.5 * np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1).sum()
-    return ball.with_vertices(ball.vertices * (4.0 * np.pi / area) ** 0.5)
+    return ball.with_vertices(ball.vertices * (4.0 * np.pi / ball.areas.sum()) ** 0.5)
 
 
 def is_closed(arrays: Mapping[str, np.ndarray]) -> bool:

@@ -139,10 +139,7 @@ def _coarse(motion: Motion) -> TriangleMesh:
     subject, copies = motion.subject, motion.copies
     if not isinstance(subject, Solid):
         return replace(motion, resampling=None).mesh_at_rest()
-    rough = subject.build()
-    corners = rough.vertices[rough.faces]
-    sides = corners[:, 1:] - corners[:, :1]
-    area = 0.5 * float(np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1).sum())
+    area = float(subject.build().areas.sum())
     vertices = MOST_BUILT / (copies.count if copies else 1)
     edge = max(1.07 * (area / vertices) ** 0.5, 1e-9)  # equilateral triangles have half a vertex each
     return motion.mesh_at_rest(edge)
