@@ -12,8 +12,6 @@ from dataclasses import dataclass, field
 from flowsculpt.render.base.render_errors import BadInputError
 from flowsculpt.render.base.serialise import OMIT_DEFAULT, Colour, Triple
 
-LAYER_PATTERNS = ("noise", "lines", "weave", "grooves", "prints", "dust")
-
 
 @dataclass(frozen=True)
 class DetailLayer:

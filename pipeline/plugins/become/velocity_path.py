@@ -196,11 +196,9 @@ def carried(grids: Floats, n: int, points: Floats, steps: int = STEPS, backwards
     return x / n
 
 
-def carried_with_jacobians(
-    grids: Floats, n: int, points: Floats, steps: int = 4 * STEPS
-) -> tuple[Floats, Floats]:
+def carried_with_jacobians(grids: Floats, n: int, points: Floats) -> tuple[Floats, Floats]:
     """Return where points (P, 3) are carried, and the determinants (P,) of the mapping's gradient there."""
-    x, jacobian = points * n, np.tile(np.eye(3), (len(points), 1, 1))
+    x, jacobian, steps = points * n, np.tile(np.eye(3), (len(points), 1, 1)), 4 * STEPS
     v, gradient, h = np.empty_like(x), np.empty((len(x), 3, 3)), n / steps
     memory = np.empty_like(grids[0])
     for step in range(steps):
@@ -271,13 +269,12 @@ def minimised(
     z: Floats,
     iterations: int,
     pairs: list[Pair],
-    tolerance: float = 1e-3,
 ) -> Floats:
     """Return z where a function is lower: limited-memory BFGS.
 
     pairs  the latest changes, which are replaced: empty at first, or those of a similar function
 
-    It ends after some iterations, or when two in a row lower the function by less than `tolerance` of it.
+    It ends after some iterations, or when two in a row lower the function by less than a thousandth.
 
     Source: Liu, Nocedal, *On the limited memory BFGS method for large scale optimization*, Mathematical
     Programming 45 (1989). A step that does not lower the function enough (Armijo) is shortened to the lowest
@@ -303,7 +300,7 @@ def minimised(
         change, bend = tried - z, new_slope - slope
         if (product := _dot(change, bend)) > 1e-12 * _dot(change, change):
             pairs[:] = [*pairs, (change, bend, product)][-MEMORY:]
-        idle = idle + 1 if value - new < tolerance * value else 0
+        idle = idle + 1 if value - new < 1e-3 * value else 0
         z, value, slope = tried, new, new_slope
         if idle == 2:
             break

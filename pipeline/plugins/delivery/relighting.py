@@ -462,7 +462,7 @@ def relight(
     if not lights.groups:
         raise UsageError(
             f"{path}: {request.name} has no light groups, so its frames cannot be relit. Write "
-            f"light_groups: each in the file, and render it: {_command('render', request)}"
+            f"light_groups: each in the file, and render it: {_render_command(request)}"
         )
     factors = given.by_group(request.name, lights)
     if name is not None and not re.fullmatch(NAME_PATTERN, name):
@@ -472,7 +472,7 @@ def relight(
     if missing := relit.missing():
         raise MissingInputError(
             f"{request.name}: frame {missing} is not finished at {request.quality_name}, so it cannot be "
-            f"relit. Render it first: {_command('render', relit.request)} -f {missing}"
+            f"relit. Render it first: {_render_command(relit.request)} -f {missing}"
         )
     count = plural(len(relit.numbers), "frame")
     facts: dict[str, Any] = {"path": str(relit.movie_path), "frames": relit.numbers, "factors": factors}
@@ -495,7 +495,7 @@ def relight(
     raise typer.Exit(FrameError.exit_code if faults else 0)
 
 
-def _command(command: str, request: RenderRequest) -> str:
-    """Return a command line for the shot and quality of a request."""
+def _render_command(request: RenderRequest) -> str:
+    """Return the command that renders the shot and quality of a request."""
     settings = "".join(f" --set '{setting}'" for setting in request.source.settings)
-    return f"flowsculpt {command} {request.name} {QualityName.of(request.quality_name).options}{settings}"
+    return f"flowsculpt render {request.name} {QualityName.of(request.quality_name).options}{settings}"

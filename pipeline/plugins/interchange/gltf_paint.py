@@ -216,17 +216,13 @@ def _changes(extension: JsonObject, name: str) -> bool:
 
 def _factor(material: JsonObject) -> list[float]:
     """Return the base colour of a material, red, green, blue and alpha, linear."""
-    return [min(max(part, 0.0), 1.0) for part in _numbers_of(material, "baseColorFactor", [1.0] * 4)]
+    surface, name = _surface_of(material), "baseColorFactor"
+    return [min(max(part, 0.0), 1.0) for part in surface.numbers(name, 4)] if name in surface else [1.0] * 4
 
 
 def _is_cut_out(material: JsonObject) -> bool:
     """Tell whether the alpha of a material shows."""
     return material.values.get("alphaMode", "OPAQUE") in ("MASK", "BLEND")
-
-
-def _numbers_of(material: JsonObject, name: str, otherwise: list[float]) -> list[float]:
-    surface = _surface_of(material)
-    return surface.numbers(name, len(otherwise)) if name in surface else otherwise
 
 
 def _files(path: Path) -> Mapping[Path, str]:

@@ -39,14 +39,14 @@ from flowsculpt.pipeline.plugins.interchange.mesh_writers import NORMAL, write_m
 RAYS = 4000  # the most faces that rays start from, chosen evenly
 
 
-def wall_thickness(mesh: TriangleMesh, rays: int = RAYS) -> Floats:
+def wall_thickness(mesh: TriangleMesh) -> Floats:
     """Return distances through the body of a closed mesh, (R,), in its units, from R of its faces.
 
     Infinite where a ray does not meet the surface again. No wall is thicker than the distances at its faces.
     """
     normals, corners = mesh.face_normals, mesh.vertices[mesh.faces]
     sound = np.flatnonzero(np.linalg.norm(normals, axis=1) > 0.5)  # a face without area has no normal
-    starts = sound[np.linspace(0, len(sound) - 1, min(rays, len(sound))).astype(int)]
+    starts = sound[np.linspace(0, len(sound) - 1, min(RAYS, len(sound))).astype(int)]
     return _distances(TriangleTree.of(corners), corners[starts].mean(axis=1), -normals[starts], starts)
 
 
