@@ -118,7 +118,8 @@ def shot_of_data(data: Path, name: str) -> tuple[str, dict[Path, Content], list[
     field = _field(shot)
     seen = _look(field, data, is_globe="map" in settings)
     pace, settings = _paced(field, seen, settings)
-    land, picture = _land(field, seen), f"{name}_land.png"
+    is_bent = any("curvilinear" in note for note in shot.notes)
+    land, picture = _land(field, seen, is_bent), f"{name}_land.png"
 
     def text_with(named: str, land_file: str = "") -> str:
         legend: dict[str, object] = {"colours": {"place": "lower right"}}
@@ -185,14 +186,22 @@ def _subject(data: Path, seen: _Seen, lines: dict[str, object], land_file: str) 
     return "\n".join(["subjects:", "  flow:", *written, f"  base: {to_yaml(_base(seen, land_file))}"])
 
 
-def _land(field: Sampled, seen: _Seen) -> np.ndarray | None:
-    """Return a picture of land on a globe or a plate; None without land."""
+def _land(field: Sampled, seen: _Seen, is_bent: bool) -> np.ndarray | None:
+    """Return a picture of land on a globe or a plate; None without land.
+
+    Around a bent grid nothing moves, and that is not land: only within the convex hull of what moves is any.
+    """
     if seen.is_globe:
         return land_at(field, around_globe(0.5 * seen.size))
     if seen.flat not in (1, 2):
         return None
     points = over_plate(0.5 * (seen.low + seen.high), _PLATE * (seen.high - seen.low), seen.flat == 1)
     inside = np.all((points >= seen.low) & (points <= seen.high), axis=-1)
+    if is_bent:
+        nodes, angles = _nodes(seen.low, seen.high), np.radians(np.arange(0, 360, 5))
+        sides = np.stack([np.cos(angles), 0.0 * angles, np.sin(angles)])
+        ends = (nodes[field.velocity(nodes, 0.0).any(axis=1)] @ sides).max(axis=0)
+        inside &= (points @ sides <= ends - seen.size / 24.0).all(axis=-1)  # its rim is uneven
     return land_at(field, points, np.asarray(inside))
 
 

@@ -150,6 +150,29 @@ def test_land_lies_in_a_picture_where_the_globe_shows_it(
     assert any("A010_sea_land.png" in str(file) for file in shot.files)
 
 
+def test_what_lies_beside_a_turned_grid_is_not_land(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    xarray = pytest.importorskip("xarray")
+    east, north = np.meshgrid(np.linspace(-3, 3, 31), np.linspace(-2, 2, 21))
+    across, along, names = 0.8 * east - 0.6 * north, 0.6 * east + 0.8 * north, ("y", "x")
+    speeds = {
+        name: (
+            names,
+            np.full(east.shape, 0.3),
+            {"standard_name": f"{way}_sea_water_velocity", "units": "m/s"},
+        )
+        for name, way in (("u", "eastward"), ("v", "northward"))
+    }
+    places = {
+        name: (names, values, {"standard_name": name, "units": f"degrees_{side}"})
+        for name, values, side in (("longitude", across, "east"), ("latitude", along, "north"))
+    }
+    xarray.Dataset(speeds, places).to_netcdf(tmp_path / "turned.nc", engine="h5netcdf")
+    monkeypatch.chdir(tmp_path)
+    code, said = begun(tmp_path, "turned.nc")
+    assert code == 0 and "curvilinear" in said
+    assert not (tmp_path / "shots/A010_sea_land.png").exists()
+
+
 def test_data_without_motion_or_beside_other_sources_are_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
