@@ -241,9 +241,8 @@ def _with_values(shot: Shot, source: YamlSource) -> Shot:
         return shot
     if animated is None or "values" not in animated.model.sequence.facts(0.0):
         place = source.place(("subjects", shot.subject, "look") if shot.subject else ("look",))
-        raise ShotError(
-            f"{place}: look shows values, and the subject has none. Write some in it, as values: speed."
-        )
+        remedy = "Write values: speed in it" if animated else "Flows move it: write measure: {speed: {}}"
+        raise ShotError(f"{place}: look shows values, and the subject has none. {remedy}.")
     measure = replace(pattern, quantiles=animated.model.sequence.quantiles)
     return replace(shot, picture=replace(shot.picture, look=look.with_values(measure=measure)))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -30,24 +31,26 @@ FLAT = 20.0
 GLOBE = 0.9
 """Share of a circle that longitudes cover, from which data lie on a sphere."""
 
-_AWAY = 1.75  # of the camera, in diagonals of the data
-_AROUND = 1.2  # width of the picture where data of one level are, in theirs
-FOCAL_LENGTH = 50.0  # mm; a picture is 36 by 20.25 mm
-_REACH = 0.3  # of streamlines at the speed of the end of the palette, in sizes of the data
-_ROWS = 16  # of seeds, across a plane of the data
+HEIGHT = 0.22
+"""Least height of data with levels, in their size: an atmosphere as it is would be as thin as paper."""
+
+COLOURS = ["#2c5c9e", "#2b9fa0", "#9ccd74", "#ffdc62"]
+"""A palette whose dark end, too, stands out before the dark stage."""
+
+_REACH = 0.4  # of streamlines at the speed of the end of the palette, in sizes of the data
 _TURNS = 40  # of seeds, on a globe: nearer than seeds on a turn, since most flows go around
-_LINES = {True: 1000, False: 480}  # on a globe, and across a plane
-_PLATE = 1.1  # sides of the plate behind data of one level, over theirs
+_LINES, _LINES_OF_GLOBE, _PATHS = 800, 1000, 360
+_PLATE = 1.06  # sides of the plate below data of one level, over theirs
+_ONE_WAY = 0.8  # share of what crosses a plane, less what returns, from which paths begin where it enters
 _BRIGHT = 98.0  # per cent of the speeds that are below the end of the palette
 
 SHOT = """\
 title: {title}
 frames: 1-{frames}
-{about}
 {subject}
 look:
   material: clay
-  measure: {{values: {{range: {range}}}}}  # or colours: plasma, cividis, or a list of your own
+  measure: {{values: {{range: {range}, colours: {colours}}}}}  # or viridis, thermal, another list
 camera: {camera}
 lights: {lights}
 stage: {{kind: cyclorama, colour: [0.02, 0.03, 0.045]}}
@@ -70,6 +73,7 @@ class _Seen:
     low, high  (3,) corners of where it is, units
     flat       the axis along which nothing changes, 0 to 2; None of data in space
     is_globe   True if it goes around a sphere
+    azimuth    of the side of a globe that moves most, degrees
     is_dated   True if its times are dates
     seconds    from its first time to its last; 0 where the velocities do not change
     median     of the speeds, units per second of the data
@@ -80,6 +84,7 @@ class _Seen:
     high: Floats
     flat: int | None
     is_globe: bool
+    azimuth: int
     is_dated: bool
     seconds: float
     median: float
@@ -89,20 +94,32 @@ class _Seen:
     def size(self) -> float:
         return float((self.high - self.low).max())
 
+    @property
+    def lines(self) -> int:
+        return (
+            _LINES_OF_GLOBE if self.is_globe else _LINES if self.seconds or self.flat is not None else _PATHS
+        )
+
+    @property
+    def is_in_space(self) -> bool:
+        """True of data that need nothing to lie on."""
+        return self.flat is None and not self.is_globe
+
 
 def shot_of_data(data: Path, name: str) -> tuple[str, dict[Path, Content], list[str]]:
     """Return the text of a new shot of a file of velocities, files beside it, and lines to tell about it.
 
     Raises UsageError where nothing moves in it, and what `read_shot` raises where it cannot be read.
     """
-    if not data.exists():
+    if "*" not in data.name and not data.exists():
         raise MissingInputError(f"{data}: not found; check the path")
     reference = Path(os.path.relpath(data.absolute(), Show().folder.resolve())).as_posix()
     settings, shot = _placed(data)
     field = _field(shot)
     seen = _look(field, data, is_globe="map" in settings)
     pace, settings = _paced(field, seen, settings)
-    land, picture = _land(field, seen), f"{name}_land.png"
+    is_bent = any("curvilinear" in note for note in shot.notes)
+    land, picture = _land(field, seen, is_bent), f"{name}_land.png"
 
     def text_with(named: str, land_file: str = "") -> str:
         legend: dict[str, object] = {"colours": {"place": "lower right"}}
@@ -111,9 +128,9 @@ def shot_of_data(data: Path, name: str) -> tuple[str, dict[Path, Content], list[
         return SHOT.format(
             title=title_of(name),
             frames=round(24.0 * SECONDS),
-            about=f"# flowsculpt data {data.name} lists variables; values: {{variable: NAME}} shows one.",
-            subject=_subject(seen, _lines(field, seen, pace, {"file": named, **settings}), land_file),
+            subject=_subject(data, seen, _lines(field, seen, pace, {"file": named, **settings}), land_file),
             range=to_yaml([0, _rounded(seen.fastest * _in_data(field, pace))]),
+            colours=to_yaml(COLOURS),
             camera=to_yaml(_camera(seen)),
             lights=choice(PRESETS["lights"], "studio"),
             legend=to_yaml(legend),
@@ -145,58 +162,80 @@ def _lines(field: Sampled, seen: _Seen, pace: float, sampled: dict[str, object])
     seeds: dict[str, object] = {"line": _rows(field, seen)}
     if seen.is_globe:
         seeds = {"spiral": {"radius": _rounded(0.5 * seen.size), "turns": _TURNS}}
-    subject: dict[str, object] = {"stream_lines" if seen.seconds else "path_lines": seeds}
-    subject |= {"count": _LINES[seen.is_globe], "radius": _rounded(seen.size / 380.0)}
-    subject |= {"length": _rounded(_REACH * seen.size / (seen.fastest * pace))} if seen.seconds else {}
-    subject |= {"max_edge_length": _rounded(seen.size / 50.0), "values": "speed", "taper": 0.3}
-    return {**subject, "velocity": [{"sampled": sampled}]}
+    subject = {
+        "velocity": [{"sampled": sampled}],
+        "values": "speed",
+        "count": seen.lines,
+        "radius": _rounded(seen.size / (280.0 if seen.is_in_space else 380.0)),
+        "taper": 0.3,
+        "max_edge_length": _rounded(seen.size / 50.0),
+    }
+    if not seen.seconds:
+        return {**subject, "begin": -1, "path_lines": seeds}
+    length = _rounded(_REACH * seen.size / (seen.fastest * pace))
+    return {**subject, "length": length, "stream_lines": seeds}
 
 
-def _subject(seen: _Seen, lines: dict[str, object], land_file: str) -> str:
+def _subject(data: Path, seen: _Seen, lines: dict[str, object], land_file: str) -> str:
     """Return the lines of the shot file that say what is shown: data of one level lie on something."""
-    if seen.flat is None and not seen.is_globe:
-        return f"subject: {to_yaml(lines)}"
-    return f"subjects:\n  flow: {to_yaml(lines)}\n  base: {to_yaml(_base(seen, land_file))}"
+    indent = "  " if seen.is_in_space else "    "
+    written = [f"{indent}{name}: {to_yaml(value)}" for name, value in lines.items()]
+    written[1] += f"  # or {{variable: NAME}}; flowsculpt data {shlex.quote(data.name)} lists them"
+    if seen.is_in_space:
+        return "\n".join(["subject:", *written])
+    return "\n".join(["subjects:", "  flow:", *written, f"  base: {to_yaml(_base(seen, land_file))}"])
 
 
-def _land(field: Sampled, seen: _Seen) -> np.ndarray | None:
-    """Return a picture of land on a globe or a plate; None without land."""
+def _land(field: Sampled, seen: _Seen, is_bent: bool) -> np.ndarray | None:
+    """Return a picture of land on a globe or a plate; None without land.
+
+    Around a bent grid nothing moves, and that is not land: only within the convex hull of what moves is any.
+    """
     if seen.is_globe:
         return land_at(field, around_globe(0.5 * seen.size))
-    if seen.flat != 2:
+    if seen.flat not in (1, 2):
         return None
-    points = over_plate(0.5 * (seen.low + seen.high), _PLATE * (seen.high - seen.low))
+    points = over_plate(0.5 * (seen.low + seen.high), _PLATE * (seen.high - seen.low), seen.flat == 1)
     inside = np.all((points >= seen.low) & (points <= seen.high), axis=-1)
+    if is_bent:
+        nodes, angles = _nodes(seen.low, seen.high), np.radians(np.arange(0, 360, 5))
+        sides = np.stack([np.cos(angles), 0.0 * angles, np.sin(angles)])
+        ends = (nodes[field.velocity(nodes, 0.0).any(axis=1)] @ sides).max(axis=0)
+        inside &= (points @ sides <= ends - seen.size / 24.0).all(axis=-1)  # its rim is uneven
     return land_at(field, points, np.asarray(inside))
 
 
 def _base(seen: _Seen, land_file: str) -> dict[str, object]:
-    """Return the dark subject on which lines lie: a globe, or a plate behind data of one level."""
+    """Return the dark subject on which lines lie: a globe, or a plate below data of one level."""
+    even = {"max_edge_length": 0.04} if land_file else "off"  # previews show pictures by their vertices
     look: dict[str, object] = {"material": "clay", "colour": land_file or [0.03, 0.033, 0.04]}
     if land_file:
         look["projection"] = {"kind": "spherical"}
     if land_file and not seen.is_globe:
-        middle, wide = 0.5 * (seen.low + seen.high), _PLATE * (seen.high - seen.low)[0]
-        centre = [_rounded(x) for x in middle]
-        look["projection"] = {"kind": "planar", "axis": "z", "scale": _rounded(wide), "centre": centre}
+        wide, faces = _PLATE * (seen.high - seen.low)[0], "xyz"[seen.flat or 0]
+        look["projection"] = {"kind": "planar", "axis": faces, "scale": _rounded(wide)}
     if seen.is_globe:
-        return {"solid": "icosphere", "radius": _rounded(0.4975 * seen.size), "resample": "off", "look": look}
+        return {"solid": "icosphere", "radius": _rounded(0.4975 * seen.size), "resample": even, "look": look}
     thin = 0.02 * seen.size
     sides = np.where(np.arange(3) == seen.flat, thin, _PLATE * (seen.high - seen.low))
     place = 0.5 * (seen.low + seen.high) - (0.5 * thin + seen.size / 300.0) * np.eye(3)[seen.flat or 0]
     placed = {"size": [_rounded(x) for x in sides], "place": [_rounded(x) for x in place]}
-    return {"solid": "box", **placed, "resample": "off", "look": look}
+    return {"solid": "box", **placed, "resample": even, "look": look}
 
 
 def _in_data(field: Sampled, pace: float) -> float:
     """Return the factor from units per second of the data to the unit in which its speed is shown."""
     metre = field.samples.metre
-    return pace if metre is None or not field.samples.is_paced else 1.0 / (metre * float(field.scale))  # type: ignore[arg-type]
+    is_as_is = metre is not None and not field.samples.is_paced
+    return pace if is_as_is else 1.0 / ((metre or 1.0) * float(field.scale))  # type: ignore[arg-type]
 
 
 def _placed(data: Path) -> tuple[dict[str, object], Shot]:
-    """Return the settings that make the data FIT units large, on a sphere if they go around it, and a shot
-    with them."""
+    """Return the settings that make the data FIT units large, and a shot with them.
+
+    Data that go around the earth are on a sphere. Other data of one level lie as a map does, with north away
+    from the camera, and data of several levels are at least HEIGHT of their size high.
+    """
     globe: dict[str, object] = {"map": "sphere", "fit": FIT}
     try:
         settings, shot = _read(data, {"fit": FIT, "outside": "zero"})
@@ -209,6 +248,11 @@ def _placed(data: Path) -> tuple[dict[str, object], Shot]:
             longitudes = _field(around).samples.axes[0]
             if np.ptp(longitudes) * len(longitudes) / (len(longitudes) - 1) > GLOBE * 2.0 * np.pi:
                 return globe, around
+        sides = np.array([np.ptp(axis) for axis in _field(shot).samples.axes])
+        if _flat(sides) == 2:
+            return _read(data, settings | {"up": "z"})
+        if _flat(sides) is None and sides[1] < HEIGHT * sides.max():
+            return _read(data, settings | {"exaggerate": _rounded(HEIGHT * sides.max() / sides[1])})
         return settings, shot
     _, shot = _read(data, {})
     axes = _field(shot).samples.axes
@@ -233,20 +277,20 @@ def _field(shot: Shot) -> Sampled:
 
 
 def _look(field: Sampled, data: Path, is_globe: bool) -> _Seen:
-    samples = field.samples
-    flat = None
-    if is_globe:
-        low, high = np.full(3, -0.5 * FIT), np.full(3, 0.5 * FIT)
-    else:
+    samples, flat = field.samples, None
+    low, high = np.full(3, -0.5 * FIT), np.full(3, 0.5 * FIT)
+    if not is_globe:
         centre, scale = np.array(field.centre, np.float64), float(field.scale)  # type: ignore[arg-type]
         ends = np.array([[axis[0], axis[-1]] for axis in samples.axes]).T * scale + centre
         low, high = ends.min(axis=0), ends.max(axis=0)
-        sides = high - low
-        flat = int(sides.argmax()) if sides.max() > FLAT * np.sort(sides)[1] else None
+        flat = _flat(high - low)
     if flat is not None:
         low[flat], high[flat] = 0.0, 0.0
     nodes = _around(0.5 * FIT) if is_globe else _nodes(low, high)
     speeds = np.linalg.norm(field.velocity(nodes, 0.0), axis=1)
+    sides = np.radians(np.arange(-180, 180, 15))
+    seen_of = np.maximum(nodes @ np.stack([np.sin(sides), 0.0 * sides, np.cos(sides)]), 0.0)
+    azimuth = round(np.degrees(sides[np.argmax(speeds @ seen_of)]))
     speeds = speeds[speeds > 0.0]
     if not len(speeds):
         raise UsageError(f"{data}: nothing moves at its first time. Choose another file or variables.")
@@ -255,11 +299,17 @@ def _look(field: Sampled, data: Path, is_globe: bool) -> _Seen:
         high,
         flat,
         is_globe,
+        azimuth,
         is_dated=bool(samples.date(float(samples.times[0]))),
         seconds=float(samples.times[-1] - samples.times[0]),
         median=float(np.median(speeds)),
         fastest=float(np.percentile(speeds, _BRIGHT)),
     )
+
+
+def _flat(sides: Floats) -> int | None:
+    """Return the axis along which nothing changes; None of data in space."""
+    return int(sides.argmax()) if sides.max() > FLAT * np.sort(sides)[1] else None
 
 
 def _nodes(low: Floats, high: Floats) -> Floats:
@@ -278,46 +328,60 @@ def _around(radius: float, count: int = 2000) -> Floats:
 
 
 def _rows(field: Sampled, seen: _Seen) -> list[list[float]]:
-    """Return a line in rows, to and fro, over the plane through the middle of the data that is most crossed,
-    or over the plane of data of one level."""
-    low, high = seen.low, seen.high
-    across = seen.flat
-    if across is None:
-        planes = []
-        for axis in range(3):
-            flattened = [np.where(np.arange(3) == axis, 0.5 * (low + high), end) for end in (low, high)]
-            planes.append(float(np.abs(field.velocity(_nodes(*flattened), 0.0)[:, axis]).mean()))
-        across = int(np.argmax(planes))
+    """Return a line in rows, to and fro, over the plane of data of one level, or over planes of other data.
+
+    Streamlines begin on level planes; paths on the plane that is most crossed, where the flow comes from.
+    """
+    across, sides = seen.flat, seen.high - seen.low
+    if across is not None:
+        levels = [0.5]
+    elif seen.seconds:
+        across, levels = 1, _shares(sides[1] / np.cbrt(sides.prod() / seen.lines))
+    else:
+        flows = [_through(field, seen, axis)[:, axis] for axis in range(3)]
+        across = int(np.argmax([np.abs(flow).mean() for flow in flows]))
+        ahead = flows[across].mean() / np.abs(flows[across]).mean()
+        levels = [0.5 if abs(ahead) < _ONE_WAY else 0.03 if ahead > 0.0 else 0.97]
     first, second = (axis for axis in (0, 2, 1) if axis != across)
-    flattened = [np.where(np.arange(3) == across, 0.5 * (low + high), end) for end in (low, high)]
-    speeds = np.abs(field.velocity(_nodes(*flattened), 0.0)).mean(axis=0)
+    speeds = np.abs(_through(field, seen, across)).mean(axis=0)
     if speeds[first] > speeds[second]:  # rows lie across the flow, so its lines fill the gaps between them
         first, second = second, first
-    point, line = 0.5 * (low + high), []
-    shares = np.linspace(0.5 / _ROWS, 1.0 - 0.5 / _ROWS, _ROWS)
-    for row, share in enumerate(shares):
-        for end in (shares[0], shares[-1]) if row % 2 == 0 else (shares[-1], shares[0]):
-            point[first] = low[first] + end * (high[first] - low[first])
-            point[second] = low[second] + share * (high[second] - low[second])
-            line.append([_rounded(x) for x in point])
+    apart = float(np.sqrt(sides[first] * sides[second] * len(levels) / seen.lines))
+    rows, ends = _shares(sides[second] / apart), _shares(sides[first] / apart)
+    line = []
+    for level in levels:
+        point = seen.low + level * sides
+        for row, share in enumerate(rows):
+            for end in (ends[0], ends[-1]) if row % 2 == 0 else (ends[-1], ends[0]):
+                point[first] = seen.low[first] + end * sides[first]
+                point[second] = seen.low[second] + share * sides[second]
+                line.append([_rounded(x) for x in point])
     return line
 
 
+def _shares(count: float) -> list[float]:
+    """Return the middles of about so many equal parts of 1, at least two."""
+    parts = max(2, round(count))
+    return [(part + 0.5) / parts for part in range(parts)]
+
+
+def _through(field: Sampled, seen: _Seen, axis: int) -> Floats:
+    """Return velocities (N, 3) on the plane across an axis through the middle of the data."""
+    ends = [
+        np.where(np.arange(3) == axis, 0.5 * (seen.low + seen.high), end) for end in (seen.low, seen.high)
+    ]
+    return field.velocity(_nodes(*ends), 0.0)
+
+
 def _camera(seen: _Seen) -> dict[str, object]:
-    """Return a camera that shows all of the data: flat data from the front, a globe from the north, others
-    from the upper right."""
-    sides, middle = seen.high - seen.low, 0.5 * (seen.low + seen.high)
-    away, distance = np.array([0.42, 0.3, 0.86]), _AWAY * float(np.linalg.norm(sides))
-    if seen.flat == 1:
-        away = np.array([0.0, 0.8, 0.6])
-    elif seen.flat == 2:
-        away = np.array([0.0, 0.0, 1.0])
-        distance = _AROUND * max(sides[0] * FOCAL_LENGTH / 36.0, sides[1] * FOCAL_LENGTH / 20.25)
-    places = {"position": middle + distance * away, "target": middle}
-    return {
-        **{name: [round(float(x), 3) for x in place] for name, place in places.items()},
-        "focal_length": FOCAL_LENGTH,
-    }
+    """Return a camera that goes slowly around the data: above a map, before upright data, and where a globe
+    moves most."""
+    if seen.is_globe:
+        return {"azimuth": seen.azimuth, "elevation": 18, "move": {"arc": 50}}
+    if seen.flat is None:
+        return {"azimuth": 28, "elevation": 20, "move": {"arc": 40}}
+    direction = {"azimuth": 90 if seen.flat == 0 else 0, "elevation": 44 if seen.flat == 1 else 6}
+    return {**direction, "margin": 0.07, "move": {"arc": 20, "push": 0.1}}
 
 
 def _duration(seconds: float) -> object:

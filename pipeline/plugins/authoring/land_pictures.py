@@ -29,13 +29,17 @@ def around_globe(radius: float) -> Floats:
     return radius * np.stack([along * np.sin(east), np.sin(north), along * np.cos(east)], axis=-1)
 
 
-def over_plate(middle: Floats, sides: Floats) -> Floats:
-    """Return the points (H, W, 3) of the pixels of a picture over a plate in the plane of x and y."""
-    width, height = (max(2, round(LONGEST * side / max(sides[:2]))) for side in sides[:2])
-    x = middle[0] + sides[0] * ((np.arange(width) + 0.5) / width - 0.5)
-    y = middle[1] + sides[1] * (0.5 - (np.arange(height) + 0.5) / height)
-    y, x = np.meshgrid(y, x, indexing="ij")
-    return np.stack([x, y, np.full_like(x, middle[2])], axis=-1)
+def over_plate(middle: Floats, sides: Floats, is_level: bool) -> Floats:
+    """Return the points (H, W, 3) of the pixels of a picture over a plate.
+
+    is_level  True if the plate lies as a map does, with -z at the top of the picture; else y is there
+    """
+    up = np.array([0.0, 0.0, -1.0] if is_level else [0.0, 1.0, 0.0])
+    wide, high = float(sides[0]), float(np.abs(sides @ up))
+    width, height = (max(2, round(LONGEST * side / max(wide, high))) for side in (wide, high))
+    across = wide * ((np.arange(width) + 0.5) / width - 0.5)
+    along = high * (0.5 - (np.arange(height) + 0.5) / height)
+    return np.asarray(middle + across[None, :, None] * np.eye(3)[0] + along[:, None, None] * up)
 
 
 def land_at(field: VelocityField, points: Floats, inside: np.ndarray | None = None) -> np.ndarray | None:

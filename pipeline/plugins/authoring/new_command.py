@@ -88,7 +88,8 @@ def new(
         typer.Option(
             "--data",
             metavar="FILE",
-            help="Show what the velocities in this file carry along: NetCDF, HDF5, Zarr, VTK grids or .npz.",
+            help="Show what the velocities in this file carry along: NetCDF, HDF5, Zarr, VTK grids or .npz; "
+            "or in a sequence, as 'wind_*.vti'.",
         ),
     ] = None,
 ) -> None:

@@ -24,7 +24,7 @@ PLUGIN = Plugin(
             "flowsculpt.pipeline.plugins.fields.data_command:data",
             "List what a file of measured or simulated fields holds.",
             "Look",
-        ),
+        )
     },
     formats={
         **dict.fromkeys(("vtp", "vtu"), FileFormat(f"{_SURFACES}:VTK")),

@@ -13,20 +13,28 @@ from rich.text import Text
 from flowsculpt import UsageError
 from flowsculpt.api.commands import duration_words, empty_table, print_result
 from flowsculpt.api.options import Common
+from flowsculpt.api.shots import ParseContext
 from flowsculpt.pipeline.plugins.fields import stored_arrays
 from flowsculpt.pipeline.plugins.fields.cf_conventions import ConventionError, text
 from flowsculpt.pipeline.plugins.fields.cf_files import cf_samples, missing_among
 from flowsculpt.pipeline.plugins.fields.cf_headers import FileHeader, Selection, read_header
+from flowsculpt.pipeline.plugins.fields.file_sequences import files_named
 from flowsculpt.pipeline.plugins.fields.grid_files import read_samples
 from flowsculpt.pipeline.plugins.fields.grid_layout import Placing
+from flowsculpt.pipeline.plugins.fields.vtk_grids import arrays_of
 
-CROSSING = 10.0
-"""Seconds of the film in which the suggested `time_scale` carries points across the data."""
+PASSING = 10.0
+"""Seconds of the film in which all times of the data pass with the suggested `time_scale`."""
 
 
 def data(
     common: Common,
-    file: Annotated[Path, typer.Argument(help="NetCDF, HDF5, a Zarr store, a VTK grid or .npz.")],
+    file: Annotated[
+        Path,
+        typer.Argument(
+            help="NetCDF, HDF5, a Zarr store, a VTK grid or .npz; a sequence of files with a *, in quotes."
+        ),
+    ],
     group: Annotated[
         str | None, typer.Option(metavar="NAME", help="The group of a NetCDF 4 file or a Zarr store.")
     ] = None,
@@ -35,12 +43,13 @@ def data(
 
     `flowsculpt data ocean.nc` also says dates, extents, what is missing, and the lines for a shot.
     """
-    facts = _stored(file, group) if stored_arrays.is_stored(file) else _grid(file)
+    files = files_named(str(file), ParseContext()) if "*" in file.name else (file,)
+    facts = _stored(file, files, group) if stored_arrays.is_stored(files[0]) else _grid(file, files)
     print_result(_table(facts), facts, common.json)
 
 
-def _stored(file: Path, group: str | None) -> dict[str, Any]:
-    with stored_arrays.opened(file, group) as dataset:
+def _stored(file: Path, files: tuple[Path, ...], group: str | None) -> dict[str, Any]:
+    with stored_arrays.opened(files[0], group) as dataset:
         variables = [
             {
                 "name": str(name),
@@ -52,19 +61,18 @@ def _stored(file: Path, group: str | None) -> dict[str, Any]:
             for name, variable in dataset.variables.items()
         ]
     facts: dict[str, Any] = {"file": str(file), "variables": variables, "velocity": None}
-    facts["groups"] = [] if group else stored_arrays.groups_of(file)
+    facts["groups"] = [] if group else stored_arrays.groups_of(files[0])
     try:
-        header = read_header((file,), Selection(group=group))
+        header = read_header(files, Selection(group=group))
     except UsageError as error:
-        return facts | {"problem": str(error).removeprefix(f"{file}: ")}
+        return facts | {"problem": str(error).removeprefix(f"{files[0]}: ")}
     facts |= {"velocity": header.names, "extents": _extents(header), "times": _times(header)}
-    samples, _ = cf_samples((file,), Selection(group=group), Placing())
+    samples, _ = cf_samples(files, Selection(group=group), Placing())
     speed = _typical_speed(samples.velocities(0))
     facts |= {"missing": _missing(header, group), "speed": speed, "notes": list(header.notes)}
     placed = {"fit": "4"} if header.coordinates.is_geographic else {}
-    if speed:
-        length = max(float(np.ptp(axis)) for axis in samples.source.layout.plane)  # type: ignore[attr-defined]
-        placed["time_scale"] = _rounded(length / speed / CROSSING)
+    if header.time_units is not None and len(header.times) > 1:
+        placed["time_scale"] = _rounded(facts["times"]["seconds"] / PASSING)
     return facts | {"shot": _entry(file, placed)}
 
 
@@ -121,14 +129,15 @@ def _missing(header: FileHeader, group: str | None) -> dict[str, float]:
     return shares
 
 
-def _grid(file: Path) -> dict[str, Any]:
-    samples, _, notes = read_samples((file,))
-    times = samples.times
+def _grid(file: Path, files: tuple[Path, ...]) -> dict[str, Any]:
+    samples, _, notes = read_samples(files)
+    times, variables = samples.times, [] if files[0].suffix.lower() == ".npz" else arrays_of(files[0])
+    vectors = [each["name"] for each in variables if each["dimensions"]["component"] == 3]
     return {
         "file": str(file),
-        "variables": [],
+        "variables": variables,
         "groups": [],
-        "velocity": {"xyz": samples.array or "velocity"},
+        "velocity": {"xyz": vectors[0] if len(vectors) == 1 else "velocity"},
         "extents": {
             name: {
                 "axis": name,
@@ -149,10 +158,9 @@ def _grid(file: Path) -> dict[str, Any]:
 
 def _rounded(seconds: float) -> str:
     """Return a round length of time of about so many seconds, as shots write it."""
-    for unit, length in (("day", 86400.0), ("h", 3600.0), ("min", 60.0)):
-        if seconds >= length:
-            return f"{float(f'{seconds / length:.1g}'):g} {unit}"
-    return f"{float(f'{seconds:.1g}'):g}"
+    units = (("day", 86400.0), ("h", 3600.0), ("min", 60.0), ("", 1.0))
+    unit, length = next((each for each in units if seconds >= each[1]), units[-1])
+    return f"{float(f'{seconds / length:.2g}'):g} {unit}".rstrip()
 
 
 def _entry(file: Path, settings: dict[str, str]) -> str:
@@ -202,7 +210,10 @@ def _velocity_lines(facts: dict[str, Any]) -> list[str]:
 
 def _variable_for_colours(facts: dict[str, Any]) -> str:
     """Return a variable that colours may show: on the axes of the velocities; empty where there is none."""
-    axes = {each["name"]: each["dimensions"].keys() for each in facts["variables"]}
-    moving = [axes[name] for name in facts["velocity"].values() if name in axes]
-    others = [name for name in axes if name not in facts["velocity"].values() and axes[name] in moving]
-    return others[0] if others else ""
+    sizes, moving = (
+        {each["name"]: each["dimensions"] for each in facts["variables"]},
+        facts["velocity"].values(),
+    )
+    axes = [sizes[name].keys() for name in moving if name in sizes]
+    others = [name for name in sizes if name not in moving and sizes[name].keys() in axes]
+    return next((name for name in others if sizes[name].get("component", 1) == 1), "")

@@ -20,15 +20,7 @@ from pydantic import (
 from flowsculpt import MissingInputError, UsageError, read_mesh
 from flowsculpt.api.flows import ParameterDoc, Sampled, Samples
 from flowsculpt.api.meshes import Floats
-from flowsculpt.api.shots import (
-    Clock,
-    Document,
-    FlowParameters,
-    OneOfSeveral,
-    ParseContext,
-    Positive,
-    Triple,
-)
+from flowsculpt.api.shots import Clock, Document, FlowParameters, OneOfSeveral, ParseContext, Positive, Triple
 from flowsculpt.pipeline.plugins.fields.attraction import Attraction, Target, Wind
 from flowsculpt.pipeline.plugins.fields.cf_conventions import DATE, duration
 from flowsculpt.pipeline.plugins.fields.cf_files import CFSource, cf_samples
@@ -119,10 +111,9 @@ class SampledDocument(FlowParameters):
         Annotated[int, Field(ge=2, le=65536)] | None,
         ParameterDoc("nodes along the longest side of the even grid in place of another; by default as fine"),
     ] = None
-    start: Annotated[
-        Annotated[float, Field(ge=-1e12, le=1e12)] | str,
-        BeforeValidator(_as_written),
-    ] = Field(0.0, description="of the samples when the shot starts: seconds, or a date such as 2019-03-01")
+    start: Annotated[Annotated[float, Field(ge=-1e12, le=1e12)] | str, BeforeValidator(_as_written)] = Field(
+        0.0, description="of the samples when the shot starts: seconds, or a date such as 2019-03-01"
+    )
 
     _start: float | None = PrivateAttr(None)
     _samples: Samples = PrivateAttr()

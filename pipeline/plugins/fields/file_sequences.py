@@ -40,7 +40,8 @@ def files_named(name: str, context: ParseContext) -> tuple[Path, ...]:
             "Write one where names differ, as in wind_*.npz."
         ) from None
     if not paths:
-        raise UsageError(f"no file matches {shorten(name)} in {folder}. Correct the name.")
+        where = f" in {folder}" if folder != Path() else ""
+        raise UsageError(f"no file matches {shorten(name)}{where}. Correct the name.")
     return in_order(paths, context.notes.append)
 
 

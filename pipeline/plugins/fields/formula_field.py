@@ -9,14 +9,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from flowsculpt import UsageError
-from flowsculpt.api.flows import (
-    Expression,
-    ExternalField,
-    Number,
-    ParameterDoc,
-    StableProperty,
-    number_at,
-)
+from flowsculpt.api.flows import Expression, ExternalField, Number, ParameterDoc, StableProperty, number_at
 from flowsculpt.api.meshes import Floats
 from flowsculpt.pipeline.plugins.fields.compiled_formulas import FRAME, NAMES, compile_formulas
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 from xml.etree import ElementTree
 
 import numpy as np
@@ -116,6 +116,20 @@ def _at_points(cells: np.ndarray) -> np.ndarray:
         before = np.concatenate([cells.take([0], k), cells], k)
         cells = 0.5 * (before + np.concatenate([cells, cells.take([-1], k)], k))
     return cells
+
+
+def arrays_of(file: Path) -> list[dict[str, Any]]:
+    """Return facts about the arrays of a VTK file, as the command `data` lists variables."""
+    head = _parsed(file, InputFile(file, MAX_BYTES).content()).head
+    found = {}
+    for place in ("points", "cells"):
+        kind = "PointData" if place == "points" else "CellData"
+        for data in (*head.iter(kind), *head.iter(f"P{kind}")):
+            for element in data:
+                name, count = element.get("Name", "?"), int(element.get("NumberOfComponents") or 1)
+                facts = {"name": name, "type": element.get("type", ""), "dimensions": {"component": count}}
+                found[name] = {**facts, "units": "", "meaning": f"at {place}"}
+    return list(found.values())
 
 
 def piece_files(file: Path) -> tuple[Path, ...]:

@@ -11,7 +11,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar
 
-from flowsculpt import FrameError
+from flowsculpt import FrameError, UsageError
 from flowsculpt.api import Animation, plural
 from flowsculpt.api.files import to_plain
 from flowsculpt.api.frames import Framing, RenderRequest, Store, key_of
@@ -22,6 +22,7 @@ from flowsculpt.pipeline.plugins.interchange.animated_gltf import (
     quantized_animation,
     write_animated_gltf,
 )
+from flowsculpt.pipeline.plugins.interchange.carried_sequence import CarriedSequence
 from flowsculpt.pipeline.plugins.interchange.drawn_mesh import DrawnMesh, KeyPoses
 from flowsculpt.pipeline.plugins.interchange.exported_frame import EXPORT, KeyedFiles
 from flowsculpt.pipeline.plugins.interchange.exported_materials import pictures_recipe
@@ -133,6 +134,8 @@ def animation(request: RenderRequest, store: Store, vertices: int) -> Animation:
     Vertices that nobody sees are left out, as with `--until 0.05`. Raises UsageError for subjects that have
     no one mesh for all frames.
     """
+    for part in filter(CarriedSequence.is_of, request.parts):  # of any number of vertices
+        raise UsageError(f"{part.motion_folders.part_name} has other faces in each frame")
     parts = [Unification(part, store, vertices, _UNSEEN, is_plain=True) for part in request.parts]
 
     def glb(began: Began) -> bytes:

@@ -11,12 +11,12 @@ PLUGIN = Plugin(
     entries={
         name: ShotEntry(
             f"{_DOCUMENTS}:{document}",
-            PictureStage(f"{_PARTS}:draw_{name}", version=1, doing="drawing legends", is_last=True),
+            PictureStage(f"{_PARTS}:draw_{name}", version=version, doing="drawing legends", is_last=True),
         )
-        for name, document in (
-            ("colours", "ColoursDocument"),
-            ("clock", "ClockDocument"),
-            ("scale", "ScaleBarDocument"),
+        for name, document, version in (
+            ("colours", "ColoursDocument", 1),
+            ("clock", "ClockDocument", 2),
+            ("scale", "ScaleBarDocument", 2),
         )
     },
 )

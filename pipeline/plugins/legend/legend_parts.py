@@ -118,12 +118,10 @@ def _facts(shot: Shot, seconds: float) -> Mapping[str, Any]:
     """Return the date and the length of a unit in the data of a shot, where they have them."""
     for part in shot.parts:
         animated = part.motion.animated
-        facts = {} if animated is None else animated.model.sequence.facts(seconds)
-        fields = [each.field for each in part.motion.flow.members if isinstance(each, Streamlines)]
-        leaves = [leaf for field in fields for leaf, _ in field.leaves(np.zeros(3), 0.0)]
-        if facts:
+        if animated is not None and (facts := animated.model.sequence.facts(seconds)):
             return facts
-        for leaf in leaves:
+        fields = [each.field for each in part.motion.flow.members if isinstance(each, Streamlines)]
+        for leaf in (leaf for field in fields for leaf, _ in field.leaves(np.zeros(3), 0.0)):
             if isinstance(leaf, Sampled):
                 return _facts_of(leaf, seconds)
     return {}

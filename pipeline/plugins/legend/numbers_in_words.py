@@ -11,7 +11,7 @@ MONTHS = (
 )
 
 _NICE = (1.0, 2.0, 5.0, 10.0)
-MOST_OF_HOURS, MOST_OF_DAYS = 6 * 60.0, 20 * 1440.0
+MOST_OF_HOURS, MOST_OF_DAYS = 60.0, 20 * 1440.0
 """Minutes from frame to frame from which clocks show no hours, and no days: they would flicker."""
 
 MINUS = "\N{MINUS SIGN}"
@@ -102,8 +102,8 @@ def round_length(most: float, metres: float | None, unit: str) -> tuple[float, s
     power = 10.0 ** math.floor(math.log10(most * known))
     length = power * max(nice for nice in (1.0, 2.0, 5.0) if nice * power <= most * known)
     if metres is None:
-        return length, f"{length:g} {unit}"
+        return length, f"{length:g} {'unit' if (length, unit) == (1.0, 'units') else unit}"
     for size, name in ((1000.0, "km"), (1.0, "m"), (0.01, "cm")):
         if length >= size:
-            return length / known, f"{length / size:,.0f}".replace(",", "\N{THIN SPACE}") + f" {name}"
+            return length / known, f"{length / size:,.0f}".replace(",", " ") + f" {name}"
     return length / known, f"{1000.0 * length:g} mm"

@@ -40,9 +40,15 @@ def in_units_of_data(of: str, unit: str, velocity: VelocityField) -> tuple[str, 
     """Return the unit of a measure of the flow, and the factor on numbers in units and seconds of the shot.
 
     Data that know how long a metre is and how fast they pass give them their own units. On a plane, lengths
-    are true along its middle latitude.
+    are true along its middle latitude. Speeds and vorticities of data without units are their own: a constant
+    `scale` and `strength` are undone.
     """
     sampled, metres = sampled_in(velocity), metres_in(velocity)
+    if sampled is not None and sampled.samples.metre is None and not sampled.samples.is_paced:
+        scale, strength = sampled.scale, sampled.strength
+        if not (isinstance(scale, int | float) and isinstance(strength, int | float) and strength > 0.0):
+            return unit, 1.0
+        return unit, {"speed": 1.0 / (scale * strength), "vorticity": 1.0 / strength}.get(of, 1.0)
     if sampled is None or metres is None or not sampled.samples.is_paced or not sampled.time_scale > 0.0:
         return unit, 1.0
     pace = sampled.time_scale

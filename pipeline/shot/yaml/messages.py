@@ -214,12 +214,13 @@ def _hint(mapping: _Mapping, name: Any, found: UnknownNames) -> str:
     if (meant := synonym(spelt, field_names(mapping.every))) is not None and mapping.where:
         found.covered.add(mapping.where)
         if meant == name:
-            meant_model = next(model for model in mapping.every if name in field_names([model]))
-            own, other = needed_names(mapping.models), needed_names([meant_model])
+            others = [needed_names([model]) for model in mapping.every if name in field_names([model])]
+            own, other = needed_names(mapping.models), others[0]
             if name in other:
                 return f"Write {' or '.join([*own, *other])}, not both."
             own = own or [key for key in mapping.values if "." in str(key)]  # a subject of a plug-in
-            return f"It is for {' and '.join(other)}, not for {' and '.join(own)}."
+            kinds = [needed[-1] for needed in others if needed] if others[1:] else other
+            return f"It is for {' and '.join(dict.fromkeys(kinds))}, not for {' and '.join(own)}."
         return f"Did you mean {meant!r}?"
     for path in (*_below(mapping, name), *_above(mapping, spelt)):
         found.supplied.update(path[:length] for length in range(len(mapping.where) + 1, len(path) + 1))

@@ -44,7 +44,7 @@ def test_variables_axes_and_times_are_listed_with_dates_of_the_calendar(ocean: P
         "x: lon, 0 to 30 degrees, 4 nodes",
         "times: 3, 24 h 00 min apart, 2001-02-29 00:00:00 to 2001-03-01 00:00:00 (360_day)",
         "missing: 6.2% of uo",
-        "in a shot: - sampled: {file: ocean.nc, fit: 4, time_scale: 3 day}",
+        "in a shot: - sampled: {file: ocean.nc, fit: 4, time_scale: 4.8 h}",
     ):
         assert line in said, said
     assert "zos" in said and "time 3 × lat 4 × lon 4" in said
@@ -62,6 +62,30 @@ def test_a_file_without_a_velocity_says_what_it_lacks(ocean: Path) -> None:
         data.load().drop_vars(["uo", "vo"]).to_netcdf(ocean.parent / "heights.nc", engine="h5netcdf")
     said = output_of(str(ocean.parent / "heights.nc"))
     assert "zos" in said and "no variables are velocities" in said
+
+
+def test_sequences_and_their_arrays_are_listed_as_shots_name_them(tmp_path: Path) -> None:
+    numbers, places = np.linspace(0, 1, 8), '<DataArray type="Float64" Name="{}" NumberOfComponents="{}">{}'
+    arrays = [
+        places.format(*each) for each in (("U", 3, "1 0 0 " * 8), ("p", 1, " ".join(map(str, numbers))))
+    ]
+    text = (
+        '<VTKFile type="ImageData"><ImageData WholeExtent="0 1 0 1 0 1" Origin="0 0 0" Spacing="1 1 1">'
+        f'<Piece Extent="0 1 0 1 0 1"><PointData>{"</DataArray>".join([*arrays, ""])}</PointData></Piece>'
+        "</ImageData></VTKFile>"
+    ).replace('">', '" format="ascii">')
+    for number in (1, 2, 10):
+        (tmp_path / f"wind_{number}.vti").write_text(text, "utf-8")
+    said = output_of(str(tmp_path / "wind_*.vti"))
+    for line in (
+        "velocity: {xyz: U}",
+        "times: 3",
+        "in a shot: - sampled: {file: wind_*.vti}",
+        "by its colours: values: {variable: p}",
+    ):
+        assert line in said, said
+    code, said = commanded(tmp_path, "data", str(tmp_path / "waves_*.vti"))
+    assert code == 2 and "no file matches" in said
 
 
 def test_grids_of_arrays_are_listed_too(tmp_path: Path) -> None:

@@ -350,3 +350,14 @@ def test_settings_of_a_carried_mesh_are_checked(balls: tuple[Path, dict[int, Tri
         carried(balls[0], "1-8", carry_from=9)
     with pytest.raises(UsageError, match="such a mesh is not reduced"):
         carried(balls[0], "1-8", vertices=100)
+
+
+def test_a_page_says_why_such_a_mesh_does_not_play_without_options_of_an_export(
+    balls: tuple[Path, dict[int, TriangleMesh]],
+) -> None:
+    from flowsculpt.pipeline.plugins.interchange.animation_export import animation
+    from tests.plugins.interchange.unified_shots import of_text
+
+    request = of_text(balls[0] / "shots", shot(balls[0], "1-8").read_text())
+    with pytest.raises(UsageError, match=f"^{request.name} has other faces in each frame$"):
+        animation(request, Store(balls[0]), 1000)

@@ -117,12 +117,34 @@ def test_mistakes_are_named_with_their_place_and_remedy(
     assert message in str(caught.value)
 
 
+def test_values_of_a_solid_are_refused_with_the_subjects_that_have_some() -> None:
+    text = "title: T\nframes: 1-4\nsubject: {solid: box, values: speed}\nresample: off\n"
+    with pytest.raises(ShotError, match=r"a\.yaml:3:.*It is for .*path_surface.*, not for solid") as caught:
+        read_shot(Path("a.yaml"), text)
+    assert "sequence" in str(caught.value) and "streak_lines" in str(caught.value)
+
+
+@pytest.mark.parametrize(("values", "expected"), [("speed", 2.0), ("vorticity", 6.0)])
+def test_data_without_units_show_their_own_numbers_however_they_are_placed(
+    tmp_path: Path, values: str, expected: float
+) -> None:
+    """Velocities (2, 0, 0) + 6 y: at the seeds, whose y is 0, the speed is 2 and the vorticity 6."""
+    axis = np.linspace(-2.0, 2.0, 9)
+    y = np.broadcast_to(axis[None, :, None, None], (9, 9, 9, 1))
+    np.savez(tmp_path / "shear.npz", x=axis, y=axis, z=axis, velocity=(2.0 + 6.0 * y) * [1.0, 0.0, 0.0])
+    text = "title: T\nframes: 1-2\nlook: {material: clay, measure: {values: {range: [0, 9]}}}\nsubject:\n"
+    text += "  path_surface: {line: [[0, 0, -0.2], [0, 0, 0.2]]}\n  max_edge_length: 0.1\n"
+    text += "  velocity: [{sampled: {file: shear.npz, scale: 0.5, strength: 0.1}}]\n"
+    *_, last = animate(read_shot(tmp_path / "a.yaml", text + f"  values: {values}\n"))
+    assert last.mesh.attributes["values"][:, 0] == pytest.approx(expected, rel=1e-3)
+
+
 def test_a_look_of_values_needs_a_subject_that_has_some() -> None:
     text = "title: T\nframes: 1-4\nsubject: {solid: box}\nresample: off\n"
     text += "look: {material: clay, measure: {values: {}}}\n"
     with pytest.raises(
         ShotError,
-        match=r"a\.yaml:5:.* look shows values, and the subject has none. Write some in it, as values: speed",
+        match=r"a\.yaml:5:.* look shows values, and the subject has none. Flows move it: write measure",
     ):
         read_shot(Path("a.yaml"), text)
 
