@@ -6,7 +6,7 @@ import hashlib
 import json
 import math
 from abc import ABC, abstractmethod
-from collections import OrderedDict
+from collections import Counter, OrderedDict
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -19,12 +19,16 @@ from flowsculpt import FrameError, MissingInputError
 from flowsculpt.api.files import CachedAnswer
 from flowsculpt.api.flows import Samples
 from flowsculpt.api.meshes import Floats, ModelFile
+from flowsculpt.pipeline.plugins.fields.scratch_arrays import ScratchArrays
 
 VERSION = 1
 """Raised when equal files and settings give other velocities."""
 
 KEPT, KEPT_BYTES = 2, 1 << 28
 """Times whose velocities are kept in memory at least, and the bytes up to which more are."""
+
+ONCE_EACH = 2
+"""Times are read for their gradients and for their frames; from the next time on they are kept in a file."""
 
 MAX_SPEED = 1e12  # as of any number in a shot file: squares and sums of such numbers stay finite
 
@@ -176,12 +180,27 @@ class WindowedSamples(Samples):
                 return self._kept[index]
             while len(self._kept) >= self._room:  # before others take as much memory
                 self._kept.popitem(last=False)
-            self._kept[index] = self._read(index)
-            return self._kept[index]
+            if (velocity := self._scratch.get(index)) is None:
+                velocity = self._read(index)
+                self._reads[index] += 1
+                if self._reads[index] > ONCE_EACH:
+                    self._scratch.add(index, velocity)
+            self._kept[index] = velocity
+            return velocity
 
     @cached_property
     def _kept(self) -> OrderedDict[int, np.ndarray]:
         return OrderedDict()
+
+    @cached_property
+    def _reads(self) -> Counter[int]:
+        """How often each time was read."""
+        return Counter()
+
+    @cached_property
+    def _scratch(self) -> ScratchArrays:
+        """Times that are needed again and again, as where vertices are born on surfaces from seeds."""
+        return ScratchArrays((*map(len, self.axes), 3))
 
     @cached_property
     def _lock(self) -> Lock:

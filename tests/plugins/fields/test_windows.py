@@ -17,11 +17,12 @@ from hypothesis import strategies as st
 from flowsculpt.pipeline.errors import MissingInputError
 from flowsculpt.pipeline.flow import Streamlines
 from flowsculpt.pipeline.flow.flow_map import FlowMap, FrameStep, checked_displacement
-from flowsculpt.pipeline.plugins.fields import windowed_samples
+from flowsculpt.pipeline.plugins.fields import scratch_arrays, windowed_samples
 from flowsculpt.pipeline.plugins.fields.cf_files import cf_samples, missing_among
 from flowsculpt.pipeline.plugins.fields.cf_headers import Selection
 from flowsculpt.pipeline.plugins.fields.grid_layout import Placing
 from flowsculpt.pipeline.shot import Shot, read_shot
+from flowsculpt.render.base.input_files import InputFile
 
 xarray = pytest.importorskip("xarray")
 
@@ -147,6 +148,43 @@ def test_a_step_across_many_times_holds_two_of_them(
     known.add(FrameStep(flow, begin, seconds, 2))
     np.testing.assert_array_equal(known.carry(start), moved)
     assert most[0] == 2
+
+
+@pytest.mark.parametrize(("kept_free", "reads"), [(0.0, windowed_samples.ONCE_EACH + 1), (1.0, 5)])
+def test_times_that_are_needed_again_and_again_are_kept_on_the_disk_if_it_has_room(
+    store: Path, monkeypatch: pytest.MonkeyPatch, kept_free: float, reads: int
+) -> None:
+    monkeypatch.setattr(windowed_samples, "KEPT_BYTES", 0)
+    monkeypatch.setattr(scratch_arrays, "KEPT_FREE", kept_free)
+    samples, _ = cf_samples((store,), Selection(), Placing())
+    first = [samples.velocities(index).copy() for index in range(4)]
+    read = count_reads(monkeypatch)
+    for _ in range(4):
+        for index in range(4):
+            np.testing.assert_array_equal(samples.velocities(index), first[index])
+    assert [1 + read.count(index) for index in range(4)] == [reads] * 4
+
+
+def test_a_disk_that_fails_changes_nothing(store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: Any) -> int:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(windowed_samples, "KEPT_BYTES", 0)
+    monkeypatch.setattr(windowed_samples, "ONCE_EACH", 0)
+    monkeypatch.setattr(scratch_arrays.os, "pwrite", fail)
+    samples, _ = cf_samples((store,), Selection(), Placing())
+    first = [samples.velocities(index).copy() for index in range(3)]
+    for index in range(3):
+        np.testing.assert_array_equal(samples.velocities(index), first[index])
+
+
+def test_reading_opens_no_file_that_keys_do_not_have(store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    samples, _ = cf_samples((store,), Selection(), Placing())
+    opened, content = set[Path](), InputFile.content
+    monkeypatch.setattr(InputFile, "content", lambda file: (opened.add(file.path), content(file))[1])
+    samples.velocities(3)
+    assert {path.name for path in opened} == {"3.0.0"}
+    assert opened <= {path for path, _ in samples.files(3)}
 
 
 def test_a_step_ends_at_the_times_of_samples_whose_velocities_then_bend(store: Path) -> None:
