@@ -175,8 +175,13 @@ def _largest_secant(velocity: np.ndarray, metric: Floats, k: int) -> float:
     """Return the largest difference of neighbours along axis k over their distance."""
     most = 0.0
     for first in range(0, len(velocity), ROWS):
-        part = velocity[first : first + ROWS + (k == 0)]
-        rises = np.linalg.norm(np.diff(part, axis=k), axis=-1)
+        rises = np.diff(velocity[first : first + ROWS + (k == 0)], axis=k)
+        rises *= rises
+        squares = rises[..., 0] + rises[..., 1] + rises[..., 2]
         along = metric[first : first + ROWS] if len(metric) > 1 else metric
-        most = max(most, float((rises / along).max(initial=0.0)))
+        alike = tuple(
+            axis for axis in range(3) if along.shape[axis] == 1
+        )  # of one distance the largest is enough
+        longest = np.sqrt(squares.max(axis=alike, keepdims=True, initial=0.0))
+        most = max(most, float((longest / along).max(initial=0.0)))
     return most

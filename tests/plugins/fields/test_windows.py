@@ -235,6 +235,25 @@ def test_a_store_that_changes_after_planning_is_reported(store: Path) -> None:
         samples.velocities(2)
 
 
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    shape=st.tuples(*[st.integers(2, 20)] * 3),
+    widths=st.tuples(*[st.booleans()] * 3),
+)
+def test_slopes_are_the_largest_rises_over_their_own_distances(
+    seed: int, shape: tuple[int, int, int], widths: tuple[bool, bool, bool]
+) -> None:
+    generator = np.random.default_rng(seed)
+    velocity = generator.normal(size=(*shape, 3)).astype(np.float32)
+    for k in range(3):
+        sizes = [length - (axis == k) for axis, length in enumerate(shape)]
+        distances = generator.uniform(
+            0.1, 2.0, [n if own else 1 for n, own in zip(sizes, widths, strict=True)]
+        )
+        rises = np.linalg.norm(np.diff(velocity, axis=k), axis=-1)
+        assert windowed_samples._largest_secant(velocity, distances, k) == (rises / distances).max()
+
+
 def test_samples_travel_to_other_processes_without_what_was_read(store: Path) -> None:
     field = field_of(shot_of(store))
     points = np.array([[0.5, 0.0, 0.3]])
