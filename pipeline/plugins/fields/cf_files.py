@@ -206,6 +206,7 @@ class CFSamples(WindowedSamples):
                 if header.curvilinear is not None:
                     components, missing = header.curvilinear.resampled(components, missing)
                 self.layout.fill(out, layers, components, missing, header.is_angular)
+                del components, missing  # before others take as much memory
         return out
 
     def resampling_error(self) -> float:

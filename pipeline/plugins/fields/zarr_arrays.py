@@ -1,7 +1,7 @@
 """Arrays of Zarr stores as files: which chunks hold an index, and the numbers in them.
 
-The library zarr takes a millisecond for each chunk, more than reading it takes. Chunks in the usual forms
-are read here without it: not compressed, or by one compressor.
+The library zarr takes up to a millisecond for each chunk, more than reading it takes. Chunks in the usual
+forms are read here without it: not compressed, or by one compressor.
 """
 
 from __future__ import annotations
