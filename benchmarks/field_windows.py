@@ -2,11 +2,11 @@
 
 Writes a store of TIMES times of NODES³ float32 velocities in chunks of 50³ without compression, of which
 only SHARE (1) of the chunks is there; then, each in a process of its own, plans FRAMES frames twice, moves
-10,000 and 200,000 points through them, grows a path surface, whose new vertices come from their seeds through
-all times, and reads the chunks of the times once with zarr alone; APART (4) frames are from one time to the
-next. Prints CPU seconds, the share of them in which velocities are read and
-checked, the most memory of each process, and the size of the store as it would be whole. The store lies
-among temporary files.
+10,000 and 200,000 points through them, simulates a ball that is resampled, grows a path surface, whose new
+vertices come from their seeds through all times, and reads the chunks of the times once with zarr alone;
+APART (4) frames are from one time to the next. Prints CPU seconds, the share of them in which velocities are
+read and checked, the most memory of each process, and the size of the store as it would be whole. The store
+lies among temporary files.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ from benchmarks.report import Row, keep, show
 CHUNK = 50
 FPS = 24.0
 LINE = "[[-0.6, 0.1, 0.2], [0.6, 0.1, 0.2]]"
-ALONE, SURFACE = -1, -2  # in place of a number of points
+ALONE, BALL, SURFACE = -1, -2, -3  # in place of a number of points
 
 
 def write_store(folder: Path, nodes: int, times: int, share: float) -> Path:
-    """Write a store of a turn that changes its direction; chunks as files, since zarr takes its time."""
+    """Write a store of a turn that changes its direction; chunks are written as plain files."""
     import zarr
 
     store = folder / "field.zarr"
@@ -86,7 +86,7 @@ def read_alone(store: Path, times: int) -> None:
 def measured(store: Path, frames: int, count: int, apart: float) -> None:
     """Print CPU seconds, those of reading, and the most memory (MiB) of moving points.
 
-    With 0 points those of planning, with SURFACE those of a path surface.
+    With 0 points those of planning, with BALL and SURFACE those of simulating a shot.
     """
     from flowsculpt.pipeline.animation import animate
     from flowsculpt.pipeline.plugins.fields.windowed_samples import WindowedSamples
@@ -107,11 +107,14 @@ def measured(store: Path, frames: int, count: int, apart: float) -> None:
     text = f"title: Windows\nframes: 1-{frames}\n"
     if count == SURFACE:
         text += f"subject: {{path_surface: {{line: {LINE}}}, max_edge_length: 0.02, velocity: {field}}}\n"
+    elif count == BALL:
+        text += "subject: {solid: icosphere, radius: 0.8}\nresample: {max_edge_length: 0.03}\n"
+        text += f"flows: {field}\n"
     else:
         text += f"subject: {{solid: icosphere}}\nresample: off\nflows: {field}\n"
     begin = process_time()
     shot = read_shot(store.parent / "windows.yaml", text)
-    if count == SURFACE:
+    if count in (BALL, SURFACE):
         for _ in animate(shot):
             pass
     elif count:
@@ -135,7 +138,7 @@ def main() -> None:
         store = write_store(Path(folder), int(nodes), int(times), share)
         written = process_time() - begin
         steps = {"plan": 0, "plan again": 0, "move 10,000 points": 10_000, "move 200,000 points": 200_000}
-        steps |= {"path surface": SURFACE, "zarr alone": ALONE}
+        steps |= {"simulate a ball": BALL, "path surface": SURFACE, "zarr alone": ALONE}
         for name, count in steps.items():
             command = [sys.executable, "-m", "benchmarks.field_windows", "--measure"]
             command += [str(store), str(int(frames)), str(count), str(apart)]

@@ -227,7 +227,7 @@ class CFSamples(WindowedSamples):
         """Return the components as of `_component`, 0 where any is missing, and where that is."""
         components, missing = {}, None
         for axis, name in header.names.items():
-            components[axis], lacking = self._component(header, dataset, name, index, layers)
+            components[axis], lacking = self._component(header, dataset.variables[name], index, layers)
             if lacking is not None:
                 missing = lacking if missing is None else missing | lacking
         if missing is not None:
@@ -253,21 +253,20 @@ class CFSamples(WindowedSamples):
             yield slice(first, last), slice(count - last, count - first) if is_turned else slice(first, last)
 
     def _component(
-        self, header: FileHeader, dataset: Any, name: str, index: int, layers: slice
+        self, header: FileHeader, variable: Any, index: int, layers: slice
     ) -> tuple[np.ndarray, np.ndarray | None]:
         """Return a component as float32 (E, N, U) in m/s or radians per second, and where it is missing."""
-        variable = dataset.variables[name]
-        at: dict[str, Any] = {each: k for each, k in self.selection.at if each in variable.dims}
+        at: dict[str, Any] = {name: k for name, k in self.selection.at if name in variable.dims}
         if TIME in header.axes:
             at[header.axes[TIME].dimension] = index
         if UP in header.axes:
             at[header.axes[UP].dimension] = layers
         named = {axis.dimension for axis in header.axes.values()}
-        at |= {each: 0 for each in variable.dims if each not in at and each not in named}
-        raw = stored_arrays.numbers_of(header.path, self.selection.group, name, variable, at)
-        left = [each for each in variable.dims if isinstance(at.get(each, layers), slice)]
+        at |= {name: 0 for name in variable.dims if name not in at and name not in named}
+        part = variable.isel(at)
+        raw = np.asarray(part.values)
         order = [header.axes[axis].dimension for axis in (EAST, NORTH, UP) if axis in header.axes]
-        raw = raw.transpose([left.index(dimension) for dimension in order])
+        raw = raw.transpose([part.dims.index(dimension) for dimension in order])
         for k, axis in enumerate((EAST, NORTH, UP)):
             if axis not in header.axes:
                 raw = np.expand_dims(raw, k)
@@ -294,7 +293,7 @@ def decoded(
     units = text(attributes, "units") or "m s-1"
     factor = 1.0 if is_number or units == "1" else speed_factor(units)[0]
     with np.errstate(all="ignore"):
-        values = raw.astype(np.float32, copy=not raw.flags.writeable)
+        values = raw.astype(np.float32)
         if (whole := factor * (1.0 if scale is None else scale)) != 1.0:
             values *= np.float32(whole)
         if offset:

@@ -58,7 +58,7 @@ class CFNumbers(CFSamples):
         header, out = self.headers[k], self.layout.empty()
         with opened_together(header.paths, self.selection.group) as dataset:
             for stored, layers in self._layers(header, dataset):
-                values, missing = self._component(header, dataset, name, i, stored)
+                values, missing = self._component(header, dataset.variables[name], i, stored)
                 known = np.ones_like(values) if missing is None else (~missing).astype(np.float32)
                 values = np.where(known > 0.0, values, np.float32(0.0))
                 if header.curvilinear is not None:  # known corners alone give an even node its value

@@ -2,27 +2,28 @@
 
 from __future__ import annotations
 
+import json
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from importlib.util import find_spec
+from itertools import product
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from flowsculpt import FlowsculptError, MachineError, UsageError
+from flowsculpt import FlowsculptError, MachineError, MissingInputError, UsageError
 from flowsculpt.api import shorten
 from flowsculpt.api.files import InputFile
 from flowsculpt.pipeline.plugins.fields.windowed_samples import SourceFiles, file_digest
-from flowsculpt.pipeline.plugins.fields.zarr_arrays import LARGEST, ZarrArray
 
 NETCDF = (".nc", ".nc4", ".cdf", ".netcdf", ".h5", ".hdf5", ".he5")
 SUFFIXES = (*NETCDF, ".zarr")
 
 _GROUP_FILES = (".zmetadata", ".zgroup", ".zattrs", "zarr.json")
 _ARRAY_FILES = (".zarray", ".zattrs", "zarr.json")
+
+LARGEST = 1 << 42  # bytes of a file
 
 
 def is_zarr(path: Path) -> bool:
@@ -176,7 +177,7 @@ def stored_files(
             for each in _ARRAY_FILES
             if (home / name / each).is_file()
         }
-        for chunk in ZarrArray.of(home / name).paths(at[name]):
+        for chunk in _chunks(home / name, at[name]):
             found[chunk] = file_digest(chunk) if chunk.is_file() else ""
     return tuple(found.items())
 
@@ -185,23 +186,36 @@ def position_in_chunk(path: Path, group: str | None, name: str, dimension: int, 
     """Return where an index of a dimension is in its chunk; in one file, the index itself."""
     if not path.is_dir():
         return index
-    return index % ZarrArray.of(path / (group or "") / name).sizes[dimension]
+    _, sizes, _, _ = _chunk_grid(path / (group or "") / name)
+    return index % sizes[dimension]
 
 
-def numbers_of(path: Path, group: str | None, name: str, variable: Any, at: Mapping[str, Any]) -> np.ndarray:
-    """Return the numbers of a variable in native bytes, at indices or slices by its dimensions.
+def _chunks(folder: Path, at: dict[int, int]) -> Iterator[Path]:
+    """Yield the paths of the chunks of an array that hold an index of some dimensions."""
+    shape, sizes, prefix, separator = _chunk_grid(folder)
+    counts = [-(-length // size) for length, size in zip(shape, sizes, strict=True)]
+    ranges = [
+        range(at[k] // sizes[k], at[k] // sizes[k] + 1) if k in at else range(count)
+        for k, count in enumerate(counts)
+    ]
+    for numbers in product(*ranges):
+        parts = [*prefix, *map(str, numbers)]
+        yield folder / (separator.join(parts) or "0")
 
-    Of a Zarr store without zarr where that is possible, if its files say the same as what xarray has opened.
-    """
-    if path.is_dir():
-        array = ZarrArray.of(path / (group or "") / name)
-        stored = None if array.stored is None else array.stored.dtype
-        if (array.shape, stored) == (variable.shape, variable.dtype):
-            chosen = [at.get(dimension, slice(None)) for dimension in variable.dims]
-            ranges = [
-                range(length)[each if isinstance(each, slice) else slice(each, each + 1)]
-                for each, length in zip(chosen, array.shape, strict=True)
-            ]
-            one = tuple(slice(None) if isinstance(each, slice) else 0 for each in chosen)
-            return array.read(ranges)[one]
-    return np.asarray(variable.isel(at).values)
+
+def _chunk_grid(folder: Path) -> tuple[list[int], list[int], list[str], str]:
+    """Return the shape, the size of chunks in files, the prefix of their names, and the separator."""
+    try:
+        if (folder / "zarr.json").is_file():
+            about = json.loads((folder / "zarr.json").read_text("utf-8"))
+            keys = about.get("chunk_key_encoding", {"name": "default"})
+            separator = keys.get("configuration", {}).get(
+                "separator", "/" if keys["name"] == "default" else "."
+            )
+            sizes = about["chunk_grid"]["configuration"]["chunk_shape"]
+            return list(about["shape"]), list(sizes), ["c"] if keys["name"] == "default" else [], separator
+        about = json.loads((folder / ".zarray").read_text("utf-8"))
+        return list(about["shape"]), list(about["chunks"]), [], about.get("dimension_separator", ".")
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        reason = f"its .zarray or zarr.json cannot be read ({shorten(str(error))})"
+        raise MissingInputError(f"{folder}: {reason}. Copy the store again.") from None

@@ -22,7 +22,6 @@ from flowsculpt.pipeline.plugins.fields.cf_files import cf_samples, missing_amon
 from flowsculpt.pipeline.plugins.fields.cf_headers import Selection
 from flowsculpt.pipeline.plugins.fields.grid_layout import Placing
 from flowsculpt.pipeline.shot import Shot, read_shot
-from flowsculpt.render.base.input_files import InputFile
 
 xarray = pytest.importorskip("xarray")
 
@@ -176,15 +175,6 @@ def test_a_disk_that_fails_changes_nothing(store: Path, monkeypatch: pytest.Monk
     first = [samples.velocities(index).copy() for index in range(3)]
     for index in range(3):
         np.testing.assert_array_equal(samples.velocities(index), first[index])
-
-
-def test_reading_opens_no_file_that_keys_do_not_have(store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    samples, _ = cf_samples((store,), Selection(), Placing())
-    opened, content = set[Path](), InputFile.content
-    monkeypatch.setattr(InputFile, "content", lambda file: (opened.add(file.path), content(file))[1])
-    samples.velocities(3)
-    assert {path.name for path in opened} == {"3.0.0"}
-    assert opened <= {path for path, _ in samples.files(3)}
 
 
 def test_a_step_ends_at_the_times_of_samples_whose_velocities_then_bend(store: Path) -> None:
